@@ -69,7 +69,7 @@ def run(ratio: Callable[..., None], absolute: Callable[..., None]) -> None:
         "response of an imperfect quadruple, one pair / dense real 24x24",
         lambda: response.solve(imperfect, FREQUENCY, drive, motion),
         dense(model, kind=float),
-        2,
+        1.8,
     )
     drives = [
         signals.parse_input(f"{body}.{force}", known)

@@ -28,7 +28,7 @@ def run(ratio: Callable[..., None], absolute: Callable[..., None]) -> None:
         frequency = np.geomspace(0.1, 1000, count)
         return lambda: thermal.solve_all(model, frequency, motions, design.constants.temperature)
 
-    absolute("thermal noise of a quadruple, x and z, 3,000 frequencies", noise(COUNT), 90.0, 15)
+    absolute("thermal noise of a quadruple, x and z, 3,000 frequencies", noise(COUNT), 60.0, 15)
     ratio("the same, 6,000 frequencies / 3,000 (linear: 2)", noise(2 * COUNT), noise(COUNT), 2.5)
     if find_spec("gwinc"):
         import gwinc  # pyright: ignore[reportMissingImports]
@@ -36,4 +36,4 @@ def run(ratio: Callable[..., None], absolute: Callable[..., None]) -> None:
 
         quadruple = gwinc.load_budget("aLIGO").ifo.Suspension
         grid = np.geomspace(0.1, 1000, COUNT)
-        ratio("the same / pygwinc", noise(COUNT), lambda: suspQuad(grid, quadruple), 9)
+        ratio("the same / pygwinc", noise(COUNT), lambda: suspQuad(grid, quadruple), 6.5)

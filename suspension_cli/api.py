@@ -16,6 +16,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 
 from suspension_cli.analyses import options, registry, settings
@@ -24,10 +25,10 @@ from suspension_cli.analyses.check.solve import Check
 from suspension_cli.analyses.check.solve import solve as solve_check
 from suspension_cli.analyses.info.solve import Info
 from suspension_cli.analyses.info.solve import solve as solve_info
-from suspension_cli.analyses.python_names import python_names
+from suspension_cli.analyses.python_names import ARGUMENTS, python_names
 from suspension_cli.design import reader
 from suspension_cli.design.reader import Source
-from suspension_cli.errors import Fault, InputError
+from suspension_cli.errors import InputError
 
 Grid = str | float | Sequence[float] | np.ndarray[Any, Any]
 """Numbers: ``"0.1:100:2000:log"``, one number, or an array."""
@@ -84,7 +85,7 @@ class Design(Source):
         """
         with python_names(set="changes"):
             source = reader.replaced(self, changes)
-        return Design(source.design, source.text, source.file)
+        return Design(**vars(source))
 
     def foton(self) -> str:
         """Return the filters of the ``[control]`` loops as strings for Foton.
@@ -128,7 +129,7 @@ def read(file: PathLike, overrides: Names = ()) -> Design:
     """
     with python_names(set="overrides"):
         source = reader.read(file, _items(overrides))
-    return Design(source.design, source.text, source.file)
+    return Design(**vars(source))
 
 
 def parse(text: str) -> Design:
@@ -205,7 +206,7 @@ def example(name: str) -> Design:
     """
     with python_names():
         source = reader.example(name)
-    return Design(source.design, source.text, source.file)
+    return Design(**vars(source))
 
 
 def examples() -> list[str]:
@@ -287,9 +288,7 @@ def modes(
     >>> found.label[0], round(float(found.frequency[0]), 4)
     ('test transverse', 0.7914)
     """
-    return _run(
-        "modes", design, model, tolerance=tolerance, max_frequency=max_frequency, every=every
-    )
+    return _run("modes", locals())
 
 
 def response(
@@ -345,18 +344,7 @@ def response(
     >>> found.value.shape
     (2, 1, 1)
     """
-    return _run(
-        "response",
-        design,
-        model,
-        inputs=_items(inputs),
-        outputs=_items(outputs),
-        frequency=_grid(frequency),
-        measured=_items(measured),
-        tolerance=tolerance,
-        allow_unstable=allow_unstable,
-        closed_loop=closed_loop,
-    )
+    return _run("response", locals())
 
 
 def thermal(
@@ -401,16 +389,7 @@ def thermal(
     >>> found.data[0].amplitude.shape
     (2,)
     """
-    return _run(
-        "thermal",
-        design,
-        model,
-        outputs=_items(outputs),
-        frequency=_grid(frequency),
-        arm=arm,
-        tolerance=tolerance,
-        allow_unstable=allow_unstable,
-    )
+    return _run("thermal", locals())
 
 
 def budget(
@@ -463,17 +442,7 @@ def budget(
     >>> found.data[0].cause
     ('ground.x', 'ground.y', 'ground.z', 'thermal')
     """
-    return _run(
-        "budget",
-        design,
-        model,
-        outputs=_items(outputs),
-        ground=_items(ground),
-        isolation=_items(isolation),
-        requirements=_items(requirements),
-        frequency=_grid(frequency),
-        tolerance=tolerance,
-    )
+    return _run("budget", locals())
 
 
 def xcouple(
@@ -555,28 +524,7 @@ def xcouple(
     """
     if not isinstance(sweep, str):
         sweep = ",".join(f"{name}={_grid(values)}" for name, values in sweep.items())
-    return _run(
-        "xcouple",
-        design,
-        model,
-        sweep=sweep,
-        wire=wire,
-        body=body,
-        hold=hold,
-        drive=input,
-        observe=observe,
-        over=over,
-        under=under,
-        frequency=_grid(frequency),
-        matrix=matrix,
-        tolerance=tolerance,
-        workers=workers,
-        scheduler=scheduler,
-        chunk=chunk,
-        folder=folder,
-        resume=resume,
-        allow_unstable=allow_unstable,
-    )
+    return _run("xcouple", locals())
 
 
 def tolerance(
@@ -644,29 +592,7 @@ def tolerance(
     >>> found.good
     20
     """
-    return _run(
-        "tolerance",
-        design,
-        model,
-        builds=builds,
-        seed=seed,
-        limit=limit,
-        require=_items(require),
-        sampling=sampling,
-        sobol_indices=sobol_indices,
-        drive=input,
-        observe=observe,
-        over=over,
-        under=under,
-        frequency=_grid(frequency),
-        tolerance=tolerance,
-        workers=workers,
-        scheduler=scheduler,
-        chunk=chunk,
-        folder=folder,
-        resume=resume,
-        allow_unstable=allow_unstable,
-    )
+    return _run("tolerance", locals())
 
 
 def sweep(
@@ -718,20 +644,8 @@ def sweep(
     >>> found.value.shape
     (2, 1)
     """
-    return _run(
-        "sweep",
-        design,
-        model,
-        vary=tuple(f"{path}={_grid(values)}" for path, values in vary.items()),
-        result=_items(result),
-        tolerance=tolerance,
-        workers=workers,
-        scheduler=scheduler,
-        chunk=chunk,
-        folder=folder,
-        resume=resume,
-        allow_unstable=allow_unstable,
-    )
+    grids = tuple(f"{path}={_grid(values)}" for path, values in vary.items())
+    return _run("sweep", locals() | {"vary": grids})
 
 
 def sensitivity(
@@ -770,14 +684,7 @@ def sensitivity(
     >>> found.derivative.shape[1]
     1
     """
-    return _run(
-        "sensitivity",
-        design,
-        model,
-        result=_items(result),
-        tolerance=tolerance,
-        allow_unstable=allow_unstable,
-    )
+    return _run("sensitivity", locals())
 
 
 def damp(
@@ -822,17 +729,7 @@ def damp(
     >>> sus.damp(sus.example("triple-damped"), frequency=[1.0], duration=1.0, model="string").stable
     True
     """
-    return _run(
-        "damp",
-        design,
-        model,
-        output=output,
-        impulse=impulse,
-        duration=duration,
-        frequency=_grid(frequency),
-        tolerance=tolerance,
-        allow_unstable=allow_unstable,
-    )
+    return _run("damp", locals())
 
 
 def export(
@@ -877,17 +774,7 @@ def export(
     >>> sus.export(sus.example("double"), model="string").system.a.shape
     (24, 24)
     """
-    return _run(
-        "export",
-        design,
-        model,
-        form=format,
-        inputs=_items(inputs),
-        outputs=_items(outputs),
-        loss=loss,
-        tolerance=tolerance,
-        allow_unstable=allow_unstable,
-    )
+    return _run("export", locals())
 
 
 def compare(
@@ -934,16 +821,7 @@ def compare(
     >>> [change.words for change in found.change[1]], found.modes.frequency.shape
     (['test wires d'], (12, 2))
     """
-    return _run(
-        "compare",
-        {"items": items},
-        model,
-        inputs=_items(inputs),
-        outputs=_items(outputs),
-        noises=_items(noises),
-        frequency=_grid(frequency),
-        tolerance=tolerance,
-    )
+    return _run("compare", locals(), {"items": items})
 
 
 def fit(
@@ -996,17 +874,7 @@ def fit(
     stage.test.body.inertia.2: 0.118 +- 0.0039
     """
     designs = () if design is None else (design,)
-    files = {"files": (*designs, str(measured))}
-    return _run(
-        "fit",
-        files,
-        model,
-        starts=starts,
-        seed=seed,
-        relative_uncertainty=relative_uncertainty,
-        explain=explain,
-        tolerance=tolerance,
-    )
+    return _run("fit", locals(), {"files": (*designs, str(measured))})
 
 
 def optimise(
@@ -1052,8 +920,7 @@ def optimise(
     >>> found.met, found.numbers.after.round(3)
     (True, array([0.136]))
     """
-    files = {"design": design, "goals": str(goals)}
-    return _run("optimise", files, model, starts=starts, seed=seed, tolerance=tolerance)
+    return _run("optimise", locals(), {"design": design, "goals": str(goals)})
 
 
 def tradeoff(design: Design, *, quantities: Names = (), repeat: int = 7) -> Result:
@@ -1084,7 +951,7 @@ def tradeoff(design: Design, *, quantities: Names = (), repeat: int = 7) -> Resu
     >>> [(panel.quantity, panel.compares) for panel in found.panels]
     [('modes', 'models'), ('modes', 'methods')]
     """
-    return _run("tradeoff", design, None, quantities=_items(quantities), repeat=repeat)
+    return _run("tradeoff", locals())
 
 
 def check(design: Design) -> Check:
@@ -1148,8 +1015,7 @@ def info(
     >>> [choice.level for choice in found.choices.values()]
     ['beam', 'violin', 'violin']
     """
-    given = {"drive": input, "output": output, "frequency": _grid(frequency)}
-    given |= {"tolerance": tolerance}
+    given = _setting(options.INFO, locals())
     with python_names("info", options.INFO):
         setting = settings.of_design("info", options.INFO, (), design, given)
         return solve_info(design, setting, Log(options.INFO))
@@ -1211,7 +1077,7 @@ def animate(result: Result, mode: int | str, path: PathLike) -> Path:
 
     if result.analysis.name != "modes":
         problem, remedy = "has no modes that move", "give a result of sus.modes"
-        raise InputError([Fault("result", problem, remedy, result.analysis.name)])
+        raise InputError.of("result", problem, remedy, result.analysis.name)
     with python_names("animate"):
         number = animation.parse(result.data, str(mode), "mode")[0]
         scene = expand(result.design)
@@ -1268,9 +1134,7 @@ def report(
     from suspension_cli.analyses.report.solve import compose
     from suspension_cli.files.atomic import write_bytes
 
-    given = {"sections": ",".join(_items(sections)) or None, "fidelity": model}
-    given |= {"inputs": _items(inputs), "outputs": _items(outputs)}
-    given |= {"builds": builds, "tolerance": tolerance}
+    given = _setting(options.REPORT, locals() | {"sections": ",".join(_items(sections)) or None})
     with python_names("report", options.REPORT):
         setting = options.context("report", options.REPORT, given).params
         request = Request(**setting | {"sections": _items(sections), "folder": Path(path).parent})
@@ -1290,20 +1154,32 @@ def _items(values: Paths) -> tuple[str, ...]:
     return (str(values),) if isinstance(values, str | Path) else tuple(map(str, values))
 
 
-def _run(
-    name: str,
-    files: Design | dict[str, Any],
-    model: str | None,
-    folder: PathLike | None = None,
-    **given: Any,
-) -> Result:
-    """Run an analysis with its defaults, those of the design's `[analysis]` table and `given`."""
+def _setting(parameters: Sequence[click.Parameter], arguments: dict[str, Any]) -> dict[str, Any]:
+    """Convert arguments of a function to the values of its command's parameters."""
+    setting = {}
+    for param in parameters:
+        name = str(param.name)
+        argument = ARGUMENTS.get(name, name)
+        if argument in arguments:
+            value = arguments[argument]
+            several = isinstance(param, click.Option) and param.multiple
+            setting[name] = _grid(value) if param.metavar == "GRID" else value
+            setting[name] = _items(value) if several else setting[name]
+    return setting
+
+
+def _run(name: str, arguments: dict[str, Any], files: dict[str, Any] | None = None) -> Result:
+    """Run an analysis with the arguments of its function.
+
+    Those that have their defaults take the values of the design's `[analysis]` table. `files` are
+    the designs and other files that the analysis reads; default: the argument `design`.
+    """
     analysis = registry.get(name)
-    if model is not None:
-        given["fidelity"] = model
+    folder = arguments.get("folder")
+    given = _setting(analysis.parameters, arguments)
     if given.get("resume") and folder is None:
         remedy = "name the folder of the interrupted run"
-        raise InputError([Fault("folder", "is missing, but resume is given", remedy)])
+        raise InputError.of("folder", "is missing, but resume is given", remedy)
     place = Path(tempfile.mkdtemp(prefix="pendsus-") if folder is None else folder)
 
     def ask(file: Source | PathLike, overrides: tuple[str, ...] = ()) -> Run:
@@ -1315,7 +1191,7 @@ def _run(
     result = None
     try:
         with python_names(name, analysis.parameters):
-            run = ask(files) if isinstance(files, Design) else analysis.read(ask, files)[0]
+            run = ask(arguments["design"]) if files is None else analysis.read(ask, files)[0]
             with run.faults():
                 result = analysis.solve(run)
         return result

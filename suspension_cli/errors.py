@@ -74,6 +74,11 @@ class InputError(PendsusError):
         self.file = file
         super().__init__("\n".join(fault.line(file) for fault in self.faults))
 
+    @classmethod
+    def of(cls, key: str, problem: str, remedy: str, value: str | None = None) -> InputError:
+        """Make an error of one fault."""
+        return cls([Fault(key, problem, remedy, value)])
+
     def __reduce__(self) -> tuple[type[InputError], tuple[tuple[Fault, ...], str]]:
         """Arguments to rebuild the error from, when a worker process returns it."""
         return InputError, (self.faults, self.file)

@@ -7,6 +7,7 @@ import gc
 import sys
 
 import pytest
+from matplotlib.backends.backend_agg import RendererAgg
 from matplotlib.mathtext import MathTextParser
 
 from suspension_cli.drawing import style
@@ -18,6 +19,20 @@ same."""
 
 MathTextParser._parse_cached = functools.lru_cache(4096)(MathTextParser._parse_cached.__wrapped__)
 """Labels are much the same in all pictures: parsed once, not once for every 50."""
+
+_measure = RendererAgg.get_text_width_height_descent
+_sizes: dict[tuple[object, ...], tuple[float, float, float]] = {}
+
+
+def _size_of_text(self, s, prop, ismath):
+    key = (s, hash(prop), ismath, self.dpi)
+    if key not in _sizes:
+        _sizes[key] = _measure(self, s, prop, ismath)
+    return _sizes[key]
+
+
+RendererAgg.get_text_width_height_descent = _size_of_text
+"""So are their sizes."""
 
 vars(sys.modules["__main__"]).update(__spec__=None, __file__=None)
 """Workers of sweeps are started anew and would import the main module of this process: pytest,

@@ -20,11 +20,13 @@ import pytest
 import suspension_cli as sus
 from suspension_cli import api
 from suspension_cli.analyses import python_names, registry
+from suspension_cli.analyses.modes import animation
 from suspension_cli.analyses.python_names import ARGUMENTS
 from suspension_cli.conventions import ANALYSES
 from tests.models.test_golden import assert_close
 from tests.support.commandline import run, strict_json
 from tests.support.paths import CONFIGS, ROOT
+from tests.support.quick_tradeoff import hurry
 
 FUNCTIONS = [name for name in sus.__all__ if inspect.isfunction(getattr(sus, name))]
 DOUBLE = CONFIGS / "double.toml"
@@ -44,6 +46,8 @@ def test_every_function_is_documented_and_typed(name):
 
 
 def test_examples_in_docstrings(tmp_path, monkeypatch):
+    hurry(monkeypatch)
+    monkeypatch.setattr(animation, "FRAMES", 4)
     (tmp_path / "measured").symlink_to(ROOT / "measured")
     monkeypatch.chdir(tmp_path)
     found = doctest.testmod(api, optionflags=doctest.NORMALIZE_WHITESPACE)
@@ -152,7 +156,8 @@ LOSSLESS = {"materials.steel302": {"loss_angle": 0.0}}
 
 @pytest.mark.parametrize("name", LOADED)
 @pytest.mark.filterwarnings("ignore::suspension_cli.errors.PendsusWarning")
-def test_a_loaded_result_is_the_result_again(name, tmp_path):
+def test_a_loaded_result_is_the_result_again(name, tmp_path, monkeypatch):
+    hurry(monkeypatch)
     found = LOADED[name]()
     found.save(tmp_path / "r.h5")
     again = sus.load(tmp_path / "r.h5")

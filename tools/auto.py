@@ -39,8 +39,8 @@ unusual (`tools/choices/unusual.py`): light bodies on wires of up to 0.7 of thei
 mass beside a mirror, masses that differ 300-fold, ribbons, tapers and thick ends, lunar gravity, blades with and without tip mass. Each is for one
 quantity, to a tolerance between 0.0001 and 0.1. The error is that against `violin`: of mode frequencies, paired by their shapes; of responses and noise
 at {checked} of {points} frequencies from 0.1 Hz to between 1 and 100 Hz, in size, or in frequency where that is nearer (beside a resonance); of couplings in
-the {builds} builds of a sweep, of the largest, in size only (beside the resonance of a build too). Cost is the processor time of choosing and solving over that of the cheapest model within the tolerance, as if
-its error were known (medians of {turns}). An estimate counts as below the true error if it is by more than 1 %.
+the {builds} builds of a sweep, relative to the largest, in size, or beyond the tolerance in frequency where that is nearer. Cost is the processor time of choosing and solving over that of the cheapest model within the tolerance, as if
+its error were known (the shortest of {turns}). An estimate counts as below the true error if it is by more than 1 %.
 
 ![Errors of auto against the requested tolerances, the models that it took, and what they cost](auto.png)
 

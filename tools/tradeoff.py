@@ -212,13 +212,9 @@ def full(panel: Panel) -> list[str]:
                 f" {' | '.join(format_error(error) for error in entry.error)} |"
             )
         lines.append("")
-    reasons: dict[str, list[str]] = {}
-    for item in panel.left:
-        reasons.setdefault(item.reason, []).append(
-            item.model if panel.compares == "models" else item.method
-        )
-    lines += [f"Left out: {', '.join(names)} ({reason})." for reason, names in reasons.items()]
-    return [*lines, ""] if reasons else lines
+    left = panel.left_out.items()
+    lines += [f"Left out: {', '.join(names)} ({reason})." for reason, names in left]
+    return [*lines, ""] if left else lines
 
 
 def responses(each: ResponseTimes) -> list[str]:

@@ -73,8 +73,24 @@ class Log:
         yield lambda _done, _count, _rate: None
 
 
+class Sourced:
+    """What has a design: its TOML text and the name of its file are in `source`."""
+
+    source: Source
+
+    @property
+    def design(self) -> Design:
+        """The design."""
+        return self.source.design
+
+    @property
+    def name(self) -> str:
+        """Name of the design, which begins the names of its files."""
+        return self.design.design.name
+
+
 @dataclasses.dataclass(frozen=True)
-class Run:
+class Run(Sourced):
     """One analysis of one design, about to be computed.
 
     Attributes
@@ -99,41 +115,13 @@ class Run:
     command: str
     inputs: Settings = dataclasses.field(default_factory=dict)
 
-    @property
-    def design(self) -> Design:
-        """The design."""
-        return self.source.design
-
-    @property
-    def name(self) -> str:
-        """Name of the design, which begins the names of its files."""
-        return self.design.design.name
-
     def faults(self) -> contextlib.AbstractContextManager[None]:
         """Attribute faults that are found while solving to the design's file."""
         return attribute_faults_to(self.source.file)
 
 
-class Report(ABC):
-    """Findings about a design, as a JSON document and as text.
-
-    Attributes
-    ----------
-    source : Source
-        The design, its TOML text (overrides applied) and the name of its file.
-    """
-
-    source: Source
-
-    @property
-    def design(self) -> Design:
-        """The design."""
-        return self.source.design
-
-    @property
-    def name(self) -> str:
-        """Name of the design."""
-        return self.design.design.name
+class Report(Sourced, ABC):
+    """Findings about a design, as a JSON document and as text."""
 
     @property
     def title(self) -> str:
@@ -241,7 +229,7 @@ class Result(Report):
         for key in setting:
             if key not in known:
                 problem = f"is no argument of plot() of {name}"
-                raise InputError([Fault(key, problem, suggest(key, known))])
+                raise InputError.of(key, problem, suggest(key, known))
         with python_names("Result.plot"):
             setting = options.context(name, parameters, setting).params
         figures = self.analysis.figures(self, setting)
@@ -266,7 +254,7 @@ class Result(Report):
         """
         for figure in self.figures(**setting).values():
             return figure
-        raise InputError([Fault("", f"{self.analysis.name} has no picture", "print the result")])
+        raise InputError.of("", f"{self.analysis.name} has no picture", "print the result")
 
     def save(self, path: str | Path) -> None:
         """Write the results file (HDF5, see docs/format.md), whole or not at all.

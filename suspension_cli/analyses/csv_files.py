@@ -18,7 +18,7 @@ import h5py
 import numpy as np
 
 from suspension_cli.analyses.analysis import Result
-from suspension_cli.analyses.labelled import stored_group
+from suspension_cli.analyses.labelled import stored_group, values_of
 from suspension_cli.files.atomic import write_bytes
 
 
@@ -27,8 +27,7 @@ def write(result: Result, path: Path) -> list[Path]:
 
     Parameters
     ----------
-    result : Result
-    path : Path
+    path
         Of the results file: NAME.h5 gives NAME.csv with the main results; arrays with other rows
         get files of their own, NAME-ROWS.csv.
     """
@@ -83,57 +82,44 @@ def _is_numeric(data: Any) -> bool:
 
 def _text(members: dict[str, Any], rows: tuple[str, ...], names: list[str]) -> str:
     """Make the table of some datasets that have the same rows."""
-    scales = {
-        label: _values(members[label]) if label in members else None
-        for name in names
-        for label in _labels(members[name], name)
-    }
-    heads, columns = [], []
+    labels = {name: _labels(members[name], name) for name in names}
+    known = {label for own in labels.values() for label in own if label in members}
+    scales = {label: values_of(members[label]) for label in known}
+    heads, columns, shape = [], [], ()
     for name in names:
         data = members[name]
-        labels = _labels(data, name)
-        own = tuple(label for label in labels if label in rows)
-        others = [n for n, label in enumerate(labels) if label not in own]
-        order = [labels.index(label) for label in own] + others
-        values = _values(data).transpose(order)
+        own = [label for label in labels[name] if label in rows]
+        others = [n for n, label in enumerate(labels[name]) if label not in own]
+        order = [labels[name].index(label) for label in own] + others
+        values = values_of(data).transpose(order)
+        if set(rows) <= set(own):
+            shape = tuple(data.shape[labels[name].index(row)] for row in rows)
         wide = values.reshape(int(np.prod(values.shape[: len(own)])), -1)
-        for place, column in zip(
-            itertools.product(*(range(data.shape[n]) for n in others)), wide.T, strict=True
-        ):
-            which = [
-                str(scale[k]) if (scale := scales[labels[n]]) is not None else str(k + 1)
-                for n, k in zip(others, place, strict=True)
-            ]
-            unit = _unit(members, name, dict(zip([labels[n] for n in others], place, strict=True)))
+        places = itertools.product(*(range(data.shape[n]) for n in others))
+        for place, column in zip(places, wide.T, strict=True):
+            where = {labels[name][n]: k for n, k in zip(others, place, strict=True)}
+            which = [str(scales[key][k] if key in scales else k + 1) for key, k in where.items()]
+            unit = _unit(members, name, where)
             label = name + (f" [{', '.join(which)}]" if which else "")
             if np.iscomplexobj(column):
                 heads += [f"{label} real ({unit})", f"{label} imag ({unit})"]
                 columns += [column.real, column.imag]
             else:
-                heads.append(f"{label} ({unit})" if unit and unit != "name" else label)
+                heads.append(_title(label, unit))
                 columns.append(column)
-    shape = next(
-        [members[name].shape[_labels(members[name], name).index(row)] for row in rows]
-        for name in names
-        if set(rows) <= set(_labels(members[name], name))
-    )
-    known = [row for row in rows if scales.get(row) is not None]
     grid = np.indices(shape).reshape(len(shape), -1)
-    first = [np.asarray(scales[row])[grid[rows.index(row)]] for row in known]
-    units = [str(members[row].attrs.get("units", "")) for row in known]
-    titles = [
-        f"{row} ({unit})" if unit not in ("", "name") else row
-        for row, unit in zip(known, units, strict=True)
-    ]
+    first = [(row, scales[row][grid[n]]) for n, row in enumerate(rows) if row in scales]
+    titles = [_title(row, str(members[row].attrs.get("units", ""))) for row, _ in first]
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow([*titles, *heads])
-    writer.writerows(zip(*(_plain(column) for column in (*first, *columns)), strict=True))
+    cells = [_plain(column) for column in (*(values for _, values in first), *columns)]
+    writer.writerows(zip(*cells, strict=True))
     return stream.getvalue()
 
 
-def _values(data: Any) -> Any:
-    return data.asstr()[...] if h5py.check_string_dtype(data.dtype) else data[...]
+def _title(name: str, unit: str) -> str:
+    return f"{name} ({unit})" if unit not in ("", "name") else name
 
 
 def _unit(members: dict[str, Any], name: str, place: dict[str, int]) -> str:
@@ -144,7 +130,7 @@ def _unit(members: dict[str, Any], name: str, place: dict[str, int]) -> str:
         return given
     own = members[found[1]]
     where = tuple(place.get(label, 0) for label in _labels(own, found[1]))
-    return str(_values(own)[where])
+    return str(values_of(own)[where])
 
 
 def _plain(column: Any) -> list[Any]:

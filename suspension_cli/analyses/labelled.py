@@ -60,11 +60,19 @@ def _variables(group: Any) -> dict[str, Any]:
             else _dotted(str(scale.name).removeprefix(f"{group.name}/"))
             for n, scale in enumerate(scales)
         ]
-        values = data.asstr()[...] if h5py.check_string_dtype(data.dtype) else data[...]
-        found[name] = (names, np.asarray(values), {"units": str(data.attrs.get("units", ""))})
+        found[name] = (
+            names,
+            np.asarray(values_of(data)),
+            {"units": str(data.attrs.get("units", ""))},
+        )
 
     group.visititems(add)
     return found
+
+
+def values_of(data: Any) -> Any:
+    """Read all values of a dataset: numbers, or text."""
+    return data.asstr()[...] if h5py.check_string_dtype(data.dtype) else data[...]
 
 
 def _dotted(path: str) -> str:

@@ -35,6 +35,7 @@ def choose(
     request: Request | None = None,
     tolerance: float = TOLERANCE,
     top: Model | None = None,
+    highest: float | None = None,
 ) -> Decision:
     """Choose the cheapest model that is accurate enough, or take the one that is `wanted`.
 
@@ -49,6 +50,8 @@ def choose(
         Relative error that ``"auto"`` may leave.
     top : Model, optional
         The most complete model that the analysis can use; without, any.
+    highest : float, optional
+        The highest frequency of a response, Hz, see `auto.decide`.
 
     Raises
     ------
@@ -61,7 +64,7 @@ def choose(
     request = request or (lambda _: Frequencies())
     if wanted == registry.AUTO:
         limit = registry.MOST_COMPLETE if top is None else top
-        return auto.decide(source.design, request, tolerance, limit.name, complete=False)
+        return auto.decide(source.design, request, tolerance, limit.name, highest=highest)
     return auto.estimate_error(source.design, registry.choose(source.design, wanted), request)
 
 
@@ -121,7 +124,7 @@ def for_builds(
     if wanted == registry.AUTO:
         usable = [one for one in models if one.automatic and not one.unsuitable(design)]
     else:
-        _demand_one_of(wanted, models)
+        demand_one_of(wanted, models, "cannot compute these results of imperfect builds")
         usable = [registry.choose(design, wanted).model]
     later = registry.MODELS[registry.MODELS.index(usable[0]) + 1 :]
     chain = [usable[0], *(one for one in later if one.automatic and not one.unsuitable(design))]
@@ -212,23 +215,19 @@ def _unknown_physics(highest: Model, design: Design) -> list[str]:
     return [f"unknown: {' and '.join(highest.omits)}, as {why}"]
 
 
-def _demand_one_of(wanted: str, models: Sequence[Model]) -> None:
-    """Raise `InputError` if the wanted model is none of these."""
+def demand_one_of(wanted: str, models: Sequence[Model], problem: str) -> None:
+    """Raise `InputError` with a problem of the wanted model if it is none of these."""
     from suspension_cli.errors import Fault, InputError, format_value
     from suspension_cli.models import registry
 
     names = [model.name for model in models]
     if wanted not in names:
         remedy = f"take {', '.join((registry.AUTO, *names[:-1]))} or {names[-1]}, which can"
-        problem = "cannot compute these results of imperfect builds"
         raise InputError([Fault("--fidelity", problem, remedy, format_value(wanted))])
 
 
 def with_derivatives(
-    wanted: str,
-    source: Source,
-    request: Callable[[LinearSystem], Several],
-    tolerance: float = TOLERANCE,
+    wanted: str, design: Design, request: Request, tolerance: float, models: Sequence[Model]
 ) -> Decision:
     """Choose the cheapest model with derivatives that is accurate enough, or the `wanted` one.
 
@@ -236,40 +235,30 @@ def with_derivatives(
     ----------
     wanted : str
         ``"auto"`` or the name of a model.
-    source : Source
+    design : Design
     request : callable
         The quantity of interest.
     tolerance : float
         Relative error that ``"auto"`` may leave.
+    models : sequence of Model
+        Those whose derivatives the analysis can use, from the cheapest to the most complete.
 
     Raises
     ------
     InputError
-        If a model without derivatives is wanted, or it is not valid for the design.
+        If the wanted model is not among `models`, or is not valid for the design.
     """
-    from suspension_cli.errors import Fault, InputError, format_value
     from suspension_cli.models import auto, registry
-    from suspension_cli.models.quantity_of_interest import Differentiated
 
-    models = [model for model in registry.MODELS if model.supports_derivatives]
-    names = [model.name for model in models]
-    if wanted not in (registry.AUTO, *names):
-        remedy = f"take auto, {' or '.join(names)}"
-        fault = Fault("--fidelity", "has no derivatives", remedy, format_value(wanted))
-        raise InputError([fault], source.file)
     if wanted != registry.AUTO:
-        return auto.estimate_error(source.design, registry.choose(source.design, wanted), request)
-
-    def differentiated(system: LinearSystem) -> Differentiated:
-        several = request(system)
-        return Differentiated(several.scalars, several.modes)
-
-    decision = auto.decide(source.design, differentiated, tolerance, names[-1])
-    if decision.choice.model.supports_derivatives:
+        demand_one_of(wanted, models, "cannot compute derivatives")
+        return auto.estimate_error(design, registry.choose(design, wanted), request)
+    decision = auto.decide(design, request, tolerance, models[-1].name)
+    if decision.choice.model in models:
         return decision
     # what cheaper models cannot neglect, the first with derivatives includes
-    reason = "the cheapest model with derivatives"
-    return auto.estimate_error(source.design, registry.Choice(names[0], reason), request)
+    choice = registry.Choice(models[0].name, "the cheapest model with derivatives")
+    return auto.estimate_error(design, choice, request)
 
 
 def named_results(

@@ -39,6 +39,20 @@ def option(*names: str, group: str = "Options", **how: Any) -> Option:
     return Option(list(names), group=group, **how)
 
 
+def signals(name: str, about: str, default: str = "") -> Option:
+    """Make an option that takes any number of signals."""
+    about += " (repeatable)." + (f"  [default: {default}]" if default else "")
+    return option(f"--{name}", f"{name}s", multiple=True, metavar="SIGNAL", help=about)
+
+
+def frequencies(
+    default: str,
+    about: str = "Frequencies, Hz: start:stop:count[:log|lin], a comma list or a number.",
+) -> Option:
+    """Make the option of a grid of frequencies."""
+    return option("--frequency", default=default, show_default=True, metavar="GRID", help=about)
+
+
 def argument(name: str, **how: Any) -> click.Argument:
     """Declare an argument of an analysis, as `click.argument` does."""
     return click.Argument([name], **how)
@@ -65,7 +79,7 @@ def context(
 
 def _demand_folder(_ctx: click.Context, _param: click.Parameter, value: str | None) -> str | None:
     """Refuse a file as the folder for results, before anything is computed."""
-    from suspension_cli.errors import Fault, InputError
+    from suspension_cli.errors import InputError
 
     if value is None:
         return value
@@ -73,21 +87,19 @@ def _demand_folder(_ctx: click.Context, _param: click.Parameter, value: str | No
     try:
         isdir, exists = path.is_dir(), path.exists()
     except OSError as error:
-        raise InputError(
-            [Fault("--out", f"cannot be written ({error.strerror})", "name another folder", value)]
+        raise InputError.of(
+            "--out", f"cannot be written ({error.strerror})", "name another folder", value
         ) from None
     named = path.suffix.lower() in ENDINGS and not value.endswith("/")
     if not isdir and (named or exists):
         remedy = "name a folder; the files in it get their names from the design" + (
             f" (a folder of this name: {value}/)" if not exists else ""
         )
-        raise InputError(
-            [Fault("--out", "names a file, but results go into a folder", remedy, value)]
-        )
+        raise InputError.of("--out", "names a file, but results go into a folder", remedy, value)
     return value
 
 
-ENDINGS = (
+ENDINGS = [
     ".csv",
     ".h5",
     ".hdf5",
@@ -103,9 +115,11 @@ ENDINGS = (
     ".toml",
     ".txt",
     ".zip",
-)
+]
 """Endings of file names, which folders hardly ever have."""
 
+MOTIONS = "Output: test.x, test.pitch, test.x@0,0,0.001, ..."
+"""Help of an option that takes motions."""
 DESIGN = argument("design", metavar="DESIGN")
 DESIGNS = argument("designs", nargs=-1, required=True, metavar="DESIGN...")
 
@@ -229,13 +243,7 @@ COUPLING = (
     ),
     option("--over", metavar="SIGNAL", help="Numerator of the ratio, instead of the point's x."),
     option("--under", metavar="SIGNAL", help="Denominator of the ratio, instead of the point's z."),
-    option(
-        "--frequency",
-        default="50",
-        show_default=True,
-        metavar="GRID",
-        help="Frequencies at which the coupling is computed, Hz.",
-    ),
+    frequencies("50", "Frequencies at which the coupling is computed, Hz."),
 )
 """Options that define the cross-coupling."""
 SWEEP = (
@@ -281,13 +289,7 @@ INFO = (
         metavar="SIGNAL",
         help="Output of the response and of the thermal noise.  [default: x of the last stage]",
     ),
-    option(
-        "--frequency",
-        default="0.1:100:2000",
-        show_default=True,
-        metavar="GRID",
-        help="Frequencies of both, Hz.",
-    ),
+    frequencies("0.1:100:2000", "Frequencies of both, Hz."),
     ACCURACY,
     OVERRIDES,
     AS_JSON_ONLY,
@@ -302,20 +304,8 @@ REPORT = (
             " budget, tolerance, damping.  [default: all that the design has]"
         ),
     ),
-    option(
-        "--input",
-        "inputs",
-        multiple=True,
-        metavar="SIGNAL",
-        help="Input of the responses (repeatable).  [default: the support's x, y, z and yaw]",
-    ),
-    option(
-        "--output",
-        "outputs",
-        multiple=True,
-        metavar="SIGNAL",
-        help="Output of the responses (repeatable).  [default: motions of the last stage]",
-    ),
+    signals("input", "Input of the responses", "the support's x, y, z and yaw"),
+    signals("output", "Output of the responses", "motions of the last stage"),
     option(
         "--builds",
         type=click.IntRange(100, 1_000_000),

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 
 import click
 
-from suspension_cli.errors import Fault, InputError, PendsusError
+from suspension_cli.errors import InputError, PendsusError
 
 ARGUMENTS = {"fidelity": "model", "drive": "input", "form": "format", "out": "folder"}
 """Names of arguments that differ from those of the parameters of a command."""
@@ -34,10 +34,9 @@ def translate(text: str, parameters: Sequence[click.Parameter] = (), **names: st
 
     Parameters
     ----------
-    text : str
-    parameters : sequence of click.Parameter
+    parameters
         Those of the command whose function was called.
-    **names : str
+    **names
         Arguments of the function that have other names than the options.
 
     Examples
@@ -71,7 +70,7 @@ def python_names(
 
     Parameters
     ----------
-    function : str
+    function
         Name of the function that was called.
     parameters, **names
         As of `translate`.
@@ -82,7 +81,7 @@ def python_names(
         key = str(error.param.name) if error.param is not None else ""
         remedy = f"see help(sus.{function})"
         problem = error.message.rstrip(".")
-        raise InputError([Fault(ARGUMENTS.get(key, key), problem, remedy)]) from None
+        raise InputError.of(ARGUMENTS.get(key, key), problem, remedy) from None
     except PendsusError as error:
 
         def reworded(text: str) -> str:

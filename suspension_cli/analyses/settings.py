@@ -47,13 +47,11 @@ def of_design(
 
     Parameters
     ----------
-    name : str
+    name
         Of the command.
-    parameters : sequence of click.Parameter
-    extra : tuple of str
+    extra
         As of `with_analysis_table`.
-    source : Source
-    given : dict
+    given
         A value that is the default of its option counts as not given.
     """
     context = options.context(name, parameters, given)

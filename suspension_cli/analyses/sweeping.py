@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from suspension_cli.analyses.analysis import Analysis, Run
+from suspension_cli.analyses.analysis import Analysis, Result, Run
 from suspension_cli.errors import Interrupted, escape_unprintable
 from suspension_cli.files.atomic import writing_to
 from suspension_cli.files.existing import replacing
-from suspension_cli.files.hdf5 import Provenance
+from suspension_cli.files.hdf5 import Provenance, open_results
 from suspension_cli.studies.run import Plan
 from suspension_cli.studies.run import run as compute
 
@@ -64,25 +63,17 @@ def fill(
     choice: Choice,
     put: Callable[..., None],
     after: Any = None,
-) -> Path:
-    """Compute all points of a job into the results file.
+) -> Result:
+    """Compute all points of a job into the results file, and read the result from there.
 
     Parameters
     ----------
-    run : Run
-    analysis : Analysis
+    analysis
         Its name is that of the group.
-    job : studies.sweep_file.Job
-    choice : Choice
-    put : callable
+    put
         Writes what stands beside the columns into the new group.
-    after : callable, optional
+    after
         Completes the file when all points are there.
-
-    Returns
-    -------
-    Path
-        Of the file.
 
     Raises
     ------
@@ -114,4 +105,6 @@ def fill(
         part = path.with_name(f"{path.name}.part")
         kept = f"; finished points are in {part}; --resume continues" if part.exists() else ""
         raise Interrupted(escape_unprintable(f"interrupted{kept}")) from None
-    return path
+    with open_results(path) as file:
+        data = analysis.load(file)
+    return Result(analysis, run.source, choice, data, file=path, command=run.command)

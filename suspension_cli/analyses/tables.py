@@ -63,9 +63,9 @@ def render(columns: Mapping[str, str], rows: Iterable[Sequence[Any]]) -> str:
 
     Parameters
     ----------
-    columns : mapping
+    columns
         Headings, with units on a second line, and the format of the numbers below; "" for text.
-    rows : iterable of sequences
+    rows
         Numbers or text; None and numbers that are not finite become "-".
 
     Examples

@@ -40,7 +40,7 @@ def in_one_line(command: Callable[[], click.Command | None] = lambda: None) -> I
 
     Parameters
     ----------
-    command : callable, optional
+    command
         Gives the command that runs, whose options say what could be made smaller.
 
     Raises

@@ -41,14 +41,14 @@ def command(
     most = 2 if example is None else 1
     if (not words and example is None) or len(words) > most:
         problem = f"takes a kind of design ({', '.join(KINDS)}) or --from, then at most one file"
-        raise InputError([Fault("new", problem, "write for example pendsus new triple my.toml")])
+        raise InputError.of("new", problem, "write for example pendsus new triple my.toml")
     kind, file = (words[0], words[1:]) if example is None else (example.rpartition("/")[2], words)
     if name is None:
         stem = Path(file[0]).stem if file else kind
         name = re.sub(r"[^A-Za-z0-9._-]+", "-", stem).strip("-._")[:100] or kind
     elif not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{,99}", name):
         remedy = "give letters, digits, . _ and -"
-        raise InputError([Fault("--name", "is no name of a design", remedy, format_value(name))])
+        raise InputError.of("--name", "is no name of a design", remedy, format_value(name))
     text = reader.template(kind, name) if example is None else reader.example_text(example, name)
     reader.parse(text)
     if not file:

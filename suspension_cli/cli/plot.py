@@ -122,7 +122,7 @@ def _compared(files: tuple[str, ...]) -> Result:
 
 def _limits(option: str, text: str | None) -> tuple[float, float] | None:
     """Parse ``LOW:HIGH``."""
-    from suspension_cli.errors import Fault, InputError, format_value
+    from suspension_cli.errors import InputError, format_value
 
     if text is None:
         return None
@@ -132,7 +132,7 @@ def _limits(option: str, text: str | None) -> tuple[float, float] | None:
         low, high = 1.0, 0.0
     if not -math.inf < low < high < math.inf:
         problem, remedy = "is not LOW:HIGH, two ascending numbers", "write for example 0.1:10"
-        raise InputError([Fault(option, problem, remedy, format_value(text))])
+        raise InputError.of(option, problem, remedy, format_value(text))
     return low, high
 
 
@@ -150,7 +150,7 @@ def _set_limits(
 
     axes = [one for one in figure.axes if one.axison and one.get_xlabel() + one.get_ylabel()]
     if not axes and (x or y):
-        raise InputError([Fault("--x" if x else "--y", "this picture has no axes", "leave it out")])
+        raise InputError.of("--x" if x else "--y", "this picture has no axes", "leave it out")
     first = next((one.get_xlabel() for one in axes if one.get_xlabel()), "")
     alike = [one for one in axes if one.get_xlabel() in ("", first)]  # "": shared with one below
     for option, given, those in (("--x", x, alike), ("--y", y, axes[:1])):
@@ -171,7 +171,7 @@ def _attributing_errors_to(file: str) -> Iterator[None]:
     """Report whatever goes wrong as a fault of the file, which is all that is drawn from."""
     import warnings
 
-    from suspension_cli.errors import Fault, InputError, attribute_faults_to
+    from suspension_cli.errors import InputError, attribute_faults_to
     from suspension_cli.files.hdf5 import one_line
 
     again = "run the analysis again"
@@ -182,14 +182,8 @@ def _attributing_errors_to(file: str) -> Iterator[None]:
         except (InputError, MemoryError):
             raise
         except KeyError as error:
-            raise InputError([Fault("", f"is incomplete: {error.args[0]}", again)]) from None
+            raise InputError.of("", f"is incomplete: {error.args[0]}", again) from None
         except Exception as error:
-            raise InputError(
-                [
-                    Fault(
-                        "",
-                        f"cannot be drawn, as its contents are inconsistent ({one_line(error)})",
-                        again,
-                    )
-                ]
+            raise InputError.of(
+                "", f"cannot be drawn, as its contents are inconsistent ({one_line(error)})", again
             ) from None

@@ -6,13 +6,13 @@ import cmath
 import math
 import operator
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import Any
 
 from suspension_cli.conventions import SUPPORT
 from suspension_cli.design import inverted_pendulum, materials
+from suspension_cli.design.circles import direction
 from suspension_cli.design.schema import Body, Design, Spring, Stage
-from suspension_cli.design.sections import given_sections, stretches, thinnest
+from suspension_cli.design.sections import Stretch, given_sections, stretches, thinnest
 from suspension_cli.design.wires import Blade, BladeGeometry, BladeSet, Wire, WireSet
 
 Rows = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
@@ -73,10 +73,12 @@ def wire_stiffness(design: Design, wire: WireSet | Wire, length: float) -> float
         area = thinnest(wire)
         assert wire.material is not None and area is not None
         return _modulus(design, wire.material) * area / length
-    return 1.0 / sum(
-        piece.length / (_modulus(design, piece.material or "") * piece.shape.area)
-        for piece in stretches(wire, length)
-    )
+    return 1.0 / sum(_compliance(design, piece) for piece in stretches(wire, length))
+
+
+def _compliance(design: Design, piece: Stretch) -> float:
+    """Elongation of a uniform stretch of wire per tension, m/N."""
+    return piece.length / (_modulus(design, piece.material or "") * piece.shape.area)
 
 
 def _modulus(design: Design, material: str) -> float:
@@ -112,17 +114,16 @@ def solves_pose(design: Design) -> bool:
     It is where natural lengths of wires or loads of blades or filters are given, or gravity is not
     a uniform pull along -z.
     """
-    blades = (
-        blade
+    loaded = [
+        part.load
         for stage in design.stage
-        for blade in (*stage.blade, *([] if stage.blades is None else [stage.blades]))
-    )
+        for part in (*stage.blade_tables, *([stage.filter] if stage.filter else []))
+    ]
     return (
         gives_natural_lengths(design)
-        or any(blade.load is not None for blade in blades)
+        or any(load is not None for load in loaded)
         or gravity_vector(design) is not None
         or gravity_tensor(design) is not None
-        or any(s.filter is not None and s.filter.load is not None for s in design.stage)
     )
 
 
@@ -133,35 +134,8 @@ def cantilever_stiffness(blade: BladeGeometry, youngs_modulus: float) -> float:
     alpha = 1 for a rectangular blade (then k = 3 E I / L^3), 1.5 for a triangular one. Torrie, PhD
     thesis, University of Glasgow (2001), after Plissi et al., Rev. Sci. Instrum. 71, 2539 (2000).
     """
-    return (
-        youngs_modulus
-        * blade.base_width
-        * blade.thickness**3
-        / (4 * blade.shape_factor * blade.length**3)
-    )
-
-
-STEPS_OF_A_TURN = 24
-"""Fractions of a quarter turn that angles near them are taken for, so that mirror images agree to
-the last bit."""
-
-
-def _direction(angle: complex, quarters: Fraction) -> tuple[Any, Any]:
-    """Cosine and sine of an angle (rad) plus a number of quarter turns."""
-    turns = angle.real / (math.pi / 2)
-    nearest = Fraction(round(turns * STEPS_OF_A_TURN), STEPS_OF_A_TURN)
-    if abs(turns - nearest) < 1e-9:
-        exact = nearest + quarters
-        whole = round(exact)
-        rest = float(exact - whole) * math.pi / 2
-    else:
-        whole, rest = 0, angle.real + float(quarters) * math.pi / 2
-    x, y = math.cos(rest), math.sin(rest)
-    for _ in range(whole % 4):
-        x, y = -y, x
-    if isinstance(angle, complex):  # a complex step
-        x, y = x - 1j * angle.imag * y, y + 1j * angle.imag * x
-    return x, y
+    rest = 4 * blade.shape_factor * blade.length**3
+    return youngs_modulus * blade.base_width * blade.thickness**3 / rest
 
 
 @dataclass(frozen=True)
@@ -190,7 +164,7 @@ class SetGeometry:
 
     def ring_ends(self, number: int) -> tuple[tuple[float, float], tuple[float, float]]:
         """Compute x and y (m) of the upper and of the lower end of a wire of a ring, from 0."""
-        x, y = _direction(self.phase, Fraction(4 * number, self.count))
+        x, y = direction(self.phase, number, self.count)
         upper, lower = self.ring_upper, self.ring_lower
         return (upper * x, upper * y), (lower * x, lower * y)
 
@@ -260,10 +234,7 @@ def wire_loss(design: Design, wire: WireSet | Wire, length: float) -> float:
     angles = [materials.constant_angle(design, piece.material or "") for piece in pieces]
     if not any(angles):
         return 0.0
-    compliances = [
-        piece.length / (_modulus(design, piece.material or "") * piece.shape.area)
-        for piece in pieces
-    ]
+    compliances = [_compliance(design, piece) for piece in pieces]
     return sum(map(operator.mul, compliances, angles)) / sum(compliances)
 
 
@@ -363,7 +334,7 @@ def beyond_symmetric_chains(design: Design) -> str:
     for stage in design.stage:
         if stage.wires is not None and is_ring(stage.wires):
             return f"the wires of stage {stage.name} are on a ring"
-        for wire in (*([stage.wires] if stage.wires else []), *stage.wire):
+        for wire in stage.wire_tables:
             if wire.bending is not None:
                 return f"wires of stage {stage.name} are hinged"
     return ""

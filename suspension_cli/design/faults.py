@@ -69,6 +69,22 @@ def step(path: str, key: object, item: object = None) -> str:
     return f"{path}.{text}" if path else text
 
 
+def fault_of(table: object, path: str, key: str, problem: str, remedy: str) -> Fault:
+    """Make a fault of a key of the table at a path, with the value there."""
+    value = getattr(table, key)
+    return Fault(f"{path}.{key}", problem, remedy, None if value is None else format_value(value))
+
+
+def check_alternatives(
+    table: object, path: str, keys: tuple[str, str], what: str, *, needed: bool = False
+) -> Iterator[Fault]:
+    """Check that at most one of two keys of a table is given, or exactly one if it is `needed`."""
+    given = [key for key in keys if getattr(table, key) is not None]
+    if len(given) == 2 or (needed and not given):
+        have = f"{keys[0]} and {keys[1]} are both given" if given else f"has no {keys[0]}"
+        yield Fault(path, have, f"give exactly one: {what}")
+
+
 def suggest(word: str, known: list[str]) -> str:
     """Suggest the known word that the user may have meant, or list those there are."""
     import difflib  # 3 ms, only when something is wrong already

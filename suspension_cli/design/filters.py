@@ -23,8 +23,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated
 
-from msgspec import Meta
-
+from suspension_cli.design.faults import check_alternatives, fault_of
 from suspension_cli.design.units import (
     Expansion,
     Frequency,
@@ -35,9 +34,10 @@ from suspension_cli.design.units import (
     Table,
     Tension,
     Vector,
+    doc,
     of_unit,
 )
-from suspension_cli.errors import Fault, format_value
+from suspension_cli.errors import Fault
 
 SUFFIX = "-keystone"
 LATERAL, TILT = 1e7, 1e4
@@ -54,13 +54,11 @@ class Keystone(Table, frozen=True):
     inertia: (
         Annotated[
             list[Annotated[float, of_unit("kg m^2", "", gt=0, le=1e15)]],
-            Meta(
+            doc(
+                "moments of inertia about x, y, z, kg m^2; default those of a steel cylinder as"
+                " high as wide",
                 min_length=3,
                 max_length=3,
-                description=(
-                    "moments of inertia about x, y, z, kg m^2; default those of a steel cylinder as"
-                    " high as wide"
-                ),
             ),
         ]
         | None
@@ -75,7 +73,7 @@ class Filter(Table, frozen=True):
     """
 
     keystone: Keystone
-    at: Annotated[Vector, Meta(description="COM of the keystone from this body's COM, m")] = (
+    at: Annotated[Vector, doc("COM of the keystone from this body's COM, m")] = (
         0.0,
         0.0,
         0.0,
@@ -83,31 +81,29 @@ class Filter(Table, frozen=True):
     frequency: (
         Annotated[
             Frequency,
-            Meta(description="vertical frequency at the working point, Hz, with the load rigid"),
+            doc("vertical frequency at the working point, Hz, with the load rigid"),
         ]
         | None
     ) = None
     stiffness: (
         Annotated[
             Stiffness,
-            Meta(description="vertical stiffness of all blades there, N/m, instead of frequency"),
+            doc("vertical stiffness of all blades there, N/m, instead of frequency"),
         ]
         | None
     ) = None
     load: (
         Annotated[
             Tension,
-            Meta(
-                description=(
-                    "weight under which the keystone is at its nominal point, its own included, N;"
-                    " default the weight that hangs on it in the design"
-                )
+            doc(
+                "weight under which the keystone is at its nominal point, its own included, N;"
+                " default the weight that hangs on it in the design"
             ),
         ]
         | None
     ) = None
     lateral_stiffness: Annotated[
-        Stiffness, Meta(description="stiffness of the blades against horizontal motion, N/m")
+        Stiffness, doc("stiffness of the blades against horizontal motion, N/m")
     ] = LATERAL
     tilt_stiffness: Annotated[
         float,
@@ -138,24 +134,22 @@ class Filter(Table, frozen=True):
         ]
         | None
     ) = None
-    loss_angle: (
-        Annotated[LossAngle, Meta(description="loss angle of the blades' stiffness in rad")] | None
-    ) = None
+    loss_angle: Annotated[LossAngle, doc("loss angle of the blades' stiffness in rad")] | None = (
+        None
+    )
     q: (
         Annotated[float, of_unit("1", "Q of the vertical mode, 1/loss_angle", gt=0, le=1e12)] | None
     ) = None
     modulus_slope: Annotated[
         ModulusSlope,
-        Meta(
-            description=(
-                "relative change of Young's modulus of the blades with temperature, 1/K, for the"
-                " shift of the working point that check reports"
-            )
+        doc(
+            "relative change of Young's modulus of the blades with temperature, 1/K, for the"
+            " shift of the working point that check reports"
         ),
     ] = 0.0
     thermal_expansion: Annotated[
         Expansion,
-        Meta(description="expansion of the blades in 1/K, adds to the slope in the shift"),
+        doc("expansion of the blades in 1/K, adds to the slope in the shift"),
     ] = 0.0
 
 
@@ -165,16 +159,16 @@ class FilterStatics:
 
     Attributes
     ----------
-    carried, load : float
+    carried, load
         Weight on the blades, that of the keystone included, and the weight under which the keystone
         is at its nominal point, N.
-    stiffness : float
+    stiffness
         Vertical stiffness of the blades, N/m.
-    coupling : float
+    coupling
         m_c, kg.
-    mass : float
+    mass
         Inertia against vertical motion M - m_c at the load, kg.
-    loss : float
+    loss
         Loss angle, rad.
     """
 
@@ -216,26 +210,16 @@ def keystone_inertia(keystone: Keystone) -> list[float]:
 
 def check_filter(table: Filter, path: str) -> Iterator[Fault]:
     """Check one `[stage.filter]` table."""
-    for keys, what in (
-        (("stiffness", "frequency"), "stiffness in N/m, or frequency at the load in Hz"),
-        (("loss_angle", "q"), "loss_angle in rad, or q"),
-        (("saturation", "mass_coupling"), "saturation, or mass_coupling in kg"),
-    ):
-        given = [key for key in keys if getattr(table, key) is not None]
-        if len(given) == 2 or (not given and keys[0] == "stiffness"):
-            have = f"{keys[0]} and {keys[1]} are both given" if given else "has no stiffness"
-            yield Fault(path, have, f"give exactly one: {what}")
+    what = "stiffness in N/m, or frequency at the load in Hz"
+    yield from check_alternatives(table, path, ("stiffness", "frequency"), what, needed=True)
+    yield from check_alternatives(table, path, ("loss_angle", "q"), "loss_angle in rad, or q")
+    what = "saturation, or mass_coupling in kg"
+    yield from check_alternatives(table, path, ("saturation", "mass_coupling"), what)
     if table.q is not None and table.q <= 1:
-        yield Fault(
-            f"{path}.q",
-            "gives a loss angle of 1 rad or more",
-            "give a larger one, or damp the stage with [stage.damping]",
-            format_value(table.q),
-        )
-    if table.mass_coupling is not None and table.mass_coupling >= table.keystone.mass:
-        yield Fault(
-            f"{path}.mass_coupling",
-            f"is not below the mass of the keystone, {table.keystone.mass:g} kg, which includes it",
-            "add the part of the blades that moves with the keystone to its mass",
-            format_value(table.mass_coupling),
-        )
+        remedy = "give a larger one, or damp the stage with [stage.damping]"
+        yield fault_of(table, path, "q", "gives a loss angle of 1 rad or more", remedy)
+    mass = table.keystone.mass
+    if table.mass_coupling is not None and table.mass_coupling >= mass:
+        problem = f"is not below the mass of the keystone, {mass:g} kg, which includes it"
+        remedy = "add the part of the blades that moves with the keystone to its mass"
+        yield fault_of(table, path, "mass_coupling", problem, remedy)

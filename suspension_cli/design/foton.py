@@ -20,6 +20,7 @@ from __future__ import annotations
 import cmath
 import math
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NoReturn
@@ -50,8 +51,7 @@ class Filter:
 
     Attributes
     ----------
-    gain : float
-    zeros, poles : tuple of complex
+    zeros, poles
         Hz, positive in the left half plane; complex ones with their conjugates.
     """
 
@@ -90,9 +90,9 @@ def parse(text: str) -> Filter:
     """
     reader = _Reader(text)
     result = reader.factor()
-    while not reader.ended:
-        if reader.next == "*":
-            reader.take("*")
+    while reader.kind != "end":
+        if reader.text == "*":
+            reader.advance()
         result = result * reader.factor()
     if not math.isfinite(result.gain):
         raise FotonError("its gain is not a finite number", "check the gains and roots")
@@ -110,7 +110,7 @@ def format_filter(filter_: Filter, plane: str = "n") -> str:
     size = len(filter_.zeros) - len(filter_.poles)
     if plane == "n":
         unit = 1.0
-        gain = filter_.gain * _real(_normal(filter_.zeros)) / _real(_normal(filter_.poles))
+        gain = filter_.gain * _normal(filter_.zeros) / _normal(filter_.poles)
     else:
         unit = -1.0 if plane == "f" else -2 * math.pi
         gain = filter_.gain * (2 * math.pi) ** -size
@@ -121,16 +121,9 @@ def format_filter(filter_: Filter, plane: str = "n") -> str:
     return f'zpk([{zeros}],[{poles}],{_write(gain)},"{plane}")'
 
 
-def _normal(roots: tuple[complex, ...]) -> complex:
+def _normal(roots: tuple[complex, ...]) -> float:
     """Product of the roots that are not 0: factor between (i f + r) and (1 + i f / r)."""
-    result = 1.0 + 0j
-    for root in roots:
-        result *= root or 1.0
-    return result
-
-
-def _real(value: complex) -> float:
-    return complex(value).real
+    return complex(math.prod(root or 1.0 for root in roots)).real
 
 
 def _write(value: float) -> str:
@@ -146,39 +139,36 @@ def _write_root(root: complex) -> str:
 
 
 class _Reader:
-    """Recursive-descent parser of one string."""
+    """Recursive-descent parser of one string, with its next token: kind, text and column from 0."""
 
     def __init__(self, text: str) -> None:
-        self.text, self.place = text, 0
-        self._tokens: list[tuple[str, str, int]] = []
-        while text[self.place :].strip():
-            found = TOKEN.match(text, self.place)
-            if not found:
-                gap = len(text[self.place :]) - len(text[self.place :].lstrip())
-                self._fail(self.place + gap, f"{text[self.place + gap]!r} is not understood")
-            kind = str(found.lastgroup)
-            self._tokens.append((kind, found[kind], found.start(kind)))
-            self.place = found.end()
-        self._tokens.append(("end", "", len(text.rstrip())))
-        self._at = 0
-        if self.ended:
+        self._tokens = self._split(text)
+        self.advance()
+        if self.kind == "end":
             self._fail(0, "is empty")
 
-    @property
-    def next(self) -> str:
-        """The next token."""
-        return self._tokens[self._at][1]
+    def _split(self, text: str) -> Iterator[tuple[str, str, int]]:
+        place, end = 0, len(text.rstrip())
+        while place < end:
+            found = TOKEN.match(text, place)
+            if not found:
+                place = end - len(text[place:end].lstrip())
+                self._fail(place, f"{text[place]!r} is not understood")
+            kind, place = str(found.lastgroup), found.end()
+            yield kind, found[kind], found.start(kind)
+        yield "end", "", end
 
-    @property
-    def ended(self) -> bool:
-        """Whether no token is left."""
-        return self._tokens[self._at][0] == "end"
+    def advance(self) -> str:
+        """Pass over the next token, and return its text."""
+        before = getattr(self, "text", "")
+        self.kind, self.text, self.column = next(self._tokens)
+        return before
 
-    def take(self, wanted: str) -> None:
+    def _take(self, wanted: str) -> None:
         """Pass over a sign; fail if another token is next."""
-        if self.next != wanted:
-            self._expected(f'"{wanted}"' if wanted != '"' else "a text")
-        self._at += 1
+        if self.text != wanted:
+            self._expected(f'"{wanted}"')
+        self.advance()
 
     def _fail(self, column: int, problem: str, remedy: str = "") -> NoReturn:
         raise FotonError(
@@ -187,81 +177,69 @@ class _Reader:
         )
 
     def _expected(self, what: str) -> NoReturn:
-        kind, token, column = self._tokens[self._at]
-        self._fail(column, f"{what} expected, found {'the end' if kind == 'end' else token}")
+        found = "the end" if self.kind == "end" else self.text
+        self._fail(self.column, f"{what} expected, found {found}")
 
     def factor(self) -> Filter:
         """Read one factor."""
-        kind, name, column = self._tokens[self._at]
-        if kind != "name":
+        if self.kind != "name":
             self._expected("a factor")
+        name, column = self.text, self.column
         if name not in MINIMUM:
-            known = ", ".join(MINIMUM)
-            self._fail(
-                column,
-                f"{name} is not known here ({known})",
-                "have Foton write the filter as zeros, poles and gain",
-            )
-        self._at += 1
-        self.take("(")
+            problem = f"{name} is not known here ({', '.join(MINIMUM)})"
+            self._fail(column, problem, "have Foton write the filter as zeros, poles and gain")
+        self.advance()
+        self._take("(")
         arguments: list[tuple[object, int]] = []
-        while self.next != ")":
+        while self.text != ")":
             if arguments:
-                self.take(",")
-            start = self._tokens[self._at][2]
+                self._take(",")
+            start = self.column
             arguments.append((self._argument(), start))
-        self.take(")")
+        self.advance()
         return self._make(name, column, arguments)
 
     def _argument(self) -> object:
         """Read a vector, a text or a number."""
-        kind, token, _ = self._tokens[self._at]
-        if kind == "text":
-            self._at += 1
-            return token[1:-1]
-        if token == "[":
-            self._at += 1
-            roots: list[tuple[complex, int]] = []
-            while self.next != "]":
-                if roots:
-                    if self.next not in (",", ";"):
-                        self._expected('";" or "]"')
-                    self._at += 1
-                column = self._tokens[self._at][2]
-                roots.append((self._complex(), column))
-            self._at += 1
-            return roots
-        return self._complex()
+        if self.kind == "text":
+            return self.advance()[1:-1]
+        if self.text != "[":
+            return self._complex()
+        self.advance()
+        roots: list[tuple[complex, int]] = []
+        while self.text != "]":
+            if roots:
+                if self.text not in (",", ";"):
+                    self._expected('";" or "]"')
+                self.advance()
+            column = self.column
+            roots.append((self._complex(), column))
+        self.advance()
+        return roots
 
     def _complex(self) -> complex:
         """Read a complex number: 1, -i*2, 1+i*2, 1+2*i, 1-2i."""
-        total, first = 0j, True
-        while first or self.next in ("+", "-"):
-            sign = 1.0
-            if self.next in ("+", "-"):
-                sign = -1.0 if self.next == "-" else 1.0
-                self._at += 1
+        sign = -1.0 if self.text in ("+", "-") and self.advance() == "-" else 1.0
+        total = sign * self._term()
+        while self.text in ("+", "-"):
+            sign = -1.0 if self.advance() == "-" else 1.0
             total += sign * self._term()
-            first = False
         return total
 
     def _term(self) -> complex:
         value, units = 1.0 + 0j, 0
         while True:
-            kind, token, _ = self._tokens[self._at]
-            if kind == "number":
-                value *= float(token)
-            elif kind == "name" and token in ("i", "j"):
+            if self.kind == "number":
+                value *= float(self.advance())
+            elif self.text in ("i", "j"):
+                self.advance()
                 value, units = value * 1j, units + 1
             else:
                 self._expected("a number")
-            self._at += 1
-            kind, token, _ = self._tokens[self._at]
-            if token == "*":
-                self._at += 1
-            elif not (kind == "name" and token in ("i", "j") and not units):
-                break
-        return value
+            if self.text == "*":
+                self.advance()
+            elif self.text not in ("i", "j") or units:
+                return value
 
     def _make(self, name: str, column: int, given: list[tuple[object, int]]) -> Filter:
         plane = "scalar" if name == "gain" else "s"
@@ -281,11 +259,9 @@ class _Reader:
             made = _normalise(self._number(*given[2]), zeros, poles, plane)
             for pole in made.poles:
                 if pole.real < 0:
-                    self._fail(
-                        given[1][1],
-                        f"a pole at {_write_root(-pole)} Hz is in the right half plane and grows",
-                        f'in plane "{plane}" stable poles have {SIDE[plane]} real parts',
-                    )
+                    where = f"at {_write_root(-pole)} Hz is in the right half plane"
+                    remedy = f'in plane "{plane}" stable poles have {SIDE[plane]} real parts'
+                    self._fail(given[1][1], f"a pole {where} and grows", remedy)
             return made
         numbers = [self._number(*one) for one in given]
         if name == "gain":
@@ -293,9 +269,8 @@ class _Reader:
         extra = numbers[least] if len(numbers) > least else 1.0
         if numbers[0] < 0:
             self._fail(given[0][1], f"the frequency of {name} is negative", "give it positive")
-        if name in ("pole", "zero"):
-            roots = (complex(numbers[0]),)
-        else:
+        roots: tuple[complex, ...] = (complex(numbers[0]),)
+        if name not in ("pole", "zero"):
             f0, q = numbers[:2]
             if not q > 0 or f0 == 0:
                 self._fail(column, f"{name} takes a positive frequency and Q", "correct them")
@@ -327,11 +302,8 @@ class _Reader:
                 continue
             distance = [abs(other - root.conjugate()) for other, _ in left]
             if not distance or min(distance) > PAIRED * abs(root):
-                self._fail(
-                    at,
-                    f"the complex root {_write_root(root)} has no conjugate",
-                    f"add {_write_root(root.conjugate())}",
-                )
+                problem = f"the complex root {_write_root(root)} has no conjugate"
+                self._fail(at, problem, f"add {_write_root(root.conjugate())}")
             left.pop(distance.index(min(distance)))
             result += [root, root.conjugate()]
         return tuple(result)
@@ -342,7 +314,7 @@ def _normalise(
 ) -> Filter:
     """Convert roots and gain of a plane to those of `Filter`."""
     if plane == "n":
-        return Filter(gain * _real(_normal(poles)) / _real(_normal(zeros)), zeros, poles)
+        return Filter(gain * _normal(poles) / _normal(zeros), zeros, poles)
     if plane == "f":
         zeros, poles = (tuple(-root for root in roots) for roots in (zeros, poles))
     else:

@@ -6,15 +6,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Literal
 
-import msgspec
 from msgspec import Meta
 
 from suspension_cli.conventions import DOFS
 from suspension_cli.design import faults, reader
-from suspension_cli.design.faults import suggest
-from suspension_cli.design.measured import Number, Positive
+from suspension_cli.design.faults import fault_of, suggest
+from suspension_cli.design.measured import Number, Positive, check_bounds
 from suspension_cli.design.schema import Perturbation
-from suspension_cli.design.units import Name, Table
+from suspension_cli.design.units import Name, Table, doc
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
 
 Kind = Literal["band", "separation", "coupling", "isolation", "cross-coupling", "stress", "height"]
@@ -24,22 +23,18 @@ Dof = Literal["x", "y", "z", "roll", "pitch", "yaw"]
 class Free(Table, frozen=True):
     """One number of the design that may change, within bounds."""
 
-    name: Annotated[str, Meta(description="dotted path, as --set takes it")]
+    name: Annotated[str, doc("dotted path, as --set takes it")]
     lower: Number
     upper: Number
-    start: (
-        Annotated[Number, Meta(description="where to begin; default: the design's value")] | None
-    ) = None
-    scale: Annotated[Literal["linear", "log"], Meta(description='"log": steps of equal ratio')] = (
-        "linear"
-    )
+    start: Annotated[Number, doc("where to begin; default: the design's value")] | None = None
+    scale: Annotated[Literal["linear", "log"], doc('"log": steps of equal ratio')] = "linear"
 
 
 class Equal(Table, frozen=True):
     """One number that follows from others: offset plus the sum of coefficient times number."""
 
-    name: Annotated[str, Meta(description="dotted path of the number that follows")]
-    terms: Annotated[dict[str, Number], Meta(description='{ "dotted.path" = coefficient, ... }')]
+    name: Annotated[str, doc("dotted path of the number that follows")]
+    terms: Annotated[dict[str, Number], doc('{ "dotted.path" = coefficient, ... }')]
     offset: Number = 0.0
     lower: Number | None = None
     upper: Number | None = None
@@ -49,7 +44,7 @@ class Goal(Table, frozen=True):
     """A limit on a quantity, or a quantity to minimise or maximise."""
 
     kind: Kind
-    name: Annotated[str, Meta(max_length=100, description="for the report")] = ""
+    name: Annotated[str, doc("for the report", max_length=100)] = ""
     at_least: Positive | None = None
     at_most: Positive | None = None
     equals: Positive | None = None
@@ -59,61 +54,40 @@ class Goal(Table, frozen=True):
     dof: (
         Annotated[
             list[Dof],
-            Meta(
-                min_length=1,
-                description=f"modes of the families that these belong to: {', '.join(DOFS)}",
-            ),
+            doc(f"modes of the families that these belong to: {', '.join(DOFS)}", min_length=1),
         ]
         | None
     ) = None
     lowest: (
-        Annotated[
-            int, Meta(ge=1, le=1000, description="of each family, this many of the lowest modes")
-        ]
-        | None
+        Annotated[int, doc("of each family, this many of the lowest modes", ge=1, le=1000)] | None
     ) = None
     modes: (
         Annotated[
             list[str],
-            Meta(
-                min_length=1,
-                description="labels in pendsus modes --fidelity string, followed by shapes",
-            ),
+            doc("labels in pendsus modes --fidelity string, followed by shapes", min_length=1),
         ]
         | None
     ) = None
-    apart: (
-        Annotated[Literal["ratio", "hertz"], Meta(description="measure of a separation")] | None
-    ) = None
+    apart: Annotated[Literal["ratio", "hertz"], doc("measure of a separation")] | None = None
     response: (
         Annotated[
             str,
-            Meta(
-                description=(
-                    "OUTPUT/INPUT:FREQUENCY, or OVER/UNDER/INPUT:FREQUENCY of a cross-coupling"
-                )
-            ),
+            doc("OUTPUT/INPUT:FREQUENCY, or OVER/UNDER/INPUT:FREQUENCY of a cross-coupling"),
         ]
         | None
     ) = None
     perturbation: (
         Annotated[
             list[Perturbation],
-            Meta(min_length=1, description="imperfections with which the response is taken"),
+            doc("imperfections with which the response is taken", min_length=1),
         ]
         | None
     ) = None
-    wires: (
-        Annotated[list[Name], Meta(min_length=1, description="stages whose wires are meant")] | None
-    ) = None
-    blades: (
-        Annotated[list[Name], Meta(min_length=1, description="stages whose blades are meant")]
-        | None
-    ) = None
-    stage: (
-        Annotated[Name, Meta(description="stage whose depth below the suspension point is meant")]
-        | None
-    ) = None
+    wires: Annotated[list[Name], doc("stages whose wires are meant", min_length=1)] | None = None
+    blades: Annotated[list[Name], doc("stages whose blades are meant", min_length=1)] | None = None
+    stage: Annotated[Name, doc("stage whose depth below the suspension point is meant")] | None = (
+        None
+    )
 
 
 class Goals(Table, frozen=True):
@@ -121,22 +95,16 @@ class Goals(Table, frozen=True):
 
     goal: Annotated[list[Goal], Meta(min_length=1)]
     free: Annotated[list[Free], Meta(min_length=1)]
-    equal: list[Equal] = msgspec.field(default_factory=list)
+    equal: list[Equal] = []
     title: str = ""
     reference: str = ""
     prefer: Annotated[
         Literal["near", "margin"],
-        Meta(
-            description="without minimise and maximise: the nearest design, or the largest margins"
-        ),
+        doc("without minimise and maximise: the nearest design, or the largest margins"),
     ] = "near"
     margin: Annotated[
         float,
-        Meta(
-            ge=1e-7,
-            le=1,
-            description="distance that the search keeps from each limit, as a fraction of it",
-        ),
+        doc("distance that the search keeps from each limit, as a fraction of it", ge=1e-7, le=1),
     ] = 1e-6
 
 
@@ -198,11 +166,12 @@ def _check_goal(item: Goal, path: str) -> Iterator[Fault]:
     ]
     for key in given:
         if key not in takes:
-            yield Fault(
-                f"{path}.{key}",
+            yield fault_of(
+                item,
+                path,
+                key,
                 f"is not for a goal of kind {item.kind}",
                 f"known here: {', '.join(takes)}",
-                format_value(getattr(item, key)),
             )
     limits = [key for key in LIMITS if key in given]
     if item.minimise and item.maximise:
@@ -215,25 +184,14 @@ def _check_goal(item: Goal, path: str) -> Iterator[Fault]:
             " true",
         )
     if item.weight is not None and not (item.minimise or item.maximise):
-        yield Fault(
-            f"{path}.weight",
-            "has no effect on a limit",
-            "give minimise or maximise too",
-            format_value(item.weight),
+        yield fault_of(
+            item, path, "weight", "has no effect on a limit", "give minimise or maximise too"
         )
     if item.equals is not None and len(limits) > 1:
-        yield Fault(
-            f"{path}.equals",
-            "conflicts with another limit",
-            "give equals alone",
-            format_value(item.equals),
-        )
+        yield fault_of(item, path, "equals", "conflicts with another limit", "give equals alone")
     if item.at_least is not None and item.at_most is not None and item.at_least >= item.at_most:
-        yield Fault(
-            f"{path}.at_least",
-            f"is not below at_most = {item.at_most:g}",
-            "exchange them",
-            format_value(item.at_least),
+        yield fault_of(
+            item, path, "at_least", f"is not below at_most = {item.at_most:g}", "exchange them"
         )
     yield from _check_kind(item, path)
 
@@ -248,18 +206,14 @@ def _check_kind(item: Goal, path: str) -> Iterator[Fault]:
                 'give dof = ["yaw"] or modes = ["test pitch"], one of the two',
             )
         if item.lowest is not None and item.dof is None:
-            yield Fault(
-                f"{path}.lowest",
-                "goes with dof",
-                "give dof too, or name the modes",
-                format_value(item.lowest),
-            )
+            yield fault_of(item, path, "lowest", "goes with dof", "give dof too, or name the modes")
     if item.kind == "coupling" and (item.at_least or 0) > 1:
-        yield Fault(
-            f"{path}.at_least",
+        yield fault_of(
+            item,
+            path,
+            "at_least",
             "is more than the whole kinetic energy",
             "give a fraction from 0 to 1, such as 0.01",
-            format_value(item.at_least),
         )
     if item.kind == "separation":
         if item.minimise or item.maximise:
@@ -267,47 +221,29 @@ def _check_kind(item: Goal, path: str) -> Iterator[Fault]:
                 path, "a separation cannot be minimised or maximised", "give at_least alone"
             )
         if item.apart != "hertz" and item.at_least is not None and item.at_least <= 1:
-            yield Fault(
-                f"{path}.at_least",
+            yield fault_of(
+                item,
+                path,
+                "at_least",
                 "must be a ratio above 1",
                 'give 1.1 for 10 % apart, or apart = "hertz"',
-                format_value(item.at_least),
             )
     if item.kind in PARTS:
         slashes, example = PARTS[item.kind]
         if item.response is None:
             yield Fault(f"{path}.response", "missing", f"give {example}")
         elif item.response.partition(":")[0].count("/") != slashes:
-            yield Fault(
-                f"{path}.response",
-                f"has the wrong form for {item.kind}",
-                f"write {example}",
-                format_value(item.response),
+            yield fault_of(
+                item, path, "response", f"has the wrong form for {item.kind}", f"write {example}"
             )
 
 
 def _check_free(item: Free, path: str) -> Iterator[Fault]:
-    if item.lower >= item.upper:
-        yield Fault(
-            f"{path}.lower",
-            f"is not below the upper bound {item.upper:g}",
-            "exchange them",
-            format_value(item.lower),
-        )
-    elif item.start is not None and not item.lower <= item.start <= item.upper:
-        yield Fault(
-            f"{path}.start",
-            "lies outside the bounds",
-            "start within them",
-            format_value(item.start),
-        )
+    yield from check_bounds(item, path, item.start)
     if item.scale == "log" and item.lower <= 0:
-        yield Fault(
-            f"{path}.lower",
-            "must be positive on a logarithmic scale",
-            'give a positive bound, or scale = "linear"',
-            format_value(item.lower),
-        )
+        problem = "must be positive on a logarithmic scale"
+        remedy = 'give a positive bound, or scale = "linear"'
+        yield fault_of(item, path, "lower", problem, remedy)
 
 
 def _check_ties(goals: Goals) -> Iterator[Fault]:
@@ -316,26 +252,13 @@ def _check_ties(goals: Goals) -> Iterator[Fault]:
     for n, name in enumerate(names):
         if name in names[:n]:
             path = f"free.{n + 1}" if n < len(free) else f"equal.{n + 1 - len(free)}"
-            yield Fault(
-                f"{path}.name",
-                "is named twice",
-                "give each number once, as free or equal",
-                format_value(name),
-            )
+            remedy = "give each number once, as free or equal"
+            yield Fault(f"{path}.name", "is named twice", remedy, format_value(name))
     for n, item in enumerate(goals.equal, 1):
-        for term in item.terms:
-            if term in tied:
-                yield Fault(
-                    f"equal.{n}.terms",
-                    f"{term} is itself given by [[equal]]",
-                    f"express it by free numbers; {suggest(term, free)}",
-                )
+        path = f"equal.{n}"
+        for term in [term for term in item.terms if term in tied]:
+            remedy = f"express it by free numbers; {suggest(term, free)}"
+            yield Fault(f"{path}.terms", f"{term} is itself given by [[equal]]", remedy)
         if not item.terms:
-            yield Fault(f"equal.{n}.terms", "is empty", 'give { "dotted.path" = coefficient }')
-        if item.lower is not None and item.upper is not None and item.lower >= item.upper:
-            yield Fault(
-                f"equal.{n}.lower",
-                f"is not below the upper bound {item.upper:g}",
-                "exchange them",
-                format_value(item.lower),
-            )
+            yield Fault(f"{path}.terms", "is empty", 'give { "dotted.path" = coefficient }')
+        yield from check_bounds(item, path)

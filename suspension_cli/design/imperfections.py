@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from msgspec import Meta, defstruct
+from msgspec import defstruct
 
-from suspension_cli.design.units import Angle, Factor, Position, Table, unit
+from suspension_cli.design.units import Angle, Factor, Position, Table, doc, unit
 
 AXES = ("x", "y", "z")
 PARTS = ("wire", "body", "blade", "leg", "link")
@@ -25,21 +25,21 @@ class Imperfection:
 
     Attributes
     ----------
-    name : str
+    name
         The key of `[[perturbation]]`; the name under which `scene.imperfections` applies it.
-    part : str
+    part
         One of `PARTS`.
-    kind : type
+    kind
         Type of one number, with its unit and bounds: `Factor` for a relative error.
-    quantity : str
+    quantity
         The quantity that the factor multiplies, or that the number gives.
-    vector : bool
+    vector
         Whether there are three numbers, for x, y and z.
-    perturbation : bool
+    perturbation
         Whether a file can give it in `[[perturbation]]`.
-    spread : str
+    spread
         Key of `[[tolerance.wire]]`, `[[tolerance.body]]`, ...; "" if it does not scatter.
-    sweep : str
+    sweep
         Short name for `pendsus xcouple`; "" if it has none.
     """
 
@@ -259,7 +259,7 @@ def with_spreads(base: type[Table], part: str, distribution: type[Table]) -> Any
 def _with_keys(base: type[Table], keys: Sequence[tuple[str, Any, str]]) -> Any:
     fields: list[Any] = []
     for key, kind, text in keys:
-        described: Any = Annotated[kind, Meta(description=text)]
+        described: Any = Annotated[kind, doc(text)]
         required = len(keys) == 1  # a table without it would say nothing
         fields.append((key, described) if required else (key, described | None, None))
     return defstruct(

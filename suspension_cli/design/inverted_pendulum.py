@@ -30,8 +30,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated
 
-from msgspec import Meta
-
+from suspension_cli.design.circles import direction
+from suspension_cli.design.faults import check_alternatives, fault_of
 from suspension_cli.design.units import (
     Angle,
     Frequency,
@@ -44,16 +44,15 @@ from suspension_cli.design.units import (
     Stiffness,
     Table,
     Vector,
+    doc,
     of_unit,
 )
-from suspension_cli.errors import Fault, format_value
+from suspension_cli.errors import Fault
 
 FLEXURE = Annotated[float, of_unit("N m/rad", "", gt=0, le=1e15)]
 AXIAL_STIFFNESS = 1e8
 """Default stiffness of a leg along its length, N/m: an aluminium tube of 60 mm by 5 mm, 0.6 m
 long."""
-TURN = 5040
-"""Steps per turn, a multiple of most numbers of legs; angles near a step are rounded to it."""
 ROUND_ROD = 1.3
 """Bending over torsional stiffness of a round rod, E I / (G J) = 1 + nu at Poisson's ratio 0.3."""
 
@@ -62,50 +61,43 @@ class Counterweight(Table, frozen=True):
     """A mass on each leg below its foot, which moves the leg's centre of percussion."""
 
     mass: Mass
-    below: Annotated[Length, Meta(description="distance below the flexure, m")]
+    below: Annotated[Length, doc("distance below the flexure, m")]
 
 
 class InvertedPendulum(Table, frozen=True):
     """Legs on which a stage stands: feet on the body above it in the file, or on the support."""
 
-    length: Annotated[Length, Meta(description="length of a leg, foot to top, m")]
+    length: Annotated[Length, doc("length of a leg, foot to top, m")]
     points: (
         Annotated[
             list[Vector],
-            Meta(
+            doc(
+                "tops of the legs from this body's COM, m; instead of count and radius",
                 min_length=3,
                 max_length=24,
-                description="tops of the legs from this body's COM, m; instead of count and radius",
             ),
         ]
         | None
     ) = None
-    count: (
-        Annotated[int, Meta(ge=3, le=24, description="number of legs, evenly spaced on a circle")]
-        | None
-    ) = None
-    radius: Annotated[Length, Meta(description="radius of that circle, m")] | None = None
-    phase: Annotated[
-        Angle, Meta(description="angle of the first leg from the x axis towards y, rad")
-    ] = 0.0
-    top: Annotated[
-        Position, Meta(description="height of the tops above this body's COM, with count, m")
-    ] = 0.0
+    count: Annotated[int, doc("number of legs, evenly spaced on a circle", ge=3, le=24)] | None = (
+        None
+    )
+    radius: Annotated[Length, doc("radius of that circle, m")] | None = None
+    phase: Annotated[Angle, doc("angle of the first leg from the x axis towards y, rad")] = 0.0
+    top: Annotated[Position, doc("height of the tops above this body's COM, with count, m")] = 0.0
     stiffness: (
         Annotated[
             FLEXURE,
-            Meta(description="bending stiffness of the flexure at the foot of a leg, N m/rad"),
+            doc("bending stiffness of the flexure at the foot of a leg, N m/rad"),
         ]
         | None
     ) = None
     frequency: (
         Annotated[
             Frequency,
-            Meta(
-                description=(
-                    "lateral frequency with the load, Hz, instead of stiffness; everything that"
-                    " hangs moves with the stage"
-                )
+            doc(
+                "lateral frequency with the load, Hz, instead of stiffness; everything that"
+                " hangs moves with the stage"
             ),
         ]
         | None
@@ -128,10 +120,10 @@ class InvertedPendulum(Table, frozen=True):
         ]
         | None
     ) = None
-    axial_stiffness: Annotated[
-        Stiffness, Meta(description="stiffness of a leg along its length, N/m")
-    ] = AXIAL_STIFFNESS
-    leg_mass: Annotated[MassOrZero, Meta(description="mass of a leg, kg")] = 0.0
+    axial_stiffness: Annotated[Stiffness, doc("stiffness of a leg along its length, N/m")] = (
+        AXIAL_STIFFNESS
+    )
+    leg_mass: Annotated[MassOrZero, doc("mass of a leg, kg")] = 0.0
     leg_com: (
         Annotated[
             float,
@@ -144,18 +136,12 @@ class InvertedPendulum(Table, frozen=True):
     leg_inertia: (
         Annotated[
             MomentOrZero,
-            Meta(
-                description=(
-                    "moment of inertia of a leg about its COM, kg m^2; default that of a thin rod"
-                )
-            ),
+            doc("moment of inertia of a leg about its COM, kg m^2; default that of a thin rod"),
         ]
         | None
     ) = None
     counterweight: Counterweight | None = None
-    loss_angle: (
-        Annotated[LossAngle, Meta(description="loss angle of the flexures in rad")] | None
-    ) = None
+    loss_angle: Annotated[LossAngle, doc("loss angle of the flexures in rad")] | None = None
     q: (
         Annotated[
             float,
@@ -177,7 +163,7 @@ def tops(legs: InvertedPendulum) -> list[tuple[float, float, float]]:
     assert legs.count is not None and legs.radius is not None
     found = []
     for n in range(legs.count):
-        x, y = _direction(legs.phase + 2 * math.pi * n / legs.count)
+        x, y = direction(legs.phase, n, legs.count)
         found.append((legs.radius * x, legs.radius * y, legs.top))
     return found
 
@@ -185,24 +171,6 @@ def tops(legs: InvertedPendulum) -> list[tuple[float, float, float]]:
 def leg_count(legs: InvertedPendulum) -> int:
     """Count the legs; 0 if the table does not say."""
     return legs.count or 0 if legs.points is None else len(legs.points)
-
-
-def _direction(angle: complex) -> tuple[complex, complex]:
-    """Cosine and sine, for mirror images equal to the last bit (but for signs) at most angles.
-
-    These are the angles on the `TURN` steps of a turn.
-    """
-    if isinstance(angle, complex):  # a derivative by a complex step
-        x, y = _direction(angle.real)
-        return complex(x, -y * angle.imag), complex(y, x * angle.imag)
-    steps = angle / (2 * math.pi) * TURN
-    if abs(steps - round(steps)) > 1e-10:
-        return math.cos(angle), math.sin(angle)
-    step, quarter = round(steps) % TURN, TURN // 4
-    quadrant, rest = divmod(step, quarter)
-    x, y = math.cos(2 * math.pi * rest / TURN), math.cos(2 * math.pi * (quarter - rest) / TURN)
-    x, y = (1.0, 0.0) if rest == 0 else (x, y)
-    return ((x, y), (-y, x), (-x, -y), (y, -x))[quadrant]
 
 
 def offset(legs: InvertedPendulum) -> tuple[float, float, float]:
@@ -216,7 +184,7 @@ class LegInertia:
 
     Attributes
     ----------
-    foot, coupling, top : float
+    foot, coupling, top
         Coefficients of the kinetic energy foot v_f^2 / 2 + coupling v_f v_t + top v_t^2 / 2, with
         v_f and v_t the velocities of both ends, kg.
     """
@@ -255,22 +223,21 @@ class LegStatics:
 
     Attributes
     ----------
-    count : int
-    flexure, top : float
+    flexure, top
         Bending stiffness of the flexure at the foot and of the joint at the top of a leg, N m/rad.
-    yaw : float
+    yaw
         Torsional stiffness of a leg, N m/rad.
-    load : float
+    load
         Weight of the stage and of all that hangs from it, N.
-    critical : float
+    critical
         Load at which it tips over, N.
-    stiffness, elastic : float
+    stiffness, elastic
         Lateral stiffness of all legs with the load, and of their flexures alone, N/m.
-    mass : float
+    mass
         Inertia against lateral motion, kg.
-    loss : float
+    loss
         Loss angle of the flexures, rad.
-    gravity : float
+    gravity
         m/s^2.
     """
 
@@ -297,15 +264,13 @@ def leg_statics(legs: InvertedPendulum, load: float, gravity: float) -> LegStati
     count, length, inertia = len(tops(legs)), legs.length, leg_inertia(legs)
     mass = load / gravity + count * inertia.top
     weight = load + count * inertia.on_top * gravity
-    if legs.stiffness is not None:
-        flexure = legs.stiffness
-    else:
+    flexure = legs.stiffness
+    if flexure is None:
         assert legs.frequency is not None
         wanted = (2 * math.pi * legs.frequency) ** 2 * mass
         flexure = (wanted * length**2 + weight * length) / count - legs.top_stiffness
     elastic = count * (flexure + legs.top_stiffness) / length**2
     stiffness = elastic - weight / length
-    yaw = flexure / ROUND_ROD if legs.yaw_stiffness is None else legs.yaw_stiffness
     loss = legs.loss_angle or 0.0
     if legs.q is not None:
         loss = stiffness / elastic / legs.q if stiffness.real > 0 else 0.0
@@ -313,7 +278,7 @@ def leg_statics(legs: InvertedPendulum, load: float, gravity: float) -> LegStati
         count=count,
         flexure=flexure,
         top=legs.top_stiffness,
-        yaw=yaw,
+        yaw=flexure / ROUND_ROD if legs.yaw_stiffness is None else legs.yaw_stiffness,
         load=load,
         critical=elastic * length - count * inertia.on_top * gravity,
         stiffness=stiffness,
@@ -330,41 +295,32 @@ def check_legs(legs: InvertedPendulum, path: str) -> Iterator[Fault]:
         both = "points and count are both given" if legs.points is not None else "has no legs"
         yield Fault(path, both, "give exactly one: points, or count with radius")
     elif legs.count is not None and legs.radius is None:
-        yield Fault(f"{path}.radius", "missing", "give the radius of the circle of legs in m")
+        yield fault_of(
+            legs, path, "radius", "missing", "give the radius of the circle of legs in m"
+        )
     if legs.points is not None and legs.count is None:
-        for key, value in (("radius", legs.radius), ("phase", legs.phase), ("top", legs.top)):
-            if value:
-                yield Fault(
-                    f"{path}.{key}",
-                    "goes with count; points place the legs themselves",
-                    "remove it or give count",
-                    format_value(value),
-                )
+        problem, remedy = (
+            "goes with count; points place the legs themselves",
+            "remove it or give count",
+        )
+        for key in ("radius", "phase", "top"):
+            if getattr(legs, key):
+                yield fault_of(legs, path, key, problem, remedy)
         yield from _check_base(legs.points, f"{path}.points")
-    for keys, what in (
-        (("stiffness", "frequency"), "stiffness in N m/rad, or frequency with the load in Hz"),
-        (("loss_angle", "q"), "loss_angle in rad, or q"),
-    ):
-        given = [key for key in keys if getattr(legs, key) is not None]
-        if len(given) == 2 or (not given and keys[0] == "stiffness"):
-            have = f"{keys[0]} and {keys[1]} are both given" if given else "has no stiffness"
-            yield Fault(path, have, f"give exactly one: {what}")
+    what = "stiffness in N m/rad, or frequency with the load in Hz"
+    yield from check_alternatives(legs, path, ("stiffness", "frequency"), what, needed=True)
+    yield from check_alternatives(legs, path, ("loss_angle", "q"), "loss_angle in rad, or q")
     if legs.leg_mass == 0 and (legs.leg_inertia or legs.leg_com):
         yield Fault(f"{path}.leg_mass", "missing", "give the mass of a leg in kg")
-    if legs.leg_inertia is not None and legs.leg_inertia > legs.leg_mass * legs.length**2:
-        yield Fault(
-            f"{path}.leg_inertia",
-            f"is more than m L^2 of the leg, {legs.leg_mass * legs.length**2:g} kg m^2",
-            "give it about the leg's COM in kg m^2; a thin rod has m L^2 / 12",
-            format_value(legs.leg_inertia),
-        )
-    if legs.counterweight is not None and legs.counterweight.below > 2 * legs.length:
-        yield Fault(
-            f"{path}.counterweight.below",
-            f"is more than twice the length of the leg, {legs.length:g} m",
-            "give it in m",
-            format_value(legs.counterweight.below),
-        )
+    most = legs.leg_mass * legs.length**2
+    if legs.leg_inertia is not None and legs.leg_inertia > most:
+        problem = f"is more than m L^2 of the leg, {most:g} kg m^2"
+        remedy = "give it about the leg's COM in kg m^2; a thin rod has m L^2 / 12"
+        yield fault_of(legs, path, "leg_inertia", problem, remedy)
+    weight = legs.counterweight
+    if weight is not None and weight.below > 2 * legs.length:
+        problem = f"is more than twice the length of the leg, {legs.length:g} m"
+        yield fault_of(weight, f"{path}.counterweight", "below", problem, "give it in m")
 
 
 def _check_base(points: list[tuple[float, float, float]], path: str) -> Iterator[Fault]:

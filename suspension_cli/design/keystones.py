@@ -13,7 +13,7 @@ class Keystone(Stage, frozen=True, kw_only=True):
 
     Attributes
     ----------
-    blades_of : str
+    blades_of
         Name of the stage with the filter.
     """
 

@@ -11,8 +11,8 @@ from suspension_cli.conventions import DOFS, FRAME, GROUND, SUPPORT
 from suspension_cli.design import materials
 from suspension_cli.design.body_checks import check_exactly_one
 from suspension_cli.design.derive import com_positions
-from suspension_cli.design.faults import suggest
-from suspension_cli.design.links import Damper, EddyCurrent, Link, StiffnessTable, Strands
+from suspension_cli.design.faults import fault_of, suggest
+from suspension_cli.design.links import Damper, Link, StiffnessTable, Strands
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, format_value
 
@@ -22,27 +22,20 @@ BESIDE = (SUPPORT, GROUND)
 
 def check_links(design: Design, *, placed: bool) -> Iterator[Fault]:
     """Check all links and dampers; their geometry only where the bodies are `placed`."""
-    names: list[str] = []
     stages = [stage.name for stage in design.stage]
-    for kind, items in (("link", design.link), ("damper", design.damper)):
-        for item in items:
-            path = f"{kind}.{item.name}"
-            if item.name in (*names, *stages):
-                yield Fault(
-                    f"{path}.name",
-                    "is the name of another link, damper or stage",
-                    "give each a name of its own",
-                    format_value(item.name),
-                )
-            names.append(item.name)
-            yield from _check_between(item.between, stages, f"{path}.between")
-    if GROUND in stages and any(GROUND in item.between for item in (*design.link, *design.damper)):
-        yield Fault(
-            f"stage.{GROUND}.name",
-            "is the name of the ground, on which a link or damper ends",
-            "give the stage another name",
-            format_value(GROUND),
-        )
+    taken = [*stages]
+    items = [("link", link) for link in design.link] + [("damper", one) for one in design.damper]
+    for kind, item in items:
+        path = f"{kind}.{item.name}"
+        if item.name in taken:
+            problem = "is the name of another link, damper or stage"
+            yield fault_of(item, path, "name", problem, "give each a name of its own")
+        taken.append(item.name)
+        yield from _check_between(item.between, stages, f"{path}.between")
+    if GROUND in stages and any(GROUND in item.between for _, item in items):
+        problem = "is the name of the ground, on which a link or damper ends"
+        remedy = "give the stage another name"
+        yield Fault(f"stage.{GROUND}.name", problem, remedy, format_value(GROUND))
     for link in design.link:
         yield from _check_link(design, link, f"link.{link.name}", placed=placed)
     for damper in design.damper:
@@ -76,42 +69,32 @@ def _check_link(design: Design, link: Link, path: str, *, placed: bool) -> Itera
     if link.table is not None:
         yield from _check_table(link.table, f"{path}.table")
         if link.loss_angle is not None:
-            yield Fault(
-                f"{path}.loss_angle",
-                "conflicts with the imaginary part of the table",
-                "remove it",
-                format_value(link.loss_angle),
-            )
+            problem = "conflicts with the imaginary part of the table"
+            yield fault_of(link, path, "loss_angle", problem, "remove it")
     if link.strands is not None:
         yield from _check_strands(design, link, link.strands, f"{path}.strands", placed=placed)
 
 
+def is_symmetric(matrix: list[list[float]]) -> bool:
+    """Whether a square matrix is exactly symmetric."""
+    return all(matrix[i][j] == matrix[j][i] for i in range(len(matrix)) for j in range(i))
+
+
 def check_matrix(matrix: Any, path: str) -> Iterator[Fault]:
     """Check that a matrix is six numbers, or six rows that are symmetric."""
-    if matrix is None:
-        return
-    rows = [isinstance(row, list) for row in matrix]
+    rows = [isinstance(row, list) for row in matrix or ()]
+    value = format_value(matrix)
     if any(rows) and not all(rows):
-        yield Fault(
-            path,
-            "mixes numbers and rows",
-            "give six numbers or six rows of six",
-            format_value(matrix),
-        )
-    elif all(rows) and any(matrix[i][j] != matrix[j][i] for i in range(6) for j in range(i)):
-        yield Fault(
-            path, "is not symmetric", "make element (i, j) equal to (j, i)", format_value(matrix)
-        )
+        yield Fault(path, "mixes numbers and rows", "give six numbers or six rows of six", value)
+    elif any(rows) and not is_symmetric(matrix):
+        yield Fault(path, "is not symmetric", "make element (i, j) equal to (j, i)", value)
 
 
 def _check_table(table: StiffnessTable, path: str) -> Iterator[Fault]:
     if table.file is not None:
-        yield Fault(
-            f"{path}.file",
-            "is read only with a design file, not with its text alone",
-            "read the design from its file, or give frequency, real and imaginary",
-            format_value(table.file),
-        )
+        problem = "is read only with a design file, not with its text alone"
+        remedy = "read the design from its file, or give frequency, real and imaginary"
+        yield fault_of(table, path, "file", problem, remedy)
         return
     axes = 6 if table.axis is None else 1
     if not table.frequency:
@@ -122,82 +105,61 @@ def _check_table(table: StiffnessTable, path: str) -> Iterator[Fault]:
     for key in ("real", "imaginary"):
         columns = getattr(table, key)
         if len(columns) != axes:
-            remedy = (
-                f'give one list per axis, {", ".join(DOFS)}, or name the one axis: axis = "x"'
-                if axes == 6
-                else "give one list for the one axis, or remove axis"
-            )
+            remedy = "give one list for the one axis, or remove axis"
+            if axes == 6:
+                one = 'or name the one axis: axis = "x"'
+                remedy = f"give one list per axis, {', '.join(DOFS)}, {one}"
             yield Fault(f"{path}.{key}", f"has {len(columns)} axes instead of {axes}", remedy)
-        elif any(len(column) != len(table.frequency) for column in columns):
-            yield Fault(
-                f"{path}.{key}",
-                f"has an axis without exactly {len(table.frequency)} values",
-                "give one value per frequency",
-            )
-        else:
-            continue
-        return
-    if table.static is not None and len(table.static) != axes:
-        yield Fault(
-            f"{path}.static",
-            f"has {len(table.static)} numbers for {axes} axes",
-            "give one per axis",
-            format_value(table.static),
-        )
-        return
+            return
+        if any(len(column) != len(table.frequency) for column in columns):
+            problem = f"has an axis without exactly {len(table.frequency)} values"
+            yield Fault(f"{path}.{key}", problem, "give one value per frequency")
+            return
     static = [row[0] for row in table.real] if table.static is None else table.static
-    for n, (value, real, imaginary) in enumerate(
-        zip(static, table.real, table.imaginary, strict=True)
-    ):
-        if value == 0 and (any(real) or any(imaginary)):
+    if len(static) != axes:
+        problem = f"has {len(static)} numbers for {axes} axes"
+        yield fault_of(table, path, "static", problem, "give one per axis")
+        return
+    for n, value in enumerate(static):
+        if value == 0 and (any(table.real[n]) or any(table.imaginary[n])):
             axis = table.axis or DOFS[n]
-            yield Fault(
-                f"{path}.static",
-                f"the static stiffness along {axis} is 0, but at other frequencies it is not",
-                "give static, or use damping for a viscous force",
-                format_value(value),
-            )
+            problem = f"the static stiffness along {axis} is 0, but at other frequencies it is not"
+            remedy = "give static, or use damping for a viscous force"
+            yield Fault(f"{path}.static", problem, remedy, format_value(value))
 
 
 def _check_strands(
     design: Design, link: Link, given: Strands, path: str, *, placed: bool
 ) -> Iterator[Fault]:
-    if given.material not in materials.known(design):
-        remedy = suggest(given.material, materials.known(design))
-        yield Fault(f"{path}.material", "unknown material", remedy, format_value(given.material))
+    known = materials.known(design)
+    if given.material not in known:
+        remedy = suggest(given.material, known)
+        yield fault_of(given, path, "material", "unknown material", remedy)
     yield from _check_shape(given, path)
-    if not placed or any(name not in _known(design) for name in link.between):
+    bodies = [*BESIDE, *(stage.name for stage in design.stage)]
+    if not placed or any(name not in bodies for name in link.between):
         return
-    first, second = (
-        (0.0, 0.0, 0.0) if name in BESIDE else com_positions(design)[name] for name in link.between
-    )
+    position = com_positions(design) | dict.fromkeys(BESIDE, (0.0, 0.0, 0.0))
+    first, second = (position[name] for name in link.between)
     x, y, z = (b + q - a - p for a, b, p, q in zip(first, second, link.at, given.to, strict=True))
     width = math.hypot(x, y)
     if given.shape == "points":
-        points = [
-            link.at,
-            *given.points,
-            tuple(p + d for p, d in zip(link.at, (x, y, z), strict=True)),
-        ]
+        end = tuple(p + d for p, d in zip(link.at, (x, y, z), strict=True))
+        points = [link.at, *given.points, end]
         if any(math.dist(one, other) < 1e-9 for one, other in pairwise(points)):
             yield Fault(f"{path}.points", "two points of the wire coincide", "check at, points, to")
     elif width < 1e-6:
-        yield Fault(
-            f"{path}.to",
-            "lies above or below the point at, so the shape has no plane",
-            "move one end sideways, or give points",
-            format_value(list(given.to)),
-        )
+        problem = "lies above or below the point at, so the shape has no plane"
+        yield fault_of(given, path, "to", problem, "move one end sideways, or give points")
     elif given.length is not None:
         least = math.hypot(width, z) if given.shape == "catenary" else math.pi / 2 * width + abs(z)
         if given.length <= least * (1 + 1e-9):
-            yield Fault(
-                f"{path}.length",
+            problem = (
                 f"is too short for ends {width:.4g} m apart and {abs(z):.4g} m in height: this"
-                f" shape needs more than {least:.4g} m",
-                "give a longer wire, or check at and to (m)",
-                format_value(given.length),
+                f" shape needs more than {least:.4g} m"
             )
+            remedy = "give a longer wire, or check at and to (m)"
+            yield fault_of(given, path, "length", problem, remedy)
 
 
 def _check_shape(given: Strands, path: str) -> Iterator[Fault]:
@@ -210,28 +172,18 @@ def _check_shape(given: Strands, path: str) -> Iterator[Fault]:
         yield Fault(f"{path}.length", "missing", "give the length of one wire, m")
 
 
-def _known(design: Design) -> list[str]:
-    return [*BESIDE, *(stage.name for stage in design.stage)]
-
-
 def _check_damper(damper: Damper, path: str) -> Iterator[Fault]:
-    given = {"damping": damper.damping, "eddy_current": damper.eddy_current}
-    yield from check_exactly_one(path, given, "damping or eddy_current")
-    yield from check_matrix(damper.damping, f"{path}.damping")
     magnet = damper.eddy_current
-    if magnet is not None:
-        yield from _check_magnet(magnet, f"{path}.eddy_current")
-
-
-def _check_magnet(magnet: EddyCurrent, path: str) -> Iterator[Fault]:
+    ways = {"damping": damper.damping, "eddy_current": magnet}
+    yield from check_exactly_one(path, ways, "damping or eddy_current")
+    yield from check_matrix(damper.damping, f"{path}.damping")
+    if magnet is None:
+        return
+    path = f"{path}.eddy_current"
     given = {"moment": magnet.moment, "remanence": magnet.remanence}
     yield from check_exactly_one(path, given, "moment, or remanence with volume")
     if (magnet.remanence is None) != (magnet.volume is None):
         yield Fault(f"{path}.volume", "belongs to remanence", "give both, or moment alone")
     if not 1e4 <= magnet.conductivity <= 1e12:
-        yield Fault(
-            f"{path}.conductivity",
-            "is not that of a metal",
-            "give it in S/m: copper has 5.8e7 at room temperature",
-            format_value(magnet.conductivity),
-        )
+        remedy = "give it in S/m: copper has 5.8e7 at room temperature"
+        yield fault_of(magnet, path, "conductivity", "is not that of a metal", remedy)

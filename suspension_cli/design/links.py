@@ -17,23 +17,20 @@ from suspension_cli.design.units import (
     Table,
     Vector,
     Wrench,
+    doc,
     of_unit,
 )
 
 Between = Annotated[
     list[Name],
-    Meta(
+    doc(
+        'the two bodies: a stage first, then another stage, "support" (the suspension point) or'
+        ' "ground" (beside it)',
         min_length=2,
         max_length=2,
-        description=(
-            'the two bodies: a stage first, then another stage, "support" (the suspension point) or'
-            ' "ground" (beside it)'
-        ),
     ),
 ]
-At = Annotated[
-    Vector, Meta(description="the common point, from the COM of the first body, nominal pose, m")
-]
+At = Annotated[Vector, doc("the common point, from the COM of the first body, nominal pose, m")]
 Series = Annotated[list[Coefficient], Meta(min_length=2)]
 
 
@@ -43,56 +40,46 @@ class StiffnessTable(Table, frozen=True):
     file: (
         Annotated[
             str,
-            Meta(
-                description=(
-                    "CSV file, from this file's folder: frequency in Hz, then two columns per axis"
-                    " (one axis, or x, y, z, roll, pitch, yaw); read once"
-                )
+            doc(
+                "CSV file, from this file's folder: frequency in Hz, then two columns per axis"
+                " (one axis, or x, y, z, roll, pitch, yaw); read once"
             ),
         ]
         | None
     ) = None
     form: Annotated[
         Literal["real-imaginary", "modulus-loss"],
-        Meta(
-            description=(
-                "the two columns per axis of the file: real and imaginary part, or modulus and loss"
-                " angle in rad"
-            )
+        doc(
+            "the two columns per axis of the file: real and imaginary part, or modulus and loss"
+            " angle in rad"
         ),
     ] = "real-imaginary"
     axis: (
         Annotated[
             Literal["x", "y", "z", "roll", "pitch", "yaw"],
-            Meta(description="axis of a table of one axis; the others have no stiffness"),
+            doc("axis of a table of one axis; the others have no stiffness"),
         ]
         | None
     ) = None
-    frequency: Annotated[list[Frequency], Meta(description="Hz, ascending")] = field(
-        default_factory=list
-    )
-    real: Annotated[
-        list[Series], Meta(description="real part per axis and frequency, N/m or N m/rad")
-    ] = field(default_factory=list)
+    frequency: Annotated[list[Frequency], doc("Hz, ascending")] = []
+    real: Annotated[list[Series], doc("real part per axis and frequency, N/m or N m/rad")] = []
     imaginary: Annotated[
-        list[Series], Meta(description="imaginary part per axis and frequency, N/m or N m/rad")
-    ] = field(default_factory=list)
+        list[Series], doc("imaginary part per axis and frequency, N/m or N m/rad")
+    ] = []
     static: (
         Annotated[
             list[Coefficient],
-            Meta(
+            doc(
+                "static stiffness per axis, N/m or N m/rad; default the real part at the lowest"
+                " frequency",
                 min_length=1,
                 max_length=6,
-                description=(
-                    "static stiffness per axis, N/m or N m/rad; default the real part at the lowest"
-                    " frequency"
-                ),
             ),
         ]
         | None
     ) = None
     factor: Annotated[
-        float, of_unit("1", gt=0, le=1e6, description="factor on all stiffnesses of the table")
+        float, of_unit("1", "factor on all stiffnesses of the table", gt=0, le=1e6)
     ] = 1.0
 
 
@@ -101,34 +88,26 @@ class Strands(Table, frozen=True):
 
     to: Annotated[
         Vector,
-        Meta(
-            description=(
-                "far end, from the COM of the second body (support or ground: from the suspension"
-                " point), m; the near end is the link's at"
-            )
+        doc(
+            "far end, from the COM of the second body (support or ground: from the suspension"
+            " point), m; the near end is the link's at"
         ),
     ]
     material: MaterialName
-    diameter: Annotated[Length, Meta(description="diameter of one wire, m")]
+    diameter: Annotated[Length, doc("diameter of one wire, m")]
     shape: Annotated[
         Literal["u", "catenary", "points"],
-        Meta(
-            description=(
-                '"u": vertical legs and a half circle below them; "catenary"; "points": straight'
-                " pieces through points. The shape is that of the wire without load"
-            )
+        doc(
+            '"u": vertical legs and a half circle below them; "catenary"; "points": straight'
+            " pieces through points. The shape is that of the wire without load"
         ),
     ]
-    count: Annotated[
-        int, Meta(ge=1, le=1_000_000, description="number of wires, which bend independently")
-    ] = 1
-    length: Annotated[Length, Meta(description="length of one wire, m; not with points")] | None = (
-        None
-    )
+    count: Annotated[int, doc("number of wires, which bend independently", ge=1, le=1_000_000)] = 1
+    length: Annotated[Length, doc("length of one wire, m; not with points")] | None = None
     points: Annotated[
         list[Vector],
-        Meta(description="points between the ends, from the COM of the first body, m"),
-    ] = field(default_factory=list)
+        doc("points between the ends, from the COM of the first body, m"),
+    ] = []
 
 
 class Link(Table, frozen=True):
@@ -140,9 +119,7 @@ class Link(Table, frozen=True):
     stiffness: (
         Annotated[
             Matrix6,
-            Meta(
-                description=("x, y, z, roll, pitch, yaw at the point, or a full 6x6: N/m, N m/rad")
-            ),
+            doc("x, y, z, roll, pitch, yaw at the point, or a full 6x6: N/m, N m/rad"),
         ]
         | None
     ) = None
@@ -151,25 +128,19 @@ class Link(Table, frozen=True):
     loss_angle: (
         Annotated[
             LossAngle,
-            Meta(
-                description=(
-                    "loss angle of the stiffness in rad; default for strands: that of their"
-                    " material in the design"
-                )
+            doc(
+                "loss angle of the stiffness in rad; default for strands: that of their"
+                " material in the design"
             ),
         ]
         | None
     ) = None
-    damping: (
-        Annotated[Matrix6, Meta(description="six elements or a full 6x6: N s/m, N m s/rad")] | None
-    ) = None
+    damping: Annotated[Matrix6, doc("six elements or a full 6x6: N s/m, N m s/rad")] | None = None
     preload: Annotated[
         Wrench,
-        Meta(
-            description=(
-                "force (N) and torque (N m) on the first body at the point in the nominal pose; the"
-                " second takes the opposite"
-            )
+        doc(
+            "force (N) and torque (N m) on the first body at the point in the nominal pose; the"
+            " second takes the opposite"
         ),
     ] = field(default_factory=lambda: [0.0] * 6)
 
@@ -179,54 +150,38 @@ class EddyCurrent(Table, frozen=True):
 
     shape: Annotated[
         Literal["plate", "tube"],
-        Meta(
-            description=(
-                '"plate": large, across the axis; damps along and (half as much) across it. "tube":'
-                " long, around the axis; damps along it"
-            )
+        doc(
+            '"plate": large, across the axis; damps along and (half as much) across it. "tube":'
+            " long, around the axis; damps along it"
         ),
     ]
-    axis: Annotated[Literal["x", "y", "z"], Meta(description="direction of the dipole")]
+    axis: Annotated[Literal["x", "y", "z"], doc("direction of the dipole")]
     conductivity: Annotated[
         float,
         of_unit(
-            "S/m",
-            gt=0,
-            le=1e13,
-            description="conductivity of the conductor, at its temperature in use, S/m",
+            "S/m", "conductivity of the conductor, at its temperature in use, S/m", gt=0, le=1e13
         ),
     ]
-    thickness: Annotated[Length, Meta(description="thickness of the plate or tube wall, m")]
+    thickness: Annotated[Length, doc("thickness of the plate or tube wall, m")]
     gap: Annotated[
         Length,
-        Meta(
-            description=(
-                "from the centre of the magnet to the plate, or the inner radius of the tube, m"
-            )
-        ),
+        doc("from the centre of the magnet to the plate, or the inner radius of the tube, m"),
     ]
     moment: (
-        Annotated[
-            float, of_unit("A m^2", gt=0, le=1e6, description="dipole moment of one magnet, A m^2")
-        ]
+        Annotated[float, of_unit("A m^2", "dipole moment of one magnet, A m^2", gt=0, le=1e6)]
         | None
     ) = None
     remanence: (
         Annotated[
             float,
             of_unit(
-                "T",
-                gt=0,
-                le=5,
-                description="remanence B_r of the magnet, T: the moment is B_r volume / mu_0",
+                "T", "remanence B_r of the magnet, T: the moment is B_r volume / mu_0", gt=0, le=5
             ),
         ]
         | None
     ) = None
-    volume: (
-        Annotated[float, of_unit("m^3", gt=0, le=1, description="volume of the magnet, m^3")] | None
-    ) = None
-    count: Annotated[int, Meta(ge=1, le=1000, description="number of equal magnets, far apart")] = 1
+    volume: Annotated[float, of_unit("m^3", "volume of the magnet, m^3", gt=0, le=1)] | None = None
+    count: Annotated[int, doc("number of equal magnets, far apart", ge=1, le=1000)] = 1
 
 
 class Damper(Table, frozen=True):
@@ -238,11 +193,7 @@ class Damper(Table, frozen=True):
     damping: (
         Annotated[
             Matrix6,
-            Meta(
-                description=(
-                    "x, y, z, roll, pitch, yaw at the point, or a full 6x6: N s/m, N m s/rad"
-                )
-            ),
+            doc("x, y, z, roll, pitch, yaw at the point, or a full 6x6: N s/m, N m s/rad"),
         ]
         | None
     ) = None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -9,7 +11,8 @@ import msgspec
 from msgspec import Meta
 
 from suspension_cli.design import faults, reader
-from suspension_cli.design.units import Frequency, Stem, Table, of_unit
+from suspension_cli.design.faults import fault_of
+from suspension_cli.design.units import Frequency, Stem, Table, doc, of_unit
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
 
 Number = Annotated[float, Meta(ge=-1e20, le=1e20)]
@@ -20,25 +23,18 @@ class Mode(Table, frozen=True):
     """One measured mode."""
 
     frequency: Frequency
-    uncertainty: Annotated[float, of_unit("Hz", gt=0, le=1e6, description="standard deviation, Hz")]
+    uncertainty: Annotated[float, of_unit("Hz", "standard deviation, Hz", gt=0, le=1e6)]
     label: (
         Annotated[
             str,
-            Meta(
-                description=(
-                    "as pendsus modes prints it with the model of the fit; default: the nearest"
-                )
-            ),
+            doc("as pendsus modes prints it with the model of the fit; default: the nearest"),
         ]
         | None
     ) = None
     dof: (
         Annotated[
             list[Literal["x", "y", "z", "roll", "pitch", "yaw"]],
-            Meta(
-                min_length=1,
-                description="without a label: coordinates of which one must dominate the mode",
-            ),
+            doc("without a label: coordinates of which one must dominate the mode", min_length=1),
         ]
         | None
     ) = None
@@ -60,17 +56,11 @@ class TransferFunction(Table, frozen=True):
 
     file: Annotated[
         str,
-        Meta(
-            min_length=1, description="CSV or text, HDF5, or DTT XML; from the folder of this file"
-        ),
+        doc("CSV or text, HDF5, or DTT XML; from the folder of this file", min_length=1),
     ]
-    input: Annotated[
-        str, Meta(description="what was driven: a signal of the design, or an [[actuator]]")
-    ]
-    output: Annotated[
-        str, Meta(description="what was observed: a signal of the design, or a [[sensor]]")
-    ]
-    name: Annotated[str, Meta(description="default: the stem of the file")] | None = None
+    input: Annotated[str, doc("what was driven: a signal of the design, or an [[actuator]]")]
+    output: Annotated[str, doc("what was observed: a signal of the design, or a [[sensor]]")]
+    name: Annotated[str, doc("default: the stem of the file")] | None = None
     frequency: Column | None = None
     real: Column | None = None
     imaginary: Column | None = None
@@ -81,11 +71,9 @@ class TransferFunction(Table, frozen=True):
     uncertainty: (
         Annotated[
             Column | Annotated[float, Meta(gt=0, le=10)],
-            Meta(
-                description=(
-                    "column of the standard deviation of real and imaginary part, in the unit of"
-                    " the value; or a number, relative to the value"
-                )
+            doc(
+                "column of the standard deviation of real and imaginary part, in the unit of"
+                " the value; or a number, relative to the value"
             ),
         ]
         | None
@@ -93,38 +81,30 @@ class TransferFunction(Table, frozen=True):
     input_channel: str | None = None
     output_channel: str | None = None
     magnitude_unit: (
-        Annotated[
-            Literal["1", "dB"], Meta(description='"1" or "dB"; default: of the heading, or 1')
-        ]
-        | None
+        Annotated[Literal["1", "dB"], doc('"1" or "dB"; default: of the heading, or 1')] | None
     ) = None
     phase_unit: (
         Annotated[
             Literal["deg", "rad"],
-            Meta(description='"deg" or "rad"; default: of the heading, or deg'),
+            doc('"deg" or "rad"; default: of the heading, or deg'),
         ]
         | None
     ) = None
     frequency_unit: (
         Annotated[
             Literal["Hz", "rad/s"],
-            Meta(description='"Hz" or "rad/s"; default: of the heading, or Hz'),
+            doc('"Hz" or "rad/s"; default: of the heading, or Hz'),
         ]
         | None
     ) = None
     averages: (
-        Annotated[
-            float, Meta(ge=1, le=1e9, description="averages; with the coherence, the uncertainty")
-        ]
-        | None
+        Annotated[float, doc("averages; with the coherence, the uncertainty", ge=1, le=1e9)] | None
     ) = None
-    gain: Annotated[
-        Factor, Meta(description="factor from the file's numbers to SI units: 1e-6 for um/N")
-    ] = 1.0
+    gain: Annotated[Factor, doc("factor from the file's numbers to SI units: 1e-6 for um/N")] = 1.0
     band: (
         Annotated[
             list[Frequency],
-            Meta(min_length=2, max_length=2, description="use frequencies from, to, Hz"),
+            doc("use frequencies from, to, Hz", min_length=2, max_length=2),
         ]
         | None
     ) = None
@@ -140,65 +120,51 @@ class Transducer(Table, frozen=True):
     """
 
     name: Annotated[str, Meta(pattern=r"^[A-Za-z][A-Za-z0-9_:-]*$", max_length=60)]
-    signal: Annotated[str, Meta(description="upper.x (sensor), upper.force_x (actuator)")]
+    signal: Annotated[str, doc("upper.x (sensor), upper.force_x (actuator)")]
     gain: Annotated[
-        Factor, Meta(description="reading over signal (a sensor), force over drive (an actuator)")
+        Factor, doc("reading over signal (a sensor), force over drive (an actuator)")
     ] = 1.0
     gain_uncertainty: (
         Annotated[
             float,
-            Meta(gt=0, le=10, description="relative standard deviation; the gain is then fitted"),
+            doc("relative standard deviation; the gain is then fitted", gt=0, le=10),
         ]
         | None
     ) = None
-    sign_known: Annotated[
-        bool, Meta(description="false: fit tries the other sign of the gain, too")
-    ] = True
-    delay: Annotated[float, Meta(ge=-10, le=10, description="s")] = 0.0
-    delay_uncertainty: (
-        Annotated[float, Meta(gt=0, le=10, description="s; the delay is then fitted")] | None
-    ) = None
+    sign_known: Annotated[bool, doc("false: fit tries the other sign of the gain, too")] = True
+    delay: Annotated[float, doc("s", ge=-10, le=10)] = 0.0
+    delay_uncertainty: Annotated[float, doc("s; the delay is then fitted", gt=0, le=10)] | None = (
+        None
+    )
     unit: (
         Annotated[
             str,
-            Meta(
-                max_length=20, description="of the reading or the drive: V; default: SI, of signal"
-            ),
+            doc("of the reading or the drive: V; default: SI, of signal", max_length=20),
         ]
         | None
     ) = None
     mix: Annotated[
-        dict[str, Factor], Meta(description="other signals that the channel contains, and how much")
-    ] = msgspec.field(default_factory=dict)
+        dict[str, Factor], doc("other signals that the channel contains, and how much")
+    ] = {}
     mix_uncertainty: Annotated[
         dict[str, Annotated[float, Meta(gt=0, le=1e20)]],
-        Meta(
-            description="standard deviations of entries of mix, which are then fitted from 0 or mix"
-        ),
-    ] = msgspec.field(default_factory=dict)
+        doc("standard deviations of entries of mix, which are then fitted from 0 or mix"),
+    ] = {}
 
 
 class Experiment(Table, frozen=True):
     """A design and its measured modes."""
 
-    design: Annotated[
-        str, Meta(min_length=1, description="path of a design file, from the folder of this one")
-    ]
+    design: Annotated[str, doc("path of a design file, from the folder of this one", min_length=1)]
     mode: Annotated[list[Mode], Meta(min_length=1)]
     name: (
         Annotated[
             Stem,
-            Meta(
-                description=(
-                    "letters, digits, . _ and -, unique; default: the stem of the design file"
-                )
-            ),
+            doc("letters, digits, . _ and -, unique; default: the stem of the design file"),
         ]
         | None
     ) = None
-    set: Annotated[list[str], Meta(description="overrides as --set takes them")] = msgspec.field(
-        default_factory=list
-    )
+    set: Annotated[list[str], doc("overrides as --set takes them")] = []
 
     @property
     def title(self) -> str:
@@ -209,20 +175,16 @@ class Experiment(Table, frozen=True):
 class Free(Table, frozen=True):
     """One number of the design to be fitted."""
 
-    name: Annotated[str, Meta(description="dotted path, as --set takes it")]
-    start: (
-        Annotated[Number, Meta(description="where to begin; default: the design's value")] | None
-    ) = None
-    prior: Annotated[Number, Meta(description="best value from other knowledge")] | None = None
-    uncertainty: Annotated[Positive, Meta(description="standard deviation of the prior")] | None = (
-        None
-    )
+    name: Annotated[str, doc("dotted path, as --set takes it")]
+    start: Annotated[Number, doc("where to begin; default: the design's value")] | None = None
+    prior: Annotated[Number, doc("best value from other knowledge")] | None = None
+    uncertainty: Annotated[Positive, doc("standard deviation of the prior")] | None = None
     lower: Number | None = None
     upper: Number | None = None
     experiments: (
         Annotated[
             list[str],
-            Meta(min_length=1, description="names of the experiments that share it; default: all"),
+            doc("names of the experiments that share it; default: all", min_length=1),
         ]
         | None
     ) = None
@@ -231,11 +193,11 @@ class Free(Table, frozen=True):
 class Measured(Table, frozen=True):
     """A file of measurements: of one design, or of modes in several experiments."""
 
-    parameter: list[Free] = msgspec.field(default_factory=list)
+    parameter: list[Free] = []
     mode: Annotated[list[Mode], Meta(min_length=1)] | None = None
-    transfer_function: list[TransferFunction] = msgspec.field(default_factory=list)
-    sensor: list[Transducer] = msgspec.field(default_factory=list)
-    actuator: list[Transducer] = msgspec.field(default_factory=list)
+    transfer_function: list[TransferFunction] = []
+    sensor: list[Transducer] = []
+    actuator: list[Transducer] = []
     experiment: Annotated[list[Experiment], Meta(min_length=1)] | None = None
     title: str = ""
     reference: str = ""
@@ -273,19 +235,13 @@ def read(file: str | Path, text: str | None = None) -> Measured:
         With all its faults.
     """
     raw = reader.read_toml(file, text)
-    if "stage" in raw:
-        raise InputError(
-            [
-                Fault(
-                    "",
-                    "is a design, not a file of measurements",
-                    "name the design first, then a TOML file with [[mode]] or"
-                    " [[transfer_function]]",
-                )
-            ],
-            str(file),
-        )
     with attribute_faults_to(str(file)):
+        if "stage" in raw:
+            problem = "is a design, not a file of measurements"
+            remedy = (
+                "name the design first, then a TOML file with [[mode]] or [[transfer_function]]"
+            )
+            raise InputError.of("", problem, remedy)
         measured = faults.convert(raw, Measured)
         found = [
             *_check_experiments(measured),
@@ -306,164 +262,100 @@ def json_schema() -> dict[str, Any]:
     } | msgspec.json.schema(Measured)
 
 
-def _check_experiments(measured: Measured) -> list[Fault]:
+def _check_experiments(measured: Measured) -> Iterator[Fault]:
     of_one_design = [name for name in ("mode", "transfer_function") if getattr(measured, name)]
     if not of_one_design and measured.experiment is None:
-        return [
-            Fault(
-                "mode",
-                "missing",
-                "give [[mode]] or [[transfer_function]] for one design, or [[experiment]] with"
-                " modes for several",
-            )
-        ]
-    if of_one_design and measured.experiment is not None:
-        return [
-            Fault(
-                of_one_design[0],
-                "conflicts with [[experiment]]",
-                "write [[experiment.mode]] under each experiment",
-            )
-        ]
-    found, names = [], measured.names
-    for n, (name, modes) in enumerate(zip(names, measured.modes, strict=True)):
-        if name in names[:n]:
-            found.append(
-                Fault(
-                    f"experiment.{n + 1}.name",
-                    "is also the name of an earlier experiment",
-                    "give each its own name",
-                    format_value(name),
-                )
-            )
-        for m, item in enumerate(modes, 1):
-            if item.label is not None and item.dof is not None:
-                found.append(
-                    Fault(
-                        f"{measured.where(n)}mode.{m}.dof",
-                        "conflicts with label, which determines it",
-                        "give one of them",
-                        format_value(item.dof),
-                    )
-                )
-    return found
+        remedy = "give [[mode]] or [[transfer_function]] for one design, or [[experiment]] with"
+        yield Fault("mode", "missing", f"{remedy} modes for several")
+    elif of_one_design and measured.experiment is not None:
+        remedy = "write [[experiment.mode]] under each experiment"
+        yield Fault(of_one_design[0], "conflicts with [[experiment]]", remedy)
+    else:
+        names = measured.names
+        for n, (name, modes) in enumerate(zip(names, measured.modes, strict=True)):
+            if name in names[:n]:
+                yield _repeated(f"experiment.{n + 1}", "experiment", name)
+            for m, item in enumerate(modes, 1):
+                if item.label is not None and item.dof is not None:
+                    path, problem = f"{measured.where(n)}mode.{m}", "conflicts with label"
+                    problem = f"{problem}, which determines it"
+                    yield fault_of(item, path, "dof", problem, "give one of them")
 
 
-def _check_transducers(measured: Measured) -> list[Fault]:
-    found = []
+def _repeated(path: str, kind: str, name: str) -> Fault:
+    """Fault of a name that an earlier table of its kind has."""
+    problem = f"is also the name of an earlier {kind}"
+    return Fault(f"{path}.name", problem, "give each its own name", format_value(name))
+
+
+def _check_transducers(measured: Measured) -> Iterator[Fault]:
     for kind, among in (("sensor", measured.sensor), ("actuator", measured.actuator)):
         for n, one in enumerate(among):
             path = f"{kind}.{one.name}"
             if one.name in [other.name for other in among[:n]]:
-                problem = f"is also the name of an earlier {kind}"
-                remedy = "give each its own name"
-                fault = Fault(f"{kind}.{n + 1}.name", problem, remedy, format_value(one.name))
-                found.append(fault)
+                yield _repeated(f"{kind}.{n + 1}", kind, one.name)
             if one.gain == 0:
-                found.append(Fault(f"{path}.gain", "must not be zero", "give the gain", "0"))
+                yield Fault(f"{path}.gain", "must not be zero", "give the gain", "0")
             for key, name in [("signal", one.signal), *(("mix", name) for name in one.mix)]:
                 if "." not in name:
                     example = "upper.x" if kind == "sensor" else "upper.force_x"
                     remedy = f"write a body and a direction: {example}"
-                    fault = Fault(f"{path}.{key}", "is no signal", remedy, format_value(name))
-                    found.append(fault)
-    return found
+                    yield Fault(f"{path}.{key}", "is no signal", remedy, format_value(name))
 
 
-def _check_transfer_functions(measured: Measured) -> list[Fault]:
-    found = []
+def _check_transfer_functions(measured: Measured) -> Iterator[Fault]:
     names = [one.name for one in measured.transfer_function]
     for n, one in enumerate(measured.transfer_function):
         path = f"transfer_function.{one.name or n + 1}"
         if one.name is not None and one.name in names[:n]:
-            problem = "is also the name of an earlier transfer function"
             path = f"transfer_function.{n + 1}"
-            fault = Fault(f"{path}.name", problem, "give each its own", format_value(one.name))
-            found.append(fault)
-        for key, kind, among in (
-            ("input", "actuator", measured.actuator),
-            ("output", "sensor", measured.sensor),
+            yield _repeated(path, "transfer function", one.name)
+        for key, kind, among, example in (
+            ("input", "actuator", measured.actuator, "upper.force_x"),
+            ("output", "sensor", measured.sensor, "upper.x"),
         ):
             name, known = getattr(one, key), [item.name for item in among]
             if "." not in name and name not in known:
-                example = "upper.force_x" if key == "input" else "upper.x"
                 remedy = f"give a signal such as {example}"
                 remedy = f"{faults.suggest(name, known)}; or {remedy}" if known else remedy
                 problem = f"is no signal and names no [[{kind}]]"
-                found.append(Fault(f"{path}.{key}", problem, remedy, format_value(name)))
+                yield fault_of(one, path, key, problem, remedy)
         if one.gain == 0:
-            found.append(Fault(f"{path}.gain", "must not be zero", "give the factor", "0"))
+            yield Fault(f"{path}.gain", "must not be zero", "give the factor", "0")
         if one.band is not None and one.band[0] >= one.band[1]:
-            problem, value = "ends before it begins", format_value(one.band)
-            found.append(Fault(f"{path}.band", problem, "give the lower frequency first", value))
-    return found
+            remedy = "give the lower frequency first"
+            yield fault_of(one, path, "band", "ends before it begins", remedy)
 
 
-def _check_parameters(measured: Measured) -> list[Fault]:
-    found, names = [], measured.names
+def _check_parameters(measured: Measured) -> Iterator[Fault]:
+    names = measured.names
     for n, item in enumerate(measured.parameter):
         path = f"parameter.{n + 1}"
-        found += _check_parameter(item, path)
+        if (item.prior is None) != (item.uncertainty is None):
+            yield Fault(path, "prior and uncertainty go together", "give both or neither")
+        yield from check_bounds(item, path, item.start)
         unknown = [name for name in item.experiments or () if name not in names]
         if measured.experiment is None and item.experiments is not None:
-            found.append(
-                Fault(
-                    f"{path}.experiments",
-                    "there are no [[experiment]]",
-                    "remove it",
-                    format_value(item.experiments),
-                )
-            )
+            yield fault_of(item, path, "experiments", "there are no [[experiment]]", "remove it")
         elif unknown:
-            found.append(
-                Fault(
-                    f"{path}.experiments",
-                    "names no experiment",
-                    faults.suggest(unknown[0], list(names)),
-                    format_value(unknown[0]),
-                )
-            )
-        before = [m for m in range(n) if measured.parameter[m].name == item.name]
-        if any(
-            here and there
-            for m in before
-            for here, there in zip(measured.shares(n), measured.shares(m), strict=True)
-        ):
-            found.append(
-                Fault(
-                    f"{path}.name",
-                    "is named twice",
-                    "give each number once (in an experiment)",
-                    format_value(item.name),
-                )
-            )
-    return found
+            remedy, value = faults.suggest(unknown[0], list(names)), format_value(unknown[0])
+            yield Fault(f"{path}.experiments", "names no experiment", remedy, value)
+        shares = measured.shares(n)
+        for m in range(n):
+            both = zip(shares, measured.shares(m), strict=True)
+            if measured.parameter[m].name == item.name and any(a and b for a, b in both):
+                remedy = "give each number once (in an experiment)"
+                yield fault_of(item, path, "name", "is named twice", remedy)
+                break
 
 
-def _check_parameter(item: Free, path: str) -> list[Fault]:
-    found = []
-    if (item.prior is None) != (item.uncertainty is None):
-        found.append(Fault(path, "prior and uncertainty go together", "give both or neither"))
-    low, high = (
-        (-float("inf") if item.lower is None else item.lower),
-        (float("inf") if item.upper is None else item.upper),
-    )
+def check_bounds(item: Any, path: str, start: float | None = None) -> Iterator[Fault]:
+    """Check the bounds of a number, if it has any, and where a search starts."""
+    low = -math.inf if item.lower is None else item.lower
+    high = math.inf if item.upper is None else item.upper
     if low >= high:
-        found.append(
-            Fault(
-                f"{path}.lower",
-                f"is not below the upper bound {high:g}",
-                "exchange them",
-                format_value(item.lower),
-            )
+        yield fault_of(
+            item, path, "lower", f"is not below the upper bound {high:g}", "exchange them"
         )
-    elif item.start is not None and not low <= item.start <= high:
-        found.append(
-            Fault(
-                f"{path}.start",
-                "lies outside the bounds",
-                "start within them",
-                format_value(item.start),
-            )
-        )
-    return found
+    elif start is not None and not low <= start <= high:
+        yield fault_of(item, path, "start", "lies outside the bounds", "start within them")

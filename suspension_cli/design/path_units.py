@@ -23,7 +23,7 @@ def unit_of(path: str) -> str:
 
     Parameters
     ----------
-    path : str
+    path
         As ``--set`` takes it; lists by name or number.
 
     Examples

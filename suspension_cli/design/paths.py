@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 
 from suspension_cli.design import faults
-from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.errors import InputError, format_value
 
 
 def member(items: Sequence[object], key: str) -> int | None:
@@ -51,11 +51,9 @@ def assign(document: dict[str, Any], keys: list[str], value: object, override: s
 
     Parameters
     ----------
-    document : dict
-    keys : list of str
+    keys
         The parts of the path.
-    value : object
-    override : str
+    override
         The whole setting as the user gave it, for errors.
 
     Raises
@@ -71,15 +69,11 @@ def assign(document: dict[str, Any], keys: list[str], value: object, override: s
         if isinstance(node, list):
             place = _existing(node, key, override)
         elif not isinstance(node, dict):
-            raise InputError(
-                [
-                    Fault(
-                        "--set",
-                        f"{'.'.join(keys[:depth])} is a value, not a table",
-                        "shorten the path",
-                        format_value(override),
-                    )
-                ]
+            raise InputError.of(
+                "--set",
+                f"{'.'.join(keys[:depth])} is a value, not a table",
+                "shorten the path",
+                format_value(override),
             )
         elif not last and key not in node:
             node[key] = {}
@@ -95,7 +89,7 @@ def _existing(items: list[object], key: str, override: str) -> int:
         return place
     names = [str(_name(item) or n) for n, item in enumerate(items, 1)]
     remedy = faults.suggest(key, names)
-    raise InputError([Fault("--set", f"there is no {key!r} here", remedy, format_value(override))])
+    raise InputError.of("--set", f"there is no {key!r} here", remedy, format_value(override))
 
 
 def changed(node: Any, keys: Sequence[str], change: Callable[[Any], Any]) -> Any:

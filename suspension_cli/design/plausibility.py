@@ -29,6 +29,7 @@ from suspension_cli.design.derive import (
     set_geometry,
     volume,
 )
+from suspension_cli.design.faults import fault_of
 from suspension_cli.design.filters import SUFFIX
 from suspension_cli.design.imperfections import Imperfection
 from suspension_cli.design.schema import Body, Design, Material, NoiseSpectrum, Perturbation, Stage
@@ -81,15 +82,18 @@ MILLIMETRES = (("mm", 1e-3), ("um", 1e-6))
 MOMENTS = (("g m^2", 1e-3), ("kg cm^2", 1e-4), ("kg mm^2", 1e-6), ("g mm^2", 1e-9))
 
 
+MILLIHERTZ = (("mHz", 1e-3),)
+
+
 @dataclass(frozen=True)
 class ImplausibleNumber:
     """An implausible number.
 
     Attributes
     ----------
-    fault : Fault
+    fault
         Its place, the problem and the remedy.
-    serious : bool
+    serious
         Whether it makes results meaningless, so that analyses warn of it too.
     """
 
@@ -112,6 +116,24 @@ def suggest_unit(
     return next((f"did you mean {name}?" for name, size in units if good(value * size)), "")
 
 
+def _above(
+    key: str,
+    value: float | None,
+    most: float,
+    problem: str,
+    remedy: str = "give it in m",
+    units: tuple[tuple[str, float], ...] = MILLIMETRES,
+    *,
+    shown: object = None,
+    serious: bool = False,
+) -> Iterator[ImplausibleNumber]:
+    """Find a number above `most` implausible, and suggest a unit or a remedy."""
+    if value is not None and value > most:
+        hint = suggest_unit(value, lambda v: v <= most, units) or remedy
+        text = format_value(value if shown is None else shown)
+        yield ImplausibleNumber(Fault(key, problem, hint, text), serious)
+
+
 def find_implausible(design: Design) -> list[ImplausibleNumber]:
     """Find implausible numbers of a design, from its tables alone."""
     found = [*_check_surroundings(design)]
@@ -125,16 +147,15 @@ def find_implausible(design: Design) -> list[ImplausibleNumber]:
         found += [
             *_check_body(stage.body, f"{path}.body"),
             *_check_wires(stage, parent, path),
-            *_check_blades(stage, path),
             *_check_tower(stage, path),
         ]
+        if stage.blades is not None:
+            found += _check_blade(stage.blades, stage, f"{path}.blades")
+        for blade in stage.blade:
+            found += _check_blade(blade, stage, f"{path}.blade.{blade.name}")
         for number, spring in enumerate(stage.spring, 1):
-            found += _check_point(
-                stage.body,
-                spring.at,
-                (f"{path}.spring.{number}.at",) * 3,
-                "the point of the spring lies",
-            )
+            keys = (f"{path}.spring.{number}.at",) * 3
+            found += _check_point(stage.body, spring.at, keys, "the point of the spring lies")
         stages[stage.name] = above = stage
     for number, item in enumerate(design.perturbation, 1):
         found += _check_perturbation(design, item, f"perturbation.{number}")
@@ -144,162 +165,98 @@ def find_implausible(design: Design) -> list[ImplausibleNumber]:
 def _check_tower(stage: Stage, path: str) -> Iterator[ImplausibleNumber]:
     """Check sizes and frequencies of legs and filters."""
     sizes: dict[str, float | None] = {}
-    legs, blades = stage.inverted_pendulum, stage.filter
-    if legs is not None:
-        own = f"{path}.inverted_pendulum"
-        sizes = {
-            f"{own}.length": legs.length,
-            f"{own}.radius": legs.radius,
-            f"{own}.top": abs(legs.top),
-        }
-    if blades is not None:
-        sizes[f"{path}.filter.at"] = max(abs(value) for value in blades.at)
+    frequencies: dict[str, float | None] = {}
+    if stage.inverted_pendulum is not None:
+        legs, own = stage.inverted_pendulum, f"{path}.inverted_pendulum"
+        sizes = {"length": legs.length, "radius": legs.radius, "top": abs(legs.top)}
+        sizes = {f"{own}.{key}": size for key, size in sizes.items()}
+        frequencies[own] = legs.frequency
+    if stage.filter is not None:
+        sizes[f"{path}.filter.at"] = max(map(abs, stage.filter.at))
+        frequencies[f"{path}.filter"] = stage.filter.frequency
     for key, size in sizes.items():
-        if size is not None and size > LARGEST:
-            problem = f"is larger than any part of a suspension ({LARGEST:g} m)"
-            hint = suggest_unit(size, lambda v: v <= LARGEST) or "give it in m"
-            yield ImplausibleNumber(Fault(key, problem, hint, format_value(size)))
-    found = (
-        ("inverted_pendulum", legs.frequency if legs is not None else None),
-        ("filter", blades.frequency if blades is not None else None),
-    )
-    for table, frequency in found:
-        if frequency is not None and frequency > BLADE_FREQUENCY:
-            problem = f"is above {BLADE_FREQUENCY:g} Hz, where it isolates from nothing"
-            hint = suggest_unit(frequency, lambda v: v <= 10, (("mHz", 1e-3),)) or "give it in Hz"
-            key = f"{path}.{table}.frequency"
-            yield ImplausibleNumber(Fault(key, problem, hint, format_value(frequency)))
+        problem = f"is larger than any part of a suspension ({LARGEST:g} m)"
+        yield from _above(key, size, LARGEST, problem)
+    for key, frequency in frequencies.items():
+        problem = f"is above {BLADE_FREQUENCY:g} Hz, where it isolates from nothing"
+        yield from _above(
+            f"{key}.frequency", frequency, BLADE_FREQUENCY, problem, "give it in Hz", MILLIHERTZ
+        )
 
 
 def _check_surroundings(design: Design) -> Iterator[ImplausibleNumber]:
-    g = gravity_strength(design)
-    if not GRAVITY[0] <= g <= GRAVITY[1]:
-        hint = (
-            suggest_unit(
-                g, lambda v: GRAVITY[0] <= v <= GRAVITY[1], (("cm/s^2", 1e-2), ("mm/s^2", 1e-3))
-            )
-            or "give it in m/s^2: 9.81 on Earth"
-        )
-        low, high = GRAVITY
+    g, (low, high) = gravity_strength(design), GRAVITY
+    if not low <= g <= high:
+        units = (("cm/s^2", 1e-2), ("mm/s^2", 1e-3))
+        hint = suggest_unit(g, lambda v: low <= v <= high, units)
+        hint = hint or "give it in m/s^2: 9.81 on Earth"
         problem = f"is outside {low:g} to {high:g} m/s^2, of small moons to giant planets"
         yield ImplausibleNumber(Fault("constants.gravity", problem, hint, format_value(g)))
     given = design.constants.gravity_gradient
     rows = given if isinstance(given, list) else [[given]]
-    largest = max((abs(value) for row in rows for value in row), default=0.0)
-    if largest > GRADIENT:
-        yield ImplausibleNumber(
-            Fault(
-                "constants.gravity_gradient",
-                f"is more than {GRADIENT:g} 1/s^2, 300 times that of Earth",
-                "give it in 1/s^2: 3.1e-6 on Earth (1 eotvos is 1e-9, 1 mGal/m is 1e-5)",
-                format_value(largest),
-            )
-        )
+    yield from _above(
+        "constants.gravity_gradient",
+        max((abs(value) for row in rows for value in row), default=0.0),
+        GRADIENT,
+        f"is more than {GRADIENT:g} 1/s^2, 300 times that of Earth",
+        "give it in 1/s^2: 3.1e-6 on Earth (1 eotvos is 1e-9, 1 mGal/m is 1e-5)",
+        (),
+    )
 
 
 def _check_material(material: Material, path: str) -> Iterator[ImplausibleNumber]:
     """Check the values that a design itself gives a material."""
-    modulus, density, strength = (
-        material.youngs_modulus,
-        material.density,
-        material.tensile_strength,
-    )
+    modulus, strength = material.youngs_modulus, material.tensile_strength
 
     def stiff(value: float) -> bool:
         return SOFTEST <= value <= STIFFEST
 
     if modulus is not None and not stiff(modulus):
-        hint = (
-            suggest_unit(modulus, stiff, (("GPa", 1e9), ("MPa", 1e6), ("kPa", 1e3)))
-            or "give it in Pa: 2e11 for steel"
+        units = (("GPa", 1e9), ("MPa", 1e6), ("kPa", 1e3))
+        hint = suggest_unit(modulus, stiff, units) or "give it in Pa: 2e11 for steel"
+        problem = f"is outside {SOFTEST:g} Pa (rubber) to {STIFFEST:g} Pa (diamond)"
+        fault = fault_of(material, path, "youngs_modulus", problem, hint)
+        yield ImplausibleNumber(fault, serious=True)
+    elif modulus is not None:
+        yield from _above(
+            f"{path}.tensile_strength",
+            strength,
+            IDEAL * modulus,
+            f"is more than {IDEAL:g} times Young's modulus, which no material bears",
+            "give it in Pa: 2e9 for strong steel",
+            (),
         )
-        yield ImplausibleNumber(
-            Fault(
-                f"{path}.youngs_modulus",
-                f"is outside {SOFTEST:g} Pa (rubber) to {STIFFEST:g} Pa (diamond)",
-                hint,
-                format_value(modulus),
-            ),
-            serious=True,
-        )
-    if density is not None:
-        yield from _check_given_density(density, f"{path}.density")
-    if material.thermal_expansion is not None and abs(material.thermal_expansion) > EXPANSION:
-        hint = (
-            suggest_unit(
-                abs(material.thermal_expansion), lambda v: v <= EXPANSION, (("1e-6 1/K", 1e-6),)
-            )
-            or "give it in 1/K: 1.2e-5 for steel"
-        )
-        yield ImplausibleNumber(
-            Fault(
-                f"{path}.thermal_expansion",
-                f"is more than {EXPANSION:g} 1/K, twice that of any solid",
-                hint,
-                format_value(material.thermal_expansion),
-            )
-        )
-    if (
-        strength is not None
-        and modulus is not None
-        and stiff(modulus)
-        and strength > IDEAL * modulus
-    ):
-        problem = f"is more than {IDEAL:g} times Young's modulus, which no material bears"
-        yield ImplausibleNumber(
-            Fault(
-                f"{path}.tensile_strength",
-                problem,
-                "give it in Pa: 2e9 for strong steel",
-                format_value(strength),
-            )
-        )
+    yield from _check_given_density(material.density, f"{path}.density")
+    yield from _above(
+        f"{path}.thermal_expansion",
+        abs(material.thermal_expansion or 0.0),
+        EXPANSION,
+        f"is more than {EXPANSION:g} 1/K, twice that of any solid",
+        "give it in 1/K: 1.2e-5 for steel",
+        (("1e-6 1/K", 1e-6),),
+        shown=material.thermal_expansion,
+    )
 
 
-def _check_given_density(density: float, key: str) -> Iterator[ImplausibleNumber]:
+def _check_given_density(density: float | None, key: str) -> Iterator[ImplausibleNumber]:
+    if density is None or FOAM <= density <= OSMIUM:
+        return
+    problem, units = f"is less dense than foam ({FOAM:g} kg/m^3)", (("g/cm^3", 1e3),)
     if density > OSMIUM:
-        hint = (
-            suggest_unit(density, lambda v: FOAM <= v <= OSMIUM, (("g/m^3", 1e-3),))
-            or "give it in kg/m^3"
-        )
-        yield ImplausibleNumber(
-            Fault(key, f"is denser than osmium ({OSMIUM:g} kg/m^3)", hint, format_value(density)),
-            serious=True,
-        )
-    elif density < FOAM:
-        hint = (
-            suggest_unit(density, lambda v: FOAM <= v <= OSMIUM, (("g/cm^3", 1e3),))
-            or "give it in kg/m^3"
-        )
-        yield ImplausibleNumber(
-            Fault(key, f"is less dense than foam ({FOAM:g} kg/m^3)", hint, format_value(density)),
-            serious=True,
-        )
+        problem, units = f"is denser than osmium ({OSMIUM:g} kg/m^3)", (("g/m^3", 1e-3),)
+    hint = suggest_unit(density, lambda v: FOAM <= v <= OSMIUM, units) or "give it in kg/m^3"
+    yield ImplausibleNumber(Fault(key, problem, hint, format_value(density)), serious=True)
 
 
 def _check_body(body: Body, path: str) -> Iterator[ImplausibleNumber]:
-    sizes = {
-        "radius": body.radius,
-        "inner_radius": body.inner_radius,
-        "length": body.length,
-        "size": None if body.size is None else max(body.size),
-    }
-    for key, size in sizes.items():
-        if size is not None and size > LARGEST:
-            hint = suggest_unit(size, lambda v: v <= LARGEST)
-            yield ImplausibleNumber(
-                Fault(
-                    f"{path}.{key}",
-                    f"is larger than any suspended body ({LARGEST:g} m)",
-                    hint,
-                    format_value(getattr(body, key)),
-                ),
-                serious=True,
-            )
-    if body.density is not None:
-        yield from _check_given_density(body.density, f"{path}.density")
-    elif body.shape is not None:
+    for key in ("radius", "inner_radius", "length", "size"):
+        given = getattr(body, key)
+        size = max(given) if isinstance(given, tuple) else given
+        problem = f"is larger than any suspended body ({LARGEST:g} m)"
+        yield from _above(f"{path}.{key}", size, LARGEST, problem, "", shown=given, serious=True)
+    if body.density is None and body.shape is not None:
         yield from _check_mean_density(body, path)
+    yield from _check_given_density(body.density, f"{path}.density")
     if body.inertia is not None:
         yield from _check_inertia(body, path)
 
@@ -313,28 +270,14 @@ def _check_mean_density(body: Body, path: str) -> Iterator[ImplausibleNumber]:
     density = body_mass(body) / volume(body)
     if _is_plausible(density):
         return
+    problem = f"makes the body less dense ({density:.3g} kg/m^3) than air ({AIR:g}), for its shape"
+    units = (("mm for the sizes", 1e9), ("mm", 1e6), ("mm", 1e3))
     if density > OSMIUM:
-        problem, units = (
-            f"makes the body denser ({density:.3g} kg/m^3) than osmium ({OSMIUM:g})",
-            (("g", 1e-3), ("mg", 1e-6)),
-        )
-    else:
-        problem, units = (
-            f"makes the body less dense ({density:.3g} kg/m^3) than air ({AIR:g}), for its shape",
-            (("mm for the sizes", 1e9), ("mm", 1e6), ("mm", 1e3)),
-        )
-    hint = suggest_unit(density, lambda v: 100 <= v <= OSMIUM, units) or suggest_unit(
-        density, _is_plausible, units
-    )
-    yield ImplausibleNumber(
-        Fault(
-            f"{path}.mass",
-            problem,
-            hint or "check mass (kg) and sizes (m)",
-            format_value(body.mass),
-        ),
-        serious=True,
-    )
+        problem = f"makes the body denser ({density:.3g} kg/m^3) than osmium ({OSMIUM:g})"
+        units = (("g", 1e-3), ("mg", 1e-6))
+    hint = suggest_unit(density, lambda v: 100 <= v <= OSMIUM, units)
+    hint = hint or suggest_unit(density, _is_plausible, units) or "check mass (kg) and sizes (m)"
+    yield ImplausibleNumber(fault_of(body, path, "mass", problem, hint), serious=True)
 
 
 def second_moments(body: Body) -> tuple[float, float, float]:
@@ -350,42 +293,28 @@ def _check_inertia(body: Body, path: str) -> Iterator[ImplausibleNumber]:
     largest = max(moments)
     if min(moments) < -1e-6 * largest:
         problem = "one moment exceeds the sum of the other two, impossible for a rigid body"
-        hint = (
-            suggest_unit(1.0, lambda v: _is_possible(body, v), MOMENTS)
-            or "check the three moments, in kg m^2"
-        )
-        yield ImplausibleNumber(
-            Fault(f"{path}.inertia", problem, hint, format_value(body.inertia)), serious=True
-        )
+        hint = suggest_unit(1.0, lambda v: _is_possible(body, v), MOMENTS)
+        hint = hint or "check the three moments, in kg m^2"
+        yield ImplausibleNumber(fault_of(body, path, "inertia", problem, hint), serious=True)
         return
     if min(moments) <= 1e-6 * largest:  # modelled as a plate or rod without thickness
         return
     # 5 S / m are the squares of the half axes of the ellipsoid, the most compact body with these
     # moments
-    density = mass / (
-        4 * math.pi / 3 * math.sqrt(math.prod(5 * moment / mass for moment in moments))
-    )
+    volume = 4 * math.pi / 3 * math.sqrt(math.prod(5 * moment / mass for moment in moments))
+    density = mass / volume
     if _is_plausible(density):
         return
-    units = (
-        sorted(MOMENTS, key=lambda unit: abs(math.log(density * unit[1] ** -1.5 / USUAL)))
-        if density < AIR
-        else []
-    )
-    hint = suggest_unit(1.0, lambda v: 100 <= density * v**-1.5 <= OSMIUM, tuple(units))
-    if not hint and density > OSMIUM and 100 <= density * 1e-3**2.5 <= OSMIUM:
+    word, units, hint = f"denser than osmium ({OSMIUM:g})", [], ""
+    if density < AIR:
+        word = f"less dense than air ({AIR:g})"
+        units = sorted(MOMENTS, key=lambda u: abs(math.log(density * u[1] ** -1.5 / USUAL)))
+        hint = suggest_unit(1.0, lambda v: 100 <= density * v**-1.5 <= OSMIUM, tuple(units))
+    elif 100 <= density * 1e-3**2.5 <= OSMIUM:
         hint = f"did you mean g for the mass {mass:g}?"
-    word = (
-        f"denser than osmium ({OSMIUM:g})" if density > OSMIUM else f"less dense than air ({AIR:g})"
-    )
     problem = f"a body of {mass:g} kg with these moments has {density:.3g} kg/m^3, {word}"
     yield ImplausibleNumber(
-        Fault(
-            f"{path}.inertia",
-            problem,
-            hint or "check mass (kg) and inertia (kg m^2)",
-            format_value(body.inertia),
-        ),
+        fault_of(body, path, "inertia", problem, hint or "check mass (kg) and inertia (kg m^2)"),
         serious=density > OSMIUM or density < AIR / ABSURD,
     )
 
@@ -405,14 +334,14 @@ def half_sides(body: Body) -> tuple[float, float, float]:
     if body.shape == "box":
         assert body.size is not None
         x, y, z = (side / 2 for side in body.size)
-        return x, y, z
-    if body.shape == "cylinder":
+    elif body.shape == "cylinder":
         assert body.radius is not None and body.length is not None
         halves = [body.radius] * 3
         halves["xyz".index(body.axis or "x")] = body.length / 2
-        return halves[0], halves[1], halves[2]
-    mass = body_mass(body)
-    x, y, z = (math.sqrt(3 * max(moment, 0.0) / mass) for moment in second_moments(body))
+        x, y, z = halves
+    else:
+        mass = body_mass(body)
+        x, y, z = (math.sqrt(3 * max(moment, 0.0) / mass) for moment in second_moments(body))
     return x, y, z
 
 
@@ -430,25 +359,20 @@ def _check_point(
     body: Body, point: tuple[float, float, float], keys: tuple[str, ...], what: str
 ) -> Iterator[ImplausibleNumber]:
     """Check a point of a body; report the coordinate that lies furthest outside it."""
-    far = [abs(value) / limit for value, limit in zip(point, reach(body), strict=True)]
+    limits = reach(body)
+    far = [abs(value) / limit for value, limit in zip(point, limits, strict=True)]
     worst = far.index(max(far))
-    if far[worst] <= 1:
-        return
-    limit = reach(body)[worst]
-    axis = "xyz"[worst]
-    half = half_sides(body)[worst]
-    known = (
-        f"whose half along {axis} is {half:.3g} m"
-        if body.shape is not None
-        else f"whose half along {axis} is about {half:.2g} m by its inertia"
-    )
-    problem = f"{what} {abs(point[worst]):.3g} m from the COM, far outside the body ({known})"
-    hint = (
-        suggest_unit(abs(point[worst]), lambda v: v <= limit)
-        or "check it, and the size of the body, in m"
-    )
-    yield ImplausibleNumber(
-        Fault(keys[worst], problem, hint, format_value(point[worst])), serious=far[worst] > ABSURD
+    half, given = half_sides(body)[worst], body.shape is not None
+    size = f"{half:.3g} m" if given else f"about {half:.2g} m by its inertia"
+    known = f"whose half along {'xyz'[worst]} is {size}"
+    yield from _above(
+        keys[worst],
+        abs(point[worst]),
+        limits[worst],
+        f"{what} {abs(point[worst]):.3g} m from the COM, far outside the body ({known})",
+        "check it, and the size of the body, in m",
+        shown=point[worst],
+        serious=far[worst] > ABSURD,
     )
 
 
@@ -456,40 +380,38 @@ def _check_wires(stage: Stage, above: Stage | None, path: str) -> Iterator[Impla
     if stage.wires is not None:
         wires, shape = stage.wires, set_geometry(stage.wires)
         key = f"{path}.wires"
-        side = ("s_lower", "s_upper") if wires.s is None else ("s", "s")
+        lower, upper = ("s_lower", "s_upper") if wires.s is None else ("s", "s")
         if shape.is_ring:
-            side = ("ring_lower", "ring_upper") if wires.ring is None else ("ring", "ring")
+            lower, upper = ("ring_lower", "ring_upper") if wires.ring is None else ("ring", "ring")
         yield from _check_length(shape.length, f"{key}.l")
         yield from _check_thickness(wires, shape.length, key)
         yield from _check_point(
             stage.body,
             (max(shape.s_lower, shape.ring_lower), shape.t2, shape.d),
-            (f"{key}.{side[0]}", f"{key}.t2", f"{key}.d"),
+            (f"{key}.{lower}", f"{key}.t2", f"{key}.d"),
             "lower ends of wires lie",
         )
         if above is not None:
-            ends = (max(shape.s_upper, shape.ring_upper), shape.t1, shape.d_upper)
             yield from _check_point(
                 above.body,
-                ends,
-                (f"{key}.{side[1]}", f"{key}.t1", f"{key}.d_upper"),
+                (max(shape.s_upper, shape.ring_upper), shape.t1, shape.d_upper),
+                (f"{key}.{upper}", f"{key}.t1", f"{key}.d_upper"),
                 f"upper ends of wires lie, on {above.name},",
             )
     for number, wire in enumerate(stage.wire, 1):
-        key = f"{path}.wire.{number}"
-        length = math.hypot(
-            *(p + q - u for p, q, u in zip(com_offset(stage), wire.lower, wire.upper, strict=True))
-        )
+        key, length = f"{path}.wire.{number}", _span(stage, wire)
         yield from _check_length(length, key)
         yield from _check_thickness(wire, length, key)
         yield from _check_point(stage.body, wire.lower, (f"{key}.lower",) * 3, "the lower end lies")
         if above is not None:
-            yield from _check_point(
-                above.body,
-                wire.upper,
-                (f"{key}.upper",) * 3,
-                f"the upper end lies, on {above.name},",
-            )
+            what = f"the upper end lies, on {above.name},"
+            yield from _check_point(above.body, wire.upper, (f"{key}.upper",) * 3, what)
+
+
+def _span(stage: Stage, wire: Wire) -> float:
+    """Distance of the ends of a wire in the nominal pose, m."""
+    ends = zip(com_offset(stage), wire.lower, wire.upper, strict=True)
+    return math.hypot(*(p + q - u for p, q, u in ends))
 
 
 def _check_length(length: float, key: str) -> Iterator[ImplausibleNumber]:
@@ -501,119 +423,67 @@ def _check_length(length: float, key: str) -> Iterator[ImplausibleNumber]:
 
 def _check_thickness(wire: WireSet | Wire, length: float, key: str) -> Iterator[ImplausibleNumber]:
     """Check that a wire and its sections are thinner than a tenth of the wire's length."""
-    tables = (
-        [(key, wire)]
-        if wire.sections is None
-        else [(f"{key}.sections.{n}", piece) for n, piece in enumerate(wire.sections, 1)]
-    )
-    if wire.neck is not None and wire.neck.radius > THICK * length:
-        thick, remedy = wire.neck.radius, "give it in m"
+    tables = [(key, wire)]
+    if wire.sections is not None:
+        tables = [(f"{key}.sections.{n}", piece) for n, piece in enumerate(wire.sections, 1)]
+    if wire.neck is not None:
+        thick = wire.neck.radius
         problem = f"the neck is {thick:.3g} m thick, more than a tenth of the wire's length"
-        yield ImplausibleNumber(Fault(f"{key}.neck.radius", problem, remedy, f"{thick:g}"))
-    if isinstance(wire.profile, Profile):
+        yield from _above(f"{key}.neck.radius", thick, THICK * length, problem, units=())
+    if isinstance(wire.profile, Profile) and max(wire.profile.diameter) > THICK * length:
         thick = max(wire.profile.diameter)
-        if thick > THICK * length:
-            problem = f"the fibre is {thick:.3g} m thick, more than a tenth of its length"
-            remedy = "write the unit into the titles of the columns: position_mm,diameter_um"
-            yield ImplausibleNumber(Fault(f"{key}.profile", problem, remedy))
+        problem = f"the fibre is {thick:.3g} m thick, more than a tenth of its length"
+        remedy = "write the unit into the titles of the columns: position_mm,diameter_um"
+        yield ImplausibleNumber(Fault(f"{key}.profile", problem, remedy))
     for path, table in tables:
-        sizes = (size for shape in cross_sections(table) for size in shape.sizes())
-        for name, value, size in sizes:
-            if size > THICK * length:
-                hint = suggest_unit(size, lambda v: v <= THICK * length) or "give it in m"
-                problem = (
-                    f"the wire is {size:.3g} m thick, more than a tenth of its length of"
-                    f" {length:.3g} m"
-                )
-                yield ImplausibleNumber(
-                    Fault(
-                        f"{path}.{name}",
-                        problem,
-                        hint,
-                        format_value(value),
-                    ),
-                    serious=True,
-                )
+        for name, value, size in (s for shape in cross_sections(table) for s in shape.sizes()):
+            problem = (
+                f"the wire is {size:.3g} m thick, more than a tenth of its length of {length:.3g} m"
+            )
+            found = [
+                *_above(f"{path}.{name}", size, THICK * length, problem, shown=value, serious=True)
+            ]
+            yield from found
+            if found:
                 break
 
 
-def _check_blades(stage: Stage, path: str) -> Iterator[ImplausibleNumber]:
-    if stage.blades is not None:
-        yield from _check_blade(stage.blades, stage, f"{path}.blades")
-    for blade in stage.blade:
-        yield from _check_blade(blade, stage, f"{path}.blade.{blade.name}")
-
-
 def _check_blade(blade: BladeSet | Blade, stage: Stage, path: str) -> Iterator[ImplausibleNumber]:
-    shape, mass = blade.geometry, body_mass(stage.body)
+    shape, mass, f = blade.geometry, body_mass(stage.body), blade.uncoupled_frequency
     if shape is not None:
-        key = f"{path}.geometry"
-        if shape.length > LARGEST:
-            hint = suggest_unit(shape.length, lambda v: v <= LARGEST)
-            yield ImplausibleNumber(
-                Fault(
-                    f"{key}.length",
-                    f"is longer than any blade ({LARGEST:g} m)",
-                    hint,
-                    format_value(shape.length),
-                ),
-                serious=True,
-            )
+        key, long = f"{path}.geometry", shape.length
+        problem = f"is longer than any blade ({LARGEST:g} m)"
+        yield from _above(f"{key}.length", long, LARGEST, problem, "", serious=True)
         for name, limit, word in (
-            ("thickness", THICK * shape.length, "a tenth of "),
-            ("base_width", shape.length, ""),
+            ("thickness", THICK * long, "a tenth of "),
+            ("base_width", long, ""),
         ):
-            value = getattr(shape, name)
-            if value > limit:
-                problem = f"is more than {word}the blade's length of {shape.length:g} m"
-                hint = suggest_unit(value, lambda v, limit=limit: v <= limit) or "give it in m"
-                yield ImplausibleNumber(
-                    Fault(f"{key}.{name}", problem, hint, format_value(value)),
-                    serious=value > ABSURD * limit,
-                )
-    if blade.thickness is not None and blade.thickness > 0.1:
-        yield ImplausibleNumber(
-            Fault(
-                f"{path}.thickness",
-                "is thicker than any blade (0.1 m)",
-                suggest_unit(blade.thickness, lambda v: v <= 0.1),
-                format_value(blade.thickness),
+            value, problem = getattr(shape, name), f"is more than {word}the blade's length of"
+            serious = value > ABSURD * limit
+            yield from _above(
+                f"{key}.{name}", value, limit, f"{problem} {long:g} m", serious=serious
             )
-        )
-    f = blade.uncoupled_frequency
-    if f is not None and f > BLADE_FREQUENCY:
-        hint = suggest_unit(f, lambda v: v <= BLADE_FREQUENCY, (("mHz", 1e-3),)) or "give it in Hz"
-        yield ImplausibleNumber(
-            Fault(
-                f"{path}.uncoupled_frequency",
-                f"blades above {BLADE_FREQUENCY:g} Hz do not isolate",
-                hint,
-                format_value(f),
-            )
-        )
-    if blade.tip_mass > mass:
-        hint = suggest_unit(blade.tip_mass, lambda v: v <= mass, (("g", 1e-3),)) or "give it in kg"
-        yield ImplausibleNumber(
-            Fault(
-                f"{path}.tip_mass",
-                f"is more than the mass of the stage itself ({mass:g} kg)",
-                hint,
-                format_value(blade.tip_mass),
-            )
-        )
+    problem = "is thicker than any blade (0.1 m)"
+    yield from _above(f"{path}.thickness", blade.thickness, 0.1, problem, "")
+    yield from _above(
+        f"{path}.uncoupled_frequency",
+        f,
+        BLADE_FREQUENCY,
+        f"blades above {BLADE_FREQUENCY:g} Hz do not isolate",
+        "give it in Hz",
+        MILLIHERTZ,
+    )
+    problem = f"is more than the mass of the stage itself ({mass:g} kg)"
+    yield from _above(
+        f"{path}.tip_mass", blade.tip_mass, mass, problem, "give it in kg", (("g", 1e-3),)
+    )
 
 
 def _length_of_wires(stage: Stage) -> float:
     """Longest nominal wire of a stage, m; 0 if it has none."""
     if stage.wires is not None:
         return stage.wires.l
-    spans = (
-        math.hypot(
-            *(p + q - u for p, q, u in zip(com_offset(stage), wire.lower, wire.upper, strict=True))
-        )
-        for wire in stage.wire
-    )
-    return max(spans, default=0.0)
+    return max((_span(stage, wire) for wire in stage.wire), default=0.0)
 
 
 def _check_perturbation(
@@ -636,20 +506,16 @@ def _check_imperfection(
 ) -> Iterator[ImplausibleNumber]:
     """Check the size (in SI units) of an imperfection."""
     if row.unit == "rad":
-        most, hint = LARGE_TURN, "give it in rad"
-        units = (("degrees", math.pi / 180), ("mrad", 1e-3))
+        most, units = LARGE_TURN, (("degrees", math.pi / 180), ("mrad", 1e-3))
         problem = f"an error of {size:g} rad is {math.degrees(size):.3g} degrees"
     else:
+        wire, units = row.part == "wire", MILLIMETRES
         most = (
-            LARGE_SHIFT * _length_of_wires(stage)
-            if row.part == "wire"
-            else BEYOND * max(half_sides(stage.body))
+            LARGE_SHIFT * _length_of_wires(stage) if wire else BEYOND * max(half_sides(stage.body))
         )
-        units, hint = MILLIMETRES, "give it in m"
         problem = f"an error of {size:g} m is more than {most:.2g} m, larger than in any real build"
-    if size > most > 0:
-        hint = suggest_unit(size, lambda v: v <= most, units) or hint
-        yield ImplausibleNumber(Fault(key, problem, hint, format_value(value)))
+    if most > 0:
+        yield from _above(key, size, most, problem, f"give it in {row.unit}", units, shown=value)
 
 
 def _check_tolerance(design: Design) -> Iterator[ImplausibleNumber]:
@@ -666,17 +532,14 @@ def _check_tolerance(design: Design) -> Iterator[ImplausibleNumber]:
         if spread is None:
             continue
         size = spread.normal or spread.uniform or 0.0
-        if not row.relative:
+        if row.relative:
+            problem = f"is a fraction, and no build scatters by {100 * size:g} %"
+            remedy = "give it as a fraction of the nominal value"
+            yield from _above(key, size, LARGE_FRACTION, problem, remedy, (("%", 1e-2),))
+        else:
             name = item.stage or item.wire.rsplit(".", 1)[0]
             stage = stages[name.removesuffix(SUFFIX)]
             yield from _check_imperfection(row, size, stage, key, size)
-        elif size > LARGE_FRACTION:
-            hint = (
-                suggest_unit(size, lambda v: v <= LARGE_FRACTION, (("%", 1e-2),))
-                or "give it as a fraction of the nominal value"
-            )
-            problem = f"is a fraction, and no build scatters by {100 * size:g} %"
-            yield ImplausibleNumber(Fault(key, problem, hint, format_value(size)))
 
 
 def _check_noise(design: Design) -> Iterator[ImplausibleNumber]:
@@ -684,16 +547,11 @@ def _check_noise(design: Design) -> Iterator[ImplausibleNumber]:
         noise = loop.sensor_noise
         if isinstance(noise, NoiseSpectrum):
             noise = max(noise.asd) if isinstance(noise.asd, list) else noise.asd
-        if noise > SENSOR_NOISE:
-            hint = (
-                suggest_unit(noise, lambda v: v <= SENSOR_NOISE, (("nm/sqrt(Hz)", 1e-9),))
-                or "give it in m/sqrt(Hz) or rad/sqrt(Hz)"
-            )
-            yield ImplausibleNumber(
-                Fault(
-                    f"control.loop.{loop.name}.sensor_noise",
-                    f"is more than that of any sensor ({SENSOR_NOISE:g})",
-                    hint,
-                    format_value(noise),
-                )
-            )
+        yield from _above(
+            f"control.loop.{loop.name}.sensor_noise",
+            noise,
+            SENSOR_NOISE,
+            f"is more than that of any sensor ({SENSOR_NOISE:g})",
+            "give it in m/sqrt(Hz) or rad/sqrt(Hz)",
+            (("nm/sqrt(Hz)", 1e-9),),
+        )

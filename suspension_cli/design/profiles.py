@@ -8,19 +8,18 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from suspension_cli.design import csv_columns
+from suspension_cli.design.csv_columns import BadTable
 from suspension_cli.design.wires import Profile, WireSection
 from suspension_cli.errors import Fault, InputError, format_value
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
-MAX_BYTES = 4_000_000
 UNITS = {"nm": 1e-9, "um": 1e-6, "\u00b5m": 1e-6, "\u03bcm": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0}
 """Units that a column's title may end with, over m."""
 
 
 def resolve_files(raw: dict[str, Any], folder: Path) -> None:
     """Read the CSV files of all profiles of a parsed document into it, in place.
-
-    So the document is complete, and results that embed it can be computed again.
 
     Raises
     ------
@@ -32,12 +31,11 @@ def resolve_files(raw: dict[str, Any], folder: Path) -> None:
     for number, stage in enumerate(stages if isinstance(stages, list) else [], 1):
         if not isinstance(stage, dict):
             continue
-        where = f"stage.{stage.get('name', number)}"
-        wires = stage.get("wire")
-        tables = [(f"{where}.wires", stage.get("wires"))]
+        where, wires = f"stage.{stage.get('name', number)}", stage.get("wire")
+        tables = {f"{where}.wires": stage.get("wires")}
         if isinstance(wires, list):
-            tables += [(f"{where}.wire.{n}", wire) for n, wire in enumerate(wires, 1)]
-        for path, table in tables:
+            tables |= {f"{where}.wire.{n}": wire for n, wire in enumerate(wires, 1)}
+        for path, table in tables.items():
             if not isinstance(table, dict):
                 continue
             given = table.get("profile")
@@ -47,9 +45,9 @@ def resolve_files(raw: dict[str, Any], folder: Path) -> None:
             if isinstance(own.get("file"), str):
                 try:
                     table["profile"] = own | _read(_found(own["file"], folder))
-                except _BadTable as error:
-                    key, value = f"{path}.profile", format_value(own["file"])
-                    faults.append(Fault(key, error.problem, error.remedy, value))
+                except BadTable as error:
+                    value = format_value(own["file"])
+                    faults.append(Fault(f"{path}.profile", error.problem, error.remedy, value))
     if faults:
         raise InputError(faults)
 
@@ -60,51 +58,23 @@ def _found(name: str, folder: Path) -> Path:
     return shipped if not (folder / name).exists() and shipped.exists() else folder / name
 
 
-class _BadTable(Exception):
-    def __init__(self, problem: str, remedy: str) -> None:
-        super().__init__(problem)
-        self.problem, self.remedy = problem, remedy
-
-
 def _read(file: Path) -> dict[str, list[float]]:
     """Read positions and diameters (m) from a CSV file of two columns."""
-    try:
-        with file.open("rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise _BadTable(
-            f"cannot be read ({reason})", "give a path from the folder of the design file"
-        ) from None
-    if len(data) > MAX_BYTES:
-        raise _BadTable(f"has more than {MAX_BYTES} bytes", "give a table of two columns")
-    units, rows = (1.0, 1.0), []
-    for number, line in enumerate(data.decode("utf-8-sig", "replace").splitlines(), 1):
-        cells = [cell.strip() for cell in line.replace(";", ",").split(",")]
-        if not line.strip() or line.lstrip().startswith("#"):
-            continue
-        if len(cells) != 2:
-            raise _BadTable(
-                f"line {number} has {len(cells)} columns", "write position,diameter in each line"
-            )
-        try:
-            rows.append(tuple(float(cell) for cell in cells))
-        except ValueError:
-            if rows:
-                raise _BadTable(
-                    f"line {number} is not two numbers", "write position,diameter in each line"
-                ) from None
-            units = tuple(_unit(cell) for cell in cells)
-    if len(rows) < 2:
-        raise _BadTable("has fewer than two lines of numbers", "measure more places")
-    # divided, so that 400 um is the number nearest to 0.0004
+    headings, columns = csv_columns.read(file)
+    if len(columns) not in (0, 2):
+        raise BadTable(f"has {len(columns)} columns", "write position,diameter in each line")
+    if not columns or len(columns[0]) < 2:
+        raise BadTable("has fewer than two lines of numbers", "measure more places")
+    units = [_unit(title) for title in headings] if len(headings) == 2 else [1.0, 1.0]
+    keys = ("position", "diameter")
     return {
-        key: [_scaled(row[n], units[n]) for row in rows]
-        for n, key in enumerate(("position", "diameter"))
+        key: [_scaled(value, unit) for value in column]
+        for key, column, unit in zip(keys, columns, units, strict=True)
     }
 
 
 def _scaled(value: float, unit: float) -> float:
+    """Convert to m; divided, so that 400 um is the number nearest to 0.0004."""
     return value if unit == 1.0 else value / round(1 / unit)
 
 
@@ -125,30 +95,26 @@ def reduced(profile: Profile, error: float | None = None) -> list[WireSection]:
 
     Parameters
     ----------
-    profile : Profile
-    error : float, optional
+    error
         Instead of that of the profile; 0: one section per pair of places.
     """
     wanted = profile.error if error is None else error
     limit = math.sqrt(wanted)
     sections: list[WireSection] = []
     length = volume = 0.0
-    low = high = None
-    points = list(zip(profile.position, profile.diameter, strict=True))
+    low, high = math.inf, 0.0
+    points = zip(profile.position, profile.diameter, strict=True)
     for (top, above), (bottom, below) in pairwise(points):
         # a steep stretch is divided, so that none exceeds the limit
-        parts = 1
-        if wanted:
-            parts = max(1, math.ceil(abs(math.log(below / above)) / limit))
+        parts = max(1, math.ceil(abs(math.log(below / above)) / limit)) if wanted else 1
+        span = (bottom - top) / parts
         for n in range(parts):
             ends = [above + (below - above) * k / parts for k in (n, n + 1)]
-            span = (bottom - top) / parts
-            smallest, largest = min(*ends, low or ends[0]), max(*ends, high or ends[0])
-            if length and (not wanted or largest > smallest * (1 + limit)):
+            low, high = min(*ends, low), max(*ends, high)
+            if length and (not wanted or high > low * (1 + limit)):
                 sections.append(_section(length, volume))
                 length = volume = 0.0
-                smallest, largest = min(ends), max(ends)
-            low, high = smallest, largest
+                low, high = min(ends), max(ends)
             length += span
             volume += span * (ends[0] ** 2 + ends[0] * ends[1] + ends[1] ** 2) / 3
     return [*sections, _section(length, volume)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import functools
 import re
 import tomllib
@@ -13,7 +14,7 @@ from typing import Any
 from suspension_cli.design import checks, faults, link_tables, paths, profiles
 from suspension_cli.design.keystones import add_keystones
 from suspension_cli.design.schema import Design
-from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
 
 MAX_BYTES = 4_000_000
 """Size above which a file is taken for something else (a results file, a picture)."""
@@ -33,10 +34,9 @@ class Source:
 
     Attributes
     ----------
-    design : Design
-    text : str
+    text
         The whole design as TOML, overrides applied, as results embed it.
-    file : str
+    file
         The path as the user gave it.
     """
 
@@ -50,8 +50,7 @@ def read(file: str | Path, overrides: tuple[str, ...] = ()) -> Source:
 
     Parameters
     ----------
-    file : path
-    overrides : tuple of str
+    overrides
         ``path=value`` settings, as `apply_overrides` takes them.
 
     Raises
@@ -59,13 +58,13 @@ def read(file: str | Path, overrides: tuple[str, ...] = ()) -> Source:
     InputError
         With every fault of the file.
     """
-    name = str(file)
+    name, folder = str(file), Path(file).parent
     try:
         raw = _parse(_text(Path(file)))
         apply_overrides(raw, overrides)
         _check_kind(raw)
-        link_tables.insert_tables(raw, Path(file).parent)
-        profiles.resolve_files(raw, Path(file).parent)
+        link_tables.insert_tables(raw, folder)
+        profiles.resolve_files(raw, folder)
         design = convert(raw)
     except InputError as error:
         raise error.in_file(name) from None
@@ -82,35 +81,25 @@ def _check_kind(raw: dict[str, Any]) -> None:
     for kind, keys in OTHER_KINDS.items():
         if found := [key for key in keys if key in raw]:
             problem = f"is a file of {kind} (it has [[{found[0]}]]), not a design"
-            raise InputError([Fault("", problem, "name a design, a file with [[stage]], first")])
+            raise InputError.of("", problem, "name a design, a file with [[stage]], first")
 
 
 def read_text(file: str | Path) -> str:
     """Read the text of a file, which may be a pipe; raises `InputError` if it cannot be read."""
-    try:
+    with attribute_faults_to(str(file)):
         return _text(Path(file))
-    except InputError as error:
-        raise error.in_file(str(file)) from None
 
 
 def read_toml(file: str | Path, text: str | None = None) -> dict[str, Any]:
-    """Parse a TOML file, or its text if that was read before, whatever it holds.
-
-    Raises `InputError` if it is no TOML.
-    """
-    try:
-        return _parse(
-            _text(Path(file)) if text is None else text, "write tables into it, as docs/ shows"
-        )
-    except InputError as error:
-        raise error.in_file(str(file)) from None
+    """Parse a TOML file, or its text if that was read before; raises `InputError` if it is none."""
+    with attribute_faults_to(str(file)):
+        whole = _text(Path(file)) if text is None else text
+        return _parse(whole, "write tables into it, as docs/ shows")
 
 
 def parse(text: str) -> Design:
     """Parse and check a design from TOML text."""
-    raw = _parse(text)
-    profiles.resolve_files(raw, Path())
-    return convert(raw)
+    return parse_with_overrides(text, ())
 
 
 def parse_with_overrides(text: str, overrides: tuple[str, ...]) -> Design:
@@ -141,46 +130,35 @@ def write_toml(raw: dict[str, Any]) -> str:
 
 
 def _text(path: Path) -> str:
+    if path.is_dir():
+        raise InputError.of("", "is a directory", "name a TOML file in it")
     try:
-        if path.is_dir():
-            raise InputError([Fault("", "is a directory", "name a TOML file in it")])
         with path.open("rb") as stream:
             data = stream.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(
-            [Fault("", f"cannot be read ({reason})", "check the path and its permissions")]
-        ) from None
+        problem = f"cannot be read ({getattr(error, 'strerror', None) or error})"
+        raise InputError.of("", problem, "check the path and its permissions") from None
     if len(data) > MAX_BYTES:
-        raise InputError(
-            [
-                Fault(
-                    "",
-                    f"has more than {MAX_BYTES} bytes, too many for a design",
-                    "name a TOML design file",
-                )
-            ]
-        )
+        problem = f"has more than {MAX_BYTES} bytes, too many for a design"
+        raise InputError.of("", problem, "name a TOML design file")
     try:
-        text = data.decode("utf-8-sig")  # some editors begin a file with a byte-order mark
+        return data.decode("utf-8-sig")  # some editors begin a file with a byte-order mark
     except UnicodeDecodeError:
-        raise InputError([Fault("", "is not text (UTF-8)", "name a TOML design file")]) from None
-    return text
+        raise InputError.of("", "is not text (UTF-8)", "name a TOML design file") from None
 
 
 def _parse(text: str, remedy: str = "start a design with `pendsus new`") -> dict[str, Any]:
     try:
-        raw = _copy(_parsed(text))
+        raw = copy.deepcopy(_parsed(text))
     except tomllib.TOMLDecodeError as error:
-        raise InputError([Fault("", f"is not TOML: {error}", "correct that line")]) from None
+        raise InputError.of("", f"is not TOML: {error}", "correct that line") from None
     except RecursionError:
         raise InputError([_TOO_DEEP]) from None
     except ValueError:  # numbers of TOML that Python refuses
-        raise InputError(
-            [Fault("", "is not TOML: a number has thousands of digits", "write it shorter")]
-        ) from None
+        problem = "is not TOML: a number has thousands of digits"
+        raise InputError.of("", problem, "write it shorter") from None
     if not raw:
-        raise InputError([Fault("", "is empty", remedy)])
+        raise InputError.of("", "is empty", remedy)
     return raw
 
 
@@ -190,49 +168,26 @@ def _parsed(text: str) -> dict[str, Any]:
     return tomllib.loads(text)
 
 
-def _copy(value: Any) -> Any:
-    """Copy the tables and lists of a parsed document; what is in them cannot change."""
-    if isinstance(value, dict):
-        return {key: _copy(item) for key, item in value.items()}
-    return [_copy(item) for item in value] if isinstance(value, list) else value
-
-
 def apply_overrides(raw: dict[str, Any], overrides: tuple[str, ...]) -> None:
     """Set values in a parsed document, in place.
 
     Parameters
     ----------
-    raw : dict
-    overrides : tuple of str
+    overrides
         ``stage.test.wires.d=0.002``: a dotted path, members of lists by their name or their number
         from 1, then a TOML value (a bare word is taken as a string). Missing tables are added; a
         missing member of a list is a fault.
     """
     for override in overrides:
+        shown = format_value(override)
         if any("\ud800" <= letter <= "\udfff" for letter in override):
-            raise InputError(
-                [
-                    Fault(
-                        "--set",
-                        "contains bytes that are not text",
-                        "write it in UTF-8",
-                        format_value(override),
-                    )
-                ]
-            )
+            problem, remedy = "contains bytes that are not text", "write it in UTF-8"
+            raise InputError.of("--set", problem, remedy, shown)
         path, equals, value = override.partition("=")
         keys = [key.strip() for key in path.split(".")]
         if not equals or not all(keys):
-            raise InputError(
-                [
-                    Fault(
-                        "--set",
-                        "is not of the form path=value",
-                        "write for example --set stage.test.wires.d=0.002",
-                        format_value(override),
-                    )
-                ]
-            )
+            remedy = "write for example --set stage.test.wires.d=0.002"
+            raise InputError.of("--set", "is not of the form path=value", remedy, shown)
         try:
             parsed = tomllib.loads(f"value = {value}")["value"]
         except (tomllib.TOMLDecodeError, RecursionError, ValueError):
@@ -251,7 +206,7 @@ def template(kind: str, name: str) -> str:
     path = Path(__file__).parent / "templates" / f"{kind}.toml"
     if kind not in TEMPLATES:
         remedy = faults.suggest(kind, list(TEMPLATES))
-        raise InputError([Fault("kind", "is no template", remedy, format_value(kind))])
+        raise InputError.of("kind", "is no template", remedy, format_value(kind))
     return path.read_text(encoding="utf-8").replace('name = "NAME"', f'name = "{name}"', 1)
 
 
@@ -275,9 +230,8 @@ def example_text(name: str, new_name: str) -> str:
 def _example(name: str) -> Path:
     known = examples()
     if name not in known:
-        raise InputError(
-            [Fault("example", "is not there", faults.suggest(name, known), format_value(name))]
-        )
+        remedy = faults.suggest(name, known)
+        raise InputError.of("example", "is not there", remedy, format_value(name))
     return _EXAMPLES / f"{name}.toml"
 
 

@@ -52,6 +52,7 @@ from suspension_cli.design.units import (
     Vector,
     WireName,
     Wrench,
+    doc,
     of_unit,
 )
 from suspension_cli.design.wires import Blade, BladeSet, Wire, WireSet
@@ -61,8 +62,8 @@ class Header(Table, frozen=True):
     """Name and origin of the design."""
 
     name: Stem
-    title: Annotated[str, Meta(description="title, for tables and pictures")] = ""
-    reference: Annotated[str, Meta(description="where the design comes from")] = ""
+    title: Annotated[str, doc("title, for tables and pictures")] = ""
+    reference: Annotated[str, doc("where the design comes from")] = ""
 
 
 class Constants(Table, frozen=True):
@@ -70,33 +71,27 @@ class Constants(Table, frozen=True):
 
     gravity: Annotated[
         Acceleration | GravityVector,
-        Meta(
-            description=(
-                "acceleration due to gravity in m/s^2; a vector [x, y, z] acts on the suspension"
-                " that was trimmed level (z below 0)"
-            )
+        doc(
+            "acceleration due to gravity in m/s^2; a vector [x, y, z] acts on the suspension"
+            " that was trimmed level (z below 0)"
         ),
     ] = 9.81
     gravity_gradient: Annotated[
         GravityGradient | list[GravityRow],
-        Meta(
-            description=(
-                "gradient of gravity in 1/s^2: dg_z/dz (3.1e-6 on Earth), or the symmetric 3x3"
-                " dg_i/dx_j"
-            )
+        doc(
+            "gradient of gravity in 1/s^2: dg_z/dz (3.1e-6 on Earth), or the symmetric 3x3"
+            " dg_i/dx_j"
         ),
     ] = 0.0
     wire_weight: Annotated[
         bool,
-        Meta(
-            description=(
-                "whether wires of known density and cross-section have weight, and inertia in all"
-                " models"
-            )
+        doc(
+            "whether wires of known density and cross-section have weight, and inertia in all"
+            " models"
         ),
     ] = False
     temperature: Annotated[
-        Kelvin, Meta(description="temperature in K of everything for which none is given")
+        Kelvin, doc("temperature in K of everything for which none is given")
     ] = 290.0
 
 
@@ -118,12 +113,12 @@ class Material(Table, frozen=True):
     loss_angle: (
         Annotated[
             LossAngle,
-            Meta(description="constant loss angle in rad: short for angle in the table loss"),
+            doc("constant loss angle in rad: short for angle in the table loss"),
         ]
         | None
     ) = None
     loss: MaterialLoss | None = None
-    source: Annotated[str, Meta(description="where the numbers come from")] = ""
+    source: Annotated[str, doc("where the numbers come from")] = ""
 
 
 class Gas(Table, frozen=True):
@@ -132,10 +127,7 @@ class Gas(Table, frozen=True):
     pressure: Pressure
     molar_mass: MolarMass = 0.028
     temperature: (
-        Annotated[
-            Kelvin, Meta(description="temperature of the gas in K; default that of [constants]")
-        ]
-        | None
+        Annotated[Kelvin, doc("temperature of the gas in K; default that of [constants]")] | None
     ) = None
 
 
@@ -146,10 +138,10 @@ class Body(Table, frozen=True):
     inertia: (
         Annotated[
             list[Inertia | Row3],
-            Meta(
+            doc(
+                "moments of inertia about x, y, z at the COM, or a full 3x3, kg m^2",
                 min_length=3,
                 max_length=3,
-                description="moments of inertia about x, y, z at the COM, or a full 3x3, kg m^2",
             ),
         ]
         | None
@@ -157,26 +149,20 @@ class Body(Table, frozen=True):
     shape: (
         Annotated[
             Literal["cylinder", "box"],
-            Meta(description="homogeneous, instead of moments of inertia"),
+            doc("homogeneous, instead of moments of inertia"),
         ]
         | None
     ) = None
-    axis: Annotated[Literal["x", "y", "z"], Meta(description="axis of a cylinder")] | None = None
-    radius: Annotated[Length, Meta(description="radius of a cylinder, m")] | None = None
-    inner_radius: (
-        Annotated[Length, Meta(description="inner radius of a hollow cylinder, m")] | None
-    ) = None
-    length: Annotated[Length, Meta(description="length of a cylinder, m")] | None = None
+    axis: Annotated[Literal["x", "y", "z"], doc("axis of a cylinder")] | None = None
+    radius: Annotated[Length, doc("radius of a cylinder, m")] | None = None
+    inner_radius: Annotated[Length, doc("inner radius of a hollow cylinder, m")] | None = None
+    length: Annotated[Length, doc("length of a cylinder, m")] | None = None
     size: (
-        Annotated[
-            tuple[Length, Length, Length], Meta(description="sides of a box along x, y and z, m")
-        ]
-        | None
+        Annotated[tuple[Length, Length, Length], doc("sides of a box along x, y and z, m")] | None
     ) = None
-    density: (
-        Annotated[Density, Meta(description="density of a shape in kg/m^3, instead of a mass")]
-        | None
-    ) = None
+    density: Annotated[Density, doc("density of a shape in kg/m^3, instead of a mass")] | None = (
+        None
+    )
 
 
 class Spring(Table, frozen=True):
@@ -184,67 +170,36 @@ class Spring(Table, frozen=True):
 
     stiffness: Annotated[
         Matrix6,
-        Meta(description="x, y, z, roll, pitch, yaw at the point, or a full 6x6: N/m, N m/rad"),
+        doc("x, y, z, roll, pitch, yaw at the point, or a full 6x6: N/m, N m/rad"),
     ]
-    at: Annotated[Vector, Meta(description="the point, from this body's COM, m")] = (0.0, 0.0, 0.0)
-    damping: (
-        Annotated[Matrix6, Meta(description="six elements or a full 6x6: N s/m, N m s/rad")] | None
-    ) = None
+    at: Annotated[Vector, doc("the point, from this body's COM, m")] = (0.0, 0.0, 0.0)
+    damping: Annotated[Matrix6, doc("six elements or a full 6x6: N s/m, N m s/rad")] | None = None
     preload: Annotated[
-        Wrench, Meta(description="force (N) and torque (N m) on this body in the nominal pose")
+        Wrench, doc("force (N) and torque (N m) on this body in the nominal pose")
     ] = field(default_factory=lambda: [0.0] * 6)
     loss_angle: (
         Annotated[
             LossAngle,
-            Meta(description="loss angle of the stiffness in rad; default that of the material"),
+            doc("loss angle of the stiffness in rad; default that of the material"),
         ]
         | None
     ) = None
     material: (
-        Annotated[Name, Meta(description=f"name of the spring's material, for its loss: {NAMES}")]
-        | None
+        Annotated[Name, doc(f"name of the spring's material, for its loss: {NAMES}")] | None
     ) = None
     thickness: (
         Annotated[
             Length,
-            Meta(description="thickness in m of a flexure that bends, for its loss"),
+            doc("thickness in m of a flexure that bends, for its loss"),
         ]
         | None
     ) = None
     temperature: (
-        Annotated[
-            Kelvin, Meta(description="temperature in K, for its loss; default that of [constants]")
-        ]
-        | None
+        Annotated[Kelvin, doc("temperature in K, for its loss; default that of [constants]")] | None
     ) = None
 
 
-Viscous = Annotated[float, Meta(ge=0, le=1e12, description="viscous damping in N s/m or N m s/rad")]
-
-
-class Damping(Table, frozen=True):
-    """Viscous damping of a body's motion relative to another body or the support, at its COM."""
-
-    x: Viscous = 0.0
-    y: Viscous = 0.0
-    z: Viscous = 0.0
-    roll: Viscous = 0.0
-    pitch: Viscous = 0.0
-    yaw: Viscous = 0.0
-    against: Annotated[
-        Name, Meta(description=f'"support", or the name of a stage above: {NAMES}')
-    ] = "support"
-
-
-class Compliance(Table, frozen=True):
-    """Stiffness of the support structure, N/m and N m/rad; directions left out are rigid."""
-
-    x: Stiffness | None = None
-    y: Stiffness | None = None
-    z: Stiffness | None = None
-    roll: Stiffness | None = None
-    pitch: Stiffness | None = None
-    yaw: Stiffness | None = None
+Viscous = Annotated[float, doc("viscous damping in N s/m or N m s/rad", ge=0, le=1e12)]
 
 
 class FrameDamping(Table, frozen=True):
@@ -258,23 +213,38 @@ class FrameDamping(Table, frozen=True):
     yaw: Viscous = 0.0
 
 
+class Damping(FrameDamping, frozen=True):
+    """Viscous damping of a body's motion relative to another body or the support, at its COM."""
+
+    against: Annotated[Name, doc(f'"support", or the name of a stage above: {NAMES}')] = "support"
+
+
+class Compliance(Table, frozen=True):
+    """Stiffness of the support structure, N/m and N m/rad; directions left out are rigid."""
+
+    x: Stiffness | None = None
+    y: Stiffness | None = None
+    z: Stiffness | None = None
+    roll: Stiffness | None = None
+    pitch: Stiffness | None = None
+    yaw: Stiffness | None = None
+
+
 class Support(Table, frozen=True):
     """An elastic support structure between the ground and the suspension point."""
 
     stiffness: Compliance
-    mass: Annotated[
-        MassOrZero, Meta(description="mass that moves with the suspension point, kg")
-    ] = 0.0
+    mass: Annotated[MassOrZero, doc("mass that moves with the suspension point, kg")] = 0.0
     inertia: Annotated[
         list[MomentOrZero],
-        Meta(
+        doc(
+            "moments of inertia about x, y, z at the suspension point, kg m^2",
             min_length=3,
             max_length=3,
-            description="moments of inertia about x, y, z at the suspension point, kg m^2",
         ),
     ] = field(default_factory=lambda: [0.0] * 3)
     damping: FrameDamping = FrameDamping()
-    loss_angle: Annotated[LossAngle, Meta(description="loss angle of the stiffness in rad")] = 0.0
+    loss_angle: Annotated[LossAngle, doc("loss angle of the stiffness in rad")] = 0.0
 
 
 class Stage(Table, frozen=True):
@@ -285,11 +255,9 @@ class Stage(Table, frozen=True):
     hangs_from: (
         Annotated[
             Name,
-            Meta(
-                description=(
-                    '"support" or an earlier stage, which makes a tree; default the stage before,'
-                    f" or the keystone of its filter ({NAMES})"
-                )
+            doc(
+                '"support" or an earlier stage, which makes a tree; default the stage before,'
+                f" or the keystone of its filter ({NAMES})"
             ),
         ]
         | None
@@ -297,55 +265,47 @@ class Stage(Table, frozen=True):
     position: (
         Annotated[
             Vector,
-            Meta(
-                description=(
-                    "nominal COM from the COM above (or support point), m; implied by a symmetric"
-                    " set or an inverted pendulum, needed otherwise"
-                )
+            doc(
+                "nominal COM from the COM above (or support point), m; implied by a symmetric"
+                " set or an inverted pendulum, needed otherwise"
             ),
         ]
         | None
     ) = None
     wires: WireSet | None = None
-    wire: Annotated[list[Wire], Meta(description="wires anywhere, instead of a symmetric set")] = (
-        field(default_factory=list)
-    )
+    wire: Annotated[list[Wire], doc("wires anywhere, instead of a symmetric set")] = []
     blades: BladeSet | None = None
-    blade: Annotated[list[Blade], Meta(description="blades for wires that name them")] = field(
-        default_factory=list
-    )
-    spring: Annotated[list[Spring], Meta(description="linear springs to the body above")] = field(
-        default_factory=list
-    )
+    blade: Annotated[list[Blade], doc("blades for wires that name them")] = []
+    spring: Annotated[list[Spring], doc("linear springs to the body above")] = []
     inverted_pendulum: InvertedPendulum | None = None
     filter: Filter | None = None
     damping: Damping | None = None
 
+    @property
+    def wire_tables(self) -> list[WireSet | Wire]:
+        """The symmetric set of wires, and the wires given one by one."""
+        return [*([self.wires] if self.wires is not None else []), *self.wire]
+
+    @property
+    def blade_tables(self) -> list[BladeSet | Blade]:
+        """The set of equal blades, and the blades given one by one."""
+        return [*([self.blades] if self.blades is not None else []), *self.blade]
+
 
 class _Imperfect(Table, frozen=True):
-    wire: (
-        Annotated[WireName, Meta(description="a stage's name and a wire's number: test.1")] | None
-    ) = None
-    body: (
-        Annotated[Name, Meta(description=f"a stage's name, instead of a wire: {NAMES}")] | None
-    ) = None
+    wire: Annotated[WireName, doc("a stage's name and a wire's number: test.1")] | None = None
+    body: Annotated[Name, doc(f"a stage's name, instead of a wire: {NAMES}")] | None = None
     blade: (
         Annotated[
             str,
-            Meta(
-                max_length=80,
-                description="a blade: test.blade1, or that of a filter's stage: filter",
-            ),
+            doc("a blade: test.blade1, or that of a filter's stage: filter", max_length=80),
         ]
         | None
     ) = None
     leg: (
-        Annotated[
-            str, Meta(max_length=80, description="a leg of an inverted pendulum: platform.leg1")
-        ]
-        | None
+        Annotated[str, doc("a leg of an inverted pendulum: platform.leg1", max_length=80)] | None
     ) = None
-    link: Annotated[str, Meta(max_length=80, description="the name of a link")] | None = None
+    link: Annotated[str, doc("the name of a link", max_length=80)] | None = None
 
 
 class Perturbation(imperfections.with_perturbations(_Imperfect)):
@@ -357,11 +317,7 @@ class Perturbation(imperfections.with_perturbations(_Imperfect)):
 Hertz = Annotated[float, Meta(ge=-1e9, le=1e9)]
 Root = Annotated[
     list[Hertz | Annotated[list[Hertz], Meta(min_length=2, max_length=2)]],
-    Meta(
-        description=(
-            "roots in Hz, positive for the left half plane, or [re, im] for a conjugate pair"
-        )
-    ),
+    doc("roots in Hz, positive for the left half plane, or [re, im] for a conjugate pair"),
 ]
 
 
@@ -374,11 +330,7 @@ class GainAt(Table, frozen=True):
     frequency: Frequency
     magnitude: Annotated[
         float,
-        Meta(
-            ge=-1e20,
-            le=1e20,
-            description="|H| there, N/m (N m/rad); negative turns the sign of the filter",
-        ),
+        doc("|H| there, N/m (N m/rad); negative turns the sign of the filter", ge=-1e20, le=1e20),
     ]
 
 
@@ -387,11 +339,9 @@ class NoiseSpectrum(Table, frozen=True):
 
     asd: Annotated[
         SpectralDensity | Annotated[list[SpectralDensity], Meta(min_length=2)],
-        Meta(
-            description=(
-                "amplitude spectral density in m/sqrt(Hz) or rad/sqrt(Hz), flat far above the"
-                " corner, or one per frequency"
-            )
+        doc(
+            "amplitude spectral density in m/sqrt(Hz) or rad/sqrt(Hz), flat far above the"
+            " corner, or one per frequency"
         ),
     ]
     corner: (
@@ -399,9 +349,9 @@ class NoiseSpectrum(Table, frozen=True):
             float,
             of_unit(
                 "Hz",
+                "Hz; asd times sqrt(1 + corner / f), a power that rises as 1/f below",
                 gt=0,
                 le=1e6,
-                description="Hz; asd times sqrt(1 + corner / f), a power that rises as 1/f below",
             ),
         ]
         | None
@@ -409,12 +359,9 @@ class NoiseSpectrum(Table, frozen=True):
     frequency: (
         Annotated[
             list[Frequency],
-            Meta(
+            doc(
+                "Hz, ascending; straight lines between them on logarithmic axes, constant outside",
                 min_length=2,
-                description=(
-                    "Hz, ascending; straight lines between them on logarithmic axes, constant"
-                    " outside"
-                ),
             ),
         ]
         | None
@@ -432,24 +379,20 @@ class Loop(Table, frozen=True):
     """
 
     name: Name
-    sensor: Annotated[str, Meta(description="a motion of a stage: upper.x, upper.x@0,0,0.01")]
-    actuator: Annotated[str, Meta(description="a force or torque on a stage: upper.force_x")]
+    sensor: Annotated[str, doc("a motion of a stage: upper.x, upper.x@0,0,0.01")]
+    actuator: Annotated[str, doc("a force or torque on a stage: upper.force_x")]
     reference: Annotated[
         Literal["support", "inertial"],
-        Meta(
-            description=(
-                '"support": sensor and actuator act between body and support structure;'
-                ' "inertial": against inertial space'
-            )
+        doc(
+            '"support": sensor and actuator act between body and support structure;'
+            ' "inertial": against inertial space'
         ),
     ] = "support"
     damper: (
         Annotated[
             float,
-            Meta(
-                ge=-1e12,
-                le=1e12,
-                description="force per velocity, N s/m (N m s/rad): H = 2 pi i f times this",
+            doc(
+                "force per velocity, N s/m (N m s/rad): H = 2 pi i f times this", ge=-1e12, le=1e12
             ),
         ]
         | None
@@ -457,48 +400,36 @@ class Loop(Table, frozen=True):
     gain: (
         Annotated[
             float,
-            Meta(
+            doc(
+                "H = gain times the product of (i f + z) over that of (i f + p); N/m (N m/rad)"
+                " times Hz^(number of poles - number of zeros)",
                 ge=-1e20,
                 le=1e20,
-                description=(
-                    "H = gain times the product of (i f + z) over that of (i f + p); N/m (N m/rad)"
-                    " times Hz^(number of poles - number of zeros)"
-                ),
             ),
         ]
         | None
     ) = None
-    zeros: Root = field(default_factory=list)
-    poles: Root = field(default_factory=list)
-    filter: Annotated[str, Meta(description=f"H in N/m (N m/rad) as {FOTON}")] | None = None
-    gain_at: (
-        Annotated[GainAt, Meta(description="sets the gain of zeros and poles, or of filter")] | None
-    ) = None
+    zeros: Root = []
+    poles: Root = []
+    filter: Annotated[str, doc(f"H in N/m (N m/rad) as {FOTON}")] | None = None
+    gain_at: Annotated[GainAt, doc("sets the gain of zeros and poles, or of filter")] | None = None
     delay: Annotated[
         float,
-        of_unit(
-            "s", ge=0, le=10.0, description="delay of the loop in s, a factor exp(-2 pi i f delay)"
-        ),
+        of_unit("s", "delay of the loop in s, a factor exp(-2 pi i f delay)", ge=0, le=10.0),
     ] = 0.0
-    sensor_response: (
-        Annotated[str, Meta(description=f"reading over motion of the sensor: {FOTON}")] | None
-    ) = None
+    sensor_response: Annotated[str, doc(f"reading over motion of the sensor: {FOTON}")] | None = (
+        None
+    )
     sensor_noise: Annotated[
         SpectralDensity | NoiseSpectrum,
-        Meta(
-            description=(
-                "amplitude spectral density as motion, m/sqrt(Hz) or rad/sqrt(Hz): flat, or {asd,"
-                " corner}, or {frequency, asd}"
-            )
+        doc(
+            "amplitude spectral density as motion, m/sqrt(Hz) or rad/sqrt(Hz): flat, or {asd,"
+            " corner}, or {frequency, asd}"
         ),
     ] = 0.0
     actuator_noise: Annotated[
         float,
-        Meta(
-            ge=0,
-            le=1e3,
-            description="amplitude spectral density in N/sqrt(Hz) or N m/sqrt(Hz), flat",
-        ),
+        doc("amplitude spectral density in N/sqrt(Hz) or N m/sqrt(Hz), flat", ge=0, le=1e3),
     ] = 0.0
 
 
@@ -514,20 +445,14 @@ Spread = Annotated[float, Meta(ge=0, le=1e3)]
 class Distribution(Table, frozen=True):
     """Scatter of builds about the nominal value, independent from build to build."""
 
-    normal: Annotated[Spread, Meta(description="standard deviation")] | None = None
-    uniform: Annotated[Spread, Meta(description="half width")] | None = None
-    truncate: (
-        Annotated[Spread, Meta(description="largest deviation of a normal distribution")] | None
-    ) = None
+    normal: Annotated[Spread, doc("standard deviation")] | None = None
+    uniform: Annotated[Spread, doc("half width")] | None = None
+    truncate: Annotated[Spread, doc("largest deviation of a normal distribution")] | None = None
 
 
 class _WireScatter(Table, frozen=True):
-    stage: (
-        Annotated[Name, Meta(description=f"a stage's name, for each of its wires: {NAMES}")] | None
-    ) = None
-    wire: Annotated[WireName, Meta(description="one wire, instead of a stage: test.1")] | None = (
-        None
-    )
+    stage: Annotated[Name, doc(f"a stage's name, for each of its wires: {NAMES}")] | None = None
+    wire: Annotated[WireName, doc("one wire, instead of a stage: test.1")] | None = None
 
 
 class _PartScatter(Table, frozen=True):
@@ -553,14 +478,14 @@ class LegTolerance(imperfections.with_spreads(_PartScatter, "leg", Distribution)
 
 
 class _LinkScatter(Table, frozen=True):
-    link: Annotated[str, Meta(max_length=80, description="the name of a link")]
+    link: Annotated[str, doc("the name of a link", max_length=80)]
 
 
 class LinkTolerance(imperfections.with_spreads(_LinkScatter, "link", Distribution)):
     """Scatter of one link."""
 
 
-Limit = Annotated[float, Meta(gt=0, le=1e20, description="limit above zero, SI")]
+Limit = Annotated[float, doc("limit above zero, SI", gt=0, le=1e20)]
 
 
 class Requirement(Table, frozen=True):
@@ -568,58 +493,52 @@ class Requirement(Table, frozen=True):
 
     quantity: Annotated[
         str,
-        Meta(
+        doc(
+            "a mode's label, coupling, STAGE static DOF (x, y, height, roll, pitch or yaw), or"
+            " a response OUTPUT/INPUT:FREQUENCY",
             max_length=200,
-            description=(
-                "a mode's label, coupling, STAGE static DOF (x, y, height, roll, pitch or yaw), or"
-                " a response OUTPUT/INPUT:FREQUENCY"
-            ),
         ),
     ]
     band: (
         Annotated[
             list[Annotated[float, Meta(ge=-1e20, le=1e20)]],
-            Meta(min_length=2, max_length=2, description="least and largest value"),
+            doc("least and largest value", min_length=2, max_length=2),
         ]
         | None
     ) = None
-    below: Annotated[Limit, Meta(description="limit that the magnitude is below")] | None = None
-    above: Annotated[Limit, Meta(description="limit that the magnitude is above")] | None = None
+    below: Annotated[Limit, doc("limit that the magnitude is below")] | None = None
+    above: Annotated[Limit, doc("limit that the magnitude is above")] | None = None
 
 
 class Tolerance(Table, frozen=True):
     """Scatter of parts from build to build, and requirements on builds."""
 
-    wire: list[WireTolerance] = field(default_factory=list)
-    body: list[BodyTolerance] = field(default_factory=list)
-    blade: list[BladeTolerance] = field(default_factory=list)
-    leg: list[LegTolerance] = field(default_factory=list)
-    link: list[LinkTolerance] = field(default_factory=list)
-    require: list[Requirement] = field(default_factory=list)
+    wire: list[WireTolerance] = []
+    body: list[BodyTolerance] = []
+    blade: list[BladeTolerance] = []
+    leg: list[LegTolerance] = []
+    link: list[LinkTolerance] = []
+    require: list[Requirement] = []
 
 
 class Design(Table, frozen=True):
     """A whole design file."""
 
     design: Header
-    stage: Annotated[list[Stage], Meta(min_length=1, description="bodies, top to bottom")]
+    stage: Annotated[list[Stage], doc("bodies, top to bottom", min_length=1)]
     constants: Constants = Constants()
-    materials: dict[str, Material] = field(default_factory=dict)
+    materials: dict[str, Material] = {}
     gas: Gas | None = None
     support: Support | None = None
     control: Control | None = None
     tolerance: Tolerance | None = None
-    perturbation: list[Perturbation] = field(default_factory=list)
-    link: Annotated[list[Link], Meta(description="springs between any two bodies")] = field(
-        default_factory=list
-    )
-    damper: Annotated[list[Damper], Meta(description="dampers between any two bodies")] = field(
-        default_factory=list
-    )
+    perturbation: list[Perturbation] = []
+    link: Annotated[list[Link], doc("springs between any two bodies")] = []
+    damper: Annotated[list[Damper], doc("dampers between any two bodies")] = []
     analysis: Annotated[
         dict[str, dict[str, Any]],
-        Meta(description="defaults for a command's options, under the options' own names"),
-    ] = field(default_factory=dict)
+        doc("defaults for a command's options, under the options' own names"),
+    ] = {}
 
 
 def json_schema() -> dict[str, Any]:

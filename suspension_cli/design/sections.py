@@ -21,10 +21,8 @@ class Stretch:
 
     Attributes
     ----------
-    length : float
+    length
         Loaded, m.
-    material : str or None
-    shape : CrossSection
     """
 
     length: float

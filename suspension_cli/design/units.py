@@ -7,6 +7,11 @@ from typing import Annotated, Any, Literal
 from msgspec import Meta, Struct
 
 
+def doc(description: str, **bounds: Any) -> Meta:
+    """Describe a value, and bound it."""
+    return Meta(description=description, **bounds)
+
+
 def of_unit(name: str, description: str, **bounds: Any) -> Meta:
     """Describe a number in an SI unit; `unit` reads it back from the type."""
     return Meta(description=description or None, extra={"unit": name}, **bounds)
@@ -28,165 +33,126 @@ class Table(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_
 
 NAMES = "letters, digits, _ and -, starting with a letter"
 
-Name = Annotated[
-    str, Meta(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$", max_length=60, description=f"a name: {NAMES}")
-]
+Name = Annotated[str, doc(f"a name: {NAMES}", pattern=r"^[A-Za-z][A-Za-z0-9_-]*$", max_length=60)]
 Stem = Annotated[
     str,
-    Meta(
+    doc(
+        "letters, digits, . _ and - (it is also the stem of the files written)",
         pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$",
         max_length=100,
-        description="letters, digits, . _ and - (it is also the stem of the files written)",
     ),
 ]
-Length = Annotated[float, of_unit("m", ge=1e-9, le=1e5, description="length in m")]
-Separation = Annotated[float, of_unit("m", ge=0, le=1e5, description="length in m, zero allowed")]
-Position = Annotated[float, of_unit("m", ge=-1e5, le=1e5, description="signed length in m")]
-Angle = Annotated[float, of_unit("rad", ge=-3.2, le=3.2, description="angle in rad")]
-Mass = Annotated[float, of_unit("kg", ge=1e-9, le=1e9, description="mass in kg")]
-MassOrZero = Annotated[float, of_unit("kg", ge=0, le=1e9, description="mass in kg, zero allowed")]
+Length = Annotated[float, of_unit("m", "length in m", ge=1e-9, le=1e5)]
+Separation = Annotated[float, of_unit("m", "length in m, zero allowed", ge=0, le=1e5)]
+Position = Annotated[float, of_unit("m", "signed length in m", ge=-1e5, le=1e5)]
+Angle = Annotated[float, of_unit("rad", "angle in rad", ge=-3.2, le=3.2)]
+Mass = Annotated[float, of_unit("kg", "mass in kg", ge=1e-9, le=1e9)]
+MassOrZero = Annotated[float, of_unit("kg", "mass in kg, zero allowed", ge=0, le=1e9)]
 MomentOrZero = Annotated[float, of_unit("kg m^2", "", ge=0, le=1e15)]
 Inertia = Annotated[
     float,
-    of_unit("kg m^2", ge=-1e15, le=1e15, description="moment or product of inertia in kg m^2"),
+    of_unit("kg m^2", "moment or product of inertia in kg m^2", ge=-1e15, le=1e15),
 ]
 Strength = Annotated[
     float,
     of_unit(
-        "Pa",
-        ge=1.0,
-        le=1e13,
-        description="stress in Pa at which the material breaks (or, of blades, yields)",
+        "Pa", "stress in Pa at which the material breaks (or, of blades, yields)", ge=1.0, le=1e13
     ),
 ]
-Density = Annotated[float, of_unit("kg/m^3", ge=1e-3, le=1e6, description="density in kg/m^3")]
-Modulus = Annotated[float, of_unit("Pa", ge=1.0, le=1e15, description="Young's modulus in Pa")]
+Density = Annotated[float, of_unit("kg/m^3", "density in kg/m^3", ge=1e-3, le=1e6)]
+Modulus = Annotated[float, of_unit("Pa", "Young's modulus in Pa", ge=1.0, le=1e15)]
 Poisson = Annotated[
     float,
-    of_unit(
-        "1",
-        gt=-1,
-        lt=0.5,
-        description="Poisson's ratio, for the twisting of wires; 0.3 if not given",
-    ),
+    of_unit("1", "Poisson's ratio, for the twisting of wires; 0.3 if not given", gt=-1, lt=0.5),
 ]
-Stiffness = Annotated[float, of_unit("N/m", ge=1e-12, le=1e20, description="stiffness in N/m")]
-Torsion = Annotated[
-    float, of_unit("N m/rad", ge=1e-18, le=1e15, description="torsional stiffness in N m/rad")
-]
+Stiffness = Annotated[float, of_unit("N/m", "stiffness in N/m", ge=1e-12, le=1e20)]
+Torsion = Annotated[float, of_unit("N m/rad", "torsional stiffness in N m/rad", ge=1e-18, le=1e15)]
 Coefficient = Annotated[
-    float, Meta(ge=-1e20, le=1e20, description="element of a stiffness or damping matrix, SI")
+    float, doc("element of a stiffness or damping matrix, SI", ge=-1e20, le=1e20)
 ]
-Load = Annotated[float, Meta(ge=-1e12, le=1e12, description="force in N or torque in N m")]
-Tension = Annotated[float, of_unit("N", ge=1e-12, le=1e12, description="tension in N")]
-Frequency = Annotated[float, of_unit("Hz", ge=1e-6, le=1e6, description="frequency in Hz")]
-Kelvin = Annotated[float, of_unit("K", gt=0, le=1e4, description="temperature in K")]
+Load = Annotated[float, doc("force in N or torque in N m", ge=-1e12, le=1e12)]
+Tension = Annotated[float, of_unit("N", "tension in N", ge=1e-12, le=1e12)]
+Frequency = Annotated[float, of_unit("Hz", "frequency in Hz", ge=1e-6, le=1e6)]
+Kelvin = Annotated[float, of_unit("K", "temperature in K", gt=0, le=1e4)]
 Expansion = Annotated[
     float,
-    of_unit("1/K", ge=-1e-2, le=1e-2, description="coefficient of linear thermal expansion in 1/K"),
+    of_unit("1/K", "coefficient of linear thermal expansion in 1/K", ge=-1e-2, le=1e-2),
 ]
 ModulusSlope = Annotated[
     float,
     of_unit(
         "1/K",
+        "relative change of Young's modulus with temperature, (1/E) dE/dT in 1/K; 0 if not given",
         ge=-1.0,
         le=1.0,
-        description=(
-            "relative change of Young's modulus with temperature, (1/E) dE/dT in 1/K; 0 if not"
-            " given"
-        ),
     ),
 ]
-SpecificHeat = Annotated[
-    float, of_unit("J/(kg K)", ge=1e-6, le=1e6, description="specific heat in J/(kg K)")
-]
+SpecificHeat = Annotated[float, of_unit("J/(kg K)", "specific heat in J/(kg K)", ge=1e-6, le=1e6)]
 Conductivity = Annotated[
-    float, of_unit("W/(m K)", ge=1e-6, le=1e6, description="thermal conductivity in W/(m K)")
+    float, of_unit("W/(m K)", "thermal conductivity in W/(m K)", ge=1e-6, le=1e6)
 ]
 Pressure = Annotated[
     float,
     of_unit(
-        "Pa",
-        ge=0,
-        le=1e3,
-        description="pressure in Pa, of a gas so dilute that its molecules do not collide",
+        "Pa", "pressure in Pa, of a gas so dilute that its molecules do not collide", ge=0, le=1e3
     ),
 ]
 MolarMass = Annotated[
-    float, of_unit("kg/mol", ge=1e-3, le=1.0, description="molar mass in kg/mol; 0.028 is nitrogen")
+    float, of_unit("kg/mol", "molar mass in kg/mol; 0.028 is nitrogen", ge=1e-3, le=1.0)
 ]
-Acceleration = Annotated[float, of_unit("m/s^2", gt=0, le=1e3, description="acceleration in m/s^2")]
-Pull = Annotated[
-    float, of_unit("m/s^2", ge=-1e3, le=1e3, description="component of gravity in m/s^2")
-]
+Acceleration = Annotated[float, of_unit("m/s^2", "acceleration in m/s^2", gt=0, le=1e3)]
+Pull = Annotated[float, of_unit("m/s^2", "component of gravity in m/s^2", ge=-1e3, le=1e3)]
 GravityVector = Annotated[
-    list[Pull], Meta(min_length=3, max_length=3, description="gravity along x, y and z in m/s^2")
+    list[Pull], doc("gravity along x, y and z in m/s^2", min_length=3, max_length=3)
 ]
 GravityGradient = Annotated[
-    float, of_unit("1/s^2", ge=-1.0, le=1.0, description="gradient of gravity in 1/s^2")
+    float, of_unit("1/s^2", "gradient of gravity in 1/s^2", ge=-1.0, le=1.0)
 ]
 GravityRow = Annotated[list[GravityGradient], Meta(min_length=3, max_length=3)]
-PositiveLossAngle = Annotated[
-    float, of_unit("rad", gt=0, lt=1, description="loss angle in rad, above zero")
-]
-LossAngle = Annotated[float, of_unit("rad", ge=0, lt=1, description="loss angle in rad")]
-Factor = Annotated[float, of_unit("1", ge=1e-6, le=1e6, description="factor on the nominal value")]
+PositiveLossAngle = Annotated[float, of_unit("rad", "loss angle in rad, above zero", gt=0, lt=1)]
+LossAngle = Annotated[float, of_unit("rad", "loss angle in rad", ge=0, lt=1)]
+Factor = Annotated[float, of_unit("1", "factor on the nominal value", ge=1e-6, le=1e6)]
 ShapeFactor = Annotated[
     float,
     of_unit(
-        "1",
-        ge=0.5,
-        le=10,
-        description="shape factor of a cantilever blade: 1 rectangular, 1.5 triangular",
+        "1", "shape factor of a cantilever blade: 1 rectangular, 1.5 triangular", ge=0.5, le=10
     ),
 ]
 
-Component = Annotated[float, of_unit("1", ge=-1e5, le=1e5, description="component of a direction")]
-Vector = Annotated[tuple[Position, Position, Position], Meta(description="x, y, z in m")]
+Component = Annotated[float, of_unit("1", "component of a direction", ge=-1e5, le=1e5)]
+Vector = Annotated[tuple[Position, Position, Position], doc("x, y, z in m")]
 Direction = Annotated[
     tuple[Component, Component, Component],
-    Meta(
-        description=(
-            "direction x, y, z from the upper towards the lower end, of any length above zero"
-        )
-    ),
+    doc("direction x, y, z from the upper towards the lower end, of any length above zero"),
 ]
 Row3 = Annotated[list[Inertia], Meta(min_length=3, max_length=3)]
 Row6 = Annotated[list[Coefficient], Meta(min_length=6, max_length=6)]
 Matrix6 = Annotated[
     list[Coefficient | Row6],
-    Meta(
+    doc(
+        "six diagonal elements (x, y, z, roll, pitch, yaw) or a full 6x6",
         min_length=6,
         max_length=6,
-        description="six diagonal elements (x, y, z, roll, pitch, yaw) or a full 6x6",
     ),
 ]
 Wrench = Annotated[
     list[Load],
-    Meta(
-        min_length=6,
-        max_length=6,
-        description="force x, y, z in N and torque roll, pitch, yaw in N m",
-    ),
+    doc("force x, y, z in N and torque roll, pitch, yaw in N m", min_length=6, max_length=6),
 ]
 
 Hold = Annotated[
     Literal["loaded-length", "natural-length"],
-    Meta(
-        description=(
-            '"loaded-length": the wire is trimmed to its nominal tension in the nominal pose;'
-            ' "natural-length": its unstretched length stays'
-        )
+    doc(
+        '"loaded-length": the wire is trimmed to its nominal tension in the nominal pose;'
+        ' "natural-length": its unstretched length stays'
     ),
 ]
-MaterialName = Annotated[
-    Name, Meta(description=f"name of a material, built in or of [materials]: {NAMES}")
-]
+MaterialName = Annotated[Name, doc(f"name of a material, built in or of [materials]: {NAMES}")]
 WireName = Annotated[
     str,
-    Meta(
+    doc(
+        "a stage's name and a wire's number: test.1",
         pattern=r"^[A-Za-z][A-Za-z0-9_-]*\.[1-9][0-9]*$",
-        description="a stage's name and a wire's number: test.1",
     ),
 ]
-StageName = Annotated[Name, Meta(description=f"a stage's name: {NAMES}")]
+StageName = Annotated[Name, doc(f"a stage's name: {NAMES}")]

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 from suspension_cli.design import materials
-from suspension_cli.design.body_checks import LEAST_MASS, check_exactly_one
-from suspension_cli.design.faults import suggest
-from suspension_cli.design.schema import Design, Material
+from suspension_cli.design.body_checks import LEAST_MASS, TOO_LIGHT, check_exactly_one
+from suspension_cli.design.faults import fault_of, suggest
+from suspension_cli.design.schema import Design, Material, Spring
 from suspension_cli.design.sections import stretches
 from suspension_cli.design.wires import (
     CROSS_SECTIONS,
@@ -39,43 +39,39 @@ def check_losses(material: Material, path: str) -> Iterator[Fault]:
     if loss is None:
         return
     if loss.angle is not None and material.loss_angle is not None:
-        yield Fault(
-            f"{path}.loss.angle",
-            "conflicts with loss_angle, which is short for it",
-            "keep one of the two",
-            format_value(loss.angle),
-        )
+        problem = "conflicts with loss_angle, which is short for it"
+        yield fault_of(loss, f"{path}.loss", "angle", problem, "keep one of the two")
     if loss.table is None:
         return
+    path = f"{path}.loss.table"
     if material.loss_angle is not None or loss.angle is not None:
-        yield Fault(
-            f"{path}.loss.table", "conflicts with a constant loss angle", "keep one of the two"
-        )
+        yield Fault(path, "conflicts with a constant loss angle", "keep one of the two")
     frequency, angle = loss.table.frequency, loss.table.angle
     if len(frequency) != len(angle):
-        yield Fault(
-            f"{path}.loss.table.angle",
-            f"{len(angle)} loss angles for {len(frequency)} frequencies",
-            "give one for each frequency",
-        )
+        problem = f"{len(angle)} loss angles for {len(frequency)} frequencies"
+        yield Fault(f"{path}.angle", problem, "give one for each frequency")
     if any(after <= before for before, after in pairwise(frequency)):
-        yield Fault(
-            f"{path}.loss.table.frequency",
-            "is not in ascending order",
-            "sort the table by frequency",
-            format_value(frequency),
-        )
+        remedy = "sort the table by frequency"
+        yield fault_of(loss.table, path, "frequency", "is not in ascending order", remedy)
 
 
 def check_material(design: Design, name: str, key: str) -> Iterator[Fault]:
     """Check that a material that is used is known."""
-    if name not in materials.known(design):
-        yield Fault(
-            key,
-            "unknown material",
-            suggest(name, materials.known(design)) + " or define it as [materials.NAME]",
-            format_value(name),
-        )
+    known = materials.known(design)
+    if name not in known:
+        remedy = suggest(name, known) + " or define it as [materials.NAME]"
+        yield Fault(key, "unknown material", remedy, format_value(name))
+
+
+def check_loss_material(
+    design: Design, table: Spring | BladeSet | Blade, path: str
+) -> Iterator[Fault]:
+    """Check the material of a spring or blade, for its loss."""
+    if table.material is not None:
+        yield from check_material(design, table.material, f"{path}.material")
+    elif table.thickness is not None:
+        problem = "has no effect without a material"
+        yield fault_of(table, path, "thickness", problem, "name the material too")
 
 
 def check_wire(design: Design, wire: WireSet | Wire, path: str) -> Iterator[Fault]:
@@ -96,22 +92,14 @@ def check_wire(design: Design, wire: WireSet | Wire, path: str) -> Iterator[Faul
     given = cross_sections(wire)
     if len(given) > 1:
         first, second, *_ = given
-        yield Fault(
-            f"{path}.{first.key}",
-            f"conflicts with a {second.key}",
-            "give " + " or ".join(f"{kind.key} for {kind.wire}" for kind in CROSS_SECTIONS),
-            format_value(getattr(wire, first.key)),
-        )
-    if wire.k is None:
-        if wire.material is None:
-            yield Fault(f"{path}.material", "missing", "name a material, or give k in N/m")
-        if not given:
-            keys = " or ".join(kind.key for kind in CROSS_SECTIONS)
-            yield Fault(
-                f"{path}.{CROSS_SECTIONS[0].key}",
-                "missing",
-                f"give the wire's {keys} in m, or k in N/m",
-            )
+        remedy = "give " + " or ".join(f"{kind.key} for {kind.wire}" for kind in CROSS_SECTIONS)
+        yield fault_of(wire, path, first.key, f"conflicts with a {second.key}", remedy)
+    if wire.k is None and wire.material is None:
+        yield fault_of(wire, path, "material", "missing", "name a material, or give k in N/m")
+    if wire.k is None and not given:
+        keys = [kind.key for kind in CROSS_SECTIONS]
+        remedy = f"give the wire's {' or '.join(keys)} in m, or k in N/m"
+        yield fault_of(wire, path, keys[0], "missing", remedy)
 
 
 def _check_profile(wire: WireSet | Wire, path: str) -> Iterator[Fault]:
@@ -119,7 +107,7 @@ def _check_profile(wire: WireSet | Wire, path: str) -> Iterator[Fault]:
         if getattr(wire, key) is not None:
             yield Fault(f"{path}.{key}", "conflicts with a profile", "keep one of the two")
     if wire.material is None:
-        yield Fault(f"{path}.material", "missing", "name the material of the fibre")
+        yield fault_of(wire, path, "material", "missing", "name the material of the fibre")
     own = wire.profile
     if not isinstance(own, Profile):
         remedy = "read the design from its file, or give { position, diameter }"
@@ -127,20 +115,18 @@ def _check_profile(wire: WireSet | Wire, path: str) -> Iterator[Fault]:
         return
     count = len(own.position)
     if count < 2 or count != len(own.diameter):
+        problem = f"has {len(own.diameter)} diameters at {count} places"
         yield Fault(
-            f"{path}.profile",
-            f"has {len(own.diameter)} diameters at {count} places",
-            "give one diameter per place, at two places or more",
+            f"{path}.profile", problem, "give one diameter per place, at two places or more"
         )
         return
     for n, (above, below) in enumerate(pairwise(own.position), 2):
         if not below > above:
-            yield Fault(
+            key, remedy = (
                 f"{path}.profile.position.{n}",
-                "is not below the place before",
                 "sort the table by position, each place once",
-                format_value(below),
             )
+            yield Fault(key, "is not below the place before", remedy, format_value(below))
             return
 
 
@@ -151,31 +137,25 @@ def _check_neck(wire: WireSet | Wire, path: str) -> Iterator[Fault]:
             yield Fault(f"{path}.neck", f"conflicts with {key}", "give radius and neck alone")
             return
     if wire.radius is None:
-        yield Fault(f"{path}.radius", "missing", "give the radius between the necks in m")
+        remedy = "give the radius between the necks in m"
+        yield fault_of(wire, path, "radius", "missing", remedy)
     elif not wire.neck.radius > wire.radius:
-        yield Fault(
-            f"{path}.neck.radius",
-            f"is not above the radius of the fibre ({wire.radius:g} m)",
-            "give the radius of the thick ends in m",
-            format_value(wire.neck.radius),
-        )
+        problem = f"is not above the radius of the fibre ({wire.radius:g} m)"
+        remedy = "give the radius of the thick ends in m"
+        yield fault_of(wire.neck, f"{path}.neck", "radius", problem, remedy)
 
 
 def _check_sections(design: Design, wire: WireSet | Wire, path: str) -> Iterator[Fault]:
     for shape in cross_sections(wire):
-        yield Fault(
-            f"{path}.{shape.key}", "conflicts with sections", "give it in the sections alone"
-        )
+        remedy = "give it in the sections alone"
+        yield Fault(f"{path}.{shape.key}", "conflicts with sections", remedy)
     assert wire.sections is not None
     for number, piece in enumerate(wire.sections, 1):
         yield from _check_section(design, wire, piece, f"{path}.sections.{number}")
     open_ended = [number for number, piece in enumerate(wire.sections, 1) if piece.length is None]
     for number in open_ended[1:]:
-        yield Fault(
-            f"{path}.sections.{number}.length",
-            "missing",
-            f"give it in m; section {open_ended[0]} takes the rest already",
-        )
+        remedy = f"give it in m; section {open_ended[0]} takes the rest already"
+        yield Fault(f"{path}.sections.{number}.length", "missing", remedy)
 
 
 def _check_section(
@@ -186,109 +166,76 @@ def _check_section(
     if piece.material is not None:
         yield from check_material(design, piece.material, f"{path}.material")
     elif wire.material is None and wire.k is None:
-        yield Fault(f"{path}.material", "missing", "name a material here or for the whole wire")
+        remedy = "name a material here or for the whole wire"
+        yield fault_of(piece, path, "material", "missing", remedy)
     if piece.steps is not None and not isinstance(piece.radius, list):
-        yield Fault(
-            f"{path}.steps",
-            "goes with a taper",
-            "give radius = [upper, lower], or remove it",
-            format_value(piece.steps),
-        )
+        remedy = "give radius = [upper, lower], or remove it"
+        yield fault_of(piece, path, "steps", "goes with a taper", remedy)
 
 
 def check_span(
     wire: WireSet | Wire, span: tuple[float, float, float], path: str
 ) -> Iterator[Fault]:
     """Check sections and clamps against the nominal wire (of a set, the first) along `span`, m."""
-    length = math.hypot(*span)
+    length, neck = math.hypot(*span), wire.neck
     if isinstance(wire.profile, Profile) and len(wire.profile.position) > 1:
         measured = wire.profile.position[-1] - wire.profile.position[0]
         if abs(measured - length) > PROFILE * length:
-            yield Fault(
-                f"{path}.profile",
-                f"is {measured:.6g} m long, but the wire is {length:.6g} m",
-                "measure from clamp to clamp, or write the unit into the column's title"
-                " (position_mm)",
-            )
-    if wire.neck is not None and 2 * (wire.neck.length + wire.neck.stock) >= length:
-        yield Fault(
-            f"{path}.neck.length",
-            f"both necks take {2 * (wire.neck.length + wire.neck.stock):g} m of {length:.6g} m",
-            "give a shorter neck" + (" (did you mean mm?)" if wire.neck.length > 0.1 else ""),
-            format_value(wire.neck.length),
-        )
+            problem = f"is {measured:.6g} m long, but the wire is {length:.6g} m"
+            remedy = "measure from clamp to clamp, or write the unit into the column's title"
+            yield Fault(f"{path}.profile", problem, f"{remedy} (position_mm)")
+    if neck is not None and 2 * (neck.length + neck.stock) >= length:
+        problem = f"both necks take {2 * (neck.length + neck.stock):g} m of {length:.6g} m"
+        remedy = "give a shorter neck" + (" (did you mean mm?)" if neck.length > 0.1 else "")
+        yield fault_of(neck, f"{path}.neck", "length", problem, remedy)
     if wire.sections is not None:
         given = sum(piece.length or 0.0 for piece in wire.sections)
         if any(piece.length is None for piece in wire.sections):
             if given >= length * (1 - SPAN):
-                yield Fault(
-                    f"{path}.sections",
-                    f"take {given:.9g} m of {length:.9g} m and leave nothing for the open one",
-                    "give shorter sections, or all lengths",
-                )
+                problem = f"take {given:.9g} m of {length:.9g} m and leave nothing for the open one"
+                remedy = "give shorter sections, or all lengths"
+                yield Fault(f"{path}.sections", problem, remedy)
         elif abs(given - length) > SPAN * length:
-            yield Fault(
-                f"{path}.sections",
-                f"sum to {given:.9g} m, but the wire is {length:.9g} m long",
-                "leave out one length, that section takes the rest",
-            )
+            problem = f"sum to {given:.9g} m, but the wire is {length:.9g} m long"
+            remedy = "leave out one length, that section takes the rest"
+            yield Fault(f"{path}.sections", problem, remedy)
     if isinstance(wire.clamp, Clamp):
         for end in ("upper", "lower"):
-            if getattr(wire.clamp, end) is not None:
-                yield from _check_direction(getattr(wire.clamp, end), span, f"{path}.clamp.{end}")
+            yield from _check_direction(wire.clamp, end, span, f"{path}.clamp")
 
 
 def _check_direction(
-    given: tuple[float, float, float], span: tuple[float, float, float], key: str
+    clamp: Clamp, end: str, span: tuple[float, float, float], path: str
 ) -> Iterator[Fault]:
+    given = getattr(clamp, end)
+    if given is None:
+        return
     size, length = math.hypot(*given), math.hypot(*span)
     if not size > 0:
-        yield Fault(key, "has no direction", "give x, y, z, not all zero", format_value(given))
+        remedy = "give x, y, z, not all zero"
+        yield fault_of(clamp, path, end, "has no direction", remedy)
         return
     cosine = sum(a / size * b / length for a, b in zip(given, span, strict=True))
     if cosine < math.cos(CLAMP_ANGLE):
-        angle = math.acos(max(-1.0, cosine))
-        remedy = (
-            f"give it from the upper towards the lower end, within {CLAMP_ANGLE} rad of the wire"
-        )
-        yield Fault(
-            key, f"makes an angle of {angle:.3g} rad with the wire", remedy, format_value(given)
-        )
+        problem = f"makes an angle of {math.acos(max(-1.0, cosine)):.3g} rad with the wire"
+        within = f"within {CLAMP_ANGLE} rad of the wire"
+        remedy = f"give it from the upper towards the lower end, {within}"
+        yield fault_of(clamp, path, end, problem, remedy)
 
 
 def check_blade(design: Design, blade: BladeSet | Blade, path: str) -> Iterator[Fault]:
     """Check one blade, or a set of equal ones."""
-    ways = {
-        "stiffness": blade.stiffness,
-        "uncoupled_frequency": blade.uncoupled_frequency,
-        "geometry": blade.geometry,
-    }
-    yield from check_exactly_one(
-        path, ways, "stiffness in N/m, uncoupled_frequency in Hz or geometry"
-    )
-    if blade.geometry is not None:
+    ways = {key: getattr(blade, key) for key in ("stiffness", "uncoupled_frequency", "geometry")}
+    what = "stiffness in N/m, uncoupled_frequency in Hz or geometry"
+    yield from check_exactly_one(path, ways, what)
+    if blade.geometry is None:
+        yield from check_loss_material(design, blade, path)
+    else:
         yield from check_material(design, blade.geometry.material, f"{path}.geometry.material")
         for key in ("material", "thickness"):
             if getattr(blade, key) is not None:
-                yield Fault(
-                    f"{path}.{key}",
-                    "conflicts with a geometry",
-                    "give it there alone",
-                    format_value(getattr(blade, key)),
-                )
-    elif blade.material is not None:
-        yield from check_material(design, blade.material, f"{path}.material")
-    elif blade.thickness is not None:
-        yield Fault(
-            f"{path}.thickness",
-            "has no effect without a material",
-            "name the material too",
-            format_value(blade.thickness),
-        )
+                remedy = "give it there alone"
+                yield fault_of(blade, path, key, "conflicts with a geometry", remedy)
     if 0 < blade.tip_mass < LEAST_MASS:
-        yield Fault(
-            f"{path}.tip_mass",
-            "is too small for its motion to be computed",
-            f"give 0, or at least {LEAST_MASS:g} kg",
-            format_value(blade.tip_mass),
-        )
+        remedy = f"give 0, or at least {LEAST_MASS:g} kg"
+        yield fault_of(blade, path, "tip_mass", TOO_LIGHT, remedy)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from msgspec import Meta, field
-
 from suspension_cli.design.cross_sections.ribbon import Ribbon
 from suspension_cli.design.cross_sections.round import Round
 from suspension_cli.design.cross_sections.shape import CrossSection
@@ -30,49 +28,38 @@ from suspension_cli.design.units import (
     Tension,
     Torsion,
     Vector,
+    doc,
     of_unit,
 )
 
 WireMaterial = Annotated[
     MaterialName,
-    Meta(
-        description=(
-            f"name of a material, built in or of [materials] ({NAMES}); with a cross-section: k = E"
-            " A / l"
-        )
+    doc(
+        f"name of a material, built in or of [materials] ({NAMES}); with a cross-section: k = E"
+        " A / l"
     ),
 ]
-Radius = Annotated[Length, Meta(description="radius of a round wire, m")]
+Radius = Annotated[Length, doc("radius of a round wire, m")]
 
 
 WireTorsion = Annotated[
     Torsion,
-    Meta(
-        description=(
-            "torsional stiffness of the wire about its axis, N m/rad; default: none in the models"
-            " up to string; in beam and violin that of its cross-section, material and tension,"
-            " (G J + T I_p / A) / l"
-        )
+    doc(
+        "torsional stiffness of the wire about its axis, N m/rad; default: none in the models"
+        " up to string; in beam and violin that of its cross-section, material and tension,"
+        " (G J + T I_p / A) / l"
     ),
 ]
 
 
 Radii = Annotated[
     list[Length],
-    Meta(
-        min_length=2,
-        max_length=2,
-        description="radius in m at the upper and at the lower end of a taper",
-    ),
+    doc("radius in m at the upper and at the lower end of a taper", min_length=2, max_length=2),
 ]
 # a list: msgspec 0.22 crashes on a union of a bounded number and a tuple of them
 Steps = Annotated[
     int,
-    Meta(
-        ge=1,
-        le=256,
-        description="number of uniform steps that approximate a taper; 16 if not given",
-    ),
+    doc("number of uniform steps that approximate a taper; 16 if not given", ge=1, le=256),
 ]
 
 
@@ -82,11 +69,9 @@ class WireSection(Table, frozen=True):
     length: (
         Annotated[
             Length,
-            Meta(
-                description=(
-                    "loaded length, m; one section may leave it out and takes the rest, otherwise"
-                    " they sum to the wire's"
-                )
+            doc(
+                "loaded length, m; one section may leave it out and takes the rest, otherwise"
+                " they sum to the wire's"
             ),
         ]
         | None
@@ -94,24 +79,23 @@ class WireSection(Table, frozen=True):
     radius: (
         Annotated[
             Length | Radii,
-            Meta(description="radius of a round stretch, m; [upper, lower] of a tapered one"),
+            doc("radius of a round stretch, m; [upper, lower] of a tapered one"),
         ]
         | None
     ) = None
     section: Ribbon | None = None
-    material: (
-        Annotated[Name, Meta(description=f"name of a material; default the wire's ({NAMES})")]
-        | None
-    ) = None
+    material: Annotated[Name, doc(f"name of a material; default the wire's ({NAMES})")] | None = (
+        None
+    )
     steps: Steps | None = None
 
 
 Sections = Annotated[
     list[WireSection],
-    Meta(
+    doc(
+        "stretches from the upper to the lower end, instead of radius and section",
         min_length=1,
         max_length=100,
-        description="stretches from the upper to the lower end, instead of radius and section",
     ),
 ]
 
@@ -133,36 +117,30 @@ class EndTemperatures(Table, frozen=True):
 Clamped = Annotated[
     Annotated[
         Literal["wire", "bending-point"],
-        Meta(
-            description=(
-                '"wire", "bending-point", or a table of directions { upper = [x, y, z], lower = [x,'
-                " y, z] }"
-            )
+        doc(
+            '"wire", "bending-point", or a table of directions { upper = [x, y, z], lower = [x,'
+            " y, z] }"
         ),
     ]
     | Clamp,
-    Meta(
-        description=(
-            'how the ends are held: "wire" (along the nominal wire), "bending-point" (the ends are'
-            " the effective bending points, the clamps lie beyond), or directions"
-            " { upper = [x, y, z], lower = [x, y, z] }"
-        )
+    doc(
+        'how the ends are held: "wire" (along the nominal wire), "bending-point" (the ends are'
+        " the effective bending points, the clamps lie beyond), or directions"
+        " { upper = [x, y, z], lower = [x, y, z] }"
     ),
 ]
 Temperature = Annotated[
     Kelvin | EndTemperatures,
-    Meta(description="temperature in K, or { upper, lower }; default that of [constants]"),
+    doc("temperature in K, or { upper, lower }; default that of [constants]"),
 ]
 
 
 class Neck(Table, frozen=True):
     """Thick ends of a fibre, equal above and below: stock, and a taper to the fibre's radius."""
 
-    radius: Annotated[Length, Meta(description="radius of the stock, m")]
-    length: Annotated[Length, Meta(description="length of each linear taper, m")]
-    stock: Annotated[
-        Separation, Meta(description="length of uniform stock beyond each taper, m")
-    ] = 0.0
+    radius: Annotated[Length, doc("radius of the stock, m")]
+    length: Annotated[Length, doc("length of each linear taper, m")]
+    stock: Annotated[Separation, doc("length of uniform stock beyond each taper, m")] = 0.0
     steps: Steps | None = None
 
 
@@ -170,9 +148,9 @@ ProfileError = Annotated[
     float,
     of_unit(
         "1",
+        "relative error that reducing the profile to uniform sections may leave",
         ge=1e-4,
         le=0.1,
-        description="relative error that reducing the profile to uniform sections may leave",
     ),
 ]
 
@@ -183,42 +161,36 @@ class Profile(Table, frozen=True):
     file: (
         Annotated[
             str,
-            Meta(
+            doc(
+                "CSV file with these two columns, from this file's folder; read once",
                 max_length=1000,
-                description="CSV file with these two columns, from this file's folder; read once",
             ),
         ]
         | None
     ) = None
     position: Annotated[
-        list[Annotated[float, of_unit("m", ge=-1e5, le=1e5, description="place in m")]],
-        Meta(max_length=20000, description="ascending places from the upper end down, m"),
-    ] = field(default_factory=list)
-    diameter: Annotated[list[Length], Meta(max_length=20000, description="diameter there, m")] = (
-        field(default_factory=list)
-    )
+        list[Annotated[float, of_unit("m", "place in m", ge=-1e5, le=1e5)]],
+        doc("ascending places from the upper end down, m", max_length=20000),
+    ] = []
+    diameter: Annotated[list[Length], doc("diameter there, m", max_length=20000)] = []
     error: ProfileError = 1e-3
 
 
 FibreProfile = Annotated[
-    Annotated[str, Meta(max_length=1000, description="a CSV file")] | Profile,
-    Meta(
-        description=(
-            "measured diameter against length instead of a radius: a CSV file from this file's"
-            " folder, or { file, error } or { position, diameter, error }"
-        )
+    Annotated[str, doc("a CSV file", max_length=1000)] | Profile,
+    doc(
+        "measured diameter against length instead of a radius: a CSV file from this file's"
+        " folder, or { file, error } or { position, diameter, error }"
     ),
 ]
 FibreNeck = Annotated[
-    Neck, Meta(description="thick ends of a fibre of this radius: { radius, length }, both ends")
+    Neck, doc("thick ends of a fibre of this radius: { radius, length }, both ends")
 ]
 Hinged = Annotated[
     Literal["hinged"],
-    Meta(
-        description=(
-            'string model: "hinged" ends the string sqrt(E I / T) from each clamp (an'
-            " approximation); beam and violin bend the wire exactly and ignore it"
-        )
+    doc(
+        'string model: "hinged" ends the string sqrt(E I / T) from each clamp (an'
+        " approximation); beam and violin bend the wire exactly and ignore it"
     ),
 ]
 
@@ -232,61 +204,40 @@ else:
 class WireSet(_WireLosses, frozen=True):
     """Wires symmetric in x and y, in the paper's symbols: 1, 2 or 4; or any number on a ring."""
 
-    count: Annotated[
-        int, Meta(ge=1, le=100, description="number of wires: 1, 2 or 4; any with a ring")
-    ]
-    l: Annotated[Length, Meta(description="loaded length of each wire, m")]
-    s: (
-        Annotated[Separation, Meta(description="half separation in x at both ends, m (four wires)")]
-        | None
-    ) = None
-    s_upper: (
-        Annotated[Separation, Meta(description="half separation in x at the upper end, m")] | None
-    ) = None
+    count: Annotated[int, doc("number of wires: 1, 2 or 4; any with a ring", ge=1, le=100)]
+    l: Annotated[Length, doc("loaded length of each wire, m")]
+    s: Annotated[Separation, doc("half separation in x at both ends, m (four wires)")] | None = None
+    s_upper: Annotated[Separation, doc("half separation in x at the upper end, m")] | None = None
     s_lower: (
         Annotated[
             Position,
-            Meta(description="half separation in x at the lower end, m; negative: wires cross"),
+            doc("half separation in x at the lower end, m; negative: wires cross"),
         ]
         | None
     ) = None
-    t1: (
-        Annotated[Separation, Meta(description="half separation in y at the upper end, m")] | None
-    ) = None
+    t1: Annotated[Separation, doc("half separation in y at the upper end, m")] | None = None
     t2: (
         Annotated[
             Position,
-            Meta(description="half separation in y at the lower end, m; negative: wires cross"),
+            doc("half separation in y at the lower end, m; negative: wires cross"),
         ]
         | None
     ) = None
-    ring: (
-        Annotated[Separation, Meta(description="radius of the circle of the ends, m, both ends")]
-        | None
-    ) = None
-    ring_upper: (
-        Annotated[Separation, Meta(description="radius of the circle of the upper ends, m")] | None
-    ) = None
+    ring: Annotated[Separation, doc("radius of the circle of the ends, m, both ends")] | None = None
+    ring_upper: Annotated[Separation, doc("radius of the circle of the upper ends, m")] | None = (
+        None
+    )
     ring_lower: (
         Annotated[
             Position,
-            Meta(
-                description=(
-                    "radius of the circle of the lower ends, m; negative: the wires cross at the"
-                    " axis"
-                )
-            ),
+            doc("radius of the circle of the lower ends, m; negative: the wires cross at the axis"),
         ]
         | None
     ) = None
-    phase: Annotated[
-        Angle, Meta(description="angle of the first wire of a ring from x towards y, rad")
-    ] = 0.0
-    d: Annotated[
-        Position, Meta(description="height of the lower end above the COM of this body, m")
-    ] = 0.0
+    phase: Annotated[Angle, doc("angle of the first wire of a ring from x towards y, rad")] = 0.0
+    d: Annotated[Position, doc("height of the lower end above the COM of this body, m")] = 0.0
     d_upper: Annotated[
-        Position, Meta(description="depth of the upper end below the COM of the body above, m")
+        Position, doc("depth of the upper end below the COM of the body above, m")
     ] = 0.0
     material: WireMaterial | None = None
     radius: Radius | None = None
@@ -297,11 +248,9 @@ class WireSet(_WireLosses, frozen=True):
     k: (
         Annotated[
             Stiffness,
-            Meta(
-                description=(
-                    "spring constant of one wire, N/m, instead of material and cross-section;"
-                    " beside them it overrides E A / l"
-                )
+            doc(
+                "spring constant of one wire, N/m, instead of material and cross-section;"
+                " beside them it overrides E A / l"
             ),
         ]
         | None
@@ -315,10 +264,8 @@ class WireSet(_WireLosses, frozen=True):
 class Wire(_WireLosses, frozen=True):
     """One wire, its ends in the frames of the two bodies, from their COMs or the support point."""
 
-    upper: Annotated[
-        Vector, Meta(description="upper end, from the COM above or the support point, m")
-    ]
-    lower: Annotated[Vector, Meta(description="lower end, from this body's COM, m")]
+    upper: Annotated[Vector, doc("upper end, from the COM above or the support point, m")]
+    lower: Annotated[Vector, doc("lower end, from this body's COM, m")]
     material: WireMaterial | None = None
     radius: Radius | None = None
     section: Ribbon | None = None
@@ -328,29 +275,20 @@ class Wire(_WireLosses, frozen=True):
     k: (
         Annotated[
             Stiffness,
-            Meta(
-                description=(
-                    "spring constant, N/m, as in [stage.wires]; default E A over the nominal span"
-                )
-            ),
+            doc("spring constant, N/m, as in [stage.wires]; default E A over the nominal span"),
         ]
         | None
     ) = None
     torsion: WireTorsion | None = None
     natural_length: (
-        Annotated[Length, Meta(description="unstretched length, m; the pose is then solved for")]
-        | None
+        Annotated[Length, doc("unstretched length, m; the pose is then solved for")] | None
     ) = None
     tension: (
-        Annotated[
-            Tension, Meta(description="tension in the nominal pose, N, instead of a natural length")
-        ]
+        Annotated[Tension, doc("tension in the nominal pose, N, instead of a natural length")]
         | None
     ) = None
     blade: (
-        Annotated[
-            Name, Meta(description=f"name of a [[stage.blade]] that carries the upper end: {NAMES}")
-        ]
+        Annotated[Name, doc(f"name of a [[stage.blade]] that carries the upper end: {NAMES}")]
         | None
     ) = None
     clamp: Clamped = "wire"
@@ -371,40 +309,44 @@ def cross_sections(table: WireSet | Wire | WireSection) -> list[CrossSection]:
 class BladeGeometry(Table, frozen=True):
     """A tapered cantilever blade clamped at its base, loaded at its tip."""
 
-    length: Annotated[Length, Meta(description="from the clamp to the tip, m")]
-    base_width: Annotated[Length, Meta(description="at the clamp, m")]
-    thickness: Annotated[Length, Meta(description="thickness, m")]
+    length: Annotated[Length, doc("from the clamp to the tip, m")]
+    base_width: Annotated[Length, doc("at the clamp, m")]
+    thickness: Annotated[Length, doc("thickness, m")]
     shape_factor: ShapeFactor
     material: MaterialName
 
 
 BladeWeight = Annotated[
     Tension,
-    Meta(
-        description=(
-            "load in N, tip mass included, at which the tip is at its nominal position; under"
-            " another load it deflects and the pose is solved for; default: its load in the nominal"
-            " pose or, if all wires of the stage have natural lengths, in the pose solved for"
-        )
+    doc(
+        "load in N, tip mass included, at which the tip is at its nominal position; under"
+        " another load it deflects and the pose is solved for; default: its load in the nominal"
+        " pose or, if all wires of the stage have natural lengths, in the pose solved for"
     ),
 ]
-BladeLoss = Annotated[
-    LossAngle, Meta(description="loss angle in rad; default that of the material, else 0")
-]
+BladeLoss = Annotated[LossAngle, doc("loss angle in rad; default that of the material, else 0")]
 BladeThickness = Annotated[
     Length,
-    Meta(description="thickness of the blade in m, for its loss, where no geometry is given"),
+    doc("thickness of the blade in m, for its loss, where no geometry is given"),
 ]
 BladeMaterial = Annotated[
     Name,
-    Meta(
-        description=(
-            f"name of the blade's material, for its loss, where no geometry is given: {NAMES}"
-        )
-    ),
+    doc(f"name of the blade's material, for its loss, where no geometry is given: {NAMES}"),
 ]
 BladeTemperature = Annotated[
-    Kelvin, Meta(description="temperature of the blade in K; default that of [constants]")
+    Kelvin, doc("temperature of the blade in K; default that of [constants]")
+]
+TipStiffness = Annotated[Stiffness, doc("vertical stiffness of one blade at its tip, N/m")]
+UncoupledFrequency = Annotated[
+    Frequency,
+    doc(
+        "frequency f of this stage's mass m alone on all its blades, Hz: (2 pi f)^2 m, shared"
+        " equally"
+    ),
+]
+TipMass = Annotated[MassOrZero, doc("mass that moves with one tip, kg")]
+LateralStiffness = Annotated[
+    tuple[Stiffness, Stiffness], doc("stiffness of one tip along x and y, N/m; rigid if not given")
 ]
 
 
@@ -413,41 +355,19 @@ class BladeSet(Table, frozen=True):
 
     count: Annotated[
         int,
-        Meta(
+        doc(
+            "number of blades, 1, 2 or 4; each of two carries the wires on its side of y; on a"
+            " ring 1, or one per wire",
             ge=1,
             le=100,
-            description=(
-                "number of blades, 1, 2 or 4; each of two carries the wires on its side of y; on a"
-                " ring 1, or one per wire"
-            ),
         ),
     ]
-    stiffness: (
-        Annotated[Stiffness, Meta(description="vertical stiffness of one blade at its tip, N/m")]
-        | None
-    ) = None
-    uncoupled_frequency: (
-        Annotated[
-            Frequency,
-            Meta(
-                description=(
-                    "frequency f of this stage's mass m alone on the blades, Hz: (2 pi f)^2 m,"
-                    " shared equally"
-                )
-            ),
-        ]
-        | None
-    ) = None
+    stiffness: TipStiffness | None = None
+    uncoupled_frequency: UncoupledFrequency | None = None
     geometry: BladeGeometry | None = None
     load: BladeWeight | None = None
-    tip_mass: Annotated[MassOrZero, Meta(description="mass that moves with one tip, kg")] = 0.0
-    lateral_stiffness: (
-        Annotated[
-            tuple[Stiffness, Stiffness],
-            Meta(description="stiffness of one tip along x and y, N/m; rigid if not given"),
-        ]
-        | None
-    ) = None
+    tip_mass: TipMass = 0.0
+    lateral_stiffness: LateralStiffness | None = None
     loss_angle: BladeLoss | None = None
     material: BladeMaterial | None = None
     thickness: BladeThickness | None = None
@@ -457,45 +377,22 @@ class BladeSet(Table, frozen=True):
 class Blade(Table, frozen=True):
     """One cantilever blade, for wires that name it."""
 
-    name: Annotated[Name, Meta(description=f"for the wires to name it: {NAMES}")]
+    name: Annotated[Name, doc(f"for the wires to name it: {NAMES}")]
     at: (
         Annotated[
             Vector,
-            Meta(
-                description=(
-                    "tip in the frame of the body above, m; default: the mean of its wires' upper"
-                    " ends"
-                )
+            doc(
+                "tip in the frame of the body above, m; default: the mean of its wires' upper ends"
             ),
         ]
         | None
     ) = None
-    stiffness: (
-        Annotated[Stiffness, Meta(description="vertical stiffness of the blade at its tip, N/m")]
-        | None
-    ) = None
-    uncoupled_frequency: (
-        Annotated[
-            Frequency,
-            Meta(
-                description=(
-                    "frequency f of this stage's mass m alone on all its blades, Hz: (2 pi f)^2 m,"
-                    " shared equally"
-                )
-            ),
-        ]
-        | None
-    ) = None
+    stiffness: TipStiffness | None = None
+    uncoupled_frequency: UncoupledFrequency | None = None
     geometry: BladeGeometry | None = None
     load: BladeWeight | None = None
-    tip_mass: Annotated[MassOrZero, Meta(description="mass that moves with the tip, kg")] = 0.0
-    lateral_stiffness: (
-        Annotated[
-            tuple[Stiffness, Stiffness],
-            Meta(description="stiffness of the tip along x and y, N/m; rigid if not given"),
-        ]
-        | None
-    ) = None
+    tip_mass: TipMass = 0.0
+    lateral_stiffness: LateralStiffness | None = None
     loss_angle: BladeLoss | None = None
     material: BladeMaterial | None = None
     thickness: BladeThickness | None = None

@@ -36,7 +36,7 @@ def add_points(
 
     Parameters
     ----------
-    solve : callable
+    solve
         Values (f, o, i) at frequencies (f,) in Hz.
     frequency : (f,) array
         Hz, ascending, above 0.
@@ -44,11 +44,11 @@ def add_points(
         Values there.
     modes : (m,) array
         Frequencies of modes, Hz, where resonances may be.
-    few : bool
+    few
         Whether to refine; otherwise only the modes and points beside them are added.
-    sums : bool
+    sums
         Whether the last axis lists amplitudes of parts; then their root sum of squares is refined.
-    step : float
+    step
         Largest change of log |H| or of its angle between neighbours.
 
     Returns

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -42,14 +43,13 @@ class Plan:
 
     Attributes
     ----------
-    sketch : Sketch
-    side, face : View
+    side, face
         With their origins and scale in inches.
-    left : float
+    left
         Right end of the leaders' texts, left of the side view.
-    right : float
+    right
         Position of the total height's dimension, right of the face view.
-    names : float
+    names
         Left end of the bodies' names, between the views.
     """
 
@@ -67,10 +67,9 @@ class _Set:
 
     Attributes
     ----------
-    shape : SetGeometry
     above, below : (3,) arrays
         The two COMs, m.
-    top, bottom : float
+    top, bottom
         Bounds in z of the free space between the bodies, m.
     halves : (float, float)
         Half widths in y of the two bodies, m; 0 for the support.
@@ -125,17 +124,14 @@ def _set(sketch: Sketch, stage: Stage, parent: int, number: int) -> _Set:
 
 def _separations(canvas: Canvas, plan: Plan, here: _Set) -> None:
     """Draw s in the side view, t1 and t2 in the face view, in the space between the bodies."""
-    shape, scale = here.shape, plan.face.scale
-    room = scale * (here.top - here.bottom)
+    shape, face, side = here.shape, plan.face, plan.side
+    room = face.scale * (here.top - here.bottom)
     if room < LEAST_ROOM or shape.count == 1 or shape.is_ring:
         return
-    _pair(
-        canvas, plan.face, here, 1, (shape.t1, shape.t2), ("$t_1$", "$t_2$", "$t_1$ = $t_2$"), room
-    )
+    symbols = ("$t_1$", "$t_2$", "$t_1$ = $t_2$")
+    _pair(canvas, face, here, 1, (shape.t1, shape.t2), symbols, room)
     if shape.count == 4:
-        _pair(
-            canvas, plan.side, here, 0, (shape.s_upper, shape.s_lower), ("$s$", "$s$", "$s$"), room
-        )
+        _pair(canvas, side, here, 0, (shape.s_upper, shape.s_lower), ("$s$", "$s$", "$s$"), room)
 
 
 def _pair(
@@ -217,12 +213,8 @@ def _wire_length(canvas: Canvas, plan: Plan, here: _Set) -> None:
 
 def _clearance(scale: float, here: _Set) -> float:
     """Distance of a wire from its dimension line, in: clear of both bodies if these are near."""
-    shape = here.shape
-    wanted = [
-        0.17,
-        scale * (here.halves[0] - shape.t1) + 0.13,
-        scale * (here.halves[1] - shape.t2) + 0.13,
-    ]
+    ends = zip(here.halves, (here.shape.t1, here.shape.t2), strict=True)
+    wanted = [0.17, *(scale * (half - t) + 0.13 for half, t in ends)]
     return max(value for value in wanted if value <= MOST_CLEARANCE)
 
 
@@ -249,20 +241,19 @@ def _heights(canvas: Canvas, view: View, here: _Set) -> list[tuple[Array, str]]:
 def _total(canvas: Canvas, plan: Plan) -> None:
     """Draw the height from the suspension point to the lowest body."""
     sketch, view = plan.sketch, plan.face
+    positions = sketch.scene.bodies.position[1:]
     bottoms = [
         float(position[2] - body.half[2])
-        for position, body in zip(sketch.scene.bodies.position[1:], sketch.outlines, strict=True)
+        for position, body in zip(positions, sketch.outlines, strict=True)
     ]
-    lowest = int(np.argmin(bottoms))
-    body, box = sketch.outlines[lowest], support_box(sketch)
+    lowest, box = int(np.argmin(bottoms)), support_box(sketch)
     top, bottom = view.see(np.zeros(3)), view.see(np.array([0.0, 0.0, min(bottoms)]))
     if float(top[1] - bottom[1]) < 4 * HEAD:
         return
-    edge = view.see(
-        sketch.scene.bodies.position[lowest + 1] + np.array([0.0, float(body.half[1]), 0.0])
-    )[0]
-    draw_extension(canvas, [view.see(box[1])[0] + 0.04, top[1]], [plan.right, top[1]])
-    draw_extension(canvas, [edge + 0.04, bottom[1]], [plan.right, bottom[1]])
+    half = np.array([0.0, float(sketch.outlines[lowest].half[1]), 0.0])
+    edges = (view.see(box[1])[0], top[1]), (view.see(positions[lowest] + half)[0], bottom[1])
+    for x, y in edges:
+        draw_extension(canvas, [x + 0.04, y], [plan.right, y])
     draw_dimension(canvas, [plan.right, bottom[1]], [plan.right, top[1]], length(-min(bottoms)))
 
 
@@ -282,75 +273,43 @@ def write_names(canvas: Canvas, plan: Plan, colours: tuple[str, ...]) -> None:
 
     Of many bodies, names alone, inside each body where there is room.
     """
-    boxes = _boxes(plan)
-    if len(boxes) > MANY:
-        _write_short_names(canvas, plan, boxes, colours)
-        return
-    inside = [
-        n
-        for n in range(len(boxes))
-        if _hidden(boxes, n) and _fits(boxes[n], plan.sketch.scene.bodies.name[n])
-    ]
-    beside = [n for n in range(len(boxes)) if n not in inside]
-    for n, y in zip(
-        beside, spread([float(boxes[n][1].mean()) for n in beside], 2.1 * LINE), strict=True
-    ):
-        edge = np.array([boxes[n][0, 1], boxes[n][1].mean()])
-        canvas.line([edge, [plan.names - 0.16, y], [plan.names - 0.04, y]], colours[n], 0.5, 5)
-        draw_dot(canvas, edge, colours[n])
-        _name(canvas, plan, n, (plan.names, y), colours[n], "left")
-    for n in inside:
-        x, y = boxes[n].mean(1).tolist()
-        _name(canvas, plan, n, (x, y - 0.24), colours[n], "center")
-
-
-def _write_short_names(
-    canvas: Canvas, plan: Plan, boxes: list[Array], colours: tuple[str, ...]
-) -> None:
-    """Write names on one line: inside bodies in which they fit, others between the views."""
-    names = [single_line(name, 18) for name in plan.sketch.scene.bodies.name]
-    beside = []
+    bodies, boxes = plan.sketch.scene.bodies, _boxes(plan)
+    names = [single_line(name, 18) for name in bodies.name]
+    many = len(boxes) > MANY
+    beside: list[int] = []
     for n, box in enumerate(boxes):
-        (left, right), (bottom, top) = box.tolist()
-        if right - left > 1.2 * width_of(names[n]) + 0.1 and top - bottom > LINE:
-            _short_name(canvas, left + 0.05, (bottom + top - LINE) / 2, names[n], colours[n])
+        x, y = box.mean(1).tolist()
+        if many and _fits(box, 1.2 * width_of(names[n]), LINE):
+            _name(canvas, names[n], (box[0, 0] + 0.05, y - LINE / 2), colours[n])
+        elif not many and _hidden(boxes, n) and _fits(box, 1.25 * width_of(bodies.name[n]), 0.9):
+            _name(canvas, names[n], (x, y - 0.23), colours[n], bodies.mass[n], "center")
         else:
             beside.append(n)
     levels = [float(boxes[n][1].mean()) for n in beside]
-    for n, y in zip(beside, spread(levels, 1.1 * LINE), strict=True):
+    for n, y in zip(beside, spread(levels, (1.1 if many else 2.1) * LINE), strict=True):
         edge = np.array([boxes[n][0, 1], boxes[n][1].mean()])
         canvas.line([edge, [plan.names - 0.16, y], [plan.names - 0.04, y]], colours[n], 0.5, 5)
         draw_dot(canvas, edge, colours[n])
-        _short_name(canvas, plan.names, y - LINE / 2, names[n], colours[n])
-
-
-def _short_name(canvas: Canvas, x: float, y: float, name: str, colour: str) -> None:
-    canvas.text(x, y, name, fontsize=6.5, color=colour, fontweight="bold", va="bottom", ha="left")
+        if many:
+            _name(canvas, names[n], (plan.names, y - LINE / 2), colours[n])
+        else:
+            _name(canvas, names[n], (plan.names, y + 0.01), colours[n], bodies.mass[n])
 
 
 def _name(
-    canvas: Canvas, plan: Plan, n: int, where: tuple[float, float], colour: str, side: str
+    canvas: Canvas,
+    name: str,
+    where: tuple[float, float],
+    colour: str,
+    mass: Any = None,
+    side: str = "left",
 ) -> None:
-    bodies = plan.sketch.scene.bodies
-    canvas.text(
-        where[0],
-        where[1] + 0.01,
-        single_line(bodies.name[n], 18),
-        fontsize=6.5,
-        color=colour,
-        fontweight="bold",
-        va="bottom",
-        ha=side,
-    )
-    canvas.text(
-        where[0],
-        where[1] - 0.01,
-        f"{float(bodies.mass[n]):.4g} kg",
-        fontsize=SIZE,
-        color=NOTE,
-        va="top",
-        ha=side,
-    )
+    """Write the name of a body above a point, and below its mass (kg) if it is given."""
+    x, y = where
+    canvas.text(x, y, name, fontsize=6.5, color=colour, fontweight="bold", va="bottom", ha=side)
+    if mass is not None:
+        text = f"{float(mass):.4g} kg"
+        canvas.text(x, y - 0.02, text, fontsize=SIZE, color=NOTE, va="top", ha=side)
 
 
 def _boxes(plan: Plan) -> list[Array]:
@@ -371,10 +330,10 @@ def _hidden(boxes: list[Array], n: int) -> bool:
     )
 
 
-def _fits(box: Array, name: str) -> bool:
-    """Whether a name and a mass fit into a body."""
+def _fits(box: Array, width: float, height: float) -> bool:
+    """Whether a text of a size (in) fits into a body."""
     wide, tall = np.ptp(box, axis=1)
-    return bool(wide > width_of(name) * 1.25 + 0.1 and tall > 0.9)
+    return bool(wide > width + 0.1 and tall > height)
 
 
 def write_numbers(canvas: Canvas, plan: Plan) -> None:

@@ -25,9 +25,9 @@ class Outline:
     ----------
     half : (3,) array
         Half extents along x, y, z, m.
-    axis : int or None
+    axis
         The axis (0, 1, 2) of a cylinder; None for a box.
-    inner : float
+    inner
         Radius of a cylinder's bore, m.
     turn : (3, 3) array or None
         Rotation matrix from the shape to the frame of the body; None for none.
@@ -43,7 +43,7 @@ class Outline:
 
         Parameters
         ----------
-        normal : int
+        normal
             The axis (0, 1, 2) normal to the section.
 
         Returns
@@ -88,13 +88,13 @@ def outline(body: Body, mass: float, inertia: Any, least: float = 0.0) -> Outlin
 
     Parameters
     ----------
-    body : Body
+    body
         Its table in the design.
-    mass : float
+    mass
         kg.
     inertia : (3, 3) array
         About the COM, kg m^2.
-    least : float
+    least
         Least half extent, m.
 
     Returns

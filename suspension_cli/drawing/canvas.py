@@ -37,7 +37,7 @@ class Canvas:
 
     Parameters
     ----------
-    axes : Axes
+    axes
         Their limits and scale are set by the caller.
 
     Examples
@@ -66,10 +66,10 @@ class Canvas:
 
         Parameters
         ----------
-        key : hashable
+        key
             Of shapes that are equal but for their place.
         shift : (2,) array
-        draw : callable
+        draw
             Adds the shapes (no text) to a canvas, about the origin.
         """
         made = self._stamps.get(key)

@@ -45,6 +45,8 @@ SAMPLE, APART = 0.22, 0.15
 """Length of the sample of a line beside its name, and distance to the next name, in."""
 FOOT = 0.16
 """Room for the remark on the model at the bottom of a figure, in."""
+DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.4, 1.2, 1.4)))
+"""Line styles, so that lines that cover each other are seen."""
 SMALL = 7.5
 """Font size of labels, points."""
 WIDE = 3.0
@@ -96,9 +98,9 @@ def stack_panels(
 
     Parameters
     ----------
-    heights, rooms : sequences of float
+    heights, rooms
         Of the panels, and above each of them, in.
-    left, right, bottom : float
+    left, right, bottom
         Margins, in.
     """
     parts = [part for both in zip(rooms, heights, strict=True) for part in both]
@@ -166,10 +168,9 @@ def write_key(
 
     Parameters
     ----------
-    axes : Axes
-    lines : sequence of tuple
+    lines
         Name and colour of each line, and further properties of its sample.
-    above : float
+    above
         Room between the axes and the names, in.
     """
     figure: Any = axes.get_figure()
@@ -199,6 +200,16 @@ def write_key(
             va="center_baseline",
             transform=axes.transAxes,
         )
+
+
+def mark_design(panels: Sequence[Axes], at: float, text: str = "as designed") -> None:
+    """Mark a place along the horizontal axes with a line, and name it above the first."""
+    for axes in panels:
+        axes.axvline(at, color=INK, linewidth=0.7, linestyle=(0, (4, 2)), zorder=1.6)
+    panels[0].annotate(
+        text, (at, 1), (0, 2), xycoords=("data", "axes fraction"), textcoords="offset points",
+        va="bottom", ha="center", color=INK, fontsize=SMALL, annotation_clip=False,
+    )  # fmt: skip
 
 
 def label_plainly(axis: Axis) -> None:
@@ -304,11 +315,11 @@ def label_ends(axes: Axes, ends: Sequence[tuple[Any, Any, str, str]], most: int 
 
     Parameters
     ----------
-    axes : Axes
+    axes
         With its limits and its place in the figure.
-    ends : sequence of tuple
+    ends
         Abscissas and ordinates of a line, its label and its colour.
-    most : int
+    most
         Characters of a label.
     """
     if not ends:
@@ -411,13 +422,13 @@ def label_peaks(
 
     Parameters
     ----------
-    axes : Axes
+    axes
         With its limits, and room of the height `PEAKS` above.
-    peaks : sequence of tuple
+    peaks
         Frequency (Hz), ordinate and remark of each, the most important last.
-    size : float
+    size
         Of the font, points.
-    unit : str
+    unit
         Of the last frequency of the row.
     """
     chosen: list[tuple[float, float, str]] = []
@@ -512,12 +523,10 @@ def label_slopes(axes: Axes, frequency: Any, size: Any, drawn: Any, colour: str 
 
     Parameters
     ----------
-    axes : Axes
     frequency, size : (f,) arrays
         Hz, and the values that follow the power law.
     drawn : (f,) array
         Ordinates.
-    colour : str
     """
     peaks = np.log(frequency[find_peaks(size)])
     for power, low, high in find_slopes(frequency, size):

@@ -62,27 +62,26 @@ def draw_dimension(
 
     Parameters
     ----------
-    canvas : Canvas
     a, b : (2,) arrays
         The ends, in.
-    text : str
-    clear : float
+    clear
         Position, relative to b, in, at which something else crosses the line: text outside stays
         beyond it, text inside before it.
-    place : float
+    place
         Place of text inside, as a fraction of the way from a to b, where it has room.
     """
     a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
     span = float(np.linalg.norm(b - a))
     along = (b - a) / span if span > 0 else np.array([1.0, 0.0])
-    middle = (a + b) / 2
+    middle, outside = (a + b) / 2, 0.0
     if span > 2.6 * HEAD:
         draw_arrow(canvas, middle, a)
         draw_arrow(canvas, middle, b)
     else:
+        outside = 2.2 * HEAD
         canvas.line([a, b], NOTE, THIN, ORDER)
-        draw_arrow(canvas, a - 2.2 * HEAD * along, a)
-        draw_arrow(canvas, b + 2.2 * HEAD * along, b)
+        draw_arrow(canvas, a - outside * along, a)
+        draw_arrow(canvas, b + outside * along, b)
     if not text:
         return
     inside = span + min(clear, 0.0)
@@ -93,36 +92,18 @@ def draw_dimension(
         place = min(max(place, end), 1 - end)
         write_note(canvas, a + place * inside * along, text, rotation=angle)
         return
-    beyond = b + (max(clear, 0.0 if span > 2.6 * HEAD else 2.2 * HEAD) + 0.05) * along
     if abs(along[0]) > 0.5:
         across, up = "left" if along[0] > 0 else "right", "center"
     else:
         across, up = "center", "bottom" if along[1] > 0 else "top"
-    canvas.text(
-        float(beyond[0]),
-        float(beyond[1]),
-        text,
-        fontsize=SIZE,
-        color=NOTE,
-        ha=across,
-        va=up,
-        bbox=BLANK,
-    )
+    write_note(canvas, b + (max(clear, outside) + 0.05) * along, text, ha=across, va=up)
 
 
-def write_note(canvas: Canvas, where: Any, text: str, rotation: float = 0.0) -> None:
-    """Write text centred on a point, hiding what lies below it."""
-    canvas.text(
-        float(where[0]),
-        float(where[1]),
-        text,
-        fontsize=SIZE,
-        color=NOTE,
-        ha="center",
-        va="center",
-        rotation=rotation,
-        bbox=BLANK,
-    )
+def write_note(canvas: Canvas, where: Any, text: str, **how: Any) -> None:
+    """Write text, centred on a point unless `how` says otherwise, hiding what lies below it."""
+    how = {"ha": "center", "va": "center"} | how
+    x, y = map(float, where)
+    canvas.text(x, y, text, fontsize=SIZE, color=NOTE, bbox=BLANK, **how)
 
 
 def draw_leader(canvas: Canvas, x: float, y: float, target: Any, text: str) -> None:

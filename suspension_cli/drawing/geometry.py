@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.design.schema import Design, Stage
+from suspension_cli.design.schema import Design
 from suspension_cli.drawing.bodies import Outline, suspension_size
 from suspension_cli.elements.string import tip_deflection
 from suspension_cli.scene import links
 from suspension_cli.scene.arrays import Array, Index
 from suspension_cli.scene.pose import Layout, Pose, displace, layout, nominal_pose
-from suspension_cli.scene.scene import Scene
+from suspension_cli.scene.scene import Scene, Springs, Wires
 
 LARGEST_ANGLE = 0.35
 """Largest rotation in the picture of a mode, rad."""
@@ -34,12 +34,11 @@ class View:
 
     Attributes
     ----------
-    name : str
-    normal : int
+    normal
         The axis (0, 1, 2) of the line of sight: bodies show their section across it.
     matrix : (2, 3) array
         From a point in space to the picture (right, up).
-    scale : float
+    scale
         Length of a metre in the picture.
     origin : (2,) array
         Position of the suspension point in the picture.
@@ -126,21 +125,13 @@ def blade_lengths(design: Design) -> dict[str, float | None]:
     """Length (m) of each blade by its label in the scene; None where the design gives none."""
     result: dict[str, float | None] = {}
     for stage in design.stage:
-        result |= _lengths(stage)
+        blades = {blade.name: blade.geometry for blade in stage.blade}
+        if stage.blades is not None:
+            names = (f"blade{number}" for number in range(1, stage.blades.count + 1))
+            blades = dict.fromkeys(names, stage.blades.geometry)
+        for name, given in blades.items():
+            result[f"{stage.name}.{name}"] = given.length if given else None
     return result
-
-
-def _lengths(stage: Stage) -> dict[str, float | None]:
-    lengths = {
-        f"{stage.name}.{blade.name}": blade.geometry.length if blade.geometry else None
-        for blade in stage.blade
-    }
-    if stage.blades is not None:
-        given = stage.blades.geometry.length if stage.blades.geometry else None
-        lengths |= {
-            f"{stage.name}.blade{number}": given for number in range(1, stage.blades.count + 1)
-        }
-    return lengths
 
 
 def leaves(design: Design, scene: Scene, pose: Pose, outlines: list[Outline]) -> Array:
@@ -151,20 +142,18 @@ def leaves(design: Design, scene: Scene, pose: Pose, outlines: list[Outline]) ->
     """
     blades, lengths = scene.blades, blade_lengths(design)
     along = np.linspace(0, 1, 13)[:, None]
-    size = 0.2 * suspension_size(scene)
     lines = np.zeros((len(blades.label), 13, 3))
     for number, label in enumerate(blades.label):
         body, tip = int(blades.body[number]), blades.tip[number]
         out = np.hypot(tip[0], tip[1])
-        reach = float(outlines[body - 1].half[:2].max()) if body else size
-        direction = (
-            np.array([tip[0] / out, tip[1] / out, 0.0])
-            if out > 1e-6 * reach
-            else np.array([0.0, 1.0, 0.0])
-        )
-        root = tip - direction * (
-            lengths.get(label) or (0.8 * out if out > 0.05 * reach else 0.5 * reach)
-        )
+        reach = 0.2 * suspension_size(scene)
+        if body:
+            reach = float(outlines[body - 1].half[:2].max())
+        direction = np.array([0.0, 1.0, 0.0])
+        if out > 1e-6 * reach:
+            direction = np.array([tip[0] / out, tip[1] / out, 0.0])
+        schematic = 0.8 * out if out > 0.05 * reach else 0.5 * reach
+        root = tip - direction * (lengths.get(label) or schematic)
         bend = pose.deflection[number] * (3 * along**2 - along**3) / 2
         lines[number] = root + (tip - root) * along + bend
     body = np.repeat(blades.body, lines.shape[1])
@@ -173,22 +162,25 @@ def leaves(design: Design, scene: Scene, pose: Pose, outlines: list[Outline]) ->
 
 def legs(scene: Scene, pose: Pose) -> Array:
     """Foot and top (l, 2, 3) of every leg of an inverted pendulum, m."""
-    struts = scene.struts
-    foot = position_of(scene, pose, struts.upper, struts.upper_point)
-    return np.stack([foot, position_of(scene, pose, struts.lower, struts.lower_point)], axis=1)
+    return _ends(scene, pose, scene.struts, np.arange(len(scene.struts.label)))
+
+
+def _ends(scene: Scene, pose: Pose, lines: Wires | Springs, which: Index) -> Array:
+    """Upper and lower ends (k, 2, 3) of some struts or springs, m."""
+    upper = position_of(scene, pose, lines.upper[which], lines.upper_point[which])
+    lower = position_of(scene, pose, lines.lower[which], lines.lower_point[which])
+    return np.stack([upper, lower], axis=1)
 
 
 def free_springs(scene: Scene) -> Index:
     """Numbers (k,) of the springs that are drawn: all but the flexures of legs."""
-    legged = {
-        (body, *top)
-        for body, top in zip(
-            scene.struts.lower.tolist(), scene.struts.lower_point.tolist(), strict=True
-        )
-    }
-    springs = scene.springs
-    ends = zip(springs.lower.tolist(), springs.lower_point.tolist(), strict=True)
-    return np.flatnonzero([(body, *point) not in legged for body, point in ends])
+
+    def tops(part: Wires | Springs) -> list[tuple[float, ...]]:
+        ends = zip(part.lower.tolist(), part.lower_point.tolist(), strict=True)
+        return [(body, *point) for body, point in ends]
+
+    legged = set(tops(scene.struts))
+    return np.flatnonzero([top not in legged for top in tops(scene.springs)])
 
 
 def spring_points(scene: Scene, pose: Pose) -> Array:
@@ -196,10 +188,7 @@ def spring_points(scene: Scene, pose: Pose) -> Array:
 
     They coincide in the nominal pose.
     """
-    springs, which = scene.springs, free_springs(scene)
-    upper = position_of(scene, pose, springs.upper[which], springs.upper_point[which])
-    lower = position_of(scene, pose, springs.lower[which], springs.lower_point[which])
-    return np.stack([upper, lower], axis=1)
+    return _ends(scene, pose, scene.springs, free_springs(scene))
 
 
 def link_curves(design: Design, scene: Scene, pose: Pose) -> dict[str, Array]:
@@ -234,12 +223,8 @@ def mode_step(numbering: Layout, coordinate: tuple[str, ...], shape: Array) -> A
 
     Coordinates that the mode lacks stay at rest.
     """
-    place = {name: n for n, name in enumerate(numbering.name)}
-    step = np.zeros(numbering.size)
-    for name, value in zip(coordinate, shape, strict=True):
-        if name in place:
-            step[place[name]] = value
-    return step
+    moved = dict(zip(coordinate, shape, strict=True))
+    return np.array([moved.get(name, 0.0) for name in numbering.name])
 
 
 def amplitude(scene: Scene, step: Array) -> float:

@@ -43,9 +43,9 @@ class Exaggerated:
 
     Attributes
     ----------
-    sketch : Sketch
+    sketch
         Displaced ends of wires, bodies shifted and turned, all `factor` times.
-    factor : float
+    factor
         1, 2 or 5 times a power of ten.
     """
 
@@ -61,7 +61,7 @@ def exaggerate(sketch: Sketch) -> Exaggerated | None:
 
     Parameters
     ----------
-    sketch : Sketch
+    sketch
         The design without imperfections, at rest.
 
     Returns

@@ -41,12 +41,11 @@ def annotate(
 
     Parameters
     ----------
-    axes : Axes
+    axes
         With final limits and position in the figure.
     points : sequence of (x, y)
         In data coordinates.
-    texts, colours : sequences of str
-    size : float
+    size
         Font size, points.
     taken : sequence of (x0, y0, x1, y1)
         Further boxes to avoid, pixels.

@@ -36,15 +36,15 @@ class Look:
 
     Attributes
     ----------
-    edge : tuple of colours
+    edge
         Outline of each body.
-    fill : tuple of colours
+    fill
         Interior of each body.
-    line : colour
+    line
         Wires, blades, springs.
-    width : float
+    width
         Of a wire, points; blades (on a canvas in inches) and outlines scale with it.
-    order : float
+    order
         Drawing order; larger is above.
     """
 
@@ -61,12 +61,9 @@ class Sketch:
 
     Attributes
     ----------
-    design : Design
-    scene : Scene
+    scene
         Without batch axes.
-    outlines : list of Outline
-    pose : Pose
-    thick : float
+    thick
         Thickness of the support, m.
     """
 

@@ -149,12 +149,9 @@ def write_text(
 
 def name_neglected(figure: Figure, choice: Choice) -> Figure:
     """Write what the model neglects below a figure whose heading names it, and return it."""
-    left_out = choice.neglected.partition(" (tolerance")[0]
-    return _write_below(figure, left_out) if left_out else figure
-
-
-def _write_below(figure: Figure, text: str) -> Figure:
-    """Write a line at the lower right edge of a figure, and make room for it."""
+    text = choice.neglected.partition(" (tolerance")[0]
+    if not text:
+        return figure
     across, up = figure.get_size_inches()
     room = figure.subplotpars.bottom + 0.12 / up
     figure.subplots_adjust(bottom=min(room, figure.subplotpars.top - 0.01))
@@ -202,11 +199,10 @@ def encode(figure: Figure, form: str = "png") -> bytes:
         if form == "png":
             origin = PngInfo()
             origin.add_text(*next(iter(METADATA["png"].items())))
-            Image.fromarray(_render(figure, dpi)).save(
-                stream, "png", compress_level=PNG_LEVEL, dpi=(dpi, dpi), pnginfo=origin
-            )
-            return stream.getvalue()
-        figure.savefig(stream, format=form, dpi=dpi, metadata=METADATA[form])
+            picture, quick = Image.fromarray(_render(figure, dpi)), {"compress_level": PNG_LEVEL}
+            picture.save(stream, "png", dpi=(dpi, dpi), pnginfo=origin, **quick)
+        else:
+            figure.savefig(stream, format=form, dpi=dpi, metadata=METADATA[form])
     return stream.getvalue()
 
 
@@ -278,7 +274,7 @@ def stage_colours(stages: Iterable[str]) -> dict[str, str]:
 
     Parameters
     ----------
-    stages : iterable of str
+    stages
         All stages, top to bottom.
 
     Examples
@@ -300,10 +296,3 @@ def shade(colour: str, number: int) -> str:
     towards, part = ((0.0, 0.5), (1.0, 0.35))[(number - 1) % 2]
     red, green, blue = (part * towards + (1 - part) * one for one in to_rgb(colour))
     return to_hex((red, green, blue))
-
-
-def write_title(figure: Figure, heading: str, name: str) -> None:
-    """Write a heading at the top of a figure and, below and smaller, the design's name."""
-    across, _ = figure.get_size_inches()
-    write_text(figure, 0.1, 0.08, single_line(heading, int(across / 0.084)), 9.5, bold=True)
-    write_text(figure, 0.1, 0.27, single_line(name, int(across / 0.058)), 7.5, NOTE)

@@ -62,12 +62,10 @@ class Table:
 
     Attributes
     ----------
-    title : str
-    heads : tuple of str
+    heads
         Headings of the columns.
-    widths : tuple of float
+    widths
         Widths of the columns, in; the first is aligned left, the others right.
-    rows : list of tuple of str
     """
 
     title: str
@@ -108,41 +106,26 @@ def listed(design: Design, scene: Scene) -> list[Table]:
 def stages(design: Design, scene: Scene) -> Table:
     """Table of stages: mass, the body above, and the dimensions of the symmetric set of wires."""
     tree = any(stage.hangs_from is not None for stage in design.stage)
-    heads, widths = ["stage"], [1.35]
-    if tree:
-        heads, widths = [*heads, "hangs from"], [*widths, 1.05]
-    heads += [
-        "mass (kg)",
-        "wires",
-        "$l$ (mm)",
-        "$s$ (mm)",
-        "$t_1$ (mm)",
-        "$t_2$ (mm)",
-        "$d$ (mm)",
-        "$d_u$ (mm)",
-        "depth (mm)",
-        "blades (N/m)",
-    ]
-    widths += [0.72, 0.5, 0.68, 0.92, 0.66, 0.66, 0.62, 0.66, 0.84, 1.0]
+    symbols = ("$l$", "$s$", "$t_1$", "$t_2$", "$d$", "$d_u$", "depth")
+    heads = ["stage", "mass (kg)", "wires", *(f"{symbol} (mm)" for symbol in symbols)]
+    widths = [1.35, 0.72, 0.5, 0.68, 0.92, 0.66, 0.66, 0.62, 0.66, 0.84, 1.0]
     rows = []
     for n, stage in enumerate(design.stage):
         above = stage.hangs_from or (design.stage[n - 1].name if n else SUPPORT)
-        head = (
-            (single_line(stage.name, 20), single_line(above, 16))
-            if tree
-            else (single_line(stage.name, 20),)
-        )
-        depth = -float(scene.bodies.position[n + 1, 2])
         rows.append(
             (
-                *head,
+                single_line(stage.name, 20),
+                *((single_line(above, 16),) if tree else ()),
                 f"{float(scene.bodies.mass[n]):.4g}",
                 *_set(stage),
-                millimetres(depth),
+                millimetres(-float(scene.bodies.position[n + 1, 2])),
                 _blades(scene, stage),
             )
         )
-    return Table("Stages", tuple(heads), tuple(widths), rows)
+    if tree:
+        heads.insert(1, "hangs from")
+        widths.insert(1, 1.05)
+    return Table("Stages", (*heads, "blades (N/m)"), tuple(widths), rows)
 
 
 def _set(stage: Stage) -> tuple[str, ...]:
@@ -183,35 +166,21 @@ def _blades(scene: Scene, stage: Stage) -> str:
 def wires(design: Design, scene: Scene) -> Table | None:
     """Table of the wires of stages without a symmetric set; None if there are none."""
     explicit = {stage.name for stage in design.stage if stage.wires is None}
-    rows = []
-    for n, label in enumerate(scene.wires.label):
+    wires, rows = scene.wires, []
+    for n, label in enumerate(wires.label):
         stage, _, number = label.rpartition(".")
-        if stage not in explicit:
-            continue
-        wires = scene.wires
-        lengths = (*wires.upper_point[n], *wires.lower_point[n], wires.length[n])
-        rows.append(
-            (
-                f"{single_line(stage, 16)}.{number}",
-                *(millimetres(float(value)) for value in lengths),
-                format_significant(float(wires.tension[n])),
-            )
-        )
-    if not rows:
-        return None
+        if stage in explicit:
+            lengths = (*wires.upper_point[n], *wires.lower_point[n], wires.length[n])
+            shown = (millimetres(float(value)) for value in lengths)
+            tension = format_significant(float(wires.tension[n]))
+            rows.append((f"{single_line(stage, 16)}.{number}", *shown, tension))
     title = (
         "Wires given one by one; upper ends from the COM above (or the suspension point), lower"
         " ends from the stage's own COM"
     )
-    if len(rows) > MOST_WIRES:
-        title += f"; the first {MOST_WIRES} of {len(rows)}"
-    heads = (
-        "wire",
-        *(f"{end} {axis} (mm)" for end in ("upper", "lower") for axis in "xyz"),
-        "length (mm)",
-        "tension (N)",
-    )
-    return Table(title, heads, (1.35, *(0.92,) * 6, 0.9, 0.9), rows[:MOST_WIRES])
+    ends = (f"{end} {axis} (mm)" for end in ("upper", "lower") for axis in "xyz")
+    heads = ("wire", *ends, "length (mm)", "tension (N)")
+    return _first_rows(title, heads, (1.35, *(0.92,) * 6, 0.9, 0.9), rows)
 
 
 def flaws(design: Design) -> Table | None:
@@ -220,12 +189,17 @@ def flaws(design: Design) -> Table | None:
         (single_line(part, 20), quantity, value)
         for part, quantity, value in imperfect.describe(design)
     ]
-    if not rows:
-        return None
     title = "Imperfections (offsets and rotations along and about x, y, z)"
+    return _first_rows(title, ("part", "imperfection", "value"), (1.35, 4.0, 2.2), rows)
+
+
+def _first_rows(
+    title: str, heads: tuple[str, ...], widths: tuple[float, ...], rows: list[tuple[str, ...]]
+) -> Table | None:
+    """Table of the first rows, whose title says how many there are; None if there are none."""
     if len(rows) > MOST_WIRES:
         title += f"; the first {MOST_WIRES} of {len(rows)}"
-    return Table(title, ("part", "imperfection", "value"), (1.35, 4.0, 2.2), rows[:MOST_WIRES])
+    return Table(title, heads, widths, rows[:MOST_WIRES]) if rows else None
 
 
 def write(
@@ -235,12 +209,11 @@ def write(
 
     Parameters
     ----------
-    canvas : Canvas
+    canvas
         In inches.
-    left, top : float
+    left, top
         Upper left corner, in.
-    table : Table
-    colours : sequence of colours
+    colours
         Of the first column, by row.
     """
     canvas.text(

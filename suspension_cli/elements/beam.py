@@ -47,7 +47,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.elements.functions import sinc
+from suspension_cli.elements.functions import sinc_cos, tanh
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Inexact, Int
@@ -88,8 +88,10 @@ class Waves:
     ----------
     half : float or array
         h, m.
+    alpha, beta
+        Evanescent and propagating wave number, 1/m; complex with loss.
     alpha2, beta2
-        Squares of the evanescent and of the propagating wave number, 1/m^2; complex with loss.
+        Their squares.
     tanh
         tanh(alpha h) / alpha, m.
     sin
@@ -101,6 +103,8 @@ class Waves:
     """
 
     half: Inexact[np.ndarray, "*#shape"] | float
+    alpha: Inexact[np.ndarray, "*shape"]
+    beta: Inexact[np.ndarray, "*shape"]
     alpha2: Inexact[np.ndarray, "*shape"]
     beta2: Inexact[np.ndarray, "*shape"]
     tanh: Inexact[np.ndarray, "*shape"]
@@ -121,14 +125,14 @@ class Waves:
         return self.alpha2 + self.beta2
 
     @cached_property
-    def alpha(self) -> Inexact[np.ndarray, "*shape"]:
-        """Evanescent wave number, 1/m."""
-        return np.sqrt(self.alpha2)
+    def over_even(self) -> Inexact[np.ndarray, "*shape"]:
+        """1/D, m."""
+        return 1 / self.even
 
     @cached_property
-    def beta(self) -> Inexact[np.ndarray, "*shape"]:
-        """Propagating wave number, 1/m."""
-        return np.sqrt(self.beta2)
+    def over_odd(self) -> Inexact[np.ndarray, "*shape"]:
+        """1/N, 1/m."""
+        return 1 / self.odd
 
     @cached_property
     def cache(self) -> dict[str, Any]:
@@ -166,20 +170,24 @@ def waves(
     """
     tau, m = tension / rigidity, mass * omega**2 / rigidity
     alpha2 = (tau + np.sqrt(tau**2 + 4 * m)) / 2
-    # without tension and at rest alpha = 0: any tiny alpha gives the limit
-    alpha2 = np.where(alpha2 == 0, (1e-8 / half) ** 2, alpha2)
+    if np.any(still := alpha2 == 0):
+        # without tension and at rest alpha = 0: any tiny alpha gives the limit
+        alpha2 = np.where(still, (1e-8 / half) ** 2, alpha2)
     beta2 = m / alpha2
     alpha, beta = np.sqrt(alpha2), np.sqrt(beta2)
-    tanh, sin, cos = np.tanh(alpha * half) / alpha, half * sinc(beta * half), np.cos(beta * half)
-    odd = sin - cos * tanh
+    sinc, cos = sinc_cos(beta * half)
+    lag, sin = tanh(alpha * half) / alpha, half * sinc
+    behind = cos * lag
+    odd = sin - behind
     slow = np.abs(alpha2 + beta2) * half**2 < SERIES
     if np.any(slow):
         p, n = alpha2 * half**2, -beta2 * half**2
         series = _series(np.where(slow, p, 0), np.where(slow, n, 0))
         cosh = np.cosh(np.where(slow, alpha * half, 0))
         odd = np.where(slow, half * (p - n) * series / cosh, odd)
-    even = _avoid_zero(beta2 * sin, alpha2 * cos * tanh, beta2 * sin + alpha2 * cos * tanh)
-    return Waves(half, alpha2, beta2, tanh, sin, cos, even, _avoid_zero(sin, cos * tanh, odd))
+    a, b = beta2 * sin, alpha2 * behind
+    even, odd = _avoid_zero(a, b, a + b), _avoid_zero(sin, behind, odd)
+    return Waves(half, alpha, beta, alpha2, beta2, lag, sin, cos, even, odd)
 
 
 def _avoid_zero(
@@ -188,7 +196,8 @@ def _avoid_zero(
     total: Inexact[np.ndarray, "*shape"],
 ) -> Inexact[np.ndarray, "*shape"]:
     """Half a rounding of a and b where their sum vanishes exactly, at a clamped resonance."""
-    return np.where(total == 0, EPS * (np.abs(a) + np.abs(b)), total)
+    zero = total == 0
+    return np.where(zero, EPS * (np.abs(a) + np.abs(b)), total) if np.any(zero) else total
 
 
 def stiffness(
@@ -210,12 +219,14 @@ def stiffness(
     (6, ...) array
         From `EVEN_WW` to `ODD_TT`: N/m (WW), N (WT), N m (TT).
     """
+    over_odd = wave.over_odd
     odd = (
-        wave.sum2 * wave.cos / wave.odd,
-        -wave.even / wave.odd,
-        wave.sum2 * wave.sin * wave.tanh / wave.odd,
+        wave.sum2 * wave.cos * over_odd,
+        -wave.even * over_odd,
+        wave.sum2 * wave.sin * wave.tanh * over_odd,
     )
-    return 2 * rigidity * np.stack(_even_elements(wave) + odd)
+    twice = 2 * rigidity
+    return np.stack([twice * element for element in _even_elements(wave) + odd])
 
 
 def chord_stiffness(
@@ -243,9 +254,10 @@ def chord_stiffness(
     cosh = np.cosh(np.where(np.abs(n) < 1, wave.alpha * h, 0))
     lag = np.where(np.abs(n) < 1, h * _gap_series(n) / cosh, h - wave.tanh)
     ww, wt, tt = _even_elements(wave)
-    pp = tension / rigidity * h + wave.sum2 * behind * lag / wave.odd
-    pd = -(wave.alpha2 * wave.tanh * behind + wave.beta2 * wave.sin * lag) / wave.odd
-    dd = wave.sum2 * wave.sin * wave.tanh / wave.odd
+    over_odd = wave.over_odd
+    pp = tension / rigidity * h + wave.sum2 * behind * lag * over_odd
+    pd = -(wave.alpha2 * wave.tanh * behind + wave.beta2 * wave.sin * lag) * over_odd
+    dd = wave.sum2 * wave.sin * wave.tanh * over_odd
     none, same, across = np.zeros_like(tt), (dd + tt) / 4, (dd - tt) / 4
     return (
         2
@@ -263,11 +275,11 @@ def chord_stiffness(
 
 def _even_elements(wave: Waves) -> tuple[Inexact[np.ndarray, "*shape"], ...]:
     """WW, WT and TT of the even motion over 2 EI."""
-    product = wave.alpha2 * wave.beta2
+    product, over_even = wave.alpha2 * wave.beta2, wave.over_even
     return (
-        -product * wave.sum2 * wave.sin * wave.tanh / wave.even,
-        product * wave.odd / wave.even,
-        wave.sum2 * wave.cos / wave.even,
+        -product * wave.sum2 * wave.sin * wave.tanh * over_even,
+        product * wave.odd * over_even,
+        wave.sum2 * wave.cos * over_even,
     )
 
 

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.elements.beam import Waves
-from suspension_cli.elements.functions import sinhc, sinhc_minus_sinc
+from suspension_cli.elements.functions import sin_cos, sinc_cos, sinhc, sinhc_minus_sinc
 
 if TYPE_CHECKING:
     from jaxtyping import Float, Inexact
@@ -116,10 +116,10 @@ def _factors(wave: Waves, ends: Inexact[np.ndarray, "4 motion frequency"]) -> Fa
     even, even_slope, odd, odd_slope = ends
     alpha2, beta2 = wave.alpha2, wave.beta2
     return (
-        alpha2 * (beta2 * wave.sin * even + wave.cos * even_slope) / wave.even,
-        -beta2 * (alpha2 * wave.tanh * even - even_slope) / wave.even,
-        wave.alpha * (wave.sin * odd_slope - wave.cos * odd) / wave.odd,
-        -wave.beta * (odd - wave.tanh * odd_slope) / wave.odd,
+        (alpha2 * wave.over_even) * (beta2 * wave.sin * even + wave.cos * even_slope),
+        (-beta2 * wave.over_even) * (alpha2 * wave.tanh * even - even_slope),
+        (wave.alpha * wave.over_odd) * (wave.sin * odd_slope - wave.cos * odd),
+        (-wave.beta * wave.over_odd) * (odd - wave.tanh * odd_slope),
     )
 
 
@@ -159,25 +159,23 @@ def _integrals(wave: Waves) -> tuple[Inexact[np.ndarray, " frequency"], ...]:
     h, alpha, beta = wave.half, wave.alpha, wave.beta
     ar, ai, br, bi = np.real(alpha), np.imag(alpha), np.real(beta), np.imag(beta)
     sech = 1 / np.cosh(np.minimum(2 * ar * h, 700.0))
-    norm = 1 + np.cos(2 * ai * h) * sech  # 2 |C|^2 / cosh(2 Re alpha h)
-    sinh, sin = np.tanh(2 * ar * h) / (2 * ar), h * np.sinc(2 * ai * h / np.pi) * sech
-    i11, i33 = (sinh + sin) / norm, (sinh - sin) / norm
-    i13 = ((1 - sech) / (2 * ar) - 1j * ai * h**2 * np.sinc(ai * h / np.pi) ** 2 * sech) / norm
-    sin, sinh = h * np.sinc(2 * br * h / np.pi), h * sinhc(2 * bi * h)
+    sinc, cos = sinc_cos(ai * h)
+    norm = 1 / (1 + (2 * cos**2 - 1) * sech)  # cosh(2 Re alpha h) / (2 |C|^2)
+    sinh, sin = np.tanh(2 * ar * h) / (2 * ar), h * sinc * cos * sech
+    i11, i33 = (sinh + sin) * norm, (sinh - sin) * norm
+    i13 = ((1 - sech) / (2 * ar) - 1j * (ai * h**2 * sinc**2 * sech)) * norm
+    (sinc, cos), single = sinc_cos(br * h), sinhc(bi * h)
+    sin, sinh = h * sinc * cos, h * sinhc(2 * bi * h)
     i22, i44 = (sinh + sin) / 2, h * sinhc_minus_sinc(2 * br * h, 2 * bi * h) / 2
-    i24 = (br * h**2 * np.sinc(br * h / np.pi) ** 2 - 1j * bi * h**2 * sinhc(bi * h) ** 2) / 2
+    i24 = (br * h**2 * sinc**2 - 1j * (bi * h**2 * single**2)) / 2
     # the rest mixes functions of alpha and of conj(beta)
     b = np.conj(beta)
-    t, over_cosh = alpha * wave.tanh, 1 / _bounded_cosh(alpha * h)
-    s, c, denominator = b * np.conj(wave.sin), np.conj(wave.cos), wave.alpha2 + np.conj(wave.beta2)
-    i12, i14 = (
-        (alpha * t * c + b * s) / denominator,
-        (alpha * t * s - b * (c - over_cosh)) / denominator,
-    )
-    i32, i34 = (
-        (alpha * (c - over_cosh) + b * t * s) / denominator,
-        (alpha * s - b * t * c) / denominator,
-    )
+    bounded = np.minimum(ar * h, 700.0) + 1j * (ai * h)
+    t, over_cosh = alpha * wave.tanh, 1 / sin_cos(1j * bounded)[1]  # cosh z = cos iz
+    s, c, over = b * np.conj(wave.sin), np.conj(wave.cos), 1 / (wave.alpha2 + np.conj(wave.beta2))
+    rest = c - over_cosh
+    i12, i14 = (alpha * t * c + b * s) * over, (alpha * t * s - b * rest) * over
+    i32, i34 = (alpha * rest + b * t * s) * over, (alpha * s - b * t * c) * over
     return i11, i22, i33, i44, i12, i13, i14, i32, i24, i34
 
 
@@ -203,8 +201,3 @@ def _slow_curvature(
     over_cosh, x = 1 / np.cosh(alpha * wave.half), at[:, None, None]
     even = k1 * (np.cosh(alpha * x) * over_cosh) + k2 * np.cos(beta * x)
     return even, k3 * (np.sinh(alpha * x) * over_cosh) + k4 * np.sin(beta * x)
-
-
-def _bounded_cosh(z: Inexact[np.ndarray, "*shape"]) -> Inexact[np.ndarray, "*shape"]:
-    """cosh, bounded below overflow: only its inverse is used."""
-    return np.cosh(np.where(np.real(z) > 700, 700.0, z))

@@ -167,7 +167,9 @@ class WireAtFrequencies:
             the middle of the wire; and ``gas``.
         """
         joints = self._joined(self._twin(part))[1]
-        if _is_bending(part):
+        if not joints:
+            motions = motion[None]
+        elif _is_bending(part):
             lengths = np.array([section.length for section in self.strand.fibre.sections])
             chord = np.einsum("ij,jrf->irf", joined_sections.to_chord(lengths.sum(0)), motion)
             back = np.linalg.inv(joined_sections.to_chord(lengths))
@@ -250,9 +252,8 @@ class WireAtFrequencies:
         key = f"{part} integrals"
         if key not in self._cache:
             self._cache[key] = []
-            for section in self.strand.fibre.sections:
-                rigidity, mass = self._rigidity(section, part), self._inertia(section, part)
-                integrals = rod.square_integrals(rigidity, mass, section.length / 2, self.omega)
+            for rigidity, mass, half in zip(*self._section_numbers(part), strict=True):
+                integrals = rod.square_integrals(rigidity, mass, half, self.omega)
                 self._cache[key].append((rigidity, mass, *integrals))
         return self._cache[key]
 
@@ -310,12 +311,15 @@ class WireAtFrequencies:
 
     def _section_numbers(self, part: str) -> tuple[Any, Any, Any]:
         """EI, EA or GJ, inertia per length, and half the length of the sections (s, 1 or f)."""
-        sections = self.strand.fibre.sections
-        return (
-            _stack(self._rigidity(section, part) for section in sections),
-            _stack(self._inertia(section, part) for section in sections),
-            _stack(section.length / 2 for section in sections),
-        )
+        key = f"{part} numbers"
+        if key not in self._cache:
+            sections = self.strand.fibre.sections
+            self._cache[key] = (
+                _stack(self._rigidity(section, part) for section in sections),
+                _stack(self._inertia(section, part) for section in sections),
+                _stack(section.length / 2 for section in sections),
+            )
+        return self._cache[key]
 
     def _tension(self, section: Section) -> Any:
         """Tension in the middle of a section, N, which the weight of a wire with mass changes."""

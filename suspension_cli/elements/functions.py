@@ -1,4 +1,7 @@
-"""sin(z)/z, sinh(z)/z and their difference, accurate where they are near 1."""
+"""Trigonometric functions of real and complex arrays, and sin(z)/z and sinh(z)/z.
+
+Those of numpy take several times as long for complex arguments as for the real and imaginary parts.
+"""
 
 from __future__ import annotations
 
@@ -11,19 +14,73 @@ if TYPE_CHECKING:
     from jaxtyping import Float, Inexact
 
 
+def sin_cos(
+    z: Inexact[np.ndarray, "*shape"],
+) -> tuple[Inexact[np.ndarray, "*shape"], Inexact[np.ndarray, "*shape"]]:
+    """sin(z) and cos(z); of a real z through tan(z/2), with an error of about 2^-52."""
+    if np.iscomplexobj(z):
+        sin, cos = sin_cos(np.real(z))
+        sinh, cosh = np.sinh(np.imag(z)), np.cosh(np.imag(z))
+        return _join(sin * cosh, cos * sinh), _join(cos * cosh, -sin * sinh)
+    half = np.tan(0.5 * z)
+    square = half * half
+    scale = 1 / (1 + square)
+    return 2 * half * scale, (1 - square) * scale
+
+
+def tan(z: Inexact[np.ndarray, "*shape"]) -> Inexact[np.ndarray, "*shape"]:
+    """tan(z), for real or complex z."""
+    if not np.iscomplexobj(z):
+        return np.tan(z)
+    a, b = np.tan(np.real(z)), np.tanh(np.imag(z))
+    a2, b2 = a * a, b * b
+    scale = 1 / (1 + a2 * b2)
+    return _join(a * (1 - b2) * scale, b * (1 + a2) * scale)
+
+
+def tanh(z: Inexact[np.ndarray, "*shape"]) -> Inexact[np.ndarray, "*shape"]:
+    """tanh(z), for real or complex z."""
+    if not np.iscomplexobj(z):
+        return np.tanh(z)
+    turned = tan(_join(-np.imag(z), np.real(z)))  # tan(iz) = i tanh(z)
+    return _join(np.imag(turned), -np.real(turned))
+
+
+def _join(
+    real: Float[np.ndarray, "*shape"], imag: Float[np.ndarray, "*shape"]
+) -> Inexact[np.ndarray, "*shape"]:
+    result = np.empty(np.shape(real), dtype=complex)
+    result.real, result.imag = real, imag
+    return result
+
+
 def sinc(z: Inexact[np.ndarray, "*shape"]) -> Inexact[np.ndarray, "*shape"]:
     """sin(z)/z, for real or complex z of any shape.
 
     Unlike `numpy.sinc` it does not pass through z/pi, whose rounding counts at large z.
     """
-    safe = np.where(z == 0, 1.0, z)
-    return np.where(z == 0, 1.0, np.sin(safe) / safe)
+    return sinc_cos(z)[0]
+
+
+def sinc_cos(
+    z: Inexact[np.ndarray, "*shape"],
+) -> tuple[Inexact[np.ndarray, "*shape"], Inexact[np.ndarray, "*shape"]]:
+    """sin(z)/z and cos(z), for real or complex z of any shape."""
+    sin, cos = sin_cos(z)
+    return _over(sin, z), cos
 
 
 def sinhc(z: Inexact[np.ndarray, "*shape"]) -> Inexact[np.ndarray, "*shape"]:
     """sinh(z)/z, for real or complex z of any shape."""
-    safe = np.where(z == 0, 1.0, z)
-    return np.where(z == 0, 1.0, np.sinh(safe) / safe)
+    return _over(np.sinh(z), z)
+
+
+def _over(
+    odd: Inexact[np.ndarray, "*shape"], z: Inexact[np.ndarray, "*shape"]
+) -> Inexact[np.ndarray, "*shape"]:
+    """Ratio of an odd function to z, 1 at z = 0."""
+    zero = z == 0
+    return np.where(zero, 1.0, odd / np.where(zero, 1.0, z)) if np.any(zero) else odd / z
 
 
 def sinhc_minus_sinc(
@@ -31,7 +88,7 @@ def sinhc_minus_sinc(
 ) -> Float[np.ndarray, " frequency"]:
     """sinh(y)/y - sin(x)/x for real arrays (f,), without cancellation where both are near 1."""
     p, n = y * y, -x * x
-    result = sinhc(y) - np.sinc(x / np.pi)
+    result = sinhc(y) - sinc(x)
     near = p - n < 0.5
     if np.any(near):
         result[near] = _sinhc_minus_one(p[near]) - _sinhc_minus_one(n[near])

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.elements.functions import sinc, sinhc, sinhc_minus_sinc
+from suspension_cli.elements.functions import sin_cos, sinc, sinhc, sinhc_minus_sinc, tan
 
 if TYPE_CHECKING:
     from jaxtyping import Float, Inexact, Int
@@ -51,8 +51,9 @@ def stiffness(
     """
     kappa2 = mass * omega**2 / rigidity + 0 * omega
     angle = np.sqrt(kappa2) * half
-    tanc = np.tan(angle) / np.where(angle == 0, 1.0, angle)
-    tanc = np.where(angle == 0, 1.0, tanc)  # tan(kappa h) / (kappa h)
+    zero = angle == 0
+    tanc = tan(angle) / np.where(zero, 1.0, angle)
+    tanc = np.where(zero, 1.0, tanc)  # tan(kappa h) / (kappa h)
     return np.stack([-2 * rigidity * kappa2 * half * tanc, 2 * rigidity / half / tanc])
 
 
@@ -64,26 +65,27 @@ def square_integrals(rigidity: Any, mass: Any, half: float, omega: Any) -> tuple
     """
     kappa2 = mass * omega**2 / rigidity + 0 * omega
     kappa_h: Any = np.sqrt(kappa2 + 0j) * half
-    size2, deep = np.abs(kappa_h) ** 2, np.abs(kappa_h.imag) > DEEP
-    angle: Any = np.where(deep, 1.0, kappa_h)
-    static = size2 == 0
-    # 1/h times the integrals of |cos(kappa x)|^2 and of |sin(kappa x)|^2, the latter also over
-    # |kappa h|^2
-    cos2 = sinhc(2 * angle.imag) + np.sinc(2 * angle.real / np.pi)
-    sin2 = sinhc_minus_sinc(2 * angle.real, 2 * angle.imag)
-    slow_sin2 = np.where(static, 2 / 3, sin2 / np.where(static, 1.0, size2))
-    over_cos2, over_sin2 = 1 / np.abs(np.cos(angle)) ** 2, 1 / np.abs(sinc(angle)) ** 2
-    # of a motion that decays along the rod every such ratio is 1 / Im(kappa h)
-    decay = 1 / np.where(deep, np.abs(kappa_h.imag), 1.0)
-    strain = (
-        np.where(deep, size2 * decay, size2 * sin2 * over_cos2) / half,
-        np.where(deep, size2 * decay, cos2 * over_sin2) / half,
-    )
-    displacement = (
-        np.where(deep, decay, cos2 * over_cos2) * half,
-        np.where(deep, decay, slow_sin2 * over_sin2) * half,
-    )
-    return strain, displacement
+    size2, deep = kappa_h.real**2 + kappa_h.imag**2, np.abs(kappa_h.imag) > DEEP
+    some_deep, static = np.any(deep), size2 == 0
+    a, b = kappa_h.real, kappa_h.imag
+    if some_deep:
+        a, b = np.where(deep, 1.0, a), np.where(deep, 0.0, b)
+    (sin, cos), sinh = sin_cos(a), np.sinh(b)
+    # |cos(kappa h)|^2 and |sin(kappa h)|^2
+    outer_cos2, outer_sin2 = cos**2 + sinh**2, sin**2 + sinh**2
+    # 1/h times the integrals of |cos(kappa x)|^2 and of |sin(kappa x)|^2
+    cos2, sin2 = sinhc(2 * b) + sinc(2 * a), sinhc_minus_sinc(2 * a, 2 * b)
+    even_strain = size2 * sin2 / outer_cos2
+    if np.any(static):  # sin2 / outer_sin2 tends to 2/3, size2 / outer_sin2 to 1
+        sin2, size2 = np.where(static, 2 / 3, sin2), np.where(static, 1.0, size2)
+        outer_sin2 = np.where(static, 1.0, outer_sin2)
+    found = (even_strain, cos2 * size2 / outer_sin2, cos2 / outer_cos2, sin2 / outer_sin2)
+    if some_deep:  # of a motion that decays along the rod every such ratio is 1 / Im(kappa h)
+        decay = 1 / np.where(deep, np.abs(kappa_h.imag), 1.0)
+        limit = (size2 * decay, size2 * decay, decay, decay)
+        found = [np.where(deep, deeply, own) for deeply, own in zip(limit, found, strict=True)]
+    even_strain, odd_strain, even, odd = found
+    return (even_strain / half, odd_strain / half), (even * half, odd * half)
 
 
 def resonances_below(

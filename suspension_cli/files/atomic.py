@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from suspension_cli.errors import Fault, InputError
+from suspension_cli.errors import InputError
 
 
 def replace_file(path: Path, data: bytes) -> None:
@@ -45,9 +45,9 @@ def writing_to(path: str | Path, key: str = "--out") -> Iterator[None]:
 
     Parameters
     ----------
-    path : path
+    path
         Named in the message.
-    key : str
+    key
         Option that gave the path; ``""`` for none.
     """
     try:
@@ -55,7 +55,7 @@ def writing_to(path: str | Path, key: str = "--out") -> Iterator[None]:
     except OSError as error:
         problem = f"cannot be written ({error.strerror or error})"
         remedy = "name a folder with space and permission"
-        raise InputError([Fault(key, problem, remedy, str(path))]) from None
+        raise InputError.of(key, problem, remedy, str(path)) from None
 
 
 def write_bytes(path: Path, data: bytes, key: str = "--out") -> None:

@@ -16,7 +16,7 @@ def read_design(path: Path) -> str | None:
 
     Parameters
     ----------
-    path : Path
+    path
         Ending in ``.h5``, ``.mat``, ``.npz`` or ``.json``.
     """
     if not path.is_file():
@@ -58,10 +58,9 @@ def replacing(path: Path, text: str, say: Callable[[str], None]) -> Iterator[Non
 
     Parameters
     ----------
-    path : Path
-    text : str
+    text
         The design whose result is written.
-    say : callable
+    say
         Takes the message.
     """
     before = read_design(path)

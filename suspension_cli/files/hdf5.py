@@ -32,17 +32,17 @@ class Provenance:
 
     Attributes
     ----------
-    design : str
+    design
         Whole design as TOML, overrides applied.
-    command : str
+    command
         Command line.
-    fidelity : str
+    fidelity
         Name of the model.
-    reason : str
+    reason
         Why this model, and what it neglects.
-    sweep : str
+    sweep
         Identifies the points of a sweep; empty for other analyses.
-    error : float
+    error
         Estimated relative error of the model; NaN where none was estimated.
     """
 
@@ -59,10 +59,9 @@ def write(path: Path, origin: Provenance, fill: Callable[[h5py.File], None]) -> 
 
     Parameters
     ----------
-    path : Path
-    origin : Provenance
+    origin
         Written to the root attributes.
-    fill : callable
+    fill
         Adds the group of the analysis to the open file.
     """
     with h5py.File("memory", "w", driver="core", backing_store=False) as file:

@@ -38,8 +38,8 @@ CANCELLED = 1e-7
 STEPS = 6
 """Largest number of corrections: at a lossless pole none of them helps."""
 TINY = np.finfo(float).tiny
-CHUNK = 1 << 15
-"""Unknowns (coordinates times inputs times frequencies) solved at once; they fit into the cache."""
+CHUNK = 1 << 16
+"""Unknowns (coordinates times inputs times frequencies) solved at once."""
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,6 @@ from suspension_cli.linear import elimination, static_condensation
 from suspension_cli.linear.residual import Equations, equations
 from suspension_cli.linear.rigid_motion_invariance import low_parts
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.arrays import Index
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Inexact, Int
@@ -25,57 +24,28 @@ Matrices = tuple[Any, Any, Any]
 
 
 @dataclass(frozen=True)
-class Submatrix:
-    """Submatrix of the dynamic stiffness K + i omega C - omega^2 M; arrays (r, s)."""
+class Elements:
+    """Elements (e, ...) of matrices K + i omega C - omega^2 M."""
 
-    stiffness: Inexact[np.ndarray, "row column"]
-    mass: Inexact[np.ndarray, "row column"]
-    damping: Inexact[np.ndarray, "row column"]
+    stiffness: Inexact[np.ndarray, "*element"]
+    mass: Inexact[np.ndarray, "*element"]
+    damping: Inexact[np.ndarray, "*element"]
 
     def at(
-        self, omega: Float[np.ndarray, " frequency"], square: Float[np.ndarray, " frequency"]
-    ) -> Inexact[np.ndarray, "row column _"]:
-        """Evaluate at frequencies: (r, s, f), or (r, s, 1) if constant; real without loss."""
-        if not self.mass_elements and not self.damping_elements:
-            return self.stiffness[..., None]
+        self, omega: Float[np.ndarray, " frequency"]
+    ) -> Inexact[np.ndarray, "*element frequency"]:
+        """Evaluate at frequencies (f,) in rad/s; real without loss."""
+        heavy, damped = self.mass.nonzero(), self.damping.nonzero()
         result = np.empty(
             (*self.stiffness.shape, len(omega)),
-            dtype=complex if self.damping_elements else self.stiffness.dtype,
+            dtype=complex if len(damped[0]) else self.stiffness.dtype,
         )
         result[:] = self.stiffness[..., None]
-        for r, c in self.mass_elements:
-            result[r, c] -= self.mass[r, c] * square
-        for r, c in self.damping_elements:
-            result[r, c] += (1j * self.damping[r, c]) * omega
+        if len(heavy[0]):
+            result[heavy] -= self.mass[heavy][:, None] * omega**2
+        if len(damped[0]):
+            result[damped] += (1j * self.damping[damped])[:, None] * omega
         return result
-
-    def times(
-        self,
-        columns: Float[np.ndarray, "column input"],
-        omega: Float[np.ndarray, " frequency"],
-        square: Float[np.ndarray, " frequency"],
-    ) -> Inexact[np.ndarray, "row input _"]:
-        """Multiply by constant columns (s, k): (r, k, f), or (r, k, 1) if constant."""
-        if not self.mass_elements and not self.damping_elements:
-            return (self.stiffness @ columns)[..., None]
-        return Submatrix(self.stiffness @ columns, self.mass @ columns, self.damping @ columns).at(
-            omega, square
-        )
-
-    @cached_property
-    def mass_elements(self) -> list[list[int]]:
-        """Indices of the elements of M that are not 0."""
-        return np.argwhere(self.mass).tolist()
-
-    @cached_property
-    def damping_elements(self) -> list[list[int]]:
-        """Indices of the elements of C that are not 0."""
-        return np.argwhere(self.damping).tolist()
-
-    @cached_property
-    def is_zero(self) -> bool:
-        """Whether it is 0 at every frequency."""
-        return not (self.stiffness.any() or self.mass.any() or self.damping.any())
 
 
 @dataclass(frozen=True)
@@ -84,13 +54,13 @@ class SupportForces:
 
     Attributes
     ----------
-    coupling : tuple of Submatrix
-        K, M and C towards the support: the rows of each node.
+    coupling : Elements
+        K, M and C (c, 6) towards the support.
     equations : Equations
         Equations of motion, for residuals.
     """
 
-    coupling: tuple[Submatrix, ...]
+    coupling: Elements
     equations: Equations
 
 
@@ -117,10 +87,10 @@ class CondensedBlock:
         Static response to the support's motions, S = -K^-1 K_s; 0 for a motion without one.
     resonances : (r,) array
         Undamped, rad/s, ascending; 0 for a rigid or unstable mode.
-    tree : Tree
-        The coordinates by body; one node if they form no tree.
-    diagonal, links : tuples of Submatrix
-        Of each node: its own, and that between its parent (rows) and it (None for a root).
+    pattern : Pattern
+        Order of elimination of the coordinates.
+    elements : Elements
+        Of K, M and C in that order.
     absolute, relative : SupportForces
         On the coordinates x, and on the coordinates relative to the static response, x - S s.
     """
@@ -135,9 +105,8 @@ class CondensedBlock:
     support_stiffness: Inexact[np.ndarray, "light 6"]
     static: Inexact[np.ndarray, "kept 6"]
     resonances: Float[np.ndarray, " mode"]
-    tree: elimination.Tree
-    diagonal: tuple[Submatrix, ...]
-    links: tuple[Submatrix | None, ...]
+    pattern: elimination.Pattern
+    elements: Elements
     absolute: SupportForces
     relative: SupportForces
 
@@ -170,21 +139,13 @@ class CondensedBlock:
 
         Few digits are left, or none, where a part of the block resonates alone.
         """
-        return elimination.factor(*self._systems(omega), self.tree)
+        return self.pattern.factor(self.elements.at(omega))
 
     def matrices(
         self, omega: Float[np.ndarray, " frequency"]
     ) -> Inexact[np.ndarray, "kept kept frequency"]:
         """Evaluate K + i omega C - omega^2 M (c, c, f) at frequencies (f,) in rad/s."""
-        return elimination.assemble(*self._systems(omega), self.tree)
-
-    def _systems(self, omega: Float[np.ndarray, " frequency"]) -> tuple[list[Any], list[Any]]:
-        """Evaluate the matrix of each node, and that between its parent and it."""
-        square = omega**2
-        diagonal = [_repeat(piece.at(omega, square), len(omega)) for piece in self.diagonal]
-        return diagonal, [
-            None if piece is None else piece.at(omega, square) for piece in self.links
-        ]
+        return self.pattern.assemble(self.elements.at(omega))
 
     def solve(
         self,
@@ -203,26 +164,11 @@ class CondensedBlock:
         Nothing cancels here, whereas in (...) x = -K_s s + ... all but a part of order omega^2
         would. Far above the resonances the equation for x is the accurate one.
         """
-        square = omega**2
-        moving, pushed = (np.flatnonzero(np.any(part, axis=0)) for part in (moves, forces))
-        right_sides = []
-        for piece, where in zip(drive.coupling, self.tree.where, strict=True):
-            columns = elimination.Columns(pushed, forces[where][:, pushed, None]).drop_zeros()
-            if len(moving) and not piece.is_zero:
-                columns = elimination.Columns(
-                    moving, piece.times(-moves[:, moving], omega, square)
-                ).join(columns)
-            right_sides.append(columns)
-        return factors.solve_columns(right_sides, moves.shape[1])
-
-
-def _repeat(values: Inexact[np.ndarray, "*axes _"], count: int) -> Inexact[np.ndarray, "*axes _"]:
-    """Repeat values (..., 1) that do not depend on frequency: (..., count)."""
-    return (
-        values
-        if values.shape[-1] == count
-        else np.broadcast_to(values, (*values.shape[:-1], count))
-    )
+        towards = drive.coupling
+        right = Elements(
+            forces - towards.stiffness @ moves, -towards.mass @ moves, -towards.damping @ moves
+        )
+        return factors.solve(right.at(omega))
 
 
 def condense_blocks(model: LinearSystem) -> list[CondensedBlock]:
@@ -274,13 +220,7 @@ def _condense(model: LinearSystem, block: Int[np.ndarray, " own"]) -> CondensedB
     )
     static = np.where(np.isfinite(static).all(0), static, 0.0)
     coupled = np.logical_or.reduce([matrix[:, 6:] != 0 for matrix in high])
-    tree = elimination.tree(
-        [_owner(model.coordinate[n]) for n in kept], coupled
-    ) or elimination.Tree((np.arange(len(kept)),), (-1,))
-
-    def piece(rows: Index, columns: Index) -> Submatrix:
-        return Submatrix(*(matrix[rows[:, None], columns] for matrix in high))
-
+    pattern = elimination.by_body([_owner(model.coordinate[n]) for n in kept], coupled)
     return CondensedBlock(
         kept=kept,
         mass=mass,
@@ -292,18 +232,13 @@ def _condense(model: LinearSystem, block: Int[np.ndarray, " own"]) -> CondensedB
         support_stiffness=full[np.ix_(massless, np.arange(6))],
         static=static,
         resonances=static_condensation.resonances(np.real(stiffness), mass),
-        tree=tree,
-        diagonal=tuple(piece(node, node + 6) for node in tree.nodes),
-        links=tuple(
-            None if above < 0 else piece(tree.nodes[above], node + 6)
-            for node, above in zip(tree.nodes, tree.parent, strict=True)
-        ),
-        absolute=_support_forces(high, rounding, tree),
+        pattern=pattern,
+        elements=Elements(*(matrix[pattern.row, pattern.column + 6] for matrix in high)),
+        absolute=_support_forces(high, rounding),
         relative=_support_forces(
             *_relative_to_static(
                 high, rounding, static, (free, np.zeros(6, dtype=bool), free & free_of_damping)
-            ),
-            tree,
+            )
         ),
     )
 
@@ -336,10 +271,8 @@ def _wire_held_basis(
     return result
 
 
-def _support_forces(high: Matrices, low: Matrices, tree: elimination.Tree) -> SupportForces:
-    towards = [matrix[:, :6] for matrix in high]
-    coupling = tuple(Submatrix(*(matrix[node] for matrix in towards)) for node in tree.nodes)
-    return SupportForces(coupling, equations(high, low))
+def _support_forces(high: Matrices, low: Matrices) -> SupportForces:
+    return SupportForces(Elements(*(matrix[:, :6] for matrix in high)), equations(high, low))
 
 
 def _relative_to_static(

@@ -243,8 +243,7 @@ def solve(model: LinearSystem) -> Modes:
 
 
 def _solve(model: LinearSystem) -> Modes:
-    tension = graded_eigenvalues.TURNING * graded_eigenvalues.softest_translation(model)
-    solutions = [_solve_block(model, block, tension) for block in model.blocks]
+    solutions = _solve_blocks(model)
     values = np.concatenate([values for values, _ in solutions])
     shapes = np.zeros((len(values), model.size))
     block_of = np.zeros(len(values), dtype=np.intp)
@@ -270,6 +269,21 @@ def _solve(model: LinearSystem) -> Modes:
         *no_wires,
         decay_rates(values[order], q),
     )
+
+
+def _solve_blocks(
+    model: LinearSystem,
+) -> list[tuple[Float[np.ndarray, " mode"], Float[np.ndarray, "own mode"]]]:
+    """Solve all blocks, once for systems that differ in their terms in frequency alone."""
+    constant = model.prepared.get("constant")
+    if constant is not None and all(map(np.array_equal, constant.blocks, model.blocks)):
+        return _solve_blocks(constant)
+    if "blocks of modes" not in model.prepared:
+        tension = graded_eigenvalues.TURNING * graded_eigenvalues.softest_translation(model)
+        model.prepared["blocks of modes"] = [
+            _solve_block(model, block, tension) for block in model.blocks
+        ]
+    return model.prepared["blocks of modes"]
 
 
 def condense_block(

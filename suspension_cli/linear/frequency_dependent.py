@@ -14,9 +14,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.conventions import FRAME
-from suspension_cli.linear import elimination, small_matrices
+from suspension_cli.linear import elimination
 from suspension_cli.linear.double_double import DoubleDouble
-from suspension_cli.linear.frequency_terms import Evaluated, EvaluatedWires, Term, WireTerm
+from suspension_cli.linear.frequency_terms import (
+    Evaluated,
+    EvaluatedWires,
+    Term,
+    WireTerm,
+    multiply_real,
+)
 from suspension_cli.linear.stretching import distinct
 from suspension_cli.linear.system import LinearSystem
 
@@ -79,8 +85,8 @@ class FrequencyDependentBlock:
         In the support's coordinates and the block's own.
     tensions : tuple of Tensions
         Further coordinates after all others, t in total.
-    tree : Tree
-        Coordinates and tensions by body.
+    pattern : Pattern
+        Order of elimination of the coordinates and tensions.
     """
 
     keep: Int[np.ndarray, " own"]
@@ -89,30 +95,24 @@ class FrequencyDependentBlock:
     mass: Float[np.ndarray, "own 6+own"]
     terms: tuple[Term, ...]
     tensions: tuple[Tensions, ...]
-    tree: elimination.Tree
+    pattern: elimination.Pattern
 
     @cached_property
     def towards_support(self) -> Elements:
         """Elements (c + t, 6) towards the support."""
-        return self._elements(*np.indices((self.tree.size, 6)).reshape(2, -1))
+        return self._elements(*np.indices((self.pattern.size, 6)).reshape(2, -1))
 
     @cached_property
     def whole(self) -> Elements:
         """All elements (c + t, 6 + c + t)."""
-        return self._elements(*np.indices((self.tree.size, 6 + self.tree.size)).reshape(2, -1))
+        return self._elements(
+            *np.indices((self.pattern.size, 6 + self.pattern.size)).reshape(2, -1)
+        )
 
     @cached_property
-    def by_body(self) -> Elements:
-        """Elements of the matrix of each node, then of those between parents (rows) and nodes."""
-        nodes = self.tree.nodes
-        pairs = [(node, node) for node in nodes]
-        pairs += [
-            (nodes[up], node) for node, up in zip(nodes, self.tree.parent, strict=True) if up >= 0
-        ]
-        row, column = np.concatenate(
-            [np.stack(np.meshgrid(*pair, indexing="ij")).reshape(2, -1) for pair in pairs], axis=1
-        )
-        return self._elements(row, column + 6)
+    def in_order(self) -> Elements:
+        """Elements on and above the diagonal in their order of elimination."""
+        return self._elements(self.pattern.row, self.pattern.column + 6)
 
     def _elements(
         self, row: Int[np.ndarray, " element"], column: Int[np.ndarray, " element"]
@@ -219,20 +219,14 @@ class Elements:
     def _without_tensions(
         self, omega: Inexact[np.ndarray, " frequency"], now: list[Evaluated], *, lossy: bool
     ) -> Inexact[np.ndarray, "nonzero frequency"]:
-        constants = [np.ones(len(omega)), np.full(len(omega), 1j), 1j * omega, omega**2]
         present = np.any(self.weights[:, :4], axis=0) & np.array([True, lossy, lossy, True])
-        functions = [
-            np.stack([part for part, here in zip(constants, present, strict=True) if here])
-            if present.any()
-            else np.zeros((0, len(omega))),
-            *(
-                term.functions(which)
-                for term, which in zip(now, self.used, strict=True)
-                if len(which)
-            ),
-        ]
+        parts = [np.ones(len(omega)), np.full(len(omega), 1j), 1j * omega, omega**2]
+        parts = [part for part, here in zip(parts, present, strict=True) if here]
+        for term, which in zip(now, self.used, strict=True):
+            parts += term.functions(which)
         chosen = np.append(present, np.ones(self.weights.shape[1] - 4, dtype=bool))
-        return _multiply(self.weights[:, chosen], np.concatenate(functions))
+        functions = np.array(parts).reshape(-1, len(omega))
+        return multiply_real(self.weights[:, chosen], functions)
 
 
 @dataclass(frozen=True)
@@ -247,7 +241,9 @@ class EvaluatedBlock:
     @cached_property
     def matrix(self) -> Inexact[np.ndarray, "all 6+all frequency"]:
         """Dynamic stiffness (c + t, 6 + c + t, f); columns: support, block, tensions."""
-        return self._evaluate(self.block.whole).reshape(self.block.tree.size, -1, len(self.omega))
+        return self._evaluate(self.block.whole).reshape(
+            self.block.pattern.size, -1, len(self.omega)
+        )
 
     def _evaluate(self, elements: Elements) -> Inexact[np.ndarray, "element frequency"]:
         return elements.at(self.omega, self.terms, lossy=self.lossy)
@@ -256,35 +252,13 @@ class EvaluatedBlock:
         self, moves: Float[np.ndarray, "6 input"], forces: Float[np.ndarray, "own input"]
     ) -> Inexact[np.ndarray, "own input frequency"]:
         """Solve for coordinates (c, i, f), given support motions (6, i) and forces (c, i)."""
-        count, tree = len(forces), self.block.tree
-        forces = np.concatenate([forces, np.zeros((tree.size - count, forces.shape[1]))])
+        count, pattern = len(forces), self.block.pattern
+        forces = np.concatenate([forces, np.zeros((pattern.size - count, forces.shape[1]))])
         right = np.broadcast_to(forces[..., None], (*forces.shape, len(self.omega)))
         if moves.any():
-            towards = self._evaluate(self.block.towards_support).reshape(tree.size, 6, -1)
+            towards = self._evaluate(self.block.towards_support).reshape(pattern.size, 6, -1)
             right = right - np.einsum("csf,si->cif", towards, moves)
-        if len(tree.nodes) == 1:
-            return small_matrices.dense(self.matrix[:, 6:], right)[:count]
-        elements, start, parts = self._evaluate(self.block.by_body), 0, []
-        size = [len(node) for node in tree.nodes]
-        linked = [n for n, up in enumerate(tree.parent) if up >= 0]
-        shapes = [(n, n) for n in size] + [(size[tree.parent[n]], size[n]) for n in linked]
-        for shape in shapes:
-            start, first = start + shape[0] * shape[1], start
-            parts.append(elements[first:start].reshape(*shape, -1))
-        links: list[Any] = [None] * len(size)
-        for n, part in zip(linked, parts[len(size) :], strict=True):
-            links[n] = part
-        return elimination.solve_by_body(parts[: len(size)], links, right, tree)[:count]
-
-
-def _multiply(
-    weights: Float[np.ndarray, "row function"], functions: Inexact[np.ndarray, "function frequency"]
-) -> Inexact[np.ndarray, "row frequency"]:
-    """Compute weights @ functions for real weights, in real arithmetic."""
-    if not np.iscomplexobj(functions):
-        return weights @ functions
-    flat = np.ascontiguousarray(functions).view(float)
-    return (weights @ flat).view(complex)
+        return pattern.solve(self._evaluate(self.block.in_order), right)[:count]
 
 
 def build_blocks(model: LinearSystem) -> list[FrequencyDependentBlock]:
@@ -330,12 +304,10 @@ def _block(model: LinearSystem, group: Int[np.ndarray, " own"]) -> FrequencyDepe
     )
     wires: list[Any] = [terms[each.number] for each in tensions for _ in each.count]
     stages = [one.stage for one in wires]
-    tree = elimination.tree([*(owner[n] for n in order), *stages], coupled) or elimination.Tree(
-        (np.arange(len(coupled)),), (-1,)
-    )
+    pattern = elimination.by_body([*(owner[n] for n in order), *stages], coupled)
     rows = np.ix_(keep, with_support)
     return FrequencyDependentBlock(
-        keep, stiffness[rows], model.damping[rows], model.mass[rows], terms, tensions, tree
+        keep, stiffness[rows], model.damping[rows], model.mass[rows], terms, tensions, pattern
     )
 
 

@@ -59,8 +59,8 @@ class Evaluated(Protocol):
 
     def functions(
         self, which: Int[np.ndarray, " function"]
-    ) -> Inexact[np.ndarray, "function frequency"]:
-        """Select functions f_n by number: (w, f), complex where lossy."""
+    ) -> list[Inexact[np.ndarray, " frequency"]]:
+        """Select functions f_n (f,) by number, complex where lossy."""
         ...
 
     def all_functions(self) -> Inexact[np.ndarray, "function frequency"]:
@@ -133,19 +133,24 @@ class WireTerm:
         return EvaluatedWires(self, strand.at(omega))
 
     @cached_property
-    def distinct(
-        self,
-    ) -> dict[str, tuple[Float[np.ndarray, "_ _ coordinate"], Float[np.ndarray, " _"]]]:
-        """Forms (r, c, N) that differ by more than sign, and the number (r,) of wires of each."""
-        return {part: _distinct(forms) for part, forms in self.forms.items()}
+    def distinct(self) -> dict[str, DistinctMotions]:
+        """Motions of the ends that differ by more than sign; of round wires in both planes."""
+        return self._distinct(0)
 
     @cached_property
-    def distinct_at_rest(
-        self,
-    ) -> dict[str, tuple[Float[np.ndarray, "_ _ coordinate"], Float[np.ndarray, " _"]]]:
+    def distinct_at_rest(self) -> dict[str, DistinctMotions]:
         """As `distinct`, with the support, the first 6 coordinates, at rest."""
-        moving = np.arange(len(self.allowed)) >= 6
-        return {part: _distinct(forms * moving) for part, forms in self.forms.items()}
+        return self._distinct(6)
+
+    def _distinct(self, first: int) -> dict[str, DistinctMotions]:
+        forms = {
+            part: form * (np.arange(form.shape[-1]) >= first) for part, form in self.forms.items()
+        }
+        if self.strand.round:
+            planes = forms.pop("bend-1"), forms.pop("bend-2")
+            forms = {"bend-1": np.concatenate(planes), **forms}
+        found = {part: DistinctMotions.of(form) for part, form in forms.items()}
+        return {part: motions for part, motions in found.items() if len(motions.count)}
 
     def within(self, columns: Int[np.ndarray, " kept"]) -> WireTerm:
         """Restrict to some coordinates."""
@@ -163,13 +168,48 @@ class WireTerm:
         return WireTerm(self.stage, self.strand, forms, reach.T @ self.allowed @ reach > 0)
 
 
-def _distinct(
-    forms: Float[np.ndarray, "wire end coordinate"],
-) -> tuple[Float[np.ndarray, "row end coordinate"], Float[np.ndarray, " row"]]:
-    shape = forms.shape[1:]
-    rows, members = distinct(forms.reshape(len(forms), shape[0] * shape[1]))
-    count = np.array([len(wires) for wires in members], dtype=float)
-    return rows.reshape(-1, *shape), count
+@dataclass(frozen=True)
+class DistinctMotions:
+    """Motions of the ends of wires per coordinate, in one part of `dynamic_wire.PARTS`.
+
+    Attributes
+    ----------
+    columns : (m,) int array
+        The coordinates that move them.
+    forms : (c, r, m) array
+        Motions that differ by more than sign.
+    count : (r,) array
+        Number of wires of each.
+    """
+
+    columns: Int[np.ndarray, " moving"]
+    forms: Float[np.ndarray, "end row moving"]
+    count: Float[np.ndarray, " row"]
+
+    @staticmethod
+    def of(forms: Float[np.ndarray, "wire end coordinate"]) -> DistinctMotions:
+        """Find the motions that are not 0."""
+        rows, members = distinct(forms.reshape(len(forms), -1))
+        rows = rows.reshape(-1, *forms.shape[1:]).swapaxes(0, 1)
+        columns = np.flatnonzero(rows.any((0, 1)))
+        count = np.array([len(wires) for wires in members], dtype=float)
+        return DistinctMotions(columns, rows[..., columns], count)
+
+    def ends(
+        self, motion: Inexact[np.ndarray, "coordinate frequency"]
+    ) -> Inexact[np.ndarray, "end row frequency"]:
+        """Motions (c, r, f) of the ends from coordinates (N, f)."""
+        return multiply_real(self.forms, motion[self.columns])
+
+
+def multiply_real(
+    matrix: Float[np.ndarray, "*rows coordinate"],
+    columns: Inexact[np.ndarray, "coordinate frequency"],
+) -> Inexact[np.ndarray, "*rows frequency"]:
+    """Multiply a real matrix by real or complex columns, in real arithmetic."""
+    if not np.iscomplexobj(columns):
+        return matrix @ columns
+    return (matrix @ np.ascontiguousarray(columns).view(float)).view(complex)
 
 
 @dataclass(frozen=True)
@@ -181,18 +221,16 @@ class EvaluatedWires:
 
     def functions(
         self, which: Int[np.ndarray, " function"]
-    ) -> Inexact[np.ndarray, "function frequency"]:
-        """Select functions f_n by number: (w, f)."""
+    ) -> list[Inexact[np.ndarray, " frequency"]]:
+        """Select functions f_n (f,) by number."""
         static = self.term.strand.static
         wanted = [self.term.functions[n] for n in which]
-        return np.stack(
-            [
-                self.beside
-                if part == "stretch"
-                else self.moving.stiffness(part)[i, j] - static[part][i, j]
-                for part, i, j in wanted
-            ]
-        )
+        return [
+            self.beside
+            if part == "stretch"
+            else self.moving.stiffness(part)[i, j] - static[part][i, j]
+            for part, i, j in wanted
+        ]
 
     def all_functions(self) -> Inexact[np.ndarray, "function frequency"]:
         """Functions f_n (n + 1, f) of `all_matrices`.
@@ -200,7 +238,7 @@ class EvaluatedWires:
         For wires without mass, which only the odd motion of their ends stretches.
         """
         odd = self.stretching[2] - self.term.strand.static["stretch"][1, 1]
-        return np.concatenate([self.functions(np.arange(len(self.term.functions))), odd[None]])
+        return np.stack([*self.functions(np.arange(len(self.term.functions))), odd])
 
     @property
     def beside(self) -> Inexact[np.ndarray, " frequency"]:
@@ -232,15 +270,11 @@ class EvaluatedWires:
             "gas": gas.temperature if gas else 0.0,
         }
         result: dict[tuple[str, float], Any] = {}
-        distinct = self.term.distinct if motion[:6].any() else self.term.distinct_at_rest
-        for part in PARTS:
-            rows, count = distinct[part]
-            if not len(rows):
-                continue
-            ends = np.moveaxis(rows @ motion, 0, 1)  # (c, r, f)
-            for cause, value in self.moving.dissipated(part, ends).items():
+        moves = self.term.distinct if motion[:6].any() else self.term.distinct_at_rest
+        for part, own in moves.items():
+            for cause, value in self.moving.dissipated(part, own.ends(motion)).items():
                 key = (f"{self.term.stage}.{cause}", temperatures.get(cause, (upper + lower) / 2))
-                result[key] = result.get(key, 0.0) + count @ value
+                result[key] = result.get(key, 0.0) + own.count @ value
         return result
 
 
@@ -324,18 +358,30 @@ class EvaluatedLoss:
 
     def functions(
         self, which: Int[np.ndarray, " function"]
-    ) -> Inexact[np.ndarray, "function frequency"]:
-        """Select functions f_n by number: (w, f)."""
+    ) -> list[Inexact[np.ndarray, " frequency"]]:
+        """Select functions f_n (f,) by number."""
         value = 1j * self.angle if self.lossy else self.angle
-        return (value if self.stored is None else value + self.stored)[None][which]
+        return [value if self.stored is None else value + self.stored] * len(which)
 
     def all_functions(self) -> Inexact[np.ndarray, "1 frequency"]:
         """All functions f_n: (1, f)."""
-        return self.functions(np.arange(1))
+        return np.stack(self.functions(np.arange(1)))
 
     def dissipated(
         self, motion: Inexact[np.ndarray, "coordinate frequency"]
     ) -> dict[tuple[str, float], Float[np.ndarray, " frequency"]]:
         """Dissipation x^H Im(f A) x (f,)."""
-        value = np.einsum("if,if->f", np.conj(motion), self.term.matrix @ motion).real
-        return {(self.term.cause, self.term.temperature): self.angle * value}
+        return {
+            (self.term.cause, self.term.temperature): self.angle
+            * quadratic_form(self.term.matrix, motion)
+        }
+
+
+def quadratic_form(
+    matrix: Float[np.ndarray, "coordinate coordinate"],
+    motion: Inexact[np.ndarray, "coordinate frequency"],
+) -> Float[np.ndarray, " frequency"]:
+    """Compute x^H A x (f,) of a symmetric real matrix A and columns x (N, f)."""
+    used = np.flatnonzero(matrix.any(0))
+    x = motion[used]
+    return np.real(np.conj(x) * multiply_real(matrix[np.ix_(used, used)], x)).sum(0)

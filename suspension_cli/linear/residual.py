@@ -97,21 +97,24 @@ class Equations:
         forces = (
             np.concatenate([np.real(forces), np.imag(forces)]) if self.split else np.real(forces)
         )
-        high, low, powers = [], [], []
+        constant = DoubleDouble.of(moves)
+        parts, powers = [], []
         for power, columns, own, support in self.terms:
-            load = -(support @ DoubleDouble.of(moves))
+            load = -(support @ constant)
             if power == 0:
                 load = DoubleDouble.of(forces) + load
-            every = [(-own.high, -own.low)] * bool(len(columns))
+            parts += [-own] * bool(len(columns))
             if power == 0 or load.high.any():
-                every.append((load.high.T[..., None], load.low.T[..., None]))
+                parts.append(DoubleDouble(load.high.T[..., None], load.low.T[..., None]))
                 columns = np.append(columns, len(forces))
-            for parts in every:
-                for found, part in zip((high, low), parts, strict=True):
-                    found.append(np.broadcast_to(part, (moves.shape[1], *part.shape[-2:])))
-            if every:
+            if len(columns):
                 powers.append((power, columns))
-        return Loads(np.concatenate(high, -1), np.concatenate(low, -1), tuple(powers))
+        shape = (moves.shape[1], len(forces), sum(len(columns) for _, columns in powers))
+        high, low, start = np.empty(shape), np.empty(shape), 0
+        for part in parts:
+            own = slice(start, start := start + part.high.shape[-1])
+            high[..., own], low[..., own] = part.high, part.low
+        return Loads(high, low, tuple(powers))
 
     def first_residual(
         self,

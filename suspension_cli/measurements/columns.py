@@ -39,17 +39,17 @@ class Columns:
 
     Attributes
     ----------
-    names : list of str
+    names
         Headings, or names of datasets; numbers from 1 where a text has no headings.
-    read : callable
+    read
         Returns the column of a position in `names`.
-    place : callable
+    place
         Words for a row, counted from 0, in messages: ``line 7``.
-    numbered : bool
+    numbered
         Whether columns may be given by number.
-    headed : bool
+    headed
         Whether `names` are headings, from which columns can be recognised.
-    noun : str
+    noun
         What a column is called in messages.
     """
 
@@ -72,7 +72,7 @@ class Columns:
             remedy = f"it has no headings: give a number from 1 to {len(self.names)}"
         else:
             remedy = suggest(str(wanted), self.names)
-        raise InputError([Fault(key, f"names no {self.noun}", remedy, format_value(wanted))])
+        raise InputError.of(key, f"names no {self.noun}", remedy, format_value(wanted))
 
 
 def recognise(names: list[str]) -> dict[str, str]:
@@ -139,37 +139,25 @@ def _check_chosen(columns: Columns, chosen: Mapping[str, int]) -> None:
     there = f"found here: {', '.join(columns.names)}" if columns.headed else "it has no headings"
     example = "frequency, real, imaginary" if columns.headed else "frequency = 1, real = 2, ..."
     if "frequency" not in chosen:
-        raise InputError(
-            [
-                Fault(
-                    "frequency",
-                    f"no {columns.noun} of frequencies is recognised ({there})",
-                    f"name the {columns.noun}s in a [[transfer_function]]: {example}",
-                )
-            ]
+        raise InputError.of(
+            "frequency",
+            f"no {columns.noun} of frequencies is recognised ({there})",
+            f"name the {columns.noun}s in a [[transfer_function]]: {example}",
         )
     for first, second in (("real", "imaginary"), ("magnitude", "phase")):
         for here, other in ((first, second), (second, first)):
             if here in chosen and other not in chosen and "value" not in chosen:
-                raise InputError(
-                    [
-                        Fault(
-                            here,
-                            f"a transfer function needs the {other}, too",
-                            f"name its {columns.noun}: {other} = ... ({there})",
-                            format_value(columns.names[chosen[here]]),
-                        )
-                    ]
+                raise InputError.of(
+                    here,
+                    f"a transfer function needs the {other}, too",
+                    f"name its {columns.noun}: {other} = ... ({there})",
+                    format_value(columns.names[chosen[here]]),
                 )
     if not {"real", "magnitude", "value"} & {*chosen}:
-        raise InputError(
-            [
-                Fault(
-                    "real",
-                    f"no {columns.noun}s of values are recognised ({there})",
-                    f"name the {columns.noun}s in a [[transfer_function]]: {example}",
-                )
-            ]
+        raise InputError.of(
+            "real",
+            f"no {columns.noun}s of values are recognised ({there})",
+            f"name the {columns.noun}s in a [[transfer_function]]: {example}",
         )
 
 
@@ -199,7 +187,7 @@ def read_points(columns: Columns, table: TransferFunction, unit: Mapping[str, st
     lengths = {role: len(values) for role, values in data.items()}
     if len({*lengths.values()}) > 1:
         listed = ", ".join(f"{columns.names[chosen[role]]} {n}" for role, n in lengths.items())
-        raise InputError([Fault("", f"lengths differ: {listed}", "give all one length")])
+        raise InputError.of("", f"lengths differ: {listed}", "give all one length")
     for role, values in data.items():
         _check_finite(values, columns, columns.names[chosen[role]])
         if role != "value" and np.iscomplexobj(values):
@@ -219,7 +207,7 @@ def read_points(columns: Columns, table: TransferFunction, unit: Mapping[str, st
     unknown = np.full(len(frequency), np.nan)
     if sigma is not None and (sigma < 0).any():
         where = columns.place(int(np.argmax(sigma < 0)))
-        raise InputError([Fault(where, "a standard deviation is negative", "correct it")])
+        raise InputError.of(where, "a standard deviation is negative", "correct it")
     coherence = data.get("coherence", unknown).astype(float)
     points = Points(frequency, value, unknown if sigma is None else sigma, coherence)
     check_points(points, columns.place)
@@ -234,7 +222,7 @@ class Points:
     ----------
     frequency, uncertainty, coherence : (f,) array
     value : (f,) complex array
-    averages : float or None
+    averages
         Number of averages, if the file says.
     """
 
@@ -249,11 +237,11 @@ def check_points(points: Points, place: Callable[[int], str]) -> None:
     """Raise `InputError` unless frequencies ascend from 0 and coherences are within 0 to 1."""
     frequency, coherence = points.frequency, points.coherence
     if not len(frequency):
-        raise InputError([Fault("", "has no points", "give a frequency and a value per line")])
+        raise InputError.of("", "has no points", "give a frequency and a value per line")
     if (frequency < 0).any():
         n = int(np.argmax(frequency < 0))
         problem = f"the frequency {frequency[n]:g} Hz is negative"
-        raise InputError([Fault(place(n), problem, "give frequencies from 0 up")])
+        raise InputError.of(place(n), problem, "give frequencies from 0 up")
     wrong = np.flatnonzero(np.diff(frequency) <= 0)
     if len(wrong):
         n = int(wrong[0]) + 1
@@ -266,7 +254,7 @@ def check_points(points: Points, place: Callable[[int], str]) -> None:
     if outside.any():
         n = int(np.argmax(outside))
         problem = f"the coherence {coherence[n]:g} is outside 0 to 1"
-        raise InputError([Fault(place(n), problem, "name another column, or correct it")])
+        raise InputError.of(place(n), problem, "name another column, or correct it")
 
 
 def _check_finite(values: Any, columns: Columns, name: str) -> None:
@@ -274,7 +262,7 @@ def _check_finite(values: Any, columns: Columns, name: str) -> None:
     if not finite.all():
         n = int(np.argmin(finite))
         problem = f"{columns.noun} {format_value(name)} holds {values[n]}, which is no number"
-        raise InputError([Fault(columns.place(n), problem, "remove the point or correct it")])
+        raise InputError.of(columns.place(n), problem, "remove the point or correct it")
 
 
 def _polar(
@@ -286,7 +274,7 @@ def _polar(
     if far.any():
         n = int(np.argmax(far))
         problem = f"the phase {phase[n]:g} is beyond {LARGEST_PHASE:g}"
-        raise InputError([Fault(columns.place(n), problem, "name the column of the phase")])
+        raise InputError.of(columns.place(n), problem, "name the column of the phase")
     if unit["magnitude_unit"] == "dB":
         size = 10.0 ** (np.asarray(size) / 20)
         if sigma is not None:
@@ -295,7 +283,7 @@ def _polar(
         n = int(np.argmax(size < 0))
         problem = f"the magnitude {size[n]:g} is negative"
         remedy = 'write magnitude_unit = "dB" if it is in decibels'
-        raise InputError([Fault(columns.place(n), problem, remedy)])
+        raise InputError.of(columns.place(n), problem, remedy)
     angle = phase if unit["phase_unit"] == "rad" else np.deg2rad(phase)
     return size * np.exp(1j * angle), sigma
 

@@ -65,7 +65,7 @@ class Dtt:
 
     Attributes
     ----------
-    transfer, cross, coherence, amplitude : dict
+    transfer, cross, coherence, amplitude
         (frequency, values, averages); `amplitude` by channel.
     """
 
@@ -90,7 +90,7 @@ class Dtt:
 
         Parameters
         ----------
-        into, out : str or None
+        into, out
             Names of the channels; None if the file has only one transfer function (to or from it).
 
         Raises
@@ -126,7 +126,7 @@ class Dtt:
         density = np.asarray(self.amplitude[into, ""][1], dtype=float)
         if len(density) != len(cross):
             problem = f"spectra of {into} and of {out} have {len(density)} and {len(cross)} points"
-            raise InputError([Fault("", problem, "export them from one measurement")])
+            raise InputError.of("", problem, "export them from one measurement")
         with np.errstate(divide="ignore", invalid="ignore"):
             return frequency, cross / density**2, averages
 
@@ -134,13 +134,13 @@ class Dtt:
         pairs = self.pairs
         if not pairs:
             problem = "has no transfer function and no cross spectra with their power spectra"
-            raise InputError([Fault("", problem, "measure a transfer function, or export it")])
+            raise InputError.of("", problem, "measure a transfer function, or export it")
         for n, (key, name) in enumerate((("input_channel", into), ("output_channel", out))):
             known = sorted({pair[n] for pair in pairs})
             if name is not None and name not in known:
                 role = ("input", "output")[n]
                 problem = f"is the {role} of no transfer function in the file"
-                raise InputError([Fault(key, problem, suggest(name, known), format_value(name))])
+                raise InputError.of(key, problem, suggest(name, known), format_value(name))
         fitting = [
             pair for pair in pairs if (into or pair[0]) == pair[0] and (out or pair[1]) == pair[1]
         ]
@@ -154,7 +154,7 @@ class Dtt:
             problem = f"the file has no transfer function from {into} to {out}"
             known = sorted(b for a, b in pairs if a == into)
             remedy = f"outputs measured with that input: {', '.join(known[:6])}"
-        raise InputError([Fault("output_channel" if into else "input_channel", problem, remedy)])
+        raise InputError.of("output_channel" if into else "input_channel", problem, remedy)
 
 
 def read(path: Path) -> Dtt:
@@ -174,7 +174,7 @@ def read(path: Path) -> Dtt:
     ]
     if not stored:
         problem = "has no results of the diagnostics test tools"
-        raise InputError([Fault("", problem, "save the measurement in diaggui, as XML")])
+        raise InputError.of("", problem, "save the measurement in diaggui, as XML")
     for node in stored:
         parameters = {one.get("Name", ""): (one.text or "").strip() for one in node.iter("Param")}
         try:
@@ -261,7 +261,7 @@ def _root(path: Path) -> Any:
         fault = Fault("", f"cannot be read ({reason})", "check the path and its permissions")
         raise InputError([fault]) from None
     if b"<!ENTITY" in data:
-        raise InputError([Fault("", "defines XML entities", "save it in diaggui again")])
+        raise InputError.of("", "defines XML entities", "save it in diaggui again")
     try:
         root = ElementTree.fromstring(data)
     except ElementTree.ParseError as error:
@@ -269,7 +269,7 @@ def _root(path: Path) -> Any:
         raise InputError([fault]) from None
     if root.tag != "LIGO_LW":
         problem = f"is XML of {format_value(root.tag)}, not of the diagnostics test tools (LIGO_LW)"
-        raise InputError([Fault("", problem, "name a file that diaggui saved, a CSV or HDF5")])
+        raise InputError.of("", problem, "name a file that diaggui saved, a CSV or HDF5")
     return root
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.errors import InputError, format_value
 from suspension_cli.measurements.columns import Columns
 
 
@@ -51,10 +51,10 @@ def read(path: Path) -> Columns:
     except OSError as error:
         problem = "cannot be read" if not path.exists() else "is not HDF5, or was cut off"
         remedy = "check the path" if not path.exists() else "name a CSV, HDF5 or DTT XML file"
-        raise InputError([Fault("", f"{problem} ({error.strerror or 'HDF5'})", remedy)]) from None
+        raise InputError.of("", f"{problem} ({error.strerror or 'HDF5'})", remedy) from None
     if not names:
         problem = "has no one-dimensional dataset"
-        raise InputError([Fault("", problem, "write frequency and value as datasets")])
+        raise InputError.of("", problem, "write frequency and value as datasets")
 
     stored = list(names)
     if series and "frequency" not in names:
@@ -71,7 +71,7 @@ def read(path: Path) -> Columns:
             values = values[first] + 1j * values[second]
         if values.dtype.kind not in "iufc":
             problem = f"dataset holds {values.dtype}, not numbers"
-            raise InputError([Fault("", problem, "name another", format_value(names[position]))])
+            raise InputError.of("", problem, "name another", format_value(names[position]))
         return values
 
     return Columns(names, column, lambda n: f"element {n}", numbered=False, noun="dataset")

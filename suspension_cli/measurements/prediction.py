@@ -49,9 +49,9 @@ def predict(
 
     Parameters
     ----------
-    measured : Measured
+    measured
         With the sensors and actuators; replace these to predict with other gains, delays, mixes.
-    tf : TransferFunction
+    tf
         One of those of `measured`.
     frequency : (f,) array
         Hz, at which `response` is.
@@ -77,8 +77,7 @@ def channel_weights(
 
     Parameters
     ----------
-    transducer : Transducer
-    signals : sequence of str
+    signals
         All that the transducer refers to, and maybe others.
     frequency : (f,) array
         Hz.

@@ -28,8 +28,7 @@ def read_all(measured: Measured, file: str | Path) -> list[MeasuredResponse]:
 
     Parameters
     ----------
-    measured : Measured
-    file : path
+    file
         Of the file of measurements: its data files are named from its folder.
 
     Raises
@@ -57,10 +56,10 @@ def read_bare(
 
     Parameters
     ----------
-    path : path
+    path
         CSV or text with headings such as ``f, re, im`` or ``frequency_hz, magnitude_db, phase``;
         HDF5 with datasets of such names; DTT XML.
-    input, output : str
+    input, output
         Signals of the design; of DTT, otherwise the channels are put there.
     **keys
         Keys of `TransferFunction`: ``real="a"``, ``averages=20``, ``input_channel="H1:..."``.
@@ -82,7 +81,7 @@ def read_bare(
         if not keys and hdf5.is_results_file(path):
             problem = "is a results file of pendsus, not a measurement"
             remedy = "compare it with pendsus compare DESIGN FILE"
-            raise InputError([Fault("", problem, remedy)])
+            raise InputError.of("", problem, remedy)
         if not isinstance(source, Dtt) or table.input_channel or table.output_channel:
             return [_read(table, path.parent, {path: source})]
         pairs = source.pairs or [("", "")]  # none: the fault is found below
@@ -138,7 +137,7 @@ def _read(table: TransferFunction, folder: Path, opened: dict[Path, Columns | Dt
 def _open(path: Path) -> Columns | Dtt:
     """Open a file of data as what it contains."""
     if path.is_dir():
-        raise InputError([Fault("", "is a directory", "name a file of data in it")])
+        raise InputError.of("", "is a directory", "name a file of data in it")
     try:
         with path.open("rb") as stream:
             begin = stream.read(512)
@@ -147,7 +146,7 @@ def _open(path: Path) -> Columns | Dtt:
         fault = Fault("", f"cannot be read ({reason})", "check the path and its permissions")
         raise InputError([fault]) from None
     if not begin.strip():
-        raise InputError([Fault("", "is empty", "give a frequency and a value per line")])
+        raise InputError.of("", "is empty", "give a frequency and a value per line")
     if begin.startswith(b"\x89HDF") or path.suffix.lower() in (".h5", ".hdf5", ".hdf"):
         return hdf5.read(path)
     xml = begin.lstrip(b"\xef\xbb\xbf \r\n\t").startswith(b"<")
@@ -161,7 +160,7 @@ def _refuse_channels(table: TransferFunction) -> None:
         if getattr(table, key) is not None:
             remedy = "remove it, and name columns or datasets"
             problem = "is for XML of the diagnostics test tools, which this file is not"
-            raise InputError([Fault(key, problem, remedy, getattr(table, key))])
+            raise InputError.of(key, problem, remedy, getattr(table, key))
 
 
 def _calibrated(points: Points, table: TransferFunction) -> tuple[Any, Any, Any, Any]:
@@ -179,16 +178,16 @@ def _calibrated(points: Points, table: TransferFunction) -> tuple[Any, Any, Any,
         if not kept.any():
             problem = f"no point lies in the band {low:g} to {high:g} Hz"
             remedy = f"the file has {frequency[0]:.4g} to {frequency[-1]:.4g} Hz"
-            raise InputError([Fault("band", problem, remedy)])
+            raise InputError.of("band", problem, remedy)
         frequency, value, sigma, coherence = (
             values[kept] for values in (frequency, value, sigma, coherence)
         )
     if not len(frequency):
-        raise InputError([Fault("", "has no points above 0 Hz", "measure again")])
+        raise InputError.of("", "has no points above 0 Hz", "measure again")
     if not np.isfinite(value).all():
         at = frequency[~np.isfinite(value)][0]
         problem = f"the value at {at:.6g} Hz is infinite or no number"
-        raise InputError([Fault("", problem, 'leave it out with a "band"')])
+        raise InputError.of("", problem, 'leave it out with a "band"')
     return frequency, value, sigma, coherence
 
 
@@ -199,7 +198,7 @@ def relative_uncertainty(coherence: Any, averages: float) -> Any:
     ----------
     coherence : (f,) array
         g^2, from 0 to 1.
-    averages : float
+    averages
         Number of independent averages.
 
     Returns

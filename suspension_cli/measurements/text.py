@@ -26,12 +26,12 @@ def read(path: Path) -> Columns:
     """
     rows, headings = _rows(path)
     if not rows:
-        raise InputError([Fault("", "has no numbers", "give a frequency and a value per line")])
+        raise InputError.of("", "has no numbers", "give a frequency and a value per line")
     width = len(rows[0][1])
     for line, cells in rows:
         if len(cells) != width:
             problem = f"has {len(cells)} columns, but line {rows[0][0]} has {width}"
-            raise InputError([Fault(f"line {line}", problem, "give every line all columns")])
+            raise InputError.of(f"line {line}", problem, "give every line all columns")
     names = _heading(headings, width)
     values = [[_number(cell, line) for cell in cells] for line, cells in rows]
     lines = [line for line, _ in rows]
@@ -52,7 +52,7 @@ def _heading(above: list[tuple[int, list[str]]], width: int) -> list[str] | None
     line, last = above[-1] if above else (0, [])
     if line and len(last) != width:
         problem = f"has {len(last)} headings for {width} columns"
-        raise InputError([Fault(f"line {line}", problem, "give every column a heading")])
+        raise InputError.of(f"line {line}", problem, "give every column a heading")
     return fitting[-1] if line else None
 
 
@@ -72,17 +72,14 @@ def _rows(path: Path) -> tuple[list[tuple[int, list[str]]], list[tuple[int, list
         if not rows:
             delimiter = _delimiter(bare)
         cells = _split(bare, delimiter)
-        if not rows and not _is_number(cells[0]):
-            above.append((line, cells))
-            continue
-        rows.append((line, cells))
+        (rows if rows or _parsed(cells[0]) is not None else above).append((line, cells))
     return rows, above
 
 
 def _text(path: Path) -> str:
     try:
         if path.stat().st_size > MAX_BYTES:
-            raise InputError([Fault("", "has more than 400 MB", "give fewer points")])
+            raise InputError.of("", "has more than 400 MB", "give fewer points")
         return path.read_text(encoding="utf-8-sig")
     except OSError as error:
         reason = error.strerror or str(error)
@@ -105,23 +102,20 @@ def _split(line: str, delimiter: str | None) -> list[str]:
     return [cell.strip() for cell in cells]
 
 
-def _is_number(cell: str) -> bool:
-    try:
-        complex(cell.replace("i", "j"))
-    except ValueError:
-        return False
-    return True
+def _parsed(cell: str) -> complex | float | None:
+    """Return the real or complex number of a cell; None if it is none."""
+    for kind, text in ((float, cell), (complex, cell.replace(" ", "").replace("i", "j"))):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return None
 
 
 def _number(cell: str, line: int) -> complex | float:
-    try:
-        return float(cell)
-    except ValueError:
-        pass
-    try:
-        return complex(cell.replace(" ", "").replace("i", "j"))
-    except ValueError:
+    number = _parsed(cell)
+    if number is None:
+        problem = f"{format_value(cell)} is no number"
         remedy = "write numbers with a decimal point, or # before a comment"
-        raise InputError(
-            [Fault(f"line {line}", f"{format_value(cell)} is no number", remedy)]
-        ) from None
+        raise InputError.of(f"line {line}", problem, remedy)
+    return number

@@ -12,9 +12,9 @@ class MeasuredResponse:
 
     Attributes
     ----------
-    name : str
+    name
         Shown in tables and pictures: the given name, or the stem of the file.
-    input, output : str
+    input, output
         Signals of the design (``"upper.force_x"``, ``"upper.x"``) or names of the actuator and the
         sensor of the file of measurements; "" where the file does not say (a bare CSV).
     frequency : (f,) array
@@ -26,9 +26,9 @@ class MeasuredResponse:
         the file says nothing of it.
     coherence : (f,) array
         From 0 to 1; NaN where it was not measured.
-    unit : str
+    unit
         Of `value`: "m/N" once all calibration is applied.
-    file : str
+    file
         Where it was read, for errors.
     """
 

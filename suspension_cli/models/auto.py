@@ -119,7 +119,7 @@ def decide(
     tolerance: float = TOLERANCE,
     top: str = MOST_COMPLETE.name,
     *,
-    complete: bool = True,
+    highest: float | None = None,
 ) -> Decision:
     """Choose the cheapest model in which a quantity is accurate to a relative tolerance.
 
@@ -134,30 +134,27 @@ def decide(
     tolerance : float
     top : str
         The most complete model allowed; physics that it omits is neglected, however large.
-    complete : bool
-        Whether to weigh each refinement of a response, even where one requires the most complete
-        model anyway.
+    highest : float, optional
+        The highest frequency of a response, Hz. Where a bound at this frequency requires the most
+        complete model, no other is then built, nor is any refinement weighed.
     """
-    base, highest = registry.choose(design), registry.by_name(top)
+    base, limit = registry.choose(design), registry.by_name(top)
     build = _Builder(design)
     bound = 0.0
-    if not (complete or highest.omits or explain_unsuitable(design, massive=True)):
-        # without the frequencies, which the quantity has, no other model need be built
-        still = build.wires().effect_on_response(0.0).error > MARGIN * tolerance
-        quantity = make(build(highest if still else base.model))
-        bound = quantity.mass_bound(build.wires)
+    if not (highest is None or limit.omits or explain_unsuitable(design, massive=True)):
+        bound = build.wires().effect_on_response(highest).error
         if bound > MARGIN * tolerance:
             why = f"{MASS} may change the result by up to {percent(bound)}"
             if not np.isfinite(bound):
                 why = f"{MASS}: frequencies lie near or above the first violin mode"
-            model = build(highest)
-            why = ZERO if quantity.is_zero(model) else why
-            return Decision(Choice(highest.name, why, 0.0), model, ())
+            model = build(limit)
+            why = ZERO if make(model).is_zero(model) else why
+            return Decision(Choice(limit.name, why, 0.0), model, ())
     quantity, estimate, found = _estimator(build, build(base.model), make)
     refinements = _series(design, base.model, quantity, build, _room([], tolerance))
     for name in (BENDING, MASS):
         room = _room(refinements, tolerance)
-        if name == MASS and not complete and 0 < bound <= room:
+        if name == MASS and 0 < bound <= room:
             refinements.append(Refinement(MASS, bound, "", None, taken=False))
             continue
         left = estimate(name)
@@ -167,7 +164,7 @@ def decide(
             left = replace(left, indicator=quantity.mass_bound(build.wires) or left.indicator)
         refinements.append(
             _weighed(left, quantity, build, room)
-            if name not in highest.omits
+            if name not in limit.omits
             else _sampled(left, quantity, build)
         )
     refinements = [replace(item, words=_words(item, found, build)) for item in refinements]

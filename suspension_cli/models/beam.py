@@ -17,7 +17,6 @@ from suspension_cli.elements import string
 from suspension_cli.elements.dynamic_wire import EQUAL_WITHIN, TautWire, fit_to_equilibrium
 from suspension_cli.elements.gas import body_damping
 from suspension_cli.equilibrium import bending_wires, clamps
-from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.linear.frequency_terms import LossTerm, Term, WireTerm
 from suspension_cli.linear.symmetry import Symmetry, find_symmetry, no_symmetry
@@ -33,6 +32,7 @@ from suspension_cli.models.batch_terms import (
 from suspension_cli.models.loss_terms import Drag, gas_terms, loss_terms, lossless, spring_terms
 from suspension_cli.rotations import cross
 from suspension_cli.scene import fibres as fibres_of
+from suspension_cli.scene.composition import Fibres
 from suspension_cli.scene.pose import Layout, Pose, layout, point_jacobian
 from suspension_cli.scene.scene import Scene
 
@@ -249,13 +249,12 @@ def _batch_wires(
 
 def with_fibres(scene: Scene, design: Design) -> tuple[Scene, Drag]:
     """A scene (or batch of builds) with its wires' properties, and gas damping of its bodies."""
-    filled = replace(scene, fibres=clamps.compose(design))
-    return filled, _gas_damping(filled, design)
+    made = clamps.compose(design)
+    return replace(scene, fibres=made), _gas_damping(made, design)
 
 
-def _gas_damping(scene: Scene, design: Design) -> Drag:
-    assert scene.fibres is not None
-    gas = scene.fibres.gas
+def _gas_damping(made: Fibres, design: Design) -> Drag:
+    gas = made.gas
     return () if gas is None else tuple(body_damping(stage.body, gas) for stage in design.stage)
 
 
@@ -274,13 +273,13 @@ class Beam(string_model.SceneModel):
 
     def of_scene(self, scene: Scene, design: Design) -> LinearSystem:
         """The linear model of a completed scene, on a rigid support without dampers."""
-        return linear_model(scene, _gas_damping(scene, design), massive=self.has_wire_mass)
+        assert scene.fibres is not None
+        return linear_model(scene, _gas_damping(scene.fibres, design), massive=self.has_wire_mass)
 
     def wire_properties(self, design: Design) -> tuple[Hashable, ...]:
         """Sections, clamps and losses of wires, losses of blades, and gas damping."""
-        scene, drag = with_fibres(expand(design), design)
-        made = scene.fibres
-        assert made is not None
+        made = clamps.compose(design)
+        drag = _gas_damping(made, design)
         directions = [np.array([fibre.plane, *fibre.clamp]).tobytes() for fibre in made.wire]
         kinds = [(fibre.sections, fibre.temperature, fibre.effective) for fibre in made.wire]
         return (
@@ -302,7 +301,8 @@ class Beam(string_model.SceneModel):
         self, scene: Scene, design: Design, *, split: bool = False
     ) -> tuple[LinearSystem, Equilibrium, tuple[BatchTerm, ...]]:
         """Builds whose wires bend, each as long and as taut as it is in its own equilibrium."""
-        drag = _gas_damping(scene, design)
+        assert scene.fibres is not None
+        drag = _gas_damping(scene.fibres, design)
         return linear_models(scene, drag, massive=self.has_wire_mass, split=split)
 
 

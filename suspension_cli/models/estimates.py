@@ -318,47 +318,52 @@ class _EndMotion:
 
         Infinite if omega_i is too close to a violin mode.
         """
+        forces, motions = (part[:, here].reshape(len(part), -1) for part in self._wave_forces)
+        result = forces @ motions.T
+        return np.where(np.isnan(result), np.inf, np.abs(result))
+
+    @cached_property
+    def _wave_forces(self) -> tuple[Float[np.ndarray, "mode wire 12"], ...]:
+        """Forces on the ends of all wires by their mass, and the motions of these ends."""
+        first, mixed, last, reach = np.array(
+            self._each(lambda fibre, tension, _: (*moments(fibre), hinge_distance(fibre, tension)))
+        ).T
+        whole = first + 2 * mixed + last
+        mass = np.where(whole > 0, 3 * np.maximum(first, last), 0.0)  # the denser half counts
         a, b = (
             move + sign * cross(turn, self.reach)
             for move, turn, sign in zip(self.move, self.turn, (1, -1), strict=True)
         )
-        # rows and columns of all ends (m, 3): one matrix product per stage
-        left, right = [np.zeros((len(a), 0))], [np.zeros((len(a), 0))]
-        for w in np.flatnonzero(here).tolist():
-            first, mixed, last = moments(self.made[w])
-            mass = first + 2 * mixed + last
-            uneven = 3 * max(first, last) / mass if mass > 0 else 1.0
-            length, along = float(self.wires.length[w]), self.along[w]
-            reach = hinge_distance(self.made[w], float(self.wires.tension[w]))
-            stretched = [np.outer(end[:, w] @ along, along) for end in (a, b)]
-            across = [end[:, w] - own for end, own in zip((a, b), stretched, strict=True)]
-            for (u, v), stiffness, shorter in (
-                (stretched, float(self.wires.stiffness[w]), 0.0),
-                (across, float(self.wires.tension[w]) / length, 2 * reach / length),
-            ):
-                one, both = (
-                    part[:, None] for part in _waves(self.omega, uneven * mass, stiffness, shorter)
-                )
-                left += [one * u + both * v, one * v + both * u]
-                right += [u, v]
-        result = np.concatenate(left, axis=1) @ np.concatenate(right, axis=1).T
-        return np.where(np.isnan(result), np.inf, np.abs(result))
+        stretched = [(end * self.along).sum(-1, keepdims=True) * self.along for end in (a, b)]
+        across = [end - own for end, own in zip((a, b), stretched, strict=True)]
+        wires, forces, motions = self.wires, [], []
+        for (u, v), stiffness, shorter in (
+            (stretched, wires.stiffness, np.zeros(len(mass))),
+            (across, wires.tension / wires.length, 2 * reach / wires.length),
+        ):
+            one, both = (part[..., None] for part in _waves(self.omega, mass, stiffness, shorter))
+            forces += [one * u + both * v, one * v + both * u]
+            motions += [u, v]
+        return np.concatenate(forces, axis=-1), np.concatenate(motions, axis=-1)
 
 
 def _waves(
-    omega: Float[np.ndarray, " mode"], mass: float, stiffness: float, shorter: float
-) -> tuple[Float[np.ndarray, " mode"], Float[np.ndarray, " mode"]]:
-    """Stiffness (m,) that mass adds to a string or rod, for one end and between its ends.
+    omega: Float[np.ndarray, " mode"],
+    mass: Float[np.ndarray, " wire"],
+    stiffness: Float[np.ndarray, " wire"],
+    shorter: Float[np.ndarray, " wire"],
+) -> tuple[Float[np.ndarray, "mode wire"], Float[np.ndarray, "mode wire"]]:
+    """Stiffness (m, w) that mass adds to strings or rods, for one end and between their ends.
 
     With X = omega sqrt(mass / stiffness), the stiffness times X cot X - 1 and 1 - X / sin X (any
     text on vibrations). A clamped wire vibrates on a length that is less by the fraction `shorter`:
     the larger magnitude of both counts, NaN where a resonance lies in between.
     """
-    if not mass > 0 or not stiffness > 0:
-        return np.zeros(len(omega)), np.zeros(len(omega))
-    full = omega * np.sqrt(mass / stiffness)
+    ratio = np.where(stiffness > 0, mass / np.where(stiffness > 0, stiffness, 1.0), 0.0)
+    full = omega[:, None] * np.sqrt(ratio)
+    part = full * (1 - 1.5 * shorter)
     found = []
-    for x in (full, full * (1 - 1.5 * shorter)):
+    for x in (full, part):
         some = np.where(x > SMALL, x, 1.0)
         found.append(
             (
@@ -366,7 +371,7 @@ def _waves(
                 np.where(x > SMALL, 1 - some / np.sin(some), -(x**2) / 6),
             )
         )
-    between = np.floor(full / np.pi) != np.floor(full * (1 - 1.5 * shorter) / np.pi)
+    between = np.floor(full / np.pi) != np.floor(part / np.pi)
     larger = np.abs(found[1][0]) > np.abs(found[0][0])
     one, both = (np.where(larger, found[1][n], found[0][n]) for n in (0, 1))
     return np.where(between, np.nan, stiffness * one), np.where(between, np.nan, stiffness * both)

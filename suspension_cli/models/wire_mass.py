@@ -31,6 +31,7 @@ from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium import clamps
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
+from suspension_cli.rotations import cross_matrix
 from suspension_cli.scene import fibres
 from suspension_cli.scene.arrays import Array, Index
 from suspension_cli.scene.composition import Fibre
@@ -183,7 +184,7 @@ def _largest_load(scene: Scene, made: tuple[Fibre, ...]) -> float:
     count = 6 * len(bodies.name)
     tips = np.flatnonzero(blades.tip_mass > 0)
     size = 6 + count + 3 * len(tips)
-    mass, added = np.zeros((size, size)), np.zeros((size, size))
+    mass = np.zeros((size, size))
     for n in range(len(bodies.name)):
         at = 6 * (n + 1)
         mass[range(at, at + 3), range(at, at + 3)] = bodies.mass[n]
@@ -191,19 +192,25 @@ def _largest_load(scene: Scene, made: tuple[Fibre, ...]) -> float:
     for n, blade in enumerate(tips):
         at = 6 + count + 3 * n
         mass[range(at, at + 3), range(at, at + 3)] = blades.tip_mass[blade]
-    for w, fibre in enumerate(made):
-        reach = hinge_distance(fibre, float(wires.tension[w])) * wires.span[w] / wires.length[w]
-        lower = _point(size, wires.lower[w], wires.lower_point[w] - reach)
-        upper = _point(size, wires.upper[w], wires.upper_point[w] + reach)
+    numbers = [
+        (*moments(fibre), hinge_distance(fibre, tension))
+        for fibre, tension in zip(made, wires.tension.tolist(), strict=True)
+    ]
+    first, mixed, last, distance = (part[:, None, None] for part in np.array(numbers).T)
+    reach = distance[..., 0] * wires.span / wires.length[:, None]
+    lower = _points(size, wires.lower, wires.lower_point - reach)
+    upper = _points(size, wires.upper, wires.upper_point + reach)
+    for w in np.flatnonzero(wires.blade >= 0).tolist():
         blade = int(wires.blade[w])
+        axes = blades.axes[blade]
         if blade in tips:
             own = 6 + count + 3 * int(np.flatnonzero(tips == blade)[0])
-            upper[blades.axes[blade]] = np.eye(size)[own : own + 3][blades.axes[blade]]
-        elif blade >= 0:
-            upper[blades.axes[blade]] = lower[blades.axes[blade]]
-        first, mixed, last = moments(fibre)
-        cross = upper.T @ lower
-        added += first * upper.T @ upper + mixed * (cross + cross.T) + last * lower.T @ lower
+            upper[w, axes] = np.eye(size)[own : own + 3][axes]
+        else:
+            upper[w, axes] = lower[w, axes]
+    both = np.swapaxes(first * upper + mixed * lower, 1, 2) @ upper
+    both += np.swapaxes(mixed * upper + last * lower, 1, 2) @ lower
+    added = both.sum(0)
     moves = np.diag(mass) > 0
     half = np.linalg.inv(np.linalg.cholesky(mass[np.ix_(moves, moves)]))
     return float(np.linalg.eigvalsh(half @ added[np.ix_(moves, moves)] @ half.T)[-1])
@@ -232,13 +239,13 @@ def moments(fibre: Fibre) -> tuple[float, float, float]:
     return total - 2 * single + square, single - square, square
 
 
-def _point(size: int, body: int, arm: Array) -> Array:
-    """Motion (3, size) of a point of a body with the coordinates."""
-    x, y, z = arm
-    result = np.zeros((3, size))
-    at = 6 * body
-    result[:, at : at + 3] = np.eye(3)
-    result[:, at + 3 : at + 6] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
+def _points(size: int, body: Index, arm: Array) -> Array:
+    """Motions (w, 3, size) of points (w) of bodies with the coordinates."""
+    result = np.zeros((len(body), 3, size))
+    wire, along = np.arange(len(body))[:, None], np.arange(3)
+    result[wire, along, 6 * body[:, None] + along] = 1.0
+    turned = 6 * body[:, None, None] + 3 + along
+    result[wire[..., None], along[:, None], turned] = -cross_matrix(arm)
     return result
 
 

@@ -15,22 +15,20 @@ class Section:
 
     Attributes
     ----------
-    length : float
+    length
         Loaded, m.
-    rigidity : tuple of float
+    rigidity
         E I for bending in the two principal planes, N m^2; the first is the plane of a ribbon's
         thickness (its soft plane).
-    stretching : float
+    stretching
         E A, N.
-    twisting : float
+    twisting
         G J, N m^2; the tension T adds T I_p/A to it, see `polar_area`.
-    mass, polar : float
+    mass, polar
         Mass and polar moment of inertia per length, kg/m and kg m.
-    shape : CrossSection
-    losses : tuple of Mechanism
-    torsion_factor : float
+    torsion_factor
         Factor on G J + T I_p/A, for a wire whose torsional stiffness is given.
-    tension_offset : float
+    tension_offset
         Tension in its middle beyond that of the wire, by the wire's own weight, N.
     """
 
@@ -62,9 +60,9 @@ class Fibre:
 
     Attributes
     ----------
-    label : str
+    label
         ``test.1``.
-    sections : tuple of Section
+    sections
         From the upper to the lower end.
     plane : (3,) array
         Unit vector across the nominal wire in the first principal plane (direction of a ribbon's
@@ -72,9 +70,9 @@ class Fibre:
     clamp : tuple of two (3,) arrays
         Unit vectors along which the wire leaves its upper and its lower clamp, both pointing from
         the upper towards the lower end.
-    temperature : tuple of float
+    temperature
         At the upper and the lower end, K.
-    effective : bool
+    effective
         Whether the ends that the design gives are the effective bending points, with the clamps
         beyond them.
     """
@@ -93,16 +91,15 @@ class BladeLoss:
 
     Attributes
     ----------
-    label : str
-    angle : float
+    angle
         Constant loss angle where no material is known, rad.
-    losses : tuple of Mechanism or None
+    losses
         Of the blade's material, if known.
-    thickness : float
+    thickness
         m; 0 if unknown, and then there is no thermoelastic loss.
-    temperature : float
+    temperature
         K.
-    shape : CrossSection or None
+    shape
         Of the wires of a link, instead of a thickness.
     """
 
@@ -120,11 +117,11 @@ class Gas:
 
     Attributes
     ----------
-    pressure : float
+    pressure
         Pa.
-    molecule : float
+    molecule
         Mass of a molecule, kg.
-    temperature : float
+    temperature
         K.
     """
 
@@ -139,14 +136,13 @@ class Fibres:
 
     Attributes
     ----------
-    wire : tuple of Fibre
+    wire
         In the order of `Scene.wires`.
-    blade : tuple of BladeLoss
+    blade
         In the order of `Scene.blades`.
-    spring : tuple of BladeLoss
+    spring
         Of the springs of known material; others have the loss angle of `Scene.springs`.
-    gas : Gas or None
-    temperature : float
+    temperature
         Of everything for which the design gives none, K.
     """
 

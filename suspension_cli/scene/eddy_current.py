@@ -35,11 +35,11 @@ def axial_damping(shape: str, moment: Any, conductivity: Any, thickness: Any, ga
     Parameters
     ----------
     shape : {"plate", "tube"}
-    moment : float
+    moment
         A m^2.
-    conductivity : float
+    conductivity
         S/m.
-    thickness, gap : float
+    thickness, gap
         Thickness of the plate or the tube's wall; distance to the plate, or inner radius, m.
 
     Examples

@@ -120,8 +120,6 @@ def _add_symmetric_set(design: Design, part: StagePart, wires: WireSet) -> None:
                 torsion=wires.torsion or 0.0,
                 loss=loss,
                 blade=_blade_of(stage.blades, number, shape),
-                given=None,
-                natural=False,
                 mass=moments,
             )
         )
@@ -192,7 +190,7 @@ def _blade(
 def _balance(design: Design, parts: list[StagePart]) -> list[Fault]:
     """Set tensions and blade loads of every stage, from the bottom up; return the faults."""
     g = gravity_strength(design)
-    loads = [np.array([0.0, 0.0, -g * body_mass(part.stage.body), 0.0, 0.0, 0.0]) for part in parts]
+    loads = [tensions.weight_wrench(g * body_mass(p.stage.body), np.zeros(3)) for p in parts]
     position = [np.zeros(3)]
     for part in parts:
         position.append(position[part.parent] + part.offset)
@@ -209,9 +207,7 @@ def _balance(design: Design, parts: list[StagePart]) -> list[Fault]:
         if part.parent > 0:
             above = loads[part.parent - 1] + tensions.move_wrench(load, part.offset) + on_parent
             for blade in part.blades.values():
-                above = above + tensions.move_wrench(
-                    np.array([0.0, 0.0, -g * blade.tip_mass, 0.0, 0.0, 0.0]), blade.tip
-                )
+                above = above + tensions.weight_wrench(g * blade.tip_mass, blade.tip)
             loads[part.parent - 1] = above
     return faults
 
@@ -225,8 +221,7 @@ def _add_wire_weights(parts: list[StagePart], loads: list[Array], gravity: float
             if part.parent > 0:
                 ends.append((part.parent - 1, upper, wire.upper_point))
             for body, weight, point in ends:
-                force = np.array([0.0, 0.0, -weight, 0.0, 0.0, 0.0])
-                loads[body] = loads[body] + tensions.move_wrench(force, point)
+                loads[body] = loads[body] + tensions.weight_wrench(weight, point)
 
 
 def _balance_stage(design: Design, part: StagePart, load: Array) -> list[Fault]:

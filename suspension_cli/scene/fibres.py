@@ -38,8 +38,7 @@ def explain_unsuitable(design: Design, massive: bool) -> str:
 
     Parameters
     ----------
-    design : Design
-    massive : bool
+    massive
         Whether the model needs the wires' masses too.
     """
     for stage in design.stage:
@@ -61,7 +60,7 @@ def compose(design: Design) -> Fibres:
 
     Parameters
     ----------
-    design : Design
+    design
         One for which `explain_unsuitable` returns "".
 
     Returns

@@ -15,7 +15,7 @@ import numpy as np
 from suspension_cli.conventions import SUPPORT
 from suspension_cli.design.filters import SUFFIX
 from suspension_cli.rotations import rotation_matrix
-from suspension_cli.scene.arrays import Array, frames
+from suspension_cli.scene.arrays import Array, frames, inner_axes
 from suspension_cli.scene.scene import Scene, spring_of_leg
 
 
@@ -46,10 +46,9 @@ def impose(
 
     Parameters
     ----------
-    scene : Scene
-    part : str
+    part
         One of `PARTS`.
-    number : int
+    number
         The wire, blade or leg from 0, the body from 1, the link as a spring of the scene; of the
         blades of a filter the number of its body, less 1, behind the blades of wires.
     amounts : mapping of (...) or (..., 3) arrays
@@ -75,13 +74,10 @@ def wire(
     length_change: Any = 0.0,
     hold: str = "loaded-length",
 ) -> Scene:
-    """Change one wire of a scene.
+    """Change one wire of a scene (from 0).
 
     Parameters
     ----------
-    scene : Scene
-    number : int
-        The wire, from 0.
     k_factor, radius_factor : (...) arrays
         On its spring constant, and on its radius, with whose square the spring constant goes.
     upper_offset, lower_offset : (..., 3) arrays
@@ -95,47 +91,37 @@ def wire(
         length.
     """
     wires = scene.wires
-    factor = _numbers(k_factor) * _numbers(radius_factor) ** 2
-    change = _numbers(length_change)
     upper, lower = _numbers(upper_offset), _numbers(lower_offset)
+    change, shift = _numbers(length_change), lower - upper
     old_span, old_length = wires.span[..., number, :], wires.length[..., number]
     old_k, old_tension = wires.stiffness[..., number], wires.tension[..., number]
-    shift = lower - upper
     span = old_span + shift
     length = np.sqrt((span**2).sum(-1))
     # L - l without cancellation: (L^2 - l^2) / (L + l)
     longer = (shift * (2 * old_span + shift)).sum(-1) / (length + old_length)
-    k = old_k * factor
-    tension = (
-        old_tension - k * change
-        if hold == "loaded-length"
-        else k * (old_tension / old_k + longer - change)
+    k = old_k * _numbers(k_factor) * _numbers(radius_factor) ** 2
+    tension = old_tension - k * change
+    if hold == "natural-length":
+        tension = k * (old_tension / old_k + longer - change)
+    return _with(
+        scene,
+        "wires",
+        number,
+        upper_point=wires.upper_point[..., number, :] + upper,
+        lower_point=wires.lower_point[..., number, :] + lower,
+        span=span,
+        length=length,
+        tension=tension,
+        stiffness=k,
     )
-    changed = replace(
-        wires,
-        upper_point=_with(wires.upper_point, number, wires.upper_point[..., number, :] + upper, 1),
-        lower_point=_with(wires.lower_point, number, wires.lower_point[..., number, :] + lower, 1),
-        span=_with(wires.span, number, span, 1),
-        length=_with(wires.length, number, length, 0),
-        tension=_with(wires.tension, number, tension, 0),
-        stiffness=_with(wires.stiffness, number, k, 0),
-    )
-    return replace(scene, wires=changed, drawn=scene.drawn or scene)
 
 
 def move_com(scene: Scene, number: int, offset: Any) -> Scene:
-    """Move the COM of one body relative to all its attachments.
+    """Move the COM of one body (from 1) by an offset (..., 3) relative to all its attachments, m.
 
-    Parameters
-    ----------
-    scene : Scene
-    number : int
-        The body, from 1.
-    offset : (..., 3) array
-        m. The inertia is then about the new COM.
+    The inertia is then about the new COM.
     """
-    shift, bodies = _numbers(offset), scene.bodies
-    position = _with(bodies.position, number, bodies.position[..., number, :] + shift, 1)
+    shift = _numbers(offset)
 
     def moved(part: Any) -> Any:
         points = {}
@@ -145,31 +131,20 @@ def move_com(scene: Scene, number: int, offset: Any) -> Scene:
             points[name] = getattr(part, name) - np.where(on[..., None], step, 0.0)
         return replace(part, **points)
 
-    parts = {name: moved(part) for name, part in scene.parts.items()}
-    parts["bodies"] = replace(bodies, position=position)
-    return replace(scene, drawn=scene.drawn or scene, **parts)
+    position = scene.bodies.position[..., number, :] + shift
+    scene = _with(scene, "bodies", number, position=position)
+    return replace(scene, **{name: moved(part) for name, part in scene.parts.items()})
 
 
 def turn_mass(scene: Scene, number: int, rotation: Any) -> Scene:
-    """Turn the mass of one body relative to its attachments.
+    """Turn the mass of one body (from 1) relative to its attachments: its inertia becomes R I R^T.
 
-    Parameters
-    ----------
-    scene : Scene
-    number : int
-        The body, from 1.
-    rotation : (..., 3) array
-        Rotation vector, rad: the inertia becomes R I R^T.
+    R is the rotation by the vector `rotation` (..., 3), rad.
     """
     turn = rotation_matrix(_numbers(rotation))
-    inertia = scene.bodies.inertia
-    turned = turn @ inertia[..., number - 1, :, :] @ np.swapaxes(turn, -1, -2)
-    turned = (turned + np.swapaxes(turned, -1, -2)) / 2
-    return replace(
-        scene,
-        bodies=replace(scene.bodies, inertia=_with(inertia, number - 1, turned, 2)),
-        drawn=scene.drawn or scene,
-    )
+    inertia = turn @ scene.bodies.inertia[..., number - 1, :, :] @ np.swapaxes(turn, -1, -2)
+    inertia = (inertia + np.swapaxes(inertia, -1, -2)) / 2
+    return _with(scene, "bodies", number - 1, inertia=inertia)
 
 
 def scale_mass(scene: Scene, number: int, factor: Any) -> Scene:
@@ -177,14 +152,8 @@ def scale_mass(scene: Scene, number: int, factor: Any) -> Scene:
 
     Wires keep their unstretched lengths.
     """
-    mass = scene.bodies.mass
-    return replace(
-        scene,
-        bodies=replace(
-            scene.bodies, mass=_with(mass, number - 1, mass[..., number - 1] * _numbers(factor), 0)
-        ),
-        drawn=scene.drawn or scene,
-    )
+    mass = scene.bodies.mass[..., number - 1] * _numbers(factor)
+    return _with(scene, "bodies", number - 1, mass=mass)
 
 
 def scale_inertia(scene: Scene, number: int, factor: Any) -> Scene:
@@ -192,13 +161,9 @@ def scale_inertia(scene: Scene, number: int, factor: Any) -> Scene:
 
     Products of inertia scale with the geometric mean of the two factors.
     """
-    inertia, root = scene.bodies.inertia, np.sqrt(_numbers(factor))
-    scaled = inertia[..., number - 1, :, :] * root[..., :, None] * root[..., None, :]
-    return replace(
-        scene,
-        bodies=replace(scene.bodies, inertia=_with(inertia, number - 1, scaled, 2)),
-        drawn=scene.drawn or scene,
-    )
+    root = np.sqrt(_numbers(factor))
+    inertia = scene.bodies.inertia[..., number - 1, :, :] * root[..., :, None] * root[..., None, :]
+    return _with(scene, "bodies", number - 1, inertia=inertia)
 
 
 def scale_blade(scene: Scene, number: int, factor: Any) -> Scene:
@@ -206,31 +171,20 @@ def scale_blade(scene: Scene, number: int, factor: Any) -> Scene:
 
     The blades are trimmed to their nominal load in the nominal pose.
     """
-    count = len(scene.blades.label)
+    count, names = len(scene.blades.label), scene.bodies.name
     if number >= count:
         body = number - count + 1
-        keystone = scene.bodies.name.index(scene.bodies.name[body - 1] + SUFFIX) + 1
-        springs = scene.springs
-        own = np.flatnonzero((springs.upper == body) & (springs.lower == keystone))
+        keystone = names.index(names[body - 1] + SUFFIX) + 1
+        own = np.flatnonzero((scene.springs.upper == body) & (scene.springs.lower == keystone))
         return scale_spring(scene, int(own[0]), factor)
-    stiffness = scene.blades.stiffness
-    scaled = stiffness[..., number, :] * _numbers(factor)[..., None]
-    return replace(
-        scene,
-        blades=replace(scene.blades, stiffness=_with(stiffness, number, scaled, 1)),
-        drawn=scene.drawn or scene,
-    )
+    stiffness = scene.blades.stiffness[..., number, :] * _numbers(factor)[..., None]
+    return _with(scene, "blades", number, stiffness=stiffness)
 
 
 def scale_spring(scene: Scene, number: int, factor: Any) -> Scene:
     """Multiply the stiffness of one spring (from 0) by a factor (...); its preload stays."""
-    stiffness = scene.springs.stiffness
-    scaled = stiffness[..., number, :, :] * _numbers(factor)[..., None, None]
-    return replace(
-        scene,
-        springs=replace(scene.springs, stiffness=_with(stiffness, number, scaled, 2)),
-        drawn=scene.drawn or scene,
-    )
+    stiffness = scene.springs.stiffness[..., number, :, :] * _numbers(factor)[..., None, None]
+    return _with(scene, "springs", number, stiffness=stiffness)
 
 
 def scale_leg(scene: Scene, number: int, factor: Any) -> Scene:
@@ -242,11 +196,7 @@ def lengthen_leg(scene: Scene, number: int, change: Any) -> Scene:
     """Change the unloaded length of one leg (from 0) by (...), m."""
     struts = scene.struts
     tension = struts.tension[..., number] - struts.stiffness[..., number] * _numbers(change)
-    return replace(
-        scene,
-        struts=replace(struts, tension=_with(struts.tension, number, tension, 0)),
-        drawn=scene.drawn or scene,
-    )
+    return _with(scene, "struts", number, tension=tension)
 
 
 ACTIONS = {
@@ -268,12 +218,14 @@ def _numbers(values: Any) -> Any:
     return array if array.dtype == complex else array.astype(float)
 
 
-def _with(values: Array, number: int, item: Array, inner: int) -> Array:
-    """Copy `values` (..., n, [inner axes]) with member `number` replaced, batch axes broadcast."""
-    axis = -1 - inner
-    batch = np.broadcast_shapes(values.shape[:axis], item.shape[: item.ndim - inner])
-    result = np.array(
-        np.broadcast_to(values, batch + values.shape[axis:]), dtype=np.result_type(values, item)
-    )
-    result[(..., number, *(slice(None),) * inner)] = item
-    return result
+def _with(scene: Scene, part: str, number: int, **items: Array) -> Scene:
+    """Replace member `number` of arrays of a part of a scene, batch axes broadcast."""
+    old = getattr(scene, part)
+    changed = {}
+    for name, item in items.items():
+        values, inner = getattr(old, name), inner_axes(type(old))[name]
+        batch = np.broadcast_shapes(values.shape[:-inner], item.shape[: item.ndim - inner + 1])
+        whole = np.broadcast_to(values, batch + values.shape[-inner:])
+        changed[name] = np.array(whole, dtype=np.result_type(values, item))
+        changed[name][(..., number, *(slice(None),) * (inner - 1))] = item
+    return replace(scene, **{part: replace(old, **changed)}, drawn=scene.drawn or scene)

@@ -12,7 +12,7 @@ from suspension_cli.conventions import DOFS, GROUND, SUPPORT
 from suspension_cli.design import materials
 from suspension_cli.design.derive import gravity_strength, spring_loss
 from suspension_cli.design.links import Damper, Link, Strands
-from suspension_cli.design.schema import Design, Spring
+from suspension_cli.design.schema import Design
 from suspension_cli.scene import eddy_current, strands, tensions
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.scene import Spectrum, Springs
@@ -39,25 +39,28 @@ def springs(design: Design, parts: Sequence[Any], position: Array) -> Springs:
 
     Parameters
     ----------
-    design : Design
-    parts : sequence of StagePart
+    parts
+        `parts.StagePart` of each stage.
     position : (n + 1, 3) array
         Nominal COMs from the suspension point, m; row 0 is the support.
     """
-    rows = [
-        _of_stage(design, n, part, spring, number)
-        for number, (n, part, spring) in enumerate(
-            (
-                (n, part, s)
-                for n, part in enumerate(parts, 1)
-                for s in (*part.stage.spring, *part.flexures)
-            ),
-            1,
-        )
-    ]
+    rows: list[SpringPart] = []
+    for n, part in enumerate(parts, 1):
+        for spring in (*part.stage.spring, *part.flexures):
+            rows.append(
+                SpringPart(
+                    f"{part.stage.name}.spring{len(rows) + 1}",
+                    part.parent,
+                    n,
+                    spring.at,
+                    matrix(spring.stiffness),
+                    matrix(spring.damping),
+                    spring.preload,
+                    spring_loss(design, spring),
+                )
+            )
     rows += [*_links(design, position), *_dampers(design, position)]
     lower = np.array([row.lower_point for row in rows]).reshape(-1, 3)
-    ends = [np.array([getattr(r, e) for r in rows], dtype=np.intp) for e in ("upper", "lower")]
     # a stage's own offset rather than a difference of positions: exact where that is exact
     offset = np.array(
         [
@@ -69,8 +72,8 @@ def springs(design: Design, parts: Sequence[Any], position: Array) -> Springs:
     ).reshape(-1, 3)
     return Springs(
         label=tuple(row.label for row in rows),
-        upper=ends[0],
-        lower=ends[1],
+        upper=np.array([row.upper for row in rows], dtype=np.intp),
+        lower=np.array([row.lower for row in rows], dtype=np.intp),
         upper_point=lower + offset,
         lower_point=lower,
         stiffness=np.array([row.stiffness for row in rows]).reshape(-1, 6, 6),
@@ -79,19 +82,6 @@ def springs(design: Design, parts: Sequence[Any], position: Array) -> Springs:
         loss=np.array([row.loss for row in rows]),
         grounded=np.array([row.grounded for row in rows], dtype=bool),
         spectrum=tuple(row.spectrum for row in rows),
-    )
-
-
-def _of_stage(design: Design, n: int, part: Any, spring: Spring, number: int) -> SpringPart:
-    return SpringPart(
-        f"{part.stage.name}.spring{number}",
-        part.parent,
-        n,
-        spring.at,
-        matrix(spring.stiffness),
-        matrix(spring.damping),
-        spring.preload,
-        spring_loss(design, spring),
     )
 
 
@@ -181,8 +171,6 @@ def link_stiffness(design: Design, link: Link, first: Array, second: Array) -> A
 
     Parameters
     ----------
-    design : Design
-    link : Link
     first, second : (3,) arrays
         Nominal COMs of its two bodies, m.
     """
@@ -237,23 +225,18 @@ def _static(link: Link) -> list[Any]:
 
 def spectrum_of(design: Design, link: Link) -> Spectrum:
     """Complex stiffness of a link against frequency, as a factor on its static stiffness."""
-    table = link.table
+    table, static = link.table, _static(link)
     assert table is not None
     axes = range(6) if table.axis is None else [DOFS.index(table.axis)]
-    static = _static(link)
-    pairs = zip(axes, table.real, table.imaginary, strict=True)
+
+    def over(axis: int, values: list[float]) -> tuple[float, ...]:
+        return tuple(value / static[axis] for value in values)
+
+    rows = zip(axes, table.real, table.imaginary, strict=True)
     return Spectrum(
         design.constants.temperature,
         tuple(table.frequency),
-        tuple(
-            (
-                axis,
-                tuple(r / static[axis] for r in real),
-                tuple(i / static[axis] for i in imaginary),
-            )
-            for axis, real, imaginary in pairs
-            if static[axis] != 0
-        ),
+        tuple((axis, over(axis, re), over(axis, im)) for axis, re, im in rows if static[axis] != 0),
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -15,34 +15,33 @@ from suspension_cli.design.derive import (
     gravity_strength,
 )
 from suspension_cli.design.schema import Design, Spring, Stage
-from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.arrays import Array, Index
 from suspension_cli.scene.gravity import field_of
 from suspension_cli.scene.links import springs
-from suspension_cli.scene.scene import Bars, Blades, Bodies, Scene, Wires, no_struts
+from suspension_cli.scene.scene import Bars, Blades, Bodies, Scene, Wires
 
 
 @dataclass(frozen=True)
 class WirePart:
-    """One wire.
+    """One wire, or the leg of an inverted pendulum as a strut.
 
     Attributes
     ----------
-    label : str
     upper_point, lower_point : (3,) arrays
         Ends in the frames of the two bodies, m.
     span : (3,) array
         From the upper to the lower end in the nominal pose, m.
-    stiffness : float
+    stiffness
         N/m.
-    torsion : float
+    torsion
         N m/rad; 0 if not given.
-    loss : float
+    loss
         Loss angle, rad.
-    blade : str or None
+    blade
         Name of the blade that carries the upper end.
-    given : float or None
+    given
         Tension in the nominal pose that the design fixes, N.
-    natural : bool
+    natural
         Whether a natural length fixes it, so that the pose has to be solved for.
     mass : (3,) array
         Moments m_uu, m_ul, m_ll of the mass that has weight, kg; see `elements.weight`.
@@ -53,11 +52,11 @@ class WirePart:
     lower_point: Array
     span: Array
     stiffness: float
-    torsion: float
-    loss: float
-    blade: str | None
-    given: float | None
-    natural: bool
+    torsion: float = 0.0
+    loss: float = 0.0
+    blade: str | None = None
+    given: float | None = None
+    natural: bool = False
     mass: Array = field(default_factory=lambda: np.zeros(3))
 
     @cached_property
@@ -72,18 +71,17 @@ class BladePart:
 
     Attributes
     ----------
-    label : str
     tip : (3,) array
         In the frame of the body that carries the blade, m.
     axes : (3,) bool array
         Axes along which the tip moves.
     stiffness : (3,) array
         N/m.
-    tip_mass : float
+    tip_mass
         kg.
-    loss : float
+    loss
         Loss angle, rad.
-    load : float or None
+    load
         Weight under which the tip is at `tip`, N, if the design gives it.
     """
 
@@ -102,7 +100,6 @@ class BarPart:
 
     Attributes
     ----------
-    label : str
     upper, lower : (3,) arrays
         Ends in the frames of the two bodies, m.
     inertia : (3,) array
@@ -147,69 +144,56 @@ def pack(design: Design, parts: list[StagePart]) -> Scene:
         inertia=np.array([body_inertia(part.stage.body) for part in parts]),
         position=np.array(position),
     )
+    wires = _lines(parts, "wires", np.concatenate([part.tension for part in parts]))
     return Scene(
         name=design.design.name,
         gravity=gravity_strength(design),
         bodies=bodies,
-        wires=_wires(parts),
+        wires=replace(wires, blade=_blade_numbers(parts)),
         blades=_blades(parts),
         springs=springs(design, parts, bodies.position),
-        struts=_struts(parts),
+        struts=_lines(parts, "struts", -np.concatenate([part.thrust for part in parts])),
         bars=_bars(parts),
         field=field_of(design),
         solves_pose=gives_natural_lengths(design),
     )
 
 
-def _wires(parts: list[StagePart]) -> Wires:
-    first: dict[int, int] = {}
-    count = 0
-    for n, part in enumerate(parts):
-        first[n] = count
-        count += len(part.blades)
-    rows = [(n, part, wire) for n, part in enumerate(parts) for wire in part.wires]
-    blade = [
-        first[n] + list(part.blades).index(wire.blade) if wire.blade else -1
-        for n, part, wire in rows
-    ]
-    span = np.array([wire.span for _, _, wire in rows]).reshape(-1, 3)
-    return Wires(
-        label=tuple(wire.label for _, _, wire in rows),
-        upper=np.array([part.parent for _, part, _ in rows], dtype=np.intp),
-        lower=np.array([n + 1 for n, _, _ in rows], dtype=np.intp),
-        blade=np.array(blade, dtype=np.intp),
-        upper_point=np.array([wire.upper_point for _, _, wire in rows]).reshape(-1, 3),
-        lower_point=np.array([wire.lower_point for _, _, wire in rows]).reshape(-1, 3),
-        span=span,
-        length=np.sqrt((span**2).sum(-1)),
-        tension=np.concatenate([part.tension for part in parts]),
-        stiffness=np.array([wire.stiffness for _, _, wire in rows]),
-        torsion=np.array([wire.torsion for _, _, wire in rows]),
-        loss=np.array([wire.loss for _, _, wire in rows]),
-        mass=np.array([wire.mass for _, _, wire in rows]).reshape(-1, 3),
-    )
+def _lines(parts: list[StagePart], kind: str, tension: Array) -> Wires:
+    """Pack the wires or the struts of all stages, without blades."""
+    rows = [(n, part, line) for n, part in enumerate(parts, 1) for line in getattr(part, kind)]
 
+    def values(name: str) -> Array:
+        return np.array([getattr(line, name) for _, _, line in rows], dtype=None if rows else float)
 
-def _struts(parts: list[StagePart]) -> Wires:
-    rows = [(n, part, strut) for n, part in enumerate(parts, 1) for strut in part.struts]
-    if not rows:
-        return no_struts()
-    span = np.array([strut.span for _, _, strut in rows])
+    def vectors(name: str) -> Array:
+        return values(name).reshape(-1, 3)
+
     return Wires(
-        label=tuple(strut.label for _, _, strut in rows),
+        label=tuple(line.label for _, _, line in rows),
         upper=np.array([part.parent for _, part, _ in rows], dtype=np.intp),
         lower=np.array([n for n, _, _ in rows], dtype=np.intp),
         blade=np.full(len(rows), -1),
-        upper_point=np.array([strut.upper_point for _, _, strut in rows]),
-        lower_point=np.array([strut.lower_point for _, _, strut in rows]),
-        span=span,
-        length=np.sqrt((span**2).sum(-1)),
-        tension=-np.concatenate([part.thrust for part in parts]),
-        stiffness=np.array([strut.stiffness for _, _, strut in rows]),
-        torsion=np.zeros(len(rows)),
-        loss=np.zeros(len(rows)),
-        mass=np.zeros((len(rows), 3)),
+        upper_point=vectors("upper_point"),
+        lower_point=vectors("lower_point"),
+        span=vectors("span"),
+        length=np.sqrt((vectors("span") ** 2).sum(-1)),
+        tension=tension,
+        stiffness=values("stiffness"),
+        torsion=values("torsion"),
+        loss=values("loss"),
+        mass=vectors("mass"),
     )
+
+
+def _blade_numbers(parts: list[StagePart]) -> Index:
+    """Number of the blade that carries each wire; -1 for none."""
+    found, first = [], 0
+    for part in parts:
+        names = list(part.blades)
+        found += [first + names.index(wire.blade) if wire.blade else -1 for wire in part.wires]
+        first += len(names)
+    return np.array(found, dtype=np.intp)
 
 
 def _bars(parts: list[StagePart]) -> Bars:

@@ -28,11 +28,11 @@ class Layout:
 
     Attributes
     ----------
-    size : int
+    size
         Number N of coordinates, the support's six included.
     blade
         Coordinate of each blade's tip along each axis; N (one past the end) where it is rigid.
-    name : tuple of str
+    name
         ``support.x``, ..., ``test.yaw``, ``upper.blade1.z``.
     """
 
@@ -121,7 +121,7 @@ def rigid_motion(
 
     Parameters
     ----------
-    size : int
+    size
         Number N of coordinates; those after the bodies' are relative to a body, and stay 0.
     position
         COM of each body from the suspension point, m; row 0 is the support.
@@ -152,9 +152,6 @@ def point_jacobian(
 
     Parameters
     ----------
-    numbering : Layout
-    pose : Pose
-    body
     arm
         From the COM of the body to the point, global axes, m.
     blade

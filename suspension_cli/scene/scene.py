@@ -33,7 +33,7 @@ class Bodies:
 
     Attributes
     ----------
-    name : tuple of str
+    name
         Stage names, without the support.
     mass
         kg.
@@ -58,7 +58,7 @@ class Wires:
 
     Attributes
     ----------
-    label : tuple of str
+    label
         ``test.1`` and so on.
     upper, lower
         The bodies joined.
@@ -104,7 +104,6 @@ class Blades:
 
     Attributes
     ----------
-    label : tuple of str
     body
         The body (or support) on which the blade is clamped.
     axes
@@ -139,9 +138,9 @@ class Spectrum:
 
     Attributes
     ----------
-    temperature : float
+    temperature
         K.
-    frequency : tuple of float
+    frequency
         Hz, ascending.
     axis : tuple of (int, tuple, tuple)
         Number of an axis in `DOFS`, and real and imaginary part at each frequency.
@@ -158,8 +157,6 @@ class Springs:
 
     Attributes
     ----------
-    label : tuple of str
-    upper, lower
     upper_point, lower_point
         The point in the frame of each body, m.
     stiffness, damping
@@ -170,7 +167,7 @@ class Springs:
         Loss angle, rad; 0 where `spectrum` gives it.
     grounded
         Whether the upper end is on the ground beside the support (the upper body is then 0).
-    spectrum : tuple of Spectrum or None
+    spectrum
         Of each spring whose stiffness depends on frequency; `stiffness` is then diagonal.
     """
 
@@ -220,7 +217,6 @@ class Bars:
 
     Attributes
     ----------
-    label : tuple of str
     body
         The bodies of both ends.
     point
@@ -271,23 +267,22 @@ class Scene:
 
     Attributes
     ----------
-    name : str
+    name
         The design's name.
-    gravity : float
+    gravity
         Strength of gravity at the suspension point, m/s^2.
-    bodies, wires, blades, springs
-    struts : Wires
+    struts
         Legs of inverted pendulums along their length: straight elastic bars from the foot (upper)
         to the top (lower), with the tension of wires that push (negative).
-    bars : Bars
+    bars
         Inertia and weight of legs, and of blades that couple a filter and its keystone.
-    drawn : Scene or None
+    drawn
         Of an imperfect scene, the same without imperfections, in balance in its nominal pose.
-    fibres : Fibres or None
+    fibres
         Composition of wires and blades, where wires bend (`beam`, `violin`); None for strings.
-    flex : Flex or None
+    flex
         Stiffness of the wires against bending and twisting.
-    field : Field or None
+    field
         Gravity that is not a uniform pull along -z.
     solves_pose : bool
         Whether wires have natural lengths, so that the nominal pose is not the drawn one.

@@ -17,7 +17,7 @@ def stack_scenes(scenes: Sequence[Scene], pick: Any = None) -> Scene:
 
     Parameters
     ----------
-    scenes : sequence of Scene
+    scenes
         Without batch axes, of the same bodies, wires, blades and springs.
     pick : (p,) int array, optional
         Number of the scene that each member of the batch is; default: each in turn.
@@ -49,7 +49,6 @@ def select_scenes(scene: Scene, which: Any) -> Scene:
 
     Parameters
     ----------
-    scene : Scene
     which : bool array of the batch's shape
     """
 

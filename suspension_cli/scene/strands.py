@@ -204,40 +204,33 @@ def sag(curve: Curve, wire: RoundWire) -> tuple[float, Any]:
     wrench : (6,) array
         Force (N) and moment (N m) of the wire on A.
     """
-    order, count = np.argsort(_stations(curve), kind="stable"), len(curve.weight)
+    count = len(curve.weight)
     point, weight = np.real(curve.point), np.real(curve.weight)
     real = Curve(point, np.real(curve.tangent), weight, np.real(curve.end))
-    before = np.zeros((count, count))
-    for place, n in enumerate(order):
-        before[n, order[:place]] = 1.0
-    before += 0.5 * np.eye(count)
+    before = np.tri(count, k=-1) + 0.5 * np.eye(count)
     load = before * weight * np.real(wire.weight)  # weight of each node that hangs on A's side
     force = np.zeros((count, 3, 1))
     force[:, 2, 0] = -load.sum(1)
     arms = point[None, :, :] - point[:, None, :]
     down = np.array([0.0, 0.0, -1.0])
     moment = (load[..., None] * cross(arms, down)).sum(1)[..., None]
-    unit = _internal(real)
-    both = tuple(np.concatenate(parts, axis=2) for parts in zip(unit, (force, moment), strict=True))
+    both = [
+        np.concatenate(parts, axis=2)
+        for parts in zip(_internal(real), (force, moment), strict=True)
+    ]
     whole = _compliance_of(real, wire, *both)
     reaction = -np.linalg.solve(np.real(whole[:6, :6]), np.real(whole[:6, 6]))
-    resultant = both[0] @ np.append(reaction, 1.0), both[1] @ np.append(reaction, 1.0)
+    force, moment = (part @ np.append(reaction, 1.0) for part in both)
     descent = 0.0
     for n in range(0, count, max(count // 48, 1)):
         # unit load test: a force of 1 N down at the node, carried by the part towards B
-        unit_force = np.zeros((count, 3, 1))
-        unit_force[:, 2, 0] = -before[:, n]
-        unit_moment = (before[:, n, None] * cross(point[n] - point, down))[..., None]
+        unit_force = np.outer(before[:, n], down)
+        unit_moment = before[:, n, None] * cross(point[n] - point, down)
         virtual = _compliance_of(
             real,
             wire,
-            np.concatenate([unit_force, resultant[0][..., None]], axis=2),
-            np.concatenate([unit_moment, resultant[1][..., None]], axis=2),
+            np.stack([unit_force, force], axis=2),
+            np.stack([unit_moment, moment], axis=2),
         )
         descent = max(descent, float(np.real(virtual[0, 1])))
     return descent, -reaction
-
-
-def _stations(curve: Curve) -> Any:
-    """Order (n,) of the nodes along the wire; pieces follow each other."""
-    return np.arange(len(curve.weight))

@@ -40,6 +40,11 @@ def move_wrench(wrench: Array, offset: Array) -> Array:
     return np.concatenate([force, wrench[..., 3:] + cross(offset, force)], axis=-1)
 
 
+def weight_wrench(weight: Any, point: Array) -> Array:
+    """Compute the wrench (6,) of a weight (N) at a point (3,) about the origin."""
+    return move_wrench(np.array([0.0, 0.0, -weight, 0.0, 0.0, 0.0]), point)
+
+
 def wire_wrenches(direction: Array, point: Array) -> Array:
     """Compute force and torque on the lower body of a unit tension in each wire, shape (w, 6).
 

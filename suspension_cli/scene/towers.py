@@ -46,11 +46,6 @@ def add_legs(part: StagePart) -> None:
                 lower_point=lower,
                 span=legs.length * UP,
                 stiffness=legs.axial_stiffness,
-                torsion=0.0,
-                loss=0.0,
-                blade=None,
-                given=None,
-                natural=False,
             )
         )
         if legs.leg_mass or legs.counterweight is not None:
@@ -66,8 +61,7 @@ def bar_weights(part: StagePart, gravity: float) -> tuple[Array, Array]:
     for bar in part.bars:
         loads = (bar.inertia[2] + bar.inertia[1], bar.inertia[0] + bar.inertia[1])
         for n, (mass, point) in enumerate(zip(loads, (bar.lower, bar.upper), strict=True)):
-            force = np.concatenate([-gravity * mass * UP, np.zeros(3)])
-            totals[n] = totals[n] + tensions.move_wrench(force, point)
+            totals[n] = totals[n] + tensions.weight_wrench(gravity * mass, point)
     return totals[0], totals[1]
 
 

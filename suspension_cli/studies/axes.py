@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspension_cli.design.path_units import displayed_unit
 from suspension_cli.errors import Fault, InputError
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
+    from jaxtyping import Float, Int
 
 
 @dataclass(frozen=True)
@@ -22,6 +23,11 @@ class Axis:
 
     name: str
     values: tuple[float, ...]
+
+    @property
+    def displayed_unit(self) -> tuple[str, float]:
+        """Unit in which people read the values, and the factor to it."""
+        return displayed_unit(self.name, float(np.max(np.abs(self.values))))
 
 
 class Product:
@@ -59,12 +65,30 @@ def ends_and_middle(axes: tuple[Axis, ...]) -> tuple[Axis, ...]:
     >>> ends_and_middle((Axis("k", (1.0, 2.0, 3.0, 4.0, 5.0)),))
     (Axis(name='k', values=(1.0, 3.0, 5.0)),)
     """
-    result = []
-    for n, axis in enumerate(axes):
-        middle, last = len(axis.values) // 2, len(axis.values) - 1
-        chosen = sorted({0, middle, last}) if n < 3 else [middle]
-        result.append(Axis(axis.name, tuple(axis.values[i] for i in chosen)))
-    return tuple(result)
+    return tuple(
+        Axis(axis.name, tuple(axis.values[i] for i in chosen))
+        for axis, chosen in zip(axes, _chosen(axes), strict=True)
+    )
+
+
+def ends_and_middle_points(axes: tuple[Axis, ...]) -> Int[np.ndarray, " point"]:
+    """Find the numbers of the points of `ends_and_middle` in the product of the axes.
+
+    >>> ends_and_middle_points((Axis("k", (1.0, 2.0)), Axis("d", (1.0, 2.0, 3.0, 4.0)))).tolist()
+    [0, 2, 3, 4, 6, 7]
+    """
+    shape = [len(axis.values) for axis in axes]
+    return np.ravel_multi_index(np.ix_(*_chosen(axes)), shape).ravel()
+
+
+def _chosen(axes: tuple[Axis, ...]) -> list[list[int]]:
+    """Choose the first, middle and last value of each axis; the middle of those after the third."""
+    last = [len(axis.values) - 1 for axis in axes]
+    middle = [len(axis.values) // 2 for axis in axes]
+    return [
+        sorted({0, half, end}) if n < 3 else [half]
+        for n, (half, end) in enumerate(zip(middle, last, strict=True))
+    ]
 
 
 def of_option(error: InputError, option: str, axis: Axis, value: float) -> InputError:

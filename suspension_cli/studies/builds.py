@@ -21,9 +21,9 @@ from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.models.batch_terms import BatchTerm, WireBatchTerm
 from suspension_cli.models.surroundings import framed, surrounded
+from suspension_cli.rotations import rotation_vector
 from suspension_cli.scene.pose import Pose
 from suspension_cli.scene.scene import Scene
-from suspension_cli.studies.statics import static_displacements
 from suspension_cli.studies.systems import respond
 
 if TYPE_CHECKING:
@@ -51,12 +51,9 @@ class Column:
 
     Attributes
     ----------
-    name : str
-    dtype : str
-    shape : tuple of int
+    shape
         Of one point.
-    units : str
-    axes : tuple of str
+    axes
         Names of the datasets that are the scales of `shape`.
     """
 
@@ -77,19 +74,19 @@ class Builds:
 
     Attributes
     ----------
-    model : LinearSystem
+    model
         With the builds as first axis; valid for builds with status `GOOD`.
-    status : uint8 array
-    wire : int16 array
-        The first slack wire, or -1.
-    residual : array
+    status
+        uint8.
+    wire
+        The first slack wire, or -1 (int16).
+    residual
         Largest residual force, relative to the weight.
-    mirrors : array
+    mirrors
         Whether each build is symmetric when x, or y, is mirrored.
-    terms : tuple of BatchTerm
+    terms
         Frequency-dependent parts, where wires bend.
-    scene : Scene or None
-    pose : Pose or None
+    scene, pose
         Of the builds in equilibrium, if known.
     """
 
@@ -104,9 +101,23 @@ class Builds:
 
     @property
     def static(self) -> Float[np.ndarray, "build body 6"]:
-        """Static displacement (m) and rotation (rad) of the bodies, see `statics`."""
-        assert self.scene is not None and self.pose is not None
-        return static_displacements(self.scene, self.pose)
+        """Static displacements (x, y, z, m) and rotation vectors (rad) of bodies as drawn.
+
+        The displacement is that of the point of a body where its COM is as drawn: where an
+        imperfection moves the COM by c in a body that turns by R, u - (R - 1) c with u that of the
+        COM.
+        """
+        scene, pose = self.scene, self.pose
+        assert scene is not None and pose is not None
+        drawn = scene.drawn or scene
+        offset = (scene.bodies.position - drawn.bodies.position)[..., 1:, :]
+        shift, turn = pose.shift[..., 1:, :], pose.turn[..., 1:, :, :]
+        moved = shift - (turn @ offset[..., None])[..., 0]
+        rotation = rotation_vector(turn)
+        shape = np.broadcast_shapes(moved.shape, rotation.shape, (*scene.batch, 1, 3))
+        return np.concatenate(
+            [np.broadcast_to(moved, shape), np.broadcast_to(rotation, shape)], axis=-1
+        )
 
 
 def balance(
@@ -117,19 +128,17 @@ def balance(
     allow_unstable: bool = False,
     split: bool = False,
 ) -> Builds:
-    """Balance every scene of a batch, and build its linear model.
+    """Balance every scene of a batch of one design, and build its linear model.
 
     Parameters
     ----------
-    scene : Scene
+    scene
         With one batch axis.
-    design : Design
-        The design of all.
-    level : str
+    level
         Name of a model that supports builds (`registry.SCENE_MODELS`).
-    allow_unstable : bool
+    allow_unstable
         Whether an unstable equilibrium has status `GOOD`.
-    split : bool
+    split
         Whether to use mirror symmetries that all scenes share: then the result for one scene
         depends on the others, unless all have the same symmetries.
     """
@@ -146,16 +155,15 @@ def balance(
         status[~found.converged] = UNBALANCED
     wire = np.full(status.shape, -1, dtype=np.int16)
     wire[status == SLACK] = slack[status == SLACK].argmax(-1) if slack.shape[-1] else -1
-    return Builds(
-        oriented(model, found),
-        status,
-        wire,
-        found.residual,
-        is_mirror_symmetric(scene),
-        terms,
-        scene,
-        found.pose,
-    )
+    model, mirrors = oriented(model, found), is_mirror_symmetric(scene)
+    return Builds(model, status, wire, found.residual, mirrors, terms, scene, found.pose)
+
+
+def restricted(found: Builds, which: Int[np.ndarray, " some"]) -> Builds:
+    """Builds of which only some are solved; the others count as failed."""
+    status = np.full_like(found.status, IMPOSSIBLE)
+    status[which] = found.status[which]
+    return replace(found, status=status)
 
 
 def with_wire_mass(found: Builds) -> Builds:
@@ -169,9 +177,8 @@ def with_wire_mass(found: Builds) -> Builds:
 
 def oriented(model: LinearSystem, found: Equilibrium) -> LinearSystem:
     """A linear model with the rotations of its bodies, even if none of the batch is turned."""
-    return replace(
-        model,
-        orientation=model.orientation if model.orientation is not None else found.pose.rotation,
+    return (
+        model if model.orientation is not None else replace(model, orientation=found.pose.rotation)
     )
 
 
@@ -213,15 +220,7 @@ def transfer(
     inputs: list[Signal],
     outputs: list[Signal],
 ) -> Complex[np.ndarray, "build frequency output input"]:
-    """Responses of all builds: NaN where one failed, exactly 0 where symmetry demands.
-
-    Parameters
-    ----------
-    builds : Builds
-    frequency : array
-        Hz.
-    inputs, outputs : list of Signal
-    """
+    """Responses of all builds at frequencies in Hz: NaN where one failed, 0 by symmetry."""
     ground = np.array([signal.is_ground for signal in inputs])
     if ground.any() and not ground.all():
         parts = [
@@ -230,13 +229,12 @@ def transfer(
         ]
         order = np.argsort(np.argsort(ground, kind="stable"), kind="stable")
         return np.concatenate(parts, axis=-1)[..., order]
-    model, acts = builds.model, np.array([signal.acts for signal in inputs])
-    rows = np.stack([linear_form(signal, model) for signal in outputs], axis=-2)  # (p, o, N)
-    drives = np.stack([linear_form(signal, model) for signal in inputs], axis=-1)  # (p, N, i)
+    rows = np.stack([linear_form(signal, builds.model) for signal in outputs], axis=-2)
+    drives = np.stack([linear_form(signal, builds.model) for signal in inputs], axis=-1)
     if ground.any():
         rows[..., :6] = 0.0  # the support is at rest
         builds = driven_by_ground(builds)
-        model = builds.model
+    acts = np.array([signal.acts for signal in inputs])
     moves, forces = np.where(acts, 0.0, drives[..., :6, :]), np.where(acts, drives[..., 6:, :], 0.0)
     omega = 2 * np.pi * np.asarray(frequency)
     result = np.full((*builds.status.shape, len(omega), len(outputs), len(inputs)), NOTHING)
@@ -244,17 +242,13 @@ def transfer(
     step = max(1, SYSTEMS // (4 if builds.terms else 1) // max(len(good), 1))
     for start in range(0, len(omega) if len(good) else 0, step):
         now = slice(start, start + step)
-        x = respond(model, builds.terms, good, omega[now], moves, forces)
-        result[good, now] = (
-            rows[good][:, None, :, 6:] @ x + (rows[good][..., :6] @ moves[good])[:, None]
-        )
+        x = respond(builds.model, builds.terms, good, omega[now], moves, forces)
+        direct = (rows[good][..., :6] @ moves[good])[:, None]
+        result[good, now] = rows[good][:, None, :, 6:] @ x + direct
     for o, out in enumerate(outputs):
         for i, into in enumerate(inputs):
-            result[..., o, i] = np.where(
-                (forbidden(builds.mirrors, out, into) & (builds.status == GOOD))[..., None],
-                0.0,
-                result[..., o, i],
-            )
+            none = forbidden(builds.mirrors, out, into) & (builds.status == GOOD)
+            result[none, :, o, i] = 0.0
     return result
 
 

@@ -7,7 +7,7 @@ import itertools
 from collections.abc import Generator, Iterator
 from typing import Any
 
-from suspension_cli.errors import Fault, InputError, PendsusError, format_value
+from suspension_cli.errors import InputError, PendsusError, format_value
 from suspension_cli.studies.builds import ColumnValues
 from suspension_cli.studies.sweep_file import Job
 
@@ -24,7 +24,7 @@ def connected(scheduler: str) -> Iterator[Client]:
 
     Parameters
     ----------
-    scheduler : str
+    scheduler
         Address: ``tcp://host:8786``.
 
     Raises
@@ -35,15 +35,8 @@ def connected(scheduler: str) -> Iterator[Client]:
     try:
         from distributed import Client, comm  # pyright: ignore[reportMissingImports]
     except ImportError:
-        raise InputError(
-            [
-                Fault(
-                    "--scheduler",
-                    "needs Dask",
-                    "pip install 'pendsus[cluster]'",
-                    format_value(scheduler),
-                )
-            ]
+        raise InputError.of(
+            "--scheduler", "needs Dask", "pip install 'pendsus[cluster]'", format_value(scheduler)
         ) from None
     import asyncio
     import logging
@@ -60,22 +53,18 @@ def connected(scheduler: str) -> Iterator[Client]:
         client = Client(scheduler, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, ImportError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(
-            [Fault("--scheduler", f"does not answer ({reason})", remedy, format_value(scheduler))]
+        raise InputError.of(
+            "--scheduler", f"does not answer ({reason})", remedy, format_value(scheduler)
         ) from None
     with client:
         try:
             client.wait_for_workers(1, timeout=PATIENCE)
         except TimeoutError:
-            raise InputError(
-                [
-                    Fault(
-                        "--scheduler",
-                        "has no workers",
-                        "start `dask worker` with its address",
-                        format_value(scheduler),
-                    )
-                ]
+            raise InputError.of(
+                "--scheduler",
+                "has no workers",
+                "start `dask worker` with its address",
+                format_value(scheduler),
             ) from None
         yield client
 
@@ -87,10 +76,9 @@ def on_cluster(
 
     Parameters
     ----------
-    job : Job
+    job
         Sent to the workers once.
     ranges : list of (start, stop)
-    client : Client
 
     Raises
     ------

@@ -21,7 +21,7 @@ def wilson_interval(count: int, builds: int) -> tuple[float, float]:
 
     Parameters
     ----------
-    count, builds : int
+    count, builds
         Builds that count, of how many.
 
     Examples

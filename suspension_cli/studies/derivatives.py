@@ -34,6 +34,7 @@ from suspension_cli.equilibrium import bending_wires, clamps
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.energy import gradient_and_stiffness
 from suspension_cli.equilibrium.nominal import expand
+from suspension_cli.linear.signals import Signal, linear_form
 from suspension_cli.linear.symmetry import is_mirror_symmetric
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
@@ -45,7 +46,7 @@ from suspension_cli.scene.scene import Scene
 from suspension_cli.studies.parameters import STEP, stepped
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Float, Inexact
+    from jaxtyping import Bool, Complex, Float, Inexact
 
 CONVERGED = 1e-11
 """Relative change of the derivative of a pose at which it is final, where wires bend."""
@@ -66,7 +67,7 @@ class Linear:
         SI; `loss` is the imaginary part of the stiffness.
     orientation : array
         Of each body, the support first.
-    scene : Scene
+    scene
         The scene of the model, with a complex step where this is a derivative.
     beside : array or None
         Columns of stiffness, damping and loss for the motion of the ground beside the support.
@@ -98,6 +99,13 @@ class Linear:
         """Symmetry (2,) under mirroring x and y; of a derivative, whether the change keeps it."""
         return is_mirror_symmetric(_enlarged(self.scene))
 
+    def dynamic(
+        self, omega: Float[np.ndarray, "*frequency"] | float
+    ) -> Complex[np.ndarray, "*frequency coordinate coordinate"]:
+        """K + i K'' + i omega C - omega^2 M at angular frequencies, rad/s."""
+        w = np.asarray(omega)[..., None, None]
+        return self.stiffness + 1j * (self.loss + w * self.damping) - w**2 * self.mass
+
     @property
     def matters(self) -> bool:
         """Whether any matrix is not 0."""
@@ -113,19 +121,15 @@ class Differentiable:
 
     Attributes
     ----------
-    design : Design
-    scene : Scene
-    numbering : Layout
-    pose : Pose
     stiffness : array
         Of the suspension alone, without dampers and a compliant support.
-    model : LinearSystem
+    model
         The complete model, without symmetry-adapted coordinates.
-    linear : Linear
+    linear
         Its matrices.
-    bends : bool
+    bends
         Whether wires bend; `scene` then has their bending stiffness in equilibrium.
-    turned : bool
+    turned
         Whether the equilibrium is not the nominal pose.
     """
 
@@ -139,14 +143,24 @@ class Differentiable:
     bends: bool = False
     turned: bool = False
 
+    def row(self, signal: Signal) -> Float[np.ndarray, " coordinate"]:
+        """Compute the linear form of a signal in the named coordinates."""
+        return linear_form(signal, replace(self.model, orientation=self.linear.orientation))
+
+    def row_change(self, change: Linear, signal: Signal) -> Float[np.ndarray, " coordinate"]:
+        """Differentiate that form: points of signals move with their bodies."""
+        if not change.orientation.any():
+            return np.zeros(self.model.size)
+        turned = self.linear.orientation + 1j * STEP * change.orientation
+        return np.imag(linear_form(signal, replace(self.model, orientation=turned))) / STEP
+
 
 def prepared(design: Design, level: str = registry.STRING.name) -> Differentiable:
     """Find the equilibrium of a design, and the static matrices there.
 
     Parameters
     ----------
-    design : Design
-    level : str
+    level
         Name of a model that supports derivatives.
 
     Raises
@@ -183,8 +197,7 @@ def of(base: Differentiable, name: str) -> Linear | None:
 
     Parameters
     ----------
-    base : Differentiable
-    name : str
+    name
         Dotted path, see `parameters.every`.
 
     Returns

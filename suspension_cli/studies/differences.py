@@ -13,7 +13,7 @@ of modes and responses follow from those of the matrices.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.design.schema import Design
-from suspension_cli.errors import Fault, InputError
+from suspension_cli.errors import InputError
 from suspension_cli.models import registry
 from suspension_cli.scene import stack
 from suspension_cli.scene.scene import Scene
@@ -93,13 +93,13 @@ def changes(
 
     Static matrices are differentiated exactly in all models, those at frequencies `omega` only
     where they do not depend on frequency. See `derived`; `level` is the name of a model that
-    supports derivatives.
+    supports builds.
     """
     tables = any(link.table is not None for link in design.link)
     if omega and (tables or not registry.by_name(level).exact_derivatives):
         return derived(design, numbers, level, omega)
     base = derivatives.prepared(design, level)
-    return base, {item.name: derivatives.of(base, item.name) for item in numbers}
+    return base, {item.name: derivatives.along(base, item.rates) for item in numbers}
 
 
 def at(linear: Linear, number: int) -> Linear:
@@ -109,7 +109,7 @@ def at(linear: Linear, number: int) -> Linear:
 
 def derived(
     design: Design,
-    numbers: Iterable[Parameter],
+    numbers: Sequence[Parameter],
     level: str = registry.BEAM.name,
     omega: Sequence[float] = (),
 ) -> tuple[Differentiable, dict[str, DispersiveLinear | None]]:
@@ -117,11 +117,9 @@ def derived(
 
     Parameters
     ----------
-    design : Design
-    numbers : iterable of Parameter
-    level : str
+    level
         Name of a model that supports builds.
-    omega : sequence of float
+    omega
         Frequencies at which matrices are evaluated, rad/s.
 
     Returns
@@ -138,8 +136,9 @@ def derived(
         If there is no equilibrium, or a wire is slack in it.
     """
     base, steps = derivatives.prepared(design), dict[str, float | None]()
+    rates = {item.name: item.rates for item in numbers}
     for item in numbers:
-        change = derivatives.of(base, item.name)
+        change = derivatives.along(base, item.rates)
         steps[item.name] = (
             None if change is None else STEP * _scale(base.linear, change, item.value)
         )
@@ -147,7 +146,7 @@ def derived(
         (name, step, node) for name, step in steps.items() if step is not None for node in NODES
     ]
     solved = _solved(
-        [design, *(shifted(design, name, node * step) for name, step, node in moves)],
+        [design, *(_moved(design, rates[name], node * step) for name, step, node in moves)],
         np.array(omega, dtype=float),
         base.scene,
         level,
@@ -158,16 +157,19 @@ def derived(
         found[name] = _difference(solved[n : n + len(NODES)], step)
     here = solved[0]
     if here is None:
-        raise InputError(
-            [
-                Fault(
-                    "stage",
-                    "has no equilibrium near the nominal pose with wires that bend",
-                    "see pendsus check",
-                )
-            ]
+        raise InputError.of(
+            "stage",
+            "has no equilibrium near the nominal pose with wires that bend",
+            "see pendsus check",
         )
     return replace(base, linear=here), found
+
+
+def _moved(design: Design, rates: dict[str, float], step: float) -> Design:
+    """Add a step times its rate to each of some numbers."""
+    for name, rate in rates.items():
+        design = shifted(design, name, rate * step)
+    return design
 
 
 def _scale(linear: Linear, change: Linear, value: float) -> float:

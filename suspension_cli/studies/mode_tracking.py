@@ -46,7 +46,7 @@ def follow(
         As in `linear.batch_modes`.
     good : array
         Points that have modes.
-    start : tuple of int
+    start
         The point nearest to the nominal design.
     nominal : array
         Shapes of the nominal design.

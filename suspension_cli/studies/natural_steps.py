@@ -20,9 +20,9 @@ def natural_step(path: str, value: float) -> tuple[float, str]:
 
     Parameters
     ----------
-    path : str
+    path
         Dotted path.
-    value : float
+    value
         SI.
 
     Examples

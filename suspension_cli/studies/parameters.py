@@ -18,7 +18,6 @@ from suspension_cli.design.keystones import add_keystones, drop_keystones
 from suspension_cli.design.paths import twins
 from suspension_cli.design.schema import Design, Material
 from suspension_cli.design.sections import stretches
-from suspension_cli.design.wires import Wire, WireSet
 from suspension_cli.models import registry
 
 STEP = 1e-30
@@ -41,13 +40,20 @@ class Parameter:
 
     Attributes
     ----------
-    name : str
+    name
         Dotted path as ``--set`` takes it: ``stage.test.wires.s``, ``stage.test.body.inertia.2``.
-    value : float
+    tied
+        Other numbers that change with it, and their rates.
     """
 
     name: str
     value: float
+    tied: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def rates(self) -> dict[str, float]:
+        """Rates of all numbers that change, by dotted path."""
+        return {self.name: 1.0} | dict(self.tied)
 
 
 def every(text: str, level: str = registry.STRING.name) -> tuple[Parameter, ...]:
@@ -55,9 +61,9 @@ def every(text: str, level: str = registry.STRING.name) -> tuple[Parameter, ...]
 
     Parameters
     ----------
-    text : str
+    text
         The design as TOML.
-    level : str
+    level
         Name of a model; where wires bend, the materials of all wires matter, Poisson's ratio too.
     """
     design, raw = reader.parse(text), tomllib.loads(text)
@@ -82,34 +88,18 @@ def every(text: str, level: str = registry.STRING.name) -> tuple[Parameter, ...]
     return (*found, *(item for item in implied if item.name not in known))
 
 
-def _wires(design: Design) -> list[WireSet | Wire]:
-    return [
-        wire
-        for stage in design.stage
-        for wire in (*([stage.wires] if stage.wires else []), *stage.wire)
-    ]
-
-
 def _bent(design: Design) -> set[str]:
     """Materials of the wires of a model in which they bend."""
-    return {
-        piece.material
-        for wire in _wires(design)
-        for piece in stretches(wire, 1.0)
-        if piece.material is not None
-    }
+    wires = (wire for stage in design.stage for wire in stage.wire_tables)
+    pieces = (piece for wire in wires for piece in stretches(wire, 1.0))
+    return {piece.material for piece in pieces if piece.material is not None}
 
 
 def _used(design: Design) -> set[str]:
     """Materials whose Young's modulus matters in the string model."""
-    blades = [
-        blade
-        for stage in design.stage
-        for blade in (*([stage.blades] if stage.blades else []), *stage.blade)
-    ]
-    named = {
-        wire.material for wire in _wires(design) if wire.k is None and wire.material is not None
-    }
+    wires = (wire for stage in design.stage for wire in stage.wire_tables)
+    blades = (blade for stage in design.stage for blade in stage.blade_tables)
+    named = {wire.material for wire in wires if wire.k is None and wire.material is not None}
     named |= {link.strands.material for link in design.link if link.strands is not None}
     return named | {blade.geometry.material for blade in blades if blade.geometry is not None}
 

@@ -1,4 +1,4 @@
-"""Relative change of couplings from one model to another."""
+"""Relative changes of results from one model to another."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from jaxtyping import Inexact
+    from jaxtyping import Float, Inexact
 
 
 def relative_change(
@@ -19,3 +19,12 @@ def relative_change(
         return float("nan")
     largest, change = (float(np.abs(ratio[known]).max()) for ratio in (new, old - new))
     return change / largest if largest > 0 else 0.0 if change == 0 else float("inf")
+
+
+def largest_relative_change(
+    old: Float[np.ndarray, " build"], new: Float[np.ndarray, " build"]
+) -> float:
+    """Compute the largest change of a frequency or magnitude over its new value; NaN is none."""
+    with np.errstate(all="ignore"):
+        changes = np.abs(old - new) / new
+    return float(np.where(np.isnan(changes), 0.0, changes).max(initial=0.0))

@@ -6,7 +6,7 @@ one response cost one more solution.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +15,6 @@ from suspension_cli.linear import response, signals
 from suspension_cli.linear.named_results import Ratio
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.studies import parameters
 from suspension_cli.studies.builds import forbidden
 from suspension_cli.studies.derivatives import Differentiable, Linear
 
@@ -29,14 +28,11 @@ class Slope:
 
     Attributes
     ----------
-    size : float
     outputs : list of (value, row, adjoint)
         Complex value y, linear form r, a.
     state : array
         All coordinates for a unit input.
-    omega : float
-    base : Differentiable
-    signals : list of Signal
+    signals
         The outputs, then the input.
     """
 
@@ -61,13 +57,13 @@ class Slope:
         ]
         omega = 2 * np.pi * item.frequency
         ground = item.input.is_ground
-        matrix = _dynamic(base.linear.driven_by_ground if ground else base.linear, omega)
-        drive, own = _row(base, base.linear, item.input), slice(6, None)
+        matrix = (base.linear.driven_by_ground if ground else base.linear).dynamic(omega)
+        drive, own = base.row(item.input), slice(6, None)
         state = np.zeros(len(matrix), dtype=complex)
         state[:6] = 0.0 if item.input.acts else drive[:6]
         force = drive[6:] if item.input.acts else 0.0
         state[own] = _solved(matrix[own, own], force - matrix[own, :6] @ state[:6])
-        rows = [_row(base, base.linear, signal) for signal in watched]
+        rows = [base.row(signal) for signal in watched]
         for row in rows if ground else ():
             row[:6] = 0.0  # the support is at rest
         outputs = [
@@ -82,13 +78,13 @@ class Slope:
         """Compute the derivative of the magnitude; NaN for a ratio to 0."""
         *watched, drive = self.signals
         moved_by = change.driven_by_ground if drive.is_ground else change
-        right = -_dynamic(moved_by, self.omega)[6:] @ self.state
+        right = -moved_by.dynamic(self.omega)[6:] @ self.state
         if drive.acts:
-            right = right + _turned(self.base, change, drive)[6:]
+            right = right + self.base.row_change(change, drive)[6:]
         moved = [
             0.0
             if forbidden(change.mirrors, signal, drive)
-            else _turned(self.base, change, signal) @ self.state + a @ right
+            else self.base.row_change(change, signal) @ self.state + a @ right
             for signal, (_, _, a) in zip(watched, self.outputs, strict=True)
         ]
         value, slope = self.outputs[0][0], moved[0]
@@ -100,13 +96,6 @@ class Slope:
         return float(abs(slope) if value == 0 else (np.conj(value) * slope).real / abs(value))
 
 
-def _dynamic(linear: Linear, omega: float) -> Complex[np.ndarray, "coordinate coordinate"]:
-    """K + i K'' + i omega C - omega^2 M."""
-    return (
-        linear.stiffness + 1j * linear.loss + 1j * omega * linear.damping - omega**2 * linear.mass
-    )
-
-
 def _solved(
     matrix: Complex[np.ndarray, "coordinate coordinate"], right: Inexact[np.ndarray, " coordinate"]
 ) -> Complex[np.ndarray, " coordinate"]:
@@ -114,21 +103,3 @@ def _solved(
     root = np.sqrt(np.abs(np.diag(matrix)))
     root[root == 0] = 1.0
     return np.linalg.solve(matrix / np.outer(root, root), right / root) / root
-
-
-def _row(base: Differentiable, linear: Linear, signal: Signal) -> Float[np.ndarray, " coordinate"]:
-    """Compute the linear form of a signal."""
-    return signals.linear_form(signal, replace(base.model, orientation=linear.orientation))
-
-
-def _turned(
-    base: Differentiable, change: Linear, signal: Signal
-) -> Float[np.ndarray, " coordinate"]:
-    """Differentiate that form: points move with their bodies."""
-    if not change.orientation.any():
-        return np.zeros(base.model.size)
-    whole = base.linear.orientation + 1j * parameters.STEP * change.orientation
-    return (
-        np.imag(signals.linear_form(signal, replace(base.model, orientation=whole)))
-        / parameters.STEP
-    )

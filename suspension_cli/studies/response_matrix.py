@@ -17,19 +17,19 @@ damping_k M v_k v_k^T M, which lowers its Q to 1/damping_k and leaves all other 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.design.schema import Design
-from suspension_cli.linear import eigenmodes, signals
+from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
-from suspension_cli.studies import derivatives, parameters
+from suspension_cli.studies import derivatives
 from suspension_cli.studies.derivatives import Differentiable, Linear
 
 if TYPE_CHECKING:
@@ -47,13 +47,11 @@ class Plant:
 
     Attributes
     ----------
-    design : Design
-    level : str
+    level
         Name of a model that supports derivatives.
-    base : Differentiable
-    system : LinearSystem
+    system
         Of the same design, in symmetry-adapted coordinates, with its terms.
-    modes : Modes
+    modes
         Without losses; shapes (m, N - 6) in the named coordinates.
     """
 
@@ -84,19 +82,6 @@ class Plant:
     @cached_property
     def _changes(self) -> dict[str, Linear | None]:
         return {}
-
-    def row(self, signal: Signal) -> Float[np.ndarray, " coordinate"]:
-        """Compute the linear form of a signal in the named coordinates."""
-        model = replace(self.base.model, orientation=self.base.linear.orientation)
-        return signals.linear_form(signal, model)
-
-    def row_change(self, change: Linear, signal: Signal) -> Float[np.ndarray, " coordinate"]:
-        """Differentiate that form: points of signals move with their bodies."""
-        if not change.orientation.any():
-            return np.zeros(self.base.model.size)
-        turned = self.base.linear.orientation + 1j * parameters.STEP * change.orientation
-        form = signals.linear_form(signal, replace(self.base.model, orientation=turned))
-        return np.imag(form) / parameters.STEP
 
     def dispersive(
         self, omega: Float[np.ndarray, " frequency"]
@@ -144,7 +129,6 @@ class Plant:
         ----------
         frequency : array
             Hz.
-        inputs, outputs : sequences of Signal
         damping : array, optional
             Added damping 1/Q of each mode.
         stiffening : array, optional
@@ -152,8 +136,8 @@ class Plant:
         """
         omega = 2 * np.pi * np.asarray(frequency, dtype=float)
         size = self.base.model.size
-        drive = np.array([self.row(signal) for signal in inputs]).reshape(-1, size)
-        rows = np.array([self.row(signal) for signal in outputs]).reshape(-1, size)
+        drive = np.array([self.base.row(signal) for signal in inputs]).reshape(-1, size)
+        rows = np.array([self.base.row(signal) for signal in outputs]).reshape(-1, size)
         acts = np.array([signal.acts for signal in inputs], dtype=bool)
         moves = np.where(acts, 0.0, drive.T)
         moves[6:] = 0.0
@@ -180,8 +164,7 @@ class Plant:
         damping: Float[np.ndarray, " mode"] | None,
         stiffening: Float[np.ndarray, " mode"] | None,
     ) -> Complex[np.ndarray, "frequency coordinate coordinate"]:
-        linear, w = self.base.linear, omega[:, None, None]
-        matrix = linear.stiffness + 1j * (linear.loss + w * linear.damping) - w**2 * linear.mass
+        matrix, w = self.base.linear.dynamic(omega), omega[:, None, None]
         added = self.dispersive(omega)
         if added is not None:
             matrix = matrix + added
@@ -204,10 +187,8 @@ class Responses:
 
     Attributes
     ----------
-    plant : Plant
     omega : array
         rad/s.
-    inputs, outputs : tuple of Signal
     rows : array
         Linear forms of the outputs.
     state : array
@@ -245,10 +226,13 @@ class Responses:
                 moved = matrix[np.ix_(touched + 6, from_)] @ self.state[:, from_]
                 result -= factor * (self.adjoint[:, touched].transpose(0, 2, 1) @ moved)
         if change.orientation.any():
-            rows = np.array([self.plant.row_change(change, signal) for signal in self.outputs])
+            rows = np.array([self.plant.base.row_change(change, signal) for signal in self.outputs])
             result += rows @ self.state
             pushed = np.array(
-                [self.plant.row_change(change, signal)[6:] * signal.acts for signal in self.inputs]
+                [
+                    self.plant.base.row_change(change, signal)[6:] * signal.acts
+                    for signal in self.inputs
+                ]
             )
             result += self.adjoint.transpose(0, 2, 1) @ pushed.T
         return result
@@ -256,15 +240,15 @@ class Responses:
     def damping_derivative(self, mode: int) -> Complex[np.ndarray, "frequency output input"]:
         """Differentiate all responses by the added damping of a mode."""
         omega = float(np.sqrt(max(self.plant.modes.omega_squared[mode], 0.0)))
-        force = self.plant.modal_forces[mode]
-        seen = np.einsum("n,fno->fo", force, self.adjoint)
-        moved = np.einsum("n,fni->fi", force, self.state[:, 6:])
-        return -1j * omega * self.omega[:, None, None] * seen[:, :, None] * moved[:, None, :]
+        return -1j * omega * self.omega[:, None, None] * self._through(mode)
 
     def stiffening_derivative(self, mode: int) -> Complex[np.ndarray, "frequency output input"]:
         """Differentiate all responses by the relative change of omega^2 of a mode."""
-        squared = float(self.plant.modes.omega_squared[mode])
+        return -float(self.plant.modes.omega_squared[mode]) * self._through(mode)
+
+    def _through(self, mode: int) -> Complex[np.ndarray, "frequency output input"]:
+        """Products of the motions of a mode in adjoint solutions and in responses."""
         force = self.plant.modal_forces[mode]
         seen = np.einsum("n,fno->fo", force, self.adjoint)
         moved = np.einsum("n,fni->fi", force, self.state[:, 6:])
-        return -squared * seen[:, :, None] * moved[:, None, :]
+        return seen[:, :, None] * moved[:, None, :]

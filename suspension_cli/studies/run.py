@@ -38,15 +38,15 @@ class Plan:
 
     Attributes
     ----------
-    workers : int
+    workers
         Number of processes; 1 computes in this one.
-    scheduler : str or None
+    scheduler
         Address of a Dask scheduler instead.
-    chunk : int
+    chunk
         Number of points computed at once.
-    resume : bool
+    resume
         Whether to continue an interrupted run.
-    progress : callable
+    progress
         Called with (points done, total points, points per second).
     """
 
@@ -70,16 +70,13 @@ def run(
 
     Parameters
     ----------
-    job : Job
-    path : Path
+    path
         Of the finished file.
-    group : str
+    group
         Name of the group with the columns.
-    origin : Provenance
-    plan : Plan
-    fill : callable
+    fill
         Writes the rest of the group (axes, names) when the file is made.
-    after : callable, optional
+    after
         Given the path of the unfinished file, fills the columns that need all points.
     """
     chunk = max(UNIT, plan.chunk // UNIT * UNIT)

@@ -41,10 +41,9 @@ class SamplePoints:
     Attributes
     ----------
     method : {"random", "sobol"}
-    seed : int
-    count : int
+    count
         Number of builds; with groups, (k + 2) N.
-    groups : tuple of int
+    groups
         For Sobol indices: the group, from 0 to k - 1, of each coordinate. The builds are then
         those of matrices A and B (N rows each) of independent points, and for each group of A with
         the group's columns from B (Saltelli et al., Comput. Phys. Commun. 181, 259 (2010)).

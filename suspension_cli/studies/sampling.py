@@ -16,7 +16,7 @@ import numpy as np
 from suspension_cli.design.imperfections import AXES, PARTS, Imperfection, scattered
 from suspension_cli.design.schema import Design, Distribution
 from suspension_cli.equilibrium.hanging import impose
-from suspension_cli.errors import Fault, InputError
+from suspension_cli.errors import InputError
 from suspension_cli.scene import imperfections
 from suspension_cli.scene.scene import Scene
 
@@ -33,18 +33,17 @@ class ScatteredNumber:
 
     Attributes
     ----------
-    label : str
+    label
         ``test.1 length``, ``test com x``.
-    number : int
+    number
         As `scene.imperfections.impose` takes it.
-    imperfection : Imperfection
-    axis : int
+    axis
         0, 1, 2 for vectors, else 0.
-    spread : Distribution
+    spread
         Of the number, in `unit`.
-    hold : str
+    hold
         For wires.
-    group : str
+    group
         Name of the tolerance that the number has with others: ``test wires length``.
     """
 
@@ -72,14 +71,10 @@ def factors(design: Design, scene: Scene) -> tuple[ScatteredNumber, ...]:
     """
     given = design.tolerance
     if given is None:
-        raise InputError(
-            [
-                Fault(
-                    "tolerance",
-                    "missing",
-                    f"add a table [[tolerance.PART]] with PART one of {', '.join(PARTS)}",
-                )
-            ]
+        raise InputError.of(
+            "tolerance",
+            "missing",
+            f"add a table [[tolerance.PART]] with PART one of {', '.join(PARTS)}",
         )
     wires = list(enumerate(scene.wires.label))
     found: list[ScatteredNumber] = []
@@ -123,7 +118,6 @@ def deviations(
 
     Parameters
     ----------
-    chosen : tuple of ScatteredNumber
     u : array
         Points of the unit cube, see `sample_points`; normal deviations are their inverse
         distribution function.

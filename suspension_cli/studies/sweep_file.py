@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Protocol
 import h5py
 import numpy as np
 
-from suspension_cli.errors import Fault, InputError
+from suspension_cli.errors import InputError
 from suspension_cli.files.atomic import writing_to
 from suspension_cli.files.hdf5 import Provenance, Stored, write_root_attributes
 from suspension_cli.studies.builds import Column, ColumnValues
@@ -184,15 +184,11 @@ def _lock(record: int, path: Path) -> None:
     try:
         fcntl.flock(record, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
-        raise InputError(
-            [
-                Fault(
-                    "--out",
-                    "another run is writing this file",
-                    "wait for it, or name another folder",
-                    str(path),
-                )
-            ]
+        raise InputError.of(
+            "--out",
+            "another run is writing this file",
+            "wait for it, or name another folder",
+            str(path),
         ) from None
     except OSError:
         pass  # a file system without locks
@@ -211,12 +207,12 @@ def _resumed(
         return None
     if head[:JOURNAL_HEAD] != _digest(job, origin) or len(head) != JOURNAL_HEAD + _units(job):
         remedy = f"take the same design and options, or {ANEW}"
-        raise InputError(
-            [Fault("--resume", f"{_part(path).name} belongs to another design or sweep", remedy)]
+        raise InputError.of(
+            "--resume", f"{_part(path).name} belongs to another design or sweep", remedy
         )
     problem = _unlike(job, _part(path), group, origin, fill)
     if problem:
-        raise InputError([Fault("--resume", f"{_part(path).name} {problem}", ANEW)])
+        raise InputError.of("--resume", f"{_part(path).name} {problem}", ANEW)
     return np.frombuffer(head[JOURNAL_HEAD:], dtype=np.uint8).copy()
 
 

@@ -125,9 +125,9 @@ def respond(
 
     Parameters
     ----------
-    model : LinearSystem
+    model
         Of p builds.
-    terms : tuple of BatchTerm
+    terms
         Its frequency-dependent parts.
     which : array
         Builds.
@@ -186,9 +186,8 @@ def further_stiffness(
 
     Parameters
     ----------
-    model : LinearSystem
+    model
         Of p builds.
-    terms : tuple of BatchTerm
     which : array
         Builds.
     omega : array

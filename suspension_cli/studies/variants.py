@@ -6,6 +6,7 @@ them are then computed for arrays of designs of one topology.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Hashable, Iterable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -17,7 +18,6 @@ from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
 from suspension_cli.linear.symmetry import is_mirror_symmetric
-from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.models.base import Model
 from suspension_cli.models.surroundings import surrounded, surroundings_key
@@ -45,11 +45,9 @@ def scenes(
 
     Parameters
     ----------
-    text : str
+    text
         The design as TOML.
-    values : dict of arrays
-        By dotted path.
-    level : str
+    level
         Name of a model that supports builds; `SceneModel.wire_properties` are the same in a batch.
 
     Yields
@@ -62,13 +60,13 @@ def scenes(
         Numbers of the points. Points with an invalid design are in no batch.
     """
     rows, pick = np.unique(np.stack(list(values.values()), axis=1), axis=0, return_inverse=True)
-    for numbers, members, design in alike(
-        (_valid(text, dict(zip(values, row, strict=True))) for row in rows), level
-    ):
+    designs = (_valid(text, dict(zip(values, row, strict=True))) for row in rows)
+    for numbers, members, design in alike(designs, level):
         place = np.full(len(rows), -1)
         place[numbers] = np.arange(len(members))
-        here = np.flatnonzero(place[pick.ravel()] >= 0)
-        yield stack.stack_scenes(members, place[pick.ravel()[here]]), design, here
+        number = place[pick.ravel()]
+        here = np.flatnonzero(number >= 0)
+        yield stack.stack_scenes(members, number[here]), design, here
 
 
 def _valid(text: str, values: dict[str, float]) -> Design | None:
@@ -95,14 +93,12 @@ def alike(
     model = registry.scene_model(level)
     kinds: dict[Hashable, list[tuple[int, Scene, Design]]] = {}
     for n, design in enumerate(designs):
-        try:
-            scene = None if design is None else expand(design)
-        except InputError:
+        if design is None:
             continue
-        if design is None or scene is None:
-            continue
-        key = (*_topology(scene, design), model.wire_properties(design))
-        kinds.setdefault(key, []).append((n, scene, design))
+        with contextlib.suppress(InputError):
+            scene = expand(design)
+            key = (*_topology(scene, design), model.wire_properties(design))
+            kinds.setdefault(key, []).append((n, scene, design))
     for members in kinds.values():
         yield [n for n, _, _ in members], [scene for _, scene, _ in members], members[0][2]
 
@@ -120,9 +116,9 @@ def balanced(
     ----------
     text, values
         See `scenes`.
-    level : str
+    level
         Name of a model.
-    allow_unstable : bool
+    allow_unstable
         Whether an unstable equilibrium has status `builds.GOOD`.
 
     Yields
@@ -133,31 +129,16 @@ def balanced(
         Numbers of the points.
     """
     model = registry.by_name(level)
-    batches = (
-        _balanced_scenes(text, values, level, allow_unstable)
-        if model.supports_builds
-        else _balanced_designs(text, values, model, allow_unstable)
-    )
-    yield from batches
-
-
-def _balanced_scenes(
-    text: str,
-    values: dict[str, Float[np.ndarray, " point"]],
-    level: str,
-    allow_unstable: bool,
-) -> Iterator[tuple[Builds, Int[np.ndarray, " place"]]]:
-    """Balance batches of one topology and the same mirror symmetries."""
+    if not model.supports_builds:
+        yield from _balanced_designs(text, values, model, allow_unstable)
+        return
     for scene, design, here in scenes(text, values, level):
         flags = is_mirror_symmetric(scene)
         for mirrors in np.unique(flags, axis=0):
             some = (flags == mirrors).all(-1)
+            part = stack.select_scenes(scene, some)
             found = builds.balance(
-                stack.select_scenes(scene, some),
-                design,
-                level=level,
-                allow_unstable=allow_unstable,
-                split=True,
+                part, design, level=level, allow_unstable=allow_unstable, split=True
             )
             yield found, here[some]
 
@@ -177,36 +158,28 @@ def _balanced_designs(
         key = model.batch_key(design)
         kinds.setdefault(n if key is None else key, []).append((n, design))
     for members in kinds.values():
-        designs = [design for _, design in members]
-        found = _in_nominal_pose(surrounded(model.batch(designs), designs[0]), allow_unstable)
+        designs, count = [design for _, design in members], len(members)
+        system = surrounded(model.batch(designs), designs[0])
+        status = np.full(count, builds.GOOD, dtype=np.uint8)
+        if not allow_unstable:
+            status[builds.grows(system)] = builds.UNSTABLE
+        upright = np.broadcast_to(np.eye(3), (count, len(system.body) + 1, 3, 3))
+        wire, mirrors = np.full(count, -1, dtype=np.int16), np.ones((count, 2), dtype=bool)
+        system = replace(system, orientation=upright)
+        found = Builds(system, status, wire, np.zeros(count), mirrors)
         yield found, np.array([n for n, _ in members])
-
-
-def _in_nominal_pose(model: LinearSystem, allow_unstable: bool) -> Builds:
-    """Make builds of symmetric designs, which balance in their nominal pose."""
-    count = model.stiffness.shape[0]
-    status = np.full(count, builds.GOOD, dtype=np.uint8)
-    if not allow_unstable:
-        status[builds.grows(model)] = builds.UNSTABLE
-    upright = np.broadcast_to(np.eye(3), (count, len(model.body) + 1, 3, 3))
-    wire, mirrors = np.full(count, -1, dtype=np.int16), np.ones((count, 2), dtype=bool)
-    return Builds(replace(model, orientation=upright), status, wire, np.zeros(count), mirrors)
 
 
 def _topology(scene: Scene, design: Design) -> tuple[Hashable, ...]:
     """Collect the properties that scenes of one batch share."""
     static = [
-        value
+        np.array(value).tobytes() if isinstance(value, np.ndarray) else value
         for part in scene.parts.values()
         for name, value in vars(part).items()
         if name not in inner_axes(type(part))
     ]
-    kinds = [np.array(item).tobytes() if isinstance(item, np.ndarray) else item for item in static]
-    light, damped, twisted = (
-        (scene.blades.tip_mass == 0).tobytes(),
-        bool(scene.springs.damping.any()),
-        (scene.wires.torsion > 0).tobytes(),
-    )
+    wires, light = scene.wires, (scene.blades.tip_mass == 0).tobytes()
+    damped, twisted = bool(scene.springs.damping.any()), (wires.torsion > 0).tobytes()
     field = scene.field and (scene.field.vector.tobytes(), scene.field.gradient.tobytes())
-    heavy = (scene.wires.mass != 0).tobytes()
-    return (scene.gravity, field, heavy, *kinds, light, damped, twisted, surroundings_key(design))
+    heavy, around = (wires.mass != 0).tobytes(), surroundings_key(design)
+    return (scene.gravity, field, heavy, *static, light, damped, twisted, around)

@@ -75,12 +75,12 @@ for args in {requested!r}:
 SINGLE = (
     ("modes", "double.toml"),
     ("response", "double.toml", "--input", "support.x", "--output", "test.x", "--frequency", "1"),
-    ("thermal", "geo-silica-triple.toml", "--output", "test.x"),
+    ("thermal", "geo-silica-triple.toml", "--output", "test.x", "--frequency", "10"),
     ("sensitivity", "double.toml"),
 )
 
 
-def test_single_designs_need_no_compiled_loops(tmp_path):
+def test_single_designs_need_no_compiled_loops_and_pictures_no_pyplot(tmp_path):
     """Their import takes half a second."""
     requested = [
         [name, str(ROOT / "configs" / file), *words, "--no-plot", "-q", "--out", str(tmp_path)]
@@ -91,7 +91,9 @@ import sys
 from suspension_cli.cli.main import main
 for args in {requested!r}:
     main(args, standalone_mode=False)
-sys.exit("numba" in sys.modules)
+from suspension_cli.analyses.modes import picture
+from suspension_cli.drawing import draw
+sys.exit(bool({{"numba", "matplotlib.pyplot"}} & {{*sys.modules}}))
 """
     assert python(code).returncode == 0
 

@@ -87,7 +87,7 @@ FACTORS = st.sampled_from(
 )
 
 FUZZ = settings(
-    max_examples=25,
+    max_examples=15,
     deadline=None,
     derandomize=True,
     database=None,

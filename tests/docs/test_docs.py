@@ -188,6 +188,13 @@ FEWER = {
     "response": {"--frequency": f"0.1:100:{POINTS}", "--fidelity": "string"},
     "thermal": {"--frequency": f"0.1:100:{POINTS}"},
     "report": {"--sections": "drawing,check", "--fidelity": "string"},
+    "fit": {"--fidelity": "string"},
+    "modes": {"--fidelity": "string"},
+    "sensitivity": {"--fidelity": "string"},
+    "sweep": {"--fidelity": "string"},
+    "tolerance": {"--fidelity": "string"},
+    "tradeoff": {"--quantity": "equilibrium"},
+    "xcouple": {"--fidelity": "string"},
 }
 """Options of a command that are given where a line does not: the command is tested elsewhere."""
 
@@ -298,7 +305,7 @@ def called(line: str) -> None:
     target = words[words.index(">") + 1] if ">" in words else None
     words = words[: words.index(">")] if target else words
     words += PARTS.get(tuple(words), [])
-    if "--measured" not in words:
+    if not {"--measured", "--max-frequency", "--animate"} & {*words}:
         fewer = FEWER.get(words[0], {}).items()
         words += [word for pair in fewer if pair[0] not in words for word in pair]
     plots = any(

@@ -26,7 +26,7 @@ SMALLEST = 5.5
 PAGE = 17.8 / 2.54
 """Width of a page, in, for pictures with panels side by side."""
 PAGES = {"map", "modes", "modes-pages", "draw-imperfect", "draw-wide"}
-FREQUENCY = np.geomspace(0.1, 100, 100)
+FREQUENCY = np.geomspace(0.1, 100, 50)
 GOALS = """
 [[goal]]
 kind = "band"
@@ -195,7 +195,7 @@ def folder(tmp_path_factory):
 def seen_texts(figure: Figure) -> list[tuple[Text, np.ndarray]]:
     """All texts that are drawn, and their boxes in pixels."""
     renderer = figure.canvas.get_renderer()
-    figure.canvas.draw()
+    figure.draw_without_rendering()
     hidden = {
         id(text)
         for axes in figure.axes

@@ -2,8 +2,6 @@
 
 import io
 import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -242,11 +240,3 @@ def test_save_passes_on_what_the_folder_says(tmp_path):
     with pytest.raises(OSError, match=r"a\.png"):
         style.save(figure, tmp_path / "a.png")
     assert os.listdir(tmp_path) == ["a.png"]
-
-
-def test_pictures_do_without_pyplot():
-    code = (
-        "import sys; from suspension_cli.drawing import draw; from suspension_cli.analyses.modes"
-        " import picture; sys.exit('matplotlib.pyplot' in sys.modules)"
-    )
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -247,7 +247,7 @@ def jumps(wire, count):
     return np.array(result)
 
 
-@pytest.mark.parametrize("slenderness", [0.0, 1e-3, 1.0, 8.0, 60.0, 1e3])
+@pytest.mark.parametrize("slenderness", [0.0, 1.0, 60.0, 1e3])
 def test_resonances_are_those_of_the_transcendental_equation(slenderness):
     """2 alpha beta (1 - cosh alpha L cos beta L) + (alpha^2 - beta^2) sinh alpha L sin beta L = 0,
     solved in 60 digits: each, to 1e-12."""

@@ -68,7 +68,7 @@ def places(raw):
 
 @pytest.mark.parametrize("lengths", [(0.0,) * 8, UNEQUAL], ids=["equal", "unequal"])
 @pytest.mark.parametrize("load", [None, 0.9], ids=["follows", "given"])
-@pytest.mark.parametrize("aside", [(0.05, 0.0, 0.0), (0.0, 0.03, -0.04), (-0.02, 0.05, 0.02)])
+@pytest.mark.parametrize("aside", [(-0.02, 0.05, 0.02)])
 def test_the_drawing_does_not_matter(aside, load, lengths):
     place, frequency = places(built(lengths=lengths, load=load))
     other_place, other = places(built(aside, lengths, load))

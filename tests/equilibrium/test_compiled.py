@@ -61,7 +61,7 @@ def random_pose(rng, scene):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(1))
 def test_stiffness_and_mass(kind, seed):
     rng = np.random.default_rng([17, seed])
     scene, _, _ = batch_of(rng, kind)
@@ -83,7 +83,7 @@ def test_stiffness_and_mass(kind, seed):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(1))
 def test_equilibria_are_those_of_single_designs(kind, seed):
     """The loops take other steps to the same pose."""
     rng = np.random.default_rng([23, seed])
@@ -107,7 +107,7 @@ def test_equilibria_are_those_of_single_designs(kind, seed):
 
 
 @pytest.mark.parametrize("massive", [False, True])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_dynamic_stiffness_of_a_wire(massive, seed):
     """A straight wire between two bodies at their COMs: its ends are their coordinates."""
     rng = np.random.default_rng([31, seed])

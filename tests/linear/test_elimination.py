@@ -1,4 +1,4 @@
-"""Body-by-body elimination against LAPACK: chains and trees, real and complex, some
+"""Body-by-body elimination against LAPACK: chains, trees and loops, real and complex, some
 of whose parts are singular."""
 
 from __future__ import annotations
@@ -55,33 +55,35 @@ def test_is_the_dense_solution(shape, sizes, lossy):
     parent = SHAPES[shape]
     rng = np.random.default_rng([1, len(parent), sum(sizes), lossy])
     matrix, owner, coupled = systems(rng, parent, sizes[: len(parent)], 50, lossy=lossy)
-    structure = elimination.tree(owner, coupled)
-    assert structure is not None
-    assert structure.parent == parent
+    pattern = elimination.by_body(owner, coupled)
+    # in a chain or tree nothing fills in
+    assert pattern.start[-1] == np.triu(coupled).sum()
     rhs = rng.normal(size=(len(owner), 3, 50))
     rhs[: sizes[0]] = 0.0
     # one that drives the last leaf alone
     rhs[:, 0] *= np.array(owner)[:, None] == f"body{len(parent) - 1}"
-    found = elimination.solve(matrix, rhs, structure)
+    found = elimination.solve(matrix, rhs, pattern)
     expected = np.moveaxis(
         np.linalg.solve(np.moveaxis(matrix, -1, 0), np.moveaxis(rhs, -1, 0)), 0, -1
     )
     np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-13)
     assert residual(matrix, found, rhs) < 1e-14
-    assert np.array_equal(found, elimination.solve(matrix, rhs, structure))
-    np.testing.assert_allclose(
-        elimination.solve(matrix, rhs, None), expected, rtol=1e-12, atol=1e-13
-    )
+    assert np.array_equal(found, elimination.solve(matrix, rhs, pattern))
 
 
-def test_what_is_no_tree():
-    coupled = np.ones((3, 3), dtype=bool)
-    assert elimination.tree(["a", "b", "c"], coupled) is None
-    coupled[0, 1] = coupled[1, 0] = False
-    assert elimination.tree(["a", "b", "c"], coupled) is None
-    found = elimination.tree(["a", "a", "b"], np.ones((3, 3), dtype=bool))
-    assert found is not None
-    assert [node.tolist() for node in found.nodes] == [[0, 1], [2]]
+@pytest.mark.parametrize("lossy", [False, True])
+def test_a_loop_fills_in(lossy):
+    """Four bodies in a ring: eliminating one couples its neighbours."""
+    rng = np.random.default_rng(7)
+    matrix, owner, coupled = systems(rng, (-1, 0, 1, 2), (2, 2, 2, 2), 20, lossy=lossy)
+    matrix[:2, 6:] = rng.normal(size=(2, 2, 20))
+    matrix[6:, :2] = matrix[:2, 6:].swapaxes(0, 1)
+    pattern = elimination.by_body(owner, matrix.any(-1))
+    assert pattern.order.tolist() == [6, 7, 4, 5, 2, 3, 0, 1]
+    assert pattern.start[-1] == np.triu(coupled).sum() + 4 + 4
+    rhs = rng.normal(size=(8, 2, 20))
+    found = elimination.solve(matrix, rhs, pattern)
+    assert residual(matrix, found, rhs) < 1e-14
 
 
 @pytest.mark.parametrize("lossy", [False, True])
@@ -102,7 +104,7 @@ def test_nearly_singular_parts(size, offset, lossy):
     rhs = rng.normal(size=(3 * size, 2, 40))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found = elimination.solve(matrix, rhs, elimination.tree(owner, coupled))
+        found = elimination.solve(matrix, rhs, elimination.by_body(owner, coupled))
     assert np.linalg.cond(np.moveaxis(matrix, -1, 0)).max() < 1e4
     assert residual(matrix, found, rhs) < 1e-13
 
@@ -120,13 +122,13 @@ def test_a_part_that_takes_up_too_much_is_solved_densely(monkeypatch):
     leaf = np.array([1e-10, 1e-3, 0.5, 2.0])
     matrix = np.array([[np.full(4, 1.3), np.ones(4)], [np.ones(4), leaf]])
     rhs = np.array([[np.ones(4)], [np.full(4, 0.7)]])
-    structure = elimination.tree(["a", "b"], np.ones((2, 2), dtype=bool))
-    found = elimination.solve(matrix, rhs, structure)
+    pattern = elimination.by_body(["a", "b"], np.ones((2, 2), dtype=bool))
+    found = elimination.solve(matrix, rhs, pattern)
     assert counted == [1]
     np.testing.assert_allclose(found[0, 0], (leaf - 0.7) / (1.3 * leaf - 1), rtol=4e-15)
     units = np.array([2.0**20, 2.0**-20])  # in other units the choice is the same
     elimination.solve(
-        matrix * units[:, None, None] * units[:, None], rhs * units[:, None, None], structure
+        matrix * units[:, None, None] * units[:, None], rhs * units[:, None, None], pattern
     )
     assert counted == [1, 1]
 
@@ -142,7 +144,7 @@ def test_singular_to_the_last_bit_gives_no_number(size, whole):
     rhs = rng.normal(size=(len(owner), 2, 5))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found = elimination.solve(matrix, rhs, elimination.tree(owner, coupled))
+        found = elimination.solve(matrix, rhs, elimination.by_body(owner, coupled))
     finite = np.isfinite(found).all((0, 1))
     assert finite.tolist() == [True, True, False, True, True]
     good = [0, 1, 3, 4]

@@ -51,7 +51,7 @@ def responses(model, frequency, inputs, outputs):
 
 
 @pytest.mark.parametrize("tip_mass", [0.0, 0.02])
-@pytest.mark.parametrize("ratio", RATIOS)
+@pytest.mark.parametrize("ratio", RATIOS[::2])
 def test_string_against_its_definition(ratio, tip_mass):
     """Responses of every body to every motion of the support, and all modes."""
     design = geo(ratio, tip_mass=tip_mass)
@@ -73,7 +73,7 @@ def test_string_against_its_definition(ratio, tip_mass):
     assert np.abs(found / assembly.omega_squared() - 1).max() < REQUIRED
 
 
-@pytest.mark.parametrize("ratio", RATIOS)
+@pytest.mark.parametrize("ratio", RATIOS[::2])
 @pytest.mark.parametrize("level", ["beam", "violin"])
 def test_column_of_rods(level, ratio):
     """Vertical motion: blades and rods in series, with losses; response, thermal noise and
@@ -128,8 +128,8 @@ def test_modes_of_rigid_wires_are_a_limit(level):
 
 
 @pytest.mark.parametrize("level", ["string", "beam", "violin"])
-@pytest.mark.parametrize("tip_mass", [0.0, 0.02])
-@pytest.mark.parametrize("ratio", RATIOS)
+@pytest.mark.parametrize("tip_mass", [0.02])
+@pytest.mark.parametrize("ratio", RATIOS[::2])
 def test_batches_of_builds(ratio, tip_mass, level):
     """Batches of builds, which `sweep`, `xcouple` and `tolerance` solve, give what a design by
     itself does."""

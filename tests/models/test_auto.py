@@ -39,7 +39,7 @@ def away(frequency, known):
     return frequency[(np.abs(frequency[:, None] / known[known > 0] - 1) > 2 * NEAR).all(1)]
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(4))
 def test_frequencies_of_modes(seed):
     """The modes of bodies on the model taken against those with distributed wires; the estimate is
     not far off."""
@@ -61,13 +61,13 @@ def test_frequencies_of_modes(seed):
     assert error <= 3 * decision.choice.error + 1e-9
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(4))
 def test_responses(seed):
-    """From the support to the last body, away from resonances."""
+    """From the support to the last body, away from resonances; of some, above most modes."""
     design = random_design(seed)
     base = registry.STRING.system(design)
     drive, motion = plants.drives(base, "support.x"), plants.motions(base, f"{base.body[-1]}.x")
-    grid = np.geomspace(0.05, 20, 300)
+    grid = np.geomspace(5 if seed % 3 == 2 else 0.05, 20, 300)
     decision = auto.decide(design, lambda _: Transfer(drive, motion, grid), TOLERANCE)
     truth = registry.VIOLIN.system(design)
     known = np.concatenate([eigenmodes.solve(model).frequency for model in (decision.model, truth)])
@@ -81,7 +81,7 @@ def test_responses(seed):
     assert (np.abs(old / new - 1)[plain] <= TOLERANCE).all()
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(4))
 def test_thermal_noise(seed):
     design = random_design(seed)
     first = wire_mass.effect_on_noise(design, 1.0).lowest
@@ -208,9 +208,9 @@ def test_a_response_that_symmetry_forbids_has_no_error():
     drive, frequency = plants.drives(base, "support.z"), np.geomspace(0.1, 100, 50)
     for output, reason in (("x", "exactly 0"), ("z", "wire")):
         motion = plants.motions(base, f"{design.stage[-1].name}.{output}")
-        for complete in (True, False):
+        for highest in (None, 100.0):
             wanted = Transfer(drive, motion, frequency)
-            decision = auto.decide(design, lambda _, own=wanted: own, 1e-6, complete=complete)
+            decision = auto.decide(design, lambda _, own=wanted: own, 1e-6, highest=highest)
             assert decision.choice.level == "violin"
             assert decision.choice.error == 0.0
             assert reason in decision.choice.reason

@@ -8,7 +8,7 @@ from suspension_cli.studies import parameters
 from tests.support.commandline import run, strict_json, written
 from tests.support.golden import CONFIGS
 
-CHAINS = ("double", "quadruple", "geo-silica-triple", "husman2000/table1-case4")
+CHAINS = ("double", "geo-silica-triple")
 NUMBER = "stage.test.wires.l"
 PITCH = "stage.upper.wires.d"
 

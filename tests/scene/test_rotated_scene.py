@@ -26,8 +26,8 @@ def turn_of(scene, angle):
     return result
 
 
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("angle", [0.3, -2.0, np.pi / 2], ids=["0.3", "-2", "quarter"])
+@pytest.mark.parametrize("seed", range(1))
+@pytest.mark.parametrize("angle", [-2.0, np.pi / 2], ids=["-2", "quarter"])
 def test_matrices_turn_with_the_scene(angle, seed):
     raw = scenes.crooked(np.random.default_rng([8, seed]), lateral=angle == np.pi / 2)
     one, other = scenes.scene_of(raw), scenes.scene_of(scenes.rotated(raw, angle))

@@ -280,10 +280,7 @@ def numbers(image, folder):
     "options",
     [
         ("--set", "stage.test.wires.s=0.006"),
-        ("--wire", "test.2"),
-        ("--hold", "natural-length"),
         ("--frequency", "51"),
-        ("--allow-unstable",),
     ],
 )
 def test_resume_of_another_question_is_refused(options, monkeypatch, tmp_path):

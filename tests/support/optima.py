@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from suspension_cli.analyses.optimise import solve as searching
+from suspension_cli.analyses.optimise.chosen_models import choose
 from suspension_cli.analyses.optimise.free_parameters import FreeDesign
 from suspension_cli.design.goals import Equal, Free, Goal, Goals
 from suspension_cli.design.schema import Perturbation
@@ -43,10 +44,13 @@ def solved(file, goal, free, equal=(), **how):
     )
 
 
-def values_of(file, wanted):
-    """Quantities of a freed design."""
+def values_of(file, wanted, level="string"):
+    """Quantities of a freed design on one model."""
     freed = FreeDesign.of(file.read_text(), wanted)
-    return searching._values(freed, wanted, "string")
+    design = freed.design(freed.start)
+    values = searching._values(freed, wanted, choose(design, (), level, 1e-3))
+    models = choose(design, values.requirements.quantities, level, 1e-3)
+    return searching._values(freed, wanted, models)
 
 
 EVERY = Goals(

@@ -13,9 +13,10 @@ from suspension_cli.design.schema import Design
 from suspension_cli.errors import InputError
 from tools.choices.quantities import REFERENCE, Question
 
-REPETITIONS = 3
+REPETITIONS = 5
+"""Number of times that work is timed, after once to compile and to fill caches."""
 SLOW = 0.2
-"""Seconds from which work is timed once."""
+"""Seconds from which it is timed once."""
 ROUNDING = 1e-8
 """Errors below this are those of the comparison."""
 
@@ -39,8 +40,8 @@ class Trial:
     estimate : float
         The error that `auto` reports; NaN if unknown.
     cost : float
-        Processor time of `auto`, choice included, over that of the reference model: medians of
-        repetitions.
+        Processor time of `auto`, choice included, over that of the reference model: the shortest
+        of the repetitions.
     best : float
         The same for the cheapest model within the tolerance, if that were known beforehand.
     seconds : float
@@ -87,23 +88,16 @@ def run_trial(
         level: lambda level=level: question.solve_on(level)
         for level in (*question.cheaper, REFERENCE)
     }
-    times: dict[str, list[float]] = {name: [] for name in works}
-    results: dict[str, Any] = {}
-    for name, work in works.items():
-        start = time.process_time()
-        results[name] = _attempted(work)
-        times[name].append(time.process_time() - start)
+    results = {name: _attempted(work) for name, work in works.items()}
     works = {name: work for name, work in works.items() if results[name] is not None}
-    for turn in range(REPETITIONS):
+    cost = dict.fromkeys(works, np.inf)
+    for _ in range(REPETITIONS):
         for name, work in works.items():
-            if times[name][0] > SLOW:
+            if SLOW < cost[name] < np.inf:
                 continue
             start = time.process_time()
             work()
-            if not turn:
-                times[name].clear()  # the first time fills caches
-            times[name].append(time.process_time() - start)
-    cost = {name: float(np.median(times[name])) for name in works}
+            cost[name] = min(cost[name], time.process_time() - start)
     accurate = [
         cost[level]
         for level in question.cheaper

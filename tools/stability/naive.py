@@ -75,9 +75,9 @@ def upward(model: LinearSystem, frequency: Any, into: Signal, out: Signal) -> An
         order = np.argsort([model.body.index(name) for name in owner], kind="stable")
         own, rows = block[order], np.ix_(block[order], block[order])
         dynamic = model.stiffness[rows][..., None] - square * model.mass[rows][..., None]
-        tree = elimination.tree([owner[n] for n in order], dynamic.any(-1))
+        pattern = elimination.by_body([owner[n] for n in order], np.asarray(dynamic.any(-1)))
         right = np.broadcast_to(push[own, None, None], (len(own), 1, len(square)))
-        total += sensed[own] @ elimination.solve(dynamic, right, tree)[:, 0]
+        total += sensed[own] @ elimination.solve(dynamic, right, pattern)[:, 0]
     return total
 
 

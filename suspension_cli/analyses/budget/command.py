@@ -18,7 +18,9 @@ from suspension_cli.analyses.analysis import (
     plain,
 )
 from suspension_cli.analyses.options import option
-from suspension_cli.errors import escape_unprintable
+from suspension_cli.conventions import SUPPORT
+from suspension_cli.errors import Fault, InputError, escape_unprintable, format_value
+from suspension_cli.grids import decade_points, parse_grid
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -52,16 +54,7 @@ class BudgetAnalysis(Analysis):
     name = "budget"
     arguments = (options.DESIGN,)
     parameters = (
-        option(
-            "--output",
-            "outputs",
-            multiple=True,
-            metavar="SIGNAL",
-            help=(
-                "Output: test.x, test.pitch, test.x@0,0,0.001, ... (repeatable)."
-                "  [default: x, pitch and yaw of the last stage]"
-            ),
-        ),
+        options.signals("output", options.MOTIONS, "x, pitch and yaw of the last stage"),
         option(
             "--ground",
             multiple=True,
@@ -86,13 +79,7 @@ class BudgetAnalysis(Analysis):
             metavar="[SIGNAL=]FILE",
             help="CSV of the required spectrum of an output, the first by default (repeatable).",
         ),
-        option(
-            "--frequency",
-            default="0.01:100:2000",
-            show_default=True,
-            metavar="GRID",
-            help="Frequencies, Hz: start:stop:count[:log|lin], a comma list or a number.",
-        ),
+        options.frequencies("0.01:100:2000"),
         options.ACCURACY,
         *options.WRITING,
     )
@@ -148,23 +135,16 @@ class BudgetAnalysis(Analysis):
 
     def text(self, result: Result) -> str:
         """Return a table per output: RMS and amplitude spectral densities by cause."""
-        from suspension_cli.grids import decade_points
-
         first = result.data[0]
         ground = describe_ground(_sources(first), float(first.frequency[-1]))
         lines = [result.choice.line, f"ground: {ground}"]
         for one in result.data:
             low, high = one.frequency[0], one.frequency[-1]
             shown = decade_points(one.frequency)
-            lines += [
-                "",
-                f"{one.output}, {low:.4g}" + (f" to {high:.4g}" if high > low else "") + " Hz",
-            ]
-            columns = {
-                "cause": "",
-                f"RMS\n{one.unit}": ".3e",
-                f"RMS velocity\n{one.unit}/s": ".3e",
-            }
+            span = f"{low:.4g}" + (f" to {high:.4g}" if high > low else "")
+            lines += ["", f"{one.output}, {span} Hz"]
+            columns = {"cause": "", f"RMS\n{one.unit}": ".3e"}
+            columns[f"RMS velocity\n{one.unit}/s"] = ".3e"
             columns |= {f"{one.frequency[n]:.4g} Hz\n{one.unit}/sqrt(Hz)": ".3e" for n in shown}
             rows: list[tuple[Any, ...]] = [
                 ("all", _rms(one.rms[0]), _rms(one.rms_velocity[0]), *one.amplitude[shown])
@@ -247,18 +227,15 @@ def describe_requirement(found: Requirement) -> str:
 
 def describe_ground(names: dict[str, str], highest: float) -> str:
     """Describe the motion of the support in one line, up to a frequency in Hz."""
-    if not names:
-        return "none"
-    sources = dict.fromkeys(names.values())
-    return "; ".join(
-        f"{escape_unprintable(source)} along"
-        f" {', '.join(dof for dof, name in names.items() if name == source)}"
-        for source in sources
-    ) + (
-        f" (above {HIGHEST:g} Hz, where it ends, with its acceleration at {HIGHEST:g} Hz)"
-        if highest > HIGHEST and any(name in source for name in PETERSON for source in sources)
-        else ""
+    sources: dict[str, list[str]] = {}
+    for dof, name in names.items():
+        sources.setdefault(name, []).append(dof)
+    text = "; ".join(
+        f"{escape_unprintable(name)} along {', '.join(dofs)}" for name, dofs in sources.items()
     )
+    if highest > HIGHEST and any(name in source for name in PETERSON for source in sources):
+        text += f" (above {HIGHEST:g} Hz, where it ends, with its acceleration at {HIGHEST:g} Hz)"
+    return text or "none"
 
 
 def _ground(setting: Settings, folder: Path) -> tuple[dict[str, Motion], Array, list[str]]:
@@ -266,7 +243,6 @@ def _ground(setting: Settings, folder: Path) -> tuple[dict[str, Motion], Array, 
     import numpy as np
 
     from suspension_cli.analyses.budget import ground
-    from suspension_cli.grids import parse_grid
 
     notes: list[str] = []
     motions = ground.parse(setting["ground"], setting["isolation"], folder)
@@ -294,7 +270,6 @@ def _requirements(
 ) -> dict[int, Table]:
     """Return the tables of required spectra by number of the output."""
     from suspension_cli.analyses.budget import ground, solve, table
-    from suspension_cli.errors import Fault, InputError
 
     result: dict[int, Table] = {}
     for text in given:
@@ -324,8 +299,6 @@ def _model(
     from suspension_cli.analyses import model_choice
     from suspension_cli.analyses.check import warnings
     from suspension_cli.analyses.check.lossless import find_lossless
-    from suspension_cli.conventions import SUPPORT
-    from suspension_cli.errors import InputError
     from suspension_cli.linear import signals
     from suspension_cli.models import auto, registry
     from suspension_cli.models.quantity_of_interest import Transfer
@@ -344,7 +317,7 @@ def _model(
             observed = [signals.parse_output(text, known) for text in outputs]
             return Transfer(inputs, observed, grid)
 
-        decision = model_choice.choose(source, wanted, request, tolerance)
+        decision = model_choice.choose(source, wanted, request, tolerance, highest=float(grid[-1]))
         choice, model = decision.choice, decision.model
         fault = error.faults[0]
         why = (
@@ -363,13 +336,7 @@ def _model(
 
 
 def _closed(run: Run, choice: Choice, model: LinearSystem, highest: float) -> tuple[Plant, Any]:
-    """Return the model with its loops, and its poles in rad/s.
-
-    Raises
-    ------
-    InputError
-        If the closed loop is unstable.
-    """
+    """Return the model with its loops, and its poles in rad/s, which must not grow."""
     import numpy as np
 
     from suspension_cli.analyses.budget import resonances
@@ -377,19 +344,14 @@ def _closed(run: Run, choice: Choice, model: LinearSystem, highest: float) -> tu
 
     heavy = choice.model.has_wire_mass
     light = registry.BEAM.system(run.design) if heavy else model
-    found = resonances.find_poles(run.design, light)
-    resonances.demand_stable(found)
-    values = [found.value]
+    values = [resonances.find_stable_poles(run.design, light)]
     if heavy:
         values.append(resonances.find_wire_modes(model, highest))
     return resonances.build_plant(run.design, model), np.concatenate(values)
 
 
 def _error(key: str, problem: str, remedy: str, value: str | None = None) -> Exception:
-    from suspension_cli.errors import Fault, InputError, format_value
-
-    given = None if value is None else format_value(value)
-    return InputError([Fault(key, problem, remedy, given)])
+    return InputError([Fault(key, problem, remedy, value and format_value(value))])
 
 
 ANALYSIS = BudgetAnalysis()

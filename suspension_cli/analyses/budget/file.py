@@ -9,7 +9,6 @@ from suspension_cli.analyses.budget.solve import Budget, Requirement
 from suspension_cli.files.hdf5 import Stored, add_dataset, add_scale
 
 ASD = "SI/sqrt(Hz), see unit"
-RMS = {"square": "SI^2, see unit", "square_velocity": "SI^2/s^2, see unit"}
 
 
 def fill(group: h5py.Group, budgets: list[Budget]) -> None:
@@ -20,22 +19,18 @@ def fill(group: h5py.Group, budgets: list[Budget]) -> None:
     cause = add_scale(group, "cause", list(first.cause), "name")
     add_dataset(group, "source", list(first.source), "name", cause)
     add_dataset(group, "unit", [f"{one.unit}/sqrt(Hz)" for one in budgets], "name", output)
-    for name, values in {
-        "amplitude": [one.amplitude for one in budgets],
-        "rms": [one.rms for one in budgets],
-        "rms_velocity": [one.rms_velocity for one in budgets],
-    }.items():
-        units = {"amplitude": ASD, "rms": "SI, see unit", "rms_velocity": "SI/s, see unit"}[name]
-        add_dataset(group, name, np.array(values).T, units, frequency, output)
-    parts = {
-        "contribution": ([np.sqrt(one.density) for one in budgets], ASD),
-        "mean_square": ([one.square for one in budgets], RMS["square"]),
-        "mean_square_velocity": (
-            [one.square_velocity for one in budgets],
-            RMS["square_velocity"],
-        ),
-    }
-    for name, (values, units) in parts.items():
+    for name, units in (
+        ("amplitude", ASD),
+        ("rms", "SI, see unit"),
+        ("rms_velocity", "SI/s, see unit"),
+    ):
+        values = np.array([getattr(one, name) for one in budgets])
+        add_dataset(group, name, values.T, units, frequency, output)
+    for name, values, units in (
+        ("contribution", [np.sqrt(one.density) for one in budgets], ASD),
+        ("mean_square", [one.square for one in budgets], "SI^2, see unit"),
+        ("mean_square_velocity", [one.square_velocity for one in budgets], "SI^2/s^2, see unit"),
+    ):
         add_dataset(group, name, np.transpose(values, (2, 0, 1)), units, frequency, output, cause)
     for n, one in enumerate(budgets):
         if one.requirement is not None:

@@ -41,18 +41,10 @@ THERMAL = "thermal"
 
 @dataclass(frozen=True)
 class Noises:
-    """All causes that move a suspension.
+    """All causes that move a suspension with its loops, of which there may be none.
 
-    Attributes
-    ----------
-    plant : Plant
-        The model with its loops, which may be none.
-    output : list of Signal
-        Observed motions (o).
-    motion : dict of Motion
-        Of the support, by coordinate.
-    temperature : float or None
-        Of dampers and of the support's loss, K; None leaves thermal noise out.
+    `motion` is that of the support by coordinate. `temperature` is that of dampers and of the
+    support's loss, K; None leaves thermal noise out.
     """
 
     plant: Plant
@@ -104,15 +96,8 @@ class Noises:
 def compute_thermal(plant: Plant, frequency: Array, rows: Array, temperature: float) -> Array:
     """Thermal noise (o, f) of linear forms (o, N) of the coordinates, loops closed; unit^2/Hz.
 
-    Parameters
-    ----------
-    plant : Plant
-    frequency : (f,) array
-        Hz.
-    rows : (o, N) array
-        The support is at rest.
-    temperature : float
-        Of dampers and of the support's loss, K; other sources have their own.
+    The support is at rest. `temperature` (K) is that of dampers and of the support's loss;
+    other sources have their own.
     """
     omega, count = 2 * np.pi * np.asarray(frequency), len(rows)
     forms = np.concatenate([rows, plant.sensed])

@@ -19,7 +19,10 @@ from suspension_cli.drawing.style import (
     house_style,
     single_line,
 )
+from suspension_cli.scene.arrays import Array
 
+Line = tuple[str, str, dict[str, Any], Array, Array]
+"""Name, colour, look, frequencies and values of a line."""
 HEIGHT = 2.4
 """Height of a panel, in."""
 LIMIT = "#cc0000"
@@ -38,7 +41,8 @@ def draw(budgets: list[Budget], title: str) -> Figure:
     """Draw one panel per output, below a sentence that says what it shows."""
     with house_style():
         colours = _colours(budgets)
-        keys = [_key(one, colours) for one in budgets]
+        lines = [_lines(one, colours) for one in budgets]
+        keys = [[line[:3] for line in own] for own in lines]
         words = [(_wrapped(write_message(one)), _wrapped(_name_faint(one))) for one in budgets]
         rooms = [
             curves.key_room([name for name, *_ in key])
@@ -47,8 +51,8 @@ def draw(budgets: list[Budget], title: str) -> Figure:
             for key, said in zip(keys, words, strict=True)
         ]
         figure, panels = curves.stack_panels([HEIGHT] * len(budgets), rooms)
-        for axes, one, key, said in zip(panels, budgets, keys, words, strict=True):
-            _panel(axes, one, colours)
+        for axes, one, own, key, said in zip(panels, budgets, lines, keys, words, strict=True):
+            _panel(axes, one, own)
             curves.write_key(axes, key)
             above = curves.key_room([name for name, *_ in key]) + 0.05
             for text, colour in zip(reversed(said), (NOTE, INK), strict=True):
@@ -76,21 +80,25 @@ def _name_faint(one: Budget) -> str:
     return f"not drawn, below {FAINT:g} of the sum everywhere: {faint}" if faint else ""
 
 
-def _key(one: Budget, colours: dict[str, tuple[str, Any]]) -> list[tuple[str, str, dict[str, Any]]]:
-    """Names, colours and looks of the lines of a panel."""
-    lines: list[tuple[str, str, dict[str, Any]]] = [("all", INK, {"linewidth": 2.0})]
-    lines += [(name, colours[name][0], {"linestyle": colours[name][1]}) for name in _drawn(one)]
+def _lines(one: Budget, colours: dict[str, tuple[str, Any]]) -> list[Line]:
+    """List the lines of a panel."""
+    at = one.frequency
+    lines: list[Line] = [("all", INK, {"linewidth": 2.0}, at, one.amplitude)]
+    for name in _drawn(one):
+        colour, style = colours[name]
+        look = {"linestyle": style, "linewidth": 0.9}
+        lines.append((name, colour, look, at, one.parts[name]))
     if np.isfinite(one.rms).all():
-        lines.append((f"RMS above f ({one.unit})", NOTE, {"linewidth": 0.7}))
+        lines.append((f"RMS above f ({one.unit})", NOTE, {"linewidth": 0.7}, at, one.rms))
     if one.requirement is not None:
-        lines.append((Path(one.requirement.name).stem, LIMIT, {"linestyle": "--"}))
+        given, look = one.requirement, {"linestyle": "--", "linewidth": 1.1}
+        lines.append((Path(given.name).stem, LIMIT, look, given.frequency, given.density))
     return lines
 
 
 def write_message(one: Budget) -> str:
     """Write in one sentence what a panel shows: the RMS, its cause, the requirement."""
-    square = one.square[:, 0]
-    rms = one.rms[0]
+    square, rms = one.square[:, 0], one.rms[0]
     if np.isfinite(rms) and rms > 0:
         by = int(square.argmax())
         part = 100 * square[by] / square.sum()
@@ -126,42 +134,17 @@ def _drawn(one: Budget) -> list[str]:
     return [name for name, part in one.parts.items() if (part > FAINT * total).any()]
 
 
-def _panel(axes: Axes, one: Budget, colours: dict[str, tuple[str, Any]]) -> None:
+def _panel(axes: Axes, one: Budget, lines: list[Line]) -> None:
     mark = "" if len(one.frequency) > 8 else "o"
-    total = one.amplitude
-    if total.any():
+    if one.amplitude.any():
         axes.set_ylim(*_limits(one))
-    axes.loglog(
-        one.frequency, _positive(total), color=INK, linewidth=2.0, marker=mark, markersize=3
-    )
-    for name in _drawn(one):
-        colour, style = colours[name]
-        axes.plot(
-            one.frequency,
-            _positive(one.parts[name]),
-            color=colour,
-            linestyle=style,
-            linewidth=0.9,
-            marker=mark,
-            markersize=2,
-        )
-    if np.isfinite(one.rms).all():
-        axes.plot(one.frequency, _positive(one.rms), color=NOTE, linewidth=0.7)
-    if one.requirement is not None:
-        axes.plot(
-            one.requirement.frequency,
-            _positive(one.requirement.density),
-            color=LIMIT,
-            linewidth=1.1,
-            linestyle="--",
-        )
+    for _, colour, look, at, value in lines:
+        shown = np.where(value > 0, value, np.nan)
+        marker = mark if at is one.frequency else ""
+        axes.loglog(at, shown, color=colour, marker=marker, markersize=3, **look)
     axes.set_xlim(one.frequency[0], one.frequency[-1] * (1 + 1e-9 + (len(one.frequency) == 1)))
     axes.set_ylabel(f"{single_line(one.output, 40)} ({one.unit}/√Hz)")
     curves.label_plainly(axes.yaxis)
-
-
-def _positive(values: Any) -> Any:
-    return np.where(values > 0, values, np.nan)
 
 
 def _limits(one: Budget) -> tuple[float, float]:

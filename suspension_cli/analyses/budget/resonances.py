@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,14 +13,18 @@ from suspension_cli.conventions import DOFS
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.linear import poles, signals
 from suspension_cli.linear.constant_loss import with_constant_loss
-from suspension_cli.linear.poles import Poles
 from suspension_cli.linear.system import LinearSystem
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex
+
+    from suspension_cli.design.schema import Design
 
 MOST = 2000
 """Largest number of wire modes whose widths are computed."""
 
 
-def build_plant(design: Any, model: LinearSystem) -> Plant:
+def build_plant(design: Design, model: LinearSystem) -> Plant:
     """Build the plant of a design's loops, of which there may be none."""
     if design.control is not None:
         return control.build_plant(design, model)
@@ -28,21 +32,23 @@ def build_plant(design: Any, model: LinearSystem) -> Plant:
     return Plant(model, (), [], [], none, none)
 
 
-def find_poles(design: Any, model: LinearSystem) -> Poles:
-    """Find the closed-loop poles of a model without wire mass, as `damp` does."""
+def find_stable_poles(design: Design, model: LinearSystem) -> Complex[np.ndarray, " pole"]:
+    """Find the closed-loop poles (rad/s) of a model without wire mass, as `damp` does.
+
+    Raises
+    ------
+    InputError
+        If one grows: then no motion is stationary.
+    """
     known = signals.bodies_with_signals(model)
     every = [signals.parse_output(f"{body}.{dof}", known) for body in model.body for dof in DOFS]
     plant = build_plant(design, model)
     constant = build_plant(design, with_constant_loss(model))
-    return closed_loop_poles.refine(
+    found = closed_loop_poles.refine(
         poles.poles(control_statespace.build_closed_loop(constant, [], every)), plant
     )
-
-
-def demand_stable(found: Poles) -> None:
-    """Raise `InputError` if a closed-loop pole grows: then no motion is stationary."""
     if found.stable:
-        return
+        return found.value
     worst = int(found.growth_rate.argmax())
     problem = (
         f"makes the closed loop unstable: a pole at {found.frequency[worst]:.5g} Hz in"
@@ -56,8 +62,8 @@ def demand_stable(found: Poles) -> None:
     raise InputError([Fault("control", problem, remedy)])
 
 
-def find_wire_modes(model: LinearSystem, highest: float) -> Any:
-    """Poles (p,) in rad/s of modes up to a frequency in Hz, of a model with wire mass."""
+def find_wire_modes(model: LinearSystem, highest: float) -> Complex[np.ndarray, " pole"]:
+    """Poles (rad/s) of modes up to a frequency in Hz, of a model with wire mass."""
     if not 0 < wire_modes.count_modes(model, highest) <= MOST:
         return np.zeros(0, dtype=complex)
     found = wire_modes.solve(model, highest)

@@ -49,20 +49,10 @@ STEP = 1.0
 
 @dataclass(frozen=True)
 class Requirement:
-    """A required amplitude spectral density, and what is left to it.
+    """A required amplitude spectral density (unit/sqrt(Hz)), and what is left to it.
 
-    Attributes
-    ----------
-    name : str
-        Of the file.
-    frequency, density : (n,) arrays
-        Hz, unit/sqrt(Hz).
-    margin : float
-        Smallest ratio of the requirement to the motion where both are known.
-    at : float
-        Its frequency, Hz.
-    exceeded : list of (float, float)
-        Intervals in which the motion is above, Hz.
+    `margin` is the smallest ratio of the requirement to the motion where both are known, `at`
+    its frequency, and `exceeded` are the intervals in which the motion is above, Hz.
     """
 
     name: str
@@ -104,7 +94,6 @@ class Budget:
     square, square_velocity : (c, f) arrays
         Mean square from each frequency up, by cause: unit^2 and (unit/s)^2; infinite where a
         resonance without loss is driven.
-    requirement : Requirement or None
     """
 
     frequency: Float[np.ndarray, " frequency"]
@@ -150,7 +139,6 @@ def solve(
 
     Parameters
     ----------
-    noises : Noises
     grid : (f,) array
         Hz, ascending.
     resonance : (p,) complex array
@@ -167,32 +155,31 @@ def solve(
     frequency, density, unresolved = refine(noises.density, _join(grid, np.concatenate(seeds)))
     square = integrate_down(frequency, density)
     velocity = integrate_down(frequency, density * (2 * np.pi * frequency) ** 2)
-    if unresolved is not None:
-        for at in unresolved:
-            driven = _is_singular(frequency, density, at)
-            for whole in (square, velocity):
-                whole[driven[..., None] & (frequency <= at)] = np.inf
+    for at in unresolved:
+        driven = _is_singular(frequency, density, at)
+        for whole in (square, velocity):
+            whole[driven[..., None] & (frequency <= at)] = np.inf
     if len(grid) == 1:
         square, velocity = np.full_like(square, np.nan), np.full_like(velocity, np.nan)
     shown = slice(None) if added else np.isin(frequency, grid)
-    budgets = []
-    for n, signal in enumerate(noises.output):
-        total = np.sqrt(density[n].sum(0))
-        required = requirements.get(n)
-        budgets.append(
-            Budget(
-                frequency[shown],
-                signal.text,
-                signal.unit,
-                noises.cause,
-                noises.source,
-                density[n][:, shown],
-                square[n][:, shown],
-                velocity[n][:, shown],
-                None if required is None else compare(frequency, total, required),
-            )
+    met = {
+        n: compare(frequency, np.sqrt(density[n].sum(0)), required)
+        for n, required in requirements.items()
+    }
+    return [
+        Budget(
+            frequency[shown],
+            signal.text,
+            signal.unit,
+            noises.cause,
+            noises.source,
+            density[n][:, shown],
+            square[n][:, shown],
+            velocity[n][:, shown],
+            met.get(n),
         )
-    return budgets
+        for n, signal in enumerate(noises.output)
+    ]
 
 
 def _join(
@@ -236,7 +223,7 @@ def refine(
 ) -> tuple[
     Float[np.ndarray, " frequency"],
     Float[np.ndarray, "output cause frequency"],
-    Float[np.ndarray, " unresolved"] | None,
+    Float[np.ndarray, " unresolved"],
 ]:
     """Add points to a grid until the integrals over spectra are accurate.
 
@@ -249,9 +236,9 @@ def refine(
 
     Returns
     -------
-    frequency : (f,) array
-    density : (o, c, f) array
-    unresolved : (n,) array or None
+    frequency, density : arrays
+        On the refined grid.
+    unresolved : (n,) array
         Frequencies at which the integral does not converge.
     """
     value, narrow = density(grid), np.zeros(0, dtype=bool)
@@ -277,7 +264,7 @@ def refine(
         value = np.insert(value, at + 1, new, axis=-1)
         grid = np.insert(grid, at + 1, middle)
     # beside a pole without loss even the narrowest intervals still matter
-    return grid, value, grid[:-1][narrow] if narrow.any() else None
+    return grid, value, grid[: len(narrow)][narrow]
 
 
 def _bisect(
@@ -292,16 +279,9 @@ def _bisect(
             return middle, density(middle)
         except InputError:
             continue
-    raise InputError(
-        [
-            Fault(
-                "--frequency",
-                "contains a resonance without loss, where the motion is infinite",
-                "give the design a loss_angle or damping",
-                f"{float(low[0])!r}",
-            )
-        ]
-    )
+    problem = "contains a resonance without loss, where the motion is infinite"
+    remedy = "give the design a loss_angle or damping"
+    raise InputError([Fault("--frequency", problem, remedy, f"{float(low[0])!r}")])
 
 
 def integrate_down(

@@ -17,15 +17,9 @@ from suspension_cli.scene.arrays import Array
 
 @dataclass(frozen=True)
 class Table:
-    """Columns against frequency.
+    """Columns against frequency (Hz, ascending, above 0), none negative.
 
-    Attributes
-    ----------
-    file : str
-    frequency : (n,) array
-        Hz, ascending, above 0.
-    column : dict of (n,) arrays
-        By name, none negative; "" is the name of the only column of a file without names.
+    The only column of a file without names has the name "".
     """
 
     file: str

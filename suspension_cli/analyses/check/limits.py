@@ -31,14 +31,7 @@ BALANCE = 1e-6
 
 @dataclass(frozen=True)
 class NearLimit:
-    """A mode or wire near a limit.
-
-    Attributes
-    ----------
-    name : str
-    value : float
-        Its relative error, height (m) or fraction of tension; see `Limits`.
-    """
+    """A mode or wire near a limit, with its error, height (m) or fraction; see `Limits`."""
 
     name: str
     value: float
@@ -51,8 +44,7 @@ class Limits:
     Attributes
     ----------
     digits : NearLimit or None
-        The mode with the largest rounding error from the stiffness matrix, and the relative error
-        of its frequency.
+        The mode with the largest rounding error from the stiffness matrix, over its frequency.
     tipping : NearLimit or None
         The mode closest to instability, and by how much (m) lowering the lower ends of all wires on
         their bodies makes it unstable.
@@ -71,12 +63,7 @@ class Limits:
 def find_limits(design: Design, model: LinearSystem, found: Modes) -> Limits:
     """Find the limits that a design is near.
 
-    Parameters
-    ----------
-    design : Design
-    model : LinearSystem
-        Of the model of the modes; of the beam model for modes of the violin model.
-    found : Modes
+    `model` is that of the modes; the beam model for modes of the violin model.
     """
     bodily = (found.order == 0) & (found.omega_squared != 0)
     with np.errstate(divide="ignore"):
@@ -85,14 +72,14 @@ def find_limits(design: Design, model: LinearSystem, found: Modes) -> Limits:
     height = np.where(
         bodily & (found.omega_squared > 0), compute_tipping_height(design, found), np.inf
     )
+    worst, lowest = (
+        NearLimit(found.label[n], float(values[n]))
+        for values, n in ((digits, int(digits.argmax())), (height, int(height.argmin())))
+    )
     return Limits(
-        digits=_pick(
-            found.label, digits, int(digits.argmax()), worth=bool((digits > DIGITS).any())
-        ),
-        tipping=_pick(
-            found.label, height, int(height.argmin()), worth=bool((height < TIPPING).any())
-        ),
-        slack=_slackest_of(design) if _may_differ(design) else None,
+        digits=worst if worst.value > DIGITS else None,
+        tipping=lowest if lowest.value < TIPPING else None,
+        slack=_slackest_of(design),
         balance=model.residual if model.residual > BALANCE else 0.0,
     )
 
@@ -126,19 +113,10 @@ def find_slackest(design: Design, carried: statics.Statics) -> NearLimit | None:
 
 
 def _slackest_of(design: Design) -> NearLimit | None:
-    """Find the wire of `find_slackest` by statics; None where only wires that bend balance a
-    design.
-    """
+    """Find the wire of `find_slackest` by statics, where tensions of a stage may differ."""
+    if not design.perturbation and not any(stage.wire for stage in design.stage):
+        return None
     try:
         return find_slackest(design, statics.solve(design))
-    except InputError:
+    except InputError:  # only wires that bend balance it
         return None
-
-
-def _may_differ(design: Design) -> bool:
-    """Whether wires of one stage may have different tensions."""
-    return bool(design.perturbation) or any(stage.wire for stage in design.stage)
-
-
-def _pick(names: list[str], values: Array, which: int, *, worth: bool) -> NearLimit | None:
-    return NearLimit(names[which], float(values[which])) if worth else None

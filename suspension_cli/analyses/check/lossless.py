@@ -41,47 +41,29 @@ class Lossless:
 
 
 def find_lossless(design: Design, level: str) -> list[Lossless]:
-    """Find the parts of a design without bulk loss.
+    """Find the parts of a design without bulk loss, from top to bottom, in the model `level`.
 
-    Parameters
-    ----------
-    design : Design
-    level : str
-        Name of the model. Models in which wires bend use all losses of materials; others only
-        constant loss angles given in the design.
-
-    Returns
-    -------
-    list of Lossless
-        From top to bottom.
+    Models in which wires bend use all losses of materials; others only constant loss angles
+    given in the design.
     """
     found: list[Lossless] = []
-    if (
-        design.support is not None
-        and not design.support.loss_angle
-        and not any(getattr(design.support.damping, dof) for dof in DOFS)
-    ):
+    frame = design.support
+    if frame and not frame.loss_angle and not any(getattr(frame.damping, dof) for dof in DOFS):
         found.append(Lossless(SUPPORT))
     for stage in design.stage:
         blades = [stage.blades] if stage.blades is not None else stage.blade
         names = ["" if isinstance(blade, BladeSet) else blade.name for blade in blades]
-        found += _merge_parts(
-            stage, "blades", names, [_check_blade(design, blade, level) for blade in blades]
-        )
+        lacking = [_check_blade(design, blade, level) for blade in blades]
+        found += _merge_parts(stage, "blades", names, lacking)
         wires = [stage.wires] if stage.wires is not None else stage.wire
-        found += _merge_parts(
-            stage,
-            "wires",
-            [str(n) for n, _ in enumerate(wires, 1)],
-            [_check_wire(design, wire, level) for wire in wires],
-        )
+        lacking = [_check_wire(design, wire, level) for wire in wires]
+        found += _merge_parts(stage, "wires", [str(n + 1) for n in range(len(wires))], lacking)
         if any(_is_lossless(design, spring, level) for spring in stage.spring):
             found.append(Lossless(f"{stage.name}.springs"))
-        legs, blades = stage.inverted_pendulum, stage.filter
-        if legs is not None and not legs.loss_angle and legs.q is None:
-            found.append(Lossless(f"{stage.name}.inverted_pendulum"))
-        if blades is not None and not blades.loss_angle and blades.q is None:
-            found.append(Lossless(f"{stage.name}.filter"))
+        for name in ("inverted_pendulum", "filter"):
+            part = getattr(stage, name)
+            if part is not None and not part.loss_angle and part.q is None:
+                found.append(Lossless(f"{stage.name}.{name}"))
     for link in design.link:
         if link.table is None and not _nonzero(link.damping):
             found += _check_link(design, link, level)

@@ -27,18 +27,8 @@ def find_unknown_names(
 ) -> list[ImplausibleNumber]:
     """Find names in a design that nothing in it has.
 
-    Parameters
-    ----------
-    design : Design
-    found : Modes or None
-        Its modes, to check labels of modes; None skips these.
-    paths : callable
-        Whether a dotted path leads to a table of the design.
-
-    Returns
-    -------
-    list of ImplausibleNumber
-        One per unknown name.
+    Labels of modes are checked if modes are `found`. `paths` is whether a dotted path leads to
+    a table of the design.
     """
     stages = tuple(stage.name for stage in design.stage)
     frame = (FRAME,) if design.support is not None else ()
@@ -59,16 +49,12 @@ def find_unknown_names(
     for command, table in design.analysis.items():
         for key, value in table.items():
             where = f"analysis.{command}.{key}"
-            texts = [
-                text
-                for text in (value if isinstance(value, list) else [value])
-                if isinstance(text, str)
-            ]
             if "." in key and not paths(key.rpartition(".")[0]):
                 remedy = "write the path as in the file: stage.test.wires.d"
                 unknown.append(ImplausibleNumber(Fault(where, NO_TABLE, remedy)))
-            for text in texts:
-                unknown += _check_name(key, text, where, (known, stages, wires), paths, found)
+            for text in value if isinstance(value, list) else [value]:
+                if isinstance(text, str):
+                    unknown += _check_name(key, text, where, (known, stages, wires), paths, found)
     return unknown
 
 
@@ -105,8 +91,6 @@ def _collect_faults(
     try:
         parse()
     except InputError as error:
-        return [
-            ImplausibleNumber(fault if text is None else replace(fault, value=format_value(text)))
-            for fault in error.faults
-        ]
+        given = {} if text is None else {"value": format_value(text)}
+        return [ImplausibleNumber(replace(fault, **given)) for fault in error.faults]
     return []

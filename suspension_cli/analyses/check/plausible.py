@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +13,7 @@ from suspension_cli.analyses.check.statics import (
     BladeLoad,
     LinkLoad,
     Statics,
+    Stress,
     WireLoad,
     list_wire_tables,
 )
@@ -24,7 +25,6 @@ from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.models import auto
 from suspension_cli.models.quantity_of_interest import Frequencies
-from suspension_cli.models.registry import Choice
 
 STRAIN = 0.03
 """Largest plausible strain of a wire: steel breaks at 1 %, pristine silica at 5 %, and wires are
@@ -42,26 +42,15 @@ LINK_WEIGHT = 1e-3
 
 
 def find_implausible_loads(design: Design, statics: Statics) -> list[ImplausibleNumber]:
-    """Find implausible stress, strain and sag of wires and blades, the worst of each stage.
-
-    Parameters
-    ----------
-    design : Design
-    statics : Statics
-        Loads of its wires, blades and links.
-    """
+    """Find implausible stress, strain and sag of wires and blades, the worst of each stage."""
     found: list[ImplausibleNumber] = []
     for stage in design.stage:
         wires = [wire for wire in statics.wires if _stage_of(wire.label) == stage.name]
         blades = [blade for blade in statics.blades if _stage_of(blade.label) == stage.name]
         path = f"stage.{stage.name}"
-        found += _check_stress(
-            design, wires, f"{path}.{'wires' if stage.wires is not None else 'wire'}", "wire"
-        )
+        found += _check_stress(design, wires, f"{path}.wire{'s' * bool(stage.wires)}", "wire")
         found += _check_strain(stage, wires, path)
-        found += _check_stress(
-            design, blades, f"{path}.{'blades' if stage.blades is not None else 'blade'}", "blade"
-        )
+        found += _check_stress(design, blades, f"{path}.blade{'s' * bool(stage.blades)}", "blade")
         found += _check_sag(stage, blades, path)
     for link in statics.links:
         found += _check_link(link, statics)
@@ -75,39 +64,33 @@ def hangs_freely(link: LinkLoad) -> bool:
 
 def _check_link(link: LinkLoad, carried: Statics) -> Iterator[ImplausibleNumber]:
     """Report a link that hangs more than it springs, or weighs much."""
-    path = f"link.{link.label}"
+    if link.weight is None or link.length is None or link.sag is None:
+        return
+    key = f"link.{link.label}.strands"
     if hangs_freely(link):
-        assert link.sag is not None and link.length is not None
-        yield ImplausibleNumber(
-            Fault(
-                f"{path}.strands",
-                "its weight, which is left out, would bend it by"
-                f" {100 * link.sag / link.length:.2g} % of its length, so that it hangs freely:"
-                " its stiffness is that of the unloaded shape, which it then does not have",
-                'give the shape in which it hangs, for example "catenary", or a stiffness measured'
-                " in place",
-            )
+        problem = (
+            f"its weight, which is left out, would bend it by {100 * link.sag / link.length:.2g} %"
+            " of its length, so that it hangs freely: its stiffness is that of the unloaded shape,"
+            " which it then does not have"
         )
-    if link.weight is not None and link.length is not None:
-        pendulum, least = link.weight / link.length, min(link.stiffness)
-        if pendulum > LINK_PENDULUM * least:
-            yield ImplausibleNumber(
-                Fault(
-                    f"{path}.strands",
-                    f"its weight stiffens it by some {pendulum:.2g} N/m, which is left out, beside"
-                    f" {least:.2g} N/m of the wires",
-                    "take its stiffness as an order of magnitude, or give one that was measured",
-                )
-            )
+        remedy = (
+            'give the shape in which it hangs, for example "catenary", or a stiffness measured in'
+            " place"
+        )
+        yield ImplausibleNumber(Fault(key, problem, remedy))
+    pendulum, least = link.weight / link.length, min(link.stiffness)
+    if pendulum > LINK_PENDULUM * least:
+        problem = (
+            f"its weight stiffens it by some {pendulum:.2g} N/m, which is left out, beside"
+            f" {least:.2g} N/m of the wires"
+        )
+        remedy = "take its stiffness as an order of magnitude, or give one that was measured"
+        yield ImplausibleNumber(Fault(key, problem, remedy))
     bodies = [wire.tension for wire in carried.wires]
-    if link.weight is not None and bodies and link.weight > LINK_WEIGHT * sum(bodies):
-        yield ImplausibleNumber(
-            Fault(
-                f"{path}.strands",
-                f"weighs {link.weight:.3g} N, which the models leave out",
-                "give half of it to the mass of each of its bodies",
-            )
-        )
+    if bodies and link.weight > LINK_WEIGHT * sum(bodies):
+        problem = f"weighs {link.weight:.3g} N, which the models leave out"
+        remedy = "give half of it to the mass of each of its bodies"
+        yield ImplausibleNumber(Fault(key, problem, remedy))
 
 
 def _stage_of(label: str) -> str:
@@ -115,40 +98,25 @@ def _stage_of(label: str) -> str:
 
 
 def _check_stress(
-    design: Design, parts: list[WireLoad] | list[BladeLoad], key: str, word: str
+    design: Design, parts: Sequence[Stress], key: str, word: str
 ) -> Iterator[ImplausibleNumber]:
     """Report the part with the largest stress over strength, if above 1."""
-    worst = max(
-        (part for part in parts if part.fraction is not None),
-        key=lambda part: part.fraction or 0.0,
-        default=None,
-    )
-    if worst is None or worst.fraction is None or worst.strength is None or worst.fraction <= 1:
+    worst = max(parts, key=lambda part: part.fraction or 0.0, default=None)
+    if worst is None or worst.strength is None or (worst.fraction or 0.0) <= 1:
         return
-    ratio = worst.fraction
-    given = (
-        design.materials[worst.material].tensile_strength
-        if worst.material in design.materials
-        else None
-    )
-    hint = (
-        suggest_unit(1.0, lambda v: ratio / v <= 1, (("MPa", 1e6), ("GPa", 1e9)))
-        if given is not None and given < 1e6
-        else ""
-    )
-    stress = ratio * worst.strength
+    ratio = worst.fraction or 0.0
     problem = (
-        f"{word} {worst.label} is under {_format_stress(stress)}, {ratio:.3g} times the strength of"
-        f" {worst.material} ({_format_stress(worst.strength)})"
+        f"{word} {worst.label} is under {_format_stress(ratio * worst.strength)}, {ratio:.3g} times"
+        f" the strength of {worst.material} ({_format_stress(worst.strength)})"
     )
     remedy = (
-        f"tensile_strength = {given:g}: {hint}"
-        if hint
-        else (
-            f"check its dimensions (m) and the masses (kg) that it carries, or make the {word}"
-            " thicker"
-        )
+        f"check its dimensions (m) and the masses (kg) that it carries, or make the {word} thicker"
     )
+    own = design.materials.get(worst.material)
+    given = own and own.tensile_strength
+    if given is not None and given < 1e6:
+        hint = suggest_unit(1.0, lambda v: ratio / v <= 1, (("MPa", 1e6), ("GPa", 1e9)))
+        remedy = f"tensile_strength = {given:g}: {hint}" if hint else remedy
     yield ImplausibleNumber(Fault(key, problem, remedy), serious=True)
 
 
@@ -158,38 +126,27 @@ def _format_stress(stress: float) -> str:
 
 def _check_strain(stage: Stage, wires: list[WireLoad], path: str) -> Iterator[ImplausibleNumber]:
     """Report the wire with the largest strain, if above `STRAIN`."""
-    strained = [
-        (wire.stretch / wire.length, wire, table)
-        for wire, table in zip(wires, list_wire_tables(stage), strict=True)
-    ]
-    strain, wire, table = max(strained, key=lambda item: item[0], default=(0.0, None, None))
-    if wire is None or table is None or strain <= STRAIN:
+    both = [*zip(wires, list_wire_tables(stage), strict=True)]
+    if not both:
         return
-    key = (
-        f"{path}.wires"
-        if stage.wires is not None
-        else f"{path}.wire.{wire.label.rsplit('.', 1)[1]}"
-    )
+    wire, table = max(both, key=lambda pair: pair[0].stretch / pair[0].length)
+    strain = wire.stretch / wire.length
+    if strain <= STRAIN:
+        return
+    number = wire.label.rsplit(".", 1)[1]
+    key = f"{path}.wires" if stage.wires is not None else f"{path}.wire.{number}"
     problem = (
         f"wire {wire.label} is stretched by {100 * strain:.3g} % of its length, too far for a wire"
     )
     if table.k is not None:
         hint = suggest_unit(1.0, lambda v: strain / v <= STRAIN, (("N/mm", 1e3),))
-        yield ImplausibleNumber(
-            Fault(f"{key}.k", problem, hint or "give k in N/m", format_value(table.k)),
-            serious=wire.stress is not None,
-        )
+        fault = Fault(f"{key}.k", problem, hint or "give k in N/m", format_value(table.k))
+        yield ImplausibleNumber(fault, serious=wire.stress is not None)
         return
-    hint = (
-        suggest_unit(1.0, lambda v: strain / v <= 0.5, (("MPa", 1e6), ("GPa", 1e9)))
-        if strain > 1e3 and (wire.fraction or 0.0) <= 1.0  # a sound stress: the modulus is wrong
-        else ""
-    )
-    remedy = (
-        f"Young's modulus of {wire.material}: {hint}"
-        if hint
-        else "check its cross-section, Young's modulus (Pa) and the masses (kg) that it carries"
-    )
+    remedy = "check its cross-section, Young's modulus (Pa) and the masses (kg) that it carries"
+    if strain > 1e3 and (wire.fraction or 0.0) <= 1.0:  # a sound stress: the modulus is wrong
+        hint = suggest_unit(1.0, lambda v: strain / v <= 0.5, (("MPa", 1e6), ("GPa", 1e9)))
+        remedy = f"Young's modulus of {wire.material}: {hint}" if hint else remedy
     yield ImplausibleNumber(Fault(key, problem, remedy), serious=True)
 
 
@@ -213,48 +170,33 @@ def _check_sag(stage: Stage, blades: list[BladeLoad], path: str) -> Iterator[Imp
     given = next((name for name in units if getattr(table, name) is not None), "")
     hint = suggest_unit(1.0, lambda v: worst.sag / v <= 1.0, units[given]) if given else ""
     remedy = hint or "check its stiffness (N/m), or its dimensions (m) and Young's modulus (Pa)"
-    yield ImplausibleNumber(
-        Fault(
-            f"{key}.{given}" if given else key,
-            problem,
-            remedy,
-            format_value(getattr(table, given)) if given else None,
-        ),
-        serious=worst.sag > SAG,
-    )
+    fault = Fault(key, problem, remedy)
+    if given:
+        fault = Fault(f"{key}.{given}", problem, remedy, format_value(getattr(table, given)))
+    yield ImplausibleNumber(fault, serious=worst.sag > SAG)
 
 
-def solve_stability(design: Design) -> tuple[Choice, Modes] | None:
+def solve_stability(design: Design) -> tuple[str, Modes] | tuple[None, None]:
     """Solve for the modes of the static stiffness, in the model that `auto` chooses for them.
 
-    Returns
-    -------
-    choice : Choice
-    found : Modes
-        Both as a tuple; None if the model cannot be built.
+    Returns the name of the model, and the modes; None if the model cannot be built.
     """
     try:
         with np.errstate(all="ignore"):
             decision = auto.decide(design, lambda _: Frequencies())
-            return decision.choice, eigenmodes.solve(replace(decision.model, terms=()))
+            return decision.choice.level, eigenmodes.solve(replace(decision.model, terms=()))
     except (InputError, np.linalg.LinAlgError, ArithmeticError):
-        return None
+        return None, None
 
 
-def find_instability(choice: Choice, found: Modes) -> list[ImplausibleNumber]:
+def find_instability(level: str, found: Modes) -> list[ImplausibleNumber]:
     """Report an unstable equilibrium, with the growth rate of its fastest mode."""
     if found.stable:
         return []
     worst = f"{found.label[0]} grows at {found.growth_rate[0]:.4g} 1/s"
-    return [
-        ImplausibleNumber(
-            Fault(
-                "stage",
-                f"the equilibrium is unstable in the {choice.level} model: {worst}",
-                "attach the wires higher above the COM (raise d), or stiffen the flexures of legs",
-            )
-        )
-    ]
+    problem = f"the equilibrium is unstable in the {level} model: {worst}"
+    remedy = "attach the wires higher above the COM (raise d), or stiffen the flexures of legs"
+    return [ImplausibleNumber(Fault("stage", problem, remedy))]
 
 
 def find_serious(design: Design) -> list[ImplausibleNumber]:

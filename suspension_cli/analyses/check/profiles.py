@@ -23,51 +23,42 @@ ELEMENTS = 6000
 
 @dataclass(frozen=True)
 class ReducedProfile:
-    """One measured profile and its sections.
+    """One measured profile and its sections: their numbers and the relative changes of stiffness.
 
-    Attributes
-    ----------
-    wire : str
-        ``test.wires`` or ``test.2``.
-    places, sections : int
-        Numbers of measured places and of uniform sections.
-    stretching, bending : float
-        Relative change of the stretching stiffness, and the largest one of the static stiffness in
-        bending (displacement and rotation of either end).
-    allowed : float
-        That the design allows.
+    The change in bending is the largest one of the static stiffness (displacement and rotation
+    of either end). `allowed` is what the design allows.
     """
 
     wire: str
     places: int
     sections: int
-    stretching: float
-    bending: float
+    stretching_change: float
+    bending_change: float
     allowed: float
 
     @property
     def line(self) -> str:
         """The reduction in a line."""
-        worst = max(self.stretching, self.bending)
+        worst = max(self.stretching_change, self.bending_change)
         verdict = "within" if worst <= self.allowed else "ABOVE"
         return (
             f"profile of {self.wire}: {self.places} places in {self.sections} sections; stretching"
-            f" changes by {self.stretching:.0e}, bending by {self.bending:.0e}, {verdict} the"
-            f" {self.allowed:g} allowed"
+            f" changes by {self.stretching_change:.0e}, bending by {self.bending_change:.0e},"
+            f" {verdict} the {self.allowed:g} allowed"
         )
 
 
 def solve(design: Design, statics: Statics) -> list[ReducedProfile]:
     """Compare every measured profile with its sections."""
     found: list[ReducedProfile] = []
-    if not any(isinstance(table.profile, Profile) for _, table, _ in _tables(design)):
+    measured = [item for item in _tables(design) if isinstance(item[1].profile, Profile)]
+    if not measured:
         return found
     scene = registry.BEAM.completed(expand(design), design)
     assert scene.fibres is not None
-    for name, table, number in _tables(design):
+    for name, table, number in measured:
         own = table.profile
-        if not isinstance(own, Profile):
-            continue
+        assert isinstance(own, Profile)
         length, tension = float(scene.wires.length[number]), statics.wires[number].tension
         fibre = scene.fibres.wire[number]
         modulus = materials.resolve(design, table.material or "").youngs_modulus

@@ -11,7 +11,7 @@ from suspension_cli.errors import Fault, InputError, escape_unprintable
 
 if TYPE_CHECKING:
     from suspension_cli.analyses.check.profiles import ReducedProfile
-    from suspension_cli.analyses.check.statics import BladeLoad, LinkLoad, Statics, WireLoad
+    from suspension_cli.analyses.check.statics import LinkLoad, Statics, Stress
     from suspension_cli.analyses.check.wire_weights import WireWeights
     from suspension_cli.design.plausibility import ImplausibleNumber
     from suspension_cli.design.reader import Source
@@ -29,17 +29,12 @@ class Check(Report):
 
     Attributes
     ----------
-    source : Source
-        The design, its TOML text (overrides applied) and the name of its file.
     choice : Choice
         The simplest model that is valid for it.
     statics : Statics
         Loads of wires and blades, pose and lowest points of bodies.
-    stable : bool or None
-        Whether it is stable; None where that could not be computed.
-    stability_model : str or None
-        Name of the model in which it is.
-    warnings : list of ImplausibleNumber
+    stable, stability_model : bool, str or None
+        Whether it is stable, and in which model; None where that could not be computed.
     weights : WireWeights or None
         Weight of the wires; None where no density is known.
     profiles : list of ReducedProfile
@@ -101,7 +96,8 @@ class Check(Report):
                 | {"serious": item.serious}
                 for item in self.warnings
             ],
-        } | self._wire_details()
+            **self._wire_details(),
+        }
 
     def _wire_details(self) -> Document:
         """Weight of wires where it is included, and measured profiles where there are any."""
@@ -115,17 +111,7 @@ class Check(Report):
                 "error": own.error,
             }
         if self.profiles:
-            result["profiles"] = [
-                {
-                    "wire": one.wire,
-                    "places": one.places,
-                    "sections": one.sections,
-                    "stretching_change": one.stretching,
-                    "bending_change": one.bending,
-                    "allowed": one.allowed,
-                }
-                for one in self.profiles
-            ]
+            result["profiles"] = [asdict(one) for one in self.profiles]
         return result
 
     def __str__(self) -> str:
@@ -210,25 +196,23 @@ def solve(source: Source) -> Check:
         raise InputError([*error.faults, *(item.fault for item in found)], source.file) from None
     found += plausible.find_implausible_loads(design, loads)
     found += towers.find_implausible_towers(design, loads.legs, loads.filters)
-    stable = level = modes = None
-    stability = plausible.solve_stability(design)
-    if stability is not None:
-        found += plausible.find_instability(*stability)
-        level, modes = stability[0].level, stability[1]
+    stable = None
+    level, modes = plausible.solve_stability(design)
+    if level is not None and modes is not None:
+        found += plausible.find_instability(level, modes)
         stable = bool(modes.stable)
     near = limits.find_slackest(design, loads)
     if near is not None:
         remedy = "move its ends, or give it its share of the load"
-        found.append(
-            plausibility.ImplausibleNumber(Fault("", warnings.describe_slack(near), remedy))
-        )
+        fault = Fault("", warnings.describe_slack(near), remedy)
+        found.append(plausibility.ImplausibleNumber(fault))
     raw = tomllib.loads(source.text)
     found += names.find_unknown_names(design, modes, lambda path: value_at(raw, path) is not None)
     weights, reduced = wire_weights.solve(design, loads), profiles.solve(design, loads)
     return Check(source, choice, loads, stable, level, found, weights, reduced)
 
 
-def _stressed(part: WireLoad | BladeLoad) -> Document:
+def _stressed(part: Stress) -> Document:
     return {
         "stress_pa": part.stress,
         "strength_pa": part.strength,
@@ -236,7 +220,7 @@ def _stressed(part: WireLoad | BladeLoad) -> Document:
     }
 
 
-def _strength(part: WireLoad | BladeLoad) -> tuple[float | None, float | None]:
+def _strength(part: Stress) -> tuple[float | None, float | None]:
     """Return the stress in MPa and its fraction of the strength in %; None where unknown."""
     return (
         None if part.stress is None else part.stress / 1e6,

@@ -21,32 +21,23 @@ from suspension_cli.scene.scene import Scene
 
 
 @dataclass(frozen=True)
-class WireLoad:
-    """Load of one wire.
+class Stress:
+    """Stress of a wire or blade.
 
     Attributes
     ----------
-    label : str
-    tension : float
-        N.
-    stretch : float
-        Elongation from its natural length, m.
-    length : float
-        Loaded, m.
     stress : float or None
-        At its thinnest section, Pa; None where only k is known.
+        Largest, at the thinnest section of a wire or the base of a blade, Pa; None where the
+        geometry is not known.
     strength : float or None
         Tensile strength of `material`, Pa; None where no strength is known.
     fraction : float or None
-        Largest ratio of stress to strength of its sections.
+        Largest ratio of stress to strength of all sections.
     material : str
         Material of that section; "" where none is named.
     """
 
     label: str
-    tension: float
-    stretch: float
-    length: float
     stress: float | None
     strength: float | None
     fraction: float | None
@@ -54,30 +45,20 @@ class WireLoad:
 
 
 @dataclass(frozen=True)
-class BladeLoad:
-    """Load of one blade.
+class WireLoad(Stress):
+    """Load of one wire: tension (N), elongation and loaded length (m)."""
 
-    Attributes
-    ----------
-    label : str
-    load : float
-        Vertical force at its tip, N.
-    sag : float
-        Deflection of its tip under the load, m.
-    stress : float or None
-        Largest, at its base, Pa; None where its geometry is not known.
-    strength, fraction : float or None
-        As in `WireLoad`.
-    material : str
-    """
+    tension: float
+    stretch: float
+    length: float
 
-    label: str
+
+@dataclass(frozen=True)
+class BladeLoad(Stress):
+    """Load of one blade: vertical force at its tip (N), deflection of its tip under it (m)."""
+
     load: float
     sag: float
-    stress: float | None
-    strength: float | None
-    fraction: float | None
-    material: str
 
 
 @dataclass(frozen=True)
@@ -91,17 +72,7 @@ class BodyPose:
 
 @dataclass(frozen=True)
 class Lowest:
-    """Lowest point of a stage.
-
-    Attributes
-    ----------
-    name : str
-        Of the stage.
-    z : float
-        From the suspension point, m.
-    point : str
-        "body", "wires" or "centre of mass".
-    """
+    """Lowest point of a stage: its z (m) from the suspension point, and what lies there."""
 
     name: str
     z: float
@@ -114,13 +85,8 @@ class LinkLoad:
 
     Attributes
     ----------
-    label : str
-        Its name.
-    between : tuple of str
-    stiffness : (float, float, float)
-        Of the displacements x, y, z at its point, N/m.
-    damping : (float, float, float)
-        N s/m.
+    stiffness, damping : (float, float, float)
+        Of the displacements x, y, z at its point, N/m and N s/m.
     length : float or None
         Of one wire of a link given by its geometry, m.
     weight : float or None
@@ -143,24 +109,7 @@ class LinkLoad:
 
 @dataclass(frozen=True)
 class Statics:
-    """Statics of one design.
-
-    Attributes
-    ----------
-    wires : tuple of WireLoad
-    blades : tuple of BladeLoad
-    bodies : tuple of BodyPose
-    lowest : tuple of Lowest
-        One per stage.
-    top : float
-        z of the highest end of a wire, m.
-    residual : float
-        Of the equilibrium, over the weight.
-    links : tuple of LinkLoad
-    legs : tuple of LegLoad
-        One per inverted pendulum.
-    filters : tuple of FilterLoad
-    """
+    """Statics of one design; `top` is z of the highest end of a wire, m."""
 
     wires: tuple[WireLoad, ...]
     blades: tuple[BladeLoad, ...]
@@ -190,12 +139,14 @@ def solve(design: Design) -> Statics:
     balanced = balance(scene)
     balanced.demand(scene)
     tables = [table for stage in design.stage for table in list_wire_tables(stage)]
+    tension = balanced.tension
     rows = zip(
         tables,
         scene.wires.label,
-        balanced.tension.tolist(),
-        scene.wires.stiffness.tolist(),
+        tension.tolist(),
+        (tension / scene.wires.stiffness).tolist(),
         scene.wires.length.tolist(),
+        _upper_weights(scene),
         strict=True,
     )
     pose = balanced.pose
@@ -205,21 +156,14 @@ def solve(design: Design) -> Statics:
     )
     ends = _end_heights(scene, balanced)
     return Statics(
-        wires=tuple(
-            _wire_load(design, table, label, tension, tension / k, length, own)
-            for (table, label, tension, k, length), own in zip(
-                rows, _upper_weights(scene), strict=True
-            )
-        ),
+        wires=tuple(_wire_load(design, *row) for row in rows),
         blades=tuple(_blade_load(design, *blade) for blade in _blade_rows(design, scene, balanced)),
         bodies=bodies,
         lowest=tuple(
             _find_lowest(stage.body, n, scene, balanced, ends[n])
             for n, stage in enumerate(design.stage, 1)
         ),
-        top=max((max(heights, default=-np.inf) for heights in ends), default=0.0)
-        if scene.wires.label
-        else 0.0,
+        top=max((end for heights in ends for end in heights), default=0.0),
         residual=float(balanced.residual),
         links=tuple(_links(design, scene)),
         legs=towers.leg_loads(design, scene, balanced),
@@ -236,11 +180,9 @@ def _links(design: Design, scene: Scene) -> Iterator[LinkLoad]:
         found = LinkLoad(
             link.name,
             tuple(link.between),
-            _vector(np.diag(stiffness)[:3]),
-            _vector(np.diag(links.matrix(link.damping))[:3]),
-            table=None
-            if link.table is None
-            else (link.table.frequency[0], link.table.frequency[-1]),
+            _vector(np.diag(stiffness)),
+            _vector(np.diag(links.matrix(link.damping))),
+            table=link.table and (link.table.frequency[0], link.table.frequency[-1]),
         )
         if link.strands is not None:
             curve, wire = links.link_curve(link, first, second), links.wire_of(design, link.strands)
@@ -253,7 +195,7 @@ def _links(design: Design, scene: Scene) -> Iterator[LinkLoad]:
             )
         yield found
     for damper in design.damper:
-        damping = _vector(np.diag(links.damper_matrix(damper))[:3])
+        damping = _vector(np.diag(links.damper_matrix(damper)))
         yield LinkLoad(damper.name, tuple(damper.between), (0.0, 0.0, 0.0), damping)
 
 
@@ -276,21 +218,16 @@ def _wire_load(
     tension: float,
     stretch: float,
     length: float,
-    weight: float = 0.0,
+    weight: float,
 ) -> WireLoad:
     """Load of a wire; strength counts where the stress comes nearest to it.
 
     `weight` (N) adds to the tension at its upper end.
     """
     sections = given_sections(table)
-    pieces = (
-        [(piece, piece.material or table.material) for piece in sections]
-        if sections is not None
-        else [(table, table.material)]
-    )
     found: list[tuple[float, float | None, str]] = []
-    for piece, name in pieces:
-        area = thinnest(piece)
+    for piece in [table] if sections is None else sections:
+        name, area = piece.material or table.material, thinnest(piece)
         if area is not None:
             found.append(((tension + weight) / area, _strength(design, name), name or ""))
     known = [
@@ -302,7 +239,7 @@ def _wire_load(
         known, default=(None, None, max(found)[2] if found else table.material or "")
     )
     largest = max((stress for stress, _, _ in found), default=None)
-    return WireLoad(label, tension, stretch, length, largest, strength, fraction, material)
+    return WireLoad(label, largest, strength, fraction, material, tension, stretch, length)
 
 
 def _strength(design: Design, name: str | None) -> float | None:
@@ -313,13 +250,9 @@ def _blade_rows(
     design: Design, scene: Scene, balanced: Equilibrium
 ) -> list[tuple[BladeSet | Blade, str, float, float]]:
     """Table, label, vertical force on the tip (N) and vertical stiffness (N/m) of every blade."""
-    tables = [
-        table
-        for stage in design.stage
-        for table in (
-            [stage.blades] * stage.blades.count if stage.blades is not None else stage.blade
-        )
-    ]
+    tables: list[BladeSet | Blade] = []
+    for stage in design.stage:
+        tables += stage.blade if stage.blades is None else [stage.blades] * stage.blades.count
     k = scene.blades.stiffness[:, 2]
     load = scene.blades.load[:, 2] - k * balanced.pose.deflection[:, 2]
     return list(zip(tables, scene.blades.label, load.tolist(), k.tolist(), strict=True))
@@ -333,13 +266,13 @@ def _blade_load(
     The largest stress under F, at its base, is 6 F L / (b h^2): beam theory, the moment F L over
     the section modulus b h^2 / 6.
     """
-    shape = table.geometry
+    shape, sag = table.geometry, load / stiffness
     if shape is None:
-        return BladeLoad(label, load, load / stiffness, None, None, None, table.material or "")
+        return BladeLoad(label, None, None, None, table.material or "", load, sag)
     stress = 6 * load * shape.length / (shape.base_width * shape.thickness**2)
     strength = _strength(design, shape.material)
     fraction = None if strength is None else stress / strength
-    return BladeLoad(label, load, load / stiffness, stress, strength, fraction, shape.material)
+    return BladeLoad(label, stress, strength, fraction, shape.material, load, sag)
 
 
 def _end_heights(scene: Scene, balanced: Equilibrium) -> list[list[float]]:

@@ -16,6 +16,7 @@ from suspension_cli.design.keystones import Keystone
 from suspension_cli.design.plausibility import ImplausibleNumber
 from suspension_cli.design.schema import Design
 from suspension_cli.elements import string
+from suspension_cli.equilibrium.residual_scale import carried_weights
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.errors import Fault, format_value
 from suspension_cli.scene.scene import Scene
@@ -28,14 +29,41 @@ WORKING_RANGE = 5e-3
 some millimetres."""
 
 
+LEG_KEYS = {
+    "stage": "stage",
+    "thrust": "thrust_n",
+    "load": "load_n",
+    "critical": "critical_load_n",
+    "margin": "margin",
+    "flexure": "flexure_n_m_per_rad",
+    "stiffness": "stiffness_n_per_m",
+    "elastic": "elastic_stiffness_n_per_m",
+    "frequency": "frequency_hz",
+    "tilt": "tilt_m_per_rad",
+    "saturation": "saturation",
+    "dilution": "dilution",
+}
+FILTER_KEYS = {
+    "stage": "stage",
+    "carried": "carried_n",
+    "load": "load_n",
+    "stiffness": "stiffness_n_per_m",
+    "frequency": "frequency_hz",
+    "sag": "sag_m",
+    "saturation": "saturation",
+    "thermal_force": "thermal_force_n_per_k",
+    "thermal_shift": "thermal_shift_m_per_k",
+}
+"""Keys in JSON of the attributes of `LegLoad` and `FilterLoad`."""
+
+
 @dataclass(frozen=True)
 class LegLoad:
     """Load and lateral motion of one inverted pendulum.
 
     Attributes
     ----------
-    stage : str
-    thrust : tuple of float
+    thrust : list of float
         Of each leg in equilibrium, at its top, N.
     load, critical : float
         Weight that stands on the legs, and that at which they tip over, N.
@@ -55,7 +83,7 @@ class LegLoad:
     """
 
     stage: str
-    thrust: tuple[float, ...]
+    thrust: list[float]
     load: float
     critical: float
     flexure: float
@@ -128,7 +156,7 @@ def leg_loads(design: Design, scene: Scene, balanced: Equilibrium) -> tuple[LegL
         found.append(
             LegLoad(
                 stage=stage.name,
-                thrust=tuple(thrust[own].tolist()),
+                thrust=thrust[own].tolist(),
                 load=load,
                 critical=drawn.critical,
                 flexure=drawn.flexure,
@@ -148,20 +176,20 @@ def filter_loads(design: Design, scene: Scene, balanced: Equilibrium) -> tuple[F
     found = []
     stages = {stage.name: stage for stage in design.stage}
     for number, stage in enumerate(design.stage, 1):
-        table = stages[stage.blades_of].filter if isinstance(stage, Keystone) else None
-        if table is None or not isinstance(stage, Keystone):
+        if not isinstance(stage, Keystone):
+            continue
+        table = stages[stage.blades_of].filter
+        if table is None:
             continue
         spring = int(np.flatnonzero(scene.springs.lower == number)[-1])
         upper = int(scene.springs.upper[spring])
-        pose, carried = balanced.pose, _weight_below(scene, number)
+        pose, carried = balanced.pose, float(carried_weights(scene)[number - 1])
         numbers = filter_statics(table, carried, float(scene.gravity))
         load = float(scene.springs.preload[spring, 2])
         stiffness = float(scene.springs.stiffness[spring, 2, 2])
-        point = (
-            pose.shift[upper]
-            + pose.arms(np.array([upper]), scene.springs.upper_point[spring][None])[0]
-        )
-        own = pose.shift[number] + scene.springs.upper_point[spring]
+        above = scene.springs.upper_point[spring]
+        point = pose.shift[upper] + pose.arms(np.array([upper]), above[None])[0]
+        own = pose.shift[number] + above
         force = load * (table.modulus_slope + 2 * table.thermal_expansion)
         found.append(
             FilterLoad(
@@ -179,50 +207,16 @@ def filter_loads(design: Design, scene: Scene, balanced: Equilibrium) -> tuple[F
     return tuple(found)
 
 
-def _weight_below(scene: Scene, number: int) -> float:
-    """Weight of a body and of all that hangs from it, N."""
-    from suspension_cli.equilibrium.residual_scale import carried_weights
-
-    return float(carried_weights(scene)[number - 1])
-
-
 def documents(legs: tuple[LegLoad, ...], filters: tuple[FilterLoad, ...]) -> Document:
     """JSON lists of inverted pendulums and filters, where there are any."""
-    result: Document = {}
-    if legs:
-        result["inverted_pendulums"] = [
-            {
-                "stage": leg.stage,
-                "thrust_n": list(leg.thrust),
-                "load_n": leg.load,
-                "critical_load_n": leg.critical,
-                "margin": leg.margin,
-                "flexure_n_m_per_rad": leg.flexure,
-                "stiffness_n_per_m": leg.stiffness,
-                "elastic_stiffness_n_per_m": leg.elastic,
-                "frequency_hz": leg.frequency,
-                "tilt_m_per_rad": leg.tilt,
-                "saturation": leg.saturation,
-                "dilution": leg.dilution,
-            }
-            for leg in legs
-        ]
-    if filters:
-        result["filters"] = [
-            {
-                "stage": own.stage,
-                "carried_n": own.carried,
-                "load_n": own.load,
-                "stiffness_n_per_m": own.stiffness,
-                "frequency_hz": own.frequency,
-                "sag_m": own.sag,
-                "saturation": own.saturation,
-                "thermal_force_n_per_k": own.thermal_force,
-                "thermal_shift_m_per_k": own.thermal_shift,
-            }
-            for own in filters
-        ]
-    return result
+    return {
+        name: [{key: getattr(one, field) for field, key in keys.items()} for one in found]
+        for name, keys, found in (
+            ("inverted_pendulums", LEG_KEYS, legs),
+            ("filters", FILTER_KEYS, filters),
+        )
+        if found
+    }
 
 
 def lines(legs: tuple[LegLoad, ...], filters: tuple[FilterLoad, ...]) -> list[str]:
@@ -239,19 +233,10 @@ def lines(legs: tuple[LegLoad, ...], filters: tuple[FilterLoad, ...]) -> list[st
             "ground tilt\nm/rad": ".4g",
             "saturation": ".2g",
         }
-        rows = [
-            (
-                leg.stage,
-                leg.load,
-                leg.critical,
-                100 * leg.margin,
-                leg.stiffness,
-                leg.frequency,
-                leg.tilt,
-                leg.saturation,
-            )
-            for leg in legs
-        ]
+        rows = []
+        for leg in legs:
+            load = (leg.load, leg.critical, 100 * leg.margin)
+            rows.append((leg.stage, *load, leg.stiffness, leg.frequency, leg.tilt, leg.saturation))
         found.append(tables.render(heads, rows))
     if filters:
         heads = {
@@ -306,12 +291,10 @@ def find_implausible_towers(
         if abs(own.sag) <= WORKING_RANGE:
             continue
         way = "below" if own.sag > 0 else "above"
-        yield ImplausibleNumber(
-            Fault(
-                f"stage.{own.stage}.filter.load",
-                f"the keystone is {1e3 * abs(own.sag):.3g} mm {way} its working point: it carries"
-                f" {own.carried:.6g} N, not {own.load:.6g} N",
-                f"give load = {own.carried:.6g}, leave it out, or change the mass below",
-                format_value(own.load),
-            )
+        problem = (
+            f"the keystone is {1e3 * abs(own.sag):.3g} mm {way} its working point: it carries"
+            f" {own.carried:.6g} N, not {own.load:.6g} N"
         )
+        remedy = f"give load = {own.carried:.6g}, leave it out, or change the mass below"
+        key = f"stage.{own.stage}.filter.load"
+        yield ImplausibleNumber(Fault(key, problem, remedy, format_value(own.load)))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options
 from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, plain
-from suspension_cli.analyses.options import argument, option
+from suspension_cli.analyses.options import argument
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,34 +33,10 @@ class CompareAnalysis(Analysis):
     name = "compare"
     arguments = (argument("items", nargs=-1, required=True, metavar="ITEM ITEM..."),)
     parameters = (
-        option(
-            "--input",
-            "inputs",
-            multiple=True,
-            metavar="SIGNAL",
-            help="Compare responses to this input, e.g. support.x (repeatable).",
-        ),
-        option(
-            "--output",
-            "outputs",
-            multiple=True,
-            metavar="SIGNAL",
-            help="Compare responses of this output, e.g. test.x (repeatable).",
-        ),
-        option(
-            "--noise",
-            "noises",
-            multiple=True,
-            metavar="SIGNAL",
-            help="Compare the thermal noise of this motion, e.g. test.x (repeatable).",
-        ),
-        option(
-            "--frequency",
-            default="0.1:100:2000",
-            show_default=True,
-            metavar="GRID",
-            help="Frequencies of responses and noises of designs, Hz.",
-        ),
+        options.signals("input", "Compare responses to this input, e.g. support.x"),
+        options.signals("output", "Compare responses of this output, e.g. test.x"),
+        options.signals("noise", "Compare the thermal noise of this motion, e.g. test.x"),
+        options.frequencies("0.1:100:2000", "Frequencies of responses and noises of designs, Hz."),
         options.ACCURACY,
         *options.WRITING,
     )
@@ -146,23 +122,16 @@ class CompareAnalysis(Analysis):
 
 
 def _overlay(found: Comparison, overlay: Overlay) -> Document:
-    import numpy as np
-
     response = overlay.kind == "response"
     curves = []
     for curve in overlay.curves:
-        one: Document = {"name": found.name[curve.item]}
-        one["frequency_hz"] = plain(curve.frequency)
+        name, value, ratio = found.name[curve.item], curve.value, curve.ratio
+        one = {"name": name, "frequency_hz": plain(curve.frequency)}
+        one["real" if response else "displacement_asd"] = plain(value.real)
+        over = {"frequency_hz": plain(curve.ratio_frequency), "real": plain(ratio.real)}
         if response:
-            one |= {"real": plain(np.real(curve.value)), "imag": plain(np.imag(curve.value))}
-        else:
-            one["displacement_asd"] = plain(np.real(curve.value))
-        ratio = {
-            "frequency_hz": plain(curve.ratio_frequency),
-            "real": plain(np.real(curve.ratio)),
-        }
-        one["ratio"] = ratio | ({"imag": plain(np.imag(curve.ratio))} if response else {})
-        curves.append(one)
+            one["imag"], over["imag"] = plain(value.imag), plain(ratio.imag)
+        curves.append(one | {"ratio": over})
     head = {"output": overlay.output} | ({"input": overlay.input} if response else {})
     reference = found.name[overlay.curves[0].item]
     return head | {"unit": overlay.unit, "reference": reference, "curves": curves}

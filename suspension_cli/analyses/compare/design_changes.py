@@ -16,15 +16,7 @@ MISSING = "not given"
 
 @dataclass(frozen=True)
 class Change:
-    """One key that differs.
-
-    Attributes
-    ----------
-    path : str
-        Dotted path, as ``--set`` takes it.
-    before, after : str
-        Values with units: ``"1.5 mm"``; ``"not given"`` where the key is missing.
-    """
+    """One key that differs, and its values with units; ``"not given"`` where it is missing."""
 
     path: str
     before: str

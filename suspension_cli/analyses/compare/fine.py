@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from suspension_cli.analyses.compare.solve import Curve, Overlay
-from suspension_cli.scene.arrays import Array
 
 
 def refine(overlay: Overlay) -> list[Curve]:
@@ -48,9 +47,6 @@ def _with_ratio(curve: Curve, first: Curve) -> Curve:
     ends = [(one.frequency[0], one.frequency[-1]) for one in (curve, first)]
     at = at[(at >= max(low for low, _ in ends)) & (at <= min(high for _, high in ends))]
     with np.errstate(divide="ignore", invalid="ignore"):
-        over, under = (np.exp(np.interp(np.log(at), *_logs(one))) for one in (curve, first))
+        logs = ((np.log(one.frequency), np.log(np.abs(one.value))) for one in (curve, first))
+        over, under = (np.exp(np.interp(np.log(at), *log)) for log in logs)
         return replace(curve, ratio_frequency=at, ratio=over / under + 0j)
-
-
-def _logs(curve: Curve) -> tuple[Array, Array]:
-    return np.log(curve.frequency), np.log(np.abs(curve.value))

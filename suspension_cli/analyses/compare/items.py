@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,20 +27,8 @@ RESULT, MEASUREMENT = (".h5", ".hdf5"), (".csv", ".txt", ".dat", ".xml", ".h5", 
 class Item:
     """One of the things that are compared.
 
-    Attributes
-    ----------
-    name : str
-        Heading of its column: the name of the design, or the stem of the file.
-    source : Source or None
-        The design, also that of a result.
-    run : Run or None
-        For a design that is yet to be analysed.
-    result : Result or None
-        A stored result.
-    modes : sequence of Mode
-        Measured modes.
-    responses : sequence of MeasuredResponse
-        Measured transfer functions.
+    `name` is the heading of its column. A result has a `source` too; a `run` is a design that
+    is yet to be analysed.
     """
 
     name: str
@@ -48,7 +36,7 @@ class Item:
     run: Run | None = None
     result: Result | None = None
     modes: Sequence[Mode] = ()
-    responses: Sequence[MeasuredResponse] = field(default_factory=tuple)
+    responses: Sequence[MeasuredResponse] = ()
 
     @property
     def kind(self) -> str:
@@ -111,8 +99,6 @@ def _read(ask: Callable[..., Run], given: Given) -> Item:
 
 def _calibrated(tables: Measured, path: Path) -> list[MeasuredResponse]:
     """Read transfer functions, and convert readings and drives to signals of the design."""
-    import dataclasses
-
     from suspension_cli.measurements.prediction import channel_weights, find_transducer
     from suspension_cli.measurements.read import read_all
 
@@ -128,15 +114,8 @@ def _calibrated(tables: Measured, path: Path) -> list[MeasuredResponse]:
             ends[end.signal] = channel_weights(end, [end.signal], one.frequency)[:, 0]
         (output, sensed), (into, driven) = ends.items()
         factor = sensed * driven
-        found.append(
-            dataclasses.replace(
-                one,
-                input=into,
-                output=output,
-                value=one.value / factor,
-                uncertainty=one.uncertainty / abs(factor),
-            )
-        )
+        value, uncertainty = one.value / factor, one.uncertainty / abs(factor)
+        found.append(replace(one, input=into, output=output, value=value, uncertainty=uncertainty))
     return found
 
 
@@ -169,7 +148,6 @@ def _of_result(result: Result) -> Item:
 
 def _with_own_names(items: list[Item], given: Sequence[Given]) -> list[Item]:
     """Name things of equal name after their files, then by numbers."""
-    import dataclasses
 
     def name(n: int, item: Item) -> str:
         if [other.name for other in items].count(item.name) == 1:
@@ -183,7 +161,7 @@ def _with_own_names(items: list[Item], given: Sequence[Given]) -> list[Item]:
         f"{one} ({names[: n + 1].count(one)})" if names.count(one) > 1 else one
         for n, one in enumerate(names)
     ]
-    return [dataclasses.replace(item, name=one) for item, one in zip(items, numbered, strict=True)]
+    return [replace(item, name=one) for item, one in zip(items, numbered, strict=True)]
 
 
 def resolve_signals(item: Item, inputs: Sequence[str], outputs: Sequence[str]) -> Item:
@@ -194,18 +172,14 @@ def resolve_signals(item: Item, inputs: Sequence[str], outputs: Sequence[str]) -
     InputError
         If a file does not say what it measured, and the command does not either.
     """
-    import dataclasses
-
     if all(_is_signal(one.input) and _is_signal(one.output) for one in item.responses):
         return item
+    first = item.responses[0]
     if len(inputs) != 1 or len(outputs) != 1 or len(item.responses) != 1:
         problem = "does not say which signals were measured"
         remedy = "add --input and --output, one each, or describe it in a TOML file"
-        raise InputError(
-            [Fault("", problem, remedy, format_value(item.name))], item.responses[0].file
-        )
-    named = dataclasses.replace(item.responses[0], input=inputs[0], output=outputs[0])
-    return dataclasses.replace(item, responses=[named])
+        raise InputError([Fault("", problem, remedy, format_value(item.name))], first.file)
+    return replace(item, responses=[replace(first, input=inputs[0], output=outputs[0])])
 
 
 def _is_signal(name: str) -> bool:

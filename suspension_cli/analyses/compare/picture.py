@@ -22,8 +22,6 @@ from suspension_cli.drawing.style import (
     single_line,
 )
 
-DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.4, 1.2, 1.4)))
-"""Line styles of the items, so that equal curves do not hide each other."""
 MARKERS = ("o", "D", "s", "^", "v")
 """Markers of the items."""
 
@@ -31,22 +29,21 @@ MARKERS = ("o", "D", "s", "^", "v")
 def draw_modes(found: Comparison, modes: PairedModes) -> Figure:
     """Draw the change of every mode's frequency from the first item to the others, in %."""
     shown = np.flatnonzero(np.isfinite(modes.frequency).sum(1) > 1)
-    labels = [modes.label[n] for n in shown]
-    first = np.array([row[np.isfinite(row)][0] for row in modes.frequency[shown]])
-    base = [int(np.flatnonzero(np.isfinite(row))[0]) for row in modes.frequency[shown]]
+    labels, frequency = [modes.label[n] for n in shown], modes.frequency[shown]
+    base = np.isfinite(frequency).argmax(1)
+    first = frequency[np.arange(len(shown)), base]
     with house_style():
         left = 0.3 + 0.058 * max(len(label) + 9 for label in [*labels, ""])
         tall = 0.17 * max(len(shown), 4)
         figure = new_figure(curves.COLUMN, curves.HEAD + 0.3 + tall + 0.55)
         axes = figure.subplots()
         curves.set_margins(figure, left=left, right=0.28, top=curves.HEAD + 0.3, bottom=0.55)
-        change: Any = 100 * (modes.frequency[shown] / first[:, None] - 1)
+        change: Any = 100 * (frequency / first[:, None] - 1)
         rows = np.arange(len(shown))
         for n, name in enumerate(found.name):
-            own = np.isfinite(change[:, n]) & (np.array(base) != n)
+            own = np.isfinite(change[:, n]) & (base != n)
             if own.any():
-                colour = PALETTE[n % len(PALETTE)]
-                marker = MARKERS[n % len(MARKERS)]
+                colour, marker = PALETTE[n % len(PALETTE)], MARKERS[n % len(MARKERS)]
                 axes.hlines(rows[own], 0, change[own, n], color=colour, lw=0.6, alpha=0.5)
                 axes.plot(change[own, n], rows[own], marker, ms=4, color=colour, label=name)
         largest = float(np.nanmax(np.abs(change), initial=0.0))
@@ -54,13 +51,8 @@ def draw_modes(found: Comparison, modes: PairedModes) -> Figure:
             axes.set_xscale("symlog", linthresh=1.0 if largest < 100 else 10.0)
             axes.xaxis.set_major_formatter(lambda x, _: f"{x:+g}".replace("-", "−") if x else "0")
         axes.axvline(0, color=PALE, lw=0.8, zorder=0)
-        axes.set_yticks(
-            rows,
-            [
-                f"{label}  {format_significant(f)} Hz"
-                for label, f in zip(labels, first, strict=True)
-            ],
-        )
+        named = zip(labels, first, strict=True)
+        axes.set_yticks(rows, [f"{label}  {format_significant(f)} Hz" for label, f in named])
         axes.set_ylim(len(shown) - 0.5, -0.5)
         axes.grid(visible=True, axis="y", color=PALE, linewidth=0.3)
         axes.set_xlabel(f"frequency relative to {single_line(found.name[0], 16)} (%)")
@@ -69,12 +61,9 @@ def draw_modes(found: Comparison, modes: PairedModes) -> Figure:
             axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), fontsize=7.5, ncols=4)
         models = _model_line(found)
         items = [single_line(name) for name in found.name]
-        against = f"{', '.join(items[1:])} against {items[0]}"
-        curves.write_heading(
-            figure,
-            f"Mode frequencies: {_modes_title(found, change, labels)}",
-            f"{against}{f' · {models}' if models else ''}",
-        )
+        against = f"{', '.join(items[1:])} against {items[0]}{f' · {models}' if models else ''}"
+        title = f"Mode frequencies: {_modes_title(found, change, labels)}"
+        curves.write_heading(figure, title, against)
         return figure
 
 
@@ -149,7 +138,7 @@ def _look(found: Comparison, curve: Curve) -> dict[str, Any]:
     """Dashes of a computed curve, points of a measured one."""
     if found.kind[curve.item] == "measurement":
         return {"linestyle": "none", "marker": ".", "markersize": 3}
-    return {"linestyle": DASHES[curve.item % len(DASHES)]}
+    return {"linestyle": curves.DASHES[curve.item % len(curves.DASHES)]}
 
 
 def _finish_ratios(axes: Axes, found: Comparison, overlay: Overlay) -> None:

@@ -31,6 +31,8 @@ from suspension_cli.models.registry import FILES, Choice
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float
 
+_Quantity = tuple[str, str, str]
+"""Kind ("response" or "noise"), output, and input ("" of a noise)."""
 LEAST_OVERLAP = 0.1
 """Overlap of two shapes below which modes are not taken for the same."""
 
@@ -39,14 +41,9 @@ LEAST_OVERLAP = 0.1
 class PairedModes:
     """Modes of several designs and measurements, the same mode in one row.
 
-    Attributes
-    ----------
-    label : tuple of str
-        Of each row, from the first item that has the mode.
-    frequency, q : array
-        Hz, and quality factors; NaN where an item has no such mode (or it is unstable).
-    overlap : array
-        Of the shape with that of the first design; NaN where there is none.
+    Frequencies (Hz) and quality factors are NaN where an item has no such mode (or it is
+    unstable). `overlap` is that of the shape with that of the first design; NaN where there is
+    none.
     """
 
     label: tuple[str, ...]
@@ -57,20 +54,10 @@ class PairedModes:
 
 @dataclass(frozen=True)
 class Curve:
-    """One response or noise, and its ratio to the reference.
+    """One response, or amplitude spectral density of a noise, and its ratio to the reference.
 
-    Attributes
-    ----------
-    item : int
-        Number of the item, from 0.
-    frequency : array
-        Hz.
-    value : array
-        Response; amplitude spectral density of a noise.
-    uncertainty : array
-        Of measured real and imaginary parts; NaN where unknown.
-    ratio_frequency, ratio : array
-        Value over that of the reference; empty for the reference.
+    `item` is the number of the item, from 0. Uncertainties are those of measured real and
+    imaginary parts; NaN where unknown. The ratio of the reference is empty.
     """
 
     item: int
@@ -85,16 +72,8 @@ class Curve:
 class Overlay:
     """Curves of one quantity; the first is the reference.
 
-    Attributes
-    ----------
-    kind : {"response", "noise"}
-    output, input : str
-        Signals; a noise has no input.
-    unit : str
-    curves : tuple of Curve
-    source : dict
-        Result of the analysis behind the curve of each item, to draw it between its points; empty
-        for stored comparisons.
+    A noise has no input. `source` are the results behind the curves by item, to draw these
+    between their points; empty for stored comparisons.
     """
 
     kind: str
@@ -114,15 +93,8 @@ class Overlay:
 class Comparison:
     """Differences between designs, results and measurements.
 
-    Attributes
-    ----------
-    name, kind, model : tuple of str
-        Of each item: heading, "design", "result" or "measurement", and model ("" for
-        measurements).
-    change : tuple of tuple of Change
-        For each item, the keys in which its design differs from the first design.
-    modes : PairedModes or None
-    overlay : tuple of Overlay
+    Each item has a name, a kind ("design", "result" or "measurement"), a model ("" for
+    measurements) and the keys in which its design differs from the first design.
     """
 
     name: tuple[str, ...]
@@ -168,7 +140,7 @@ def solve(items: Sequence[Item], run: Run) -> tuple[Comparison, Choice]:
     first = next(text for text in texts if text is not None)
     choices = [[item.result.choice] if item.result else [] for item in items]
     listed = _modes(items, quiet, choices)
-    overlays = [*_responses(items, quiet, choices), *_noises(items, quiet, choices)]
+    overlays = tuple(_overlays(items, quiet, choices))
     models = [_most_complete(own) for own in choices]
     found = Comparison(
         name=tuple(item.name for item in items),
@@ -179,7 +151,7 @@ def solve(items: Sequence[Item], run: Run) -> tuple[Comparison, Choice]:
             for text in texts
         ),
         modes=listed,
-        overlay=tuple(overlays),
+        overlay=overlays,
     )
     return found, _common_choice(models, [choice for own in choices for choice in own])
 
@@ -226,11 +198,8 @@ def _results(
 
 
 def _modes(items: Sequence[Item], run: Run, choices: list[list[Choice]]) -> PairedModes | None:
-    stored = {
-        n: item.result
-        for n, item in enumerate(items)
-        if item.result is not None and item.result.analysis.name == "modes"
-    }
+    results = {n: item.result for n, item in enumerate(items) if item.result is not None}
+    stored = {n: result for n, result in results.items() if result.analysis.name == "modes"}
     alone = not stored and not any(item.modes for item in items)
     if alone and sum(item.run is not None for item in items) < 2:
         return None
@@ -245,11 +214,7 @@ def _modes(items: Sequence[Item], run: Run, choices: list[list[Choice]]) -> Pair
 def pair_modes(found: dict[int, tuple[Modes, Design]], items: Sequence[Item]) -> PairedModes:
     """Pair the modes of designs by shape, and measured ones by label or frequency.
 
-    Parameters
-    ----------
-    found : dict
-        For each item with a design: its modes and its design.
-    items : sequence of Item
+    `found` are the modes and the design of each item that has one.
     """
     (reference, (base, _)), *others = found.items()
     shapes = {n: _Bodies(modes, design) for n, (modes, design) in found.items()}
@@ -262,46 +227,32 @@ def pair_modes(found: dict[int, tuple[Modes, Design]], items: Sequence[Item]) ->
                 rows[m][n] = (int(partner), float(overlap[m, partner]))
                 free.discard(int(partner))
         for k in sorted(free):
-            label = modes.label[k]
-            same = [
+            alike = (
                 row
                 for row in rows
                 if n not in row
-                and modes.order[k]
                 and reference in row
-                and base.label[row[reference][0]] == label
-            ]
-            if same:
-                same[0][n] = (k, np.nan)
-            else:
-                rows.append({n: (k, np.nan)})
-    labels, frequency, q, overlap = [], [], [], []
-    for row in rows:
+                and base.label[row[reference][0]] == modes.label[k]
+            )
+            row = next(alike, None) if modes.order[k] else None
+            if row is None:
+                rows.append(row := {})
+            row[n] = (k, np.nan)
+    labels, values = [], np.full((3, len(rows), len(items)), np.nan)
+    for place, row in enumerate(rows):
         n, (m, _) = next(iter(row.items()))
         labels.append(found[n][0].label[m])
-        values = np.full((3, len(items)), np.nan)
         for i, (k, shape) in row.items():
             modes = found[i][0]
-            values[:, i] = modes.frequency[k], modes.q[k], shape
-        frequency.append(values[0])
-        q.append(values[1])
-        overlap.append(values[2])
-    table = PairedModes(tuple(labels), np.array(frequency), np.array(q), np.array(overlap))
+            values[:, place, i] = modes.frequency[k], modes.q[k], shape
+    table = PairedModes(tuple(labels), *values)
     for n, item in enumerate(items):
         for mode in item.modes:
             table.frequency[_measured_row(table, mode, n, reference, base), n] = mode.frequency
-    order = np.argsort([_first_finite(row) for row in table.frequency], kind="stable")
-    return PairedModes(
-        tuple(labels[i] for i in order),
-        table.frequency[order],
-        table.q[order],
-        table.overlap[order],
-    )
-
-
-def _first_finite(row: Float[np.ndarray, " item"]) -> float:
-    """Find the first finite number of a row; -inf if there is none, as of an unstable mode."""
-    return float(next((value for value in row if np.isfinite(value)), -np.inf))
+    # by the first finite frequency; unstable modes have none
+    first = [next((f for f in row if np.isfinite(f)), -np.inf) for row in table.frequency]
+    order = np.argsort(first, kind="stable")
+    return PairedModes(tuple(labels[i] for i in order), *values[:, order])
 
 
 def _measured_row(table: PairedModes, mode: Mode, n: int, reference: int, base: Modes) -> int:
@@ -345,84 +296,65 @@ class _Bodies:
         return np.abs(rows @ columns.T)
 
 
-def _exact(item: int, frequency: np.ndarray, value: np.ndarray) -> Curve:
-    """Make the curve of a model, which has no uncertainty."""
-    return Curve(item, frequency, value, np.full(len(frequency), np.nan))
-
-
-def _responses(items: Sequence[Item], run: Run, choices: list[list[Choice]]) -> list[Overlay]:
-    """Collect the responses of results, measurements and the setting, an overlay per pair."""
-    data: dict[tuple[str, str], dict[int, Curve]] = {}
-    units: dict[tuple[str, str], str] = {}
+def _collect_curves(
+    items: Sequence[Item],
+) -> tuple[dict[_Quantity, dict[int, Curve]], dict[_Quantity, str]]:
+    """Collect the curves of measurements and results by quantity and item, and their units."""
+    data: dict[_Quantity, dict[int, Curve]] = {}
+    units: dict[_Quantity, str] = {}
     for n, item in enumerate(items):
         for one in item.responses:
-            key = (one.output, one.input)
+            key = ("response", one.output, one.input)
             data.setdefault(key, {})[n] = Curve(n, one.frequency, one.value, one.uncertainty)
             units.setdefault(key, one.unit)
-        if item.result is not None and item.result.analysis.name == "response":
-            found = item.result.data
-            for o, out in enumerate(found.output):
-                for i, into in enumerate(found.input):
-                    curve = _exact(n, found.frequency, found.value[:, o, i])
-                    data.setdefault((out, into), {})[n] = curve
-                    units[out, into] = found.unit[o][i]
-    wanted_in, wanted_out = run.setting["inputs"], run.setting["outputs"]
-    if wanted_in or wanted_out:
-        first = next(item for item in items if item.source is not None)
-        assert first.source is not None
-        last = first.source.design.stage[-1].name
-        for out in wanted_out or (f"{last}.x",):
-            for into in wanted_in or ("support.x",):
-                data.setdefault((out, into), {})
-    overlays = []
-    for (out, into), curves in data.items():
-        grid = _grid(items, curves, run)
-        solved = _results(
-            "response", items, run, choices, inputs=(into,), outputs=(out,), frequency=grid
-        )
+        if item.result is not None:
+            for key, curve, unit in _computed_curves(n, item.result):
+                data.setdefault(key, {})[n] = curve
+                units[key] = unit
+    return data, units
+
+
+def _computed_curves(n: int, result: Result) -> Iterator[tuple[_Quantity, Curve, str]]:
+    """List the curves of a result, which have no uncertainty."""
+    found, name = result.data, result.analysis.name
+    if name == "response":
+        unknown = np.full(len(found.frequency), np.nan)
+        for o, out in enumerate(found.output):
+            for i, into in enumerate(found.input):
+                curve = Curve(n, found.frequency, found.value[:, o, i], unknown)
+                yield (name, out, into), curve, found.unit[o][i]
+    elif name == "thermal":
+        for noise in found:
+            unknown, value = np.full(len(noise.frequency), np.nan), noise.amplitude.astype(complex)
+            curve = Curve(n, noise.frequency, value, unknown)
+            yield ("noise", noise.output, ""), curve, f"{noise.unit}/sqrt(Hz)"
+
+
+def _overlays(items: Sequence[Item], run: Run, choices: list[list[Choice]]) -> Iterator[Overlay]:
+    """Compare the responses, then the noises, of items and of the setting."""
+    (data, units), setting = _collect_curves(items), run.setting
+    if setting["inputs"] or setting["outputs"]:
+        first = next(item.source for item in items if item.source is not None)
+        for out in setting["outputs"] or (f"{first.design.stage[-1].name}.x",):
+            for into in setting["inputs"] or ("support.x",):
+                data.setdefault(("response", out, into), {})
+    for out in setting["noises"]:
+        data.setdefault(("noise", out, ""), {})
+    for (kind, out, into), curves in sorted(data.items(), key=lambda one: one[0][0] == "noise"):
+        name, option, inputs = "response", "--output", {"inputs": (into,)}
+        if kind == "noise":
+            name, option, inputs = "thermal", "--noise", {}
+        with _option_named(option):
+            grid = _grid(items, curves, run)
+            given = inputs | {"outputs": (out,), "frequency": grid}
+            solved = _results(name, items, run, choices, **given)
         for n, result in solved.items():
-            curves[n] = _exact(n, result.frequency, result.value[:, 0, 0])
-            units[out, into] = result.unit[0][0]
+            _, curves[n], units[kind, out, into] = next(_computed_curves(n, result))
         if curves:
-            unit = units.get((out, into), "")
-            ordered = _with_ratios(items, curves)
-            known = _stored(items, "response", curves) | solved
-            overlays.append(Overlay("response", out, into, unit, ordered, known))
-    return overlays
-
-
-def _noises(items: Sequence[Item], run: Run, choices: list[list[Choice]]) -> list[Overlay]:
-    """Collect the thermal noise of results and the setting, an overlay per output."""
-    data: dict[str, dict[int, Curve]] = {}
-    units: dict[str, str] = {}
-    for n, item in enumerate(items):
-        if item.result is not None and item.result.analysis.name == "thermal":
-            for noise in item.result.data:
-                curve = _exact(n, noise.frequency, noise.amplitude.astype(complex))
-                data.setdefault(noise.output, {})[n] = curve
-                units[noise.output] = f"{noise.unit}/sqrt(Hz)"
-    for out in run.setting["noises"]:
-        data.setdefault(out, {})
-    overlays = []
-    for out, curves in data.items():
-        with _option_named("--noise"):
-            solved = _results(
-                "thermal", items, run, choices, outputs=(out,), frequency=_grid(items, curves, run)
-            )
-        for n, result in solved.items():
-            noise = result.data[0]
-            curves[n] = _exact(n, noise.frequency, noise.amplitude.astype(complex))
-            units[out] = f"{noise.unit}/sqrt(Hz)"
-        ordered = _with_ratios(items, curves)
-        known = _stored(items, "thermal", curves) | solved
-        overlays.append(Overlay("noise", out, "", units[out], ordered, known))
-    return overlays
-
-
-def _stored(items: Sequence[Item], name: str, curves: dict[int, Curve]) -> dict[int, Result]:
-    """Collect the stored results of one analysis that have a curve."""
-    found = {n: items[n].result for n in curves}
-    return {n: result for n, result in found.items() if result and result.analysis.name == name}
+            stored = {n: items[n].result for n in curves}
+            source = {n: one for n, one in stored.items() if one and one.analysis.name == name}
+            unit, ordered = units.get((kind, out, into), ""), _with_ratios(items, curves)
+            yield Overlay(kind, out, into, unit, ordered, source | solved)
 
 
 @contextlib.contextmanager

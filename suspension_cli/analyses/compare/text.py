@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from suspension_cli.analyses import tables
-from suspension_cli.analyses.compare.solve import Comparison, Overlay
+from suspension_cli.analyses.compare.solve import Comparison, Overlay, PairedModes
 
 MIXED = 0.9
 """Overlap of two shapes below which the table says that the shape differs."""
@@ -21,7 +21,7 @@ def describe(found: Comparison) -> str:
         *_changes(found),
     ]
     if found.modes is not None:
-        lines += ["", _heading(found), _table(found)]
+        lines += ["", *_table(found, found.modes)]
     for overlay in found.overlay:
         kind = "thermal " if overlay.kind == "noise" else ""
         lines += ["", f"{kind}{overlay.name} ({overlay.unit})", *_ratios(found, overlay)]
@@ -45,17 +45,8 @@ def _changes(found: Comparison) -> list[str]:
     return lines
 
 
-def _heading(found: Comparison) -> str:
-    assert found.modes is not None
-    poor = np.nansum(found.modes.overlap < MIXED)
-    if poor <= len(found.modes.label) / 2:
-        return "modes, paired by shape"
-    return "modes, paired by shape as far as possible: most shapes differ"
-
-
-def _table(found: Comparison) -> str:
-    assert found.modes is not None
-    modes, rows = found.modes, []
+def _table(found: Comparison, modes: PairedModes) -> list[str]:
+    rows = []
     shown = [n for n in range(len(found.name)) if np.isfinite(modes.frequency[:, n]).any()]
     first = shown[0]
     few = (modes.overlap < MIXED).sum() <= len(modes.label) / 2
@@ -71,10 +62,10 @@ def _table(found: Comparison) -> str:
         rows.append((*row, label + note))
     columns: dict[str, str] = {}
     for n in shown:
-        columns[f"{found.name[n]}\nHz"] = "#.5g"
-        if n != first:
-            columns[f"{found.name[n]}\nchange %"] = "+.3g"
-    return tables.render(columns | {"mode": ""}, rows)
+        columns |= {f"{found.name[n]}\nHz": "#.5g"}
+        columns |= {f"{found.name[n]}\nchange %": "+.3g"} if n != first else {}
+    more = "" if few else " as far as possible: most shapes differ"
+    return [f"modes, paired by shape{more}", tables.render(columns | {"mode": ""}, rows)]
 
 
 def _ratios(found: Comparison, overlay: Overlay) -> list[str]:

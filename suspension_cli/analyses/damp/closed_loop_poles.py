@@ -28,7 +28,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -40,7 +40,7 @@ from suspension_cli.design.schema import Loop
 from suspension_cli.linear.frequency_terms import Term
 from suspension_cli.linear.poles import Poles
 from suspension_cli.linear.quality import NOTHING
-from suspension_cli.scene.arrays import Array, Index
+from suspension_cli.scene.arrays import Index
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Int
@@ -72,9 +72,9 @@ def refine(found: Poles, plant: Plant) -> Poles:
 
     Parameters
     ----------
-    found : Poles
+    found
         Poles (p,) of the state space, whose losses may be approximated by constant matrices.
-    plant : Plant
+    plant
         With the model's own losses.
 
     Returns
@@ -154,19 +154,19 @@ class _Block:
 
     Attributes
     ----------
-    plant : Plant
+    plant
         These loops alone, with `sensed` and `pushed` (l, c).
-    mass, stiffness, damping, lossy : array
+    mass, stiffness, damping, lossy
         M, K, C and the K'' of constant loss angles.
-    terms : tuple of Term
+    terms
         Losses that depend on frequency.
-    filters : tuple of (q, q), (q, l), (l, q), (l, l) arrays
+    filters
         A_f, B_f, C_f, D_f of all filters, without velocity dampers.
-    resisting : array
+    resisting
         C with velocity dampers.
-    delays : array
+    delays
         s.
-    delayed_dampers : array
+    delayed_dampers
         N s/m or N m s/rad; 0 for all other loops.
     """
 
@@ -176,7 +176,7 @@ class _Block:
     damping: Float[np.ndarray, "coordinate coordinate"]
     lossy: Float[np.ndarray, "coordinate coordinate"]
     terms: tuple[Term, ...]
-    filters: tuple[np.ndarray, ...]
+    filters: tuple[Any, ...]
     resisting: Float[np.ndarray, "coordinate coordinate"]
     delays: Float[np.ndarray, " loop"]
     delayed_dampers: Float[np.ndarray, " loop"]
@@ -205,7 +205,8 @@ class _Block:
             damping,
             np.zeros(damping.shape) if model.lossy is None else np.imag(model.lossy[rows]),
             tuple(term.within(group) for term in model.terms),
-            tuple(_join([one[n] for one in filters]) for n in range(4)),
+            # the first, empty block: block_diag() of nothing has a row
+            tuple(block_diag(np.zeros((0, 0)), *(one[n] for one in filters)) for n in range(4)),
             resisting,
             np.array([loop.delay for loop in acting.loops]),
             np.array([_delayed_damper(loop) for loop in acting.loops]),
@@ -310,11 +311,6 @@ def _iterate_newton(
     return complex(np.nan)
 
 
-def _join(blocks: list[Array]) -> np.ndarray:
-    # the first, empty block: block_diag() of nothing has a row
-    return np.asarray(block_diag(np.zeros((0, 0)), *blocks))
-
-
 def _equilibrate(
     matrix: Complex[np.ndarray, "row column"],
 ) -> tuple[Float[np.ndarray, " row"], Float[np.ndarray, " column"]]:
@@ -323,14 +319,10 @@ def _equilibrate(
     row, column = np.ones(len(size)), np.ones(len(size))
     for _ in range(3):
         now = row[:, None] * size * column
-        row, column = row / np.sqrt(_largest(now, 1)), column / np.sqrt(_largest(now, 0))
+        across, down = (now.max(axis, initial=0.0) for axis in (1, 0))
+        row = row / np.sqrt(np.where(across > 0, across, 1.0))
+        column = column / np.sqrt(np.where(down > 0, down, 1.0))
     return row, column
-
-
-def _largest(size: Array, axis: int) -> Array:
-    """Find the largest element along an axis; 1 where all are 0."""
-    largest = size.max(axis, initial=0.0)
-    return np.where(largest > 0, largest, 1.0)
 
 
 def _solve_shape(

@@ -12,6 +12,7 @@ import click
 from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, as_number
 from suspension_cli.analyses.options import option
+from suspension_cli.conventions import DOFS
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -82,7 +83,6 @@ class DampAnalysis(Analysis):
 
         from suspension_cli.analyses import model_choice
         from suspension_cli.analyses.damp import solve as damp
-        from suspension_cli.conventions import DOFS
         from suspension_cli.grids import parse_grid
         from suspension_cli.linear.signals import FORCES
 
@@ -147,14 +147,20 @@ class DampAnalysis(Analysis):
             poles.append(pole | ({"growth_rate_per_s": float(growth)} if growth else {}))
         margins = None
         if answer.margin is not None:
-            pairs = zip(answer.loop, answer.margin, strict=True)
+            gains = ("gain_up_db", "gain_down_db")
             margins = [
-                {"loop": loop}
-                | {key: as_number(value) for key, value in vars(margin).items()}
-                | {"gain_up_db": as_number(margin.gain_up_db)}
-                | {"gain_down_db": as_number(margin.gain_down_db)}
-                for loop, margin in pairs
+                {"loop": loop} | {key: as_number(getattr(one, key)) for key in (*vars(one), *gains)}
+                for loop, one in zip(answer.loop, answer.margin, strict=True)
             ]
+        sensitivity, peak = None, answer.sensitivity
+        if peak is not None:
+            sensitivity = {
+                "largest_singular_value": peak.size,
+                "frequency_hz": peak.frequency,
+                "gain_up": as_number(peak.gain_up),
+                "gain_down": peak.gain_down,
+                "phase": peak.phase,
+            }
         noise = (answer.noise**2).sum(1) ** 0.5
         return {
             "stable": answer.stable,
@@ -162,15 +168,7 @@ class DampAnalysis(Analysis):
             "impulse": answer.drive,
             "poles": poles,
             "margins": margins,
-            "sensitivity": None
-            if (peak := answer.sensitivity) is None
-            else {
-                "largest_singular_value": peak.size,
-                "frequency_hz": peak.frequency,
-                "gain_up": as_number(peak.gain_up),
-                "gain_down": peak.gain_down,
-                "phase": peak.phase,
-            },
+            "sensitivity": sensitivity,
             "frequency_hz": answer.frequency.tolist(),
             "sensor_noise_asd": noise.tolist(),
         }

@@ -40,10 +40,7 @@ class Plant:
 
     Attributes
     ----------
-    model : LinearSystem
-    loops : tuple of Loop
-    sensor, actuator : list of Signal
-    sensed, pushed : array
+    sensed, pushed
         Sensed motions and actuator forces as linear forms of the coordinates.
     """
 
@@ -75,26 +72,22 @@ def build_plant(design: Design, model: LinearSystem) -> Plant:
         If there is no loop, or a sensor or actuator names no signal of the model.
     """
     if design.control is None:
-        raise InputError(
+        remedy = "add [[control.loop]] with sensor, actuator and damper or gain"
+        raise InputError([Fault("control", "missing", remedy)])
+    known, positions = signals.bodies_with_signals(model), com_positions(design)
+    loops = tuple(design.control.loop)
+    sensors = [parse_sensor(loop, model.body, known) for loop in loops]
+    actuators = [parse_actuator(loop, known) for loop in loops]
+    sensed, pushed = (
+        np.array(
             [
-                Fault(
-                    "control",
-                    "missing",
-                    "add [[control.loop]] with sensor, actuator and damper or gain",
-                )
+                _relative_form(signal, model, positions, loop.reference)
+                for signal, loop in zip(some, loops, strict=True)
             ]
         )
-    known, positions = signals.bodies_with_signals(model), com_positions(design)
-    sensors, actuators, sensed, pushed = [], [], [], []
-    for loop in design.control.loop:
-        sensor, actuator = parse_sensor(loop, model.body, known), parse_actuator(loop, known)
-        sensors.append(sensor)
-        actuators.append(actuator)
-        sensed.append(_relative_form(sensor, model, positions, loop.reference))
-        pushed.append(_relative_form(actuator, model, positions, loop.reference))
-    return Plant(
-        model, tuple(design.control.loop), sensors, actuators, np.array(sensed), np.array(pushed)
+        for some in (sensors, actuators)
     )
+    return Plant(model, loops, sensors, actuators, sensed, pushed)
 
 
 def parse_sensor(loop: Loop, stages: tuple[str, ...], known: tuple[str, ...]) -> Signal:
@@ -102,16 +95,8 @@ def parse_sensor(loop: Loop, stages: tuple[str, ...], known: tuple[str, ...]) ->
     key = f"control.loop.{loop.name}.sensor"
     sensor = signals.parse(loop.sensor, key, known)
     if sensor.acts or sensor.body not in stages:
-        raise InputError(
-            [
-                Fault(
-                    key,
-                    "is not a motion of a stage",
-                    "write for example upper.x",
-                    format_value(loop.sensor),
-                )
-            ]
-        )
+        problem, remedy = "is not a motion of a stage", "write for example upper.x"
+        raise InputError([Fault(key, problem, remedy, format_value(loop.sensor))])
     return sensor
 
 
@@ -120,16 +105,8 @@ def parse_actuator(loop: Loop, known: tuple[str, ...]) -> Signal:
     key = f"control.loop.{loop.name}.actuator"
     actuator = signals.parse(loop.actuator, key, known)
     if not actuator.acts:
-        raise InputError(
-            [
-                Fault(
-                    key,
-                    "is not a force or torque",
-                    "write for example upper.force_x",
-                    format_value(loop.actuator),
-                )
-            ]
-        )
+        problem, remedy = "is not a force or torque", "write for example upper.force_x"
+        raise InputError([Fault(key, problem, remedy, format_value(loop.actuator))])
     return actuator
 
 
@@ -202,16 +179,16 @@ class ClosedLoopResponse:
 
     Attributes
     ----------
-    frequency : array
+    frequency
         Hz.
-    value : array
+    value
         Outputs over external inputs.
-    noise : array
+    noise
         Amplitude spectral density at each output from each sensor's noise, m/sqrt(Hz) or
         rad/sqrt(Hz).
-    actuator_noise : array
+    actuator_noise
         Of the noise of each actuator, added to the force that the loop commands.
-    loop_gain : array
+    loop_gain
         H G of each loop broken at its actuator, the others closed; a closed-loop pole on the
         imaginary axis has 1 + H G = 0.
     """
@@ -233,10 +210,9 @@ def solve_responses(
 
     Parameters
     ----------
-    plant : Plant
-    frequency : array
+    frequency
         Hz.
-    inputs, outputs : list of Signal
+    inputs, outputs
         External drives (i) and observed motions (o).
     """
     model, count = plant.model, len(plant.loops)
@@ -253,12 +229,13 @@ def solve_responses(
     to_actuator = np.linalg.solve(
         np.eye(count) + h[:, :, None] * g[:, o:, i:], h[:, :, None] * np.eye(count)
     )
-    value = g[:, :o, :i] - g[:, :o, i:] @ to_actuator @ g[:, o:, :i]
+    from_sensor = g[:, :o, i:] @ to_actuator
+    value = g[:, :o, :i] - from_sensor @ g[:, o:, :i]
     noises = [evaluate_noise(loop, frequency) for loop in plant.loops]
     densities = np.array(noises).reshape(count, len(frequency)).T
-    noise = np.abs(g[:, :o, i:] @ to_actuator) * densities[:, None]
+    noise = np.abs(from_sensor) * densities[:, None]
     # a force n at the actuators is u = n - H y: x = G_u (1 + H G_yu)^-1 n
-    pushed = g[:, :o, i:] - g[:, :o, i:] @ to_actuator @ g[:, o:, i:]
+    pushed = g[:, :o, i:] - from_sensor @ g[:, o:, i:]
     actuator_noise = np.abs(pushed) * np.array([loop.actuator_noise for loop in plant.loops])
     return ClosedLoopResponse(frequency, value, noise, actuator_noise, _loop_gains(h, g[:, o:, i:]))
 
@@ -321,11 +298,8 @@ def evaluate_filters(
     plant: Plant, frequency: Float[np.ndarray, " frequency"]
 ) -> Inexact[np.ndarray, "frequency loop"]:
     """Evaluate H of all loops at frequencies in Hz."""
-    return (
-        np.array([evaluate_filter(loop, frequency) for loop in plant.loops])
-        .reshape(len(plant.loops), len(frequency))
-        .T
-    )
+    found = [evaluate_filter(loop, frequency) for loop in plant.loops]
+    return np.array(found).reshape(len(plant.loops), len(frequency)).T
 
 
 def _loop_gains(

@@ -165,11 +165,11 @@ def _realise_sections(
 
     Parameters
     ----------
-    zeros, poles : arrays
+    zeros, poles
         rad/s; an even number of poles.
-    gain : float
+    gain
         Value of the response at 0, or of its slope if there is a zero at 0.
-    delay : float
+    delay
         s.
     """
     from scipy.signal import zpk2sos
@@ -207,19 +207,11 @@ def _feed_back(
     """
     fa, fb, fc, fd = filtered
     push, see, see_e, direct = b[:, [into]], c[[out]], d[[out]], d[out, into]
-    factor = 1.0 / (1.0 + fd * direct)
-    from_x, from_f, from_e = (
-        -factor @ fd @ see,
-        -factor @ fc,
-        -factor @ fd @ see_e,
-    )  # the parts of u
+    factor = -1.0 / (1.0 + fd * direct)
+    from_x, from_f, from_e = factor @ fd @ see, factor @ fc, factor @ fd @ see_e  # parts of u
     top = np.concatenate([a + push @ from_x, push @ from_f], axis=1)
     bottom = np.concatenate([fb @ (see + direct * from_x), fa + direct * fb @ from_f], axis=1)
     drive = np.concatenate([b + push @ from_e, fb @ (see_e + direct * from_e)])
     feed = d[:, [into]]
-    return (
-        np.concatenate([top, bottom]),
-        drive,
-        np.concatenate([c + feed @ from_x, feed @ from_f], axis=1),
-        d + feed @ from_e,
-    )
+    out_x = np.concatenate([c + feed @ from_x, feed @ from_f], axis=1)
+    return np.concatenate([top, bottom]), drive, out_x, d + feed @ from_e

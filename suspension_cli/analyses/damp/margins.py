@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.optimize import elementwise
 
 from suspension_cli.scene.arrays import Array, Index
 
@@ -33,8 +34,6 @@ CLOSEST = 1e-14
 """Relative width of the narrowest interval: a change within it is a pole or zero without loss."""
 BEYOND = 1e3
 """Factor by which the grid extends beyond the outermost given frequencies."""
-ITERATIONS = 60
-"""Most steps of regula falsi; about 6 are enough."""
 FOUND = 1e-12
 """Value of the measure at which a crossing is found."""
 ROUNDING = 4 * np.finfo(float).eps
@@ -53,20 +52,20 @@ class Margins:
 
     Attributes
     ----------
-    phase : float
+    phase
         Phase margin, degrees: the smallest of all unity-gain frequencies; inf if there is none.
-    phase_frequency : float
+    phase_frequency
         Its unity-gain frequency, Hz; NaN if there is none.
-    gain_up, gain_down : float
+    gain_up, gain_down
         Gain margins: factors by which the gain may grow or shrink before a pole reaches the
         imaginary axis; inf and 0 without limit.
-    distance : float
+    distance
         Modulus margin: smallest |1 + L|.
-    gain_up_frequency, gain_down_frequency : float
+    gain_up_frequency, gain_down_frequency
         Where that pole reaches the axis, Hz; NaN without limit.
-    delay : float
+    delay
         Delay margin, s: smallest delay that brings a pole to the imaginary axis; inf if none does.
-    delay_frequency : float
+    delay_frequency
         Frequency of that pole, Hz; NaN if there is none.
     """
 
@@ -105,14 +104,14 @@ def compute_margins(
 
     Parameters
     ----------
-    gain : callable
-        Loop gains L (f, l) at ascending frequencies (f,) in Hz.
-    frequency : array
+    gain
+        Loop gains L (f, l) at frequencies (f,) in Hz.
+    frequency
         Hz, at which the gains may have poles and zeros, and a width to either side of each.
-    static : array, optional
+    static
         Real gains at 0 Hz, infinite where the gain there is not real. A loop with L < 0, scaled by
         -1/L, has a pole at 0.
-    faint : float
+    faint
         Size of gains below which the grid is not refined. A delay turns them without end.
 
     Examples
@@ -130,7 +129,12 @@ def compute_margins(
     real, size = _find_crossings(
         gain, frequency, value, lambda z: np.angle(-z), lambda z: np.real(z) < 0
     )
-    nearest = _smallest_distance(gain, frequency, value)
+    nearest, _ = search_smallest(
+        lambda where, loop: np.abs(1 + _evaluate_each(gain, where, loop)),
+        frequency,
+        np.abs(1 + value),
+        _change(1 + value),
+    )
     result = []
     for n in range(value.shape[1]):
         factors, places = 1 / np.abs(size[n]), real[n]
@@ -166,10 +170,9 @@ def refine_grid(
 
     Parameters
     ----------
-    gain : callable
-    frequency : array
+    frequency
         Hz.
-    faint : float
+    faint
         Gains below this size are not refined.
 
     Returns
@@ -226,41 +229,21 @@ def _find_crossings(
         ((level[:-1] > 0) != (level[1:] > 0)) & good[:-1] & good[1:] & (_change(value) < 2 * STEP)
     )
     at, loop = np.nonzero(crossed)
-    low, high = frequency[at], frequency[at + 1]
-    low_value, high_value = value[at, loop], value[at + 1, loop]
-    at_low, at_high = level[at, loop], level[at + 1, loop]
-    before = np.zeros(len(at))
-    for _ in range(ITERATIONS if len(at) else 0):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            middle = low - at_low * (high - low) / (at_high - at_low)
-        close = np.minimum(ROUNDING * high, (high - low) / 2)
-        middle = np.clip(np.where(np.isfinite(middle), middle, low), low + close, high - close)
-        now = _evaluate_each(gain, middle, loop)
-        seen = measure(now)
-        same = (seen > 0) == (at_low > 0)
-        low, low_value, high_value = (
-            np.where(same, middle, low),
-            np.where(same, now, low_value),
-            np.where(same, high_value, now),
+    found, where = np.zeros(0, dtype=complex), np.zeros(0)
+    if len(at):
+        root = elementwise.find_root(
+            lambda f, loop: measure(_evaluate_each(gain, f, loop)),
+            (frequency[at], frequency[at + 1]),
+            args=(loop,),
+            tolerances={"xatol": 0.0, "xrtol": ROUNDING, "fatol": FOUND, "frtol": 0.0},
         )
-        side = np.where(same, 1.0, -1.0)
-        # Illinois variant: halve the value at an end kept twice (Dowell and Jarratt, BIT 11, 168,
-        # 1971)
-        stays = np.where(side == before, 0.5, 1.0)
-        at_low, at_high, high = (
-            np.where(same, seen, stays * at_low),
-            np.where(same, stays * at_high, seen),
-            np.where(same, high, middle),
-        )
-        before = side
-        if ((np.abs(seen) < FOUND) | (high - low < 3 * ROUNDING * high)).all():
-            break
-    # interpolate: between these frequencies the circle of a Q of 1e9 still turns by 1e-7
-    at_low, at_high = measure(low_value), measure(high_value)
-    weight = np.where(
-        at_low == at_high, 0.0, at_low / np.where(at_low == at_high, 1.0, at_low - at_high)
-    )
-    found, where = low_value * (high_value / low_value) ** weight, low + weight * (high - low)
+        # interpolate: between these frequencies the circle of a Q of 1e9 still turns by 1e-7
+        (low, high), (at_low, at_high) = root.bracket, root.f_bracket
+        low_value, high_value = (_evaluate_each(gain, end, loop) for end in (low, high))
+        change = np.where(at_low == at_high, 1.0, at_low - at_high)
+        weight = np.where(at_low == at_high, 0.0, at_low / change)
+        found = low_value * (high_value / low_value) ** weight
+        where = low + weight * (high - low)
     every = range(value.shape[1])
     return [where[loop == n] for n in every], [found[loop == n] for n in every]
 
@@ -269,24 +252,7 @@ def _evaluate_each(
     gain: Gain, frequency: Float[np.ndarray, " point"], loop: Int[np.ndarray, " point"]
 ) -> Complex[np.ndarray, " point"]:
     """Evaluate the gain of one loop at each frequency."""
-    order = np.argsort(frequency, kind="stable")
-    result = np.empty(len(frequency), dtype=complex)
-    result[order] = gain(frequency[order])[np.arange(len(frequency)), loop[order]]
-    return result
-
-
-def _smallest_distance(
-    gain: Gain,
-    frequency: Float[np.ndarray, " frequency"],
-    value: Complex[np.ndarray, "frequency loop"],
-) -> Float[np.ndarray, " loop"]:
-    """Find the smallest |1 + L| of each loop."""
-    return search_smallest(
-        lambda where, loop: np.abs(1 + _evaluate_each(gain, where, loop)),
-        frequency,
-        np.abs(1 + value),
-        _change(1 + value),
-    )[0]
+    return gain(frequency)[np.arange(len(frequency)), loop]
 
 
 def search_smallest(
@@ -299,13 +265,13 @@ def search_smallest(
 
     Parameters
     ----------
-    evaluate : callable
+    evaluate
         Values (c,) at frequencies (c,) in Hz, of the functions of these numbers (c,).
-    frequency : array
+    frequency
         Hz, ascending.
-    distance : array
+    distance
         Values there.
-    change : array
+    change
         Upper bounds of the change of their logarithms between neighbours.
 
     Returns

@@ -45,14 +45,7 @@ def check_stable(plant: Plant, closed: Poles, opened: Poles) -> None:
 
 
 def count_growing(plant: Plant, closed: Poles, opened: Poles) -> int | None:
-    """Count closed-loop poles in the right half plane, both of a pair; None if not certain.
-
-    Parameters
-    ----------
-    plant : Plant
-    closed, opened : Poles
-        As far as known; where D changes quickly.
-    """
+    """Count closed-loop poles in the right half plane, both of a pair; None if not certain."""
     every = np.concatenate([closed.value, opened.value])
     every = every[np.abs(every) > 0]
     moved = closed.value[np.abs(closed.value) > 0]

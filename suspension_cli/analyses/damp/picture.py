@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter
 
+from suspension_cli.analyses.damp.margins import Margins
 from suspension_cli.analyses.damp.solve import LocalControl
 from suspension_cli.drawing import curves
 from suspension_cli.drawing.style import (
@@ -52,15 +54,28 @@ COUNT_SHIFTS = np.array(
 """Places of a number of poles from its mark, points, best first."""
 
 
+@dataclass(frozen=True)
+class _Line:
+    """Gain of a loop, its colour and dashes, and its margins."""
+
+    name: str
+    gain: Any
+    look: tuple[str, Any]
+    margin: Margins | None
+
+    @property
+    def colour(self) -> str:
+        return self.look[0]
+
+
 def draw(damped: LocalControl, title: str, gains: tuple[Any, Any] | None = None) -> Figure:
     """Draw the figure of `pendsus damp`.
 
     Parameters
     ----------
-    damped : LocalControl
-    title : str
+    title
         Names of the design and the model.
-    gains : tuple of arrays, optional
+    gains
         Frequencies (f,) in Hz and loop gains (f, l) with resonances resolved; without, those of
         `damped`.
     """
@@ -77,12 +92,14 @@ def draw(damped: LocalControl, title: str, gains: tuple[Any, Any] | None = None)
         )
         for axes in (poles, impulse, size, noise, phase, nichols):
             curves.rule(axes)
+        margins = damped.margin or [None] * len(damped.loop)
+        lines = [_Line(damped.loop[n], gain[:, n], looks[n], margins[n]) for n in critical]
         _draw_poles(poles, damped)
         _draw_impulse(impulse, damped)
-        _draw_gains(size, damped, frequency, gain, looks, critical)
+        _draw_gains(size, frequency, lines, len(damped.loop))
         _draw_noise(noise, damped, looks)
-        _draw_phases(phase, damped, frequency, gain, looks, critical)
-        _draw_nichols(nichols, damped, gain, looks, critical)
+        _draw_phases(phase, frequency, lines)
+        _draw_nichols(nichols, frequency, lines)
         curves.write_heading(figure, _say(damped), title)
         return figure
 
@@ -205,16 +222,10 @@ def _write_counts(
         best = next((n for n, free in enumerate(room) if free >= 1.0), int(np.argmax(room)))
         taken = np.vstack([taken, middle[best]])
         axes.annotate(
-            text,
-            (rate, at),
-            COUNT_SHIFTS[best],
-            textcoords="offset points",
-            ha="center",
-            va="center",
-            fontsize=7.5,
-            color=colour,
+            text, (rate, at), COUNT_SHIFTS[best], textcoords="offset points", ha="center",
+            va="center", fontsize=7.5, color=colour,
             path_effects=[withStroke(linewidth=1.6, foreground="white")],  # over lines of Q
-        )
+        )  # fmt: skip
 
 
 def _distance(apart: Any, size: tuple[float, float]) -> float:
@@ -290,110 +301,70 @@ def _draw_impulse(axes: Axes, damped: LocalControl) -> None:
     curves.label_ends(axes, ends)
 
 
-def _draw_gains(
-    axes: Axes,
-    damped: LocalControl,
-    frequency: Any,
-    gain: Any,
-    looks: list[tuple[str, Any]],
-    critical: Any,
-) -> None:
-    ends = []
-    axes.set_xscale("log")
+def _draw_gains(axes: Axes, frequency: Any, lines: Sequence[_Line], loops: int) -> None:
     axes.set_yscale("log")
-    for n in critical:
-        name, (colour, dashes) = damped.loop[n], looks[n]
-        size = np.abs(gain[:, n])
-        axes.plot(frequency, size, color=colour, linestyle=dashes, linewidth=0.9)
-        ends.append((frequency, size, name, colour))
+    sizes = [np.abs(line.gain) for line in lines]
+    which = f" of the {SHOWN} most critical of {loops} loops" if loops > len(lines) else ""
+    _draw_over_frequency(axes, frequency, sizes, lines, f"loop gain{which}, others closed")
     axes.axhline(1.0, color=INK, linewidth=0.6, linestyle="--")
-    axes.set_xlabel("frequency (Hz)")
     axes.set_ylabel("|loop gain| (ratio)")
-    left = len(damped.loop) - len(critical)
-    which = f" of the {SHOWN} most critical of {left + SHOWN} loops" if left else ""
-    _name(axes, f"loop gain{which}, others closed")
-    axes.margins(x=0)
     curves.label_plainly(axes.yaxis)
-    curves.label_ends(axes, ends, most=10)
+    _label_lines(axes, frequency, sizes, lines)
 
 
-def _draw_phases(
-    axes: Axes,
-    damped: LocalControl,
-    frequency: Any,
-    gain: Any,
-    looks: list[tuple[str, Any]],
-    critical: Any,
-) -> None:
+def _draw_phases(axes: Axes, frequency: Any, lines: Sequence[_Line]) -> None:
     """Draw unwrapped phases, with a dot at each phase margin."""
-    ends = []
-    axes.set_xscale("log")
-    for n in critical:
-        phase = curves.unwrap_phase(gain[:, n])
-        name, (colour, dashes) = damped.loop[n], looks[n]
-        axes.plot(frequency, phase, color=colour, linestyle=dashes, linewidth=0.9)
-        ends.append((frequency, phase, name, colour))
-        if damped.margin is not None:
-            where = damped.margin[n].phase_frequency
-            if frequency[0] <= where <= frequency[-1]:
-                at = np.interp(np.log(where), np.log(frequency), phase)
-                axes.plot(where, at, "o", color=colour, markersize=3.5, zorder=4)
-    axes.set_xlabel("frequency (Hz)")
+    phases = [curves.unwrap_phase(line.gain) for line in lines]
+    title = "phase of the loop gain; dots: phase margins"
+    _draw_over_frequency(axes, frequency, phases, lines, title)
+    for phase, line in zip(phases, lines, strict=True):
+        where = line.margin.phase_frequency if line.margin is not None else np.nan
+        if frequency[0] <= where <= frequency[-1]:
+            at = np.interp(np.log(where), np.log(frequency), phase)
+            axes.plot(where, at, "o", color=line.colour, markersize=3.5, zorder=4)
     axes.set_ylabel("phase (degrees)")
-    _name(axes, "phase of the loop gain; dots: phase margins")
-    axes.margins(x=0)
     curves.label_phases(axes)
+    _label_lines(axes, frequency, phases, lines)
+
+
+def _draw_over_frequency(
+    axes: Axes, frequency: Any, values: Sequence[Any], lines: Sequence[_Line], title: str
+) -> None:
+    axes.set_xscale("log")
+    for value, line in zip(values, lines, strict=True):
+        colour, dashes = line.look
+        axes.plot(frequency, value, color=colour, linestyle=dashes, linewidth=0.9)
+    axes.set_xlabel("frequency (Hz)")
+    axes.margins(x=0)
+    _name(axes, title)
+
+
+def _label_lines(axes: Axes, frequency: Any, values: Sequence[Any], lines: Sequence[_Line]) -> None:
+    pairs = zip(values, lines, strict=True)
+    ends = [(frequency, value, line.name, line.colour) for value, line in pairs]
     curves.label_ends(axes, ends, most=10)
 
 
-def _draw_nichols(
-    axes: Axes,
-    damped: LocalControl,
-    gain: Any,
-    looks: list[tuple[str, Any]],
-    critical: Any,
-) -> None:
+def _draw_nichols(axes: Axes, frequency: Any, lines: Sequence[_Line]) -> None:
     """Draw loop gains against phases from -270 to 90 degrees, with -1 and the margins."""
     turn = np.linspace(0, 2 * np.pi, 181)[1:-1]
     circle = -1 + 0.5 * np.exp(1j * turn)
     phase = (np.degrees(np.angle(circle)) + 270) % 360 - 270
     axes.plot(phase, 20 * np.log10(np.abs(circle)), color=NOTE, linewidth=0.7, linestyle="--")
     axes.plot(-180, 0, "+", color=INK, markersize=7)
-    for n in critical:
-        colour, dashes = looks[n]
-        phase = curves.unwrap_phase(gain[:, n])
-        size = 20 * np.log10(np.maximum(np.abs(gain[:, n]), np.finfo(float).tiny))
-        known = np.isfinite(phase)
-        if known.any():
-            first = int(np.floor((np.min(phase[known]) + 270) / 360))
-            last = int(np.floor((np.max(phase[known]) + 270) / 360))
-            for number in range(first, last + 1):
-                own = phase - 360 * number
-                seen = (own > -300) & (own < 120) & (np.abs(size) < 1.5 * NEAR)
-                if seen.any():
-                    # neighbours too, so that lines reach the edges
-                    seen = seen | np.roll(seen, 1) | np.roll(seen, -1)
-                    kept = seen | np.roll(seen, 1)  # and one gap after each part
-                    axes.plot(
-                        np.where(seen, own, np.nan)[kept],
-                        size[kept],
-                        color=colour,
-                        linestyle=dashes,
-                        linewidth=0.8,
-                    )
-                    _mark_exits(axes, own, size, colour)
-        if damped.margin is None:
+    for line in lines:
+        _draw_branches(axes, line)
+        if line.margin is None:
             continue
-        margin = damped.margin[n]
-        for factor in (margin.gain_up, margin.gain_down):
+        for factor in (line.margin.gain_up, line.margin.gain_down):
             if 0 < factor < np.inf:
-                axes.plot(-180, -20 * np.log10(factor), "o", color=colour, markersize=3.5)
-        where = margin.phase_frequency
-        if damped.frequency[0] <= where <= damped.frequency[-1]:
-            near = damped.gain[np.abs(damped.frequency - where).argmin(), n]
+                axes.plot(-180, -20 * np.log10(factor), "o", color=line.colour, markersize=3.5)
+        where = line.margin.phase_frequency
+        if frequency[0] <= where <= frequency[-1]:
+            near = line.gain[np.abs(frequency - where).argmin()]
             side = np.sign(np.angle(-near)) or 1.0
-            at = (-180 + side * margin.phase + 270) % 360 - 270
-            axes.plot(at, 0, "o", color=colour, markersize=3.5, zorder=4)
+            at = (-180 + side * line.margin.phase + 270) % 360 - 270
+            axes.plot(at, 0, "o", color=line.colour, markersize=3.5, zorder=4)
     axes.axhline(0.0, color=INK, linewidth=0.4)
     axes.set_xlim(-270, 90)
     axes.set_xticks([-270, -180, -90, 0, 90])
@@ -404,6 +375,24 @@ def _draw_nichols(
     axes.annotate(
         "$|1+L|=\\frac{1}{2}$", (-180, 6.5), ha="center", va="bottom", fontsize=7.5, color=NOTE
     )
+
+
+def _draw_branches(axes: Axes, line: _Line) -> None:
+    """Draw a loop gain in the Nichols chart, once per turn of its phase."""
+    phase = curves.unwrap_phase(line.gain)
+    size = 20 * np.log10(np.maximum(np.abs(line.gain), np.finfo(float).tiny))
+    turns = np.floor((phase[np.isfinite(phase)] + 270) / 360)
+    for number in range(int(turns.min(initial=0)), int(turns.max(initial=-1)) + 1):
+        own = phase - 360 * number
+        seen = (own > -300) & (own < 120) & (np.abs(size) < 1.5 * NEAR)
+        if seen.any():
+            seen = seen | np.roll(seen, 1) | np.roll(seen, -1)  # so that lines reach the edges
+            kept = seen | np.roll(seen, 1)  # and one gap after each part
+            axes.plot(
+                np.where(seen, own, np.nan)[kept], size[kept], color=line.colour,
+                linestyle=line.look[1], linewidth=0.8,
+            )  # fmt: skip
+            _mark_exits(axes, own, size, line.colour)
 
 
 def _mark_exits(axes: Axes, phase: Any, size: Any, colour: str) -> None:
@@ -423,30 +412,22 @@ def _unit(motion: str) -> str:
 
 
 def _draw_noise(axes: Axes, damped: LocalControl, looks: list[tuple[str, Any]]) -> None:
-    unit = _unit(damped.output)
     axes.set_xscale("log")
     axes.set_xlabel("frequency (Hz)")
-    axes.set_ylabel(single_line(f"{damped.output} ({unit}/√Hz)", 32))
+    axes.set_ylabel(single_line(f"{damped.output} ({_unit(damped.output)}/√Hz)", 32))
     _name(axes, "sensor noise at the output")
     total = np.sqrt((damped.noise**2).sum(1))
     if not total.any():
-        axes.text(
-            0.5,
-            0.5,
-            "no sensor noise reaches this output",
-            ha="center",
-            va="center",
-            transform=axes.transAxes,
-            color=NOTE,
-        )
+        text = "no sensor noise reaches this output"
+        where = axes.transAxes
+        axes.text(0.5, 0.5, text, ha="center", va="center", transform=where, color=NOTE)
         return
     axes.set_yscale("log")
     axes.plot(damped.frequency, total, color=INK, linewidth=2.0)
     ends = [(damped.frequency, total, "sum", INK)]
-    for n, name in enumerate(damped.loop):
-        if damped.noise[:, n].any():
-            part = np.where(damped.noise[:, n] > 0, damped.noise[:, n], np.nan)
-            colour, dashes = looks[n]
+    for name, noise, (colour, dashes) in zip(damped.loop, damped.noise.T, looks, strict=True):
+        if noise.any():
+            part = np.where(noise > 0, noise, np.nan)
             axes.plot(damped.frequency, part, color=colour, linestyle=dashes, linewidth=0.9)
             ends.append((damped.frequency, part, name, colour))
     top = 3 * total.max()

@@ -42,9 +42,9 @@ class SensitivityPeak:
 
     Attributes
     ----------
-    size : float
+    size
         M, at least 1 in all but degenerate cases; 1 is best.
-    frequency : float
+    frequency
         Hz.
     """
 
@@ -95,45 +95,31 @@ def balance(
     return matrix
 
 
-def compute_largest(
-    plant: Plant, frequency: Float[np.ndarray, " frequency"]
-) -> Float[np.ndarray, " frequency"]:
-    """Compute the largest singular value of the scaled sensitivity at frequencies in Hz."""
-    sensitivity = control.compute_sensitivity(plant, frequency)
-    return np.linalg.norm(balance(sensitivity), ord=2, axis=(1, 2))
-
-
 def find_peak(plant: Plant, frequency: Float[np.ndarray, " given"]) -> SensitivityPeak:
     """Find the largest singular value of the scaled sensitivity over all frequencies.
 
     Parameters
     ----------
-    plant : Plant
+    plant
         Whose closed loops are stable.
-    frequency : array
+    frequency
         Hz, as of `margins.compute_margins`.
     """
+
+    def largest(sensitivity: np.ndarray) -> np.ndarray:
+        return np.linalg.norm(balance(sensitivity), ord=2, axis=(1, 2))
 
     def gain(at: np.ndarray) -> np.ndarray:
         # S - 1 turns and changes where S does
         found = control.compute_sensitivity(plant, at)
-        largest = np.linalg.norm(balance(found), ord=2, axis=(1, 2))
-        return np.column_stack([np.diagonal(found, axis1=1, axis2=2) - 1, largest - 1])
+        return np.column_stack([np.diagonal(found, axis1=1, axis2=2) - 1, largest(found) - 1])
 
     grid, value = margins.refine_grid(gain, frequency, faint=FAINT)
     size = np.maximum(1 + np.real(value[:, -1:]), np.finfo(float).tiny)
     smallest, where = margins.search_smallest(
-        lambda at, _: 1 / _in_order(plant, at),
+        lambda at, _: 1 / largest(control.compute_sensitivity(plant, at)),
         grid,
         1 / size,
         np.abs(np.diff(np.log(size), axis=0)) + margins.STEP,
     )
     return SensitivityPeak(float(1 / smallest[0]), float(where[0]))
-
-
-def _in_order(plant: Plant, frequency: Float[np.ndarray, " point"]) -> Float[np.ndarray, " point"]:
-    """Compute the largest singular values at frequencies in any order."""
-    order = np.argsort(frequency, kind="stable")
-    result = np.empty(len(frequency))
-    result[order] = compute_largest(plant, frequency[order])
-    return result

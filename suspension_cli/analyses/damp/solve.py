@@ -44,25 +44,25 @@ class LocalControl:
 
     Attributes
     ----------
-    loop : tuple of str
+    loop
         Names of the loops (l).
-    open, closed : Poles
+    open, closed
         With its own losses alone, and with all loops closed; rad/s.
-    margin : tuple of Margins or None
+    margin
         Of each loop, the others closed; None if the closed loop is unstable.
-    output, drive : str
+    output, drive
         The observed motion, and the signal that gets the impulse.
-    time : array
+    time
         s.
-    impulse, undamped : array
+    impulse, undamped
         Response of the output to a unit impulse, with the loops closed and open; SI.
-    frequency : array
+    frequency
         Hz.
-    noise : array
+    noise
         Noise of each sensor at the output, m/sqrt(Hz) or rad/sqrt(Hz).
-    gain : array
+    gain
         Loop gains, the other loops closed.
-    sensitivity : SensitivityPeak or None
+    sensitivity
         Margin of all loops at once; None if the closed loop is unstable.
     """
 
@@ -102,17 +102,17 @@ def solve(
 
     Parameters
     ----------
-    design : Design
+    design
         With a `[control]` table.
-    model : LinearSystem
+    model
         Without wire mass.
-    output, drive : str
+    output, drive
         Signals: a motion, and the force (or motion of the support) that gets a unit impulse.
-    frequency : array
+    frequency
         For noise and loop gains, Hz.
-    duration : float
+    duration
         Of the impulse response, s.
-    samples : int
+    samples
         Of the impulse response.
     """
     found = find_poles(design, model)
@@ -124,6 +124,11 @@ def solve(
     corners = find_corner_frequencies(constant, closed)
     # a delay turns the gain at high frequencies without end; there it cannot matter
     faint = FAINT if any(loop.delay for loop in plant.loops) else 0.0
+    margin = peak = None
+    if closed.stable:
+        gain, static = partial(control.compute_loop_gains, plant), _static_gains(plant, corners[0])
+        margin = tuple(margins.compute_margins(gain, corners, static, faint=faint))
+        peak = sensitivity.find_peak(plant, corners)
     time = np.linspace(0.0, duration, samples)
     impulse, undamped = (
         poles.impulse(build_closed_loop(fixed, [driven], [observed]), time)[:, 0, 0]
@@ -133,16 +138,7 @@ def solve(
         loop=tuple(loop.name for loop in plant.loops),
         open=opened,
         closed=closed,
-        margin=tuple(
-            margins.compute_margins(
-                partial(control.compute_loop_gains, plant),
-                corners,
-                _static_gains(plant, corners[0]),
-                faint=faint,
-            )
-        )
-        if closed.stable
-        else None,
+        margin=margin,
         output=output,
         drive=drive,
         time=time,
@@ -151,7 +147,7 @@ def solve(
         frequency=frequency,
         noise=answer.noise[:, 0],
         gain=answer.loop_gain,
-        sensitivity=sensitivity.find_peak(plant, corners) if closed.stable else None,
+        sensitivity=peak,
     )
 
 
@@ -161,9 +157,9 @@ class FoundPoles:
 
     Attributes
     ----------
-    plant, constant : Plant
+    plant, constant
         With the losses of the model, and with these as constant matrices.
-    closed, open : Poles
+    closed, open
         With all loops closed, and with all open; rad/s.
     """
 
@@ -185,7 +181,9 @@ def find_poles(design: Design, model: LinearSystem) -> FoundPoles:
         control.build_plant(design, model),
         control.build_plant(design, with_constant_loss(model)),
     )
-    every = _all_motions(model)
+    known = signals.bodies_with_signals(model)  # all motions of all bodies show all modes
+    names = [f"{body}.{dof}" for body in model.body for dof in signals.DOFS]
+    every = [signals.parse_output(name, known) for name in names]
     closed, opened = (
         closed_loop_poles.refine(poles.poles(build_closed_loop(fixed, [], every)), exact)
         for fixed, exact in ((constant, plant), (constant.with_loops([]), plant.with_loops([])))
@@ -204,18 +202,8 @@ def describe_growth(closed: Poles) -> tuple[str, str]:
         f"a pole at {closed.frequency[worst]:.5g} Hz in {closed.state[worst]} grows at"
         f" {closed.growth_rate[worst]:.4g} 1/s"
     )
-    return (
-        where + more,
-        "check the sign of the loops that drive it, or lower their gain or phase lag there",
-    )
-
-
-def _all_motions(model: LinearSystem) -> list[signals.Signal]:
-    """List every motion of every body, which together show all modes."""
-    known = signals.bodies_with_signals(model)
-    return [
-        signals.parse_output(f"{body}.{dof}", known) for body in model.body for dof in signals.DOFS
-    ]
+    remedy = "check the sign of the loops that drive it, or lower their gain or phase lag there"
+    return where + more, remedy
 
 
 def find_corner_frequencies(plant: Plant, closed: Poles) -> Float[np.ndarray, " frequency"]:
@@ -226,9 +214,9 @@ def find_corner_frequencies(plant: Plant, closed: Poles) -> Float[np.ndarray, " 
 
     Parameters
     ----------
-    plant : Plant
+    plant
         With constant matrices.
-    closed : Poles
+    closed
         With all loops closed.
     """
     found = [closed.value / (2 * np.pi)]
@@ -240,14 +228,8 @@ def find_corner_frequencies(plant: Plant, closed: Poles) -> Float[np.ndarray, " 
     every = np.concatenate(found)
     every = every[np.isfinite(every) & (np.abs(every) > 0)]
     centre, width = np.abs(np.imag(every)), np.abs(np.real(every))
-    return np.unique(
-        np.concatenate(
-            [
-                np.abs(every),
-                *(np.abs(centre + side * width) for side in (-3.0, -1.0, 0.0, 1.0, 3.0)),
-            ]
-        )
-    )
+    beside = [np.abs(centre + side * width) for side in (-3.0, -1.0, 0.0, 1.0, 3.0)]
+    return np.unique(np.concatenate([np.abs(every), *beside]))
 
 
 def _static_gains(plant: Plant, lowest: float) -> Float[np.ndarray, " loop"]:
@@ -255,8 +237,7 @@ def _static_gains(plant: Plant, lowest: float) -> Float[np.ndarray, " loop"]:
 
     Loss angles do not act there and are left out.
     """
-    found = control.compute_loop_gains(
-        replace(plant, model=replace(plant.model, terms=(), lossy=None)), np.array([STILL * lowest])
-    )[0]
+    lossless = replace(plant, model=replace(plant.model, terms=(), lossy=None))
+    found = control.compute_loop_gains(lossless, np.array([STILL * lowest]))[0]
     real, imag = np.real(found), np.imag(found)
     return np.where(np.abs(imag) <= REAL * np.abs(real), real, np.inf)

@@ -41,25 +41,11 @@ class ExportAnalysis(Analysis):
             show_default=True,
             help="mat: MATLAB; zpk: zeros, poles, gain; control: python-control.",
         ),
-        option(
-            "--input",
-            "inputs",
-            multiple=True,
-            metavar="SIGNAL",
-            help=(
-                "An input (repeatable)."
-                "  [default: the support's six motions and six forces on the first stage]"
-            ),
+        options.signals(
+            "input", "An input", "the support's six motions and six forces on the first stage"
         ),
-        option(
-            "--output",
-            "outputs",
-            multiple=True,
-            metavar="SIGNAL",
-            help=(
-                "An output (repeatable)."
-                "  [default: the six motions of the first and of the last stage]"
-            ),
+        options.signals(
+            "output", "An output", "the six motions of the first and of the last stage"
         ),
         option(
             "--loss/--no-loss",
@@ -151,7 +137,7 @@ class ExportAnalysis(Analysis):
         from suspension_cli.analyses.export import file as stored
 
         form = stored.format_of(path, result.data)
-        stored.save(path, form, result.data, result.provenance)
+        stored.FORMATS[form].write(path, result.data, result.provenance)
         result.extra.update(format=form, file=str(path))  # what document() returns
 
     def fill(self, file: h5py.File, result: Result) -> None:

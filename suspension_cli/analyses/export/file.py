@@ -24,11 +24,6 @@ MAT_HEAD = f"MATLAB 5.0 MAT-file, written by pendsus {__version__}".encode().lju
 It replaces that of scipy, which contains the time of day."""
 
 
-def save(path: Path, form: str, made: Exported, origin: Provenance) -> None:
-    """Write an exported system in one of the `FORMATS`."""
-    FORMATS[form].write(path, made, origin)
-
-
 def format_of(path: Path, made: Exported) -> str:
     """Return the name of the format of a path's ending.
 
@@ -101,20 +96,11 @@ FORMATS = {
 def _fields(made: Exported, origin: Provenance) -> dict[str, Any]:
     """Fields of a file: matrices, names, units, band and error, provenance."""
     system = made.system
+    names = ("state", "state_unit", "input", "input_unit", "output", "output_unit")
     return {
-        "A": system.a,
-        "B": system.b,
-        "C": system.c,
-        "D": system.d,
-        "state": system.state,
-        "state_unit": system.state_unit,
-        "input": system.input,
-        "input_unit": system.input_unit,
-        "output": system.output,
-        "output_unit": system.output_unit,
-        "band_hz": _band(made),
-        "tolerance": made.tolerance,
-        "worst_error": made.worst,
+        **{name.upper(): getattr(system, name) for name in "abcd"},
+        **{name: getattr(system, name) for name in names},
+        **_agreement(made),
         "design": origin.design,
         "command": origin.command,
         "fidelity": origin.fidelity,
@@ -122,16 +108,15 @@ def _fields(made: Exported, origin: Provenance) -> dict[str, Any]:
     }
 
 
-def _band(made: Exported) -> Any:
-    """Band of agreement (2,), Hz; NaN if there is none."""
-    return np.array(made.band or (np.nan, np.nan))
+def _agreement(made: Exported) -> dict[str, Any]:
+    """Band of agreement (2,), Hz, NaN if there is none, and the errors there and beyond it."""
+    band = np.array(made.band or (np.nan, np.nan))
+    return {"band_hz": band, "tolerance": made.tolerance, "worst_error": made.worst}
 
 
 def _fill(file: h5py.File, made: Exported) -> None:
     group = file.create_group("statespace" if made.zpk is None else "zpk")
-    group.attrs["band_hz"] = _band(made)
-    group.attrs["tolerance"] = made.tolerance
-    group.attrs["worst_error"] = made.worst
+    group.attrs.update(_agreement(made))
     system = made.system
     into = add_scale(group, "input", list(system.input), "name")
     out = add_scale(group, "output", list(system.output), "name")
@@ -139,25 +124,21 @@ def _fill(file: h5py.File, made: Exported) -> None:
     add_dataset(group, "output_unit", list(system.output_unit), "name", out)
     if made.zpk is not None:
         add_dataset(group, "gain", made.zpk.gain, "SI, with roots in rad/s", out, into)
-        for o, output in enumerate(system.output):
-            for i, drive in enumerate(system.input):
-                pair = group.create_group(f"{output} from {drive}".replace("/", "_"))
-                for name, values in (
-                    ("zeros", made.zpk.zeros[o][i]),
-                    ("poles", made.zpk.poles[o][i]),
-                ):
-                    number = add_scale(pair, name[:-1], np.arange(1, len(values) + 1), "1")
-                    add_dataset(pair, name, values, "rad/s", number)
+        for o, i in np.ndindex(made.zpk.gain.shape):
+            name = f"{system.output[o]} from {system.input[i]}"
+            pair = group.create_group(name.replace("/", "_"))
+            for name in ("zeros", "poles"):
+                values = getattr(made.zpk, name)[o, i]
+                number = add_scale(pair, name[:-1], np.arange(1, len(values) + 1), "1")
+                add_dataset(pair, name, values, "rad/s", number)
         return
     state = add_scale(group, "state", list(system.state), "name")
     add_dataset(group, "state_unit", list(system.state_unit), "name", state)
-    for name, matrix, axes in (
-        ("A", system.a, (state, state)),
-        ("B", system.b, (state, into)),
-        ("C", system.c, (out, state)),
-        ("D", system.d, (out, into)),
-    ):
-        add_dataset(group, name, matrix, "SI, see the units of states, inputs and outputs", *axes)
+    units = "SI, see the units of states, inputs and outputs"
+    add_dataset(group, "A", system.a, units, state, state)
+    add_dataset(group, "B", system.b, units, state, into)
+    add_dataset(group, "C", system.c, units, out, state)
+    add_dataset(group, "D", system.d, units, out, into)
 
 
 def python_control(path: str | Path) -> Any:

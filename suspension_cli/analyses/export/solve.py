@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -16,33 +17,22 @@ from suspension_cli.scene.arrays import Array
 
 @dataclass(frozen=True)
 class ZeroPoleGain:
-    """Responses as gain times the product of (s - z) over that of (s - p), in rad/s.
+    """Responses (o, i) as gain times the product of (s - z) over that of (s - p), in rad/s."""
 
-    Attributes
-    ----------
-    zeros, poles : [output][input] nested tuples of complex arrays
-    gain : (o, i) array
-    """
-
-    zeros: tuple[tuple[Any, ...], ...]
-    poles: tuple[tuple[Any, ...], ...]
+    zeros: Array
+    poles: Array
     gain: Array
 
     def at(self, frequency: Array) -> Any:
         """Evaluate the transfer matrix (f, o, i) at frequencies (f,) in Hz."""
         s = 2j * np.pi * np.asarray(frequency)
         result = np.empty((len(s), *self.gain.shape), dtype=complex)
-        for o, row in enumerate(self.zeros):
-            for i, zeros in enumerate(row):
-                poles = self.poles[o][i]
-                value = np.full(s.shape, complex(self.gain[o, i]))
-                for n in range(max(len(zeros), len(poles))):  # alternately, to avoid overflow
-                    value = (
-                        value
-                        * ((s - zeros[n]) if n < len(zeros) else 1.0)
-                        / ((s - poles[n]) if n < len(poles) else 1.0)
-                    )
-                result[:, o, i] = value
+        for o, i in np.ndindex(self.gain.shape):
+            result[:, o, i] = self.gain[o, i]
+            # alternately, to avoid overflow
+            for zero, pole in zip_longest(self.zeros[o, i], self.poles[o, i]):
+                result[:, o, i] *= 1.0 if zero is None else s - zero
+                result[:, o, i] /= 1.0 if pole is None else s - pole
         return result
 
 
@@ -52,13 +42,9 @@ class Exported:
 
     Attributes
     ----------
-    system : StateSpace
-    zpk : ZeroPoleGain or None
     band : tuple of float or None
-        Frequencies in Hz between which it agrees with the direct solution to `tolerance`; None if
-        there are no two neighbouring ones.
-    tolerance : float
-        Relative.
+        Frequencies in Hz between which it agrees with the direct solution to `tolerance`, relative;
+        None if there are no two neighbouring ones.
     worst : float
         Largest relative error at the frequencies compared.
     tried : tuple of float
@@ -98,7 +84,6 @@ def build(
     ----------
     model : LinearSystem
         With constant matrices.
-    inputs, outputs : list of Signal
     direct : LinearSystem, optional
         Model of the direct solution to compare with; `model` by default.
     zpk : bool
@@ -120,22 +105,18 @@ def compute_zero_pole_gain(system: statespace.StateSpace) -> ZeroPoleGain:
     (Emami-Naeini and Van Dooren, Automatica 18, 415 (1982)), of which there are as many as the
     relative degree leaves; the gain is the first non-zero Markov parameter.
     """
-    rows_z, rows_p = [], []
-    gain = np.zeros((len(system.c), system.b.shape[1]))
-    for o in range(len(system.c)):
-        zeros_row, poles_row = [], []
-        for i in range(system.b.shape[1]):
-            a, b, c = restrict_states(system, o, i)
-            degree, gain[o, i] = _leading(a, b, c, system.d[o, i])
-            zeros = _zeros(a, b, c, system.d[o, i], degree)
-            while not np.isfinite(zeros).all():  # its Markov parameter was a rounding error
-                degree, gain[o, i] = _leading(a, b, c, 0.0, degree)
-                zeros = _zeros(a, b, c, 0.0, degree) if gain[o, i] else zeros[:0]
-            zeros_row.append(zeros)
-            poles_row.append(np.linalg.eigvals(a) if gain[o, i] else np.zeros(0, dtype=complex))
-        rows_z.append(tuple(zeros_row))
-        rows_p.append(tuple(poles_row))
-    return ZeroPoleGain(tuple(rows_z), tuple(rows_p), gain)
+    gain = np.zeros_like(system.d, dtype=float)
+    zeros, poles = np.empty(gain.shape, dtype=object), np.empty(gain.shape, dtype=object)
+    for o, i in np.ndindex(gain.shape):
+        (a, b, c), d = restrict_states(system, o, i), float(system.d[o, i])
+        degree, gain[o, i] = _leading(a, b, c, d)
+        own = _zeros(a, b, c, d, degree)
+        while not np.isfinite(own).all():  # its Markov parameter was a rounding error
+            degree, gain[o, i] = _leading(a, b, c, 0.0, degree)
+            own = _zeros(a, b, c, 0.0, degree) if gain[o, i] else own[:0]
+        zeros[o, i] = own
+        poles[o, i] = np.linalg.eigvals(a) if gain[o, i] else np.zeros(0, dtype=complex)
+    return ZeroPoleGain(zeros, poles, gain)
 
 
 def restrict_states(system: statespace.StateSpace, o: int, i: int) -> tuple[Array, Array, Array]:

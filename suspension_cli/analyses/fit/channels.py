@@ -28,6 +28,10 @@ from suspension_cli.scene.arrays import Array
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float
 
+    from suspension_cli.analyses.fit.array_types import Frequencies
+
+TABLES = ("sensor", "actuator")
+"""Names of both sides in files of measurements."""
 GAIN, DELAY, MIX = "gain", "delay", "mix"
 
 
@@ -37,14 +41,13 @@ class Nuisance:
 
     Attributes
     ----------
-    side : int
+    side
         0 for a sensor, 1 for an actuator.
-    channel : str
-    kind : str
+    kind
         ``"gain"`` (relative), ``"delay"`` (s) or ``"mix"`` (amount of `other`).
-    sigma : float
+    sigma
         Standard deviation of the prior around 0.
-    other : str
+    other
         Signal that the channel contains beside its own.
     """
 
@@ -57,8 +60,8 @@ class Nuisance:
     @property
     def name(self) -> str:
         """Key path: ``sensor.top-x.gain``, ``sensor.top-x.mix.top.y``."""
-        table = ("sensor", "actuator")[self.side]
-        return f"{table}.{self.channel}.{self.kind}" + (f".{self.other}" if self.other else "")
+        end = f".{self.other}" if self.other else ""
+        return f"{TABLES[self.side]}.{self.channel}.{self.kind}{end}"
 
 
 @dataclass(frozen=True)
@@ -67,12 +70,12 @@ class Channels:
 
     Attributes
     ----------
-    transducer : pair of dict of Transducer
+    transducer
         Sensors, then actuators, by name. A signal of the design that the file measures directly is
         a transducer of its own name.
-    signal : pair of tuple of Signal
+    signal
         Signals that sensors and actuators contain.
-    function : tuple of MeasuredResponse
+    function
         The measured functions.
     """
 
@@ -130,7 +133,7 @@ class Channels:
         return one.with_transducer(side, second, signal=a.signal, mix=a.mix)
 
     def matrices(
-        self, omega: Float[np.ndarray, " frequency"], values: dict[Nuisance, float]
+        self, omega: Frequencies, values: dict[Nuisance, float]
     ) -> tuple[
         tuple[Float[np.ndarray, "sensor output"], Complex[np.ndarray, "sensor frequency"]],
         tuple[Float[np.ndarray, "actuator input"], Complex[np.ndarray, "actuator frequency"]],
@@ -163,7 +166,7 @@ class Channels:
     def combine(
         self,
         response: Complex[np.ndarray, "frequency output input"],
-        omega: Float[np.ndarray, " frequency"],
+        omega: Frequencies,
         values: dict[Nuisance, float],
     ) -> Complex[np.ndarray, "frequency sensor actuator"]:
         """Compute readings per drive from responses of the signals."""
@@ -178,7 +181,7 @@ class Channels:
     def differentiate(
         self,
         response: Complex[np.ndarray, "frequency output input"],
-        omega: Float[np.ndarray, " frequency"],
+        omega: Frequencies,
         values: dict[Nuisance, float],
         nuisance: Nuisance,
     ) -> Complex[np.ndarray, "frequency sensor actuator"]:
@@ -227,43 +230,41 @@ def build(
     )
     bad: dict[Fault, None] = {}
     used: list[dict[str, Transducer]] = [{}, {}]
+    found: list[dict[str, Signal]] = [{}, {}]
+
     for n, item in enumerate(functions, 1):
         for side, (key, name) in enumerate((("output", item.output), ("input", item.input))):
-            where = f"transfer_function.{n}.{key}"
+            also = f"; or describe the channel by a [[{TABLES[side]}]]"
+            if given[side]:
+                also = f"; or name a [[{TABLES[side]}]] ({suggest(name, list(given[side]))})"
             if name in given[side]:
                 used[side][name] = given[side][name]
-                continue
-            try:
-                _parse(side, name, known)
-            except InputError as error:
-                table = ("sensor", "actuator")[side]
-                also = (
-                    f"name a [[{table}]] ({suggest(name, list(given[side]))})"
-                    if given[side]
-                    else (f"describe the channel by a [[{table}]]")
-                )
-                fault = error.faults[0]
-                bad[
-                    Fault(where, fault.problem, f"{fault.remedy}; or {also}", format_value(name))
-                ] = None
-            else:
+            elif _parse(side, name, known, bad, f"transfer_function.{n}.{key}", also) is not None:
                 used[side][name] = Transducer(name=name, signal=name)
-    texts: list[dict[str, Signal]] = [{}, {}]
     for side, items in enumerate(used):
         for name, item in items.items():
             for text in (item.signal, *item.mix, *item.mix_uncertainty):
-                try:
-                    texts[side][text] = _parse(side, text, known)
-                except InputError as error:
-                    fault = error.faults[0]
-                    where = f"{('sensor', 'actuator')[side]}.{name}"
-                    bad[Fault(where, fault.problem, fault.remedy, format_value(text))] = None
+                signal = _parse(side, text, known, bad, f"{TABLES[side]}.{name}")
+                if signal is not None:
+                    found[side][text] = signal
     if bad:
         raise InputError(list(bad))
-    return Channels(
-        (used[0], used[1]), (tuple(texts[0].values()), tuple(texts[1].values())), tuple(functions)
-    )
+    outputs, inputs = (tuple(side.values()) for side in found)
+    return Channels((used[0], used[1]), (outputs, inputs), tuple(functions))
 
 
-def _parse(side: int, text: str, known: tuple[str, ...]) -> Signal:
-    return (signals.parse_output, signals.parse_input)[side](text, known)
+def _parse(
+    side: int,
+    text: str,
+    known: tuple[str, ...],
+    bad: dict[Fault, None],
+    where: str,
+    also: str = "",
+) -> Signal | None:
+    """Parse a signal; if it is none, add the fault with another remedy to those known."""
+    try:
+        return (signals.parse_output, signals.parse_input)[side](text, known)
+    except InputError as error:
+        fault = error.faults[0]
+        bad[Fault(where, fault.problem, fault.remedy + also, format_value(text))] = None
+        return None

@@ -13,6 +13,7 @@ from suspension_cli.analyses import options
 from suspension_cli.analyses.analysis import Analysis, Document, Log, Result, Run, Settings, plain
 from suspension_cli.analyses.fit import report
 from suspension_cli.analyses.options import argument, option
+from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value, join_errors
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from suspension_cli.analyses.fit.solve import Fit
     from suspension_cli.design.measured import Measured
     from suspension_cli.design.reader import Source
-    from suspension_cli.errors import InputError
     from suspension_cli.measurements.transfer_function import MeasuredResponse
     from suspension_cli.models.auto import Decision
     from suspension_cli.models.registry import Choice
@@ -87,16 +87,14 @@ class FitAnalysis(Analysis):
         Options come from the first design, where defaults stand in the designs.
         """
         from suspension_cli.design import measured, reader
-        from suspension_cli.errors import Fault, InputError
         from suspension_cli.measurements import read as read_measured
 
         *designs, file = files["files"]
         text = reader.read_text(file)
         given = measured.read(file, text)
         if not given.parameter and not given.transfer_function:
-            raise InputError(
-                [Fault("parameter", "missing", "name the numbers to fit in [[parameter]]")], file
-            )
+            remedy = "name the numbers to fit in [[parameter]]"
+            raise InputError([Fault("parameter", "missing", remedy)], file)
         runs = _designs(ask, designs, file, given)
         inputs = {"file": file, "text": text, "measured": given, "runs": runs}
         if given.transfer_function:
@@ -108,7 +106,6 @@ class FitAnalysis(Analysis):
         """Fit all designs together."""
         from suspension_cli.analyses import model_choice
         from suspension_cli.analyses.fit import common_model
-        from suspension_cli.errors import attribute_faults_to
         from suspension_cli.models import registry
 
         given: Measured = run.inputs["measured"]
@@ -159,12 +156,10 @@ class FitAnalysis(Analysis):
         Null stands for an uncertainty that is infinite or that of a number at its bound.
         """
         found: Fit = result.data
-        who = found.experiment
-        files = result.extra.get("designs", [None] * len(who))
+        files = result.extra.get("designs", [None] * len(found.experiment))
+        pairs = zip(found.experiment, files, strict=True)
         document: Document = {
-            "experiments": [
-                {"name": name, "design": file} for name, file in zip(who, files, strict=True)
-            ],
+            "experiments": [{"name": name, "design": file} for name, file in pairs],
             "parameters": report.learned_numbers(found),
             "covariance": plain(found.scale**2 * found.covariance),
             "modes": report.mode_rows(found),
@@ -187,8 +182,8 @@ class FitAnalysis(Analysis):
         """Return what was learned, how modes lie, and what the data cannot tell apart."""
         found: Fit = result.data
         lines = [result.choice.line, ""]
-        first = report.first_lines(found)
-        lines += [*first, ""] if first else []
+        if first := report.first_lines(found):
+            lines += [*first, ""]
         lines += [report.numbers(found), ""]
         if found.label:
             lines += [report.residuals(found), ""]
@@ -215,12 +210,11 @@ class FitAnalysis(Analysis):
 
             found: ResponseFit = result.data.responses
             given = measured.read(result.data.title, result.data.measurements)
-            units = [
-                read_measured.unit_of_value(
-                    measured.TransferFunction(file="", input=into, output=out), given
-                )
+            functions = [
+                measured.TransferFunction(file="", input=into, output=out)
                 for into, out in zip(found.input, found.output, strict=True)
             ]
+            units = [read_measured.unit_of_value(item, given) for item in functions]
             drawn = response_picture.draw(found, title, units)
             pages["-responses"] = style.name_neglected(drawn, result.choice)
         return pages
@@ -249,75 +243,43 @@ def _weighted(functions: list[MeasuredResponse], relative: float | None) -> list
 
     if relative is None:
         return functions
-    return [
-        dataclasses.replace(
-            item,
-            uncertainty=np.where(
-                np.isfinite(item.uncertainty) & (np.asarray(item.uncertainty) > 0),
-                item.uncertainty,
-                relative * np.maximum(np.abs(item.value), 1e-3 * np.median(np.abs(item.value))),
-            ),
-        )
-        for item in functions
-    ]
+    result = []
+    for item in functions:
+        size, sigma = np.abs(item.value), np.asarray(item.uncertainty)
+        assumed = relative * np.maximum(size, 1e-3 * np.median(size))
+        known = np.isfinite(sigma) & (sigma > 0)
+        result.append(dataclasses.replace(item, uncertainty=np.where(known, sigma, assumed)))
+    return result
 
 
 def _fit(run: Run, level: str, begin: Array | None, bar: Progress) -> Fit:
     """Fit to modes, or to transfer functions (and modes)."""
     from suspension_cli.analyses.fit import solve as fit
 
-    runs: list[Run] = run.inputs["runs"]
-    settings: Settings = {
-        "level": level,
-        "starts": run.setting["starts"],
-        "seed": run.setting["seed"],
-        "begin": begin,
-        "tell": bar,
-    }
-    given, designs = run.inputs["measured"], [one.source.file for one in runs]
-    if given.transfer_function:
-        return fit.solve_responses(
-            runs[0].source.text,
-            given,
-            run.inputs["functions"],
-            designs[0],
-            explain=run.setting["explain"],
-            **settings,
-        )
-    return fit.solve([one.source.text for one in runs], given, designs, **settings)
+    sources = [one.source for one in run.inputs["runs"]]
+    texts, files = [one.text for one in sources], [one.file for one in sources]
+    setting, given = run.setting, run.inputs["measured"]
+    how: Settings = {"starts": setting["starts"], "seed": setting["seed"]}
+    how |= {"level": level, "begin": begin, "tell": bar}
+    if not given.transfer_function:
+        return fit.solve(texts, given, files, **how)
+    functions, explain = run.inputs["functions"], setting["explain"]
+    return fit.solve_responses(texts[0], given, functions, files[0], explain=explain, **how)
 
 
 def _designs(
     ask: Callable[..., Run], designs: Sequence[str], file: str, given: Measured
 ) -> list[Run]:
     """Read the designs that were measured; faults of all are reported at once."""
-    from suspension_cli.errors import Fault, InputError, format_value, join_errors
-
     if given.experiment is None:
         if len(designs) != 1:
-            raise InputError(
-                [
-                    Fault(
-                        "mode",
-                        f"of one design, but {len(designs)} are given",
-                        "write pendsus fit DESIGN MEASURED, or name designs in [[experiment]]",
-                    )
-                ],
-                file,
-            )
+            problem = f"of one design, but {len(designs)} are given"
+            remedy = "write pendsus fit DESIGN MEASURED, or name designs in [[experiment]]"
+            raise InputError([Fault("mode", problem, remedy)], file)
         return [ask(designs[0])]
     if designs:
-        raise InputError(
-            [
-                Fault(
-                    "experiment",
-                    "names its designs itself",
-                    "write pendsus fit MEASURED",
-                    format_value(designs[0]),
-                )
-            ],
-            file,
-        )
+        problem, remedy = "names its designs itself", "write pendsus fit MEASURED"
+        raise InputError([Fault("experiment", problem, remedy, format_value(designs[0]))], file)
     runs, bad = [], {}
     for n, item in enumerate(given.experiment, 1):
         design, own = str(Path(file).parent / item.design), tuple(item.set)
@@ -338,8 +300,6 @@ def _of_measured(
 
     Those that are there without its overrides too are of the command line or the design.
     """
-    from suspension_cli.errors import Fault, InputError, format_value
-
     theirs = {format_value(text) for text in own}
     if any(fault.value in theirs for fault in error.faults):
         try:
@@ -368,7 +328,6 @@ def _checked(
     """
     from suspension_cli.analyses.fit import common_model
     from suspension_cli.design import reader
-    from suspension_cli.errors import InputError
     from suspension_cli.models.registry import MODELS
 
     fitted = [

@@ -14,7 +14,7 @@ from suspension_cli.linear import eigenmodes, named_results
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import auto, registry
 from suspension_cli.models.auto import Decision
-from suspension_cli.models.quantity_of_interest import Several
+from suspension_cli.models.quantity_of_interest import Differentiated
 from suspension_cli.models.registry import Choice
 
 
@@ -25,16 +25,6 @@ def choose(
 
     Where the model that one design needs is not valid for another, it is not taken.
 
-    Parameters
-    ----------
-    wanted : str
-        ``"auto"`` or the name of a model.
-    sources : sequence of Source
-        The designs.
-    measured : Measured
-    tolerance : float
-        Relative error of measured modes that ``"auto"`` may leave.
-
     Returns
     -------
     list of Decision
@@ -44,7 +34,10 @@ def choose(
     found: list[Decision] = []
     for source, request in zip(sources, requests, strict=True):
         with attribute_faults_to(source.file):
-            found.append(model_choice.with_derivatives(wanted, source, request, tolerance))
+            usable = [model for model in registry.MODELS if model.supports_derivatives]
+            found.append(
+                model_choice.with_derivatives(wanted, source.design, request, tolerance, usable)
+            )
     models = sorted({one.choice.model for one in found}, key=registry.MODELS.index)
     common, reason = models[-1], "as another design of this fit needs it"
     for source in sources:
@@ -78,19 +71,19 @@ def worst(decisions: Sequence[Decision]) -> Choice:
     return max(choices, key=lambda choice: -1.0 if math.isnan(choice.error) else choice.error)
 
 
-def _requests(measured: Measured) -> list[Callable[[LinearSystem], Several]]:
+def _requests(measured: Measured) -> list[Callable[[LinearSystem], Differentiated]]:
     return [_request({mode.label for mode in modes}) for modes in measured.modes]
 
 
-def _request(labels: set[str | None]) -> Callable[[LinearSystem], Several]:
+def _request(labels: set[str | None]) -> Callable[[LinearSystem], Differentiated]:
     """Request the modes of these labels; all if some have none."""
 
-    def request(system: LinearSystem) -> Several:
+    def request(system: LinearSystem) -> Differentiated:
         found = eigenmodes.solve(dataclasses.replace(system, terms=()))
         every = tuple(
             named_results.Mode(name, n) for n, name in enumerate(named_results.labels(found))
         )
         some = tuple(mode for mode in every if mode.text in labels)
-        return Several(every if None in labels or not some else some, found)
+        return Differentiated(every if None in labels or not some else some, found)
 
     return request

@@ -27,9 +27,17 @@ from suspension_cli.studies.parameters import Parameter
 if TYPE_CHECKING:
     from jaxtyping import Float
 
+    from suspension_cli.analyses.fit.array_types import ModeValues, Numbers
+
 FORBIDDEN = 1e6
 """Cost, in the assignment of modes, of one that a measurement cannot belong to; others cost the
 square of a logarithm of frequencies."""
+
+
+def unbalanced(name: str) -> InputError:
+    """Return the error of a number that no other one follows."""
+    problem = "changing it alone unbalances the suspension"
+    return InputError([Fault(f"parameter {name}", problem, "fit another number")])
 
 
 @dataclass
@@ -38,28 +46,28 @@ class Experiment:
 
     Attributes
     ----------
-    text : str
+    text
         The design as TOML.
-    mode : list of Mode
+    mode
         The measurements.
-    free : list of str
+    free
         Dotted paths of the free numbers.
-    start : array
+    start
         Their values where the search starts, SI.
-    where : str
+    where
         Prefix of the key paths of the modes in errors.
-    file : str
+    file
         File of the design, for errors.
-    level : str
+    level
         Name of a model that supports derivatives.
-    cache : dict
+    cache
         Frequencies and derivatives by free numbers.
     """
 
     text: str
     mode: list[Mode]
     free: list[str]
-    start: Float[np.ndarray, " number"]
+    start: Numbers
     where: str = ""
     file: str = ""
     level: str = registry.STRING.name
@@ -105,20 +113,18 @@ class Experiment:
         """Attribute errors in the design to its file."""
         return attribute_faults_to(self.file)
 
-    def document(self, x: Float[np.ndarray, " number"]) -> Document:
+    def document(self, x: Numbers) -> Document:
         """Return the parsed TOML of the design with the free numbers x."""
         raw = copy.deepcopy(self.table)
         values = {name: float(value) for name, value in zip(self.free, x, strict=True)}
         reader.apply_overrides(raw, paths.symmetric_settings(values))
         return raw
 
-    def design(self, x: Float[np.ndarray, " number"]) -> Design:
+    def design(self, x: Numbers) -> Design:
         """Return the design with the free numbers x."""
         return reader.convert(self.document(x))
 
-    def evaluate(
-        self, x: Float[np.ndarray, " number"]
-    ) -> tuple[Float[np.ndarray, " mode"], Float[np.ndarray, "mode number"]]:
+    def evaluate(self, x: Numbers) -> tuple[ModeValues, Float[np.ndarray, "mode number"]]:
         """Solve for all frequencies, Hz, and their derivatives; both are cached.
 
         Modes are in the order of `nominal_modes`; NaN for an unstable mode.
@@ -129,9 +135,7 @@ class Experiment:
                 self.cache[key] = self._solve(x)
         return self.cache[key]
 
-    def _solve(
-        self, x: Float[np.ndarray, " number"]
-    ) -> tuple[Float[np.ndarray, " mode"], Float[np.ndarray, "mode number"]]:
+    def _solve(self, x: Numbers) -> tuple[ModeValues, Float[np.ndarray, "mode number"]]:
         design = self.design(x)
         model = replace(registry.by_name(self.level).system(design), terms=())
         found, shape = eigenmodes.solve(model), batch_modes.solve_one(model).shape[0]
@@ -142,29 +146,23 @@ class Experiment:
         for n, name in enumerate(self.free):
             change = changes[name]
             if change is None:
-                raise InputError(
-                    [
-                        Fault(
-                            f"parameter {name}",
-                            "changing it alone unbalances the suspension",
-                            "fit another number",
-                        )
-                    ]
-                )
+                raise unbalanced(name)
             slope[:, n] = differentiate_frequencies(found, change)[order]
         return found.frequency[order], slope
 
     def predict(
-        self, x: Float[np.ndarray, " number"]
+        self, x: Numbers
     ) -> tuple[Float[np.ndarray, " measured"], Float[np.ndarray, "measured number"]]:
         """Model frequencies of the measured modes, Hz, and their derivatives.
 
         Both are 0 for an unstable mode.
         """
+        if not self.mode:
+            return np.zeros(0), np.zeros((0, len(self.free)))
         (frequency, slope), places = self.evaluate(x), self.assign_modes(x)
         return np.nan_to_num(frequency[places], nan=0.0), np.nan_to_num(slope[places])
 
-    def assign_modes(self, x: Float[np.ndarray, " number"]) -> list[int]:
+    def assign_modes(self, x: Numbers) -> list[int]:
         """Assign a mode to each measurement.
 
         Labelled measurements take their modes; the others share the remaining modes such that
@@ -175,30 +173,20 @@ class Experiment:
         assigned = dict(self.labelled)
         remaining = [n for n in range(len(self.mode)) if n not in assigned]
         frequency, _ = self.evaluate(x)
-        open_modes = [
-            m for m in range(len(frequency)) if m not in assigned.values() and frequency[m] > 0
-        ]
+        open_modes = np.setdiff1d(np.flatnonzero(frequency > 0), [*assigned.values()])
         if remaining:
             cost = np.full((len(remaining), max(len(open_modes), len(remaining))), FORBIDDEN)
-            cost[:, : len(open_modes)] = (
-                np.abs(np.log(self.frequency[remaining][:, None] / frequency[open_modes])) ** 2
-            )
+            ratio = self.frequency[remaining][:, None] / frequency[open_modes]
+            cost[:, : len(open_modes)] = np.log(ratio) ** 2
             for row, n in enumerate(remaining):
                 allowed = self.mode[n].dof
                 if allowed is not None:
-                    cost[
-                        row,
-                        [
-                            m
-                            for m, mode in enumerate(open_modes)
-                            if self.dominant_dof[mode] not in allowed
-                        ],
-                    ] = FORBIDDEN
-            rows, columns = linear_sum_assignment(cost)
-            for row, column in zip(rows, columns, strict=True):
+                    dofs = [self.dominant_dof[mode] for mode in open_modes]
+                    cost[row, [k for k, dof in enumerate(dofs) if dof not in allowed]] = FORBIDDEN
+            for row, column in zip(*linear_sum_assignment(cost), strict=True):
                 if cost[row, column] == FORBIDDEN:
                     raise InputError([self._unassigned(remaining[row], len(frequency))])
-                assigned[remaining[row]] = open_modes[column]
+                assigned[remaining[row]] = int(open_modes[column])
         return [assigned[n] for n in range(len(self.mode))]
 
     @cached_property
@@ -211,16 +199,9 @@ class Experiment:
                 found = named_results.parse([item.label], self.nominal_modes, (), where)
                 numbers = [one.number for one in found if isinstance(one, named_results.Mode)]
                 if len(numbers) != 1 or numbers[0] in assigned.values():
-                    raise InputError(
-                        [
-                            Fault(
-                                where,
-                                "does not name exactly one mode, or repeats one",
-                                f"list labels with pendsus modes --fidelity {self.level}",
-                                format_value(item.label),
-                            )
-                        ]
-                    )
+                    problem = "does not name exactly one mode, or repeats one"
+                    remedy = f"list labels with pendsus modes --fidelity {self.level}"
+                    raise InputError([Fault(where, problem, remedy, format_value(item.label))])
                 assigned[n] = numbers[0]
         return assigned
 

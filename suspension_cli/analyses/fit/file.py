@@ -16,6 +16,9 @@ from suspension_cli.files.atomic import write_bytes
 from suspension_cli.files.hdf5 import Stored, add_dataset, add_scale
 from suspension_cli.version import __version__
 
+MODES = ("measured", "uncertainty", "before", "after")
+"""Fields of `Fit` with a frequency per measured mode."""
+
 
 def fill(group: h5py.Group, found: Fit) -> None:
     """Write a fit into the group `fit`."""
@@ -49,7 +52,7 @@ def fill(group: h5py.Group, found: Fit) -> None:
     )
     add_dataset(group, "measured_in", found.of, "1", mode)
     add_dataset(group, "label", list(found.label), "name", mode)
-    for name in ("measured", "uncertainty", "before", "after"):
+    for name in MODES:
         add_dataset(group, name, getattr(found, name), "Hz", mode)
     add_dataset(group, "residual", found.residual, "1", mode)
     searches = add_scale(group, "search", np.arange(1, len(found.ends) + 1), "1")
@@ -66,36 +69,25 @@ def load(group: Stored) -> Fit:
         response_file.read_names(group[name])
         for name in ("experiment", "parameter", "label", "design", "fitted_design")
     )
-    arrays = [
-        "shared",
-        "start",
-        "value",
-        "at_bound",
-        "measured",
-        "uncertainty",
-        "before",
-        "after",
-        "direction",
-        "ends",
-    ]
-    attrs, scaled = group.attrs, float(group.attrs.get("sigma_scale", 1.0))
-    exchanged = None
+    attrs = group.attrs
+    scale = float(attrs.get("sigma_scale", 1.0))
+    exchange = None
     if "exchange_labels" in attrs:
-        first, second = (str(name) for name in attrs["exchange_labels"])
-        exchanged = Exchange(
-            int(attrs["exchange_experiment"]), (first, second), float(attrs["exchange_chi_squared"])
-        )
+        first, second = map(str, attrs["exchange_labels"])
+        chi_squared = float(attrs["exchange_chi_squared"])
+        exchange = Exchange(int(attrs["exchange_experiment"]), (first, second), chi_squared)
+    arrays = ("shared", "start", "value", "at_bound", *MODES, "direction", "ends")
     return Fit(
         responses=response_file.load(group["responses"]) if "responses" in group else None,
-        exchange=exchanged,
-        sigma=group["sigma"][:] / scaled,
-        covariance=group["covariance"][:] / scaled**2,
+        exchange=exchange,
+        sigma=group["sigma"][:] / scale,
+        covariance=group["covariance"][:] / scale**2,
         experiment=experiments,
         name=names,
         of=group["measured_in"][:],
         label=labels,
-        chi_squared=float(group.attrs["chi_squared"]),
-        freedom=int(group.attrs["degrees_of_freedom"]),
+        chi_squared=float(attrs["chi_squared"]),
+        freedom=int(attrs["degrees_of_freedom"]),
         singular=group["singular_value"][:],
         design=designs,
         design_before=before,

@@ -28,7 +28,12 @@ from suspension_cli.studies.natural_steps import natural_step
 from suspension_cli.studies.response_matrix import Plant
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
+    from suspension_cli.analyses.fit.array_types import (
+        NumberMatrix,
+        Numbers,
+        UnknownMatrix,
+        Unknowns,
+    )
 
 WEAK = 10.0
 """Factor on priors (and on a tenth of numbers without) in statements on what the data determine."""
@@ -63,17 +68,13 @@ LISTED = 6
 """Candidates that are reported."""
 
 
-def information(
-    problem: ResponseProblem, z: Float[np.ndarray, " unknown"]
-) -> Float[np.ndarray, "unknown unknown"]:
+def information(problem: ResponseProblem, z: Unknowns) -> UnknownMatrix:
     """Compute the information of all data and priors on the unknowns over their `scale`."""
     slope = problem.jacobian(z) * problem.scale
     return slope.T @ slope
 
 
-def covariance(
-    problem: ResponseProblem, z: Float[np.ndarray, " unknown"]
-) -> Float[np.ndarray, "unknown unknown"]:
+def covariance(problem: ResponseProblem, z: Unknowns) -> UnknownMatrix:
     """Compute the covariance of the unknowns; infinite where nothing determines a number."""
     whole = information(problem, z)
     root = np.sqrt(np.where(np.diag(whole) > 0, np.diag(whole), 1.0))
@@ -89,9 +90,7 @@ def covariance(
     return result
 
 
-def data_information(
-    problem: ResponseProblem, z: Float[np.ndarray, " unknown"]
-) -> Float[np.ndarray, "number number"]:
+def data_information(problem: ResponseProblem, z: Unknowns) -> NumberMatrix:
     """Compute the information of the data alone on the numbers over their `scale`."""
     p = problem.numbers
     whole = information(problem, z)
@@ -136,9 +135,7 @@ def short(name: str) -> str:
     return ".".join(keys)
 
 
-def describe(
-    problem: ResponseProblem, z: Float[np.ndarray, " unknown"], names: Sequence[str]
-) -> tuple[str, ...]:
+def describe(problem: ResponseProblem, z: Unknowns, names: Sequence[str]) -> tuple[str, ...]:
     """Say what the data determine and what they do not, one sentence per statement."""
     p = problem.numbers
     if not p:
@@ -178,9 +175,9 @@ def describe(
 
 
 def combinations(
-    spread: Float[np.ndarray, "number number"],
-    scale: Float[np.ndarray, " number"],
-    value: Float[np.ndarray, " number"],
+    spread: NumberMatrix,
+    scale: Numbers,
+    value: Numbers,
     numbers: list[NumberName],
 ) -> tuple[list[str], set[int]]:
     """Sentences on combinations of two or three numbers that alone are determined."""
@@ -215,9 +212,7 @@ def combinations(
     return lines, taken
 
 
-def _sentence(
-    group: list[NumberName], weight: Float[np.ndarray, " number"], error: float, *, lengths: bool
-) -> str:
+def _sentence(group: list[NumberName], weight: Numbers, error: float, *, lengths: bool) -> str:
     names = [one.name for one in group]
     if lengths:
         words = f"{error * np.abs(weight).max() * 1e3:.2g} mm"
@@ -245,7 +240,7 @@ def _listed(names: list[str]) -> str:
 
 
 def single_changes(
-    found: Solution, text: str, measured: Measured, file: str, start: Float[np.ndarray, " unknown"]
+    found: Solution, text: str, measured: Measured, file: str, start: Unknowns
 ) -> tuple[float, tuple[SingleChange, ...]]:
     """Fit the measurements with one number of the design at a time; the best first.
 
@@ -271,12 +266,13 @@ def single_changes(
     ]
     wide = _restricted(problem, text, measured, file, movable, changes)
     z = np.concatenate([wide.base.start, found.z[p:]])
-    slope = wide.jacobian(z)[: _data_rows(wide)]
+    slope = wide.jacobian(z)
+    slope = slope[: len(slope) - np.isfinite(wide.prior[1]).sum()]
     k = len(movable)
     rest = slope[:, k:]
-    priors = np.diag(1 / wide.prior[1][k:] ** 2)
+    known = rest.T @ rest + np.diag(1 / wide.prior[1][k:] ** 2)
     cross = slope[:, :k].T @ rest
-    own = slope[:, :k].T @ slope[:, :k] - cross @ np.linalg.solve(rest.T @ rest + priors, cross.T)
+    own = slope[:, :k].T @ slope[:, :k] - cross @ np.linalg.solve(known, cross.T)
     moved = np.array([changes.get(name, 0.0) for name in movable])
     with np.errstate(divide="ignore", invalid="ignore"):
         gain = np.nan_to_num((own @ moved) ** 2 / np.diag(own))
@@ -296,11 +292,6 @@ def single_changes(
         return float("nan"), tuple(result)
     least = before.chi_squared - WORTH * max(before.chi_squared - found.chi_squared, 0.0)
     return before.chi_squared, tuple(item for item in result if item.chi_squared < least)
-
-
-def _data_rows(problem: ResponseProblem) -> int:
-    functions = sum(2 * len(item.frequency) for item in problem.channels.function)
-    return functions + len(problem.base.experiment[0].mode)
 
 
 def _restricted(
@@ -326,9 +317,7 @@ def _restricted(
         free.append(Free(name=name, start=begin + (changes or {}).get(name, 0.0)))
     other = msgspec.structs.replace(measured, parameter=free)
     base = search.build_problem([text], other, [file], problem.level)
-    made = ResponseProblem(base, problem.channels, problem.damped, problem.level, problem.stiff)
-    made.__dict__["nominal"] = problem.nominal
-    return made
+    return problem.changed(base=base)
 
 
 def _refit(
@@ -349,9 +338,7 @@ def _refit(
         return None
 
 
-def least_known(
-    problem: ResponseProblem, spread: Float[np.ndarray, "unknown unknown"]
-) -> list[int]:
+def least_known(problem: ResponseProblem, spread: UnknownMatrix) -> list[int]:
     """List the numbers whose standard deviations are largest for their scale, worst first."""
     p = problem.numbers
     ratio = np.sqrt(np.diag(spread)[:p]) / problem.scale[:p]

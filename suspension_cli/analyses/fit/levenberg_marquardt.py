@@ -15,7 +15,7 @@ from suspension_cli.errors import InputError
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
+    from suspension_cli.analyses.fit.array_types import Unknowns
 
 LARGEST_DAMPING = 1e12
 
@@ -23,26 +23,24 @@ LARGEST_DAMPING = 1e12
 def minimise(
     residual: Callable[[Array], Array],
     jacobian: Callable[[Array], Array],
-    start: Float[np.ndarray, " unknown"],
-    scale: Float[np.ndarray, " unknown"],
+    start: Unknowns,
+    scale: Unknowns,
     bounds: tuple[Array, Array],
     *,
     tolerance: float = 1e-5,
     relative: float = 1e-8,
     steps: int = 60,
-) -> tuple[Float[np.ndarray, " unknown"], float]:
+) -> tuple[Unknowns, float]:
     """Minimise the sum of squares of residuals; return the unknowns and the sum.
 
     Parameters
     ----------
-    residual, jacobian : callable
+    residual, jacobian
         Of the unknowns (P,): residuals (r,), and their derivatives (r, P). An `InputError` of
         `residual` makes the search take a smaller step.
-    start, scale : array
-    bounds : pair of arrays
-    tolerance, relative : float
+    tolerance, relative
         Expected decrease of the sum of squares, and relative to it, below which the search ends.
-    steps : int
+    steps
         Most Gauss-Newton steps.
     """
     low, high = bounds

@@ -52,14 +52,7 @@ LARGE = 999_999.5
 
 
 def draw(found: Fit, title: str) -> Figure:
-    """Draw the figure of `pendsus fit`.
-
-    Parameters
-    ----------
-    found : Fit
-    title : str
-        Names of the design and the model.
-    """
+    """Draw the figure of `pendsus fit`."""
     names, residuals, starts = _residuals(found)
     with house_style():
         who = [single_line(found.experiment[found.of[n]], WHO) for n in starts]

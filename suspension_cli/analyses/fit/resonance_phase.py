@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.fit import levenberg_marquardt, resonances
+from suspension_cli.analyses.fit import levenberg_marquardt
 from suspension_cli.analyses.fit.resonances import Peak
 from suspension_cli.analyses.fit.response_problem import ResponseProblem, residues
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
-    from jaxtyping import Float, Int
+    from suspension_cli.analyses.fit.array_types import ModeIndex, ModeValues, Numbers, Unknowns
 
 FAR = 0.2
 """Largest ln of measured over computed frequency of a peak that may belong to a mode."""
@@ -51,34 +51,24 @@ class Resonances:
 
     Attributes
     ----------
-    mode : array
+    mode
         Mode of the design at the start.
-    frequency, sigma : array
+    frequency, sigma
         Hz.
-    damping : array
+    damping
         1/Q.
-    functions : array
+    functions
         Number of measured functions that have it.
     """
 
-    mode: Int[np.ndarray, " mode"]
-    frequency: Float[np.ndarray, " mode"]
-    sigma: Float[np.ndarray, " mode"]
-    damping: Float[np.ndarray, " mode"]
-    functions: Int[np.ndarray, " mode"]
+    mode: ModeIndex
+    frequency: ModeValues
+    sigma: ModeValues
+    damping: ModeValues
+    functions: ModeIndex
 
 
-def find(problem: ResponseProblem) -> list[list[Peak]]:
-    """Find the peaks of every measured function."""
-    return [
-        resonances.find_peaks(np.asarray(item.frequency), item.value, np.asarray(item.uncertainty))
-        for item in problem.channels.function
-    ]
-
-
-def assign(
-    problem: ResponseProblem, z: Float[np.ndarray, " unknown"], peaks: list[list[Peak]]
-) -> Resonances:
+def assign(problem: ResponseProblem, z: Unknowns) -> Resonances:
     """Assign the peaks of all functions to modes, and combine those of one mode."""
     from scipy.optimize import linear_sum_assignment
 
@@ -87,7 +77,7 @@ def assign(
     squared = now.plant.modes.omega_squared
     found: dict[int, list[Peak]] = {}
     distant: dict[int, list[Peak]] = {}
-    for own, some in zip(residues(now.plant, problem.channels), peaks, strict=True):
+    for own, some in zip(residues(now.plant, problem.channels), problem.peaks, strict=True):
         if not some:
             continue
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -118,7 +108,7 @@ def assign(
                 rough = replace(peak, sigma=max(peak.sigma, ROUGH * peak.frequency))
                 distant.setdefault(int(visible[lost[column]]), []).append(rough)
     for mode, several in distant.items():
-        if mode not in found and len(several) >= min(2, len(peaks)):
+        if mode not in found and len(several) >= min(2, len(problem.peaks)):
             found[mode] = several
     back = {int(mode): n for n, mode in enumerate(now.order)}
     rows = []
@@ -145,16 +135,14 @@ def _center(several: list[Peak]) -> float:
     return several[order[place]].frequency
 
 
-def search(
-    problem: ResponseProblem, z: Float[np.ndarray, " unknown"], peaks: list[list[Peak]]
-) -> tuple[Float[np.ndarray, " unknown"], Resonances]:
+def search(problem: ResponseProblem, z: Unknowns) -> tuple[Unknowns, Resonances]:
     """Fit the numbers of the design to the resonances, and take their widths as dampings."""
     p = problem.numbers
     center, width = problem.prior[0][:p].copy(), problem.prior[1][:p].copy()
     loose = ~np.isfinite(width)
     center[loose] = z[:p][loose]
     width[loose] = np.maximum(LOOSE * np.abs(z[:p][loose]), 1e-3 * (z[:p][loose] == 0))
-    matched, x = assign(problem, z, peaks), z.copy()
+    matched, x = assign(problem, z), z.copy()
     for floor, usual in ROUNDS:
         if not (p and len(matched.mode)):
             break
@@ -167,7 +155,7 @@ def search(
         sigma = np.maximum(sharp, floor) * np.sqrt(1 + (off / usual) ** 2)
         sigma[np.isin(matched.mode, problem.stiff)] = 1e3  # frequencies of their own
         x[:p] = _fit(problem, x[:p], (matched.mode, target, sigma), (center, width))
-        matched = assign(problem, x, peaks)
+        matched = assign(problem, x)
     damping = dict(zip(matched.mode.tolist(), matched.damping.tolist(), strict=True))
     frequency = problem.frequencies(x)
     for mode, measured in zip(matched.mode.tolist(), matched.frequency, strict=True):
@@ -183,12 +171,10 @@ def search(
 
 def _fit(
     problem: ResponseProblem,
-    x: Float[np.ndarray, " number"],
-    measured: tuple[
-        Int[np.ndarray, " mode"], Float[np.ndarray, " mode"], Float[np.ndarray, " mode"]
-    ],
-    prior: tuple[Float[np.ndarray, " number"], Float[np.ndarray, " number"]],
-) -> Float[np.ndarray, " number"]:
+    x: Numbers,
+    measured: tuple[ModeIndex, ModeValues, ModeValues],
+    prior: tuple[Numbers, Numbers],
+) -> Numbers:
     """Fit numbers to logarithms of frequencies: modes, values and standard deviations."""
     (modes, target, sigma), (center, width), p = measured, prior, len(x)
 

@@ -19,6 +19,8 @@ import numpy as np
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Inexact, Int
 
+    from suspension_cli.analyses.fit.array_types import Frequencies
+
 PROMINENCE = 0.6
 """Height of a peak in ln |H| above the saddles beside it, below which it is none."""
 NOISE = 5.0
@@ -36,11 +38,11 @@ class Peak:
 
     Attributes
     ----------
-    frequency, sigma : float
+    frequency, sigma
         Hz, and its standard deviation.
-    damping : float
+    damping
         1/Q.
-    residue : complex
+    residue
         n0: H is residue / (w0^2 - w^2 + i w b) beside it.
     """
 
@@ -51,18 +53,17 @@ class Peak:
 
 
 def find_peaks(
-    frequency: Float[np.ndarray, " frequency"],
+    frequency: Frequencies,
     value: Complex[np.ndarray, " frequency"],
-    uncertainty: Float[np.ndarray, " frequency"],
+    uncertainty: Frequencies,
 ) -> list[Peak]:
     """Find the resonances of a measured function.
 
     Parameters
     ----------
-    frequency : array
+    frequency
         Hz, ascending.
-    value : array
-    uncertainty : array
+    uncertainty
         Standard deviation of the real and of the imaginary part.
     """
     size = np.maximum(np.abs(value), uncertainty)
@@ -78,7 +79,7 @@ def find_peaks(
 
 
 def _maxima(
-    level: Float[np.ndarray, " frequency"],
+    level: Frequencies,
 ) -> tuple[Int[np.ndarray, " maximum"], Float[np.ndarray, " maximum"]]:
     """Find the local maxima that are high enough, and their heights above their saddles."""
     inner = (level[1:-1] > level[:-2]) & (level[1:-1] >= level[2:])
@@ -96,9 +97,9 @@ def _maxima(
 
 
 def _fit(
-    frequency: Float[np.ndarray, " frequency"],
+    frequency: Frequencies,
     value: Complex[np.ndarray, " frequency"],
-    uncertainty: Float[np.ndarray, " frequency"],
+    uncertainty: Frequencies,
     at: float,
 ) -> Peak | None:
     """Fit one resonance around a frequency; None if there is none."""

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import astuple
+
 import h5py
 import numpy as np
 
+from suspension_cli.analyses.fit.channels import TABLES
 from suspension_cli.analyses.fit.response_fit import Candidate, ResponseFit, SingleChange
 from suspension_cli.analyses.fit.wrong_channels import Correction
 from suspension_cli.files.hdf5 import Stored, add_dataset, add_scale
 
 VALUES = ("measured", "uncertainty", "before", "after")
+NUISANCE = ("value", "sigma", "prior")
 RESONANCE = ("measured", "sigma", "before", "after", "q", "functions")
 
 
@@ -25,49 +29,39 @@ def fill(group: h5py.Group, found: ResponseFit) -> None:
     for name in VALUES:
         add_dataset(group, f"response_{name}", getattr(found, name), unit, value)
     nuisance = add_scale(group, "nuisance", list(found.nuisance), "name")
-    for name in ("value", "sigma", "prior"):
-        add_dataset(
-            group, f"nuisance_{name}", getattr(found, f"nuisance_{name}"), "1, s or SI", nuisance
-        )
+    for name in NUISANCE:
+        values = getattr(found, f"nuisance_{name}")
+        add_dataset(group, f"nuisance_{name}", values, "1, s or SI", nuisance)
     mode = add_scale(group, "resonance_mode", list(found.mode), "name")
     column = add_scale(group, "resonance_column", list(RESONANCE), "name")
     add_dataset(group, "resonance", found.resonance, "Hz; 1 for q and functions", mode, column)
     group.attrs["chi_squared_before"] = found.chi_squared_before
     group.attrs["least_known"] = found.least
-    _texts(group, "sentence", list(found.sentences))
-    _texts(group, "correction", [_join(one) for one in found.corrections])
-    _texts(group, "stiffened", [_words(*one) for one in found.stiffened])
-    _texts(
-        group,
-        "single_change",
-        [_words(one.name, one.start, one.change, one.chi_squared) for one in found.changes],
+    corrections = (
+        (
+            one.kind,
+            TABLES[one.side],
+            ",".join(one.channel),
+            float(one.factor),
+            int(one.known),
+            one.also,
+            float(one.chi_squared),
+        )
+        for one in found.corrections
     )
-    _texts(
-        group,
-        "candidate",
-        [_words(one.input, one.output, *one.band, one.sigma) for one in found.candidates],
-    )
+    candidates = ((one.input, one.output, *one.band, one.sigma) for one in found.candidates)
+    for name, rows in (
+        ("sentence", ((text,) for text in found.sentences)),
+        ("correction", corrections),
+        ("stiffened", found.stiffened),
+        ("single_change", map(astuple, found.changes)),
+        ("candidate", candidates),
+    ):
+        group.attrs[name] = "\n".join("\t".join(map(_word, row)) for row in rows)
 
 
-def _texts(group: h5py.Group, name: str, texts: list[str]) -> None:
-    group.attrs[name] = "\n".join(texts)
-
-
-def _words(*parts: object) -> str:
-    return "\t".join(repr(float(one)) if isinstance(one, float) else str(one) for one in parts)
-
-
-def _join(one: Correction) -> str:
-    side, channels = ("sensor", "actuator")[one.side], ",".join(one.channel)
-    return _words(
-        one.kind,
-        side,
-        channels,
-        float(one.factor),
-        int(one.known),
-        one.also,
-        float(one.chi_squared),
-    )
+def _word(part: object) -> str:
+    return repr(float(part)) if isinstance(part, float) else str(part)
 
 
 def read_names(dataset: Stored) -> tuple[str, ...]:
@@ -82,27 +76,23 @@ def load(group: Stored) -> ResponseFit:
         text = str(group.attrs[name])
         return [line.split("\t") for line in text.split("\n")] if text else []
 
-    def names(key: str) -> tuple[str, ...]:
-        return read_names(group[key])
-
-    arrays = (
-        "of",
-        "frequency",
-        "nuisance_value",
-        "nuisance_sigma",
-        "nuisance_prior",
-        "resonance",
-    )
+    texts = {
+        name: read_names(group[dataset])
+        for name, dataset in (
+            *((name, name) for name in ("function", "input", "output", "nuisance")),
+            ("mode", "resonance_mode"),
+        )
+    }
+    nuisances = [f"nuisance_{name}" for name in NUISANCE]
+    arrays = ("of", "frequency", "resonance", *nuisances)
     return ResponseFit(
-        function=names("function"),
-        input=names("input"),
-        output=names("output"),
-        nuisance=names("nuisance"),
-        mode=names("resonance_mode"),
+        **texts,
+        **{name: group[name][:] for name in arrays},
+        **{name: group[f"response_{name}"][:] for name in VALUES},
         corrections=tuple(
             Correction(
                 kind,
-                int(side == "actuator"),
+                TABLES.index(side),
                 tuple(channels.split(",")),
                 float(factor),
                 known == "1",
@@ -113,16 +103,11 @@ def load(group: Stored) -> ResponseFit:
         ),
         stiffened=tuple((name, float(a), float(b)) for name, a, b in rows("stiffened")),
         chi_squared_before=float(group.attrs["chi_squared_before"]),
-        changes=tuple(
-            SingleChange(name, float(start), float(change), float(chi_squared))
-            for name, start, change, chi_squared in rows("single_change")
-        ),
+        changes=tuple(SingleChange(row[0], *map(float, row[1:])) for row in rows("single_change")),
         sentences=tuple(row[0] for row in rows("sentence")),
         least=str(group.attrs["least_known"]),
         candidates=tuple(
             Candidate(drive, sensor, (float(a), float(b)), float(sigma))
             for drive, sensor, a, b, sigma in rows("candidate")
         ),
-        **{name: group[name][:] for name in arrays},
-        **{name: group[f"response_{name}"][:] for name in VALUES},
     )

@@ -18,17 +18,17 @@ import numpy as np
 from suspension_cli.analyses.fit import (
     levenberg_marquardt,
     resonance_phase,
-    response_problem,
     wrong_channels,
 )
 from suspension_cli.analyses.fit.resonance_phase import Resonances
-from suspension_cli.analyses.fit.resonances import Peak
 from suspension_cli.analyses.fit.response_problem import ResponseProblem
 from suspension_cli.analyses.fit.wrong_channels import BETTER, Correction
 from suspension_cli.linear import named_results
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Int
+
+    from suspension_cli.analyses.fit.array_types import UnknownMatrix, Unknowns
 
 LOSSY = 3.0
 """Damping of a mode, over that which a quarter of the modes have, from which something may rub."""
@@ -46,11 +46,11 @@ class SingleChange:
 
     Attributes
     ----------
-    name : str
+    name
         Dotted path of the number.
-    start, change : float
+    start, change
         Value in the design, and the change from it, SI.
-    chi_squared : float
+    chi_squared
         Of the fit.
     """
 
@@ -66,11 +66,11 @@ class Candidate:
 
     Attributes
     ----------
-    input, output : str
+    input, output
         Signals.
-    band : pair of float
+    band
         Hz.
-    sigma : float
+    sigma
         Standard deviation of that number with this measurement.
     """
 
@@ -82,39 +82,35 @@ class Candidate:
 
 @dataclass(frozen=True)
 class ResponseFit:
-    """Measured transfer functions and what a fit to them found: k functions, n values, q nuisances.
+    """Measured transfer functions and what a fit to them found.
 
     Attributes
     ----------
-    function, input, output : (k,) tuples of str
+    function, input, output
         Names of the functions and of their channels.
-    of : array
-        Function of each value.
-    frequency, uncertainty : array
-    measured, before, after : array
-        Readings per drive, as measured and as predicted before and after the fit.
-    nuisance : tuple of str
-        Fitted properties of sensors and actuators.
-    nuisance_value, nuisance_sigma, nuisance_prior : array
-        Relative for gains, s for delays; prior standard deviations.
-    mode : (m,) tuple of str
-        Labels of the modes with a measured resonance.
-    resonance : array
-        Measured frequency, its standard deviation, before, after (Hz), measured Q, number of
-        functions that have it.
-    corrections : tuple of Correction
+    of
+        Function of each point.
+    frequency, uncertainty, measured, before, after
+        Hz, and readings per drive, as measured and as predicted before and after the fit.
+    nuisance
+        Fitted properties of sensors and actuators: keys, values (relative for gains, s for
+        delays), their standard deviations and those of their priors.
+    mode, resonance
+        Modes with a measured resonance: measured frequency, its standard deviation, before, after
+        (Hz), measured Q, number of functions that have it.
+    corrections
         Channels that are not what the file says.
-    stiffened : tuple of (str, float, float)
+    stiffened
         Modes that are stiffer than the design explains: label, relative excess of frequency, Q.
-    chi_squared_before : float
+    chi_squared_before
         chi^2 of the design as given, with the nuisance parameters fitted.
-    changes : tuple of SingleChange
+    changes
         The single numbers that explain most, best first.
-    sentences : tuple of str
+    sentences
         What is determined and what is not.
-    least : str
+    least
         The number that is known least; "" if none is free.
-    candidates : tuple of Candidate
+    candidates
         Measurements that would tell most about it, best first.
     """
 
@@ -159,17 +155,14 @@ class Solution:
 
     Attributes
     ----------
-    problem : ResponseProblem
+    problem
         With corrected channels.
-    z : array
+    z
         The unknowns.
-    chi_squared : float
-    matched : Resonances
-    corrections : tuple of Correction
     """
 
     problem: ResponseProblem
-    z: Float[np.ndarray, " unknown"]
+    z: Unknowns
     chi_squared: float
     matched: Resonances
     corrections: tuple[Correction, ...] = field(default=())
@@ -187,11 +180,11 @@ class Solution:
         return self.freedom > 0 and float(chdtrc(self.freedom, self.chi_squared)) < 1e-3
 
 
-def solve(problem: ResponseProblem, start: Float[np.ndarray, " unknown"] | None = None) -> Solution:
+def solve(problem: ResponseProblem, start: Unknowns | None = None) -> Solution:
     """Fit the unknowns of a problem; wrong channels are found and corrected."""
     z = problem.start if start is None else start
     corrections, channels = wrong_channels.guess(problem, z)
-    now = problem.with_channels(channels) if corrections else problem
+    now = problem.changed(channels=channels) if corrections else problem
     found = refine(now, onto(problem, now, z))
     if found.misfit and corrections:
         plain = refine(problem, z)
@@ -203,7 +196,7 @@ def solve(problem: ResponseProblem, start: Float[np.ndarray, " unknown"] | None 
         best = next(iter(wrong_channels.alternatives(found.problem, found.z)), None)
         if best is None or best.chi_squared > BETTER * found.chi_squared:
             break
-        changed = found.problem.with_channels(best.apply(found.problem.channels))
+        changed = found.problem.changed(channels=best.apply(found.problem.channels))
         again = refine(changed, found.z)
         if again.chi_squared > BETTER * found.chi_squared:
             break
@@ -222,15 +215,13 @@ def _free_rubbing(found: Solution) -> Solution:
     modes = matched.mode[lossy]
     if not len(modes) or len(modes) > len(matched.mode) / 2:
         return found
-    problem = response_problem.with_stiff_modes(found.problem, modes)
+    problem = found.problem.changed(stiff=modes)
     z = np.concatenate([problem.base.start, found.z[problem.numbers :], np.zeros(len(modes))])
     again = refine(problem, z)
     return again if again.chi_squared < BETTER * found.chi_squared else found
 
 
-def stiffened(
-    found: Solution, spread: Float[np.ndarray, "unknown unknown"]
-) -> tuple[tuple[str, float, float], ...]:
+def stiffened(found: Solution, spread: UnknownMatrix) -> tuple[tuple[str, float, float], ...]:
     """Find the modes that are stiffer than the design explains: label, excess of frequency, Q."""
     problem, names = found.problem, labels(found.problem)
     first = len(found.z) - len(problem.stiff)
@@ -243,9 +234,7 @@ def stiffened(
     return tuple(result)
 
 
-def onto(
-    old: ResponseProblem, new: ResponseProblem, z: Float[np.ndarray, " unknown"]
-) -> Float[np.ndarray, " more"]:
+def onto(old: ResponseProblem, new: ResponseProblem, z: Unknowns) -> Float[np.ndarray, " more"]:
     """Convert the values of the unknowns to a problem with more unknowns, which begin at 0."""
     values = {
         (item.side, item.channel, item.kind, item.other): value
@@ -275,42 +264,28 @@ def _rated(found: Solution, corrections: list[Correction]) -> tuple[Correction, 
     rated = []
     for one in corrections:
         channels = one.undo(found.problem.channels)
-        residual = found.problem.with_channels(channels).residual(found.z)
+        residual = found.problem.changed(channels=channels).residual(found.z)
         rated.append(replace(one, chi_squared=float(residual @ residual)))
     return tuple(rated)
 
 
-def refine(
-    problem: ResponseProblem, z: Float[np.ndarray, " unknown"], *, quick: bool = False
-) -> Solution:
+def refine(problem: ResponseProblem, z: Unknowns, *, quick: bool = False) -> Solution:
     """Fit to the resonances, then to the complex values.
 
     In a misfit the search starts again without the former; a quick fit takes fewer steps and does
     not.
     """
-    peaks = _peaks(problem)
-    begin, matched = resonance_phase.search(problem, z, peaks)
+    begin, matched = resonance_phase.search(problem, z)
     end, chi_squared = _descend(problem, begin, QUICK if quick else STEPS)
     found = Solution(problem, end, chi_squared, matched)
     if not quick and found.misfit and not np.array_equal(begin, z):
         other, reached = _descend(problem, z, STEPS)
         if reached < chi_squared:
             end, chi_squared = other, reached
-    return Solution(problem, end, chi_squared, resonance_phase.assign(problem, end, peaks))
+    return Solution(problem, end, chi_squared, resonance_phase.assign(problem, end))
 
 
-def _peaks(problem: ResponseProblem) -> list[list[Peak]]:
-    """Find the peaks of all functions, which depend on neither channels nor free numbers."""
-    store = problem.nominal.__dict__.setdefault("peaks", {})
-    key = tuple(id(item.value) for item in problem.channels.function)
-    if key not in store:
-        store[key] = resonance_phase.find(problem)
-    return store[key]
-
-
-def _descend(
-    problem: ResponseProblem, z: Float[np.ndarray, " unknown"], steps: int
-) -> tuple[Float[np.ndarray, " unknown"], float]:
+def _descend(problem: ResponseProblem, z: Unknowns, steps: int) -> tuple[Unknowns, float]:
     """Minimise chi^2 from some values."""
     return levenberg_marquardt.minimise(
         problem.residual,
@@ -330,21 +305,11 @@ def labels(problem: ResponseProblem) -> list[str]:
 
 def collect(
     found: Solution,
-    start: Float[np.ndarray, " unknown"],
-    covariance: Float[np.ndarray, "unknown unknown"],
+    start: Unknowns,
+    covariance: UnknownMatrix,
     **findings: Any,
 ) -> ResponseFit:
-    """Collect what a fit found.
-
-    Parameters
-    ----------
-    found : Solution
-    start : array
-        Where the search started.
-    covariance : array
-    findings : object
-        Further attributes of the result.
-    """
+    """Collect what a fit from `start` found; `findings` are further attributes of the result."""
     problem, p = found.problem, found.problem.numbers
     functions = problem.channels.function
     q = slice(p, p + len(problem.nuisances))

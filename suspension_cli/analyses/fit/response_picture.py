@@ -26,9 +26,7 @@ def draw(found: ResponseFit, title: str, units: Sequence[str] = ()) -> Figure:
 
     Parameters
     ----------
-    found : ResponseFit
-    title : str
-    units : sequence of str
+    units
         Of the functions, ``m/V``.
     """
     ratio = found.chi_squared / np.maximum(found.points, 1)

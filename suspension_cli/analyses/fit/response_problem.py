@@ -9,30 +9,30 @@ predicted values over their standard deviations, measured modes, and priors.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
 
 from suspension_cli.analyses.fit import search
 from suspension_cli.analyses.fit.channels import Channels, Nuisance
-from suspension_cli.analyses.fit.resonances import stack_parts
+from suspension_cli.analyses.fit.experiment import unbalanced
+from suspension_cli.analyses.fit.resonances import Peak, find_peaks, stack_parts
 from suspension_cli.analyses.fit.search import Problem
 from suspension_cli.analyses.sensitivity.solve import differentiate_frequencies
 from suspension_cli.design.measured import Measured
-from suspension_cli.design.schema import Design
-from suspension_cli.errors import Fault, InputError
 from suspension_cli.linear.mode_pairing import pair_by_overlap
 from suspension_cli.models import registry
-from suspension_cli.scene.arrays import Array, Index
+from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import response_matrix
 from suspension_cli.studies.response_matrix import Plant, Responses
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Complex, Float, Int
+    from jaxtyping import Complex, Float, Int
+
+    from suspension_cli.analyses.fit.array_types import ModeIndex, ModeValues, Numbers, Unknowns
 
 DAMPING = 1e-3
 """Prior median of the added damping 1/Q of a mode."""
@@ -45,7 +45,7 @@ BEYOND = 1.5
 STEP = 1e-4
 """Relative step of differences for numbers that change only frequency-dependent losses."""
 SHARED_PLANTS = 12
-"""Plants that problems with one nominal plant keep for each other."""
+"""Plants that problems that follow from one another keep for each other."""
 
 
 @dataclass(frozen=True)
@@ -54,18 +54,18 @@ class Prediction:
 
     Attributes
     ----------
-    plant : Plant
+    plant
         The design with these values.
-    order : array
+    order
         Its mode for each mode of the design at the start.
-    response : tuple of Responses
+    response
         Of all signals, for each grid of frequencies.
-    reading : list of arrays
+    reading
         One per measured function.
     """
 
     plant: Plant
-    order: Int[np.ndarray, " mode"]
+    order: ModeIndex
     response: tuple[Responses, ...]
     reading: list[Complex[np.ndarray, " _"]]
 
@@ -76,35 +76,40 @@ class ResponseProblem:
 
     Attributes
     ----------
-    base : Problem
+    base
         Free numbers, measured modes and priors; one experiment.
-    channels : Channels
+    channels
         Sensors, actuators and measured functions.
-    damped : array
-        Modes (of the design at the start) with an added damping.
-    level : str
+    level
         Name of a model that supports derivatives.
-    stiff : array
+    nominal
+        The design where the search starts, in whose order modes are numbered.
+    peaks
+        Resonances of each measured function.
+    damped
+        Modes with an added damping.
+    stiff
         Modes with a change of omega^2 of their own.
     """
 
     base: Problem
     channels: Channels
-    damped: Int[np.ndarray, " damped"]
     level: str
+    nominal: Plant
+    peaks: list[list[Peak]]
+    damped: Int[np.ndarray, " damped"] = field(default_factory=lambda: np.zeros(0, dtype=int))
     stiff: Int[np.ndarray, " stiff"] = field(default_factory=lambda: np.zeros(0, dtype=int))
-    _cache: dict[bytes, Prediction] = field(default_factory=dict)
     _plants: dict[bytes, Plant] = field(default_factory=dict)
+    _predictions: dict[bytes, Prediction] = field(default_factory=dict)
+
+    def changed(self, **changes: Any) -> ResponseProblem:
+        """Replace channels, numbers or modes; the plants of designs solved before are kept."""
+        return replace(self, **changes, _predictions={})
 
     @property
     def nuisances(self) -> tuple[Nuisance, ...]:
         """Unknown properties of sensors and actuators."""
         return self.channels.nuisances
-
-    @cached_property
-    def nominal(self) -> Plant:
-        """The design where the search starts, in whose order its modes are numbered."""
-        return self._plant(self.base.start)
 
     @property
     def numbers(self) -> int:
@@ -112,7 +117,7 @@ class ResponseProblem:
         return len(self.base.start)
 
     @cached_property
-    def start(self) -> Float[np.ndarray, " unknown"]:
+    def start(self) -> Unknowns:
         """Values where the search starts."""
         return np.concatenate(
             [
@@ -124,21 +129,21 @@ class ResponseProblem:
         )
 
     @cached_property
-    def low(self) -> Float[np.ndarray, " unknown"]:
+    def low(self) -> Unknowns:
         """Lower bounds."""
         gains = [-0.95 if item.kind == "gain" else -np.inf for item in self.nuisances]
         least = np.full(len(self.damped), np.log(1e-9))
         return np.concatenate([self.base.low, gains, least, np.full(len(self.stiff), -0.9)])
 
     @cached_property
-    def high(self) -> Float[np.ndarray, " unknown"]:
+    def high(self) -> Unknowns:
         """Upper bounds."""
         rest = np.full(len(self.nuisances), np.inf)
         most = np.concatenate([np.zeros(len(self.damped)), np.ones(len(self.stiff))])
         return np.concatenate([self.base.high, rest, most])
 
     @cached_property
-    def prior(self) -> tuple[Float[np.ndarray, " unknown"], Float[np.ndarray, " unknown"]]:
+    def prior(self) -> tuple[Unknowns, Unknowns]:
         """Prior values and their standard deviations, infinite where there is none."""
         q, r = len(self.nuisances), len(self.damped)
         s = len(self.stiff)
@@ -149,62 +154,43 @@ class ResponseProblem:
         return center, np.concatenate([self.base.prior_sigma, sigma, modes])
 
     @cached_property
-    def scale(self) -> Float[np.ndarray, " unknown"]:
+    def scale(self) -> Unknowns:
         """Typical size of a change of each unknown, to scale steps of the search."""
         sigma = self.prior[1]
         size = np.abs(self.start) * 0.1
         return np.where(np.isfinite(sigma), sigma, np.where(size > 0, size, 1e-3))
 
-    def _plant(self, x: Float[np.ndarray, " number"]) -> Plant:
-        key = x.tobytes()
-        if key not in self._plants:
-            while len(self._plants) > 1:
-                del self._plants[next(iter(self._plants))]
-            item = self.base.experiment[0]
-            with item.faults():
-                self._plants[key] = self._shared_plant(item.design(x))
-        return self._plants[key]
-
-    def _shared_plant(self, design: Design) -> Plant:
-        """Return the plant of a design.
-
-        The last ones are shared by all problems with one nominal plant, whose searches often pass
-        through the same designs.
-        """
-        nominal = self.__dict__.get("nominal")
-        if nominal is None:
-            return Plant.of(design, self.level)
-        encode = msgspec.msgpack.encode
-        store = nominal.__dict__.setdefault("plants", {encode(nominal.design): nominal})
-        key = encode(design)
-        if key not in store:
-            while len(store) >= SHARED_PLANTS:
-                del store[next(iter(store))]
-            store[key] = Plant.of(design, self.level)
-        return store[key]
+    def _plant(self, x: Numbers) -> Plant:
+        item = self.base.experiment[0]
+        with item.faults():
+            design = item.design(x)
+            key = msgspec.msgpack.encode(design)
+            if key not in self._plants:
+                _drop_oldest(self._plants, SHARED_PLANTS)
+                self._plants[key] = Plant.of(design, self.level)
+            return self._plants[key]
 
     def added(
-        self, z: Float[np.ndarray, " unknown"]
+        self, z: Unknowns
     ) -> tuple[Float[np.ndarray, " damped"], Float[np.ndarray, " stiff"]]:
         """Added dampings and changes of omega^2 of modes."""
         own = z[self.numbers + len(self.nuisances) :]
         return np.exp(own[: len(self.damped)]), own[len(self.damped) :]
 
-    def nuisance_values(self, z: Float[np.ndarray, " unknown"]) -> dict[Nuisance, float]:
+    def nuisance_values(self, z: Unknowns) -> dict[Nuisance, float]:
         """Values of the nuisance parameters."""
         own = z[self.numbers : self.numbers + len(self.nuisances)]
         return dict(zip(self.nuisances, own.tolist(), strict=True))
 
-    def predict(self, z: Float[np.ndarray, " unknown"]) -> Prediction:
+    def predict(self, z: Unknowns) -> Prediction:
         """Predict the readings of all measured functions; the last two are cached."""
         key = z.tobytes()
-        if key not in self._cache:
-            while len(self._cache) > 1:
-                del self._cache[next(iter(self._cache))]
-            self._cache[key] = self._predict(z)
-        return self._cache[key]
+        if key not in self._predictions:
+            _drop_oldest(self._predictions, 2)
+            self._predictions[key] = self._predict(z)
+        return self._predictions[key]
 
-    def _predict(self, z: Float[np.ndarray, " unknown"]) -> Prediction:
+    def _predict(self, z: Unknowns) -> Prediction:
         plant = self._plant(z[: self.numbers])
         order = self._order(plant)
         damping, stiffening = np.zeros((2, len(order)))
@@ -221,24 +207,14 @@ class ResponseProblem:
             found.append(response)
         return Prediction(plant, order, tuple(found), reading)
 
-    def differentiate(
-        self, z: Float[np.ndarray, " unknown"]
-    ) -> list[Complex[np.ndarray, "_ unknown"]]:
+    def differentiate(self, z: Unknowns) -> list[Complex[np.ndarray, "_ unknown"]]:
         """Differentiate the reading of each measured function."""
         now, values = self.predict(z), self.nuisance_values(z)
         item = self.base.experiment[0]
         changes = [now.plant.change(name) for name in item.free]
         for name, change in zip(item.free, changes, strict=True):
             if change is None:
-                raise InputError(
-                    [
-                        Fault(
-                            f"parameter {name}",
-                            "changing it alone unbalances the suspension",
-                            "fit another number",
-                        )
-                    ]
-                )
+                raise unbalanced(name)
         result = [np.zeros((0, 0), dtype=complex)] * len(self.channels.function)
         for response, (_, own) in zip(now.response, self.channels.grids, strict=True):
             columns, omega = [], response.omega
@@ -258,21 +234,15 @@ class ResponseProblem:
             whole = np.stack(columns, -1) if columns else np.zeros((*response.value.shape, 0))
             for n in own:
                 result[n] = whole[(slice(None), *self.channels.pair(n))]
-        if self._loses():
+        if not registry.by_name(self.level).exact_derivatives:
             self._add_losses(z, result)
         return result
 
-    def _loses(self) -> list[int]:
-        """Free numbers that act on losses as functions of frequency."""
-        if registry.by_name(self.level).exact_derivatives:
-            return []
-        free = self.base.experiment[0].free
-        return [
-            n for n, name in enumerate(free) if set(name.split(".")) & {*response_matrix.LOSSES}
-        ]
-
-    def _add_losses(self, z: Float[np.ndarray, " unknown"], result: list[np.ndarray]) -> None:
-        for n in self._loses():
+    def _add_losses(self, z: Unknowns, result: list[np.ndarray]) -> None:
+        """Differentiate by numbers that act on losses as functions of frequency, by differences."""
+        for n, name in enumerate(self.base.experiment[0].free):
+            if not set(name.split(".")) & {*response_matrix.LOSSES}:
+                continue
             step = STEP * (abs(z[n]) or self.scale[n])
             move = np.zeros(len(z))
             move[n] = step
@@ -280,55 +250,35 @@ class ResponseProblem:
             for one, high, low in zip(result, above, below, strict=True):
                 one[:, n] = (high - low) / (2 * step)
 
-    def uncertainties(self) -> list[Array]:
-        """Standard deviations of the measured functions, (f,) each."""
-        return [np.asarray(item.uncertainty, dtype=float) for item in self.channels.function]
+    def residual(self, z: Unknowns) -> Float[np.ndarray, " residual"]:
+        """All residuals: functions, modes and priors of numbers, priors of the other unknowns.
 
-    def response_residual(
-        self, z: Float[np.ndarray, " unknown"], sigma: Sequence[Array]
-    ) -> Float[np.ndarray, " residual"]:
-        """Residuals of all measured functions, real parts then imaginary parts of each."""
-        return np.concatenate(
-            [
-                stack_parts((reading - item.value) / s)
-                for reading, item, s in zip(
-                    self.predict(z).reading, self.channels.function, sigma, strict=True
-                )
-            ]
-        )
-
-    def residual(
-        self, z: Float[np.ndarray, " unknown"], sigma: Sequence[Array] | None = None
-    ) -> Float[np.ndarray, " residual"]:
-        """All residuals: functions, modes and priors of numbers, priors of the other unknowns."""
-        rows = [self.response_residual(z, self.uncertainties() if sigma is None else sigma)]
-        if self.base.experiment[0].mode:
-            frequency, _ = self.base.predict(z[: self.numbers])
-            target = self.base.experiment[0]
-            rows.append((frequency - target.frequency) / target.uncertainty)
+        Of each function the real parts, then the imaginary parts.
+        """
+        pairs = zip(self.predict(z).reading, self.channels.function, strict=True)
+        rows = [stack_parts((reading - item.value) / item.uncertainty) for reading, item in pairs]
+        target = self.base.experiment[0]
+        frequency, _ = target.predict(z[: self.numbers])
+        rows.append((frequency - target.frequency) / target.uncertainty)
         center, width = self.prior
-        known = np.isfinite(width)
-        rows.append(((z - center) / width)[known])
+        rows.append(((z - center) / width)[np.isfinite(width)])
         return np.concatenate(rows)
 
-    def jacobian(
-        self, z: Float[np.ndarray, " unknown"], sigma: Sequence[Array] | None = None
-    ) -> Float[np.ndarray, "residual unknown"]:
+    def jacobian(self, z: Unknowns) -> Float[np.ndarray, "residual unknown"]:
         """Differentiate `residual`."""
-        sigma = self.uncertainties() if sigma is None else sigma
         rows = [
-            stack_parts(slope / s[:, None])
-            for slope, s in zip(self.differentiate(z), sigma, strict=True)
+            stack_parts(slope / np.asarray(item.uncertainty)[:, None])
+            for slope, item in zip(self.differentiate(z), self.channels.function, strict=True)
         ]
-        if self.base.experiment[0].mode:
-            slope = np.zeros((len(self.base.experiment[0].mode), len(z)))
-            slope[:, : self.numbers] = self.base.predict(z[: self.numbers])[1]
-            rows.append(slope / self.base.experiment[0].uncertainty[:, None])
+        target = self.base.experiment[0]
+        slope = np.zeros((len(target.mode), len(z)))
+        slope[:, : self.numbers] = target.predict(z[: self.numbers])[1]
+        rows.append(slope / target.uncertainty[:, None])
         width = self.prior[1]
         rows.append(np.diag(1 / width)[np.isfinite(width)])
         return np.concatenate(rows)
 
-    def frequencies(self, z: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " mode"]:
+    def frequencies(self, z: Unknowns) -> ModeValues:
         """Frequencies of the modes in the order of the start, Hz.
 
         Without changes of omega^2 that the design does not explain.
@@ -336,9 +286,7 @@ class ResponseProblem:
         plant = self._plant(z[: self.numbers])
         return plant.modes.frequency[self._order(plant)]
 
-    def frequency_slopes(
-        self, z: Float[np.ndarray, " unknown"]
-    ) -> Float[np.ndarray, "mode number"]:
+    def frequency_slopes(self, z: Unknowns) -> Float[np.ndarray, "mode number"]:
         """Derivatives of `frequencies` by the numbers of the design."""
         plant = self._plant(z[: self.numbers])
         order = self._order(plant)
@@ -349,22 +297,15 @@ class ResponseProblem:
                 slope[:, n] = differentiate_frequencies(plant.modes, change)[order]
         return np.nan_to_num(slope)
 
-    def _order(self, plant: Plant) -> Int[np.ndarray, " mode"]:
+    def _order(self, plant: Plant) -> ModeIndex:
         """Mode of a design for each mode of the design at the start."""
         return pair_by_overlap((self.nominal.modes.shape @ plant.modal_forces.T) ** 2)
 
-    def with_channels(self, channels: Channels) -> ResponseProblem:
-        """Replace sensors and actuators; unknowns stay as they are if the nuisances do."""
-        made = ResponseProblem(self.base, channels, self.damped, self.level, self.stiff)
-        made.__dict__["nominal"] = self.nominal
-        return made
 
-
-def with_stiff_modes(problem: ResponseProblem, modes: Sequence[int] | Index) -> ResponseProblem:
-    """Give some modes a change of omega^2 of their own."""
-    made = replace(problem, stiff=np.asarray(modes, dtype=int), _cache={}, _plants={})
-    made.__dict__["nominal"] = problem.nominal
-    return made
+def _drop_oldest(store: dict[bytes, Any], most: int) -> None:
+    """Make room for one more entry."""
+    while len(store) >= most:
+        del store[next(iter(store))]
 
 
 def build(
@@ -376,26 +317,26 @@ def build(
 ) -> ResponseProblem:
     """Set up the least-squares problem of a design with measured transfer functions."""
     base = search.build_problem([text], measured, [file], level)
-    made = ResponseProblem(base, channels, np.zeros(0, dtype=int), level)
-    frequency = made.nominal.modes.frequency
-    every = np.concatenate([grid for grid, _ in channels.grids])
+    item = base.experiment[0]
+    with item.faults():
+        nominal = Plant.of(item.design(base.start), level)
+    plants = {msgspec.msgpack.encode(nominal.design): nominal}
+    every = np.concatenate([item.frequency for item in channels.function])
+    frequency = nominal.modes.frequency
     inside = (frequency > every.min() / BEYOND) & (frequency < every.max() * BEYOND)
-    damped = np.flatnonzero(inside & _visible(made))
-    result = replace(made, damped=damped, _cache={}, _plants={})
-    result.__dict__["nominal"] = made.nominal
-    return result
-
-
-def _visible(problem: ResponseProblem) -> Bool[np.ndarray, " mode"]:
-    """Whether each mode appears in any measured function."""
-    seen = residues(problem.nominal, problem.channels)
-    return (seen != 0).any(0)
+    visible = (residues(nominal, channels) != 0).any(0)
+    damped = np.flatnonzero(inside & visible)
+    peaks = [
+        find_peaks(np.asarray(one.frequency), one.value, np.asarray(one.uncertainty))
+        for one in channels.function
+    ]
+    return ResponseProblem(base, channels, level, nominal, peaks, damped, _plants=plants)
 
 
 def residues(plant: Plant, channels: Channels) -> Float[np.ndarray, "function mode"]:
     """Compute the residues of the measured functions: H has residue/(w_k^2 - w^2)."""
     rows = [
-        np.array([plant.row(signal) for signal in channels.signal[side]]).reshape(
+        np.array([plant.base.row(signal) for signal in channels.signal[side]]).reshape(
             -1, plant.base.model.size
         )
         for side in (0, 1)

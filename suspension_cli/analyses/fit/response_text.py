@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
+from dataclasses import astuple
+from typing import Any
 
 import numpy as np
 
 from suspension_cli.analyses import tables
 from suspension_cli.analyses.analysis import Document, plain
+from suspension_cli.analyses.fit.channels import TABLES
 from suspension_cli.analyses.fit.findings import change_unit, short
 from suspension_cli.analyses.fit.response_fit import Candidate, ResponseFit, SingleChange
 from suspension_cli.analyses.fit.solve import Fit
@@ -63,15 +67,10 @@ def _resonances(found: ResponseFit) -> str:
         "resonance": "",
     }
     rows = [
-        (
-            row[0],
-            100 * (row[2] / row[0] - 1),
-            100 * (row[3] / row[0] - 1),
-            row[4],
-            int(row[5]),
-            name,
+        (hz, 100 * (before / hz - 1), 100 * (after / hz - 1), q, int(functions), name)
+        for (hz, _, before, after, q, functions), name in zip(
+            found.resonance, found.mode, strict=True
         )
-        for row, name in zip(found.resonance, found.mode, strict=True)
     ]
     return tables.render(columns, rows) if rows else ""
 
@@ -81,10 +80,8 @@ def _functions(found: ResponseFit) -> str:
     order = np.argsort(-ratio, kind="stable")[:FUNCTIONS]
     before = np.abs((found.before - found.measured) / found.uncertainty) ** 2
     start = np.bincount(found.of, before, len(found.function)) / np.maximum(found.points, 1)
-    rows = [
-        (start[n], ratio[n], int(found.points[n] // 2), found.function[n], *_ends(found, int(n)))
-        for n in order
-    ]
+    names = [*zip(found.function, found.output, found.input, strict=True)]
+    rows = [(start[n], ratio[n], int(found.points[n] // 2), *names[n]) for n in order]
     columns = {
         "chi^2 per value\nbefore": ".3g",
         "\nafter": ".3g",
@@ -96,10 +93,6 @@ def _functions(found: ResponseFit) -> str:
     text = tables.render(columns, rows)
     left = len(found.function) - len(rows)
     return text + (f"\nand {left} functions that fit better" if left else "")
-
-
-def _ends(found: ResponseFit, n: int) -> tuple[str, str]:
-    return found.output[n], found.input[n]
 
 
 def _nuisances(found: ResponseFit) -> str:
@@ -182,43 +175,30 @@ def describe_candidate(one: Candidate) -> str:
 
 def document(found: ResponseFit) -> Document:
     """Findings as JSON."""
-    ratio = found.chi_squared
+    functions = zip(
+        found.function, found.output, found.input, found.points // 2, found.chi_squared, strict=True
+    )
+    channels = zip(
+        found.nuisance,
+        found.nuisance_value,
+        found.nuisance_sigma,
+        found.nuisance_prior,
+        strict=True,
+    )
     return {
-        "transfer_functions": [
-            {
-                "name": name,
-                "output": found.output[n],
-                "input": found.input[n],
-                "frequencies": int(found.points[n] // 2),
-                "chi_squared": plain(ratio[n]),
-            }
-            for n, name in enumerate(found.function)
-        ],
-        "channels": [
-            {
-                "name": name,
-                "change": plain(found.nuisance_value[n]),
-                "sigma": plain(found.nuisance_sigma[n]),
-                "prior_sigma": plain(found.nuisance_prior[n]),
-            }
-            for n, name in enumerate(found.nuisance)
-        ],
-        "resonances": [
-            {
-                "label": name,
-                "measured_hz": plain(row[0]),
-                "uncertainty_hz": plain(row[1]),
-                "before_hz": plain(row[2]),
-                "after_hz": plain(row[3]),
-                "q": plain(row[4]),
-                "functions": int(row[5]),
-            }
-            for row, name in zip(found.resonance, found.mode, strict=True)
-        ],
+        "transfer_functions": _rows("name output input frequencies chi_squared", functions),
+        "channels": _rows("name change sigma prior_sigma", channels),
+        "resonances": _rows(
+            "label measured_hz uncertainty_hz before_hz after_hz q functions",
+            (
+                (name, *row[:5], int(row[5]))
+                for name, row in zip(found.mode, found.resonance, strict=True)
+            ),
+        ),
         "wrong_channels": [
             {
                 "kind": one.kind,
-                "side": ("sensor", "actuator")[one.side],
+                "side": TABLES[one.side],
                 "channels": list(one.channel),
                 "factor": plain(one.factor),
                 "claimed_otherwise": one.known,
@@ -228,29 +208,21 @@ def document(found: ResponseFit) -> Document:
             }
             for one in found.corrections
         ],
-        "too_stiff_and_lossy": [
-            {"label": name, "excess": plain(excess), "q": plain(q)}
-            for name, excess, q in found.stiffened
-        ],
+        "too_stiff_and_lossy": _rows("label excess q", found.stiffened),
         "chi_squared_before": plain(found.chi_squared_before),
-        "single_changes": [
-            {
-                "name": one.name,
-                "start": plain(one.start),
-                "change": plain(one.change),
-                "chi_squared": plain(one.chi_squared),
-            }
-            for one in found.changes
-        ],
+        "single_changes": _rows("name start change chi_squared", map(astuple, found.changes)),
         "determined": list(found.sentences),
         "least_known": found.least or None,
-        "measure_next": [
-            {
-                "input": one.input,
-                "output": one.output,
-                "band_hz": list(one.band),
-                "sigma": plain(one.sigma),
-            }
-            for one in found.candidates
-        ],
+        "measure_next": _rows("input output band_hz sigma", map(astuple, found.candidates)),
     }
+
+
+def _rows(keys: str, rows: Iterable[Sequence[Any]]) -> list[Document]:
+    """Convert rows of texts and numbers for JSON."""
+    return [
+        {
+            key: value if isinstance(value, str) else plain(value)
+            for key, value in zip(keys.split(), row, strict=True)
+        }
+        for row in rows
+    ]

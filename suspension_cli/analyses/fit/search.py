@@ -6,6 +6,7 @@ derivatives. Numbers with positive lower bounds are searched on a logarithmic sc
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -24,6 +25,8 @@ from suspension_cli.studies import parameters
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float
 
+    from suspension_cli.analyses.fit.array_types import ModeValues, Numbers
+
 CONVERGED = 1e-9
 """Relative change of chi^2, numbers and gradient at which a search ends."""
 MAX_DRAWS = 100
@@ -36,26 +39,23 @@ class Problem:
 
     Attributes
     ----------
-    experiment : list of Experiment
-    shared : array
+    shared
         Whether a number belongs to an experiment.
-    start, low, high : array
+    start, low, high
         Starting values and bounds, SI.
-    prior, prior_sigma : array
+    prior, prior_sigma
         Earlier knowledge and its standard deviation, infinite where there is none.
     """
 
     experiment: list[Experiment]
     shared: Bool[np.ndarray, "number experiment"]
-    start: Float[np.ndarray, " number"]
-    low: Float[np.ndarray, " number"]
-    high: Float[np.ndarray, " number"]
-    prior: Float[np.ndarray, " number"]
-    prior_sigma: Float[np.ndarray, " number"]
+    start: Numbers
+    low: Numbers
+    high: Numbers
+    prior: Numbers
+    prior_sigma: Numbers
 
-    def predict(
-        self, x: Float[np.ndarray, " number"]
-    ) -> tuple[Float[np.ndarray, " mode"], Float[np.ndarray, "mode number"]]:
+    def predict(self, x: Numbers) -> tuple[ModeValues, Float[np.ndarray, "mode number"]]:
         """Solve for the frequencies of all measured modes, Hz, and their derivatives."""
         rows, slopes = [], []
         for item, own in zip(self.experiment, self.shared.T, strict=True):
@@ -72,7 +72,7 @@ class Problem:
         return (self.low > 0) & (self.start > 0)
 
     def weighted(
-        self, x: Float[np.ndarray, " number"]
+        self, x: Numbers
     ) -> tuple[Float[np.ndarray, " row"], Float[np.ndarray, "row number"]]:
         """Compute residuals over standard deviations, modes then priors, and derivatives."""
         frequency, slope = self.predict(x)
@@ -95,14 +95,6 @@ def build_problem(
 ) -> Problem:
     """Set up the least-squares problem of one or several measured designs.
 
-    Parameters
-    ----------
-    texts, files : sequence of str
-        The design of each experiment as TOML, and its file, for errors.
-    measured : Measured
-    level : str
-        Name of a model that supports derivatives.
-
     Raises
     ------
     InputError
@@ -117,15 +109,8 @@ def build_problem(
     outside = np.flatnonzero(~((low <= start) & (start <= high)))
     if len(outside):
         n = int(outside[0])
-        raise InputError(
-            [
-                Fault(
-                    f"parameter.{n + 1}",
-                    f"the design's value {start[n]:g} lies outside the bounds",
-                    "give a start within them",
-                )
-            ]
-        )
+        problem = f"the design's value {start[n]:g} lies outside the bounds"
+        raise InputError([Fault(f"parameter.{n + 1}", problem, "give a start within them")])
     experiments = [
         Experiment(
             text,
@@ -153,7 +138,7 @@ def _start(
     measured: Measured,
     shared: Bool[np.ndarray, "number experiment"],
     level: str,
-) -> Float[np.ndarray, " number"]:
+) -> Numbers:
     """Choose starting values: those requested, else those of the designs, else the priors."""
     known = [{item.name: item.value for item in parameters.every(text, level)} for text in texts]
     found, bad = [], []
@@ -164,33 +149,20 @@ def _start(
             if here
         ]
         given = {table.get(item.name, item.prior) for table, _ in mine}
+        found.append(next(iter(given)) if item.start is None else item.start)
+        problem = remedy = ""
         if item.start is None and None in given:
             table, name = next((table, name) for table, name in mine if item.name not in table)
-            whose = f"the design of {name}" if name else "the design"
-            others = any(item.name in table for table, _ in mine)
-            remedy = (
-                "list only experiments whose designs give it"
-                if others
-                else suggest(item.name, list(table))
-            )
-            bad.append(
-                Fault(
-                    f"parameter.{n}.name",
-                    f"{whose} gives no such number",
-                    remedy + "; or give a start",
-                    format_value(item.name),
-                )
-            )
+            problem = f"the design{f' of {name}' if name else ''} gives no such number"
+            if any(item.name in other for other, _ in mine):
+                remedy = "list only experiments whose designs give it; or "
+            else:
+                remedy = suggest(item.name, list(table)) + "; or "
         elif item.start is None and len(given) > 1:
-            bad.append(
-                Fault(
-                    f"parameter.{n}.name",
-                    "has different values in the designs that share it",
-                    "give a start",
-                    format_value(item.name),
-                )
-            )
-        found.append(item.start if item.start is not None else next(iter(given)))
+            problem = "has different values in the designs that share it"
+        if problem:
+            key, remedy = f"parameter.{n}.name", f"{remedy}give a start"
+            bad.append(Fault(key, problem, remedy, format_value(item.name)))
     if bad:
         raise InputError(bad)
     return np.array(found, dtype=float)
@@ -205,27 +177,18 @@ def _check_starts(
         try:
             experiment.design(experiment.start)
         except InputError as error:
-            for n, name, x in zip(
-                np.flatnonzero(own), experiment.free, experiment.start, strict=True
-            ):
-                mine = [
-                    fault
-                    for fault in error.faults
-                    if fault.key in paths.twins(name) or (fault.value or "").startswith(f'"{name}=')
-                ]
-                bad |= {
-                    Fault(
-                        f"parameter.{n + 1}", f"{name}: {fault.problem}", fault.remedy, f"{x:g}"
-                    ): None
-                    for fault in mine
-                }
+            numbers = zip(np.flatnonzero(own), experiment.free, experiment.start, strict=True)
+            for (n, name, x), fault in itertools.product(numbers, error.faults):
+                if fault.key in paths.twins(name) or (fault.value or "").startswith(f'"{name}='):
+                    problem = f"{name}: {fault.problem}"
+                    bad[Fault(f"parameter.{n + 1}", problem, fault.remedy, f"{x:g}")] = None
     if bad:
         raise InputError(list(bad))
 
 
 def starts(
-    problem: Problem, count: int, seed: int, begin: Float[np.ndarray, " number"] | None = None
-) -> Iterator[Float[np.ndarray, " number"]]:
+    problem: Problem, count: int, seed: int, begin: Numbers | None = None
+) -> Iterator[Numbers]:
     """Yield starting values: first `begin` (by default the given ones), then random ones.
 
     Numbers with a prior are drawn from it, others evenly between their bounds (evenly in the
@@ -244,15 +207,8 @@ def starts(
                 even = problem.low + fraction * (problem.high - problem.low)
                 geometric = problem.low * (problem.high / problem.low) ** fraction
                 drawn = problem.prior + np.where(known, problem.prior_sigma, 0.0) * normal
-            x = np.clip(
-                np.where(
-                    known,
-                    drawn,
-                    np.where(logarithmic, geometric, np.where(bounded, even, problem.start)),
-                ),
-                problem.low,
-                problem.high,
-            )
+            x = np.select([known, logarithmic, bounded], [drawn, geometric, even], problem.start)
+            x = np.clip(x, problem.low, problem.high)
             try:
                 problem.weighted(x)
             except InputError:  # an invalid design
@@ -261,17 +217,12 @@ def starts(
             break
 
 
-def least_squares(
-    problem: Problem, start: Float[np.ndarray, " number"]
-) -> tuple[Float[np.ndarray, " number"], float]:
+def least_squares(problem: Problem, start: Numbers) -> tuple[Numbers, float]:
     """Minimise chi^2 from starting values; return the numbers and their chi^2."""
     from scipy import optimize
 
-    scale = np.where(
-        start != 0,
-        np.abs(start),
-        np.where(np.isfinite(problem.prior_sigma), problem.prior_sigma, 1.0),
-    )
+    sigma = problem.prior_sigma
+    scale = np.where(start != 0, np.abs(start), np.where(np.isfinite(sigma), sigma, 1.0))
     positive = problem.logarithmic
 
     def number(u: Array) -> Array:

@@ -14,7 +14,7 @@ combinations the data determine.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -31,7 +31,7 @@ from suspension_cli.analyses.fit import (
     search,
     swapped_labels,
 )
-from suspension_cli.analyses.fit.response_fit import ResponseFit, Solution
+from suspension_cli.analyses.fit.response_fit import ResponseFit
 from suspension_cli.analyses.fit.search import Problem
 from suspension_cli.analyses.fit.swapped_labels import Exchange
 from suspension_cli.design import reader
@@ -42,7 +42,14 @@ from suspension_cli.measurements.transfer_function import MeasuredResponse
 from suspension_cli.models import registry
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Float, Int
+    from jaxtyping import Bool, Float
+
+    from suspension_cli.analyses.fit.array_types import (
+        ModeIndex,
+        ModeValues,
+        NumberMatrix,
+        Numbers,
+    )
 
 SIGNIFICANCE = 1e-3
 """Probability of a chi^2 this large by chance, below which a fit is a misfit."""
@@ -52,66 +59,57 @@ UNDETERMINED = 1e-10
 
 @dataclass(frozen=True)
 class Fit:
-    """Numbers of designs fitted to measured modes: p numbers, e experiments, k measured modes.
+    """Numbers of designs fitted to measured modes.
 
     Attributes
     ----------
-    experiment : tuple of str
+    experiment
         Names of the experiments; for a single design, the name of the design.
-    name : tuple of str
+    name
         Dotted paths of the fitted numbers; several experiments may share one.
-    shared : array
+    shared
         Whether a number belongs to an experiment.
-    start, value, sigma : array
+    start, value, sigma
         Values before and after the fit, and standard deviations (infinite where the data do not
-        determine a number, NaN at a bound), SI. `sigma` assumes the given uncertainties of the
-        measurements; multiply it by `scale` in a misfit.
-    covariance, at_bound : array
-    of : array
-        Experiment of each measured mode, from 0.
-    label : tuple of str
-        Labels of the measured modes.
-    measured, uncertainty, before, after : array
+        determine a number, NaN at a bound), SI. `sigma` and `covariance` assume the given
+        uncertainties of the measurements; multiply them by `scale` (and its square) in a misfit.
+    of, label
+        Experiment of each measured mode, from 0, and its label.
+    measured, uncertainty, before, after
         Frequencies, Hz; NaN for an unstable mode.
-    chi_squared : float
-        Sum over modes and priors.
-    freedom : int
-        Degrees of freedom: modes and priors less numbers that are not at a bound.
-    singular : array
+    chi_squared, freedom
+        Sum over modes and priors; and modes and priors less numbers that are not at a bound.
+    singular, direction
         Singular values of the derivatives of the weighted mode frequencies, for relative changes
-        of the numbers: 1/singular is the relative uncertainty of a combination.
-    direction : array
-        The combinations, as relative changes.
-    design : tuple of str
-        The fitted designs as TOML.
-    ends : array
+        of the numbers: 1/singular is the relative uncertainty of the combination of these.
+    design, design_before
+        The fitted designs and those before as TOML.
+    ends
         chi^2 at the end of the search from each start, ascending; the first is that of this fit.
-    exchange : Exchange or None
+    exchange
         In a misfit, the two labels that fit better exchanged.
-    design_before : tuple of str
-        The designs before the fit as TOML.
-    measurements : str
+    measurements
         Text of the file of measured modes.
-    title : str
+    title
         Title of the design, or of the measurements where there are several designs.
-    responses : ResponseFit or None
+    responses
         Measured transfer functions; None if modes alone were measured.
     """
 
     experiment: tuple[str, ...]
     name: tuple[str, ...]
     shared: Bool[np.ndarray, "number experiment"]
-    start: Float[np.ndarray, " number"]
-    value: Float[np.ndarray, " number"]
-    sigma: Float[np.ndarray, " number"]
-    covariance: Float[np.ndarray, "number number"]
+    start: Numbers
+    value: Numbers
+    sigma: Numbers
+    covariance: NumberMatrix
     at_bound: Bool[np.ndarray, " number"]
-    of: Int[np.ndarray, " mode"]
+    of: ModeIndex
     label: tuple[str, ...]
-    measured: Float[np.ndarray, " mode"]
-    uncertainty: Float[np.ndarray, " mode"]
-    before: Float[np.ndarray, " mode"]
-    after: Float[np.ndarray, " mode"]
+    measured: ModeValues
+    uncertainty: ModeValues
+    before: ModeValues
+    after: ModeValues
     chi_squared: float
     freedom: int
     singular: Float[np.ndarray, " combination"]
@@ -140,7 +138,7 @@ class Fit:
         return float(np.sqrt(self.chi_squared / self.freedom)) if self.misfit else 1.0
 
     @property
-    def residual(self) -> Float[np.ndarray, " mode"]:
+    def residual(self) -> ModeValues:
         """Residuals after the fit over the uncertainties."""
         return (self.after - self.measured) / self.uncertainty
 
@@ -171,27 +169,26 @@ def solve(
     level: str = registry.STRING.name,
     starts: int = 1,
     seed: int = 1,
-    begin: Float[np.ndarray, " number"] | None = None,
+    begin: Numbers | None = None,
     tell: Progress | None = None,
 ) -> Fit:
     """Fit numbers of designs to measured modes.
 
     Parameters
     ----------
-    texts : sequence of str
+    texts
         The design of each experiment as TOML.
-    measured : Measured
-    files : sequence of str
+    files
         Files of the designs, for errors.
-    level : str
+    level
         Name of a model that supports derivatives, ``string`` or ``beam``.
-    starts, seed : int
+    starts, seed
         Number of searches, all but the first from random numbers, and the seed of these; the best
         fit is returned.
-    begin : array, optional
+    begin
         Where the first search begins instead of at the starting values, to whose modes labels
         refer.
-    tell : callable, optional
+    tell
         Called with (done, all, rate per second) after each search.
 
     Raises
@@ -201,21 +198,49 @@ def solve(
     """
     files = files or [""] * len(texts)
     problem = search.build_problem(texts, measured, files, level)
-    ends, started = [], time.monotonic()
-    for start in search.starts(problem, starts, seed, begin):
-        ends.append(search.least_squares(problem, start))
-        if tell is not None:
-            tell(len(ends), starts, len(ends) / (time.monotonic() - started))
+    ends = [
+        search.least_squares(problem, start)
+        for start in _reporting(search.starts(problem, starts, seed, begin), starts, tell)
+    ]
     value, _ = min(ends, key=lambda end: end[1])
-    found = _summarise(problem, measured, value, np.sort([end for _, end in ends]))
+    residual, slope = problem.weighted(value)
+    scale = np.where(value != 0, np.abs(value), 1.0)
+    edges = np.array([problem.low, problem.high])
+    with np.errstate(invalid="ignore"):
+        at_bound = (np.abs(value - edges) <= 1e-8 * scale).any(0)
+    inner = ~at_bound
+    covariance = np.full((len(value), len(value)), np.nan)
+    covariance[np.ix_(inner, inner)] = _inverse(slope[:, inner] * scale[inner]) * np.outer(
+        scale[inner], scale[inner]
+    )
+    modes = sum(map(len, measured.modes))
+    _, singular, direction = np.linalg.svd(slope[:modes] * scale, full_matrices=False)
+    found = _collect(
+        problem,
+        measured,
+        value,
+        covariance,
+        chi_squared=float(residual @ residual),
+        freedom=len(residual) - int(inner.sum()),
+        singular=singular,
+        direction=direction,
+        ends=np.sort([end for _, end in ends]),
+    )
     if not found.misfit:
         return found
-    return replace(
-        found,
-        exchange=swapped_labels.find_exchange(
-            problem, measured, texts, files, level, value, found.chi_squared
-        ),
+    exchange = swapped_labels.find_exchange(
+        problem, measured, texts, files, level, value, found.chi_squared
     )
+    return replace(found, exchange=exchange)
+
+
+def _reporting(starts: Iterator[Numbers], count: int, tell: Progress | None) -> Iterator[Numbers]:
+    """Yield starting values, and report the progress when the next ones are wanted."""
+    started = time.monotonic()
+    for n, start in enumerate(starts, 1):
+        yield start
+        if tell is not None:
+            tell(n, count, n / (time.monotonic() - started))
 
 
 def solve_responses(
@@ -227,7 +252,7 @@ def solve_responses(
     level: str = registry.STRING.name,
     starts: int = 1,
     seed: int = 1,
-    begin: Float[np.ndarray, " number"] | None = None,
+    begin: Numbers | None = None,
     explain: bool = True,
     tell: Progress | None = None,
 ) -> Fit:
@@ -235,18 +260,17 @@ def solve_responses(
 
     Parameters
     ----------
-    text : str
+    text
         The design as TOML.
-    measured : Measured
+    measured
         Free numbers (`default_numbers` if there are none), sensors and actuators, modes.
-    functions : sequence of MeasuredResponse
-    file : str
+    file
         File of the design, for errors.
-    level : str
+    level
         Name of a model that supports derivatives.
-    starts, seed, begin, tell :
+    starts, seed, begin, tell
         See `solve`.
-    explain : bool
+    explain
         Whether to rank single changes and further measurements.
 
     Raises
@@ -261,34 +285,36 @@ def solve_responses(
     problem = response_problem.build(
         text, measured, channels.build(measured, functions, system), file, level
     )
-    p, started = problem.numbers, time.monotonic()
-    ends: list[Solution] = []
-    for x in search.starts(problem.base, starts, seed, begin):
-        ends.append(response_fit.solve(problem, np.concatenate([x, problem.start[p:]])))
-        if tell is not None:
-            tell(len(ends), starts, len(ends) / (time.monotonic() - started))
+    p, free = problem.numbers, problem.base.experiment[0].free
+    ends = [
+        response_fit.solve(problem, np.concatenate([x, problem.start[p:]]))
+        for x in _reporting(search.starts(problem.base, starts, seed, begin), starts, tell)
+    ]
     found = min(ends, key=lambda end: end.chi_squared)
     start = response_fit.onto(problem, found.problem, problem.start)
     spread = findings.covariance(found.problem, found.z)
-    extra: dict[str, Any] = {
-        "sentences": findings.describe(found.problem, found.z, problem.base.experiment[0].free)
-    }
-    least = findings.least_known(found.problem, spread)
+    extra: dict[str, Any] = {"sentences": findings.describe(found.problem, found.z, free)}
     if explain:
         before, changes = findings.single_changes(found, text, measured, file, start)
-        extra |= {"chi_squared_before": before, "changes": changes}
-        which, extra["candidates"] = findings.next_measurements(found, least)
-        if which is not None:
-            extra["least"] = problem.base.experiment[0].free[which]
-    responses = response_fit.collect(found, start, spread, **extra)
-    return _with_responses(
-        text,
+        least = findings.least_known(found.problem, spread)
+        which, candidates = findings.next_measurements(found, least)
+        extra |= {"chi_squared_before": before, "changes": changes, "candidates": candidates}
+        extra["least"] = "" if which is None else free[which]
+    value = found.z[:p]
+    relative = np.where(value != 0, np.abs(value), 1.0) / problem.scale[:p]
+    known = findings.data_information(found.problem, found.z) * np.outer(relative, relative)
+    squared, vectors = np.linalg.eigh(known)
+    return _collect(
+        problem.base,
         measured,
-        problem,
-        found,
-        spread,
-        np.sort([end.chi_squared for end in ends]),
-        responses,
+        value,
+        spread[:p, :p],
+        chi_squared=found.chi_squared,
+        freedom=found.freedom + int(np.isnan(np.diag(spread)).sum()),
+        singular=np.sqrt(np.clip(squared, 0.0, None))[::-1],
+        direction=vectors.T[::-1],
+        ends=np.sort([end.chi_squared for end in ends]),
+        responses=response_fit.collect(found, start, spread, **extra),
     )
 
 
@@ -310,94 +336,30 @@ def _check_uncertainties(functions: Sequence[MeasuredResponse]) -> None:
         raise InputError(bad)
 
 
-def _with_responses(
-    text: str,
-    measured: Measured,
-    problem: response_problem.ResponseProblem,
-    found: Solution,
-    spread: Float[np.ndarray, "unknown unknown"],
-    ends: Float[np.ndarray, " start"],
-    responses: ResponseFit,
+def _collect(
+    problem: Problem, measured: Measured, value: Numbers, covariance: NumberMatrix, **rest: Any
 ) -> Fit:
-    p, item = problem.numbers, problem.base.experiment[0]
-    value, covariance = found.z[:p], spread[:p, :p]
-    at_bound = np.isnan(np.diag(covariance))
-    relative = np.where(value != 0, np.abs(value), 1.0) / problem.scale[:p]
-    known = findings.data_information(found.problem, found.z) * np.outer(relative, relative)
-    squared, vectors = np.linalg.eigh(known)
-    singular, direction = np.sqrt(np.clip(squared, 0.0, None))[::-1], vectors.T[::-1]
-    labels: tuple[str, ...] = ()
-    modes = np.zeros((2, 0))
-    if item.mode:
-        modes = np.array([problem.base.predict(x)[0] for x in (problem.base.start, value)])
-        named = np.array(named_results.labels(item.nominal_modes))[item.assign_modes(value)]
-        labels = tuple(str(name) for name in named)
-    before, after = np.where(modes > 0, modes, np.nan)
-    return Fit(
-        experiment=(reader.parse(text).design.name,),
-        name=tuple(one.name for one in measured.parameter),
-        shared=problem.base.shared,
-        start=problem.base.start,
-        value=value,
-        sigma=np.sqrt(np.diag(covariance)),
-        covariance=covariance,
-        at_bound=at_bound,
-        of=np.zeros(len(labels), dtype=int),
-        label=labels,
-        measured=item.frequency,
-        uncertainty=item.uncertainty,
-        before=before,
-        after=after,
-        chi_squared=found.chi_squared,
-        freedom=found.freedom + int(np.isnan(np.diag(spread)).sum()),
-        singular=singular,
-        direction=_positive(direction),
-        design=(reader.write_toml(item.document(value)),),
-        ends=ends,
-        responses=responses,
-    )
+    """Collect the result of a fit: the fitted numbers, designs and modes, and what else is given.
 
-
-def _positive(
-    direction: Float[np.ndarray, "combination number"],
-) -> Float[np.ndarray, "combination number"]:
-    """Combinations (s, p) with the sign that makes their largest coefficient positive."""
-    if not direction.size:
-        return direction
-    largest = direction[np.arange(len(direction)), np.abs(direction).argmax(1)]
-    return direction * np.where(largest < 0, -1.0, 1.0)[:, None]
-
-
-def _summarise(
-    problem: Problem,
-    measured: Measured,
-    value: Float[np.ndarray, " number"],
-    ends: Float[np.ndarray, " start"],
-) -> Fit:
-    residual, slope = problem.weighted(value)
-    scale = np.where(value != 0, np.abs(value), 1.0)
-    at_bound = np.zeros(len(value), dtype=bool)
-    for bound in (problem.low, problem.high):
-        at_bound |= np.isfinite(bound) & (
-            np.abs(value - np.where(np.isfinite(bound), bound, 0.0)) <= 1e-8 * scale
-        )
-    inner = ~at_bound
-    covariance = np.full((len(value), len(value)), np.nan)
-    covariance[np.ix_(inner, inner)] = _inverse(slope[:, inner] * scale[inner]) * np.outer(
-        scale[inner], scale[inner]
-    )
-    _, singular, direction = np.linalg.svd(
-        slope[: sum(map(len, measured.modes))] * scale, full_matrices=False
-    )
+    Numbers at a bound have NaN in the covariance. Combinations get the sign that makes their
+    largest coefficient positive.
+    """
+    every = problem.experiment
+    own = [value[here] for here in problem.shared.T]
+    labels = [
+        np.array(named_results.labels(item.nominal_modes))[item.assign_modes(x)].tolist()
+        if item.mode
+        else []
+        for item, x in zip(every, own, strict=True)
+    ]
     before, after = (
         np.where(found > 0, found, np.nan)
         for found in (problem.predict(x)[0] for x in (problem.start, value))
     )
-    every = problem.experiment
-    labels = [
-        np.array(named_results.labels(item.nominal_modes))[item.assign_modes(value[own])]
-        for item, own in zip(every, problem.shared.T, strict=True)
-    ]
+    direction = rest.pop("direction")
+    if direction.size:
+        largest = direction[np.arange(len(direction)), np.abs(direction).argmax(1)]
+        direction = direction * np.where(largest < 0, -1.0, 1.0)[:, None]
     return Fit(
         experiment=tuple(
             name or reader.parse(item.text).design.name
@@ -409,26 +371,22 @@ def _summarise(
         value=value,
         sigma=np.sqrt(np.diag(covariance)),
         covariance=covariance,
-        at_bound=at_bound,
+        at_bound=np.isnan(np.diag(covariance)),
         of=np.repeat(np.arange(len(every)), [len(names) for names in labels]),
-        label=tuple(str(name) for names in labels for name in names),
+        label=tuple(name for names in labels for name in names),
         measured=np.concatenate([item.frequency for item in every]),
         uncertainty=np.concatenate([item.uncertainty for item in every]),
         before=before,
         after=after,
-        chi_squared=float(residual @ residual),
-        freedom=len(residual) - int(inner.sum()),
-        singular=singular,
-        direction=_positive(direction),
+        direction=direction,
         design=tuple(
-            reader.write_toml(item.document(value[own]))
-            for item, own in zip(every, problem.shared.T, strict=True)
+            reader.write_toml(item.document(x)) for item, x in zip(every, own, strict=True)
         ),
-        ends=ends,
+        **rest,
     )
 
 
-def _inverse(slope: Float[np.ndarray, "row number"]) -> Float[np.ndarray, "number number"]:
+def _inverse(slope: Float[np.ndarray, "row number"]) -> NumberMatrix:
     """(J^T J)^-1 of J; infinite on the diagonal for numbers that J does not determine."""
     if not slope.shape[1]:
         return np.zeros((0, 0))

@@ -19,8 +19,7 @@ from suspension_cli.design.measured import Measured, Mode
 from suspension_cli.errors import InputError
 
 if TYPE_CHECKING:
-    import numpy as np
-    from jaxtyping import Float
+    from suspension_cli.analyses.fit.array_types import Numbers
 
 MAX_REFITS = 3
 """Exchanges that are fitted again."""
@@ -34,10 +33,9 @@ class Exchange:
 
     Attributes
     ----------
-    experiment : int
+    experiment
         Number of the experiment, from 0.
-    labels : pair of str
-    chi_squared : float
+    chi_squared
         chi^2 of the fit with these labels exchanged.
     """
 
@@ -52,23 +50,12 @@ def find_exchange(
     texts: Sequence[str],
     files: Sequence[str],
     level: str,
-    end: Float[np.ndarray, " number"],
+    end: Numbers,
     chi_squared: float,
 ) -> Exchange | None:
     """Find the exchange of two labels that reduces chi^2 most; None if none does enough.
 
-    Parameters
-    ----------
-    problem : Problem
-    measured : Measured
-    texts, files : sequence of str
-        Designs as TOML, and their files.
-    level : str
-        Name of a model that supports derivatives.
-    end : array
-        The fitted numbers.
-    chi_squared : float
-        chi^2 of the fit.
+    The fit ended at the numbers `end` with `chi_squared`.
     """
     candidates = sorted(_candidates(problem, measured, end), key=lambda item: item[0])
     found = []
@@ -86,7 +73,7 @@ def find_exchange(
 
 
 def _candidates(
-    problem: Problem, measured: Measured, end: Float[np.ndarray, " number"]
+    problem: Problem, measured: Measured, end: Numbers
 ) -> list[tuple[float, int, int, int]]:
     """Estimate the change of chi^2 by each exchange: (change, experiment, first mode, second mode).
 

@@ -16,14 +16,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.fit.channels import Channels
+from suspension_cli.analyses.fit.channels import TABLES, Channels
 from suspension_cli.analyses.fit.response_problem import ResponseProblem
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float
 
+    from suspension_cli.analyses.fit.array_types import Frequencies, Unknowns
+
 SIGN, EXCHANGE, FACTOR = "sign", "exchange", "factor"
-TABLES = ("sensor", "actuator")
 MOST_EXCHANGES = 4
 SMOOTH = 0.08
 """Standard deviation of ln frequency over which magnitudes are averaged."""
@@ -65,20 +66,20 @@ class Correction:
 
     Attributes
     ----------
-    kind : str
+    kind
         ``"sign"``, ``"exchange"`` or ``"factor"``.
-    side : int
+    side
         0 for sensors, 1 for actuators.
-    channel : tuple of str
+    channel
         The channel, or the two that are exchanged.
-    factor : float
+    factor
         On the gain; 1 for an exchange.
-    known : bool
+    known
         Whether the file of measurements claims otherwise (a sign it calls unknown is found, not
         wrong).
-    also : str
+    also
         Another channel whose change explains the data as well; "" if there is none.
-    chi_squared : float
+    chi_squared
         chi^2 with the fitted numbers but without this change; NaN where not computed.
     """
 
@@ -137,9 +138,7 @@ def name_factor(factor: float) -> str:
     return text
 
 
-def guess(
-    problem: ResponseProblem, z: Float[np.ndarray, " unknown"]
-) -> tuple[list[Correction], Channels]:
+def guess(problem: ResponseProblem, z: Unknowns) -> tuple[list[Correction], Channels]:
     """Find exchanged, scaled and inverted channels before a fit."""
     found: list[Correction] = []
     channels = problem.channels
@@ -150,7 +149,7 @@ def guess(
             break
         found.append(change)
         channels = change.apply(channels)
-        compared = _Comparison.of(problem.with_channels(channels), z)
+        compared = _Comparison.of(problem.changed(channels=channels), z)
     for make in (compared.factors, compared.signs):
         for change in make():
             found.append(change)
@@ -164,11 +163,11 @@ class _Comparison:
 
     Attributes
     ----------
-    measured : array
+    measured
         Averaged ln magnitudes of the functions.
-    computed : array
+    computed
         The same of every pair of channels, at the frequencies of each function.
-    agreement : array
+    agreement
         Mean cosine of the phase between the measured and the computed function.
     """
 
@@ -179,7 +178,7 @@ class _Comparison:
     agreement: Float[np.ndarray, " function"]
 
     @staticmethod
-    def of(problem: ResponseProblem, z: Float[np.ndarray, " unknown"]) -> _Comparison:
+    def of(problem: ResponseProblem, z: Unknowns) -> _Comparison:
         channels, now = problem.channels, problem.predict(z)
         values = problem.nuisance_values(z)
         heavy = np.full(len(now.order), HEAVY)
@@ -298,7 +297,7 @@ class _Comparison:
         return f"{TABLES[1 - side]} {self.channels.names(1 - side)[other]}"
 
 
-def _averaging(frequency: Float[np.ndarray, " frequency"]) -> Float[np.ndarray, "place frequency"]:
+def _averaging(frequency: Frequencies) -> Float[np.ndarray, "place frequency"]:
     """Compute the weights of Gaussian averages over ln frequency at `POINTS` frequencies."""
     place = np.log(frequency)
     centers = np.linspace(place[0], place[-1], POINTS)
@@ -308,7 +307,7 @@ def _averaging(frequency: Float[np.ndarray, " frequency"]) -> Float[np.ndarray, 
     return weight / np.maximum(weight.sum(1, keepdims=True), 1e-300)
 
 
-def alternatives(problem: ResponseProblem, z: Float[np.ndarray, " unknown"]) -> list[Correction]:
+def alternatives(problem: ResponseProblem, z: Unknowns) -> list[Correction]:
     """Changes of one channel, or exchanges of two, with their chi^2 at the values z, best first.
 
     `chi_squared` is that with the change.

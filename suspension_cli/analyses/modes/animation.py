@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -43,22 +43,6 @@ FOOT = 0.2
 ALL = "all"
 
 
-@dataclass(frozen=True)
-class _Scale:
-    """Exaggeration of a picture of a mode.
-
-    Attributes
-    ----------
-    factor : float
-        From the mode's shape to the picture.
-    note : str
-        The exaggeration in words.
-    """
-
-    factor: float
-    note: str
-
-
 def parse(modes: Modes, text: str, option: str = "--animate") -> list[int]:
     """Parse numbers (from 1) and labels of modes, separated by commas; ``all`` for every one.
 
@@ -85,18 +69,14 @@ def parse(modes: Modes, text: str, option: str = "--animate") -> list[int]:
             chosen = [int(name) - 1] if 0 < int(name) <= len(modes.frequency) else []
         else:
             chosen = [n for n, label in enumerate(modes.label) if label == name]
+        given = format_value(name)
         if not chosen:
-            labels = list(dict.fromkeys(modes.label))
             remedy = f"give a number from 1 to {len(modes.frequency)}, {ALL}, or a label:"
-            fault = Fault(
-                option, "names no mode", f"{remedy} {suggest(name, labels)}", format_value(name)
-            )
-            raise InputError([fault])
+            remedy += f" {suggest(name, list(dict.fromkeys(modes.label)))}"
+            raise InputError([Fault(option, "names no mode", remedy, given)])
         if not set(chosen) <= set(drawn):
             problem = "is a mode of wires alone, whose shape is not drawn"
-            raise InputError(
-                [Fault(option, problem, "name a mode of the bodies", format_value(name))]
-            )
+            raise InputError([Fault(option, problem, "name a mode of the bodies", given)])
         found += [n for n in chosen if n not in found]
     if not found:
         remedy = f"give numbers or labels of modes, or {ALL}"
@@ -107,54 +87,36 @@ def parse(modes: Modes, text: str, option: str = "--animate") -> list[int]:
 def animate(modes: Modes, number: int, design: Design, scene: Scene) -> bytes:
     """Draw one period of a mode, as the picture of all modes shows it at its largest.
 
-    Parameters
-    ----------
-    modes : Modes
-    number : int
-        Of the mode, from 0.
-    design : Design
-    scene : Scene
-        The same design spelled out, without batch axes.
-
-    Returns
-    -------
-    bytes
-        GIF that repeats without end: displacements go with cos(2 pi n / `FRAMES`).
+    Returns a GIF that repeats without end: displacements go with cos(2 pi n / `FRAMES`).
     """
     with style.house_style():
-        rest = picture.sketch_at_rest(design, scene)
-        scale = _choose_scale(modes, number, scene)
-        there = [np.cos(2 * np.pi * n / FRAMES) for n in range(FRAMES // 2 + 1)]
-        panels = [_panel(modes, number, rest, scale.factor * size) for size in there]
+        rest, numbering = picture.sketch_at_rest(design, scene), layout(scene)
+        step = geometry.mode_step(numbering, modes.coordinate, modes.shape[number])
+        factor = geometry.amplitude(scene, step)
+        note = _describe_scale(modes, number, factor)
+        panels = []
+        for n in range(FRAMES // 2 + 1):
+            size = factor * np.cos(2 * np.pi * n / FRAMES)
+            pose = displace(numbering, nominal_pose(scene), size * step)
+            panels.append(picture.make_panel(modes, number, rest, pose))
         low = np.min([panel.low for panel in panels], axis=0)
         high = np.max([panel.high for panel in panels], axis=0)
         frames = [
-            _pixels(_figure(modes, rest, replace(panel, low=low, high=high), scale.note))
+            _pixels(_figure(modes, rest, replace(panel, low=low, high=high), note))
             for panel in panels
         ]
-    return _gif([*frames, *frames[-2:0:-1]])
+    return _gif(frames)
 
 
-def _choose_scale(modes: Modes, number: int, scene: Scene) -> _Scale:
-    """Exaggeration of a mode, relative to 1 mm or 1 mrad of the motion that names it."""
+def _describe_scale(modes: Modes, number: int, factor: float) -> str:
+    """Exaggeration of a mode in words, relative to 1 mm or 1 mrad of the motion that names it."""
     shape, (body, dof) = modes.shape[number], modes.home[number]
-    step = geometry.mode_step(layout(scene), modes.coordinate, shape)
-    factor = geometry.amplitude(scene, step)
     name = f"{body}.{dof}"
     place = modes.coordinate.index(name) if name in modes.coordinate else int(abs(shape).argmax())
     drawn = factor * abs(float(shape[place]))
     unit = "mrad" if dof in ("roll", "pitch", "yaw") else "mm"
     times = style.format_significant(1e3 * drawn, 2)
-    return _Scale(factor, f"1 {unit} of {modes.label[number]} is drawn as {times} {unit}")
-
-
-def _panel(modes: Modes, number: int, rest: Sketch, factor: float) -> Panel:
-    """The panel of a mode, displaced by a factor times its shape."""
-    scene = rest.scene
-    numbering = layout(scene)
-    step = geometry.mode_step(numbering, modes.coordinate, modes.shape[number])
-    pose = displace(numbering, nominal_pose(scene), factor * step)
-    return picture.make_panel(modes, number, rest, pose)
+    return f"1 {unit} of {modes.label[number]} is drawn as {times} {unit}"
 
 
 def _figure(modes: Modes, rest: Sketch, panel: Panel, note: str) -> Figure:
@@ -178,12 +140,14 @@ def _pixels(figure: Figure) -> Array:
 
 
 def _gif(frames: list[Array]) -> bytes:
-    """Encode frames (height, width, 3) with one palette as GIF that repeats without end."""
-    half = frames[: len(frames) // 2 + 1]
-    several = Image.fromarray(np.concatenate(half)).quantize(COLOURS, dither=Image.Dither.NONE)
+    """Encode frames (height, width, 3), there and back, with one palette as GIF that repeats."""
+    several = Image.fromarray(np.concatenate(frames)).quantize(COLOURS, dither=Image.Dither.NONE)
     palette = np.array(several.getpalette()).reshape(-1, 3)
     palette[np.abs(palette - 255).sum(1).argmin()] = 255  # the paper
-    images = [_with_palette(frame, palette) for frame in frames]
+    images = [Image.fromarray(part) for part in np.split(np.asarray(several), len(frames))]
+    for image in images:
+        image.putpalette(palette.astype(np.uint8).tobytes())
+    images += images[-2:0:-1]
     stream = io.BytesIO()
     images[0].save(
         stream,
@@ -196,14 +160,3 @@ def _gif(frames: list[Array]) -> bytes:
         comment=b"pendsus",
     )
     return stream.getvalue()
-
-
-def _with_palette(frame: Array, palette: Array) -> Image.Image:
-    """Replace each colour by the nearest of a palette (k, 3), which Pillow finds only nearly."""
-    codes = frame.astype(np.int64) @ (1 << 16, 1 << 8, 1)
-    found, place = np.unique(codes, return_inverse=True)
-    colours = np.stack([found >> 16, (found >> 8) & 255, found & 255], axis=1)
-    nearest = ((colours[:, None] - palette) ** 2).sum(-1).argmin(1)
-    image = Image.fromarray(nearest[place].reshape(codes.shape).astype(np.uint8))
-    image.putpalette(palette.astype(np.uint8).tobytes())
-    return image

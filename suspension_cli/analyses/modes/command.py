@@ -16,6 +16,7 @@ from suspension_cli.analyses.analysis import (
     reading_all,
 )
 from suspension_cli.analyses.options import option
+from suspension_cli.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -109,15 +110,10 @@ class ModesAnalysis(Analysis):
 
         modes: Modes = result.data
         rows, labels, verdicts = [], modes.label, modes.verdict
-        frequency, growth, top, fractions = (
-            modes.frequency,
-            modes.growth_rate,
-            modes.top_fraction,
-            modes.fractions,
-        )
+        growth, top, fractions = modes.growth_rate, modes.top_fraction, modes.fractions
         for n, (body, dof) in enumerate(modes.home):
             row: Document = {
-                "frequency_hz": as_number(frequency[n]),
+                "frequency_hz": as_number(modes.frequency[n]),
                 "dof": dof,
                 "stage": body,
                 "q": as_number(modes.q[n]),
@@ -128,13 +124,9 @@ class ModesAnalysis(Analysis):
                 row["growth_rate_per_s"] = float(growth[n])
             if modes.overdamped[n]:
                 row["decay_rate_per_s"] = float(modes.decay_rate[n])
-            place = {
-                "label": labels[n],
-                "fraction": float(fractions[n].max()),
-                "top_mass_fraction": float(top[n]),
-                "verdict": verdicts[n],
-            }
-            rows.append(row | place)
+            row["label"], row["fraction"] = labels[n], float(fractions[n].max())
+            row["top_mass_fraction"], row["verdict"] = float(top[n]), verdicts[n]
+            rows.append(row)
         return {"stable": modes.stable, "modes": rows} | result.extra
 
     def text(self, result: Result) -> str:
@@ -151,18 +143,15 @@ class ModesAnalysis(Analysis):
         rows = []
         for group in modes.groups:
             n, fractions = group[0], every[group[0]]
-            quality = [modes.q[n] if modes.q[n] > 0 else None] * lossy + [
-                modes.dilution[n]
-            ] * diluted
+            quality = [modes.q[n] if modes.q[n] > 0 else None] * lossy
+            quality += [modes.dilution[n]] * diluted
             if modes.order[n]:
                 top, what = "", _family([labels[k] for k in group], *home[n], modes.order[n])
                 if len(group) > 1:
                     what += f", {len(group)} modes to {frequency[group[-1]]:#.6g} Hz"
             else:
-                top, order = (
-                    100 * top_fraction[n],
-                    np.argsort(-fractions.round(9), kind="stable")[:3],
-                )
+                top = 100 * top_fraction[n]
+                order = np.argsort(-fractions.round(9), kind="stable")[:3]
                 what = ", ".join(
                     f"{describe(place[i])} {100 * fractions[i]:.0f} %"
                     for i in order
@@ -182,17 +171,14 @@ class ModesAnalysis(Analysis):
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw every mode, and where wires have mass the Q of all."""
-        from suspension_cli.analyses.modes import picture
+        from suspension_cli.analyses.modes import picture, quality_picture
         from suspension_cli.equilibrium.nominal import expand
 
-        pages = picture.draw_pages(
-            result.data, result.design, expand(result.design), result.subtitle
-        )
+        modes, design = result.data, result.design
+        pages = picture.draw_pages(modes, design, expand(design), result.subtitle)
         figures = {f"-{n}" if n > 1 else "": page.figure for n, page in enumerate(pages, 1)}
-        if result.data.wire:
-            from suspension_cli.analyses.modes import quality_picture
-
-            figures["-wires"] = quality_picture.draw(result.data, result.design, result.subtitle)
+        if modes.wire:
+            figures["-wires"] = quality_picture.draw(modes, design, result.subtitle)
         return figures
 
     def animations(self, result: Result, setting: Settings) -> Iterator[tuple[str, bytes]]:
@@ -220,11 +206,9 @@ def _warn_of_series(run: Run, choice: Choice, modes: Modes) -> None:
     """Warn of the error by blades in series with angled wires, if it exceeds the tolerance."""
     from suspension_cli.analyses.modes.series_error import estimate_series_error
 
-    apart = (
-        estimate_series_error(run.design, modes)
-        if choice.model.approximated_stages(run.design)
-        else None
-    )
+    if not choice.model.approximated_stages(run.design):
+        return
+    apart = estimate_series_error(run.design, modes)
     if apart is not None and abs(apart.relative) > options.TOLERANCE:
         run.log.warn(
             f"{run.name}: blades under angled wires are taken in series with them:"
@@ -240,51 +224,35 @@ def _solve(run: Run) -> tuple[Choice, LinearSystem, Modes, Modes]:
     """
     import numpy as np
 
-    from suspension_cli.analyses.modes import damped
+    from suspension_cli.analyses.modes import damped, wire_modes
     from suspension_cli.linear import eigenmodes
     from suspension_cli.models import auto, registry
     from suspension_cli.models.quantity_of_interest import Frequencies
 
-    source, setting = run.source, run.setting
+    design, setting = run.design, run.setting
     highest, level = setting["max_frequency"], setting["fidelity"]
     if highest is None and level == registry.AUTO:
-        decision = auto.decide(source.design, lambda _: Frequencies(), setting["tolerance"])
+        decision = auto.decide(design, lambda _: Frequencies(), setting["tolerance"])
     else:
-        decision = auto.estimate_error(
-            source.design,
-            registry.choose(
-                source.design, registry.VIOLIN.name if level == registry.AUTO else level
-            ),
-            lambda _: Frequencies(),
-        )
+        chosen = registry.choose(design, registry.VIOLIN.name if level == registry.AUTO else level)
+        decision = auto.estimate_error(design, chosen, lambda _: Frequencies())
     model, choice = decision.model, decision.choice
+    still = eigenmodes.solve(model)
     if not choice.model.has_wire_mass:
-        found = eigenmodes.solve(model)
-        listed = damped.solve(model, found)
-        if highest is None:
-            return choice, model, found, listed
-        listed = listed.up_to(highest)
-        if not len(listed.q):
-            from suspension_cli.analyses.modes import wire_modes
-
-            raise wire_modes.no_mode_error(highest)
-        return choice, model, found, listed
-    from suspension_cli.analyses.modes import wire_modes
-
+        listed = damped.solve(model, still)
+        if highest is not None:
+            listed = listed.up_to(highest)
+            if not len(listed.q):
+                raise wire_modes.no_mode_error(highest)
+        return choice, model, still, listed
     if level == registry.AUTO and highest is None:
         # the mass of wires lowers all frequencies: those of the bodies lie below the highest
         # one without it
-        still = eigenmodes.solve(model)
-        top = float(np.nanmax(still.frequency))
-        cause = (
-            "the highest mode of the bodies without them"
-            f" ({still.label[int(np.nanargmax(still.frequency))]})"
-        )
+        at = int(np.nanargmax(still.frequency))
+        top = float(still.frequency[at])
+        cause = f"the highest mode of the bodies without them ({still.label[at]})"
     else:
-        top, cause = (
-            HIGHEST if highest is None else highest,
-            "--max-frequency" if highest is not None else "where none is given",
-        )
+        top, cause = highest or HIGHEST, "--max-frequency" if highest else "where none is given"
         choice = registry.Choice(choice.level, f"all modes up to {top:g} Hz", 0.0)
     _admit(run, wire_modes.count_modes(model, top), top, cause)
     with run.log.progress() as bar:
@@ -294,34 +262,24 @@ def _solve(run: Run) -> tuple[Choice, LinearSystem, Modes, Modes]:
 
 def _admit(run: Run, number: int, top: float, cause: str) -> None:
     """Report the number of modes if there are many; refuse more than `MOST` without --all."""
-    from suspension_cli.errors import Fault, InputError
-
     if number > MOST and not run.setting["every"]:
         problem = (
             f"wires with mass have {number:,} modes up to {top:.4g} Hz ({cause}), and more than"
             f" {MOST:,} take long"
         )
-        raise InputError(
-            [
-                Fault(
-                    "",
-                    problem,
-                    "check the design's numbers, give a lower --max-frequency, or --all to have"
-                    " them all",
-                )
-            ]
+        remedy = (
+            "check the design's numbers, give a lower --max-frequency, or --all to have them all"
         )
+        raise InputError([Fault("", problem, remedy)])
     if number > MANY:
         run.log.say(f"{run.name}: {number:,} modes up to {top:.4g} Hz")
 
 
 def _family(labels: list[str], body: str, dof: str, order: int) -> str:
     """Name modes of wires of nearly one frequency: by their label, or by their body and order."""
-    return (
-        labels[0]
-        if len(set(labels)) == 1
-        else f"{body} {'violin' if dof.startswith('violin') else dof} {order}"
-    )
+    if len(set(labels)) == 1:
+        return labels[0]
+    return f"{body} {'violin' if dof.startswith('violin') else dof} {order}"
 
 
 def _frequency(modes: Modes, n: int) -> float | str:

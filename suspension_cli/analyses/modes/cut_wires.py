@@ -43,8 +43,6 @@ class CutWires:
 
     Attributes
     ----------
-    stage : str
-    whole : TautWire
     pieces : tuple of two TautWire
         Upper and lower piece.
     ends : dict of (w, 3 p, A) arrays
@@ -86,15 +84,8 @@ def cut_all(model: LinearSystem) -> tuple[list[CutWires], int]:
                     every[w, p + k, start + per_wire * w + offset + k] = 1.0
             ends[part] = every
             offset += p
-        upper, lower = _cut_fibre(term.strand.fibre)
-        wires.append(
-            CutWires(
-                term.stage,
-                term.strand,
-                (replace(term.strand, fibre=upper), replace(term.strand, fibre=lower)),
-                ends,
-            )
-        )
+        upper, lower = (replace(term.strand, fibre=own) for own in _cut_fibre(term.strand.fibre))
+        wires.append(CutWires(term.stage, term.strand, (upper, lower), ends))
         start += per_wire * number
     return wires, size
 
@@ -146,13 +137,9 @@ def dynamic_stiffness(
     constant = np.real(frequency_dependent.stiffness_without_stretching(model)).copy()
     for term in model.terms:
         if isinstance(term, WireTerm):
-            static = np.array(
-                [
-                    0.0 if part == "stretch" else term.strand.static[part][i, j]
-                    for part, i, j in term.functions
-                ]
-            )
-            constant -= np.tensordot(static, term.matrices, 1)
+            for (part, i, j), matrix in zip(term.functions, term.matrices, strict=True):
+                if part != "stretch":
+                    constant -= term.strand.static[part][i, j] * matrix
     whole = size + 2 * sum(len(cut.ends["stretch"]) for cut in wires)
     result = np.zeros((len(omega), whole, whole), dtype=omega.dtype)
     own = result[:, : model.size, : model.size]
@@ -189,14 +176,8 @@ def _tensions(
 ]:
     """Stiffness with the tensions of one piece of every wire as coordinates (`linear.stretching`).
 
-    Returns
-    -------
-    across
-        Between the tensions and the other coordinates.
-    diagonal
-        Of the tensions.
-    rest
-        Remaining stiffness of stretching, on the even motion of the ends.
+    Between the tensions and the other coordinates, of the tensions, and what remains of stretching,
+    on the even motion of the ends.
     """
     even, odd = np.moveaxis(np.linalg.inv(joined_sections.ENDS[1]) @ ends, 1, 0)
     mixed = stiffness[0, 1] / stiffness[1, 1]
@@ -238,13 +219,9 @@ def solve_shapes(
         for group, (below, matrix, above) in zip(some, matrices, strict=True):
             # a coordinate that resonates alone has no stiffness at its mode, so the scale is taken
             # beside it
-            beside = np.maximum(np.abs(np.diag(below)), np.abs(np.diag(above)))
-            scale = (
-                1
-                / frequency_dependent.coordinate_scales(
-                    beside[None], np.abs(matrix[None, size - 6 :, : size - 6]), model.size - 6
-                )[0]
-            )
+            beside = np.maximum(np.abs(np.diag(below)), np.abs(np.diag(above)))[None]
+            across = np.abs(matrix[None, size - 6 :, : size - 6])
+            scale = 1 / frequency_dependent.coordinate_scales(beside, across, model.size - 6)[0]
             values, vectors = np.linalg.eigh(matrix * scale[:, None] * scale)
             count = group.stop - group.start
             nearest = np.argsort(np.abs(values))[:count]

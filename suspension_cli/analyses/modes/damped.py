@@ -37,15 +37,7 @@ UNDAMPED = 1e-24
 
 @dataclass(frozen=True)
 class Poles:
-    """Poles, one of each conjugate pair, and their shapes.
-
-    Attributes
-    ----------
-    value : (p,) complex array
-        rad/s; imaginary part not negative.
-    motion : (p, n) complex array
-        In the coordinates of the basis.
-    """
+    """Poles (rad/s), one of each conjugate pair, and their shapes in coordinates of the basis."""
 
     value: Complex[np.ndarray, " pole"]
     motion: Complex[np.ndarray, "pole coordinate"]
@@ -163,13 +155,10 @@ def _decouple(
     `eigenmodes.solve` gives combinations that move few coordinates, which the stiffness couples.
     """
     result = shapes.copy()
-    for group in np.split(
-        np.arange(len(squared)),
-        np.flatnonzero(np.diff(squared) > undamped.DEGENERATE * np.abs(squared[1:])) + 1,
-    ):
-        if len(group) > 1 and squared[group[-1]] - squared[group[0]] > ALIKE * abs(
-            squared[group[-1]]
-        ):
+    apart = np.diff(squared) > undamped.DEGENERATE * np.abs(squared[1:])
+    for group in np.split(np.arange(len(squared)), np.flatnonzero(apart) + 1):
+        values = squared[group]
+        if len(group) > 1 and values[-1] - values[0] > ALIKE * abs(values[-1]):
             _, turn = np.linalg.eigh(shapes[group] @ stiffness @ shapes[group].T)
             result[group] = turn.T @ shapes[group]
     return result
@@ -205,47 +194,30 @@ def _recompute_decay(
 ) -> tuple[
     Complex[np.ndarray, " pole"], Complex[np.ndarray, "pole coordinate"], Float[np.ndarray, " pole"]
 ]:
-    """Recompute the decay of poles (p,) from the dissipation of their shapes (p, N).
+    """Recompute the decay of poles from the dissipation of their shapes.
 
     x^H Z x = 0 has the imaginary part x^H Im(L) x + omega x^H C x + 2 sigma omega x^H M x = 0, in
-    which nothing cancels.
-
-    Returns
-    -------
-    value : (p,) complex array
-    motion : (p, N) complex array
-        Of unit modal mass.
-    elastic : (p,) array
-        Twice the energy in lossy elements.
+    which nothing cancels. Also returns the shapes, of unit modal mass, and twice the energy in
+    lossy elements.
     """
-    motion = motion / np.sqrt(np.abs(_quadratic_form(model.mass, motion)))[:, None]
-    lost, elastic = _dissipated(model, np.imag(value), motion)
+    mass = sum(quality.quadratic_form(model.mass, part) for part in _parts(motion))
+    motion = motion / np.sqrt(np.abs(mass))[:, None]
+    found = [
+        quality.dissipation(model, np.imag(value), part, quality.end_motions(model, part))
+        for part in _parts(motion)
+    ]
+    lost, elastic = (np.sum(both, axis=0) for both in zip(*found, strict=True))
     oscillates = np.imag(value) > 0
     omega = np.where(oscillates, np.imag(value), 1.0)
     sigma = np.where(lost > quality.NOTHING * omega**2, -lost / (2 * omega), 0.0)
     return np.where(oscillates, sigma + 1j * np.imag(value), value), motion, elastic
 
 
-def _quadratic_form(
-    matrix: Float[np.ndarray, "coordinate coordinate"],
+def _parts(
     motion: Complex[np.ndarray, "pole coordinate"],
-) -> Float[np.ndarray, " pole"]:
-    """x^H A x (p,) of shapes x (p, N), for a real symmetric A (N, N)."""
-    parts = np.real(motion), np.imag(motion)
-    return quality.quadratic_form(matrix, parts[0]) + quality.quadratic_form(matrix, parts[1])
-
-
-def _dissipated(
-    model: LinearSystem,
-    omega: Float[np.ndarray, " pole"],
-    motion: Complex[np.ndarray, "pole coordinate"],
-) -> tuple[Float[np.ndarray, " pole"], Float[np.ndarray, " pole"]]:
-    """x^H Im(Z) x (p,) of complex shapes (p, N), and that with every loss angle 1 rad."""
-    parts = [
-        quality.dissipation(model, omega, part, quality.end_motions(model, part))
-        for part in (np.real(motion), np.imag(motion))
-    ]
-    return parts[0][0] + parts[1][0], parts[0][1] + parts[1][1]
+) -> tuple[Float[np.ndarray, "pole coordinate"], Float[np.ndarray, "pole coordinate"]]:
+    """Real and imaginary part: quadratic forms x^H A x of real A are the sum of those of both."""
+    return np.real(motion), np.imag(motion)
 
 
 def _build_modes(
@@ -262,20 +234,17 @@ def _build_modes(
     squared = np.where(
         oscillates, np.abs(value) ** 2, np.where(np.real(value) > 0, -(np.real(value) ** 2), 0.0)
     )
-    shape = real_shapes(motion)
     energy, tips = mean_energies(model, motion)
+    shape = real_shapes(motion) @ model.basis.T
+    known = oscillates & quality.knows_energy(model)
     new = {
         "omega_squared": squared,
-        "shape": undamped.fix_signs(shape @ model.basis.T, np.concatenate([energy, tips], axis=1))[
-            :, 6:
-        ],
+        "shape": undamped.fix_signs(shape, np.concatenate([energy, tips], axis=1))[:, 6:],
         "energy": energy.reshape(len(shape), -1, 6),
         "tip_energy": tips,
         "block": model.member[np.abs(motion).argmax(1)],
         "q": quality_factor(value),
-        "dilution": np.where(oscillates, quality.safe_ratio(np.abs(value) ** 2, elastic), np.nan)
-        if quality.knows_energy(model)
-        else np.full(len(value), np.nan),
+        "dilution": np.where(known, quality.safe_ratio(np.abs(value) ** 2, elastic), np.nan),
         "wire_energy": np.zeros((len(value), 0)),
         "order": np.zeros(len(value), dtype=np.intp),
         "decay_rate": decay,
@@ -286,43 +255,24 @@ def _build_modes(
 def mean_energies(
     model: LinearSystem, motion: Complex[np.ndarray, "pole coordinate"]
 ) -> tuple[Float[np.ndarray, "pole moving"], Float[np.ndarray, "pole tip"]]:
-    """Fractions of the mean kinetic energy of complex shapes (p, N), as
-    `eigenmodes.energy_fractions`.
-
-    Returns
-    -------
-    bodies : (p, 6 n) array
-    tips : (p, N - 6 - 6 n) array
-    """
-    total, fractions = (
-        np.zeros(len(motion)),
-        [
-            np.zeros((len(motion), 6 * len(model.body))),
-            np.zeros((len(motion), model.size - 6 * len(model.body) - 6)),
-        ],
-    )
-    for part in (np.real(motion), np.imag(motion)):
+    """Fractions of the mean kinetic energy, as `eigenmodes.energy_fractions`, of complex shapes."""
+    bodies = 6 * len(model.body)
+    total, energy = np.zeros(len(motion)), np.zeros((len(motion), model.size - 6))
+    for part in _parts(motion):
         weight = quality.quadratic_form(model.mass, part)
         moves = weight > 0
-        total += np.where(moves, weight, 0.0)
-        for fraction, own in zip(
-            fractions, undamped.energy_fractions(model, part[moves]), strict=True
-        ):
-            fraction[moves] += weight[moves, None] * own
-    return fractions[0] / total[:, None], fractions[1] / total[:, None]
+        total[moves] += weight[moves]
+        own = np.concatenate(undamped.energy_fractions(model, part[moves]), axis=1)
+        energy[moves] += weight[moves, None] * own
+    energy /= total[:, None]
+    return energy[:, :bodies], energy[:, bodies:]
 
 
 def merge_modes(found: Modes, kept: Bool[np.ndarray, " mode"], new: dict[str, Any]) -> Modes:
     """Merge some of the modes found with new ones, by omega^2, then by decay if overdamped.
 
-    Modes of one frequency keep their order.
-
-    Parameters
-    ----------
-    found : Modes
-    kept : (m,) bool array
-    new : dict of arrays
-        Attributes of `Modes` with one entry per new mode.
+    `new` has attributes of `Modes` with one entry per new mode. Modes of one frequency keep
+    their order.
     """
     both = {
         name: np.concatenate([getattr(found, name)[kept], values]) for name, values in new.items()

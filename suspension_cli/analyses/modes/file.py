@@ -20,39 +20,18 @@ def fill(group: h5py.Group, modes: Modes) -> None:
     add_dataset(group, "omega_squared", modes.omega_squared, "rad^2/s^2", mode)
     add_dataset(group, "frequency", modes.frequency, "Hz", mode)
     add_dataset(group, "growth_rate", modes.growth_rate, "1/s", mode)
-    add_dataset(
-        group,
-        "shape",
-        modes.shape,
-        "kg^-1/2 (displacements), kg^-1/2 m^-1 (rotations)",
-        mode,
-        coordinate,
-    )
+    units = "kg^-1/2 (displacements), kg^-1/2 m^-1 (rotations)"
+    add_dataset(group, "shape", modes.shape, units, mode, coordinate)
     add_dataset(group, "energy", modes.energy, "1", mode, body, dof)
-    add_dataset(
-        group,
-        "tip_energy",
-        modes.tip_energy,
-        "1",
-        mode,
-        add_scale(group, "tip", list(modes.coordinate[6 * len(modes.body) :]), "name"),
-    )
-    add_dataset(group, "block", modes.block, "1", mode)
-    add_dataset(group, "q", modes.q, "1", mode)
+    tip = add_scale(group, "tip", list(modes.coordinate[6 * len(modes.body) :]), "name")
+    add_dataset(group, "tip_energy", modes.tip_energy, "1", mode, tip)
+    for name in ("block", "q", "top_fraction", "dilution", "order"):
+        add_dataset(group, name, getattr(modes, name), "1", mode)
     add_dataset(group, "decay_rate", modes.decay_rate, "1/s", mode)
-    add_dataset(group, "top_fraction", modes.top_fraction, "1", mode)
-    add_dataset(group, "verdict", modes.verdict, "name", mode)
-    add_dataset(group, "dilution", modes.dilution, "1", mode)
-    add_dataset(group, "order", modes.order, "1", mode)
     if modes.wire:
-        add_dataset(
-            group,
-            "wire_energy",
-            modes.wire_energy,
-            "1",
-            mode,
-            add_scale(group, "wire", list(modes.wire), "name"),
-        )
+        wire = add_scale(group, "wire", list(modes.wire), "name")
+        add_dataset(group, "wire_energy", modes.wire_energy, "1", mode, wire)
+    add_dataset(group, "verdict", modes.verdict, "name", mode)
     add_dataset(group, "label", modes.label, "name", mode)
 
 

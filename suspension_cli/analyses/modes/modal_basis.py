@@ -76,9 +76,7 @@ class Basis:
             one = self._without_rounding(self.elastic.at(np.imag(s)[:1], self.place))
             return np.broadcast_to(one, (len(s), *one.shape[1:]))
         result = s[:, None, None] * self.viscous
-        if oscillates.all():
-            result += self.elastic.at(np.imag(s), self.place)
-        elif oscillates.any():
+        if oscillates.any():
             result[oscillates] += self.elastic.at(np.imag(s)[oscillates], self.place)
         return self._without_rounding(result)
 
@@ -134,22 +132,8 @@ def condense(
 ]:
     """Eliminate all modes but a group: G_SS - G_SR (k_R + s^2 m_R + G_RR)^-1 G_RS.
 
-    Parameters
-    ----------
-    group : (g,) int array
-    s : complex
-    losses : (n, n) array
-        G at s.
-    least : float
-        Modes whose relative contribution is below it are left out.
-
-    Returns
-    -------
-    matrix : (g, g) array
-    follow : (r, g) array
-        Motion of the eliminated modes with the group.
-    others : (r,) int array
-        The eliminated modes.
+    `losses` is G at s. Modes whose relative contribution is below `least` are left out. Also
+    returns the motion of the eliminated modes with the group, and their numbers.
     """
     own, column = losses[np.ix_(group, group)], losses[:, group]
     diagonal = basis.stiffness + s**2 * basis.inertia + np.diagonal(losses)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from suspension_cli.design.schema import Design
 from suspension_cli.drawing import geometry, parts, style
 from suspension_cli.drawing.bodies import Outline, outlines, suspension_size
 from suspension_cli.drawing.canvas import Canvas, full_canvas
+from suspension_cli.drawing.curves import write_heading
 from suspension_cli.drawing.geometry import FACE, SIDE, View
 from suspension_cli.drawing.parts import Look, Sketch
 from suspension_cli.drawing.style import INK, NOTE, PALE
@@ -59,18 +61,7 @@ design, or few."""
 
 @dataclass(frozen=True)
 class Panel:
-    """Contents of one panel.
-
-    Attributes
-    ----------
-    number : int
-        Of the mode, from 0.
-    view : View
-    sketch : Sketch
-        The suspension displaced.
-    low, high : (2,) arrays
-        Bounds of the picture, m.
-    """
+    """Contents of one panel: a mode (from 0), displaced, and the bounds (2,) of its picture, m."""
 
     number: int
     view: View
@@ -81,16 +72,7 @@ class Panel:
 
 @dataclass(frozen=True)
 class Page:
-    """One of several figures of modes.
-
-    Attributes
-    ----------
-    kind : str
-        Kind of its modes (`KINDS`); "" for all.
-    numbers : tuple of int
-        Its modes, from 0.
-    figure : Figure
-    """
+    """One of several figures of modes: their kind (`KINDS`; "" for all), and numbers from 0."""
 
     kind: str
     numbers: tuple[int, ...]
@@ -99,14 +81,10 @@ class Page:
 
 @dataclass(frozen=True)
 class Frame:
-    """Common scale and height of all pictures of a figure.
+    """Common scale of all pictures of a figure: largest width and height of any, m.
 
-    Attributes
-    ----------
-    width, height : float
-        Largest of any picture, m.
-    high : float
-        Upper bound of the pictures in side and face view, m: their supports stand at one height.
+    `high` is the upper bound of the pictures in side and face view, m: their supports stand at
+    one height.
     """
 
     width: float
@@ -117,24 +95,11 @@ class Frame:
 def draw_pages(modes: Modes, design: Design, scene: Scene, subtitle: str) -> list[Page]:
     """Draw the modes of a suspension, ascending, on figures of a page's width.
 
-    Parameters
-    ----------
-    modes : Modes
-    design : Design
-        For the shapes of bodies and the lengths of blades.
-    scene : Scene
-        The same design spelled out, without batch axes.
-    subtitle : str
-        Title of the design and name of the model.
-
-    Returns
-    -------
-    list of Page
-        One panel per mode, for the lowest `MOST` (modes of wires alone are in
-        `quality_picture`): the suspension at rest (grey) and displaced, in the view that shows most
-        of the motion. The more kinetic energy a body has, the stronger its stage's colour. More
-        than `PAGE` modes are split by kind (`KINDS`), and those of one kind into figures of about
-        equal numbers.
+    There is one panel per mode, for the lowest `MOST` (modes of wires alone are in
+    `quality_picture`): the suspension at rest (grey) and displaced, in the view that shows most
+    of the motion. The more kinetic energy a body has, the stronger its stage's colour. More
+    than `PAGE` modes are split by kind (`KINDS`), and those of one kind into figures of about
+    equal numbers.
     """
     bodily = np.flatnonzero(modes.order == 0).tolist()
     numbers = bodily[:MOST]
@@ -143,22 +108,12 @@ def draw_pages(modes: Modes, design: Design, scene: Scene, subtitle: str) -> lis
         rest = sketch_at_rest(design, scene)
         panels = {number: make_panel(modes, number, rest) for number in numbers}
         common = measure_frame([*panels.values()])
-        pages = [("", numbers)] if len(numbers) <= PAGE else [*_split(modes, numbers)]
-        return [
-            Page(
-                kind,
-                tuple(part),
-                _figure(
-                    modes,
-                    rest,
-                    [panels[n] for n in part],
-                    common,
-                    ((kind or "normal modes").capitalize(), subtitle),
-                    note,
-                ),
-            )
-            for kind, part in pages
-        ]
+        result = []
+        for kind, part in [("", numbers)] if len(numbers) <= PAGE else _split(modes, numbers):
+            title = (kind or "normal modes").capitalize(), subtitle
+            figure = _figure(modes, rest, [panels[n] for n in part], common, title, note)
+            result.append(Page(kind, tuple(part), figure))
+        return result
 
 
 def sketch_at_rest(design: Design, scene: Scene) -> Sketch:
@@ -194,7 +149,7 @@ def _figure(
     )
     height = TOP + rows * (tall + AROUND)
     figure = style.new_figure(style.PAGE_WIDTH, height)
-    style.write_title(figure, *title)
+    write_heading(figure, *title)
     key = (
         f"{note}Grey: at rest. Colour: stage, as in the bars below; stronger where it has more"
         " kinetic energy. Bars: fractions of this. Motions exaggerated."
@@ -219,28 +174,24 @@ def draw_panel(
 ) -> None:
     """Draw the title, the picture and the energies of a mode.
 
-    Parameters
-    ----------
-    canvas : Canvas
-        In inches.
-    corner : (float, float)
-        Upper left corner, in.
-    size : (float, float)
-        Width and height of the picture, in.
-    modes : Modes
-    panel : Panel
-    rest : Sketch
-        The suspension at rest.
-    frame : Frame
+    `corner` is the upper left corner, `size` the width and height of the picture, in.
     """
-    (left, top), (width, tall) = corner, size
+    (left, top), (width, tall), number = corner, size, panel.number
     colours = style.stage_colours(rest.scene.bodies.name)
-    _draw_title(canvas, left, top, modes, panel.number)
+    canvas.text(
+        left,
+        top,
+        format_heading(modes, number),
+        va="top",
+        fontsize=SMALL if np.isnan(modes.frequency[number]) else LARGE,
+        fontweight="bold",
+        color=INK if modes.omega_squared[number] >= 0 else style.PALETTE[1],
+    )
     top -= HEAD
     draw_shape(canvas, (left, top), size, modes, panel, rest, frame, tuple(colours.values()), 0.6)
     top -= tall + ROW / 2
     canvas.text(left + width, top, panel.view.name, ha="right", color=NOTE, **ROW_STYLE)
-    _draw_energies(canvas, left, top - ROW, width, modes, panel.number, colours)
+    _draw_energies(canvas, left, top - ROW, width, modes, number, colours)
 
 
 def choose_view(modes: Modes, number: int, above: View) -> View:
@@ -263,18 +214,12 @@ def format_heading(modes: Modes, number: int) -> str:
     """Number and frequency of a mode, for the title of its panel."""
     frequency = float(modes.frequency[number])
     if modes.overdamped[number]:
-        return (
-            f"{number + 1}  overdamped, decays at"
-            f" {style.format_significant(float(modes.decay_rate[number]))} 1/s"
-        )
-    if np.isnan(frequency):
-        return (
-            f"{number + 1}  unstable, grows at"
-            f" {style.format_significant(float(modes.growth_rate[number]))} 1/s"
-        )
-    return f"{number + 1}  " + (
-        "rigid" if frequency == 0 else f"{style.format_significant(frequency)} Hz"
-    )
+        words = f"overdamped, decays at {style.format_significant(modes.decay_rate[number])} 1/s"
+    elif np.isnan(frequency):
+        words = f"unstable, grows at {style.format_significant(modes.growth_rate[number])} 1/s"
+    else:
+        words = f"{style.format_significant(frequency)} Hz" if frequency else "rigid"
+    return f"{number + 1}  {words}"
 
 
 def shorten_label(label: str, most: int) -> str:
@@ -301,37 +246,18 @@ def make_panel(
         pose = geometry.mode_pose(scene, modes.coordinate, modes.shape[number])
     sketch = replace(rest, pose=pose)
     (x0, y0, z0), (x1, y1, z1) = parts.support_box(rest)
-    plate = [
-        [x, y, z]
-        for x in (x0, x1)
-        for y in (y0, y1)
-        for z in ((z0,) if view.normal == 2 else (z0, z1))
-    ]
+    heights = (z0,) if view.normal == 2 else (z0, z1)
+    plate = [*product((x0, x1), (y0, y1), heights)]
     points = np.concatenate([rest.points(view), sketch.points(view), view.see(plate)])
     return Panel(number, view, sketch, points.min(0), points.max(0))
 
 
 def measure_frame(panels: list[Panel]) -> Frame:
     """Measure the common scale and height of panels."""
-    upright = [float(panel.high[1]) for panel in panels if panel.view.normal != 2]
-    high = max(upright, default=0.0)
-    heights = [
-        (float(panel.high[1]) if panel.view.normal == 2 else high) - float(panel.low[1])
-        for panel in panels
-    ]
-    return Frame(max(float(panel.high[0] - panel.low[0]) for panel in panels), max(heights), high)
-
-
-def _draw_title(canvas: Canvas, left: float, top: float, modes: Modes, number: int) -> None:
-    canvas.text(
-        left,
-        top,
-        format_heading(modes, number),
-        va="top",
-        fontsize=SMALL if np.isnan(modes.frequency[number]) else LARGE,
-        fontweight="bold",
-        color=INK if modes.omega_squared[number] >= 0 else style.PALETTE[1],
-    )
+    high = max((float(p.high[1]) for p in panels if p.view.normal != 2), default=0.0)
+    tops = [float(p.high[1]) if p.view.normal == 2 else high for p in panels]
+    height = max(top - float(p.low[1]) for top, p in zip(tops, panels, strict=True))
+    return Frame(max(float(p.high[0] - p.low[0]) for p in panels), height, high)
 
 
 def draw_shape(
@@ -347,16 +273,8 @@ def draw_shape(
 ) -> None:
     """Draw the suspension at rest and displaced, at the scale and height of the frame.
 
-    Parameters
-    ----------
-    canvas, modes, panel, rest, frame
-        As of `draw_panel`.
-    corner, size : (float, float)
-        Upper left corner, width and height of the picture, in.
-    colours : tuple of colours
-        Of each body; the more energy of the mode it has, the stronger.
-    thick : float
-        Of wires, points.
+    `corner` and `size` are as of `draw_panel`. Bodies have `colours`, the stronger the more
+    energy of the mode they have; wires are `thick` points wide.
     """
     scale = min((size[0] - 0.05) / frame.width, (size[1] - 0.06) / frame.height)
     high = float(panel.high[1]) if panel.view.normal == 2 else frame.high

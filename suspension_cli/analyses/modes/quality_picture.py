@@ -9,13 +9,13 @@ from matplotlib.lines import Line2D
 from suspension_cli.conventions import WIRE_MODE_NAMES
 from suspension_cli.design.schema import Design
 from suspension_cli.drawing import curves
+from suspension_cli.drawing.curves import write_heading
 from suspension_cli.drawing.style import (
     NOTE,
     house_style,
     new_figure,
     single_line,
     stage_colours,
-    write_title,
 )
 from suspension_cli.linear.eigenmodes import Modes
 
@@ -27,17 +27,7 @@ ROW = 0.14
 
 
 def draw(modes: Modes, design: Design, subtitle: str) -> Figure:
-    """Draw Q and dilution of every mode against its frequency.
-
-    Parameters
-    ----------
-    modes : Modes
-        In the violin model.
-    design : Design
-        For the order of the stages.
-    subtitle : str
-        Title of the design and name of the model.
-    """
+    """Draw Q and dilution of every mode against its frequency."""
     colours = stage_colours(stage.name for stage in design.stage)
     stages = np.array([body.partition(".")[0] for body, _ in modes.home])
     wired = modes.order > 0
@@ -70,7 +60,7 @@ def draw(modes: Modes, design: Design, subtitle: str) -> Figure:
                 0.5, 0.5, "no losses given", transform=upper.transAxes, ha="center", color=NOTE
             )
         lower.set_xlabel("frequency (Hz)")
-        write_title(figure, "Q and dilution factor of all modes", subtitle)
+        write_heading(figure, "Q and dilution factor of all modes", subtitle)
         curves.set_margins(figure, bottom=0.5 + rows * ROW, hspace=0.1)
         _write_key(figure, colours, shown, below)
         return figure

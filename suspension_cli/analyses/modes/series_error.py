@@ -10,7 +10,7 @@ from suspension_cli.design.schema import Design
 from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import body_overlap, pair_by_overlap
-from suspension_cli.models.registry import FORCE, STRING
+from suspension_cli.models.registry import STRING
 
 
 @dataclass(frozen=True)
@@ -28,22 +28,7 @@ class ModeDifference:
 
 
 def estimate_series_error(design: Design, quick: Modes) -> ModeDifference | None:
-    """Compute the error of the force model's blades in series with angled wires.
-
-    Parameters
-    ----------
-    design : Design
-    quick : Modes
-        In the force model.
-
-    Returns
-    -------
-    ModeDifference or None
-        The mode that differs most from the string model, paired by shape; None where the series is
-        exact.
-    """
-    if not FORCE.approximated_stages(design):
-        return None
+    """Find the mode of the force model that differs most from the string model, paired by shape."""
     model = STRING.system(design)
     general = eigenmodes.solve(model)
     count = quick.energy.shape[1] * 6

@@ -41,13 +41,9 @@ def solve_strong(
     kept[oscillates[linear_sum_assignment(np.abs(starts[oscillates] - light[:, None]))[1]]] = False
     starts, motions = starts[kept], motions[kept]
     kept = ~_mark_counterparts(starts)
-    rigid = np.eye(len(basis.stiffness), dtype=complex)[
-        (basis.inertia > 0) & (basis.stiffness == 0)
-    ]
-    starts, motions = (
-        np.concatenate([starts[kept], np.zeros(len(rigid))]),
-        np.concatenate([motions[kept], rigid]),
-    )
+    still = (basis.inertia > 0) & (basis.stiffness == 0)
+    starts = np.concatenate([starts[kept], np.zeros(still.sum())])
+    motions = np.concatenate([motions[kept], np.eye(len(still))[still]])
     oscillates = np.flatnonzero(starts.imag > 0)
     if len(oscillates):
         lossy, moving = _solve_quadratic(
@@ -75,7 +71,7 @@ def _solve_quadratic(
 
     Those with Im s >= 0; with a loss, Im s > 0.
     """
-    from scipy.linalg import eig
+    from scipy.linalg import block_diag, eig
 
     massive = np.flatnonzero(basis.inertia > 0)
     n, m = len(basis.stiffness), len(massive)
@@ -83,12 +79,7 @@ def _solve_quadratic(
         return _solve_undamped(basis, loss)
     rate = float(np.sqrt(np.abs(basis.stiffness[massive]).max()) or 1.0)
     select = np.eye(n)[massive]
-    left = np.block(
-        [
-            [-np.diag(basis.stiffness) - loss, np.zeros((n, m))],
-            [np.zeros((m, n)), np.eye(m) * rate**2],
-        ]
-    )
+    left = block_diag(-np.diag(basis.stiffness) - loss, np.eye(m) * rate**2)
     right = np.block(
         [[basis.viscous * rate, select.T * rate**2], [select * rate**2, np.zeros((m, m))]]
     )

@@ -45,11 +45,8 @@ def group_modes(
     rows, own = np.zeros((n, n), dtype=complex), np.zeros((n, n), dtype=complex)
     rows[oscillates], own[oscillates] = basis.loss_rows(start[oscillates], oscillates)
     here = basis.stiffness + own - np.outer(basis.stiffness, basis.inertia)  # equation k at mode j
-    coupling, size, apart = (
-        np.abs(rows),
-        np.abs(np.diag(rows)),
-        np.abs(here - np.diag(here)[:, None]),
-    )
+    coupling, size = np.abs(rows), np.abs(np.diag(rows))
+    apart = np.abs(here - np.diag(here)[:, None])
     linked = (coupling > COUPLED * apart) | (apart < TOGETHER * np.add.outer(size, size))
     linked[:, basis.inertia == 0] = linked[basis.inertia == 0] = False
     groups = [group for group in connected_groups(linked) if np.isin(group, massive).all()]
@@ -57,14 +54,10 @@ def group_modes(
     for group in groups:
         others = np.delete(np.arange(n), group)
         for j in group:
-            residual = coupling[j, others] ** 2 / np.maximum(
-                np.abs(here[j, others]), np.finfo(float).tiny
-            )
+            far = np.maximum(np.abs(here[j, others]), np.finfo(float).tiny)
+            change = coupling[j, group].sum() + (coupling[j, others] ** 2 / far).sum()
             spread = np.abs(basis.stiffness[group] - basis.stiffness[j]).max()
-            light[j] = (
-                coupling[j, group].sum() + residual.sum() < LIGHT * basis.stiffness[j]
-                and spread < WIDE * basis.stiffness[j]
-            )
+            light[j] = change < LIGHT * basis.stiffness[j] and spread < WIDE * basis.stiffness[j]
     return groups, light
 
 

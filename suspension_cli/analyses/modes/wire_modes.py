@@ -101,7 +101,7 @@ def solve(
         shape=_fix_signs((shapes[:, : model.size] @ model.basis.T)[:, 6:]),
         energy=(energy / total[:, None]).reshape(len(omega), -1, 6),
         tip_energy=tips / total[:, None],
-        block=_leading_blocks(model, shapes),
+        block=np.argmax([np.abs(shapes[:, group]).sum(1) for group in model.blocks], axis=0),
         q=quality.safe_ratio(omega**2, lost),
         dilution=quality.safe_ratio(omega**2, elastic),
         wire=names,
@@ -131,16 +131,8 @@ def count_modes(model: LinearSystem, highest: float) -> int:
 
 def no_mode_error(highest: float) -> InputError:
     """Error for a frequency range without modes."""
-    return InputError(
-        [
-            Fault(
-                "--max-frequency",
-                "is below the lowest mode, so there is no mode to list",
-                "raise it",
-                f"{highest!r}",
-            )
-        ]
-    )
+    problem = "is below the lowest mode, so there is no mode to list"
+    return InputError([Fault("--max-frequency", problem, "raise it", f"{highest!r}")])
 
 
 def _lowest_frequency(static: Modes) -> float:
@@ -159,15 +151,10 @@ def _kinetic_energies(
     Float[np.ndarray, "mode moving"],
     list[tuple[CutWires, str, Float[np.ndarray, " mode"]]],
 ]:
-    """Twice the kinetic energy over omega^2 of shapes (m, A).
+    """Twice the kinetic energy over omega^2 of shapes.
 
-    Returns
-    -------
-    total : (m,) array
-    body : (m, N - 6) array
-        Of each coordinate of bodies and blade tips.
-    kinds : list of (CutWires, str, (m,) array)
-        Of each part of the motion of each kind of wire.
+    In all, of each coordinate of bodies and blade tips, and of each part of the motion of each kind
+    of wire.
     """
     own = shapes[:, : model.size]
     total = quality.quadratic_form(model.mass, own)
@@ -201,14 +188,6 @@ def _sum_by_name(
         wire[name] = wire.get(name, 0.0) + energy
     names = tuple(name for name in wire if (wire[name] > 1e-12 * total).any())
     return np.array([wire[name] for name in names]).reshape(-1, len(total)).T, names
-
-
-def _leading_blocks(
-    model: LinearSystem, shapes: Float[np.ndarray, "mode coordinate"]
-) -> Int[np.ndarray, " mode"]:
-    """Number (m,) of the block that each mode moves most; 0 for modes that move no body."""
-    size = np.array([np.abs(shapes[:, group]).sum(1) for group in model.blocks])
-    return size.argmax(0)
 
 
 def _half_waves(

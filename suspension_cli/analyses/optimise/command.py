@@ -69,22 +69,8 @@ class OptimiseAnalysis(Analysis):
     def read(self, ask: Callable[..., Run], files: Settings) -> Sequence[Run]:
         """Read the design and the goals."""
         from suspension_cli.design import goals, reader
-        from suspension_cli.errors import Fault, InputError, format_value
-        from suspension_cli.models.registry import VIOLIN
 
         run, file = ask(files["design"]), files["goals"]
-        if run.setting["fidelity"] == VIOLIN.name:
-            raise InputError(
-                [
-                    Fault(
-                        "--fidelity",
-                        "lists the modes of wires too",
-                        "take auto, string or beam",
-                        format_value(VIOLIN.name),
-                    )
-                ],
-                run.source.file,
-            )
         text = reader.read_text(file)
         inputs = {"file": file, "text": text, "goals": goals.read(file, text)}
         return [replace(run, inputs=inputs)]
@@ -110,10 +96,7 @@ class OptimiseAnalysis(Analysis):
             except InputError as error:
                 ours = error.faults[0].key.split(".")[0] in ("goal", "free", "equal")
                 raise error.in_file(file if ours else run.source.file) from None
-        run.log.detail(
-            f"checked on {found.fidelity}: {found.reason}; {found.rounds} corrections of the search"
-            " for it"
-        )
+        run.log.detail(f"searched and checked on {found.fidelity}: {found.reason}")
         _warn(found, run.log)
         choice = Choice(found.fidelity, found.reason, found.error)
         data = replace(found, goals=run.inputs["text"])
@@ -195,7 +178,6 @@ class OptimiseAnalysis(Analysis):
 def _warn(found: Optimum, log: Log) -> None:
     """Warn of goals that cannot be judged, and of a design that is unstable or not final."""
     from suspension_cli.analyses.check import warnings
-    from suspension_cli.analyses.optimise.solve import ROUNDS
     from suspension_cli.design import reader
 
     warnings.warn_implausible(reader.parse(found.design), log)
@@ -216,11 +198,6 @@ def _warn(found: Optimum, log: Log) -> None:
         log.warn(
             f"the design found is unstable: {', '.join(unstable)}; no goal forbids it but a band of"
             " these modes"
-        )
-    if found.rounds >= ROUNDS:
-        log.warn(
-            f"after {found.rounds} corrections search and check may still differ: limits are"
-            " reported as checked, but a better design may be near"
         )
 
 
@@ -266,30 +243,25 @@ def _limits(found: Optimum, goals: Goals) -> list[Document]:
 
 
 def _quantities(found: Optimum) -> list[Document]:
-    quantities = found.quantities
+    each = found.quantities
+    rows = zip(each.name, each.unit, each.before, each.after, strict=True)
     return [
-        {
-            "name": text,
-            "unit": quantities.unit[n],
-            "before": as_number(quantities.before[n]),
-            "after": as_number(quantities.after[n]),
-        }
-        for n, text in enumerate(quantities.name)
+        {"name": name, "unit": unit, "before": as_number(before), "after": as_number(after)}
+        for name, unit, before, after in rows
     ]
 
 
 def _modes(found: Optimum) -> list[Document]:
-    modes = found.modes
+    keys = {
+        "before_hz": found.modes.before,
+        "after_hz": found.modes.after,
+        "top_mass_fraction_before": found.modes.fraction_before,
+        "top_mass_fraction_after": found.modes.fraction_after,
+    }
     return [
-        {
-            "name": text,
-            "label": modes.label[n],
-            "before_hz": as_number(modes.before[n]),
-            "after_hz": as_number(modes.after[n]),
-            "top_mass_fraction_before": as_number(modes.fraction_before[n]),
-            "top_mass_fraction_after": as_number(modes.fraction_after[n]),
-        }
-        for n, text in enumerate(modes.name)
+        {"name": text, "label": found.modes.label[n]}
+        | {key: as_number(values[n]) for key, values in keys.items()}
+        for n, text in enumerate(found.modes.name)
     ]
 
 

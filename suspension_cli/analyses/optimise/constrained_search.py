@@ -118,8 +118,6 @@ class Search:
     ----------
     values : Evaluator
     goals : Goals
-    offset : array
-        Added to all logarithms: difference of a more complete model at the last checked design.
     seen : dict
         Cache of `value`.
     best : Point or None
@@ -130,7 +128,6 @@ class Search:
 
     values: Evaluator
     goals: Goals
-    offset: Float[np.ndarray, " quantity"]
     seen: dict[bytes, Evaluation | None] = field(default_factory=dict)
     best: Point | None = None
     pairs: tuple[Limit, ...] = ()
@@ -177,9 +174,7 @@ class Search:
             else:
                 good = np.isfinite(found.log).all() and np.isfinite(found.slope).all()
                 self.seen[key] = (
-                    Evaluation(found.log + self.offset, found.slope * self.freed.rate(number))
-                    if good
-                    else None
+                    Evaluation(found.log, found.slope * self.freed.rate(number)) if good else None
                 )
         return self.seen[key]
 
@@ -192,22 +187,15 @@ class Search:
         Float[np.ndarray, "equality number"],
     ]:
         """Compute margins less the margin of the goals, their slopes, equalities and theirs."""
-        c, dc, e, de = [], [], [], []
-        for limit in self.limits:
-            value, slope = margin(limit, now.log, now.slope)
-            if limit.sense == "equals":
-                e.append(value)
-                de.append(slope)
-            else:
-                c.append(value - self.goals.margin)
-                dc.append(slope)
         size = len(self.begin)
-        return (
-            np.array(c),
-            np.array(dc).reshape(-1, size),
-            np.array(e),
-            np.array(de).reshape(-1, size),
+        parts: dict[bool, list[Any]] = {False: [], True: []}
+        for limit in self.limits:
+            parts[limit.sense == "equals"].append(margin(limit, now.log, now.slope))
+        (c, dc), (e, de) = (
+            (np.array([value for value, _ in own]), np.array([by for _, by in own]))
+            for own in parts.values()
         )
+        return c - self.goals.margin, dc.reshape(-1, size), e, de.reshape(-1, size)
 
     def within(
         self, fraction: Float[np.ndarray, " number"]
@@ -358,15 +346,9 @@ class Search:
         )
         # minimising the largest violation: the multipliers of the margins add up to 1
         most = self.maximises_margin or point.violation > FEASIBLE
-        reach = (
-            float(
-                np.min(
-                    np.concatenate([c, [] if self.maximises_margin else -np.abs(e)]), initial=np.inf
-                )
-            )
-            if most
-            else 0.0
-        )
+        reach = 0.0
+        if most:
+            reach = float(np.min(c if self.maximises_margin else [*c, *-np.abs(e)], initial=np.inf))
         near, at = np.flatnonzero(c <= reach + ACTIVE), np.flatnonzero(side)
         tied = np.flatnonzero(b <= ACTIVE)
         forced = (
@@ -385,26 +367,17 @@ class Search:
         ).T
         right = np.zeros(len(side)) if most else self.objective(now, point.fraction)[1]
         if most:
-            equal = 0.0 if self.maximises_margin else 1.0
-            matrix = np.vstack(
-                [
-                    matrix,
-                    [1.0] * len(near) + [equal] * (2 * len(forced)) + [0.0] * (len(at) + len(tied)),
-                ]
-            )
+            weights = [1.0, 0.0 if self.maximises_margin else 1.0, 0.0]
+            counts = [len(near), 2 * len(forced), len(at) + len(tied)]
+            matrix = np.vstack([matrix, np.repeat(weights, counts)])
             right = np.append(right, 1.0)
         weight, left = (
             nnls(matrix, right) if matrix.shape[1] else (np.zeros(0), float(np.linalg.norm(right)))
         )
         parts = np.split(weight, np.cumsum([len(near), len(forced), len(forced), len(at)]))
         multiplier, active = np.zeros(len(self.limits)), np.zeros(len(self.limits), dtype=bool)
-        plain, equals = (
-            np.array(
-                [n for n, limit in enumerate(self.limits) if (limit.sense == "equals") == same],
-                dtype=int,
-            )
-            for same in (False, True)
-        )
+        equal = np.array([limit.sense == "equals" for limit in self.limits], dtype=bool)
+        plain, equals = np.flatnonzero(~equal), np.flatnonzero(equal)
         multiplier[plain[near]], active[plain[near]] = parts[0], True
         multiplier[equals[forced]], active[equals[forced]] = parts[1] - parts[2], True
         bounds, followers = np.zeros(len(side)), np.zeros(len(b))

@@ -45,7 +45,7 @@ def fill(group: h5py.Group, found: Optimum) -> None:
     """Write an optimised design into the group `optimise`."""
     group.attrs["goals"], group.attrs["goals_met"] = found.goals, found.met
     group.attrs["optimised_design"], group.attrs["objective"] = found.design, found.objective
-    group.attrs["stationarity"], group.attrs["corrections"] = found.stationarity, found.rounds
+    group.attrs["stationarity"] = found.stationarity
     group.attrs["unknown"] = "\n".join(found.unknown)
     group.attrs["checked_on"], group.attrs["checked_because"] = found.fidelity, found.reason
     group.attrs["checked_error"] = found.error
@@ -87,7 +87,6 @@ def load(group: Stored) -> Optimum:
         unknown=tuple(str(attrs["unknown"]).splitlines()),
         objective=str(attrs["objective"]),
         stationarity=float(attrs["stationarity"]),
-        rounds=int(attrs["corrections"]),
         fidelity=str(attrs["checked_on"]),
         reason=str(attrs["checked_because"]),
         error=float(attrs["checked_error"]),

@@ -15,6 +15,7 @@ from suspension_cli.design.goals import Equal, Free, Goals
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.studies import parameters
+from suspension_cli.studies.parameters import Parameter
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float
@@ -166,12 +167,15 @@ class FreeDesign:
             for item in self.equal
         }
 
-    def directions(self) -> list[dict[str, float]]:
-        """Derivatives of all numbers by each free number, by dotted path."""
+    def directions(self, number: Float[np.ndarray, " number"]) -> list[Parameter]:
+        """Free numbers, each with those that change with it."""
+        ties = [
+            [(tie.name, tie.terms[name]) for tie in self.equal if name in tie.terms]
+            for name in (item.name for item in self.free)
+        ]
         return [
-            {item.name: 1.0}
-            | {tie.name: tie.terms[item.name] for tie in self.equal if tie.terms.get(item.name)}
-            for item in self.free
+            Parameter(item.name, float(value), tuple(tied))
+            for item, value, tied in zip(self.free, number, ties, strict=True)
         ]
 
     def ties(self) -> tuple[Float[np.ndarray, "tied number"], Float[np.ndarray, " tied"]]:

@@ -14,15 +14,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspension_cli.analyses.modes import wire_modes
 from suspension_cli.conventions import DOF_NAMES, DOFS, PARITY_X, PARITY_Y
-from suspension_cli.linear import batch_modes
+from suspension_cli.linear import batch_modes, eigenmodes
 from suspension_cli.linear.eigenmodes import Modes
-from suspension_cli.linear.mode_pairing import pair_by_overlap, pair_by_shape
+from suspension_cli.linear.frequency_terms import WireTerm
+from suspension_cli.linear.mode_pairing import body_overlap, pair_by_overlap, pair_by_shape
+from suspension_cli.linear.system import LinearSystem
 from suspension_cli.studies import builds, mode_tracking, variants
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
 
+HIGHEST = 1.05
+"""Frequency up to which modes of the bodies on massive wires are searched for, over the highest on
+massless wires; wire mass lowers frequencies, except next to a violin mode."""
 PATH_STEPS = 24
 """Steps on the line from one design to another at which shapes are compared."""
 
@@ -90,6 +96,23 @@ def _family_energy(
     return energy.sum(-2) @ np.eye(int(member.max()) + 1)[member]
 
 
+def has_wire_mass(model: LinearSystem) -> bool:
+    """Whether wires of a system have mass, so that its modes include violin modes."""
+    return any(isinstance(term, WireTerm) and term.strand.massive for term in model.terms)
+
+
+def solve_modes(model: LinearSystem) -> Modes:
+    """Solve for the modes of the bodies: of massive wires, those most like the modes without."""
+    static = eigenmodes.solve(model.constant)
+    if not has_wire_mass(model):
+        return static
+    found = wire_modes.solve(model, HIGHEST * float(np.nanmax(static.frequency)))
+    count = 6 * len(model.body)
+    mass = model.mass[6 : 6 + count, 6 : 6 + count]
+    pairs = pair_by_overlap(body_overlap(static.shape, found.shape, mass))
+    return found.select(np.sort(pairs[pairs >= 0]))
+
+
 def energy_fractions(
     found: batch_modes.Spectrum, bodies: int
 ) -> Float[np.ndarray, "build mode body 6"]:
@@ -104,7 +127,7 @@ def follow_modes(
     end: dict[str, float],
     nominal: Float[np.ndarray, "mode coordinate"],
     found: Modes,
-    mass: Float[np.ndarray, "6+coordinate 6+coordinate"],
+    model: LinearSystem,
     level: str,
 ) -> Int[np.ndarray, " mode"]:
     """Follow the modes of a design to another one, along the straight line between the two.
@@ -119,8 +142,8 @@ def follow_modes(
         Shapes at the start, as in `batch_modes.Spectrum`.
     found : Modes
         Modes at the end.
-    mass : array
-        Mass matrix at the end.
+    model : LinearSystem
+        The design at the end.
     level : str
         Name of a model that supports builds.
 
@@ -143,5 +166,6 @@ def follow_modes(
     if not good[-1]:
         return np.full(len(nominal), -1)
     rank, _ = mode_tracking.follow(squared, shape, good, (0,), nominal)
-    mass_normalised = found.shape * np.sqrt(np.diag(mass)[6:])
+    mass = np.diag(model.basis @ model.mass @ model.basis.T)
+    mass_normalised = found.shape * np.sqrt(mass[6:])
     return pair_by_shape(shape[-1], mass_normalised)[0][rank[-1]]

@@ -1,32 +1,34 @@
-"""Logarithms of quantities of a design and their exact derivatives by its free numbers.
+"""Logarithms of quantities of a design and their derivatives by its free numbers.
 
-All are those of the string model, or of the beam model without its losses. Derivatives of
-frequencies: `sensitivity.solve.differentiate_omega_squared`; of responses: `response_derivatives`;
-of stresses and heights: one complex step with the change of the equilibrium (`derivatives.moved`).
-The energy fraction s = v D v / v E v of a mode v in the top mass (D: its block of the mass matrix,
-E: all blocks) changes with the shape. For v_k M v_k = 1 and distinct lambda = omega^2,
-
-    dv_k = sum over j != k of v_j (v_j dK v_k - lambda_k v_j dM v_k) / (lambda_k - lambda_j)
-           - v_k (v_k dM v_k) / 2
-
-on all coordinates with inertia (Fox and Kapoor, AIAA Journal 6, 2426 (1968)); the others do not
-contribute to D and E.
+Each quantity is that of its model, losses and wire mass included. The matrices are differentiated
+exactly where they do not depend on frequency (`studies.derivatives`), else by differences of the
+fourth order (`studies.differences`). Derivatives of modes: `mode_derivatives`; of responses:
+`response_derivatives`; of stresses and heights, which are those of straight wires: one complex step
+with the change of the equilibrium (`derivatives.moved`).
 """
 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import msgspec
 import numpy as np
 
 from suspension_cli.analyses.optimise import loads, mode_families
+from suspension_cli.analyses.optimise.chosen_models import Models
 from suspension_cli.analyses.optimise.free_parameters import FreeDesign
-from suspension_cli.analyses.optimise.mode_families import Families
+from suspension_cli.analyses.optimise.mode_derivatives import (
+    NODES,
+    ModeDerivatives,
+    Stiffness,
+    differentiate,
+    frequencies_around,
+)
+from suspension_cli.analyses.optimise.mode_families import Families, has_wire_mass
 from suspension_cli.analyses.optimise.quantities import (
     OfDepth,
     OfMode,
@@ -34,29 +36,30 @@ from suspension_cli.analyses.optimise.quantities import (
     OfResponse,
     Quantity,
     Requirements,
+    with_imperfections,
 )
-from suspension_cli.analyses.sensitivity.solve import differentiate_omega_squared
 from suspension_cli.analyses.sweep.solve import evaluate_ratio, select_models
 from suspension_cli.design import reader
 from suspension_cli.design.schema import Design, Perturbation
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import Fault, InputError
-from suspension_cli.linear import batch_modes, eigenmodes, mode_pairing
-from suspension_cli.linear.eigenmodes import DEGENERATE, Modes
+from suspension_cli.linear import batch_modes, mode_pairing
+from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array, Index
 from suspension_cli.scene.pose import Pose, nominal_pose
 from suspension_cli.scene.scene import Scene
-from suspension_cli.studies import builds, derivatives, variants
+from suspension_cli.studies import builds, derivatives, differences, variants
 from suspension_cli.studies.builds import Builds
-from suspension_cli.studies.derivatives import Differentiable, Linear, Moved
+from suspension_cli.studies.derivatives import Linear
 from suspension_cli.studies.parameters import STEP
 from suspension_cli.studies.response_derivatives import Slope
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
 
+Change = TypeVar("Change")
 TINY = 1e-30
 """Smallest energy fraction or response; it replaces 0, which has no logarithm."""
 LINEAR_BELOW = 0.1
@@ -80,24 +83,22 @@ class Evaluator:
 
     Attributes
     ----------
-    freed : Freed
+    freed : FreeDesign
     requirements : Requirements
     families : Families
-    level : str
-        Name of a model that supports derivatives.
+    models : Models
     """
 
     freed: FreeDesign
     requirements: Requirements
     families: Families
-    level: str = registry.STRING.name
+    models: Models
 
     @cached_property
     def nominal(self) -> Float[np.ndarray, "mode coordinate"]:
         """Shapes of the modes of the starting design, as in `batch_modes.Spectrum`."""
-        return batch_modes.solve_one(
-            static_system(self.freed.design(self.freed.start), self.level)
-        ).shape[0]
+        model = self.models.modes.model.system(self.freed.design(self.freed.start))
+        return batch_modes.solve_one(model.constant).shape[0]
 
     @cached_property
     def floors(self) -> Float[np.ndarray, " quantity"]:
@@ -107,69 +108,92 @@ class Evaluator:
             lowest[limit.quantity] = min(lowest[limit.quantity], limit.value)
         return (2 * np.pi * np.where(np.isinf(lowest), LINEAR_BELOW_HZ, LINEAR_BELOW * lowest)) ** 2
 
+    @cached_property
+    def _groups(self) -> dict[tuple[tuple[Perturbation, ...], str], list[int]]:
+        """Modes and responses by their imperfections and their model."""
+        result: dict[tuple[tuple[Perturbation, ...], str], list[int]] = {}
+        for n, item in enumerate(self.requirements.quantities):
+            if isinstance(item, OfMode | OfResponse):
+                key = (getattr(item, "perturbation", ()), self.models.of(item))
+                result.setdefault(key, []).append(n)
+        return result
+
     def at(self, number: Float[np.ndarray, " number"]) -> Evaluation:
         """Evaluate logarithms and derivatives for free numbers.
 
         Raises `InputError` if the design is invalid.
         """
-        design = self.freed.design(number)
-        own = _Built.of(design, self.freed, self.level)
-        imperfect: dict[tuple[Perturbation, ...], _Built] = {(): own}
-        found = eigenmodes.solve(own.model)
-        places = self.places(found, own.base.linear.mass, number)
-        rates = np.stack(
-            [differentiate_omega_squared(found, change) for change in own.changes], axis=1
-        )
-        fractions = _TopFractions(found, own.base.linear)
-        log, slope = np.empty(len(places)), np.zeros((len(places), len(own.changes)))
-        for n, (item, place) in enumerate(zip(self.requirements.quantities, places, strict=True)):
-            if isinstance(item, OfMode) and item.fraction:
-                log[n], slope[n] = fractions.logarithm(place, own.changes)
-            elif isinstance(item, OfMode):
-                log[n], slope[n] = _of_square(
-                    found.omega_squared[place], rates[place], self.floors[n]
-                )
-            elif isinstance(item, OfResponse):
-                if item.perturbation not in imperfect:
-                    imperfect[item.perturbation] = _Built.of(
-                        with_imperfections(design, item.perturbation), self.freed, self.level
+        design, quantities = self.freed.design(number), self.requirements.quantities
+        directions = self.freed.directions(number)
+        log, slope = np.empty(len(quantities)), np.zeros((len(quantities), len(directions)))
+        for (perturbation, level), some in self._groups.items():
+            imperfect = with_imperfections(design, perturbation)
+            model = registry.by_name(level).system(imperfect)
+            modes = [n for n in some if isinstance(quantities[n], OfMode)]
+            found = mode_families.solve_modes(model) if modes else None
+            places = {} if found is None else self._places(modes, found, model, number)
+            omega = [] if found is None else _around(model, found, places.values())
+            first = len(omega)
+            ratios = [item for n in some if isinstance(item := quantities[n], OfResponse)]
+            omega += [2 * np.pi * item.ratio.frequency for item in ratios]
+            base, by_name = differences.changes(imperfect, directions, level, omega)
+            changes = [_demanded(name, change) for name, change in by_name.items()]
+            if found is not None:
+                solved = _Modes(model, found, base.linear, changes, list(places.values()))
+                for n, place in places.items():
+                    item = quantities[n]
+                    assert isinstance(item, OfMode)
+                    log[n], slope[n] = solved.evaluate(
+                        place, self.floors[n], fraction=item.fraction
                     )
-                log[n], slope[n] = imperfect[item.perturbation].response(item)
-            else:
-                log[n], slope[n] = own.load(item)
+            for k, item in enumerate(ratios, first):
+                n = quantities.index(item)
+                own = replace(base, linear=differences.at(base.linear, k))
+                response = Slope.of(own, model, item.ratio)
+                log[n] = np.log(max(response.size, TINY))
+                if response.size > TINY:
+                    rates = [response.of_size(differences.at(change, k)) for change in changes]
+                    slope[n] = np.array(rates) / response.size
+        loads = [n for n, item in enumerate(quantities) if isinstance(item, OfPart | OfDepth)]
+        if loads:
+            base = derivatives.prepared(design)
+            moves = [
+                _demanded(item.name, derivatives.moved(base, item.rates)) for item in directions
+            ]
+            for n in loads:
+                value = _load(quantities[n], base.design, base.scene, base.pose).real
+                rates = [_load(quantities[n], now.design, now.scene, now.pose) for now in moves]
+                log[n], slope[n] = np.log(value), np.imag(rates) / STEP / value
         return Evaluation(log, slope)
 
-    def places(
+    def _places(
         self,
+        some: list[int],
         found: Modes,
-        mass: Float[np.ndarray, "coordinate coordinate"],
+        model: LinearSystem,
         number: Float[np.ndarray, " number"],
-    ) -> list[int]:
-        """Find the modes that the quantities refer to; -1 for other quantities.
-
-        `found` are the modes of the design with the free numbers, `mass` its mass matrix.
-        """
-        ranked = self.families.ranked(found.energy)
-        return _places(
-            self.requirements.quantities, ranked, lambda: self._follow(found, mass, number)
+    ) -> dict[int, int]:
+        """Find the modes that some quantities refer to, by the number of the quantity."""
+        chosen = [self.requirements.quantities[n] for n in some]
+        places = find_places(
+            chosen, self.families.ranked(found.energy), lambda: self.follow(found, model, number)
         )
+        if min(places) < 0:
+            problem = "modes cannot be followed to this design"
+            raise InputError([Fault("goal", problem, "name them by dof")])
+        return dict(zip(some, places, strict=True))
 
-    def _follow(
-        self,
-        found: Modes,
-        mass: Float[np.ndarray, "coordinate coordinate"],
-        number: Float[np.ndarray, " number"],
+    def follow(
+        self, found: Modes, model: LinearSystem, number: Float[np.ndarray, " number"]
     ) -> Int[np.ndarray, " mode"]:
-        """Find the modes that those of the starting design become."""
+        """Find the modes that those of the starting design become; -1 for unknown ones.
+
+        `found` are the modes of the design with the free numbers, `model` its linear system.
+        """
         start, end = self.freed.values(self.freed.start), self.freed.values(number)
-        place = mode_families.follow_modes(
-            self.freed.text, start, end, self.nominal, found, mass, self.level
+        return mode_families.follow_modes(
+            self.freed.text, start, end, self.nominal, found, model, self.models.modes.level
         )
-        if (place < 0).any():
-            raise InputError(
-                [Fault("goal", "modes cannot be followed to this design", "name them by dof")]
-            )
-        return place
 
     def batch(
         self, numbers: Float[np.ndarray, "start number"]
@@ -182,23 +206,14 @@ class Evaluator:
         columns = [self.freed.values(number) for number in numbers]
         values = {name: np.array([one[name] for one in columns]) for name in columns[0]}
         result = np.full((len(numbers), len(self.requirements.quantities)), np.nan)
-        for imperfect in dict.fromkeys(
-            getattr(item, "perturbation", ()) for item in self.requirements.quantities
-        ):
-            text = self.freed.text
-            if imperfect:
-                text = _with_imperfections_toml(text, imperfect)
-            some = [
-                n
-                for n, item in enumerate(self.requirements.quantities)
-                if getattr(item, "perturbation", ()) == imperfect
-            ]
-            for found, here in variants.balanced(text, values, self.level, allow_unstable=True):
+        for (imperfect, level), some in self._groups.items():
+            text = _with_imperfections_toml(self.freed.text, imperfect)
+            for found, here in variants.balanced(text, values, level, allow_unstable=True):
                 good = found.status == builds.GOOD
                 result[np.ix_(here[good], np.array(some))] = self._of_batch(found, good, some)
-        for n, row in enumerate(numbers):
-            if np.isfinite(result[n]).any():
-                result[n] = self._with_loads(row, result[n])
+        for row, number in zip(result, numbers, strict=True):
+            if np.isfinite(row).any() or not self._groups:
+                self._add_loads(number, row)
         return result
 
     def _of_batch(
@@ -211,7 +226,7 @@ class Evaluator:
         energy = mode_families.energy_fractions(solved, len(found.model.body))
         for p in range(len(result)):
             ranked = self.families.ranked(energy[p])
-            places = _places(
+            places = find_places(
                 quantities,
                 ranked,
                 lambda p=p: mode_pairing.pair_by_shape(self.nominal, solved.shape[p])[0],
@@ -231,139 +246,97 @@ class Evaluator:
                 )
         return result
 
-    def _with_loads(
+    def _add_loads(
         self, number: Float[np.ndarray, " number"], row: Float[np.ndarray, " quantity"]
-    ) -> Float[np.ndarray, " quantity"]:
+    ) -> None:
         """Fill in the logarithms of stresses and heights of a row."""
-        design = self.freed.design(number)
+        try:
+            design = self.freed.design(number)
+        except InputError:
+            return
         scene = expand(design)
         pose = nominal_pose(scene)
         for n, item in enumerate(self.requirements.quantities):
             if isinstance(item, OfPart | OfDepth):
                 row[n] = np.log(np.real(_load(item, design, scene, pose)))
-        return row
-
-
-def static_system(design: Design, level: str) -> LinearSystem:
-    """Return the linear system of a model without its terms that depend on frequency."""
-    return replace(registry.by_name(level).system(design), terms=())
 
 
 @dataclass(frozen=True)
-class _Built:
-    """A design, its system, and their derivatives by each free number."""
+class _Modes:
+    """Modes of a design, and its matrices and their changes at the frequencies `_around` them."""
 
-    base: Differentiable
     model: LinearSystem
-    moves: list[Moved]
-    changes: list[Linear]
-
-    @staticmethod
-    def of(design: Design, freed: FreeDesign, level: str) -> _Built:
-        base, moves = derivatives.prepared(design, level), []
-        for rates in freed.directions():
-            now = derivatives.moved(base, rates)
-            if now is None:
-                remedy = "let other numbers change with it by [[equal]]"
-                raise InputError(
-                    [
-                        Fault(
-                            f"free.{next(iter(rates))}",
-                            "changing it unbalances the nominal suspension",
-                            remedy,
-                        )
-                    ]
-                )
-            moves.append(now)
-        return _Built(
-            base,
-            static_system(design, level),
-            moves,
-            [derivatives.linear(base, now) for now in moves],
-        )
-
-    def response(self, item: OfResponse) -> tuple[float, Float[np.ndarray, " number"]]:
-        """Compute the logarithm of the magnitude of a response, and its derivatives."""
-        slope = Slope.of(self.base, self.model, item.ratio)
-        if slope.size <= TINY:
-            return np.log(TINY), np.zeros(len(self.changes))
-        return (
-            np.log(slope.size),
-            np.array([slope.of_size(change) for change in self.changes]) / slope.size,
-        )
-
-    def load(self, item: OfPart | OfDepth) -> tuple[float, Float[np.ndarray, " number"]]:
-        """Compute the logarithm of a stress or a height, and its derivatives."""
-        value = float(np.real(_load(item, self.base.design, self.base.scene, self.base.pose)))
-        rates = [np.imag(_load(item, now.design, now.scene, now.pose)) / STEP for now in self.moves]
-        return np.log(value), np.array(rates) / value
-
-
-@dataclass(frozen=True)
-class _TopFractions:
-    """Fractions of the kinetic energy of modes in the top mass, and their derivatives."""
-
     found: Modes
     linear: Linear
+    changes: list[Linear]
+    places: list[int]
 
-    def _parts(
-        self, mass: Array, shape: Float[np.ndarray, " coordinate"]
-    ) -> tuple[Float[np.ndarray, " coordinate"], Float[np.ndarray, " coordinate"]]:
-        """Multiply a shape by the top mass's block of a mass matrix and by all blocks."""
-        result, bodies = np.zeros(len(shape)), 6 * len(self.found.body)
-        for n in range(0, bodies, 6):
-            own = slice(n, n + 6)
-            result[own] = mass[6:, 6:][own, own] @ shape[own]
-        result[bodies:] = np.diag(mass)[6 + bodies :] * shape[bodies:]
-        top = np.zeros(len(shape))
-        top[:6] = result[:6]
-        return top, result
-
-    def logarithm(
-        self, place: int, changes: list[Linear]
+    def evaluate(
+        self, place: int, floor: float, *, fraction: bool
     ) -> tuple[float, Float[np.ndarray, " number"]]:
-        """Compute the logarithm of the fraction of one mode, and its derivatives."""
-        shape, squared = self.found.shape, self.found.omega_squared
-        own = shape[place]
-        top, every = self._parts(self.linear.mass, own)
-        a, b = float(own @ top), float(own @ every)
-        if a <= TINY * b:
-            return np.log(TINY), np.zeros(len(changes))
-        apart = squared[place] - squared
-        apart[np.abs(apart) <= DEGENERATE * np.abs(squared[place])] = np.inf
-        rates = np.empty(len(changes))
-        for n, change in enumerate(changes):
-            inertial = change.mass[6:, 6:] @ own
-            mixing = (shape @ (change.stiffness[6:, 6:] @ own - squared[place] * inertial)) / apart
-            rate = mixing @ shape - own * (own @ inertial) / 2  # dv_k
-            top_rate, every_rate = self._parts(change.mass, own)
-            rates[n] = (2 * (rate @ top) + own @ top_rate) / a - (
-                2 * (rate @ every) + own @ every_rate
-            ) / b
-        return np.log(a / b), rates
+        """Compute the logarithm of a frequency or an energy fraction, and its derivatives."""
+        squared, rates = self.found.omega_squared[place], self._derivatives(place)
+        if not fraction:
+            value, slope = _of_square(squared, rates.squared, floor)
+            return value, np.asarray(slope)
+        top = self.found.top_fraction[place]
+        return np.log(max(top, TINY)), rates.fraction if top > TINY else np.zeros(len(self.changes))
+
+    def _derivatives(self, place: int) -> ModeDerivatives:
+        cache = self.model.prepared
+        if ("derivatives", place) not in cache:
+            squared = float(self.found.omega_squared[place])
+
+            def stiffness(linear: Linear) -> Stiffness:
+                if has_wire_mass(self.model):
+                    start = len(NODES) * sorted(set(self.places)).index(place)
+                    return Stiffness.of(linear, squared, start)
+                return Stiffness(linear.stiffness[6:, 6:])
+
+            cache["derivatives", place] = differentiate(
+                self.model,
+                int(self.found.block[place]),
+                self.found.shape[place],
+                squared,
+                (stiffness(self.linear), self.linear.mass[6:, 6:]),
+                [(stiffness(change), change.mass[6:, 6:]) for change in self.changes],
+            )
+        return cache["derivatives", place]
 
 
-def _places(
+def _around(model: LinearSystem, found: Modes, places: Iterable[int]) -> list[float]:
+    """Frequencies, rad/s, at which derivatives of modes need matrices; none without wire mass."""
+    if not has_wire_mass(model):
+        return []
+    squared = found.omega_squared[sorted(set(places))]
+    return [float(one) for each in squared for one in frequencies_around(each)]
+
+
+def _demanded(name: str, change: Change | None) -> Change:
+    """Raise `InputError` if a number cannot change alone."""
+    if change is None:
+        problem = "changing it unbalances the nominal suspension"
+        remedy = "let other numbers change with it by [[equal]]"
+        raise InputError([Fault(f"free.{name}", problem, remedy)])
+    return change
+
+
+def find_places(
     quantities: Sequence[Quantity], ranked: list[Index], follow: Callable[[], Index]
 ) -> list[int]:
-    """Find the modes that the quantities refer to; -1 for other quantities."""
-    followed = (
-        follow()
-        if any(isinstance(item, OfMode) and item.number >= 0 for item in quantities)
-        else None
-    )
-    return [
-        (
-            -1
-            if not isinstance(item, OfMode)
-            else int(
-                ranked[item.family][item.rank]
-                if followed is None or item.number < 0
-                else followed[item.number]
-            )
-        )
-        for item in quantities
-    ]
+    """Find the modes that quantities refer to; -1 for unknown modes and other quantities."""
+    modes = [item for item in quantities if isinstance(item, OfMode)]
+    followed = follow() if any(item.number >= 0 for item in modes) else np.zeros(0, dtype=int)
+
+    def place(item: Quantity) -> int:
+        if not isinstance(item, OfMode):
+            return -1
+        if item.number >= 0:
+            return int(followed[item.number])
+        own = ranked[item.family]
+        return int(own[item.rank]) if item.rank < len(own) else -1
+
+    return [place(item) for item in quantities]
 
 
 def _of_square(squared: float, rate: Array | float, floor: float) -> tuple[float, Array | float]:
@@ -372,24 +345,18 @@ def _of_square(squared: float, rate: Array | float, floor: float) -> tuple[float
     return np.log(size) / 2 - np.log(2 * np.pi) + (squared - size) / (2 * floor), rate / (2 * size)
 
 
-def _load(item: OfPart | OfDepth, design: Design, scene: Scene, pose: Pose) -> complex:
-    return (
-        loads.stress(design, scene, pose, item.part)
-        if isinstance(item, OfPart)
-        else loads.depth(scene, pose, item.stage)
-    )
-
-
-def with_imperfections(design: Design, perturbation: tuple[Perturbation, ...]) -> Design:
-    """Add imperfections to those of a design."""
-    return msgspec.structs.replace(design, perturbation=[*design.perturbation, *perturbation])
+def _load(item: Quantity, design: Design, scene: Scene, pose: Pose) -> complex:
+    """Stress or height of a design in a pose."""
+    if isinstance(item, OfPart):
+        return loads.stress(design, scene, pose, item.part)
+    assert isinstance(item, OfDepth)
+    return loads.depth(scene, pose, item.stage)
 
 
 def _with_imperfections_toml(text: str, perturbation: tuple[Perturbation, ...]) -> str:
     """Add imperfections to those of a design as TOML."""
     raw = tomllib.loads(text)
-    raw["perturbation"] = [
-        *raw.get("perturbation", []),
-        *(msgspec.to_builtins(item) for item in perturbation),
-    ]
+    if perturbation:
+        known = raw.get("perturbation", [])
+        raw["perturbation"] = [*known, *map(msgspec.to_builtins, perturbation)]
     return reader.write_toml(raw)

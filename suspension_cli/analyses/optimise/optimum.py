@@ -50,7 +50,7 @@ class Quantities:
     before, after : arrays
         Values by the ordinary analyses; NaN for an unstable mode.
     searched : array
-        Values in the search, on the model `searched_on`.
+        Values in the search.
     mode : array
         Number of the mode of the optimised design that each refers to, from 0; -1 for others.
     weight : array
@@ -178,10 +178,8 @@ class Optimum:
         Description of the function that was minimised.
     stationarity : float
         Norm of the objective's gradient that the multipliers do not balance, relative to its norm.
-    rounds : int
-        Number of corrections of the search for what its model neglects.
     fidelity, reason : str
-        Model that the modes were checked with, and why.
+        Model of the modes in search and check, and why.
     error : float
         Estimated relative error of that model.
     design : str
@@ -198,7 +196,6 @@ class Optimum:
     unknown: tuple[str, ...]
     objective: str
     stationarity: float
-    rounds: int
     fidelity: str
     reason: str
     error: float

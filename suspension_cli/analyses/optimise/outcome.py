@@ -23,6 +23,7 @@ from suspension_cli.analyses.optimise.optimum import (
     Starts,
 )
 from suspension_cli.analyses.optimise.quantities import Limit, OfMode, Quantity, Requirements
+from suspension_cli.models.registry import Choice
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -32,7 +33,7 @@ EQUAL = 1e-6
 
 
 def summarise(
-    search: Search, best: Point, drawn: Achieved, made: Achieved, starts: Starts, rounds: int
+    search: Search, best: Point, drawn: Achieved, made: Achieved, choice: Choice, starts: Starts
 ) -> Optimum:
     """Assemble the result of a search.
 
@@ -43,9 +44,9 @@ def summarise(
         The best point that it found.
     drawn, made : Achieved
         Quantities of the starting and of the optimised design.
+    choice : Choice
+        The model of the modes.
     starts : Starts
-    rounds : int
-        Number of corrections for a more complete model.
     """
     freed, requirements = search.freed, search.requirements
     active = search.active_set(best)
@@ -57,7 +58,7 @@ def summarise(
             unit=tuple(item.unit for item in requirements.quantities),
             before=drawn.value,
             after=made.value,
-            searched=np.exp(best.log - search.offset),
+            searched=np.exp(best.log),
             mode=made.place,
             weight=np.array(
                 [
@@ -76,10 +77,9 @@ def summarise(
             else OBJECTIVE[search.goals.prefer]
         ),
         stationarity=active.stationarity,
-        rounds=rounds,
-        fidelity=made.choice.level,
-        reason=made.choice.reason,
-        error=made.choice.error,
+        fidelity=choice.level,
+        reason=choice.reason,
+        error=choice.error,
         design=freed.toml(number),
     )
 

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import msgspec
+
 from suspension_cli.analyses.optimise import loads
 from suspension_cli.analyses.optimise.loads import Part
 from suspension_cli.analyses.optimise.mode_families import Families
@@ -72,6 +74,11 @@ class OfDepth:
 
 
 Quantity = OfMode | OfResponse | OfPart | OfDepth
+
+
+def with_imperfections(design: Design, perturbation: tuple[Perturbation, ...]) -> Design:
+    """Add imperfections to those of a design."""
+    return msgspec.structs.replace(design, perturbation=[*design.perturbation, *perturbation])
 
 
 @dataclass(frozen=True)

@@ -1,25 +1,25 @@
 """Optimisation of the numbers of a design to meet goals.
 
 Starts are the design itself and the best of a Sobol sequence between the bounds, which is computed
-as one batch. The search (`constrained_search`) uses the beam model where the modes at the start
-need wires that bend, else the string model, both with exact derivatives. Its result is written as
-TOML, read back, and every goal is checked by the ordinary analyses (`achieved`) with the models
-that these choose. If a result of the string model needs wires that bend, the search continues from
-there on the beam model. What is still neglected (losses, wire mass) is small: the difference of the
-logarithms is added to those of the search, which continues until the two agree. The limits are then
-met in the more complete model.
+as one batch. Modes and responses are searched for (`constrained_search`) on the cheapest models
+that are accurate enough at the start, any of string, beam and violin. Where the result needs a
+dearer one, the search continues from there on that: no quantity changes its model more than twice.
+The result is written as TOML, read back, and every goal is checked by the ordinary analyses
+(`achieved`).
 """
 
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from suspension_cli.analyses.analysis import Progress
-from suspension_cli.analyses.optimise import achieved, mode_families
+from suspension_cli.analyses.optimise import achieved
 from suspension_cli.analyses.optimise.achieved import Achieved
+from suspension_cli.analyses.optimise.chosen_models import Models, choose
 from suspension_cli.analyses.optimise.constrained_search import (
     FEASIBLE,
     Point,
@@ -28,20 +28,17 @@ from suspension_cli.analyses.optimise.constrained_search import (
 )
 from suspension_cli.analyses.optimise.free_parameters import FreeDesign
 from suspension_cli.analyses.optimise.mode_families import Families
-from suspension_cli.analyses.optimise.objective import Evaluator, static_system, with_imperfections
+from suspension_cli.analyses.optimise.objective import Evaluator
 from suspension_cli.analyses.optimise.optimum import Optimum, Starts
-from suspension_cli.analyses.optimise.outcome import EQUAL, summarise
-from suspension_cli.analyses.optimise.quantities import Limit, interpret
+from suspension_cli.analyses.optimise.outcome import summarise
+from suspension_cli.analyses.optimise.quantities import Limit, interpret, with_imperfections
 from suspension_cli.design import checks
 from suspension_cli.design.goals import Goals
 from suspension_cli.equilibrium.nominal import expand_nominal
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.linear import eigenmodes, signals
-from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.symmetry import is_mirror_symmetric
 from suspension_cli.models import auto, registry
-from suspension_cli.models.quantity_of_interest import Frequencies
-from suspension_cli.scene.arrays import Array, Index
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -50,10 +47,6 @@ STARTS, SEED = 6, 1
 """Number of starts, and seed of those besides the design itself."""
 SAMPLES = 64
 """Designs between the bounds that starts are chosen from."""
-ROUNDS = 6
-"""Corrections of the search for a more complete model at most."""
-CONVERGED = 1e-7
-"""Relative change of the correction at which it has converged."""
 SAME = 1e-2
 """Distance, in fractions of the ranges between the bounds, within which designs count as equal."""
 
@@ -91,88 +84,66 @@ def solve(
         dependent numbers lie within their bounds.
     """
     freed = FreeDesign.of(text, goals)
-    search = _search(freed, goals, _search_model(freed, level, tolerance))
+    search = _search(freed, goals, choose(freed.design(freed.start), (), level, tolerance))
+    search = _search(freed, goals, _needed(search, search.begin, level, tolerance))
     if search.value(search.begin) is None:
         _check_start(search.values)
     points, before = _search_all(search, starts, seed, report)
     best = min((point for point in points if point is not None), key=lambda point: point.rank)
     if best.outside > FEASIBLE:
         raise InputError(_bound_faults(freed, freed.values(freed.numbers(best.fraction))))
-    if level == registry.AUTO and _needs_bending(search, best, tolerance):
-        search = _search(freed, goals, registry.BEAM.name)
-        best = search.run(best.fraction) or best
-    best, made, rounds = _correct(search, best, level, tolerance)
-    drawn = _achieved(search, freed.start, level, tolerance)
-    return summarise(search, best, drawn, made, _starts(points, before), rounds)
+    models = _needed(search, best.fraction, level, tolerance)
+    while models.levels != search.values.models.levels:  # each time of dearer models
+        dearer = _search(freed, goals, models)
+        found = dearer.run(best.fraction)
+        if found is None:
+            break
+        search, best = dearer, found
+        models = _needed(search, best.fraction, level, tolerance)
+    drawn, made = (_achieved(search, one) for one in (search.begin, best.fraction))
+    return summarise(search, best, drawn, made, models.modes, _starts(points, before))
 
 
-def _needs_bending(search: Search, best: Point, tolerance: float) -> bool:
-    """Whether the result of a search on straight wires needs wires that bend."""
-    if registry.by_name(search.values.level).bends_wires:
-        return False
-    number = search.freed.numbers(best.fraction)
-    return _achieved(search, number, registry.AUTO, tolerance).bends
+def _needed(
+    search: Search, fraction: Float[np.ndarray, " number"], level: str, tolerance: float
+) -> Models:
+    """Choose the models that a design needs, none cheaper than those of the search."""
+    freed, values = search.freed, search.values
+    design = freed.design(freed.numbers(fraction))
+    return choose(design, values.requirements.quantities, level, tolerance, values.models)
 
 
-def _search_model(freed: FreeDesign, level: str, tolerance: float) -> str:
-    """Name of the model to search on: that with wires that bend if the modes at the start need it.
-
-    `level` is the requested model, or ``auto``.
-    """
-    choice = registry.Choice(level, "as requested")
-    if level == registry.AUTO:
-        decide, design = auto.decide, freed.design(freed.start)
-        choice = decide(design, lambda _: Frequencies(), tolerance, registry.BEAM.name).choice
-    return (registry.BEAM if choice.model.bends_wires else registry.STRING).name
+def _search(freed: FreeDesign, goals: Goals, models: Models) -> Search:
+    """Set up the search on some models; responses without one get that of the modes."""
+    return Search(_values(freed, goals, models), goals)
 
 
-def _search(freed: FreeDesign, goals: Goals, level: str) -> Search:
-    """Set up the search on a model."""
-    values = _values(freed, goals, level)
-    return Search(values, goals, np.zeros(len(values.requirements.quantities)))
-
-
-def _values(freed: FreeDesign, goals: Goals, level: str) -> Evaluator:
+def _values(freed: FreeDesign, goals: Goals, models: Models) -> Evaluator:
     """Quantities and requirements of the starting design."""
     design = freed.design(freed.start)
     for n, goal in enumerate(goals.goal, 1):
-        faults = (
-            []
-            if goal.perturbation is None
-            else checks.check_design(with_imperfections(design, tuple(goal.perturbation)))
-        )
+        imperfect = with_imperfections(design, tuple(goal.perturbation or ()))
+        faults = checks.check_design(imperfect) if goal.perturbation else []
         if faults:
-            raise InputError(
-                [
-                    Fault(f"goal.{n}.{fault.key}", fault.problem, fault.remedy, fault.value)
-                    for fault in faults
-                ]
-            )
-    model = static_system(design, level)
-    found = eigenmodes.solve(model)
+            raise InputError([replace(one, key=f"goal.{n}.{one.key}") for one in faults])
+    model = models.modes.model.system(design)
+    found = eigenmodes.solve(model.constant)
     families = Families.of(is_mirror_symmetric(expand_nominal(design)), found.energy)
     known = signals.bodies_with_signals(model)
-    requirements = interpret(goals, design, found, families, known, level)
-    return Evaluator(freed, requirements, families, level)
+    requirements = interpret(goals, design, found, families, known, models.modes.level)
+    return Evaluator(freed, requirements, families, models)
 
 
 def _check_start(values: Evaluator) -> None:
     """Raise `InputError` with the quantities that the starting design has no value of."""
     log = values.at(values.freed.start).log  # raises if the design is invalid
-    lost = [
-        item.text
-        for item, value in zip(values.requirements.quantities, log, strict=True)
-        if not np.isfinite(value)
-    ]
+    problem = "has no finite value in the starting design"
+    remedy = "divide by a response that does not vanish"
     raise InputError(
         [
-            Fault(
-                "goal",
-                "has no finite value in the starting design",
-                "divide by a response that does not vanish",
-                format_value(text),
-            )
-            for text in lost
+            Fault("goal", problem, remedy, format_value(item.text))
+            for item, value in zip(values.requirements.quantities, log, strict=True)
+            if not np.isfinite(value)
         ]
     )
 
@@ -228,73 +199,20 @@ def _choose_starts(search: Search, count: int, seed: int) -> list[Float[np.ndarr
     return [fractions[n] for n in order[:count] if np.isfinite(worst[n])]
 
 
-def _correct(
-    search: Search, best: Point, level: str, tolerance: float
-) -> tuple[Point, Achieved, int]:
-    """Correct the search until it agrees with the ordinary analyses.
-
-    Returns the best design, its quantities and the number of corrections. Without agreement, the
-    design is the checked one that violates limits least, the last of several that violate none.
-    """
-    rounds, checked = 0, []
-    while True:
-        made = _achieved(search, search.freed.numbers(best.fraction), level, tolerance)
-        checked.append((best, made, search.offset))
-        with np.errstate(invalid="ignore", divide="ignore"):
-            offset = np.log(made.value) - (best.log - search.offset)
-        offset = np.where(np.isfinite(offset), offset, 0.0)
-        if (np.abs(offset - search.offset) < CONVERGED).all():
-            return best, made, rounds
-        if rounds == ROUNDS:
-            best, made, search.offset = min(
-                reversed(checked), key=lambda one: _violation(search, one[1])
-            )
-            search.seen.clear()
-            return best, made, rounds
-        rounds += 1
-        search.offset = offset
-        search.seen.clear()
-        best = search.run(best.fraction) or best
-
-
 def _all_limits(search: Search, log: Float[np.ndarray, " quantity"]) -> tuple[Limit, ...]:
     """List the limits of the goals, then of separations between modes at the logarithms."""
     return (*search.requirements.limits, *search.order(log))
 
 
-def _violation(search: Search, made: Achieved) -> float:
-    """Find the largest violation of a limit by a checked design, as a logarithm; 0 if none."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        log = np.log(made.value)
-        margins = np.array([signed_margin(limit, log) for limit in _all_limits(search, log)])
-    worst = float(np.max(-np.where(np.isnan(margins), -np.inf, margins), initial=0.0))
-    return worst if worst > EQUAL else 0.0
-
-
-def _achieved(
-    search: Search, number: Float[np.ndarray, " number"], level: str, tolerance: float
-) -> Achieved:
+def _achieved(search: Search, fraction: Float[np.ndarray, " number"]) -> Achieved:
     """Compute the quantities of a design by the ordinary analyses."""
-    freed, values = search.freed, search.values
-
-    def follow(found: Modes, mass: Array) -> Index:
-        return mode_families.follow_modes(
-            freed.text,
-            freed.values(freed.start),
-            freed.values(number),
-            values.nominal,
-            found,
-            mass,
-            values.level,
-        )
-
+    values, number = search.values, search.freed.numbers(fraction)
     return achieved.evaluate(
-        freed.toml(number),
+        search.freed.toml(number),
         values.requirements.quantities,
         values.families,
-        level,
-        tolerance,
-        follow,
+        values.models,
+        lambda found, model: values.follow(found, model, number),
     )
 
 

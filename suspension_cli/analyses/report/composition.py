@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import shlex
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -78,7 +78,7 @@ class Warnings(Log):
         """Pass on a detail."""
         self.outer.detail(text)
 
-    @contextlib.contextmanager
+    @contextmanager
     def progress(self) -> Iterator[Progress]:
         """Show the progress of a long computation."""
         with self.outer.progress() as bar:
@@ -92,17 +92,7 @@ class Warnings(Log):
 
 @dataclass(frozen=True)
 class Part:
-    """One analysis of a report, for the table "Provenance".
-
-    Attributes
-    ----------
-    title : str
-        Title of its section.
-    command : str
-        Command line that computes it again.
-    choice : Choice or None
-        Its model; None if it has none.
-    """
+    """One analysis of a report, for the table "Provenance": its section, command line and model."""
 
     title: str
     command: str
@@ -113,19 +103,8 @@ class Part:
 class Composition:
     """State of a report while it is composed.
 
-    Attributes
-    ----------
-    source : Source
-    scene : Scene
-        The design without imperfections.
-    request : Request
-    log : Warnings
-    folder : Path
-        Folder for the files of analyses that write while they compute.
-    parts : list of Part
-        Analyses so far.
-    title : str
-        Title of the current section.
+    `scene` is the design without imperfections, `folder` for the files of analyses that write
+    while they compute, and `title` that of the current section.
     """
 
     source: Source
@@ -136,12 +115,8 @@ class Composition:
     parts: list[Part] = field(default_factory=list)
     title: str = ""
 
-    def list(self, name: str) -> None:
-        """List a command without a model (`draw`, `check`) among the parts."""
-        self.parts.append(Part(self.title, self.command(name)))
-
-    def note(self, command: str, choice: Choice) -> None:
-        """List an analysis whose result was read from a file among the parts."""
+    def list(self, command: str, choice: Choice | None = None) -> None:
+        """List an analysis of the current section among the parts."""
         self.parts.append(Part(self.title, command, choice))
 
     def command(self, name: str, *options: str) -> str:
@@ -158,22 +133,12 @@ class Composition:
         return self.source.file or f"{self.source.design.design.name}.toml"
 
     def run(self, name: str, *options: str, **given: Any) -> Result:
-        """Run an analysis.
-
-        Parameters
-        ----------
-        name : str
-        *options : str
-            The settings as words of a command line, which the report lists.
-        **given
-            The settings, by the names of the parameters of the analysis.
-        """
+        """Run an analysis; the report lists its settings as words of a command line (`options`)."""
         analysis, request = registry.get(name), self.request
         names = {param.name for param in analysis.parameters}
-        shared = {"fidelity": request.fidelity, "tolerance": request.tolerance}
-        usual = {"fidelity": "auto", "tolerance": 1e-3}
-        for key, value in shared.items():
-            if key in names and value != usual[key]:
+        for key in ("fidelity", "tolerance"):
+            value = getattr(request, key)
+            if key in names and value != getattr(Request, key):
                 given[key] = value
                 options = (*options, f"--{key}", str(value))
         command = self.command(name, *options)
@@ -182,17 +147,16 @@ class Composition:
         one = Run(self.source, setting, self.log, self.folder, command)
         with one.faults():
             result = analysis.solve(one)
-        self.parts.append(Part(self.title, command, result.choice))
+        self.list(command, result.choice)
         return result
 
     def answer(self, result: Result) -> str:
         """Return what the command of a result prints, as HTML."""
         with tables.collecting() as found:
             answer = str(result)
-        head = f"{result.title}  [{result.name}]"
-        lines = answer.split("\n")
-        if lines[0] in (head, result.title):
-            answer = "\n".join(lines[1:])
+        first, _, rest = answer.partition("\n")
+        if first in (f"{result.title}  [{result.name}]", result.title):
+            answer = rest
         return html.prose(answer, found, result.choice.line)
 
     def pictures(self, result: Result, caption: str, **setting: Any) -> str:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import tables
 from suspension_cli.analyses.tables import Table
+from suspension_cli.drawing.style import RAISED
 from suspension_cli.errors import escape_unprintable
 
 if TYPE_CHECKING:
@@ -27,7 +28,6 @@ NUMBER = re.compile(r"([-+]?)([\d,]+)(\.\d*)?(?:e([-+]\d+))?")
 """A formatted number: sign, digits before the point, from the point on, exponent."""
 LONGEST = 9
 """Exponent below which a number is written without it in a column where others have none."""
-RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def text(value: object) -> str:
@@ -43,20 +43,15 @@ def lines(value: str) -> str:
 
 def paragraph(content: str, kind: str = "") -> str:
     """Return a paragraph of HTML, of a class of the style sheet."""
-    return f"<p{_attribute('class', kind)}>{content}</p>\n"
+    kind = f' class="{kind}"' if kind else ""
+    return f"<p{kind}>{content}</p>\n"
 
 
 def prose(answer: str, found: Sequence[Table], model: str = "") -> str:
-    """Return what a command prints as HTML.
+    """Return what a command prints as HTML, with the line of the model set apart.
 
-    Parameters
-    ----------
-    answer : str
-        Text that was made within `tables.collecting`.
-    found : sequence of Table
-        The tables collected then.
-    model : str
-        Line of the model, which is set apart.
+    `answer` is text that was made within `tables.collecting`, `found` the tables collected
+    then.
     """
     parts: list[str] = []
     for block in re.split(r"\n\s*\n", answer):
@@ -132,7 +127,8 @@ def _aligned(cells: Sequence[str]) -> list[str]:
         if part is None or not style:
             result.append(_plain(cell))
         else:
-            result.append(f"{_sign(part[1])}{part[2]}<span{style}>{''.join(tail)}</span>")
+            sign = part[1].replace("-", "−")
+            result.append(f"{sign}{part[2]}<span{style}>{''.join(tail)}</span>")
     return result
 
 
@@ -141,11 +137,7 @@ def _plain(cell: str) -> str:
     part = NUMBER.fullmatch(cell)
     if part is None:
         return _glued(cell.strip())
-    return f"{_sign(part[1])}{part[2]}{part[3] or ''}{_exponent(part[4])}"
-
-
-def _sign(sign: str) -> str:
-    return sign.replace("-", "−")
+    return f"{part[1].replace('-', '−')}{part[2]}{part[3] or ''}{_exponent(part[4])}"
 
 
 def _exponent(power: str | None) -> str:
@@ -159,15 +151,9 @@ def number(value: float, digits: int = 3) -> str:
 
 
 def picture(figure: Figure, caption: str, alternative: str) -> str:
-    """Return a picture with its caption, embedded as SVG, or as PNG if that is too large.
+    """Return a picture with its caption (HTML), embedded as SVG, or as PNG if that is too large.
 
-    Parameters
-    ----------
-    figure : Figure
-    caption : str
-        HTML.
-    alternative : str
-        Plain text that replaces the picture where it cannot be seen.
+    `alternative` is plain text that replaces the picture where it cannot be seen.
     """
     from suspension_cli.drawing.style import encode
 
@@ -204,10 +190,6 @@ def page(title: str, header: str, body: str) -> str:
         f"<title>{text(title)}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<main>\n"
         f"<header>\n{header}</header>\n{body}</main>\n</body>\n</html>\n"
     )
-
-
-def _attribute(name: str, value: str) -> str:
-    return f' {name}="{text(value)}"' if value else ""
 
 
 STYLE = """

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,14 +22,6 @@ FLOW = (("x", ("x", "pitch")), ("y", ("y", "roll")), ("z", ("z",)), ("yaw", ("ya
 
 Build = Callable[[Composition], Iterator[str]]
 """Yields the HTML of a section, part by part."""
-
-
-@dataclass(frozen=True)
-class Section:
-    """A section of a report."""
-
-    title: str
-    build: Build
 
 
 def header(report: Composition) -> str:
@@ -68,7 +59,7 @@ def drawing(report: Composition) -> Iterator[str]:
         size = "displace nothing" if factor is None else f"are drawn {factor:,.6g} times larger"
         caption += f" Imperfections of {html.text(', '.join(names))} {size}."
     yield html.picture(figure, caption, f"Drawing of {design.design.name} to scale")
-    report.list("draw")
+    report.list(report.command("draw"))
 
 
 def numbers(report: Composition) -> Iterator[str]:
@@ -126,7 +117,7 @@ def check(report: Composition) -> Iterator[str]:
     from suspension_cli.analyses.check import solve
 
     found = solve.solve(report.source)
-    report.list("check")
+    report.list(report.command("check"))
     if not found.warnings:
         yield html.paragraph("No warnings: every number is plausible.", "good")
     for item in found.warnings:
@@ -178,16 +169,14 @@ def response(report: Composition) -> Iterator[str]:
         chosen = [((), ())]  # the design chooses
     else:
         chosen = [((f"support.{i}",), tuple(f"{last}.{o}" for o in out)) for i, out in FLOW]
-    line = ""
+    line, more, flags = "", {}, ()
     if closed:
         yield html.paragraph("The loops of the design's [control] table are closed.")
+        more, flags = {"closed_loop": True}, ("--closed-loop",)
     for inputs, outputs in chosen:
         options = [word for name in inputs for word in ("--input", name)]
         options += [word for name in outputs for word in ("--output", name)]
-        given: dict[str, Any] = {"inputs": inputs, "outputs": outputs}
-        if closed:
-            options, given = [*options, "--closed-loop"], given | {"closed_loop": True}
-        result = report.run("response", *options, **given)
+        result = report.run("response", *options, *flags, inputs=inputs, outputs=outputs, **more)
         if result.choice.line != line:
             line = result.choice.line
             yield html.paragraph(html.text(line), "model")
@@ -251,7 +240,8 @@ def thermal(report: Composition) -> Iterator[str]:
 def budget(report: Composition) -> Iterator[str]:
     """Motion of the last stage by cause."""
     design = report.source.design
-    if design.control is None and "budget" not in design.analysis and not _requested(report):
+    requested = report.request.sections or "budget" in design.analysis
+    if design.control is None and not requested:
         raise Omitted(
             "Left out, as the design has neither damping loops ([control]) nor an"
             " [analysis.budget] table: the RMS would be that of its free resonances."
@@ -259,14 +249,11 @@ def budget(report: Composition) -> Iterator[str]:
         )
     result = report.run("budget")
     yield report.answer(result)
-    words = []
-    for one in result.data:
-        squares = one.square[:, 0]
-        lead = one.cause[int(squares.argmax())]
-        words.append(
-            f"{html.text(one.output)} moves by {html.number(float(one.rms[0]))} {one.unit} RMS,"
-            f" mostly due to {html.text(lead)}"
-        )
+    words = [
+        f"{html.text(one.output)} moves by {html.number(float(one.rms[0]))} {one.unit} RMS,"
+        f" mostly due to {html.text(one.cause[int(one.square[:, 0].argmax())])}"
+        for one in result.data
+    ]
     low, high = result.data[0].frequency[[0, -1]]
     caption = f"Between {low:g} and {high:g} Hz " + "; ".join(words) + "."
     yield report.pictures(result, caption)
@@ -288,11 +275,8 @@ def tolerance(report: Composition) -> Iterator[str]:
     yield report.answer(result)
     one = result.data
     if one.joint is not None:
-        met, (low, high), what = (
-            one.joint.fraction,
-            (one.joint.low, one.joint.high),
-            "meet all limits",
-        )
+        met, low, high = one.joint.fraction, one.joint.low, one.joint.high
+        what = "meet all limits"
     else:
         met, (low, high) = one.under, one.under_interval
         what = (
@@ -323,7 +307,7 @@ def _stored(report: Composition, name: str) -> Any:
             result = registry.loaded(file, str(path))
     except InputError:  # of another version, or incomplete
         return None
-    report.note(result.command, result.choice)
+    report.list(result.command, result.choice)
     return result
 
 
@@ -337,10 +321,13 @@ def damping(report: Composition) -> Iterator[str]:
     if not found.stable:
         caption = "The closed loop is unstable: its poles in the right half plane grow."
     else:
-        oscillating = (found.closed.q > 0.5) & np.isfinite(found.closed.q)
+        poles = found.closed
+        oscillating = (poles.q > 0.5) & np.isfinite(poles.q)
+        low = oscillating & (poles.frequency < 5.0)
+        largest = float(poles.q[low if low.any() else oscillating].max(initial=0.5))
         caption = (
             f"{_count(len(found.loop), 'loop')}: of the poles below 5 Hz the least damped has Q"
-            f" {html.number(_largest_q(found.closed, oscillating))}"
+            f" {html.number(largest)}"
         )
         if found.sensitivity is not None:
             caption += (
@@ -352,28 +339,18 @@ def damping(report: Composition) -> Iterator[str]:
     yield report.pictures(result, caption)
 
 
-def _largest_q(poles: Any, among: Any) -> float:
-    near = among & (poles.frequency < 5.0)
-    chosen = near if near.any() else among
-    return float(poles.q[chosen].max(initial=0.5))
-
-
 def provenance(report: Composition) -> list[str]:
     """Return the last sections: the command and model of each part, and the design file."""
-    rows = []
+    body = ""
     for part in report.parts:
-        choice = part.choice
-        model = "" if choice is None else f"{choice.level}"
-        left = "" if choice is None else choice.neglected.partition(" (tolerance")[0]
-        error = 100 * choice.error if choice is not None else None
-        rows.append((part.title, model, error, left or "-", part.command))
-    body = "".join(
-        "<tr>"
-        f'<td class="t">{html.text(title)}</td><td class="t">{html.text(model)}</td>'
-        f'<td class="t">{html.text(left.removeprefix("neglected: "))}</td>'
-        f'<td class="t"><code>{html.text(command)}</code></td></tr>\n'
-        for title, model, _, left, command in rows
-    )
+        model = left = ""
+        if part.choice is not None:
+            model, left = part.choice.level, part.choice.neglected.partition(" (tolerance")[0]
+        left = left.removeprefix("neglected: ") or "-"
+        cells = "".join(
+            f'<td class="t">{html.text(word)}</td>' for word in (part.title, model, left)
+        )
+        body += f'<tr>{cells}<td class="t"><code>{html.text(part.command)}</code></td></tr>\n'
     heads = "".join(
         f'<th scope="col" class="t">{head}</th>'
         for head in ("part", "model", "neglected, estimated", "command")
@@ -404,25 +381,20 @@ def provenance(report: Composition) -> list[str]:
     ]
 
 
-def _requested(report: Composition) -> bool:
-    """Whether the request names sections."""
-    return bool(report.request.sections)
-
-
 def _count(number: int, noun: str) -> str:
     return f"{number} {noun}{'s' * (number != 1)}"
 
 
-SECTIONS = {
-    "drawing": Section("Drawing", drawing),
-    "numbers": Section("Main numbers", numbers),
-    "check": Section("Check", check),
-    "modes": Section("Modes", modes),
-    "response": Section("Responses", response),
-    "coupling": Section("Couplings", coupling),
-    "thermal": Section("Thermal noise", thermal),
-    "budget": Section("Motion by cause", budget),
-    "tolerance": Section("Tolerances", tolerance),
-    "damping": Section("Damping loops", damping),
+SECTIONS: dict[str, tuple[str, Build]] = {
+    "drawing": ("Drawing", drawing),
+    "numbers": ("Main numbers", numbers),
+    "check": ("Check", check),
+    "modes": ("Modes", modes),
+    "response": ("Responses", response),
+    "coupling": ("Couplings", coupling),
+    "thermal": ("Thermal noise", thermal),
+    "budget": ("Motion by cause", budget),
+    "tolerance": ("Tolerances", tolerance),
+    "damping": ("Damping loops", damping),
 }
-"""Sections by the name that `--sections` takes, in order."""
+"""Titles of sections and what builds them, in order, by the names that `--sections` takes."""

@@ -24,12 +24,6 @@ UNSTABLE = ", or give --allow-unstable"
 def compose(source: Source, request: Request, log: Log) -> str:
     """Compute the sections of a report and return its HTML.
 
-    Parameters
-    ----------
-    source : Source
-    request : Request
-    log : Log
-
     Raises
     ------
     InputError
@@ -49,12 +43,12 @@ def compose(source: Source, request: Request, log: Log) -> str:
         body = []
         for number, name in enumerate(wanted):
             bar(number, len(wanted), 0.0)
-            report.title = SECTIONS[name].title
+            report.title, build = SECTIONS[name]
             log.detail(f"report: {name}")
-            body.append(html.section(name, report.title, _content(report, SECTIONS[name].build)))
+            body.append(html.section(name, report.title, _content(report, build)))
         bar(len(wanted), len(wanted), 0.0)
     body += provenance(report)
-    listed = [(name, SECTIONS[name].title) for name in wanted]
+    listed = [(name, SECTIONS[name][0]) for name in wanted]
     listed += [("provenance", "Provenance"), ("design", "The design file")]
     design = source.design.design
     return html.page(

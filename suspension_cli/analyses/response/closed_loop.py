@@ -36,12 +36,15 @@ class ClosedTransfer(Transfer):
         """List the signals whose blocks matter: also sensors and actuators."""
         return [*super().signals(), *self.loops]
 
+    def is_zero(self, model: LinearSystem) -> bool:
+        """Return False, as loops may link any input to any output."""
+        del model
+        return False
+
     def values(self, model: LinearSystem, frequency: Array) -> Any:
         """Solve for the responses (f, o, i) at frequencies (f,) in Hz."""
-        plant = control.build_plant(self.design, model)
-        return control.solve_responses(
-            plant, np.asarray(frequency), self.inputs, self.outputs
-        ).value
+        plant, at = control.build_plant(self.design, model), np.asarray(frequency)
+        return control.solve_responses(plant, at, self.inputs, self.outputs).value
 
 
 def close(request: Transfer, design: Design, model: LinearSystem) -> ClosedTransfer:
@@ -53,9 +56,7 @@ def close(request: Transfer, design: Design, model: LinearSystem) -> ClosedTrans
         If the design has no loops.
     """
     plant = control.build_plant(design, model)
-    return ClosedTransfer(
-        request.inputs, request.outputs, request.frequency, design, [*plant.sensor, *plant.actuator]
-    )
+    return ClosedTransfer(**vars(request), design=design, loops=[*plant.sensor, *plant.actuator])
 
 
 def solve(request: ClosedTransfer, model: LinearSystem) -> Response:

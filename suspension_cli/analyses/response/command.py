@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from suspension_cli.linear.response import Response
     from suspension_cli.linear.system import LinearSystem
     from suspension_cli.models.quantity_of_interest import Transfer
+    from suspension_cli.scene.arrays import Array
 
 
 FREQUENCY = "0.1:100:2000"
@@ -49,33 +50,11 @@ class ResponseAnalysis(Analysis):
     name = "response"
     arguments = (options.DESIGN,)
     parameters = (
-        option(
-            "--input",
-            "inputs",
-            multiple=True,
-            metavar="SIGNAL",
-            help=(
-                "Input: support.x, upper.force_x, upper.torque_pitch, ... (repeatable)."
-                "  [default: support.x]"
-            ),
+        options.signals(
+            "input", "Input: support.x, upper.force_x, upper.torque_pitch, ...", "support.x"
         ),
-        option(
-            "--output",
-            "outputs",
-            multiple=True,
-            metavar="SIGNAL",
-            help=(
-                "Output: test.x, test.pitch, test.x@0,0,0.001, ... (repeatable)."
-                "  [default: x of the last stage]"
-            ),
-        ),
-        option(
-            "--frequency",
-            default=FREQUENCY,
-            show_default=True,
-            metavar="GRID",
-            help="Frequencies, Hz: start:stop:count[:log|lin], a comma list or a number.",
-        ),
+        options.signals("output", options.MOTIONS, "x of the last stage"),
+        options.frequencies(FREQUENCY),
         option(
             "--measured",
             multiple=True,
@@ -99,6 +78,8 @@ class ResponseAnalysis(Analysis):
 
     def solve(self, run: Run) -> Result:
         """Solve for every input at every frequency."""
+        import numpy as np
+
         from suspension_cli.analyses import model_choice
         from suspension_cli.analyses.check import warnings
         from suspension_cli.analyses.response import closed_loop, peaks
@@ -107,24 +88,24 @@ class ResponseAnalysis(Analysis):
 
         setting, items = run.setting, _measured(run.setting)
         request = partial(_request, setting=setting, items=items, design=run.design)
+        fidelity, unstable = setting["fidelity"], setting["allow_unstable"]
         decision = model_choice.choose(
-            run.source, setting["fidelity"], request, setting["tolerance"]
-        )
-        choice = decision.choice
-        model = model_choice.stable_system(
             run.source,
-            choice,
-            setting["allow_unstable"] or setting["closed_loop"],
-            run.log,
-            decision.model,
-            bends=True,
+            fidelity,
+            request,
+            setting["tolerance"],
+            highest=float(np.max(_frequencies(setting, items))),
+        )
+        choice, allowed = decision.choice, unstable or setting["closed_loop"]
+        model = model_choice.stable_system(
+            run.source, choice, allowed, run.log, decision.model, bends=True
         )
         wanted = request(model)
         warnings.warn_of_tables(run.design, wanted.frequency, run.log)
         solve = resonances = None
         if isinstance(wanted, ClosedTransfer):
             poles = closed_loop.find_stable_poles(
-                run.design, model, choice.model, setting["allow_unstable"], run.log
+                run.design, model, choice.model, unstable, run.log
             )
             found, solve = closed_loop.solve(wanted, model), partial(wanted.values, model)
             resonances = poles.frequency
@@ -220,16 +201,13 @@ def _compared(
     log: Log,
 ) -> ComparedResponse:
     """Add the comparison with measurements to a response, and warn of units that look wrong."""
-    import dataclasses
-
     from suspension_cli.analyses.response import measured
 
     compared = measured.compare(model, items, found, closed)
     for one in compared:
         if text := measured.slip(one):
             log.warn(text)
-    fields = {one.name: getattr(found, one.name) for one in dataclasses.fields(found)}
-    return measured.ComparedResponse(**fields, measured=compared)
+    return measured.ComparedResponse(**vars(found), measured=compared)
 
 
 def _document(one: Comparison) -> dict[str, Any]:
@@ -268,10 +246,12 @@ def _table(measured: Sequence[Comparison]) -> str:
 
     columns = {"points": ".0f", "|measured/model|\nmedian": "#.4g", "farthest\nfrom 1": "#.4g"}
     columns |= {"at\nHz": "#.5g", "chi^2 per\nnumber": "#.3g", "measured": ""}
-    rows = [
-        (len(one.data.frequency), one.median, *one.extreme, one.chi_squared, _label(one))
-        for one in measured
-    ]
+    rows = []
+    for one in measured:
+        data = one.data
+        label = f"{data.name}: {data.output} / {data.input}"
+        label += f" ({data.unit})" if data.unit else ""
+        rows.append((len(data.frequency), one.median, *one.extreme, one.chi_squared, label))
     lines = [tables.render(columns, rows)]
     columns = {"measured\nHz": "#.5g", "model\nHz": "#.5g", "shift\n%": "+.2f", "mode": ""}
     columns |= {"seen in": ""} if len(measured) > 1 else {}
@@ -284,43 +264,43 @@ def _table(measured: Sequence[Comparison]) -> str:
     return "\n".join(lines)
 
 
-def _label(one: Comparison) -> str:
-    data = one.data
-    unit = f" ({data.unit})" if data.unit else ""
-    return f"{data.name}: {data.output} / {data.input}{unit}"
-
-
 def _request(
     model: LinearSystem, setting: dict[str, Any], items: Sequence[Item], design: Design
 ) -> Transfer:
     """Inputs, outputs and frequencies in terms of a model of the design."""
-    import numpy as np
-
-    from suspension_cli.grids import parse_grid
     from suspension_cli.linear import signals
     from suspension_cli.models.quantity_of_interest import Transfer
 
     bodies = (*signals.bodies_with_signals(model),)
-    inputs, outputs, frequency = setting["inputs"], setting["outputs"], None
+    inputs, outputs = setting["inputs"], setting["outputs"]
     if items:
         from suspension_cli.analyses.response import measured
 
         measured.check_signals(items, bodies)
         inputs, outputs = measured.signals(items, inputs, outputs)
-        if setting["frequency"] == FREQUENCY:
-            frequency = measured.default_grid(items)
-    if frequency is None:
-        frequency = np.array(parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0))
     wanted = Transfer(
         [signals.parse_input(text, bodies) for text in inputs or ("support.x",)],
         [signals.parse_output(text, bodies) for text in outputs or (f"{model.body[-1]}.x",)],
-        frequency,
+        _frequencies(setting, items),
     )
     if not setting["closed_loop"]:
         return wanted
     from suspension_cli.analyses.response import closed_loop
 
     return closed_loop.close(wanted, design, model)
+
+
+def _frequencies(setting: dict[str, Any], items: Sequence[Item]) -> Array:
+    """Frequencies of the option, or of the measurements."""
+    import numpy as np
+
+    from suspension_cli.grids import parse_grid
+
+    if items and setting["frequency"] == FREQUENCY:
+        from suspension_cli.analyses.response import measured
+
+        return measured.default_grid(items)
+    return np.array(parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0))
 
 
 ANALYSIS = ResponseAnalysis()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import TYPE_CHECKING, Any
 
 import h5py
@@ -51,9 +50,8 @@ def load(group: Any) -> Response:
     from suspension_cli.analyses.response.measured import ComparedResponse
 
     stored = group["measured"]
-    fields = {one.name: getattr(plain, one.name) for one in dataclasses.fields(plain)}
     found = tuple(_load_measured(stored[name]) for name in sorted(stored, key=int))
-    return ComparedResponse(**fields, measured=found)
+    return ComparedResponse(**vars(plain), measured=found)
 
 
 _LABELS = ("name", "input", "output", "unit", "file")
@@ -65,12 +63,9 @@ def _fill_measured(group: h5py.Group, one: Comparison) -> None:
     for label in _LABELS:
         group.attrs[label] = getattr(data, label)
     at = add_scale(group, "frequency", data.frequency, "Hz")
-    for name, values in (
-        ("value", data.value),
-        ("uncertainty", data.uncertainty),
-        ("model", one.predicted),
-    ):
-        add_dataset(group, name, values, data.unit, at)
+    add_dataset(group, "value", data.value, data.unit, at)
+    add_dataset(group, "uncertainty", data.uncertainty, data.unit, at)
+    add_dataset(group, "model", one.predicted, data.unit, at)
     add_dataset(group, "coherence", data.coherence, "1", at)
     fine = add_scale(group, "curve_frequency", one.curve_frequency, "Hz")
     add_dataset(group, "curve", one.curve, data.unit, fine)

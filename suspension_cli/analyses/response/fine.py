@@ -35,9 +35,8 @@ def refine(result: Result) -> Response:
     try:
         model = result.linear_system or result.choice.model.system(result.design)
         solve, modes = _solver(result, model)
-        frequency, value = add_points(
-            solve, data.frequency, data.value, modes, few=data.value[0].size <= MANY
-        )
+        few = data.value[0].size <= MANY
+        frequency, value = add_points(solve, data.frequency, data.value, modes, few=few)
     except InputError:
         return data
     return replace(data, frequency=frequency, value=value)

@@ -54,15 +54,7 @@ UNITS = {1e3: "mm", 1e6: "um", 1e9: "nm", 1e-3: "km"}
 class Item:
     """A measured transfer function with the tables that say how it was measured.
 
-    Attributes
-    ----------
-    tables : Measured
-        With sensors and actuators.
-    table : TransferFunction
-        One of `tables`.
-    data : MeasuredResponse
-    file : str
-        The file of measurements; "" for a bare file of data.
+    `table` is one of `tables`. `file` is that of the measurements; "" for a bare file of data.
     """
 
     tables: Measured
@@ -77,20 +69,15 @@ class Comparison:
 
     Attributes
     ----------
-    data : MeasuredResponse
-        f points.
     predicted : (f,) complex array
         By the model, with gains, delays and mixes of the transducers.
-    curve_frequency : (g,) array
-        Hz.
-    curve : (g,) complex array
-        The prediction on a finer grid.
+    curve_frequency, curve : (g,) arrays
+        The prediction on a finer grid, Hz.
     peak : (p,) array
         Frequencies of measured resonances, Hz.
-    pole : (p,) array
-        Frequency of the nearest mode of the model that contributes, Hz; NaN if there is none.
-    mode : tuple of str
-        Its label.
+    pole, mode : (p,) array, tuple of str
+        Frequency (Hz) of the nearest mode of the model that contributes, and its label; NaN and ""
+        if there is none.
     """
 
     data: MeasuredResponse
@@ -147,12 +134,7 @@ class Comparison:
 
 @dataclass(frozen=True)
 class ComparedResponse(Response):
-    """Responses with the measured transfer functions that they are compared with.
-
-    Attributes
-    ----------
-    measured : tuple of Comparison
-    """
+    """Responses with the measured transfer functions that they are compared with."""
 
     measured: tuple[Comparison, ...] = ()
 
@@ -164,7 +146,6 @@ def read_files(
 
     Parameters
     ----------
-    files : sequence of str
     inputs, outputs : sequences of str
         Signals that a bare file relates; one of each.
 
@@ -218,19 +199,15 @@ def signals(
 def check_signals(items: Sequence[Item], known: tuple[str, ...]) -> None:
     """Raise `InputError`, in the file of measurements, if a signal is none of the design."""
     for item in items:
-        for parse, names, side in zip(
-            (parse_input, parse_output), signals_of(item.tables), ("input", "output"), strict=True
-        ):
+        sides = (parse_input, "input signal"), (parse_output, "output signal")
+        for (parse, key), names in zip(sides, signals_of(item.tables), strict=True):
             for name in names:
                 try:
                     parse(name, known)
                 except InputError as error:
                     if not item.file:
                         raise
-                    moved = [
-                        Fault(f"{side} signal", one.problem, one.remedy, one.value)
-                        for one in error.faults
-                    ]
+                    moved = [replace(fault, key=key) for fault in error.faults]
                     raise InputError(moved, item.file) from None
 
 
@@ -250,14 +227,8 @@ def compare(
 ) -> tuple[Comparison, ...]:
     """Compare measured transfer functions with the responses of a model.
 
-    Parameters
-    ----------
-    model : LinearSystem
-    items : sequence of Item
-    found : Response
-        Of all signals, on a grid.
-    closed : tuple, optional
-        With the loops closed: what solves them, and the frequencies of the closed-loop poles, Hz.
+    `found` are the responses of all signals on a grid. `closed` is, with the loops closed, what
+    solves them and the frequencies of the closed-loop poles, Hz.
     """
     known = bodies_with_signals(model)
     plain = replace(model, terms=())  # with dampers, whose effect on poles losses do not have
@@ -280,7 +251,9 @@ def compare(
         columns = [found.input.index(name) for name in names[0]]
         curve = found.value[:, rows][:, :, columns]
         peaks = resonances(item.data)
-        nearest = [int(np.argmin(np.abs(np.log(pole / f)))) if len(pole) else -1 for f in peaks]
+        if not len(pole):
+            pole, label = np.array([np.nan]), [""]
+        nearest = [int(np.argmin(np.abs(np.log(pole / f)))) for f in peaks]
         result.append(
             Comparison(
                 item.data,
@@ -288,8 +261,8 @@ def compare(
                 found.frequency,
                 predict(item.tables, item.table, found.frequency, curve),
                 peaks,
-                np.array([pole[n] if n >= 0 else np.nan for n in nearest]),
-                tuple(label[n] if n >= 0 else "" for n in nearest),
+                pole[nearest],
+                tuple(label[n] for n in nearest),
             )
         )
     return tuple(result)
@@ -354,12 +327,11 @@ def _contributing(
     sense = channel_weights(find_transducer(item.table.output, item.tables.sensor), names[1], at)
     drive = channel_weights(find_transducer(item.table.input, item.tables.actuator), names[0], at)
     row = sense[0] @ np.array([linear_form(signal, model) for signal in out])
-    forces = [
-        form
-        if signal.acts
-        else -np.real((model.driven_by_ground if signal.is_ground else model).stiffness) @ form
-        for signal, form in ((signal, linear_form(signal, model)) for signal in into)
-    ]
+    forces = [linear_form(signal, model) for signal in into]
+    for n, signal in enumerate(into):
+        if not signal.acts:
+            moved = model.driven_by_ground if signal.is_ground else model
+            forces[n] = -np.real(moved.stiffness) @ forces[n]
     force = drive[0] @ np.array(forces)
     residue = np.abs(modes.shape @ row[6:]) * np.abs(modes.shape @ force[6:])
     oscillates = np.isfinite(modes.frequency) & (modes.frequency > 0)

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from suspension_cli.analyses.response.measured import Comparison
-from suspension_cli.analyses.response.picture import draw_magnitude, insert_gaps, label_magnitude
+from suspension_cli.analyses.response.picture import body_of, draw_magnitude, label_magnitude
 from suspension_cli.drawing import curves
 from suspension_cli.drawing.style import INK, house_style, shade, stage_colours
 
@@ -32,19 +32,9 @@ def draw(
 ) -> Figure:
     """Draw magnitudes (a panel per unit) and unwrapped phases, and below the ratio of magnitudes.
 
-    Curves have the colours of the stages of their outputs, in shades where several have the same.
-
-    Parameters
-    ----------
-    measured : sequence of Comparison
-    title : str
-        Names of the design and the model.
-    scale : {"db", "absolute"}
-        Magnitude axis: 20 log10 of the SI value, or the value itself on a log axis.
-    stages : sequence of str
-        Of the design, top to bottom.
-    outputs : sequence of str
-        Motions of stages that sensors observe.
+    Curves have the colours of the stages of their outputs, in shades where several have the
+    same; `outputs` are the motions of stages that sensors observe. `scale` is "db" (20 log10 of
+    the SI value) or "absolute" (on a log axis).
     """
     decibels, units = scale == "db", list(dict.fromkeys(one.data.unit for one in measured))
     many = len(measured) > 1
@@ -65,10 +55,9 @@ def draw(
         for axes, unit, part, key in zip(panels, units, own, keys, strict=False):
             for n in part:
                 one, (colour, how) = measured[n], looks[n]
-                at = one.curve_frequency
-                draw_magnitude(axes, at, one.curve, scale, colour, "_model")
+                draw_magnitude(axes, one.curve_frequency, one.curve, scale, colour, "_model")
                 phase = curves.unwrap_phase(one.curve)
-                phases.plot(at, phase, color=colour)
+                phases.plot(one.curve_frequency, phase, color=colour)
                 _draw_measured((axes, phases, ratios), one, phase, decibels, colour, how["marker"])
             axes.set_ylabel(label_magnitude(unit, decibels))
             _limit(axes, [np.abs(_nearby(measured[n])) for n in part], decibels)
@@ -98,8 +87,8 @@ def _looks(
 
     Sensors have the colour of the stage that they observe if all observe one.
     """
-    body = [_body(one.data.output) for one in measured]
-    seen = {_body(output) for output in outputs}
+    body = [body_of(one.data.output) for one in measured]
+    seen = {body_of(output) for output in outputs}
     if len(seen) == 1:
         body = [name if name in stages else min(seen) for name in body]
     colours = stage_colours([*stages, *body])
@@ -110,18 +99,13 @@ def _looks(
     ]
 
 
-def _body(signal: str) -> str:
-    return signal.partition("@")[0].rpartition(".")[0]
-
-
 def _mark_outside(axes: Axes, one: Comparison, decibels: bool, colour: str) -> None:
     """Mark points beyond the vertical axis by arrows at its edge."""
     with np.errstate(divide="ignore"):
         size = np.abs(one.ratio)
         size = 20 * np.log10(size) if decibels else size
-    for edge, beyond, mark in zip(
-        axes.get_ylim(), (size < axes.get_ylim()[0], size > axes.get_ylim()[1]), "v^", strict=True
-    ):
+    low, high = axes.get_ylim()
+    for edge, beyond, mark in ((low, size < low, "v"), (high, size > high, "^")):
         at = one.data.frequency[beyond & (one.data.frequency > 0)]
         axes.plot(at, np.full(len(at), edge), mark, color=colour, markersize=3, clip_on=False)
 
@@ -164,8 +148,7 @@ def _draw_measured(
             axes.vlines(at[known], low[known], high[known], color=BAR, linewidth=0.6, zorder=1.5)
             axes.plot(at, values, mark, color=colour, markersize=2.4, markeredgewidth=0)
         else:
-            drawn = insert_gaps(values) if axes is panels[1] else values
-            axes.plot(at, drawn, ".", color=colour, markersize=1.8, markeredgewidth=0, alpha=0.7)
+            axes.plot(at, values, ".", color=colour, markersize=1.8, markeredgewidth=0, alpha=0.7)
 
 
 def _phase_near(phase: Any, at: Any, frequency: Any, modelled: Any) -> Any:

@@ -42,17 +42,7 @@ def find_peaks(
 ) -> Peaks:
     """Find the largest magnitude of every response within the band of its grid.
 
-    Parameters
-    ----------
-    model : LinearSystem
-    answer : Response
-        On the grid.
-    inputs, outputs : list of Signal
-        Of the answer.
-    solve : callable, optional
-        Responses (f, o, i) at frequencies (f,) in Hz; without, those of the model.
-    resonances : (n,) array, optional
-        Hz; without, the modes of the model.
+    `solve` and `resonances` (Hz) replace the responses and the modes of the model.
     """
     if solve is None:
         solve = lambda at: response.solve(model, at, inputs, outputs).value  # noqa: E731
@@ -74,16 +64,12 @@ def find_peaks(
         where = np.where(better, at.ravel()[flat.argmax(0)], where)
         best = np.maximum(best, reached)
         peak = (value / scale).max((2, 3)).argmax(1)
-        rows, last = np.arange(len(low)), POINTS - 1
-        done = high - low <= NARROWEST * high
-        infinite = (
-            done[:, None, None] & (value.max(1) > STEEP * value.min(1)) & (value.max(1) >= best)
-        )
+        done, top = high - low <= NARROWEST * high, value.max(1)
+        infinite = done[:, None, None] & (top > STEEP * value.min(1)) & (top >= best)
         best = np.where(infinite.any(0), np.inf, best)
-        low, high = (
-            at[rows, np.maximum(peak - 1, 0)][~done],
-            at[rows, np.minimum(peak + 1, last)][~done],
-        )
+        rows = np.flatnonzero(~done)
+        low = at[rows, np.maximum(peak[rows] - 1, 0)]
+        high = at[rows, np.minimum(peak[rows] + 1, POINTS - 1)]
     return Peaks(where, best)
 
 

@@ -19,8 +19,6 @@ ENDLESS = 3e6
 """Ratio of the highest point of a peak to the response around it, from which it is infinite."""
 NEAR = 3e-4
 """Relative distance from an infinite peak beyond which points set the limits of the axis."""
-DASHES = ("-", (0, (5, 1.6)), (0, (1.2, 1.4)), (0, (6, 1.5, 1.2, 1.5)))
-"""Line styles of responses of one colour."""
 MOST = 12
 """Largest number of curves with labels of peaks and slopes."""
 
@@ -28,18 +26,8 @@ MOST = 12
 def draw(response: Response, title: str, scale: str = "db", stages: Sequence[str] = ()) -> Figure:
     """Draw magnitudes, a panel per unit, and unwrapped phases against frequency.
 
-    Curves have the colours of the stages of their outputs.
-
-    Parameters
-    ----------
-    response : Response
-        With the frequencies at which resonances are resolved, if those are to be seen.
-    title : str
-        Names of the design and the model, below the name of the quantity.
-    scale : {"db", "absolute"}
-        Magnitude axis: 20 log10 of the SI value, or the value itself on a log axis.
-    stages : sequence of str
-        Of the design, top to bottom.
+    Curves have the colours of the stages of their outputs. `scale` is "db" (20 log10 of the SI
+    value) or "absolute" (on a log axis).
     """
     pairs = [(o, i) for o in range(len(response.output)) for i in range(len(response.input))]
     units = list(dict.fromkeys(response.unit[o][i] for o, i in pairs))
@@ -96,15 +84,19 @@ def _looks(
     response: Response, pairs: Sequence[tuple[int, int]], stages: Sequence[str]
 ) -> dict[tuple[int, int], tuple[str, Any]]:
     """Colour of each pair's output stage, and dashes that tell pairs of one colour apart."""
-    body = [output.partition("@")[0].rpartition(".")[0] for output in response.output]
+    body = [body_of(output) for output in response.output]
     colours = stage_colours([*stages, *body])
-    used: dict[str, int] = {}
     looks: dict[tuple[int, int], tuple[str, Any]] = {}
     for o, i in pairs:
         colour = colours[body[o]]
-        number = used[colour] = used.get(colour, -1) + 1
-        looks[o, i] = colour, DASHES[number % len(DASHES)]
+        before = sum(one == colour for one, _ in looks.values())
+        looks[o, i] = colour, curves.DASHES[before % len(curves.DASHES)]
     return looks
+
+
+def body_of(signal: str) -> str:
+    """Name the body of a signal: ``test.x@0,0,0.001`` is one of ``test``."""
+    return signal.partition("@")[0].rpartition(".")[0]
 
 
 def _draw_magnitudes(
@@ -116,11 +108,9 @@ def _draw_magnitudes(
 ) -> None:
     frequency, lines, peaks, levels = response.frequency, [], [], []
     for o, i in pairs:
-        colour, dashes = looks[o, i]
-        size = np.abs(response.value[:, o, i])
-        drawn = draw_magnitude(
-            axes, frequency, response.value[:, o, i], scale, colour, _name(response, o, i), dashes
-        )
+        (colour, dashes), value = looks[o, i], response.value[:, o, i]
+        name, size = _name(response, o, i), np.abs(value)
+        drawn = draw_magnitude(axes, frequency, value, scale, colour, name, dashes)
         lines.append((size, drawn, colour))
         tops, around = find_tops(frequency, size)
         peaks += [(frequency[top], drawn[top], remark) for top, remark in tops]
@@ -140,11 +130,7 @@ def _draw_magnitudes(
 def find_tops(frequency: Any, size: Any) -> tuple[list[tuple[int, str]], Any]:
     """Find the peaks of a magnitude, and which points are not beside an infinite one.
 
-    Returns
-    -------
-    tops : list of tuple
-        Index and remark (" ∞" of an infinite one) of each peak.
-    around : (f,) array of bool
+    Each peak has its index and a remark: " ∞" if it is infinite.
     """
     tops, around = [], np.ones(len(size), dtype=bool)
     for top in curves.find_peaks(size).tolist():
@@ -193,13 +179,6 @@ def draw_magnitude(
     mark = "o" if len(frequency) == 1 else ""
     axes.plot(frequency, drawn, color=colour, label=label, linestyle=dashes, marker=mark)
     return drawn
-
-
-def insert_gaps(phase: np.ndarray) -> np.ndarray:
-    """Insert a gap where the phase (degrees) wraps, so that no vertical line is drawn there."""
-    result = phase.astype(float).copy()
-    result[1:][np.abs(np.diff(phase)) > 270] = np.nan
-    return result
 
 
 def label_magnitude(unit: str, decibels: bool) -> str:

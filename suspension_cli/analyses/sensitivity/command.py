@@ -22,9 +22,8 @@ class SensitivityAnalysis(Analysis):
     """Compute the effect of every number of a design on modes, responses and couplings.
 
     Lengths are changed by 1 mm, angles by 1 mrad, all else by 1 %. The effects are first
-    derivatives, and include the change of the equilibrium. The estimated error of the model is that
-    of the modes and responses; single derivatives may be wrong by many times more. Writes
-    DIR/NAME-sensitivity.h5 and .png.
+    derivatives, and include the change of the equilibrium. The model is chosen by their error,
+    relative to the largest effect on each result. Writes DIR/NAME-sensitivity.h5 and .png.
 
     Example: pendsus sensitivity my.toml --result "test longitudinal"
     """
@@ -41,6 +40,7 @@ class SensitivityAnalysis(Analysis):
     def solve(self, run: Run) -> Result:
         """Differentiate every result with respect to every number."""
         from suspension_cli.analyses import model_choice
+        from suspension_cli.analyses.sensitivity import model_error
         from suspension_cli.analyses.sensitivity import solve as sensitivity
         from suspension_cli.linear import eigenmodes, named_results, signals
         from suspension_cli.models import registry
@@ -48,9 +48,10 @@ class SensitivityAnalysis(Analysis):
         setting, source = run.setting, run.source
         decision = model_choice.with_derivatives(
             setting["fidelity"],
-            source,
-            model_choice.named_results(setting["result"]),
+            source.design,
+            model_error.request(source.text, setting["result"]),
             setting["tolerance"],
+            registry.SCENE_MODELS,
         )
         choice = decision.choice
         model = model_choice.stable_system(
@@ -62,7 +63,7 @@ class SensitivityAnalysis(Analysis):
             signals.bodies_with_signals(model),
         )
         found = sensitivity.solve(source.text, requested, choice.level)
-        model_choice.warn_of_neglected(source, decision, run.log, (registry.BEAM,))
+        model_choice.warn_of_neglected(source, decision, run.log, registry.SCENE_MODELS)
         fixed = [name for name, free in zip(found.parameter, found.free, strict=True) if not free]
         if fixed:
             run.log.say(

@@ -18,30 +18,11 @@ def fill(group: h5py.Group, found: Sensitivity) -> None:
     add_dataset(group, "free", found.free, "1", parameter)
     add_dataset(group, "result_unit", list(found.unit), "name", result)
     add_dataset(group, "nominal", found.nominal, "SI, see result_unit; Hz for modes", result)
-    add_dataset(
-        group,
-        "derivative",
-        found.derivative,
-        "unit of the result over SI unit of the parameter",
-        parameter,
-        result,
-    )
-    add_dataset(
-        group,
-        "one_percent",
-        found.one_percent,
-        "%; unit of the result where nominal is 0",
-        parameter,
-        result,
-    )
-    add_dataset(
-        group,
-        "per_step",
-        found.per_step,
-        "%; unit of the result where nominal is 0",
-        parameter,
-        result,
-    )
+    per_parameter = "unit of the result over SI unit of the parameter"
+    add_dataset(group, "derivative", found.derivative, per_parameter, parameter, result)
+    for name in ("one_percent", "per_step"):
+        unit = "%; unit of the result where nominal is 0"
+        add_dataset(group, name, getattr(found, name), unit, parameter, result)
 
 
 def load(group: Stored) -> Sensitivity:

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspension_cli.analyses.optimise.mode_families import has_wire_mass, solve_modes
 from suspension_cli.design import reader
-from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.eigenmodes import DEGENERATE, Modes
 from suspension_cli.linear.mode_pairing import pair_by_shape
 from suspension_cli.linear.named_results import Mode, Ratio, Scalar
@@ -25,12 +25,16 @@ from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import differences, parameters
 from suspension_cli.studies.derivatives import Linear
+from suspension_cli.studies.differences import DispersiveLinear
 from suspension_cli.studies.natural_steps import natural_step
 from suspension_cli.studies.parameters import Parameter
 from suspension_cli.studies.response_derivatives import Slope
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
+
+TOGETHER = 16
+"""Numbers whose changes of the matrices are in memory at once."""
 
 
 @dataclass(frozen=True)
@@ -124,36 +128,35 @@ def solve(text: str, results: tuple[Scalar, ...], level: str = registry.STRING.n
     """
     design, numbers = reader.parse(text), parameters.every(text, level)
     model = registry.by_name(level).system(design)
-    found = eigenmodes.solve(model.constant)
-    at = [item.frequency for item in results if isinstance(item, Ratio)]
-    base, changes = differences.changes(
-        design, numbers, level, [2 * np.pi * frequency for frequency in at]
-    )
-    quantities: list[Mode | tuple[Slope, int]] = []
-    for item in results:
-        place = sum(not isinstance(quantity, Mode) for quantity in quantities)
-        quantities.append(
-            (Slope.of(replace(base, linear=differences.at(base.linear, place)), model, item), place)
-            if isinstance(item, Ratio)
-            else item
-        )
+    found = solve_modes(model)
+    ratios = [item for item in results if isinstance(item, Ratio)]
+    omega = [2 * np.pi * item.frequency for item in ratios]
+    if has_wire_mass(model):
+        omega += np.sqrt(np.maximum(found.omega_squared, 0.0)).tolist()
+    slopes: list[Slope] = []
     kept: list[tuple[Parameter, bool, Array]] = []
-    for item in numbers:
-        change = changes[item.name]
-        if change is None:
-            kept.append((item, False, np.full(len(results), np.nan)))
-        elif change.matters:
-            rates = differentiate_frequencies(found, change)
-            row = [
-                rates[quantity.number]
-                if isinstance(quantity, Mode)
-                else quantity[0].of_size(differences.at(change, quantity[1]))
-                for quantity in quantities
+    for start in range(0, len(numbers), TOGETHER):
+        some = numbers[start : start + TOGETHER]
+        base, changes = differences.changes(design, some, level, omega)
+        if not start:
+            slopes = [
+                Slope.of(replace(base, linear=differences.at(base.linear, n)), model, item)
+                for n, item in enumerate(ratios)
             ]
-            kept.append((item, True, np.array(row)))
+        for item in some:
+            change = changes[item.name]
+            if change is None:
+                kept.append((item, False, np.full(len(results), np.nan)))
+            elif change.matters:
+                rates = differentiate_frequencies(found, change, len(ratios))
+                sizes = (slope.of_size(differences.at(change, n)) for n, slope in enumerate(slopes))
+                row = [
+                    rates[one.number] if isinstance(one, Mode) else next(sizes) for one in results
+                ]
+                kept.append((item, True, np.array(row)))
+    sizes = (slope.size for slope in slopes)
     nominal = [
-        found.frequency[quantity.number] if isinstance(quantity, Mode) else quantity[0].size
-        for quantity in quantities
+        found.frequency[one.number] if isinstance(one, Mode) else next(sizes) for one in results
     ]
     return Sensitivity(
         parameter=tuple(item.name for item, _, _ in kept),
@@ -166,38 +169,41 @@ def solve(text: str, results: tuple[Scalar, ...], level: str = registry.STRING.n
     )
 
 
-def differentiate_omega_squared(found: Modes, change: Linear) -> Float[np.ndarray, " mode"]:
-    """Differentiate omega^2 of every mode, (m,), (rad/s)^2 per unit of the parameter.
+def differentiate_frequencies(
+    found: Modes, change: Linear, first: int = 0
+) -> Float[np.ndarray, " mode"]:
+    """Differentiate the frequency of every mode, (m,), Hz per unit of the parameter.
+
+    NaN for rigid and unstable modes.
 
     Parameters
     ----------
     found : Modes
+        Of unit modal mass, that of the wires included.
     change : Linear
         Derivative of the matrices with respect to the parameter.
+    first : int
+        Number, among the frequencies of a `DispersiveLinear`, of that of the first mode; those of
+        the others follow.
     """
-    squared, shape = found.omega_squared, found.shape
-    stiffness, mass = change.stiffness[6:, 6:], change.mass[6:, 6:]
-    result = ((shape @ stiffness - squared[:, None] * (shape @ mass)) * shape).sum(1)
+    squared, mass = found.omega_squared, change.mass[6:, 6:]
+
+    def stiffness(number: int) -> Array:
+        """Change of the stiffness at a mode."""
+        own = isinstance(change, DispersiveLinear) and len(change.dispersive) > first
+        return (differences.at(change, first + number) if own else change).stiffness[6:, 6:]
+
+    rates = np.empty(len(squared))
     for group in _degenerate(squared):
-        own = shape[group]
-        matrix = own @ stiffness @ own.T - squared[group].mean() * (own @ mass @ own.T)
+        own, common = found.shape[group], squared[group].mean()
+        matrix = own @ (stiffness(int(group[0])) - common * mass) @ own.T
         values, vectors = np.linalg.eigh((matrix + matrix.T) / 2)
-        result[group] = values[pair_by_shape(np.eye(len(group)), vectors.T)[0]]
-    return result
+        rates[group] = values[pair_by_shape(np.eye(len(group)), vectors.T)[0]]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(squared > 0, rates / (8 * np.pi**2 * found.frequency), np.nan)
 
 
 def _degenerate(squared: Float[np.ndarray, " mode"]) -> list[Int[np.ndarray, " group"]]:
-    """Indices of the modes of each group with a common omega^2."""
+    """Indices of the modes of each common omega^2."""
     close = np.diff(squared) <= DEGENERATE * np.abs(squared[1:])
-    parts = np.split(np.arange(len(squared)), np.flatnonzero(~close) + 1)
-    return [part for part in parts if len(part) > 1]
-
-
-def differentiate_frequencies(found: Modes, change: Linear) -> Float[np.ndarray, " mode"]:
-    """Differentiate the frequency of every mode, (m,), Hz per unit of the parameter.
-
-    See `differentiate_omega_squared`; NaN for rigid and unstable modes.
-    """
-    squared = differentiate_omega_squared(found, change)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(found.omega_squared > 0, squared / (8 * np.pi**2 * found.frequency), np.nan)
+    return np.split(np.arange(len(squared)), np.flatnonzero(~close) + 1)

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, plain
 from suspension_cli.analyses.options import option
+from suspension_cli.errors import Fault, InputError, format_value
 
 if TYPE_CHECKING:
-    import h5py
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.sweep.file import SweepResult
@@ -55,7 +55,6 @@ class SweepAnalysis(Analysis):
         from suspension_cli.analyses.sweep import file as stored
         from suspension_cli.analyses.sweep import model_error
         from suspension_cli.analyses.sweep.solve import ParameterSweep
-        from suspension_cli.errors import Fault, InputError, format_value
         from suspension_cli.linear import eigenmodes, named_results, signals
         from suspension_cli.models import registry
 
@@ -96,7 +95,7 @@ class SweepAnalysis(Analysis):
         model = choice.model.system(source.design)
         run.log.detail(f"{run.name}: {choice.line}")
         warnings.warn_implausible(run.design, run.log)
-        path = sweeping.fill(
+        result = sweeping.fill(
             run,
             self,
             job,
@@ -104,7 +103,7 @@ class SweepAnalysis(Analysis):
             lambda group: stored.fill(group, job, model),
             lambda part: stored.complete(part, job),
         )
-        found = stored.load(path)
+        found: SweepResult = result.data
         for reason, count in found.failures.items():
             run.log.warn(f"{count} of {job.count} points: {reason}")
         if found.overlap < ALIKE:
@@ -112,7 +111,7 @@ class SweepAnalysis(Analysis):
                 "a mode changes its shape from one point to the next (overlap"
                 f" {found.overlap:.2f}), so which is which is a guess there; take a finer grid"
             )
-        return Result(self, source, choice, found, file=path, command=run.command)
+        return result
 
     def document(self, result: Result) -> Document:
         """Return axes and results, first axis first; null for an unstable mode or failed point."""
@@ -151,12 +150,6 @@ class SweepAnalysis(Analysis):
         columns |= {"unit": "", "result": "", "where it is largest": ""}
         return "\n".join([result.choice.line, "", tables.render(columns, rows)])
 
-    def load(self, file: h5py.File) -> SweepResult:
-        """Read the group `sweep`."""
-        from suspension_cli.analyses.sweep import file as stored
-
-        return stored.read(file["sweep"])
-
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw lines over one parameter, maps over two."""
         from suspension_cli.analyses.sweep import crossing_shapes, crossings, picture
@@ -177,7 +170,6 @@ class SweepAnalysis(Analysis):
 
 def axes(vary: list[str]) -> tuple[Axis, ...]:
     """Parse the axes of `--vary`."""
-    from suspension_cli.errors import Fault, InputError, format_value
     from suspension_cli.grids import parse_grid
     from suspension_cli.studies.axes import Axis
 

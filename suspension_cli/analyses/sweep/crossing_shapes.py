@@ -41,10 +41,9 @@ class Shapes:
 
     Attributes
     ----------
-    crossing : Crossing
-    modes : tuple of Modes
+    modes
         At each point, ascending.
-    rest : tuple of Sketch
+    rest
         The suspension of each point at rest.
     """
 
@@ -56,19 +55,7 @@ class Shapes:
 def solve_shapes(
     source: reader.Source, path: str, level: str, crossings: Sequence[Crossing]
 ) -> list[Shapes]:
-    """Solve for the modes before, at and after the crossings where modes mix, `MOST` at most.
-
-    Parameters
-    ----------
-    source : Source
-        The nominal design.
-    path : str
-        Of the parameter.
-    level : str
-        Name of the model.
-    crossings : sequence of Crossing
-        Most mixed first.
-    """
+    """Solve for the modes before, at and after the crossings where modes mix, `MOST` at most."""
     found = []
     for one in [one for one in crossings if one.is_avoided and one.around][:MOST]:
         designs = [reader.replaced(source, {path: point.at}).design for point in one.around]
@@ -86,13 +73,12 @@ class Strip:
 
     Parameters
     ----------
-    shapes : Shapes
-    width : float
+    width
         Of the row, in.
 
     Attributes
     ----------
-    height : float
+    height
         With captions, in.
     """
 
@@ -114,19 +100,7 @@ class Strip:
         colours: Sequence[str],
         values: Sequence[str],
     ) -> None:
-        """Draw the row from its upper left corner, in inches, on a canvas.
-
-        Parameters
-        ----------
-        canvas : Canvas
-            In inches.
-        left, top : float
-            Upper left corner.
-        colours : sequence of str
-            Of the two modes.
-        values : sequence of str
-            The parameter at each point.
-        """
+        """Draw the row from its upper left corner, in inches, on a canvas."""
         for n, (row, name) in enumerate(zip(self._panels, self.shapes.crossing.modes, strict=True)):
             start = left + n * (len(row) * self._width + GAP)
             for k, panel in enumerate(row):

@@ -25,9 +25,9 @@ class Point:
 
     Attributes
     ----------
-    at : float
+    at
         Value of the parameter, SI.
-    rank : tuple of int
+    rank
         Numbers of the two modes among all, ascending, from 0.
     """
 
@@ -41,15 +41,15 @@ class Crossing:
 
     Attributes
     ----------
-    at : float
+    at
         Value of the parameter, SI.
-    frequency : float
+    frequency
         Mean of the two, Hz.
-    modes : tuple of str
+    modes
         Labels of the two.
-    mixing : tuple of float
+    mixing
         Fraction of the other mode's motion, as far from there, in each one's motion at that point.
-    around : tuple of Point
+    around
         Points of the grid before, at and after it.
     """
 
@@ -74,15 +74,7 @@ class Crossing:
 
 
 def find_crossings(group: Stored, swept: SweepResult) -> list[Crossing]:
-    """Find where modes among the results of a sweep over one parameter meet, most mixed first.
-
-    Parameters
-    ----------
-    group : h5py.Group
-        Group `sweep` of a results file, with the shapes.
-    swept : SweepResult
-        What was read from it.
-    """
+    """Find where modes among the results of a sweep over one parameter meet, most mixed first."""
     if "shape" not in group or len(swept.axes) != 1 or len(swept.axes[0].values) < 3:
         return []
     labels = [str(name) for name in group["mode"].asstr()[:]]

@@ -16,7 +16,7 @@ from suspension_cli.analyses.sweep.solve import (
     evaluate_results,
     has_modes,
 )
-from suspension_cli.files.hdf5 import Stored, add_dataset, add_scale, open_results
+from suspension_cli.files.hdf5 import Stored, add_dataset, add_scale
 from suspension_cli.linear import signals
 from suspension_cli.linear.named_results import Mode, Ratio, Scalar, labels
 from suspension_cli.linear.response import solve
@@ -37,23 +37,23 @@ class SweepResult:
 
     Attributes
     ----------
-    axes : tuple of Axis
+    axes
         Parameters, named by dotted paths, with their values in SI.
-    drawn : tuple of float
+    drawn
         Nominal value of each parameter; NaN where the design does not give it.
-    start : tuple of int
+    start
         Grid point nearest to the nominal design.
-    result, unit : tuple of str
+    result, unit
         Names and units of the results; ``Hz`` for modes.
-    degree : tuple of str
+    degree
         Dominant motion of each mode in the nominal design, ``test.pitch``; empty for responses.
-    nominal : array
+    nominal
         Results of the nominal design.
-    value : array
+    value
         Results; NaN where there is none.
-    status : array
+    status
         See `solve.STATUS`.
-    overlap : float
+    overlap
         Smallest overlap of shapes by which a mode among the results was followed from one point
         to the next; 1 without modes.
     """
@@ -178,13 +178,7 @@ def complete(part: Path, job: ParameterSweep) -> None:
         )
 
 
-def load(path: Path | str) -> SweepResult:
-    """Read a finished sweep from its file."""
-    with open_results(path) as file:
-        return read(file["sweep"])
-
-
-def read(group: Stored) -> SweepResult:
+def load(group: Stored) -> SweepResult:
     """Read a finished sweep from the group `sweep`."""
     names = [str(name) for name in group.attrs["axis_order"]]
     result = tuple(group["result"].asstr()[:])

@@ -22,6 +22,7 @@ from suspension_cli.models.quantity_of_interest import Several
 from suspension_cli.models.registry import Choice
 from suspension_cli.studies import builds
 from suspension_cli.studies.axes import ends_and_middle
+from suspension_cli.studies.relative_change import largest_relative_change
 from suspension_cli.studies.variants import overridden
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def result_change(job: ParameterSweep) -> Callable[[Model, Model], tuple[float, 
 
     Parameters
     ----------
-    job : ParameterSweep
+    job
         In the simplest model.
     """
     sample = replace(job, axes=ends_and_middle(job.axes))
@@ -81,7 +82,9 @@ def result_change(job: ParameterSweep) -> Callable[[Model, Model], tuple[float, 
             if (valid(old.status) != valid(new.status)).any():
                 return float("inf"), ONE_MODEL_ONLY
             for n, item in enumerate(job.ratios):
-                changes.append(_relative(old.response[:, n], new.response[:, n], item.text))
+                most = largest_relative_change(old.response[:, n], new.response[:, n])
+                missed = " is zero without it" if np.isinf(most) else ""
+                changes.append((most, f"{item.text}{missed}"))
             if modes and not refined.has_wire_mass:
                 changes += _shifts(job.nominal_shape[:, :count], modes, old, new)
         if modes and refined.has_wire_mass:
@@ -89,16 +92,6 @@ def result_change(job: ParameterSweep) -> Callable[[Model, Model], tuple[float, 
         return max(changes, key=lambda one: one[0], default=(0.0, "the results"))
 
     return change
-
-
-def _relative(
-    old: Float[np.ndarray, " point"], new: Float[np.ndarray, " point"], name: str
-) -> tuple[float, str]:
-    """Find the largest relative change of magnitudes; NaN counts as no change."""
-    with np.errstate(all="ignore"):
-        changes = np.abs(old - new) / new
-    most = float(np.where(np.isnan(changes), 0.0, changes).max(initial=0.0))
-    return most, f"{name} is zero without it" if np.isinf(most) else name
 
 
 def _shifts(

@@ -15,15 +15,12 @@ from matplotlib.figure import Figure
 from suspension_cli.analyses.sweep.crossing_shapes import Shapes, Strip
 from suspension_cli.analyses.sweep.crossings import Crossing
 from suspension_cli.analyses.sweep.file import SweepResult
-from suspension_cli.analyses.sweep.solve import STATUS
 from suspension_cli.conventions import DOFS
-from suspension_cli.design.path_units import displayed_unit
 from suspension_cli.drawing import curves
 from suspension_cli.drawing.canvas import full_canvas
 from suspension_cli.drawing.style import (
     INK,
     NOTE,
-    PALE,
     RAISED,
     house_style,
     new_figure,
@@ -58,10 +55,14 @@ PARTS = np.array([0.5, 0.3, 0.7, 0.15, 0.85])
 """Places along a contour where its label may stand."""
 CLEAR = 0.25
 """Smallest distance of the label of a contour from a mark, in."""
-SHADES = {1: "#f3d9c9", 2: "#e3e3e3", 3: "#f6d5dc", 4: "#e3e3e3", 5: "#e3e3e3"}
-"""Shade of points without results, by status."""
-SHORT = {1: "slack", 2: "no equilibrium", 3: "unstable", 4: "impossible", 5: "other coordinates"}
-"""Name of each shade."""
+FAILED = {
+    1: ("#f3d9c9", "slack"),
+    2: ("#e3e3e3", "no equilibrium"),
+    3: ("#f6d5dc", "unstable"),
+    4: ("#e3e3e3", "impossible"),
+    5: ("#e3e3e3", "other coordinates"),
+}
+"""Shade and name of points without results, by status."""
 
 
 def draw(
@@ -75,15 +76,15 @@ def draw(
 
     Parameters
     ----------
-    swept : SweepResult
+    swept
         Parameters after the second are kept at the grid point nearest to the nominal design.
-    title : str
+    title
         Names of the design and the model.
-    stages : sequence of str
+    stages
         Of the design, top to bottom.
-    crossings : sequence of Crossing
+    crossings
         To be marked on lines.
-    shapes : sequence of Shapes
+    shapes
         Of crossings, to be drawn below the lines.
     """
     with house_style():
@@ -109,18 +110,13 @@ def _is_wide(values: Any) -> bool:
     return bool(positive.size and positive.max() > LOG_RATIO * positive.min())
 
 
-def _unit(axis: Axis) -> tuple[str, float]:
-    """Unit in which a parameter is read, and the factor to it."""
-    return displayed_unit(axis.name, float(np.max(np.abs(axis.values))))
-
-
 def _with_unit(axis: Axis, value: float, digits: int = 4) -> str:
-    unit, factor = _unit(axis)
+    unit, factor = axis.displayed_unit
     return f"{value * factor:.{digits}g} {unit}".rstrip().replace("-", "−")
 
 
 def _parameter_label(axis: Axis, most: int) -> str:
-    unit = _unit(axis)[0]
+    unit = axis.displayed_unit[0]
     return single_line(axis.name, most) + (f" ({unit})" if unit else "")
 
 
@@ -185,7 +181,7 @@ def _draw_lines(
     rooms = [curves.key_room([name for name, *_ in key]) + 0.12 for key in keys]
     rooms[0] += 0.1
     figure, panels = curves.stack_panels([height] * len(units), rooms, right=right, bottom=foot)
-    x = np.array(first.values) * _unit(first)[1]
+    x = np.array(first.values) * first.displayed_unit[1]
     remarks = []
     for axes, unit, key in zip(panels, units, keys, strict=True):
         chosen = [n for n, own in enumerate(labels) if own == unit]
@@ -198,7 +194,9 @@ def _draw_lines(
     curves.label_ends(panels[units.index("frequency (Hz)")] if ends else panels[0], ends, most=30)
     figure.align_ylabels(panels)
     _mark_failures(panels, swept, x)
-    _mark_nominal(panels, swept)
+    if min(first.values) <= swept.drawn[0] <= max(first.values):
+        text = f"as designed: {_with_unit(first, swept.drawn[0])}"
+        curves.mark_design(panels, swept.drawn[0] * first.displayed_unit[1], text)
     if marked:
         _mark_crossings(panels[units.index("frequency (Hz)")], marked, first)
     panels[-1].set_xlabel(_parameter_label(first, 60))
@@ -262,12 +260,12 @@ def _panel(
         curves.label_plainly(axes.xaxis)
     moving = [n for n in chosen if n in looks]
     still = [n for n in chosen if n not in looks]
-    positive = value[:, moving or chosen]
     logarithmic = _is_wide(value[:, chosen]) and not (value[:, chosen] == 0).all(0).any()
     beyond = []
     if logarithmic:
         axes.set_yscale("log", nonpositive="mask")  # lines end where they reach 0
-        good = positive[np.isfinite(positive) & (positive > 0)]
+        good = value[:, moving or chosen]
+        good = good[np.isfinite(good) & (good > 0)]
         low, high = good.min() / BEYOND, good.max() * BEYOND
         if not still:
             low, high = low * BEYOND / 1.1, high / BEYOND * 1.1
@@ -315,13 +313,11 @@ def _mark_failures(panels: Sequence[Axes], swept: SweepResult, x: Any) -> None:
     for n in range(1, len(status) + 1):
         if n < len(status) and status[n] == status[start]:
             continue
-        code = int(status[start])
-        if code:
+        if code := int(status[start]):
             low, high = sorted((edges[start], edges[n]))
+            shade, text = FAILED[code]
             for axes in panels:
-                axes.axvspan(low, high, color=SHADES.get(code, PALE), linewidth=0, zorder=0.5)
-            shade = SHADES.get(code, PALE)
-            text = SHORT.get(code, STATUS[code])
+                axes.axvspan(low, high, color=shade, linewidth=0, zorder=0.5)
             axes, middle = panels[0], (low + high) / 2
             ends = axes.transData.transform([(low, 1), (high, 1)])[:, 0] / axes.figure.dpi
             axes.annotate(
@@ -338,32 +334,10 @@ def _mark_failures(panels: Sequence[Axes], swept: SweepResult, x: Any) -> None:
         start = n
 
 
-def _mark_nominal(panels: Sequence[Axes], swept: SweepResult) -> None:
-    """Mark the design's own value of the parameter."""
-    factor = _unit(swept.axes[0])[1]
-    at = swept.drawn[0]
-    if not min(swept.axes[0].values) <= at <= max(swept.axes[0].values):
-        return
-    for axes in panels:
-        axes.axvline(at * factor, color=INK, linewidth=0.7, linestyle=(0, (4, 2)), zorder=1.6)
-    panels[0].annotate(
-        f"as designed: {_with_unit(swept.axes[0], at)}",
-        (at * factor, 1),
-        (0, 2),
-        xycoords=("data", "axes fraction"),
-        textcoords="offset points",
-        va="bottom",
-        ha="center",
-        color=INK,
-        fontsize=7.5,
-        annotation_clip=False,
-    )
-
-
 def _mark_crossings(axes: Axes, crossings: Sequence[Crossing], first: Axis) -> None:
     """Mark where modes meet, with letters apart from each other that the remarks explain."""
     axes.autoscale_view()
-    points = [(one.at * _unit(first)[1], one.frequency) for one in crossings]
+    points = [(one.at * first.displayed_unit[1], one.frequency) for one in crossings]
     marks = axes.transData.transform(points) * 72 / axes.figure.dpi
     taken: list[Any] = []
     for n, (one, point) in enumerate(zip(crossings, points, strict=True)):
@@ -384,21 +358,12 @@ def _mark_crossings(axes: Axes, crossings: Sequence[Crossing], first: Axis) -> N
             fontsize=7.5,
             color="white" if one.is_avoided else INK,
             bbox={"boxstyle": "circle,pad=0.15", "facecolor": face, "edgecolor": INK, "lw": 0.5},
-            arrowprops={
-                "arrowstyle": "-",
-                "color": INK,
-                "linewidth": 0.5,
-                "shrinkA": 0,
-                "shrinkB": 2.5,
-            },
+            arrowprops={"arrowstyle": "-", "lw": 0.5, "shrinkA": 0, "shrinkB": 2.5},
         )
 
 
 def _draw_maps(swept: SweepResult, value: Any, title: str) -> Figure:
-    order = np.argsort(-swept.change, kind="stable")[:MAX_MAPS]
-    shown = (
-        sorted(order.tolist()) if len(swept.result) > MAX_MAPS else list(range(len(swept.result)))
-    )
+    shown = sorted(np.argsort(-swept.change, kind="stable")[:MAX_MAPS].tolist())
     columns = min(2, len(shown))
     rows = -(-len(shown) // columns)
     figure = new_figure(0.4 + 3.1 * columns, 0.55 + 2.6 * rows)
@@ -414,7 +379,7 @@ def _draw_maps(swept: SweepResult, value: Any, title: str) -> Figure:
 
 def _draw_map(axes: Axes, swept: SweepResult, value: Any, n: int) -> None:
     first, second = swept.axes[:2]
-    x, y = (np.array(axis.values) * _unit(axis)[1] for axis in (first, second))
+    x, y = (np.array(axis.values) * axis.displayed_unit[1] for axis in (first, second))
     finite = np.ma.masked_invalid(value.T)
     low, high = (float(finite.min()), float(finite.max())) if finite.count() else (0.0, 1.0)
     wide = _is_wide(value) and low > 0
@@ -436,11 +401,9 @@ def _draw_map(axes: Axes, swept: SweepResult, value: Any, n: int) -> None:
         if _is_geometric(own.values):
             (axes.set_xscale if axis is axes.xaxis else axes.set_yscale)("log")
             curves.label_plainly(axis)
-    if all(
-        min(axis.values) <= at <= max(axis.values)
-        for axis, at in zip(swept.axes[:2], swept.drawn[:2], strict=True)
-    ):
-        here = [at * _unit(axis)[1] for axis, at in zip(swept.axes[:2], swept.drawn, strict=False)]
+    drawn = [*zip((first, second), swept.drawn[:2], strict=True)]
+    if all(min(axis.values) <= at <= max(axis.values) for axis, at in drawn):
+        here = [at * axis.displayed_unit[1] for axis, at in drawn]
         marks.append(here)
         axes.plot(*here, "+", color="white", markersize=9, markeredgewidth=2.4)
         axes.plot(*here, "+", color=INK, markersize=8, markeredgewidth=1.0, label="as designed")

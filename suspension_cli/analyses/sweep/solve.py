@@ -33,15 +33,15 @@ class ParameterSweep(Product):
 
     Attributes
     ----------
-    text : str
+    text
         The design as TOML.
-    axes : tuple of Axis
+    axes
         Parameters, named by dotted paths, with their values in SI.
-    level : str
+    level
         Name of the model.
-    results : tuple of Scalar
+    results
         Quantities computed at every point.
-    allow_unstable : bool
+    allow_unstable
         Whether responses about an unstable equilibrium count as valid.
     """
 
@@ -237,12 +237,11 @@ def evaluate_results(
 
     Parameters
     ----------
-    results : tuple of Scalar
-    omega_squared : array or None
+    omega_squared
         In ascending order, (rad/s)^2.
-    rank : array or None
+    rank
         Position in `omega_squared` of each nominal mode; -1 where there is none.
-    response : array or None
+    response
         Responses among the results, in their order.
     """
     columns, responses = [], 0

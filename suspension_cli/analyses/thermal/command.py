@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -17,13 +17,16 @@ from suspension_cli.analyses.analysis import (
     only_one,
 )
 from suspension_cli.analyses.options import option
-from suspension_cli.grids import decade_points
+from suspension_cli.conventions import DOFS, SUPPORT
+from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.grids import decade_points, parse_grid
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.thermal.solve import Thermal
     from suspension_cli.design.reader import Source
+    from suspension_cli.linear.signals import Signal
     from suspension_cli.models.registry import Choice
 
 LEADING = 0.01
@@ -44,23 +47,8 @@ class ThermalAnalysis(Analysis):
     name = "thermal"
     arguments = (options.DESIGN,)
     parameters = (
-        option(
-            "--output",
-            "outputs",
-            multiple=True,
-            metavar="SIGNAL",
-            help=(
-                "Output: test.x, test.pitch, test.x@0,0,0.001, ... (repeatable)."
-                "  [default: x of the last stage]"
-            ),
-        ),
-        option(
-            "--frequency",
-            default="0.1:1000:2000",
-            show_default=True,
-            metavar="GRID",
-            help="Frequencies, Hz: start:stop:count[:log|lin], a comma list or a number.",
-        ),
+        options.signals("output", options.MOTIONS, "x of the last stage"),
+        options.frequencies("0.1:1000:2000"),
         option(
             "--arm",
             type=click.FloatRange(0, 1e7),
@@ -141,8 +129,6 @@ def _solved(source: Source, setting: Settings, log: Log) -> tuple[Choice, list[T
 
     from suspension_cli.analyses import model_choice
     from suspension_cli.analyses.thermal import solve as thermal
-    from suspension_cli.errors import Fault, InputError, format_value
-    from suspension_cli.grids import parse_grid
     from suspension_cli.models import auto
 
     frequency = np.array(parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0))
@@ -152,16 +138,8 @@ def _solved(source: Source, setting: Settings, log: Log) -> tuple[Choice, list[T
     choice, unstable = decision.choice, setting["allow_unstable"]
     model = model_choice.stable_system(source, choice, unstable, log, decision.model)
     if not setting["arm"] >= 0:
-        raise InputError(
-            [
-                Fault(
-                    "--arm",
-                    "must be a length",
-                    "give it in m, e.g. 4000",
-                    format_value(setting["arm"]),
-                )
-            ]
-        )
+        arm, remedy = format_value(setting["arm"]), "give it in m, e.g. 4000"
+        raise InputError([Fault("--arm", "must be a length", remedy, arm)])
     tilt = thermal.compute_arm_tilt(setting["arm"])
     motions = []
     for text in setting["outputs"] or (f"{model.body[-1]}.x",):
@@ -169,55 +147,24 @@ def _solved(source: Source, setting: Settings, log: Log) -> tuple[Choice, list[T
         _demand_observable(motions[-1][0], tilt)
     noises = thermal.solve_all(model, frequency, motions, source.design.constants.temperature)
     for noise in noises:
-        _demand_loss(noise)
+        if not noise.source:
+            problem = "nothing that moves with it dissipates, so it has no thermal noise"
+            remedy = (
+                "give the materials of its wires a loss (--set materials.NAME.loss_angle=1e-4), or"
+                " blades a loss_angle, [gas] or [stage.damping]"
+            )
+            raise InputError([Fault("--output", problem, remedy, format_value(noise.output))])
     return choice, [replace(noise, tilt=tilt) for noise in noises]
 
 
-def _demand_observable(signal: Any, tilt: float) -> None:
-    from suspension_cli.conventions import DOFS, SUPPORT
-    from suspension_cli.errors import Fault, InputError, format_value
-
+def _demand_observable(signal: Signal, tilt: float) -> None:
     if signal.body == SUPPORT:
-        raise InputError(
-            [
-                Fault(
-                    "--output",
-                    "the support is at rest and has no thermal noise",
-                    "name a stage, for example test.x",
-                    format_value(signal.text),
-                )
-            ]
-        )
+        problem = "the support is at rest and has no thermal noise"
+        remedy = "name a stage, for example test.x"
+        raise InputError([Fault("--output", problem, remedy, format_value(signal.text))])
     if tilt and DOFS[signal.dof] != "x":
-        raise InputError(
-            [
-                Fault(
-                    "--arm",
-                    f"is for motion along x, not {signal.text}",
-                    "leave it out, or give outputs along x",
-                )
-            ]
-        )
-
-
-def _demand_loss(noise: Thermal) -> None:
-    from suspension_cli.errors import Fault, InputError, format_value
-
-    if not noise.source:
-        remedy = (
-            "give the materials of its wires a loss (--set materials.NAME.loss_angle=1e-4), or"
-            " blades a loss_angle, [gas] or [stage.damping]"
-        )
-        raise InputError(
-            [
-                Fault(
-                    "--output",
-                    "nothing that moves with it dissipates, so it has no thermal noise",
-                    remedy,
-                    format_value(noise.output),
-                )
-            ]
-        )
+        problem = f"is for motion along x, not {signal.text}"
+        raise InputError([Fault("--arm", problem, "leave it out, or give outputs along x")])
 
 
 def _percent(fraction: float) -> str:

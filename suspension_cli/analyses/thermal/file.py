@@ -22,38 +22,22 @@ def fill(group: h5py.Group, noises: list[Thermal]) -> None:
     source = add_scale(group, "source", sources, "name")
     add_dataset(group, "unit", [f"{noise.unit}/sqrt(Hz)" for noise in noises], "name", output)
     add_dataset(group, "tilt", [noise.tilt for noise in noises], "rad", output)
-    add_dataset(
-        group,
-        "amplitude",
-        np.stack([noise.amplitude for noise in noises], axis=1),
-        UNITS,
-        frequency,
-        output,
-    )
+    amplitude = np.stack([noise.amplitude for noise in noises], axis=1)
+    add_dataset(group, "amplitude", amplitude, UNITS, frequency, output)
     add_dataset(group, "contribution", parts, UNITS, frequency, output, source)
 
 
 def load(group: Stored) -> list[Thermal]:
     """Read the noise of each motion from a group."""
-    source, parts = group["source"].asstr()[:], group["contribution"][:]
+    frequency, source = group["frequency"][:], group["source"].asstr()[:]
+    parts = np.moveaxis(group["contribution"][:], 0, -1)
+    outputs = (group["output"].asstr()[:], group["unit"].asstr()[:], group["tilt"][:], parts)
     noises = []
-    for n, (output, unit, tilt) in enumerate(
-        zip(group["output"].asstr()[:], group["unit"].asstr()[:], group["tilt"][:], strict=True)
-    ):
-        densities = {
-            str(name): part**2
-            for name, part in zip(source, parts[:, n].T, strict=True)
-            if part.any()
-        }
+    for output, unit, tilt, own in zip(*outputs, strict=True):
+        pairs = zip(source, own, strict=True)
+        densities = {str(name): part**2 for name, part in pairs if part.any()}
         order = sort_sources(densities)
-        noises.append(
-            Thermal(
-                group["frequency"][:],
-                output,
-                unit.split("/")[0],
-                tuple(order),
-                np.array([densities[name] for name in order]),
-                float(tilt),
-            )
-        )
+        density = np.array([densities[name] for name in order])
+        unit = unit.split("/")[0]
+        noises.append(Thermal(frequency, output, unit, tuple(order), density, float(tilt)))
     return noises

@@ -47,21 +47,10 @@ CAUSES: dict[str, str] = {
 """Label of each cause."""
 SHADES = ("#332288", "#cc6677", "#117733", "#88ccee", "#999933", "#aa4499", "#44aa99", "#ddaa33")
 """Colours of causes, in their order, which are not those of stages (Tol 2021, muted)."""
-DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.4, 1.2, 1.4)))
-"""Line styles, so that lines that cover each other are seen."""
 
 
 def draw(noises: list[Thermal], title: str, stages: Sequence[str] = ()) -> Figure:
-    """Draw two panels per motion: the sum with its parts by stage, and by cause.
-
-    Parameters
-    ----------
-    noises : list of Thermal
-    title : str
-        Names of the design and the model.
-    stages : sequence of str
-        Of the design, top to bottom.
-    """
+    """Draw two panels per motion: the sum with its parts by stage, and by cause."""
     with house_style():
         parts = [(by_stage(noise, stages), by_cause(noise)) for noise in noises]
         colours = stage_colours([*stages, *(name for one, _ in parts for name in one)])
@@ -76,7 +65,11 @@ def draw(noises: list[Thermal], title: str, stages: Sequence[str] = ()) -> Figur
             for one, found in zip(both, (colours, shades), strict=True)
         ]
         rooms = [curves.key_room([name for name, *_ in key]) + 0.3 for key in keys]
-        notes = [note for note in map(_remark, noises) if note]
+        notes = [
+            f"{noise.output}: along a beam that rises by {1e6 * noise.tilt:.3g} µrad"
+            for noise in noises
+            if noise.tilt
+        ]
         foot = 0.45 + 0.13 * len(notes)
         figure, panels = curves.stack_panels([HEIGHT] * len(rooms), rooms, bottom=foot)
         for n, (noise, (own, causes)) in enumerate(zip(noises, parts, strict=True)):
@@ -92,23 +85,17 @@ def draw(noises: list[Thermal], title: str, stages: Sequence[str] = ()) -> Figur
         return figure
 
 
-def split_source(source: str) -> tuple[str, str]:
-    """Split a source into its stage ("" if it belongs to none) and its cause."""
-    stage, _, cause = source.rpartition(".")
-    return stage, cause
-
-
-def by_stage(noise: Thermal, stages: Sequence[str] = ()) -> dict[str, Any]:
+def by_stage(noise: Thermal, stages: Sequence[str]) -> dict[str, Any]:
     """Sum amplitudes (f,) by stage, in the order of the stages."""
     order = {name: n for n, name in enumerate(stages)}
-    found = _sum_groups(noise, lambda source: split_source(source)[0] or SUPPORT)
+    found = _sum_groups(noise, lambda source: source.rpartition(".")[0] or SUPPORT)
     return dict(sorted(found.items(), key=lambda one: order.get(one[0], len(order))))
 
 
 def by_cause(noise: Thermal) -> dict[str, Any]:
     """Sum amplitudes (f,) by cause, in the order of `CAUSES`."""
     order = [*CAUSES.values(), OTHER]
-    found = _sum_groups(noise, lambda source: CAUSES[split_source(source)[1]])
+    found = _sum_groups(noise, lambda source: CAUSES[source.rpartition(".")[2]])
     return dict(sorted(found.items(), key=lambda one: order.index(one[0])))
 
 
@@ -122,8 +109,7 @@ def _sum_groups(noise: Thermal, group: Any) -> dict[str, Any]:
         total = noise.density.sum(0)
         total = np.where(total > 0, total, 1.0)
         largest = sorted(square, key=lambda name: -float((square[name] / total).max()))
-        rest = sum(square.pop(name) for name in largest[LINES - 2 :])
-        square[OTHER] = rest
+        square[OTHER] = sum(square.pop(name) for name in largest[LINES - 2 :])
     return {name: np.sqrt(density) for name, density in square.items()}
 
 
@@ -131,7 +117,8 @@ def _look(name: str, n: int, colours: dict[str, str]) -> tuple[str, str, dict[st
     """Name, colour and looks of a line; the sum is the line before the first."""
     if n < 0:
         return name, INK, {"linewidth": 2.2, "zorder": 2}
-    return name, colours[name], {"linestyle": DASHES[n % len(DASHES)], "linewidth": 1.0}
+    dashes = curves.DASHES[n % len(curves.DASHES)]
+    return name, colours[name], {"linestyle": dashes, "linewidth": 1.0}
 
 
 def _panel(axes: Axes, noise: Thermal, parts: dict[str, Any], key: Any, what: str) -> None:
@@ -140,22 +127,10 @@ def _panel(axes: Axes, noise: Thermal, parts: dict[str, Any], key: Any, what: st
     for amplitude, (_, colour, look) in zip([total, *parts.values()], key, strict=True):
         part = np.where(amplitude > 0, amplitude, np.nan)
         axes.loglog(frequency, part, color=colour, marker=mark, markersize=3, **look)
-    axes.set_ylim(*_limits(total))
+    top = total.max() * ROOM[1]
+    axes.set_ylim(max(total[total > 0].min() / ROOM[0], top / 10**DECADES), top)
     axes.set_ylabel(f"{single_line(noise.output, 30)} ({noise.unit}/√Hz)")
     room = curves.key_room([name for name, *_ in key])
     axes.set_title(what, loc="left", fontsize=8, color=INK, pad=72 * room + 2)
     curves.label_plainly(axes.yaxis)
     curves.write_key(axes, key)
-
-
-def _limits(total: Any) -> tuple[float, float]:
-    """Limits of the y axis: the range of the sum, with room for its parts."""
-    top = total.max() * ROOM[1]
-    return max(total[total > 0].min() / ROOM[0], top / 10**DECADES), top
-
-
-def _remark(noise: Thermal) -> str:
-    """Return the tilt of the beam, if there is one."""
-    if not noise.tilt:
-        return ""
-    return f"{noise.output}: along a beam that rises by {1e6 * noise.tilt:.3g} µrad"

@@ -22,6 +22,7 @@ from suspension_cli.conventions import BOLTZMANN, DOFS
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.linear import frequency_dependent, signals
 from suspension_cli.linear.frequency_dependent import EvaluatedBlock
+from suspension_cli.linear.frequency_terms import quadratic_form
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array
@@ -87,7 +88,6 @@ def solve(
 
     Parameters
     ----------
-    model : LinearSystem
     frequency : (f,) array
         Hz, above 0.
     row : (N,) array
@@ -127,15 +127,7 @@ def solve_all(
     motions: list[tuple[Signal, Float[np.ndarray, " coordinate"]]],
     temperature: float,
 ) -> list[Thermal]:
-    """Compute the thermal noise of several motions, which share the evaluation of wires.
-
-    Parameters
-    ----------
-    model, frequency, temperature
-        As for `solve`.
-    motions : list of (Signal, (N,) array)
-        Names and units, and linear forms of the coordinates.
-    """
+    """Compute the thermal noise of several motions, which share the evaluation of wires."""
     omega = 2 * np.pi * np.asarray(frequency, dtype=float)
     powers: list[dict[str, Array]] = [{} for _ in motions]
     blocks = [
@@ -143,7 +135,7 @@ def solve_all(
         for block in frequency_dependent.build_blocks(model)
         if (forces := np.array([row[block.keep] for _, row in motions])).any()
     ]
-    largest = max((block.tree.size for block, _, _ in blocks), default=1)
+    largest = max((block.pattern.size for block, _, _ in blocks), default=1)
     step = max(CHUNK // largest**2, 64)
     for start in range(0, len(omega), step):
         now = slice(start, start + step)
@@ -186,30 +178,15 @@ def _check_powers(
     """Raise `InputError` where a density is infinite or negative."""
     total = sum(powers.values(), np.zeros(len(omega)))
     if not np.isfinite(total).all():
-        at = float(omega[~np.isfinite(total)][0]) / (2 * np.pi)
+        at = format_value(float(omega[~np.isfinite(total)][0]) / (2 * np.pi))
+        problem = "is a resonance without loss, where the noise is infinite"
         remedy = "move it, or give loss_angle or damping"
-        raise InputError(
-            [
-                Fault(
-                    "--frequency",
-                    "is a resonance without loss, where the noise is infinite",
-                    remedy,
-                    format_value(at),
-                )
-            ]
-        )
+        raise InputError([Fault("--frequency", problem, remedy, at)])
     for name, power in powers.items():
         if (power < -ROUNDING * total).any():
+            problem = "gives power back instead of dissipating it, so it has no thermal noise"
             remedy = "make its stiffness and damping matrices positive, or its loss angle 0"
-            raise InputError(
-                [
-                    Fault(
-                        name,
-                        "gives power back instead of dissipating it, so it has no thermal noise",
-                        remedy,
-                    )
-                ]
-            )
+            raise InputError([Fault(name, problem, remedy)])
 
 
 def compute_dissipation(
@@ -221,7 +198,6 @@ def compute_dissipation(
     ----------
     there : EvaluatedBlock
         The block at frequencies (f,).
-    motion : (c, f) complex array
     temperature : float
         Of dampers and of the support's loss, K.
 
@@ -241,8 +217,8 @@ def compute_dissipation(
         ("support", np.imag(block.constant[:, 6:]), 1.0),
     ):
         if matrix.any():
-            power = np.einsum("if,ij,jf->f", np.conj(motion), matrix, motion, optimize=True).real
-            result[cause, temperature] = result.get((cause, temperature), 0.0) + factor * power
+            power = factor * quadratic_form(matrix, motion)
+            result[cause, temperature] = result.get((cause, temperature), 0.0) + power
     return result
 
 

@@ -12,6 +12,7 @@ import click
 from suspension_cli.analyses import options
 from suspension_cli.analyses.analysis import Analysis, Document, Log, Result, Run, Settings
 from suspension_cli.analyses.options import option
+from suspension_cli.errors import Fault, InputError
 
 if TYPE_CHECKING:
     import h5py
@@ -127,7 +128,7 @@ class ToleranceAnalysis(Analysis):
         job = dataclasses.replace(job, level=choice.level)
         job = job.requiring(quantities.requirements(run.design, options_given, job.names))
         limit = setting["limit"]
-        path = sweeping.fill(
+        result = sweeping.fill(
             run,
             self,
             job,
@@ -135,10 +136,10 @@ class ToleranceAnalysis(Analysis):
             lambda group: stored.fill(group, job, limit),
             lambda part: stored.complete(part, job, limit),
         )
-        summary = stored.summarise(path, job, limit)
+        summary: Summary = result.data
         for reason, count in summary.failures.items():
             run.log.warn(f"{count} of {summary.builds} builds failed: {reason}")
-        return Result(self, source, choice, summary, file=path, command=run.command)
+        return result
 
     def parse_results(
         self, design: Design, modes: Modes, stages: tuple[str, ...], known: tuple[str, ...]
@@ -181,7 +182,6 @@ class ToleranceAnalysis(Analysis):
 
 def _of_possible_count(job: RandomBuilds, log: Log) -> RandomBuilds:
     """A job of as many builds as its sampling can use, and a line that says how many."""
-    from suspension_cli.errors import Fault, InputError
     from suspension_cli.studies import sample_points
 
     groups = len(job.groups) if job.with_indices else 0

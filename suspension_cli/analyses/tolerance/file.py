@@ -29,7 +29,7 @@ from suspension_cli.analyses.tolerance.statistics import (
 from suspension_cli.analyses.xcouple.solve import CouplingRequest
 from suspension_cli.conventions import FRAME, GROUND, SUPPORT
 from suspension_cli.design.reader import parse as parse_design
-from suspension_cli.files.hdf5 import Stored, add_dataset, add_scale, open_results
+from suspension_cli.files.hdf5 import Stored, add_dataset, add_scale
 from suspension_cli.linear import signals
 from suspension_cli.linear.named_results import Ratio
 from suspension_cli.studies import builds
@@ -147,12 +147,6 @@ def reconstruct_job(group: Stored, text: str, level: str) -> RandomBuilds:
     ratios: dict[Ratio, int] = {}
     texts = group["requirement"].asstr()[:]
     return job.requiring(tuple(parse(text, job.names, ratios) for text in texts))
-
-
-def summarise(path: Path | str, job: RandomBuilds, limit: float) -> Summary:
-    """Read a finished file and compute its statistics."""
-    with open_results(path) as file:
-        return summarise_group(file["tolerance"], job, limit)
 
 
 def summarise_group(group: Stored, job: RandomBuilds, limit: float) -> Summary:

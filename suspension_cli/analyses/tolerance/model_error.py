@@ -16,7 +16,7 @@ from suspension_cli.models.quantity_of_interest import Frequencies
 from suspension_cli.models.registry import Choice
 from suspension_cli.scene.arrays import Array
 from suspension_cli.studies.builds import ColumnValues
-from suspension_cli.studies.relative_change import relative_change
+from suspension_cli.studies.relative_change import largest_relative_change, relative_change
 
 SEARCHED = 1000
 """Number of first builds from which the extreme ones are taken."""
@@ -90,16 +90,12 @@ def build_change(job: RandomBuilds) -> Callable[[Model, Model], tuple[float, str
             a, b = old_job.nominal, new_job.nominal
             there = pair_by_overlap(body_overlap(a.shape, b.shape, mass))
             changes += [
-                (_relative(old["frequency"][:, n], new["frequency"][:, there[n]]), label)
+                (
+                    largest_relative_change(old["frequency"][:, n], new["frequency"][:, there[n]]),
+                    label,
+                )
                 for n, label in enumerate(a.label)
             ]
         return max(changes, key=lambda one: one[0])
 
     return change
-
-
-def _relative(old: Array, new: Array) -> float:
-    """Largest relative change of frequencies (p,); of an unstable mode, none."""
-    with np.errstate(all="ignore"):
-        changes = np.abs(old - new) / new
-    return float(np.where(np.isnan(changes), 0.0, changes).max(initial=0.0))

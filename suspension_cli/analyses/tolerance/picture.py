@@ -58,14 +58,7 @@ Panel = tuple[float, float, list[str], Callable[[Axes], None]]
 
 
 def draw(summary: Summary, title: str) -> Figure:
-    """Draw the figure of `pendsus tolerance`.
-
-    Parameters
-    ----------
-    summary : Summary
-    title : str
-        Names of the design and the model.
-    """
+    """Draw the figure of `pendsus tolerance`."""
     with house_style():
         panels = [
             *_requirements(summary),

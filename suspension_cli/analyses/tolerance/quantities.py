@@ -45,14 +45,13 @@ class Quantity:
 
     Attributes
     ----------
-    name : str
-    unit : str
+    unit
         SI; Hz of modes.
-    column : str
+    column
         Dataset with its values.
-    place : tuple of int
+    place
         Where they are in a row of the dataset.
-    ratio : Ratio or None
+    ratio
         Of a response or coupling by its own name.
     """
 
@@ -81,10 +80,9 @@ class Requirement:
 
     Attributes
     ----------
-    quantity : Quantity
-    low, high : float
+    low, high
         Least and largest value, SI; infinite where there is no limit.
-    magnitude : bool
+    magnitude
         Whether the magnitude must be below `high` or above `low`, and not at it.
     """
 
@@ -130,10 +128,9 @@ class Names:
 
     Attributes
     ----------
-    modes : Modes
+    modes
         Nominal modes.
-    stages : tuple of str
-    known : tuple of str
+    known
         Bodies with signals.
     """
 
@@ -159,10 +156,9 @@ class Names:
 
         Parameters
         ----------
-        text : str
-        key : str
+        key
             Key or option to name in error messages.
-        ratios : dict
+        ratios
             Places of responses by their own names; new ones are added.
         """
         text = " ".join(text.split())

@@ -27,16 +27,11 @@ LOW, MEDIAN, HIGH = (QUANTILES.index(level) for level in (0.05, 0.5, 0.95))
 
 def document(summary: Summary) -> Document:
     """Return the JSON document but for its head."""
+    frequencies = _columns(summary.mean, summary.mean_error, summary.spread, summary.quantiles)
     modes = [
-        {
-            "label": label,
-            "nominal_hz": as_number(summary.nominal[n]),
-            "mean_hz": as_number(summary.mean[n]),
-            "mean_error_hz": as_number(summary.mean_error[n]),
-            "std_hz": as_number(summary.spread[n]),
-            "quantiles_hz": plain(summary.quantiles[n]),
-            "leading": leading(summary.mode_rank[n], summary.factor),
-        }
+        {"label": label, "nominal_hz": as_number(summary.nominal[n])}
+        | {f"{key}_hz": plain(value[n]) for key, value in frequencies.items()}
+        | {"leading": leading(summary.mode_rank[n], summary.factor)}
         for n, label in enumerate(summary.label)
     ]
     coupling = {
@@ -50,16 +45,11 @@ def document(summary: Summary) -> Document:
         "leading_signed": leading(summary.signed_rank, summary.factor),
     }
     static = summary.static
+    columns = _columns(static.mean, static.error, static.deviation, static.quantiles)
     statics = [
-        {
-            "quantity": name,
-            "unit": static.unit[n],
-            "mean": as_number(static.mean[n]),
-            "mean_error": as_number(static.error[n]),
-            "std": as_number(static.deviation[n]),
-            "quantiles": plain(static.quantiles[n]),
-            "leading": leading(static.rank[n], summary.factor),
-        }
+        {"quantity": name, "unit": static.unit[n]}
+        | {key: plain(value[n]) for key, value in columns.items()}
+        | {"leading": leading(static.rank[n], summary.factor)}
         for n, name in enumerate(static.name)
     ]
     found: Document = {
@@ -83,6 +73,10 @@ def document(summary: Summary) -> Document:
             **{name: plain(values) for name, values in vars(summary.indices).items()},
         }
     return found
+
+
+def _columns(*values: Array) -> dict[str, Array]:
+    return dict(zip(("mean", "mean_error", "std", "quantiles"), values, strict=True))
 
 
 def _yield(one: Yield) -> Document:

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspension_cli.analyses.sweep.solve import evaluate_ratio
 from suspension_cli.analyses.tolerance.quantities import Names, Requirement
-from suspension_cli.analyses.xcouple.solve import CouplingRequest, quotient_unit
+from suspension_cli.analyses.xcouple.solve import CouplingRequest, couplings, quotient_unit
 from suspension_cli.design import reader
 from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import eigenmodes, graded_eigenvalues, signals
 from suspension_cli.linear.mode_pairing import pair_by_overlap
 from suspension_cli.linear.named_results import Ratio
-from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.static_condensation import condense
 from suspension_cli.models import registry, string
 from suspension_cli.models.surroundings import surrounded
@@ -30,7 +30,7 @@ from suspension_cli.studies.builds import Column, ColumnValues
 from suspension_cli.studies.sample_points import RANDOM, SamplePoints
 
 if TYPE_CHECKING:
-    from jaxtyping import Complex, Float, Int
+    from jaxtyping import Float, Int
 
 
 # Jobs of one design, which differ in model or requirements, share what follows from its text.
@@ -44,12 +44,6 @@ def _parse(text: str) -> Design:
 def _expand(text: str) -> Scene:
     """Scene without random imperfections."""
     return expand(_parse(text))
-
-
-@lru_cache(maxsize=4)
-def _bodies_with_signals(text: str) -> tuple[str, ...]:
-    """Names of the bodies that signals may name."""
-    return signals.bodies_with_signals(registry.STRING.system(_parse(text)))
 
 
 @lru_cache(maxsize=8)
@@ -73,23 +67,23 @@ class RandomBuilds:
 
     Attributes
     ----------
-    text : str
+    text
         The design as TOML, with its `[tolerance]` table.
-    count : int
+    count
         Number of builds.
-    seed : int
+    seed
         Seed of the random numbers.
-    question : CouplingRequest
+    question
         The cross-coupling to compute; its wire and body are ignored.
-    allow_unstable : bool
+    allow_unstable
         Whether a build with an unstable equilibrium counts as valid.
-    level : str
+    level
         Name of a model that supports imperfect builds.
-    requirements : tuple of Requirement
+    requirements
         Those whose responses by name are computed too.
-    method : {"random", "sobol"}
+    method
         Sampling, see `studies.sample_points`.
-    with_indices : bool
+    with_indices
         Whether the builds are those from which Sobol indices follow.
     """
 
@@ -137,12 +131,12 @@ class RandomBuilds:
             Column("slack_wire", "i2", (), "1"),
         )
 
-    @cached_property
+    @property
     def design(self) -> Design:
         """Parsed design."""
         return _parse(self.text)
 
-    @cached_property
+    @property
     def scene(self) -> Scene:
         """Scene without random imperfections."""
         return _expand(self.text)
@@ -171,20 +165,16 @@ class RandomBuilds:
             self.method, self.seed, self.count, tuple(groups) if self.with_indices else ()
         )
 
-    @cached_property
-    def _start(self) -> tuple[eigenmodes.Modes, Array, Index]:
-        """Nominal modes, their mass-normalised shapes (m, c), and the coordinates (c,) of these."""
-        return _solve_nominal(self.text, self.level)
-
     @property
     def nominal(self) -> eigenmodes.Modes:
         """Modes of the design without random deviations, but with its own perturbations."""
-        return self._start[0]
+        return _solve_nominal(self.text, self.level)[0]
 
     @cached_property
     def names(self) -> Names:
         """Names that quantities of the builds may have."""
-        return Names(self.nominal, self.scene.bodies.name, _bodies_with_signals(self.text))
+        known = signals.bodies_with_signals(registry.STRING.system(self.design))
+        return Names(self.nominal, self.scene.bodies.name, known)
 
     def requiring(self, requirements: tuple[Requirement, ...]) -> RandomBuilds:
         """The job with requirements."""
@@ -205,16 +195,11 @@ class RandomBuilds:
             scene, self.design, level=self.level, allow_unstable=self.allow_unstable
         )
         with np.errstate(all="ignore"):
-            omega_squared = follow_modes(found, self._start[1], self._start[2])
-            wanted = self.question
-            ratio = _ratio(found, wanted.frequency, wanted.input, wanted.over, wanted.under)
-            response = [
-                _ratio(found, (one.frequency,), one.input, one.over, one.under)[:, 0]
-                for one in self.ratios
-            ]
-            frequency = np.sqrt(
-                omega_squared if self.allow_unstable else np.maximum(omega_squared, 0.0)
-            ) / (2 * np.pi)
+            omega_squared = follow_modes(found, *_solve_nominal(self.text, self.level)[1:])
+            ratio = couplings(found, self.question)["ratio"]
+            response = [evaluate_ratio(found, one) for one in self.ratios]
+            squared = omega_squared if self.allow_unstable else np.maximum(omega_squared, 0.0)
+            frequency = np.sqrt(squared) / (2 * np.pi)
         failed = found.status != builds.GOOD
         frequency[failed] = np.nan
         static = np.where(failed[:, None, None], np.nan, found.static)
@@ -230,19 +215,6 @@ class RandomBuilds:
         }
 
 
-def _ratio(
-    found: builds.Builds,
-    frequency: tuple[float, ...],
-    into: Signal,
-    over: Signal,
-    under: Signal | None,
-) -> Complex[np.ndarray, "build frequency"]:
-    """Compute the response of builds, or the ratio of two."""
-    outputs = [over] if under is None else [over, under]
-    value = builds.transfer(found, np.array(frequency), [into], outputs)[..., 0]
-    return value[..., 0] if under is None else value[..., 0] / value[..., 1]
-
-
 def follow_modes(
     found: builds.Builds,
     shapes: Float[np.ndarray, "mode coordinate"],
@@ -252,10 +224,9 @@ def follow_modes(
 
     Parameters
     ----------
-    found : Builds
-    shapes : array
+    shapes
         Nominal modes in coordinates scaled by the root of the mass matrix: orthonormal.
-    keep : array
+    keep
         Coordinates with inertia, which the shapes refer to.
     """
     from suspension_cli.linear import compiled  # takes half a second

@@ -27,11 +27,11 @@ class Yield:
 
     Attributes
     ----------
-    name : str
+    name
         The requirement.
-    fraction : float
+    fraction
         Builds without equilibrium count as not meeting it.
-    low, high : float
+    low, high
         Ends of the 95 % confidence interval.
     """
 
@@ -53,16 +53,15 @@ class Spread:
 
     Attributes
     ----------
-    name, unit : tuple of str
-    mean, error, deviation : (r,) arrays
+    mean, error, deviation
         Mean, its standard error, and standard deviation.
-    quantiles : (r, 7) array
+    quantiles
         At `QUANTILES`.
-    rank : (r, f) array
+    rank
         Rank correlations with the deviations of the numbers.
-    slope : (r, f) array
+    slope
         Change per unit of each deviation: that of the least-squares line.
-    sample : (b, r) array
+    sample
         Values of some builds, for figures.
     """
 
@@ -79,70 +78,52 @@ class Spread:
 
 @dataclass(frozen=True)
 class Summary:
-    """Statistics of a set of random builds: m modes.
+    """Statistics of a set of random builds: m modes, f numbers that vary.
 
     Attributes
     ----------
-    builds, good : int
+    builds, good
         Number of builds, and of those with an equilibrium on taut wires.
-    independent : int
+    independent
         Number of first builds that statistics are of: all, but with Sobol indices two blocks.
-    failures : dict of str to int
+    failures
         Number of builds by reason of failure.
-    label : tuple of str
-        Labels of the nominal modes.
-    nominal : (m,) array
-        Their frequencies, Hz.
-    mean, mean_error, spread : (m,) arrays
-        Mean, its standard error, and standard deviation over the builds, Hz.
-    quantiles : (m, 7) array
-        Quantiles of the frequencies at `QUANTILES`, Hz.
-    frequency : float
-        Frequency of the cross-coupling, Hz.
-    limit : float
-        Limit on the cross-coupling.
-    under : float
-        Fraction of the good builds with |ratio| below the limit.
-    under_interval : (float, float)
-        Its 95 % confidence interval.
-    ratio_quantiles : (7,) array
-        Quantiles of |ratio| at `QUANTILES`.
-    ratio_sorted : (b,) array
-        |ratio| of good builds in ascending order, thinned to a few thousand points.
-    factor, factor_unit : tuple of str
+    label, nominal
+        Labels and frequencies (Hz) of the nominal modes.
+    mean, mean_error, spread, quantiles
+        Mean of each frequency over the builds, its standard error, standard deviation, and
+        quantiles at `QUANTILES`, Hz.
+    mode_rank, mode_slope
+        Rank correlation of each frequency with each deviation, and its change, Hz per unit.
+    sample
+        Frequencies of some builds over nominal less 1, for figures.
+    ratio, frequency, limit
+        Name of the cross-coupling, ``test.x / test.z``, its frequency in Hz, and its limit.
+    under, under_interval
+        Fraction of the good builds with |ratio| below the limit, and its 95 % confidence interval.
+    ratio_quantiles, ratio_sorted
+        Of |ratio|: quantiles, and ascending values of good builds, thinned to a few thousand.
+    factor, factor_unit
         Names of the numbers that vary, and the units of their deviations.
-    ratio_rank : (factors,) array
+    ratio_rank
         Rank correlation of |ratio| with the absolute value of each deviation.
-    signed_rank, signed_slope : (factors,) arrays
+    signed_rank, signed_slope
         Rank correlation of the ratio with its sign, see `signed`, with each deviation, and its
         change per unit of that (least squares).
-    mode_rank, mode_slope : (m, factors) arrays
-        Rank correlation of each frequency with each deviation, and its change, Hz per unit.
-    ranked : int
+    ranked
         Number of builds that correlations are of.
-    sample : (b, m) array
-        Frequencies of some builds over nominal less 1, for figures.
-    static : Spread
-        Static displacements (m) and rotations (rad) of the stages.
-    required : Spread
-        Quantities with requirements.
-    limits : tuple of (float, float, bool)
+    static, required
+        Displacements (m) and rotations (rad) of the stages, and quantities with requirements.
+    limits
         Of each requirement: least and largest value, and whether of the magnitude.
-    required_place : tuple of int
+    required_place
         Number of the quantity of each requirement in `required`.
-    yields : tuple of Yield
-        Of each requirement.
-    joint : Yield or None
-        Of all together.
-    ratio : str
-        Name of the cross-coupling, ``test.x / test.z``.
-    seed : int
-        Seed of the random numbers.
-    sampling : str
-        ``random`` or ``sobol``.
-    group, indexed : tuple of str
-        Names of the tolerances and of the results of the Sobol indices.
-    indices : SobolIndices or None
+    yields, joint
+        Of each requirement, and of all together.
+    seed, sampling
+        Seed of the random numbers, and ``random`` or ``sobol``.
+    group, indexed, indices
+        Names of the tolerances and of the results of the Sobol indices, and these.
     """
 
     builds: int

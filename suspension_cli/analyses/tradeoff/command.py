@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 import time
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import click
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, plain
+from suspension_cli.analyses.analysis import (
+    Analysis,
+    Document,
+    Result,
+    Run,
+    Settings,
+    as_number,
+    plain,
+)
 from suspension_cli.analyses.options import option
+from suspension_cli.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -117,50 +127,35 @@ class TradeoffAnalysis(Analysis):
 
 def _demand_references(design: Design) -> None:
     from suspension_cli.design.derive import beyond_symmetric_chains
-    from suspension_cli.errors import Fault, InputError
 
     if reason := beyond_symmetric_chains(design):
         problem = f"the references in 50 digits do not cover this design: {reason}"
-        by_field = "weight" in reason or "gravity" in reason
-        remedy = (
-            "remove gravity_gradient and wire_weight, and give gravity as a number"
-            if by_field
-            else "pendsus info has the estimated error of each model"
-        )
-        raise InputError([Fault("constants" if by_field else "stage", problem, remedy)])
+        key, remedy = "stage", "pendsus info has the estimated error of each model"
+        if "weight" in reason or "gravity" in reason:
+            key = "constants"
+            remedy = "remove gravity_gradient and wire_weight, and give gravity as a number"
+        raise InputError([Fault(key, problem, remedy)])
 
 
 def _demand_stable(design: Design) -> None:
-    from suspension_cli.errors import Fault, InputError
     from suspension_cli.linear import eigenmodes
     from suspension_cli.models import registry
 
     found = eigenmodes.solve(registry.STRING.system(design))
     if not found.stable:
-        problem = (
-            f"the equilibrium is unstable on strings: {found.label[0]} grows at"
-            f" {found.growth_rate[0]:.4g} 1/s"
-        )
-        raise InputError(
-            [
-                Fault(
-                    "stage",
-                    problem,
-                    "make it stable (raise d, say): only then are there responses to compare",
-                )
-            ]
-        )
+        worst = f"{found.label[0]} grows at {found.growth_rate[0]:.4g} 1/s"
+        problem = f"the equilibrium is unstable on strings: {worst}"
+        remedy = "make it stable (raise d, say): only then are there responses to compare"
+        raise InputError([Fault("stage", problem, remedy)])
 
 
 def _comparison(panel: Panel) -> Document:
+    from suspension_cli.analyses.tradeoff.result import KINDS
+
+    labels = [entry.label for entry in panel.entries]
     fronts = [
-        {
-            "title": view.title,
-            **{
-                kind: [panel.entries[n].label for n in panel.front(kind, view)]
-                for kind in ("once", "batch")
-            },
-        }
+        {"title": view.title}
+        | {kind: [labels[n] for n in panel.front(kind, view)] for kind in KINDS}
         for view in panel.views
     ]
     return {
@@ -171,32 +166,24 @@ def _comparison(panel: Panel) -> Document:
         "count": panel.count,
         "reference": panel.reference,
         "entries": [_entry(panel, entry) for entry in panel.entries],
-        "left_out": [
-            {"model": item.model, "method": item.method, "reason": item.reason}
-            for item in panel.left
-        ],
+        "left_out": [asdict(item) for item in panel.left],
         "fronts": fronts,
     }
 
 
 def _waits(each: ResponseTimes) -> Document:
-    from suspension_cli.analyses.analysis import as_number
     from suspension_cli.analyses.tradeoff.result import COUNTS, OCCASIONS
 
+    entries = [
+        {"model": e.model, "method": e.method, "error": as_number(e.error), "time_s": plain(e.time)}
+        for e in each.entries
+    ]
     return {
         "compares": each.compares,
         "time": each.start,
         "occasions": list(OCCASIONS),
         "frequencies": list(COUNTS),
-        "entries": [
-            {
-                "model": entry.model,
-                "method": entry.method,
-                "error": as_number(entry.error),
-                "time_s": plain(entry.time),
-            }
-            for entry in each.entries
-        ],
+        "entries": entries,
     }
 
 
@@ -255,12 +242,8 @@ def _table(panel: Panel) -> str:
             rows.append((entry.label, *times, *map(format_error, entry.error)))
         columns = {"": "", "once": "", "in a batch": "", **dict.fromkeys(panel.component, ".1e")}
         lines.append(tables.render(columns, rows))
-    reasons: dict[str, list[str]] = {}
-    for item in panel.left:
-        reasons.setdefault(item.reason, []).append(
-            item.model if panel.compares == "models" else item.method
-        )
-    lines += [f"  left out: {', '.join(names)}: {reason}" for reason, names in reasons.items()]
+    for reason, names in panel.left_out.items():
+        lines.append(f"  left out: {', '.join(names)}: {reason}")
     return "\n".join(lines)
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from suspension_cli.analyses.tradeoff.result import View
+from suspension_cli.analyses.tradeoff.result import Timed, View
 from suspension_cli.analyses.tradeoff.subject import Subject
 
 Once = Callable[[Subject], object]
@@ -29,18 +29,10 @@ def suits(_: Subject) -> str:
 
 @dataclass(frozen=True)
 class Method:
-    """A method that computes a quantity.
+    """A method that computes a quantity of a subject, with a model or `TOP`.
 
-    Attributes
-    ----------
-    model, name : str
-        Name of the model, or `TOP`; and of the method.
-    once : callable
-        Computes the quantity of a subject.
-    batch : callable or None
-        Returns a function that computes a whole batch of a subject; None if this takes a loop.
-    unsuited : callable
-        Returns why the method does not apply where its model does; empty if it applies.
+    `batch` prepares the computation of a whole batch; None if that takes a loop. `unsuited`
+    gives why the method does not apply where its model does; "" if it applies.
     """
 
     model: str
@@ -55,39 +47,19 @@ class Method:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Comparison(Timed):
     """A quantity, its reference and the methods to compare.
 
-    Attributes
-    ----------
-    quantity, compares, title, start, item : str
-        As in `result.Panel`.
-    count : int
-        Items per batch.
-    against : callable
-        Describes the reference of a subject.
-    reference : callable
-        Computes the reference of a subject.
-    error : callable
-        Computes errors by component from a subject, a result and the reference.
-    methods : tuple of Method
-    views : dict
-        Names of components by title of a view; empty for one view of all.
-    unsuited : callable
-        Returns why no method applies; empty if some do.
+    `against` describes the reference of a subject in words. `views` are names of components by
+    title of a view; None for one view of all. `unsuited` gives why no method applies; "" if
+    some do.
     """
 
-    quantity: str
-    compares: str
-    title: str
-    start: str
-    item: str
-    count: int
     against: Callable[[Subject], str]
     reference: Once
     error: Error
     methods: tuple[Method, ...]
-    views: dict[str, tuple[str, ...]]
+    views: Mapping[str, tuple[str, ...]] | None = None
     unsuited: Callable[[Subject], str] = suits
 
     def select_views(self, components: tuple[str, ...]) -> tuple[View, ...]:

@@ -23,69 +23,55 @@ from suspension_cli.analyses.tradeoff.subject import (
     MODEL_NAMES,
     NOISE,
     STRING,
-    Subject,
 )
-from suspension_cli.models import registry
+from suspension_cli.models.registry import BEAM, CLOSED_FORM, FORCE, VIOLIN
 
 FROM_DESIGN = "from the design to the result"
 FROM_MATRICES = "from the matrices to the result"
+EXACT_STRING = "matrices of the string model in 50 digits"
 LOW, HIGH = (tuple(hertz(f) for f in FREQUENCIES if (f <= 50) == low) for low in (True, False))
 BANDS = {"Response up to 50 Hz": LOW, "Response at 100 Hz and 1 kHz": HIGH}
 
+MODES = ("Mode frequencies", "design", eigenmodes_compared.DESIGNS)
+RESPONSE = ("Response", "frequency", transfer_functions.SWEEP)
+THERMAL = ("Thermal noise at 10 and 100 Hz", "frequency", thermal_noise.SWEEP)
+COUPLED = ("Cross-coupling at 50 Hz", "build", imperfect_builds.BUILDS)
+EQUILIBRIUM = ("Equilibrium of an imperfect build", "build", imperfect_builds.BUILDS)
+"""Title of each quantity, item of a batch, and items per batch."""
 
-def exact_string(_: Subject) -> str:
-    """Describe the reference of methods that solve the string model."""
-    return "matrices of the string model in 50 digits"
-
-
-MODES = (
+COMPARISONS = (
     Comparison(
-        quantity="modes",
-        compares="models",
-        title="Mode frequencies",
+        "modes",
+        "models",
+        *MODES,
         start=FROM_DESIGN,
-        item="design",
-        count=eigenmodes_compared.DESIGNS,
         against=lambda s: f"the {s.top} model, modes paired by shape",
         reference=eigenmodes_compared.reference,
         error=eigenmodes_compared.error,
         methods=(
             Method(
-                registry.CLOSED_FORM.name,
+                CLOSED_FORM.name,
                 "formulas",
                 eigenmodes_compared.formulas,
                 eigenmodes_compared.formulas_batch,
             ),
-            Method(
-                registry.FORCE.name,
-                "blocks",
-                lambda s: eigenmodes_compared.solve_blocks(s, registry.FORCE.name),
-                eigenmodes_compared.force_batch,
+            *(
+                Method(level, "blocks", eigenmodes_compared.by_block(level), batch)
+                for level, batch in (
+                    (FORCE.name, eigenmodes_compared.force_batch),
+                    (STRING, eigenmodes_compared.string_batch),
+                    (BEAM.name, eigenmodes_compared.beam_batch),
+                )
             ),
-            Method(
-                STRING,
-                "blocks",
-                lambda s: eigenmodes_compared.solve_blocks(s, STRING),
-                eigenmodes_compared.string_batch,
-            ),
-            Method(
-                registry.BEAM.name,
-                "blocks",
-                lambda s: eigenmodes_compared.solve_blocks(s, registry.BEAM.name),
-                eigenmodes_compared.beam_batch,
-            ),
-            Method(registry.VIOLIN.name, "counted", eigenmodes_compared.solve_with_wire_mass),
+            Method(VIOLIN.name, "counted", eigenmodes_compared.solve_with_wire_mass),
         ),
-        views={},
     ),
     Comparison(
-        quantity="modes",
-        compares="methods",
-        title="Mode frequencies",
+        "modes",
+        "methods",
+        *MODES,
         start=FROM_MATRICES,
-        item="design",
-        count=eigenmodes_compared.DESIGNS,
-        against=exact_string,
+        against=lambda _: EXACT_STRING,
         reference=eigenvalues.reference,
         error=eigenvalues.error,
         methods=(
@@ -96,34 +82,26 @@ MODES = (
             Method(STRING, "state-space poles", eigenvalues.poles),
             Method(STRING, "counted", eigenvalues.bisected),
         ),
-        views={},
     ),
-)
-
-RESPONSES = (
     Comparison(
-        quantity="response",
-        compares="models",
-        title="Response",
+        "response",
+        "models",
+        *RESPONSE,
         start=FROM_DESIGN,
-        item="frequency",
-        count=transfer_functions.SWEEP,
         against=lambda s: f"the {s.top} model, solved in 50 digits",
         reference=lambda s: transfer_functions.reference(s, s.top),
         error=relative(FREQUENCIES),
         methods=tuple(
-            Method(model, "chain", *transfer_functions.with_model(model)) for model in MODEL_NAMES
+            Method(level, "chain", *transfer_functions.with_model(level)) for level in MODEL_NAMES
         ),
         views=BANDS,
     ),
     Comparison(
-        quantity="response",
-        compares="methods",
-        title="Response",
+        "response",
+        "methods",
+        *RESPONSE,
         start=FROM_MATRICES,
-        item="frequency",
-        count=transfer_functions.SWEEP,
-        against=exact_string,
+        against=lambda _: EXACT_STRING,
         reference=lambda s: transfer_functions.reference(s, STRING),
         error=relative(FREQUENCIES),
         methods=tuple(
@@ -136,113 +114,85 @@ RESPONSES = (
         ),
         views=BANDS,
     ),
-)
-
-THERMAL = (
     Comparison(
-        quantity="thermal",
-        compares="models",
-        title="Thermal noise at 10 and 100 Hz",
+        "thermal",
+        "models",
+        *THERMAL,
         start=FROM_DESIGN,
-        item="frequency",
-        count=thermal_noise.SWEEP,
         against=lambda s: f"the {s.top} model, solved in 50 digits",
         reference=thermal_noise.reference,
         error=relative(NOISE),
         methods=tuple(
             Method(
-                model,
+                level,
                 "dissipation",
-                *thermal_noise.with_model(model),
-                unsuited=thermal_noise.not_localised(model),
+                *thermal_noise.with_model(level),
+                unsuited=thermal_noise.not_localised(level),
             )
-            for model in MODEL_NAMES
+            for level in MODEL_NAMES
         ),
-        views={},
         unsuited=thermal_noise.unsuited,
     ),
     Comparison(
-        quantity="thermal",
-        compares="methods",
-        title="Thermal noise at 10 and 100 Hz",
+        "thermal",
+        "methods",
+        *THERMAL,
         start=FROM_MATRICES,
-        item="frequency",
-        count=thermal_noise.SWEEP,
         against=lambda s: f"matrices of the {s.top} model in 50 digits",
         reference=thermal_noise.reference,
         error=relative(NOISE),
-        methods=(
-            Method(
-                TOP,
-                "dissipation",
-                *thermal_noise.on_matrices(thermal_noise.dissipation),
-                unsuited=suits,
-            ),
-            Method(
-                TOP,
-                "susceptibility",
-                *thermal_noise.on_matrices(thermal_noise.susceptibility),
-                unsuited=thermal_noise.one_temperature,
-            ),
+        methods=tuple(
+            Method(TOP, solve.__name__, *thermal_noise.on_matrices(solve), unsuited=why_not)
+            for solve, why_not in (
+                (thermal_noise.dissipation, suits),
+                (thermal_noise.susceptibility, thermal_noise.one_temperature),
+            )
         ),
-        views={},
         unsuited=thermal_noise.unsuited,
     ),
-)
-
-IMPERFECT = (
     Comparison(
-        quantity="coupling",
-        compares="models",
-        title="Cross-coupling at 50 Hz",
+        "coupling",
+        "models",
+        *COUPLED,
         start=FROM_DESIGN,
-        item="build",
-        count=imperfect_builds.BUILDS,
         against=lambda s: f"the {s.imperfect.top} model in its equilibrium, solved in 50 digits",
         reference=lambda s: imperfect_builds.reference(s, s.imperfect.top),
         error=relative((COUPLING,)),
         methods=tuple(
             Method(
-                model,
+                level,
                 "rebuilt",
-                imperfect_builds.one(imperfect_builds.with_model(model)),
-                imperfect_builds.batch(imperfect_builds.with_model(model)),
-                imperfect_builds.fails(model),
+                *imperfect_builds.coupling(imperfect_builds.with_model(level)),
+                unsuited=imperfect_builds.fails(level),
             )
-            for model in MODEL_NAMES
+            for level in MODEL_NAMES
         ),
-        views={},
         unsuited=imperfect_builds.incomparable,
     ),
     Comparison(
-        quantity="coupling",
-        compares="methods",
-        title="Cross-coupling at 50 Hz",
+        "coupling",
+        "methods",
+        *COUPLED,
         start=FROM_DESIGN,
-        item="build",
-        count=imperfect_builds.BUILDS,
         against=lambda _: "the string model in its equilibrium, solved in 50 digits",
         reference=lambda s: imperfect_builds.reference(s, STRING),
         error=relative((COUPLING,)),
         methods=tuple(
-            Method(STRING, name, imperfect_builds.one(solve), imperfect_builds.batch(solve))
+            Method(STRING, name, *imperfect_builds.coupling(solve))
             for name, solve in (
                 ("first order", imperfect_builds.perturbed),
-                ("nominal pose", imperfect_builds.in_nominal_pose),
-                ("linear pose", imperfect_builds.in_linear_pose),
+                ("nominal pose", imperfect_builds.after_newton_steps(0)),
+                ("linear pose", imperfect_builds.after_newton_steps(1)),
                 ("rebuilt", imperfect_builds.rebuilt),
             )
         ),
-        views={},
         unsuited=imperfect_builds.uncoupled,
     ),
     Comparison(
-        quantity="equilibrium",
-        compares="methods",
-        title="Equilibrium of an imperfect build",
+        "equilibrium",
+        "methods",
+        *EQUILIBRIUM,
         start=FROM_DESIGN,
-        item="build",
-        count=imperfect_builds.BUILDS,
         against=lambda _: "equilibrium of the string model in 50 digits",
         reference=imperfect_builds.equilibrium_reference,
         error=imperfect_builds.equilibrium_error,
@@ -251,10 +201,7 @@ IMPERFECT = (
             Method(STRING, "two steps", *imperfect_builds.steps(2)),
             Method(STRING, "full", *imperfect_builds.full()),
         ),
-        views={},
         unsuited=imperfect_builds.unbalanced,
     ),
 )
-
-COMPARISONS: tuple[Comparison, ...] = (*MODES, *RESPONSES, *THERMAL, *IMPERFECT)
-QUANTITIES: tuple[str, ...] = tuple(dict.fromkeys(item.quantity for item in COMPARISONS))
+QUANTITIES = tuple(dict.fromkeys(item.quantity for item in COMPARISONS))

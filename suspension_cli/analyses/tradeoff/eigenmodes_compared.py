@@ -40,14 +40,8 @@ HIGHEST = 1.1
 class Reference:
     """Reference modes of a design.
 
-    Attributes
-    ----------
-    frequency : array
-        Hz; negative for unstable modes.
-    kind : tuple of str
-        The kind of each mode, see `KINDS`.
-    shape : array
-        Mass-normalised motions of the bodies, see `body_shapes`.
+    Frequencies (Hz) are negative for unstable modes. Kinds are those of `KINDS`; shapes are
+    mass-normalised motions of the bodies (`body_shapes`).
     """
 
     frequency: Float[np.ndarray, " mode"]
@@ -64,14 +58,9 @@ def signed_frequency(
 
 def mode_kinds(found: Modes) -> tuple[str, ...]:
     """Find the kind of each mode: the one of `KINDS` with most kinetic energy."""
-    energy = np.stack(
-        [
-            found.energy[:, :, [DOFS.index(dof) for dof in dofs]].sum((1, 2))
-            for dofs in KINDS.values()
-        ],
-        axis=1,
-    )
-    return tuple(np.array(list(KINDS))[energy.argmax(1)].tolist())
+    by_dof = dict(zip(DOFS, found.energy.sum(1).T, strict=True))
+    energy = np.array([sum(by_dof[dof] for dof in dofs) for dofs in KINDS.values()])
+    return tuple(np.array(list(KINDS))[energy.argmax(0)].tolist())
 
 
 def body_shapes(subject: Subject, found: Modes) -> Float[np.ndarray, "mode coordinate"]:
@@ -116,14 +105,10 @@ def error(
         else:
             partner = pair_by_overlap(np.abs(wanted.shape @ body_shapes(subject, found).T))
             frequency = signed_frequency(found.omega_squared)
-            pairs = [
-                (float(frequency[partner[n]]), float(wanted.frequency[n]))
-                for n in mine
-                if partner[n] >= 0
-            ]
-        result[kind] = max(
-            (abs(ours - exact) / abs(exact) for ours, exact in pairs if exact != 0), default=0.0
-        )
+            paired = [(partner[n], n) for n in mine if partner[n] >= 0]
+            pairs = [(float(frequency[k]), float(wanted.frequency[n])) for k, n in paired]
+        off = (abs(ours - exact) / abs(exact) for ours, exact in pairs if exact != 0)
+        result[kind] = max(off, default=0.0)
     return result
 
 
@@ -143,18 +128,20 @@ def solve_with_wire_mass(subject: Subject) -> Modes:
     return found
 
 
+def by_block(level: str) -> Callable[[Subject], Modes]:
+    """Return `solve_blocks` for a model."""
+    return lambda subject: solve_blocks(subject, level)
+
+
 def formulas(
     subject: Subject, factor: Float[np.ndarray, " build"] | float = 1.0
 ) -> dict[str, np.ndarray]:
     """Compute frequencies by kind (Husman et al. 2000), with masses times `factor`."""
     p = closed_form.four_wires(subject.design)
     p = replace(p, mass=p.mass * factor)
-    pairs = [
-        _eigenvalues(matrix(p))
-        for matrix in (closed_form.longitudinal_tilt, closed_form.sideways_roll)
-    ]
     every = (
-        *pairs,
+        _eigenvalues(closed_form.longitudinal_tilt(p)),
+        _eigenvalues(closed_form.sideways_roll(p)),
         np.asarray(closed_form.vertical(p))[..., None],
         np.atleast_1d(closed_form.rotation(p)),
     )
@@ -192,16 +179,14 @@ def force_batch(subject: Subject) -> Callable[[], object]:
 
 def string_batch(subject: Subject) -> Callable[[], object]:
     """Prepare the string model for a batch, as in `pendsus sweep`: balanced, solved by blocks."""
-    scene = _scenes(subject)
-    return lambda: batch_modes.solve(builds.balance(scene, subject.design, split=True).model)
+    scene, design = _scenes(subject), subject.design
+    return lambda: batch_modes.solve(builds.balance(scene, design, split=True).model)
 
 
 def beam_batch(subject: Subject) -> Callable[[], object]:
     """Prepare the beam model for a batch, as in `pendsus xcouple`, without symmetry blocks."""
-    scene = _scenes(subject)
-    return lambda: batch_modes.solve(
-        builds.balance(scene, subject.design, level=registry.BEAM.name).model
-    )
+    scene, design, level = _scenes(subject), subject.design, registry.BEAM.name
+    return lambda: batch_modes.solve(builds.balance(scene, design, level=level).model)
 
 
 def _scenes(subject: Subject) -> Scene:

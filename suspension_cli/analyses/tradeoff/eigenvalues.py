@@ -60,7 +60,7 @@ def whole(subject: Subject) -> Float[np.ndarray, " mode"]:
 
 def symmetric(subject: Subject) -> Float[np.ndarray, " mode"]:
     """Solve for omega^2 as eigenvalues of M^(-1/2) K M^(-1/2), by LAPACK."""
-    return _symmetric(subject.fresh(STRING))
+    return np.linalg.eigvalsh(_scaled(subject.fresh(STRING)))
 
 
 def unsymmetric(subject: Subject) -> Float[np.ndarray, " mode"]:
@@ -89,18 +89,9 @@ def bisected(subject: Subject) -> Float[np.ndarray, " mode"]:
     """Solve for omega^2 by counting modes and bisection, as in the violin model."""
     model = subject.fresh(STRING)
     found = eigenmodes.solve(model).omega_squared
-    omega = np.sqrt(found[found > 0])
-    return np.concatenate(
-        [
-            found[found <= 0],
-            mode_count.frequencies(
-                model,
-                eigenmodes_compared.HIGHEST * float(omega[-1]),
-                float(omega[0]) / eigenmodes_compared.HIGHEST,
-            )
-            ** 2,
-        ]
-    )
+    omega, ratio = np.sqrt(found[found > 0]), eigenmodes_compared.HIGHEST
+    counted = mode_count.frequencies(model, ratio * float(omega[-1]), float(omega[0]) / ratio)
+    return np.concatenate([found[found <= 0], counted**2])
 
 
 def _scaled(model: LinearSystem) -> Float[np.ndarray, "*batch mode mode"]:
@@ -111,35 +102,24 @@ def _scaled(model: LinearSystem) -> Float[np.ndarray, "*batch mode mode"]:
     return (dynamic + np.swapaxes(dynamic, -1, -2)) / 2
 
 
-def _symmetric(model: LinearSystem) -> Float[np.ndarray, "*batch mode"]:
-    return np.linalg.eigvalsh(_scaled(model))
-
-
 def _unsymmetric(model: LinearSystem) -> Float[np.ndarray, "*batch mode"]:
     _, mass, stiffness, _ = eigenmodes.condense_block(model, np.arange(6, model.size))
     return np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real
 
 
-def _many(subject: Subject) -> LinearSystem:
-    """Build the string model with a batch of stiffnesses."""
-    model = subject.model(STRING)
-    return replace(
-        model, stiffness=model.stiffness * eigenmodes_compared.scatter_factors()[:, None, None]
-    )
-
-
-def batch(solve: Callable[[LinearSystem], object]) -> Batch:
-    """Prepare a batched solver."""
+def _batch(solve: Callable[[LinearSystem], object]) -> Batch:
+    """Prepare a method for string models with a batch of stiffnesses."""
 
     def prepared(subject: Subject) -> Callable[[], object]:
-        model = _many(subject)
-        return lambda: solve(model)
+        model, factor = subject.model(STRING), eigenmodes_compared.scatter_factors()
+        many = replace(model, stiffness=model.stiffness * factor[:, None, None])
+        return lambda: solve(many)
 
     return prepared
 
 
-BY_BLOCK, WHOLE, SYMMETRIC, UNSYMMETRIC = map(
-    batch,
-    (batch_modes.solve, lambda model: np.linalg.eigh(_scaled(model)), _symmetric, _unsymmetric),
-)
-"""The methods for batches; the first is that of `pendsus sweep`."""
+BY_BLOCK = _batch(batch_modes.solve)
+"""As in `pendsus sweep`."""
+WHOLE = _batch(lambda model: np.linalg.eigh(_scaled(model)))
+SYMMETRIC = _batch(lambda model: np.linalg.eigvalsh(_scaled(model)))
+UNSYMMETRIC = _batch(_unsymmetric)

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from jaxtyping import Float
 
 EquilibriumArrays = tuple[Array, Array, Array]
-"""Displacements, rotation matrices less the unit matrix, and tensions, see `solve`."""
+"""Displacements of the COMs from their nominal positions (body, 3), m; rotation matrices less the
+unit matrix (body, 3, 3); tensions of the wires (wire,), N."""
 Mp = Number
 """A vector or matrix of mpmath."""
 
@@ -30,24 +31,10 @@ CONVERGED = 1e-30
 """Step (m or rad) at which the iteration ends."""
 
 
-def solve(
-    scene: Scene,
-) -> (
-    tuple[Float[np.ndarray, "body 3"], Float[np.ndarray, "body 3 3"], Float[np.ndarray, " wire"]]
-    | None
-):
+def solve(scene: Scene) -> EquilibriumArrays | None:
     """Solve for the equilibrium of a scene without batch axes, rounded to double precision.
 
     None if there is no equilibrium, or a body can turn freely.
-
-    Returns
-    -------
-    displacement : array
-        Displacements of the COMs from their nominal positions, m.
-    turn : array
-        Rotation matrices less the unit matrix.
-    tension : array
-        Tensions of the wires, N.
     """
     mp, start = context(), equilibrium.solve(scene)
     numbering = layout(scene)
@@ -97,15 +84,11 @@ def _gradient(
         for k, q, load in zip(tip, bent, blades.load, strict=True)
     ]
     for n, body in enumerate(blades.body.tolist()):
-        weight, arm = (
-            mp.matrix([0, 0, mp.mpf(scene.gravity) * mp.mpf(float(blades.tip_mass[n]))]),
-            turn[body] * (_numbers(blades.tip[n]) + bent[n]),
-        )
-        force[body], torque[body], tip[n] = (
-            force[body] + weight,
-            torque[body] + _cross(arm, weight),
-            tip[n] + turn[body].T * weight,
-        )
+        weight = mp.matrix([0, 0, mp.mpf(scene.gravity) * mp.mpf(float(blades.tip_mass[n]))])
+        arm = turn[body] * (_numbers(blades.tip[n]) + bent[n])
+        force[body] += weight
+        torque[body] += _cross(arm, weight)
+        tip[n] += turn[body].T * weight
     tension = []
     for n, (up, low, blade) in enumerate(
         zip(wires.upper.tolist(), wires.lower.tolist(), wires.blade.tolist(), strict=True)
@@ -122,10 +105,11 @@ def _gradient(
             + mp.mpf(float(wires.stiffness[n])) * (length - _norm(span))
         )
         pull = now * (tension[-1] / length)
-        force[low], torque[low] = force[low] + pull, torque[low] + _cross(arms[1], pull)
-        force[up], torque[up] = force[up] - pull, torque[up] - _cross(arms[0], pull)
+        for body, arm, sign in ((low, arms[1], 1), (up, arms[0], -1)):
+            force[body] += sign * pull
+            torque[body] += sign * _cross(arm, pull)
         if blade >= 0:
-            tip[blade] = tip[blade] - turn[up].T * pull
+            tip[blade] -= turn[up].T * pull
     gradient = [mp.zero] * numbering.size
     for n, (f, t) in enumerate(zip(force, torque, strict=True)):
         gradient[6 * n : 6 * n + 6] = [*f, *t]

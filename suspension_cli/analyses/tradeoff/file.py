@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from typing import Any
 
 import h5py
 import numpy as np
@@ -102,55 +103,36 @@ def load(group: Stored) -> Tradeoff:
 
 
 def _load_waits(home: Stored) -> ResponseTimes:
-    rows = zip(
-        home["model"].asstr()[:],
-        home["method"].asstr()[:],
-        home["largest_error"][:],
-        home["time"][:],
-        strict=True,
+    entries = tuple(
+        ResponseTime(model, method, float(error), time)
+        for model, method, error, time in _rows(home, "model", "method", "largest_error", "time")
     )
-    return ResponseTimes(
-        str(home.attrs["compares"]),
-        str(home.attrs["start"]),
-        tuple(
-            ResponseTime(str(model), str(method), float(error), time)
-            for model, method, error, time in rows
-        ),
-    )
+    return ResponseTimes(str(home.attrs["compares"]), str(home.attrs["start"]), entries)
+
+
+def _rows(home: Stored, *names: str) -> Iterator[tuple[Any, ...]]:
+    """Iterate over the rows of some datasets; names are strings."""
+    columns = [home[name] for name in names]
+    texts = [h5py.check_string_dtype(column.dtype) for column in columns]
+    read = (c.asstr()[:].tolist() if t else c[:] for c, t in zip(columns, texts, strict=True))
+    return zip(*read, strict=True)
 
 
 def _load(home: Stored) -> Panel:
-    def names(key: str) -> list[str]:
-        return [str(value) for value in home[key].asstr()[:]]
-
-    rows = zip(
-        names("model"),
-        names("method"),
-        home["error"][:],
-        home["once"][:],
-        home["batch"][:],
-        home["vectorised"][:],
-        strict=True,
-    )
+    left = ("left_out_model", "left_out_method", "left_out_reason")
     return Panel(
-        component=tuple(names("component")),
+        component=tuple(name for (name,) in _rows(home, "component")),
         count=int(home.attrs["count"]),
         entries=tuple(
             Entry(model, method, error, once, batch, bool(many))
-            for model, method, error, once, batch, many in rows
-        ),
-        left=tuple(
-            Omission(*row)
-            for row in zip(
-                names("left_out_model"),
-                names("left_out_method"),
-                names("left_out_reason"),
-                strict=True,
+            for model, method, error, once, batch, many in _rows(
+                home, "model", "method", "error", "once", "batch", "vectorised"
             )
         ),
+        left=tuple(Omission(*row) for row in _rows(home, *left)),
         views=tuple(
             View(title, tuple(np.flatnonzero(row).tolist()))
-            for title, row in zip(names("view"), home["judged"][:], strict=True)
+            for title, row in _rows(home, "view", "judged")
         ),
         **{key: str(home.attrs[key]) for key in TEXTS},
     )

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import textwrap
+from itertools import pairwise
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation
-from matplotlib.ticker import FixedLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import NullFormatter
 
+from suspension_cli.analyses.tradeoff.picture import COLOUR, draw_front, pixels
 from suspension_cli.analyses.tradeoff.result import ROUNDING, Tradeoff, front
 from suspension_cli.analyses.tradeoff.summary import MODEL_TOLERANCE, Answer, Option, choices
 from suspension_cli.drawing.curves import COLUMN, label_plainly, rule, write_heading
@@ -39,14 +41,7 @@ STRIP = 0.8
 
 
 def draw(found: Tradeoff, title: str) -> Figure:
-    """Draw error against time of all models, a chart per quantity.
-
-    Parameters
-    ----------
-    found : Tradeoff
-    title : str
-        Title of the design.
-    """
+    """Draw error against time of all models, a chart per quantity."""
     questions = choices(found)
     left_out = [
         (panel.title, panel.left[0].reason if panel.left else "nothing to compare")
@@ -55,41 +50,30 @@ def draw(found: Tradeoff, title: str) -> Figure:
     ]
     rows = len(questions) + len(left_out)
     key = textwrap.wrap(
-        f"Errors against {reference(found)}. Steps: none is both faster and more accurate.",
+        f"Errors against the {found.top} model. Steps: none is both faster and more accurate.",
         int(COLUMN / 0.058),
     )
     head = HEAD + LINE * (len(key) - 1)
-
-    def place(n: int) -> tuple[float, float]:
-        return LEFT, head + n * ROW
-
     with house_style():
         figure = new_figure(COLUMN, head + ROW * rows + FOOT)
         write_heading(figure, "Which model to use: error against time", title)
         for n, line in enumerate(key):
             write_text(figure, 0.1, 0.43 + LINE * n, line, 7.5, NOTE)
         for n, (answer, options) in enumerate(questions):
-            left, top = place(n)
-            _write_advice(figure, left, top, answer, options)
-            axes = add_axes(figure, left, top + ABOVE, WIDTH, HIGH)
+            top = head + n * ROW
+            name = answer.question[0].upper() + answer.question[1:]
+            write_text(figure, 0.1, top, name, 9, bold=True)
+            write_text(figure, 0.1, top + 0.175, advise(answer, options), 7.8, INK)
+            axes = add_axes(figure, LEFT, top + ABOVE, WIDTH, HIGH)
             _draw_chart(axes, options, answer)
             axes.set_ylabel("relative error")
         for n, (name, reason) in enumerate(left_out, len(questions)):
-            left, top = place(n)
-            write_text(figure, left - LEFT + 0.1, top, name, 9, bold=True)
+            top = head + n * ROW
+            write_text(figure, 0.1, top, name, 9, bold=True)
             for k, line in enumerate(textwrap.wrap(f"left out: {reason}", 70)):
                 down = top + 0.175 + LINE * k
-                write_text(figure, left - LEFT + 0.1, down, single_line(line), 7.5, NOTE)
+                write_text(figure, 0.1, down, single_line(line), 7.5, NOTE)
     return figure
-
-
-def reference(found: Tradeoff) -> str:
-    """Name the model that the others are compared with."""
-    return next(
-        f"the {panel.entries[-1].model} model"
-        for panel in found.panels
-        if panel.compares == "models" and panel.entries
-    )
 
 
 def advise(answer: Answer, options: list[Option]) -> str:
@@ -121,18 +105,8 @@ def percent(error: float) -> str:
     return f"{float(f'{value:.2g}' if value >= 10 else f'{value:.1g}'):g} %"
 
 
-def _write_advice(
-    figure: Figure, left: float, top: float, answer: Answer, options: list[Option]
-) -> None:
-    name = answer.question[0].upper() + answer.question[1:]
-    write_text(figure, left - LEFT + 0.1, top, name, 9, bold=True)
-    write_text(figure, left - LEFT + 0.1, top + 0.175, advise(answer, options), 7.8, INK)
-
-
 def _draw_chart(axes: Axes, options: list[Option], answer: Answer) -> None:
     """Draw models as points, their Pareto front and the tolerance."""
-    from suspension_cli.analyses.tradeoff.picture import COLOUR
-
     time = 1e3 * np.array([option.time for option in options])
     error = np.array([option.error for option in options])
     seen = np.append(error[error >= ROUNDING], MODEL_TOLERANCE)
@@ -145,9 +119,6 @@ def _draw_chart(axes: Axes, options: list[Option], answer: Answer) -> None:
     axes.set_ylim(floor / 10**0.5, high * (high / floor) ** 0.22)
     rule(axes)
     label_plainly(axes.xaxis)
-    if wide < 8:
-        ticks = _choose_ticks(*axes.get_xlim())
-        axes.xaxis.set_major_locator(FixedLocator(ticks))
     decades = np.arange(np.ceil(np.log10(floor) + 0.3), np.floor(np.log10(axes.get_ylim()[1])) + 1)
     decades = decades[:: -max(1, -(-len(decades) // 5))][::-1]
     axes.set_yticks(
@@ -158,51 +129,20 @@ def _draw_chart(axes: Axes, options: list[Option], answer: Answer) -> None:
     axes.axhspan(
         axes.get_ylim()[0], MODEL_TOLERANCE, color=with_opacity(PALE, 0.28), linewidth=0, zorder=0
     )
-    on = front(time, error)
-    steps = np.repeat(np.stack([time[on], shown[on]], axis=1), 2, axis=0)
-    steps[1:-1:2, 0] = steps[2::2, 0]
-    steps[-1, 0] = axes.get_xlim()[1]
-    path = np.vstack([[steps[0, 0], axes.get_ylim()[1]], steps])
-    axes.plot(*path.T, color=NOTE, linewidth=0.9, zorder=1.5, solid_joinstyle="miter")
+    path = draw_front(axes, time, shown, front(time, error))
     note = _name_band(axes, path)
     for option, x, y in zip(options, time, shown, strict=True):
-        chosen = option.name == answer.best.name
-        axes.plot(
-            x,
-            y,
-            "o",
-            color=COLOUR[option.name],
-            markersize=8.5 if chosen else 5,
-            zorder=4,
-            clip_on=False,
-        )
-    box = note.get_window_extent()
-    corners = axes.transData.transform(path)
+        look = {"ms": 8.5 if option.name == answer.best.name else 5, "zorder": 4}
+        axes.plot(x, y, "o", color=COLOUR[option.name], clip_on=False, **look)
     annotate(
         axes,
         list(zip(time.tolist(), shown.tolist(), strict=True)),
         [option.name for option in options],
         [COLOUR[option.name] for option in options],
         FONT,
-        [(box.x0, box.y0, box.x1, box.y1)],
-        [
-            (*ends.min(0).tolist(), *ends.max(0).tolist())
-            for ends in (corners[n : n + 2] for n in range(len(corners) - 1))
-        ],
+        [note.get_window_extent().extents],
+        [pixels(axes, ends) for ends in pairwise(path)],
     )
-
-
-def _choose_ticks(low: float, high: float) -> list[float]:
-    """Choose round values on a short logarithmic axis, at least a tenth of it apart."""
-    every = [n * 10.0**p for p in range(-7, 8) for n in (1, 1.5, 2, 3, 4, 5, 7)]
-    if sum(low <= tick <= high for tick in every) < 3:
-        every = list(MaxNLocator(4).tick_values(low, high))
-    ticks: list[float] = []
-    for tick in every:
-        far = not ticks or np.log(tick / ticks[-1]) > 0.1 * np.log(high / low)
-        if low <= tick <= high and far:
-            ticks.append(tick)
-    return ticks
 
 
 def _name_band(axes: Axes, path: Array) -> Annotation:

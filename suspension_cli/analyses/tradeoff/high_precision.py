@@ -41,12 +41,8 @@ def eliminate(matrix: Matrix, right: Matrix) -> Matrix:
     size = len(matrix)
     for n in range(size):
         pivot = max(range(n, size), key=lambda row: abs(complex(matrix[row][n])))
-        matrix[n], matrix[pivot], right[n], right[pivot] = (
-            matrix[pivot],
-            matrix[n],
-            right[pivot],
-            right[n],
-        )
+        for rows in (matrix, right):
+            rows[n], rows[pivot] = rows[pivot], rows[n]
         beyond = [j for j in range(n + 1, size) if matrix[n][j]]
         driven = [j for j, value in enumerate(right[n]) if value]
         for row in range(n + 1, size):
@@ -84,12 +80,9 @@ def dynamic(
     def element(k: complex, m: float, c: float, k_low: complex, c_low: float) -> Number:
         if not k and not m and not c:
             return mp.zero
-        real, imag = (
-            mp.mpf(float(k.real)) + mp.mpf(float(k_low.real)) - w * w * mp.mpf(float(m)),
-            mp.mpf(float(k.imag))
-            + mp.mpf(float(k_low.imag))
-            + w * (mp.mpf(float(c)) + mp.mpf(float(c_low))),
-        )
+        elastic = mp.mpc(complex(k)) + mp.mpc(complex(k_low))
+        real = elastic.real - w * w * mp.mpf(float(m))
+        imag = elastic.imag + w * (mp.mpf(float(c)) + mp.mpf(float(c_low)))
         return mp.mpc(real, imag) if imag else real
 
     return [
@@ -136,7 +129,6 @@ def response(
 
     Takes the matrices of the model at omega, rad/s, with their low parts if constant.
     """
-    mp = context()
     result = np.zeros(len(omega), dtype=complex)
     for block in frequency_dependent.build_blocks(model):
         if not row[block.keep].any() or not block.pulled(drive[:6, None]):
@@ -148,31 +140,16 @@ def response(
                 if low is None
                 else dynamic(block.constant, block.mass, block.damping, w, low)
             )
-            right = [
-                [
-                    -sum(
-                        (
-                            a * mp.mpf(float(s))
-                            for a, s in zip(line[:6], drive[:6], strict=True)
-                            if s
-                        ),
-                        mp.zero,
-                    )
-                ]
-                for line in whole
-            ]
-            moved = eliminate([line[6:] for line in whole], right)[: len(block.keep)]
-            result[n] += complex(
-                sum(
-                    (
-                        mp.mpf(float(c)) * x[0]
-                        for c, x in zip(row[block.keep], moved, strict=True)
-                        if c
-                    ),
-                    mp.zero,
-                )
-            )
+            right = [[-_dot(drive[:6], line[:6])] for line in whole]
+            moved = eliminate([line[6:] for line in whole], right)
+            result[n] += complex(_dot(row[block.keep], [x[0] for x in moved]))
     return result + row[:6] @ drive[:6]
+
+
+def _dot(factors: Float[np.ndarray, " _"], numbers: list[Number]) -> Number:
+    """Compute the scalar product of doubles with the first of some mpmath numbers."""
+    mp = context()
+    return sum((mp.mpf(float(a)) * b for a, b in zip(factors, numbers, strict=False) if a), mp.zero)
 
 
 def driven_motion(
@@ -182,11 +159,8 @@ def driven_motion(
 
     `matrix` is its dynamic stiffness.
     """
-    mp = context()
-    moved = eliminate(
-        to_mp(matrix),
-        [[mp.mpf(float(f))] for f in np.append(force, np.zeros(len(matrix) - len(force)))],
-    )
+    right = np.pad(force, (0, len(matrix) - len(force)))[:, None]
+    moved = eliminate(to_mp(matrix), to_mp(right))
     return np.array([complex(x[0]) for x in moved[: len(force)]])
 
 

@@ -12,7 +12,6 @@ from suspension_cli.analyses.tradeoff.comparison import Batch, Once
 from suspension_cli.analyses.tradeoff.equilibrium_mp import EquilibriumArrays
 from suspension_cli.analyses.tradeoff.subject import COUPLING, K_FACTOR, OFFSET, STRING, Subject
 from suspension_cli.analyses.xcouple.solve import ROUNDING
-from suspension_cli.conventions import SUPPORT
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.hanging import impose
 from suspension_cli.equilibrium.solve import Equilibrium
@@ -60,12 +59,10 @@ def unhung(subject: Subject, levels: tuple[str, ...] = (STRING,)) -> str:
 
     Checks the smallest and the largest imperfection.
     """
-    least_and_most = fractions()[[0, -1]]
+    scene = imperfect_scene(subject, fractions()[[0, -1]])
     for level in levels:
         if not subject.unsuited[level]:
-            status = builds.balance(
-                imperfect_scene(subject, least_and_most), subject.design, level=level
-            ).status
+            status = builds.balance(scene, subject.design, level=level).status
             if status.any():
                 return f"imperfect builds in the {level} model: {builds.STATUS[int(status.max())]}"
     return ""
@@ -73,8 +70,8 @@ def unhung(subject: Subject, levels: tuple[str, ...] = (STRING,)) -> str:
 
 def uncoupled(subject: Subject) -> str:
     """Return why there is no coupling to compare; empty if there is."""
-    if no_wire(subject) or unhung(subject):
-        return no_wire(subject) or unhung(subject)
+    if why := no_wire(subject) or unhung(subject):
+        return why
     size = float(np.abs(reference(subject, STRING))[0])
     return "" if size > ROUNDING else f"the imperfection couples nothing ({size:.0e} is rounding)"
 
@@ -93,21 +90,15 @@ def reference(subject: Subject, level: str) -> Complex[np.ndarray, " 1"]:
     """Compute the coupling of a model in its equilibrium, in 50 digits."""
     model = registry.by_name(level).system(subject.imperfect.design)
     into, out = subject.coupled(model)
-    drive, (over, under) = (
-        signals.linear_form(into, model),
-        (signals.linear_form(signal, model) for signal in out),
-    )
+    drive, over, under = (signals.linear_form(signal, model) for signal in (into, *out))
     omega = 2 * np.pi * np.array([COUPLING])
-    return high_precision.response(model, omega, drive, over) / high_precision.response(
-        model, omega, drive, under
-    )
+    above, below = (high_precision.response(model, omega, drive, row) for row in (over, under))
+    return above / below
 
 
 def ratio(subject: Subject, found: builds.Builds) -> Complex[np.ndarray, " build"]:
     """Compute the coupling of balanced builds."""
-    known = (SUPPORT, *found.model.body)
-    into = signals.parse_input("support.z", known)
-    out = subject.coupled(found.model)[1]
+    into, out = subject.coupled(found.model)
     moved = builds.transfer(found, np.array([COUPLING]), [into], out)[:, 0, :, 0]
     return moved[:, 0] / moved[:, 1]
 
@@ -116,9 +107,8 @@ def rebuilt(
     subject: Subject, fraction: Array, level: str = STRING
 ) -> Complex[np.ndarray, " build"]:
     """Compute the coupling of builds in their equilibria, as in `pendsus xcouple`."""
-    return ratio(
-        subject, builds.balance(imperfect_scene(subject, fraction), subject.design, level=level)
-    )
+    scene = imperfect_scene(subject, fraction)
+    return ratio(subject, builds.balance(scene, subject.design, level=level))
 
 
 def with_model(level: str) -> Method:
@@ -126,65 +116,40 @@ def with_model(level: str) -> Method:
     return lambda subject, fraction: rebuilt(subject, fraction, level)
 
 
-def after_newton_steps(
-    subject: Subject, fraction: Float[np.ndarray, " build"], steps: int
-) -> Complex[np.ndarray, " build"]:
-    """Compute the coupling of builds in the pose after some Newton steps from the nominal one."""
-    scene = imperfect_scene(subject, fraction)
-    found = equilibrium.newton_steps(scene, steps)
-    model = surrounded(string.linear_model(scene, found, split=False), subject.design)
-    status = np.full(scene.batch, builds.GOOD, dtype=np.uint8)
-    turned = builds.oriented(model, found)
-    return ratio(
-        subject,
-        builds.Builds(
-            turned,
-            status,
+def after_newton_steps(steps: int) -> Method:
+    """Return the coupling of builds in the pose after some Newton steps from the nominal one."""
+
+    def solve(subject: Subject, fraction: Array) -> np.ndarray:
+        scene = imperfect_scene(subject, fraction)
+        found = equilibrium.newton_steps(scene, steps)
+        model = surrounded(string.linear_model(scene, found, split=False), subject.design)
+        balanced = builds.Builds(
+            builds.oriented(model, found),
+            np.full(scene.batch, builds.GOOD, dtype=np.uint8),
             np.full(scene.batch, -1, dtype=np.int16),
             found.residual,
             is_mirror_symmetric(scene),
-        ),
-    )
+        )
+        return ratio(subject, balanced)
 
-
-def coupling_slopes(subject: Subject) -> tuple[complex, Complex[np.ndarray, " 2"]]:
-    """Compute the coupling without imperfection, and its slopes by stiffness and position."""
-    step = STEP * np.eye(2)
-    found = rebuilt(subject, np.concatenate([np.zeros((1, 2)), step, -step]))
-    return found[0], (found[1:3] - found[3:5]) / (2 * STEP)
+    return solve
 
 
 def perturbed(
     subject: Subject, fraction: Float[np.ndarray, " build"]
 ) -> Complex[np.ndarray, " build"]:
     """Compute the coupling to first order in the imperfection."""
-    level, slope = coupling_slopes(subject)
-    amount = np.stack([fraction, fraction], axis=-1)
-    return level + amount @ slope
+    step = STEP * np.eye(2)  # of stiffness and position
+    found = rebuilt(subject, np.concatenate([np.zeros((1, 2)), step, -step]))
+    slope = (found[1:3] - found[3:5]) / (2 * STEP)
+    return found[0] + fraction * slope.sum()
 
 
-def in_nominal_pose(
-    subject: Subject, fraction: Float[np.ndarray, " build"]
-) -> Complex[np.ndarray, " build"]:
-    """Compute the coupling in the nominal pose."""
-    return after_newton_steps(subject, fraction, 0)
-
-
-def in_linear_pose(
-    subject: Subject, fraction: Float[np.ndarray, " build"]
-) -> Complex[np.ndarray, " build"]:
-    """Compute the coupling in the pose of the linear solution."""
-    return after_newton_steps(subject, fraction, 1)
-
-
-def one(solve: Method) -> Once:
-    """Evaluate a method for the whole imperfection."""
-    return lambda subject: solve(subject, np.ones(1))
-
-
-def batch(solve: Method) -> Batch:
-    """Prepare a method for a batch."""
-    return lambda subject: lambda: solve(subject, fractions())
+def coupling(solve: Method) -> tuple[Once, Batch]:
+    """Return a method for the whole imperfection, and for a batch of fractions of it."""
+    return (lambda subject: solve(subject, np.ones(1))), (
+        lambda subject: lambda: solve(subject, fractions())
+    )
 
 
 # Comparison of equilibria.
@@ -192,17 +157,14 @@ def batch(solve: Method) -> Batch:
 
 def unbalanced(subject: Subject) -> str:
     """Return why equilibria cannot be compared; empty if they can."""
-    if no_wire(subject):
-        return no_wire(subject)
+    if why := no_wire(subject):
+        return why
     if subject.scene.springs.label or subject.scene.wires.torsion.any():
         return "the reference in 50 digits has no springs and no torsion of wires"
-    if unhung(subject):
-        return unhung(subject)
-    return (
-        ""
-        if equilibrium_mp.solve(imperfect_scene(subject)) is not None
-        else "the equilibrium is not unique (a body can turn freely)"
-    )
+    if why := unhung(subject):
+        return why
+    unique = equilibrium_reference(subject) is not None
+    return "" if unique else "the equilibrium is not unique (a body can turn freely)"
 
 
 def equilibrium_arrays(found: Equilibrium) -> EquilibriumArrays:
@@ -234,18 +196,15 @@ def _largest(values: Array) -> float:
 
 def steps(count: int) -> tuple[Once, Batch]:
     """Return the method of some Newton steps from the nominal pose; 1 is the linear solution."""
-    return (
-        lambda subject: equilibrium_arrays(
-            equilibrium.newton_steps(imperfect_scene(subject), count)
-        ),
-        lambda subject: (
-            lambda: equilibrium.newton_steps(imperfect_scene(subject, fractions()), count)
-        ),
-    )
+    return _balanced(lambda scene: equilibrium.newton_steps(scene, count))
 
 
 def full() -> tuple[Once, Batch]:
     """Return Newton's method with finite rotations, as in the string and more complete models."""
-    return (lambda subject: equilibrium_arrays(equilibrium.solve(imperfect_scene(subject)))), (
-        lambda subject: lambda: equilibrium.solve(imperfect_scene(subject, fractions()))
+    return _balanced(equilibrium.solve)
+
+
+def _balanced(solve: Callable[[Scene], Equilibrium]) -> tuple[Once, Batch]:
+    return (lambda subject: equilibrium_arrays(solve(imperfect_scene(subject)))), (
+        lambda subject: lambda: solve(imperfect_scene(subject, fractions()))
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import cycle
+from itertools import cycle, pairwise
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
-from suspension_cli.analyses.tradeoff.result import KINDS, ROUNDING, Panel, Tradeoff, View
+from suspension_cli.analyses.tradeoff.result import (
+    KINDS,
+    ROUNDING,
+    Panel,
+    Tradeoff,
+    View,
+    unit_of_time,
+)
 from suspension_cli.drawing.curves import COLUMN, label_plainly, write_heading
 from suspension_cli.drawing.labels import annotate
 from suspension_cli.drawing.style import (
@@ -71,23 +78,10 @@ IN_A_ROW = {
 """In place of `Panel.start` where there are methods that are prepared beforehand."""
 POWERS = 3.0
 """Decades of time from which the axis has few labels."""
-UNITS = (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9))
 
 
 def draw(found: Tradeoff, title: str) -> dict[str, Figure]:
-    """Draw the pages of `pendsus tradeoff` that have something to show.
-
-    Parameters
-    ----------
-    found : Tradeoff
-    title : str
-        Title of the design.
-
-    Returns
-    -------
-    dict
-        By the ends of their names, those of `PAGES`.
-    """
+    """Draw the pages of `pendsus tradeoff` with something to show, by the ends of their names."""
     return {
         end: _draw_page(found, title, compares, kinds)
         for end, (compares, kinds) in PAGES.items()
@@ -97,21 +91,14 @@ def draw(found: Tradeoff, title: str) -> dict[str, Figure]:
 
 def _draw_page(found: Tradeoff, title: str, compares: str, kinds: Sequence[str]) -> Figure:
     """Draw a row of charts per quantity, or why there is none."""
-    rows = [
-        (panel, heading)
-        for panel in found.panels
-        if panel.compares == compares
-        for heading in dict.fromkeys([view.title for view in panel.views] or [panel.title])
-    ]
-    shown = {panel.key: panel for panel, _ in rows}.values()
-    loops = "batch" in kinds and not all(e.vectorised for panel in shown for e in panel.entries)
+    rows: list[tuple[Panel, View | None]] = []
+    for panel in found.panels:
+        if panel.compares == compares:
+            rows += [(panel, view) for view in panel.views or (None,)]
+    loops = "batch" in kinds and not all(e.vectorised for panel, _ in rows for e in panel.entries)
     key = textwrap.wrap(" ".join([KEY[compares], SPANS, *([HOLLOW] if loops else [])]), CHARACTERS)
     notes = [textwrap.wrap(_note(panel, kinds), CHARACTERS) for panel, _ in rows]
-    views = [next((v for v in panel.views if v.title == name), None) for panel, name in rows]
-    charts = [
-        _height(panel, view) + FOOT if view else 0.15
-        for (panel, _), view in zip(rows, views, strict=True)
-    ]
+    charts = [_height(panel, view) + FOOT if view else 0.15 for panel, view in rows]
     start = KEYED + LINE * len(key) + 0.15
     tall = [0.24 + LINE * len(note) + chart for note, chart in zip(notes, charts, strict=True)]
     with house_style():
@@ -119,9 +106,10 @@ def _draw_page(found: Tradeoff, title: str, compares: str, kinds: Sequence[str])
         write_heading(figure, HEADING[compares, kinds[0]], title)
         for n, line in enumerate(key):
             write_text(figure, 0.1, KEYED + LINE * n, line, FONT, NOTE)
-        for (panel, heading), view, note, high in zip(rows, views, notes, tall, strict=True):
+        for (panel, view), note, high in zip(rows, notes, tall, strict=True):
             models = {entry.model for entry in panel.entries}
-            name = heading + (f" ({models.pop()} model)" if len(models) == 1 else "")
+            name = view.title if view else panel.title
+            name += f" ({models.pop()} model)" if len(models) == 1 else ""
             write_text(figure, 0.1, start, name, 8.5, INK, bold=True)
             for n, line in enumerate(note):
                 write_text(figure, 0.1, start + 0.17 + LINE * n, single_line(line), FONT, NOTE)
@@ -134,7 +122,7 @@ def _draw_page(found: Tradeoff, title: str, compares: str, kinds: Sequence[str])
 def _note(panel: Panel, kinds: Sequence[str]) -> str:
     """Return the steps that are timed and the reference of the errors, or why there are none."""
     if not panel.views:
-        return "left out: " + "; ".join(dict.fromkeys(item.reason for item in panel.left))
+        return f"left out: {'; '.join(panel.left_out)}"
     in_a_row = panel.quantity == "response" and panel.compares == "methods"
     if panel.compares == "models":
         return f"{panel.start}; against {panel.reference}"
@@ -177,49 +165,34 @@ def _draw_chart(axes: Axes, panel: Panel, view: View, kind: str) -> None:
     """Draw points, Pareto front and labels for one kind of time."""
     worst = panel.worst(view)
     least = np.array([entry.error[list(view.components)].min() for entry in panel.entries])
-    unit, size = next((item for item in UNITS if panel.fastest(kind) >= item[1]), UNITS[-1])
+    unit, size = unit_of_time(panel.fastest(kind))
     times = np.array([getattr(entry, kind) for entry in panel.entries]) / size
     floor = _floor(least, worst)
     high, low = np.where(worst < ROUNDING, floor, worst), np.where(least < ROUNDING, floor, least)
     _set_axes(axes, times, high, floor)
     item = "one evaluation" if kind == "once" else f"per {panel.item} in a batch"
     axes.set_xlabel(f"{item} ({unit})", fontsize=FONT, labelpad=1.5)
-    path = _draw_front(axes, times[:, 1], high, panel.front(kind, view))
-    bars = [np.array([[row[0], y], [row[2], y]]) for row, y in zip(times, high, strict=True)]
-    spans = [
-        np.array([[row[1], y], [row[1], z]]) for row, y, z in zip(times, low, high, strict=True)
-    ]
+    path = draw_front(axes, times[:, 1], high, panel.front(kind, view))
+    bars = np.stack([times[:, ::2], np.stack([high, high], 1)], -1)
+    spans = np.stack([times[:, [1, 1]], np.stack([low, high], 1)], -1)
     for n, entry in enumerate(panel.entries):
         colour = COLOUR[entry.model]
-        axes.plot(
-            *bars[n].T, color=colour, linewidth=2.6, alpha=0.4, solid_capstyle="butt", zorder=2
-        )
-        axes.plot(*spans[n].T, color=colour, linewidth=0.8, alpha=0.6, zorder=1)
-        hollow = kind == "batch" and not entry.vectorised
-        axes.plot(
-            times[n, 1],
-            high[n],
-            "o",
-            color=colour,
-            markersize=4.6,
-            markerfacecolor="white" if hollow else colour,
-            markeredgewidth=1.0,
-            zorder=4,
-        )
+        axes.plot(*bars[n].T, color=colour, lw=2.6, alpha=0.4, solid_capstyle="butt", zorder=2)
+        axes.plot(*spans[n].T, color=colour, lw=0.8, alpha=0.6, zorder=1)
+        inside = "white" if kind == "batch" and not entry.vectorised else colour
+        point = {"ms": 4.6, "mfc": inside, "mew": 1.0, "zorder": 4}
+        axes.plot(times[n, 1], high[n], "o", color=colour, **point)
     annotate(
         axes,
         list(zip(times[:, 1].tolist(), high.tolist(), strict=True)),
         [entry.name(panel.compares).removesuffix(KEPT) for entry in panel.entries],
         [COLOUR[entry.model] for entry in panel.entries],
         FONT,
-        lines=[
-            _pixels(axes, ends)
-            for ends in [*(path[n : n + 2] for n in range(len(path) - 1)), *bars, *spans]
-        ],
+        lines=[pixels(axes, ends) for ends in [*pairwise(path), *bars, *spans]],
     )
 
 
-def _pixels(axes: Axes, ends: Any) -> tuple[float, ...]:
+def pixels(axes: Axes, ends: Any) -> tuple[float, ...]:
     """Bounding box of a line, pixels."""
     there = axes.transData.transform(ends)
     return (*there.min(0).tolist(), *there.max(0).tolist())
@@ -258,35 +231,22 @@ def _set_axes(axes: Axes, times: Any, errors: Any, floor: float) -> None:
     axes.minorticks_off()
     axes.grid(visible=True, which="major", color=PALE, linewidth=0.3)
     flat = bool((errors <= floor).all())
+    edge = floor * 10 ** (0.07 * room + 0.1)
     if flat:
-        axes.set_ylim(floor / 10, floor * 10)
+        edge = floor * 10
+        axes.set_ylim(floor / 10, edge)
     if exact:
-        axes.axhspan(
-            axes.get_ylim()[0],
-            axes.get_ylim()[1] if flat else floor * 10 ** (0.07 * room + 0.1),
-            color=PALE,
-            alpha=0.25,
-            linewidth=0,
-            zorder=0,
-        )
+        axes.axhspan(axes.get_ylim()[0], edge, color=PALE, alpha=0.25, linewidth=0, zorder=0)
     axes.tick_params(length=2, labelsize=FONT)
     axes.set_axisbelow(True)
 
 
-def _draw_front(axes: Axes, times: Any, errors: Any, on: list[int]) -> Any:
+def draw_front(axes: Axes, times: Any, errors: Any, on: list[int]) -> Any:
     """Draw the steps of the Pareto front; return its corners (c, 2)."""
     x, y = times[on], errors[on]
     right, top = axes.get_xlim()[1], axes.get_ylim()[1]
     corners = np.repeat(np.stack([x, y], axis=1), 2, axis=0)
     corners[1::2, 0] = [*x[1:], right]  # along to the next time, then down
     path = np.concatenate([[[x[0], top]], corners])
-    axes.plot(
-        path[:, 0],
-        path[:, 1],
-        color=NOTE,
-        linewidth=0.9,
-        alpha=0.75,
-        zorder=1.5,
-        solid_joinstyle="miter",
-    )
+    axes.plot(*path.T, color=NOTE, lw=0.9, alpha=0.75, zorder=1.5, solid_joinstyle="miter")
     return path

@@ -34,15 +34,8 @@ Begin = Callable[[], Callable[[], Answer]]
 def measure(subject: Subject, compares: str, repeat: int, budget: float) -> ResponseTimes:
     """Measure the times of all models, or of all methods on the string model.
 
-    Parameters
-    ----------
-    subject : Subject
-    compares : str
-        ``models`` or ``methods``.
-    repeat : int
-        Sessions per method and number of frequencies.
-    budget : float
-        Processor time from which there are no further sessions of a method, s.
+    `repeat` is the number of sessions per method and number of frequencies, of which there are
+    no more once they took the processor time `budget`, s.
     """
     if compares == "models":
         start, error = "from the design to the result", {}
@@ -127,6 +120,5 @@ def _session(
     (answer, _), taken = timing.call(first)
     if taken > most:
         return np.array([taken, np.nan, np.nan])
-    return np.array(
-        [taken, *(timing.call(lambda grid=grid: answer(grid))[1] for grid in grids[1:])]
-    )
+    following = (timing.call(lambda grid=grid: answer(grid))[1] for grid in grids[1:])
+    return np.array([taken, *following])

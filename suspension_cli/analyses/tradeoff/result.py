@@ -29,18 +29,10 @@ model, which differ by arithmetic and approximations."""
 
 @dataclass(frozen=True)
 class Entry:
-    """Error and time of one method for one model.
+    """Relative error by component, and time of one method for one model.
 
-    Attributes
-    ----------
-    model, method : str
-        Names of the model and of the method.
-    error : array
-        Relative error by component.
-    once, batch : array
-        Quartiles (lower, median, upper) of the time per evaluation and per item of a batch, s.
-    vectorised : bool
-        Whether the method takes a batch at once; if not, `batch` equals `once`.
+    `once` and `batch` are quartiles (lower, median, upper) of the time per evaluation and per
+    item of a batch, s; they are equal unless the method takes a batch at once (`vectorised`).
     """
 
     model: str
@@ -82,8 +74,8 @@ class View:
 
 
 @dataclass(frozen=True)
-class Panel:
-    """All models, or all methods for one model, for one quantity.
+class Timed:
+    """A quantity that is computed by several models or methods.
 
     Attributes
     ----------
@@ -91,29 +83,27 @@ class Panel:
         ``modes``, ``response``, ``thermal``, ``coupling`` or ``equilibrium``.
     compares : str
         One of `COMPARED`.
-    title : str
+    item, count : str, int
+        Item of a batch (``design``, ``frequency``, ``build``), and items per batch.
     start : str
         Steps that the time includes, in words.
-    item : str
-        Item of a batch: ``design``, ``frequency``, ``build``.
-    count : int
-        Items per batch.
-    reference : str
-        Reference of the errors, in words.
-    component : tuple of str
-        Names of the components of `Entry.error`: kinds of modes, frequencies, ...
-    entries : tuple of Entry
-    left : tuple of Omission
-        Methods that do not apply.
-    views : tuple of View
     """
 
     quantity: str
     compares: str
     title: str
-    start: str
     item: str
     count: int
+    start: str
+
+
+@dataclass(frozen=True)
+class Panel(Timed):
+    """Errors and times of all models, or of all methods for one model, for one quantity.
+
+    `component` names the components of `Entry.error`: kinds of modes, frequencies, ...
+    """
+
     reference: str
     component: tuple[str, ...]
     entries: tuple[Entry, ...]
@@ -124,6 +114,15 @@ class Panel:
     def key(self) -> str:
         """Name in files, ``modes-models``."""
         return f"{self.quantity}-{self.compares}"
+
+    @property
+    def left_out(self) -> dict[str, list[str]]:
+        """Names of the models or methods that do not apply, by reason."""
+        reasons: dict[str, list[str]] = {}
+        for item in self.left:
+            name = item.model if self.compares == "models" else item.method
+            reasons.setdefault(item.reason, []).append(name)
+        return reasons
 
     def fastest(self, kind: str) -> float:
         """Find the shortest median time, s, of kind ``once`` or ``batch``."""
@@ -150,14 +149,11 @@ class ResponseTime:
 
     Attributes
     ----------
-    model, method : str
-        Names of the model and of the method.
     error : float
         Largest relative error over 200 frequencies from 0.1 Hz to 1 kHz; NaN between models, which
         differ by any amount near resonances.
     time : array
-        Seconds by `OCCASIONS`, `COUNTS` and quartile; NaN for next responses that were not measured
-        because the first took long.
+        Seconds; NaN for next responses that were not measured because the first took long.
     """
 
     model: str
@@ -174,13 +170,7 @@ class ResponseTime:
 class ResponseTimes:
     """Times of responses in a row, by every model or by every method for one model.
 
-    Attributes
-    ----------
-    compares : str
-        One of `COMPARED`.
-    start : str
-        Steps that the first time includes, in words.
-    entries : tuple of ResponseTime
+    `start` says which steps the first time includes.
     """
 
     compares: str
@@ -192,15 +182,8 @@ class ResponseTimes:
 class Tradeoff:
     """Times and errors of all models and methods for one design.
 
-    Attributes
-    ----------
-    panels : tuple of Panel
-    repeat : int
-        Samples per time.
-    threads : int
-        Threads of linear algebra; 0 if unknown.
-    waits : tuple of ResponseTimes
-        Of models and of methods; empty if responses are not compared.
+    `repeat` is the number of samples per time, `threads` that of linear algebra (0 if unknown).
+    `waits` are the times of responses of models and of methods, if these are compared.
     """
 
     panels: tuple[Panel, ...]
@@ -208,22 +191,26 @@ class Tradeoff:
     threads: int
     waits: tuple[ResponseTimes, ...] = ()
 
+    def compared(self, compares: str) -> list[Panel]:
+        """List the panels of models, or of methods, that have entries."""
+        return [panel for panel in self.panels if panel.compares == compares and panel.entries]
+
+    @property
+    def top(self) -> str:
+        """Name of the model that the others are compared with."""
+        return self.compared("models")[0].entries[-1].model
+
+    def response_times(self, compares: str) -> list[ResponseTime]:
+        """List the times of responses of models, or of methods."""
+        return [one for each in self.waits if each.compares == compares for one in each.entries]
+
 
 def front(time: Array | Sequence[float], error: Array | Sequence[float]) -> list[int]:
     """Find the Pareto front: points that no other point matches in one and beats in the other.
 
-    Parameters
-    ----------
-    time, error : sequence of float
-        Errors below `ROUNDING`, and errors that differ by less than `GAIN`, count as equal.
+    Errors below `ROUNDING`, and errors that differ by less than `GAIN`, count as equal. Returns
+    indices in ascending order of time, with strictly decreasing errors.
 
-    Returns
-    -------
-    list of int
-        In ascending order of time, with strictly decreasing errors.
-
-    Examples
-    --------
     >>> front([1.0, 2.0, 3.0], [0.1, 0.2, 0.01])
     [0, 2]
     """
@@ -237,10 +224,14 @@ def front(time: Array | Sequence[float], error: Array | Sequence[float]) -> list
 
 def format_time(seconds: float) -> str:
     """Format a time with three digits: ``83 µs``."""
-    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
-        if seconds >= size:
-            return f"{seconds / size:.3g} {unit}"
-    return f"{seconds * 1e9:.3g} ns"
+    unit, size = unit_of_time(seconds)
+    return f"{seconds / size:.3g} {unit}"
+
+
+def unit_of_time(seconds: float) -> tuple[str, float]:
+    """Return the unit in which a time is at least 1, and its size in s."""
+    units = (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9))
+    return next((unit for unit in units if seconds >= unit[1]), units[-1])
 
 
 def format_error(error: float) -> str:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import fields
 
 import numpy as np
 
 from suspension_cli.analyses.tradeoff import response_times, timing
 from suspension_cli.analyses.tradeoff.comparison import Comparison
 from suspension_cli.analyses.tradeoff.comparisons import COMPARISONS
-from suspension_cli.analyses.tradeoff.result import Entry, Omission, Panel, Tradeoff
+from suspension_cli.analyses.tradeoff.result import Entry, Omission, Panel, Timed, Tradeoff
 from suspension_cli.analyses.tradeoff.subject import Subject
 from suspension_cli.design.schema import Design
 
@@ -30,11 +31,9 @@ def measure(
     quantities : sequence of str
         Some of `comparisons.QUANTITIES`; empty for all.
     repeat : int
-        Samples per time; fewer of slow methods.
+        Samples per time; no more of a method once they took the processor time `budget`, s.
     report : callable
         Called with the numbers of finished and of all comparisons.
-    budget : float
-        Processor time from which no further samples of a time are taken, s.
     """
     subject, panels, waits = Subject(design), [], []
     wanted = [item for item in COMPARISONS if not quantities or item.quantity in quantities]
@@ -59,19 +58,14 @@ def _panel(subject: Subject, item: Comparison, repeat: int, budget: float) -> Pa
     truth = item.reference(subject) if methods else None
     errors = [item.error(subject, values, truth) for values in found]
     components = tuple(errors[0]) if errors else ()
-    batches = [method for method in methods if method.batch is not None]
     works = [lambda method=method: method.once(subject) for method in methods]
-    works += [method.batch(subject) for method in batches if method.batch is not None]
-    times = timing.quartiles(works, repeat, [taken for _, taken in first], budget)
+    batches = {method: method.batch(subject) for method in methods if method.batch is not None}
+    known = [taken for _, taken in first]
+    times = timing.quartiles([*works, *batches.values()], repeat, known, budget)
     once = dict(zip(methods, times[: len(methods)], strict=True))
     many = dict(zip(batches, times[len(methods) :] / item.count, strict=True))
     return Panel(
-        quantity=item.quantity,
-        compares=item.compares,
-        title=item.title,
-        start=item.start,
-        item=item.item,
-        count=item.count,
+        **{field.name: getattr(item, field.name) for field in fields(Timed)},
         reference=item.against(subject) if methods else "",
         component=components,
         entries=tuple(

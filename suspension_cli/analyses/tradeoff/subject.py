@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -47,6 +47,10 @@ class Subject:
     """A design with its models and scene, each built once."""
 
     design: Design
+    modes: dict[str, Modes] = field(default_factory=dict)
+    """By the name of the model, as far as computed."""
+    _models: dict[str, LinearSystem] = field(default_factory=dict)
+    _answers: dict[Prepare, Answer] = field(default_factory=dict)
 
     @cached_property
     def unsuited(self) -> dict[str, str]:
@@ -58,15 +62,6 @@ class Subject:
         """Name of the most complete valid model."""
         return next(level for level in reversed(MODEL_NAMES) if not self.unsuited[level])
 
-    @cached_property
-    def _models(self) -> dict[str, LinearSystem]:
-        return {}
-
-    @cached_property
-    def modes(self) -> dict[str, Modes]:
-        """Modes by the name of the model, as far as computed."""
-        return {}
-
     def model(self, level: str) -> LinearSystem:
         """Return the linear system of a model, built once."""
         if level not in self._models:
@@ -76,10 +71,6 @@ class Subject:
     def fresh(self, level: str) -> LinearSystem:
         """Return the linear system of a model without cached properties, for timing."""
         return replace(self.model(level))
-
-    @cached_property
-    def _answers(self) -> dict[Prepare, Answer]:
-        return {}
 
     def prepared(self, prepare: Prepare) -> Answer:
         """Return the response of the string model by a method, prepared once."""
@@ -98,9 +89,9 @@ class Subject:
     ) -> tuple[Float[np.ndarray, " coordinate"], Float[np.ndarray, " coordinate"]]:
         """Return the linear forms of the motions along x of the support and of the last stage."""
         known = signals.bodies_with_signals(model)
-        return signals.linear_form(
-            signals.parse_input("support.x", known), model
-        ), signals.linear_form(signals.parse_output(f"{self.last}.x", known), model)
+        into = signals.parse_input("support.x", known)
+        out = signals.parse_output(f"{self.last}.x", known)
+        return signals.linear_form(into, model), signals.linear_form(out, model)
 
     def coupled(self, model: LinearSystem) -> tuple[signals.Signal, list[signals.Signal]]:
         """Return the signals of the cross-coupling.
@@ -120,26 +111,16 @@ class Subject:
     @cached_property
     def wire(self) -> int:
         """Number of the first wire of the last stage; -1 if it hangs on none."""
-        return next(
-            (
-                n
-                for n, label in enumerate(self.scene.wires.label)
-                if label.startswith(f"{self.last}.")
-            ),
-            -1,
-        )
+        labels = enumerate(self.scene.wires.label)
+        return next((n for n, label in labels if label.startswith(f"{self.last}.")), -1)
 
     @cached_property
     def imperfect(self) -> Subject:
         """Subject with `wire` imperfect."""
-        item = Perturbation(
-            wire=self.scene.wires.label[self.wire],
-            k_factor=K_FACTOR,
-            upper_offset=(OFFSET, 0.0, 0.0),
-        )
-        return Subject(
-            msgspec.structs.replace(self.design, perturbation=[*self.design.perturbation, item])
-        )
+        wire, offset = self.scene.wires.label[self.wire], (OFFSET, 0.0, 0.0)
+        item = Perturbation(wire=wire, k_factor=K_FACTOR, upper_offset=offset)
+        every = [*self.design.perturbation, item]
+        return Subject(msgspec.structs.replace(self.design, perturbation=every))
 
     @property
     def temperature(self) -> float:

@@ -10,7 +10,6 @@ from suspension_cli.analyses import tables
 from suspension_cli.analyses.tradeoff.result import (
     COUNTS,
     Panel,
-    ResponseTime,
     Tradeoff,
     format_error,
     format_time,
@@ -59,9 +58,6 @@ class Answer:
 
     Attributes
     ----------
-    compares : str
-        ``models`` or ``methods``.
-    question : str
     best : Option
         Fastest of those within the tolerance; the most accurate one if none is.
     other : Option or None
@@ -77,15 +73,13 @@ class Answer:
 
 def answers(found: Tradeoff) -> list[Answer]:
     """Answer all questions that the comparisons allow."""
-    return [
-        answer
-        for compares in ("models", "methods")
-        for panel in found.panels
-        if panel.compares == compares and panel.entries
-        for answer in (
-            _response_methods(found) if panel.key == "response-methods" else _answers(found, panel)
-        )
-    ]
+    result = []
+    for panel in (*found.compared("models"), *found.compared("methods")):
+        if panel.key == "response-methods":
+            result += _response_methods(found)
+        else:
+            result += [answer for answer, _ in _questions(found, panel)]
+    return result
 
 
 def choices(found: Tradeoff) -> list[tuple[Answer, list[Option]]]:
@@ -93,27 +87,14 @@ def choices(found: Tradeoff) -> list[tuple[Answer, list[Option]]]:
 
     Responses are those of 200 frequencies up to 50 Hz.
     """
-    return [
-        _questions(found, panel)[0]
-        for panel in found.panels
-        if panel.compares == "models" and panel.entries
-    ]
-
-
-def _answers(found: Tradeoff, panel: Panel) -> list[Answer]:
-    return [answer for answer, _ in _questions(found, panel)]
+    return [_questions(found, panel)[0] for panel in found.compared("models")]
 
 
 def _questions(found: Tradeoff, panel: Panel) -> list[tuple[Answer, list[Option]]]:
     """Answer the questions on a panel, with the options for each."""
     questions = {}
     if panel.key == "response-models":
-        times = {
-            entry.model: entry.median("first", TIMED)
-            for each in found.waits
-            if each.compares == "models"
-            for entry in each.entries
-        }
+        times = {one.model: one.median("first", TIMED) for one in found.response_times("models")}
         shipped = ""
         for view in panel.views:
             questions[f"{NAMES.get(view.title, view.title)}, {TIMED} frequencies"] = [
@@ -138,38 +119,26 @@ def _questions(found: Tradeoff, panel: Panel) -> list[tuple[Answer, list[Option]
 
 def _response_methods(found: Tradeoff) -> list[Answer]:
     """Compare a first response of some frequencies, and the next one of few and of many."""
-    entries = [
-        entry for each in found.waits if each.compares == "methods" for entry in each.entries
-    ]
-    questions = (
+    result = []
+    for occasion, count, name in (
         ("first", TIMED, "first response"),
         ("other grid", COUNTS[0], "next response"),
         ("other grid", COUNTS[-1], "next response"),
-    )
-    return [
-        _choose(
-            "methods",
-            f"{question}, {count:,} frequencies",
-            [_option(entry, occasion, count) for entry in entries],
-            SHIPPED["response"],
-        )
-        for occasion, count, question in questions
-    ]
-
-
-def _option(entry: ResponseTime, occasion: str, count: int) -> Option:
-    return Option(entry.method, entry.median(occasion, count), entry.error)
+    ):
+        options = [
+            Option(one.method, one.median(occasion, count), one.error)
+            for one in found.response_times("methods")
+        ]
+        question = f"{name}, {count:,} frequencies"
+        result.append(_choose("methods", question, options, SHIPPED["response"]))
+    return result
 
 
 def _choose(compares: str, question: str, options: list[Option], shipped: str) -> Answer:
     models = compares == "models"
     tolerance = MODEL_TOLERANCE if models else METHOD_TOLERANCE
     good = [option for option in options if option.error <= tolerance]
-    best = (
-        min(good, key=lambda option: option.time)
-        if good
-        else min(options, key=lambda option: option.error)
-    )
+    best = min(good, key=lambda o: o.time) if good else min(options, key=lambda o: o.error)
     if models:
         faster = [option for option in options if WORTHWHILE * option.time < best.time]
         other = min(faster, key=lambda option: option.error, default=None)
@@ -196,12 +165,7 @@ def headline(found: Tradeoff) -> str:
 
 def _within(found: Tradeoff) -> str:
     """Tolerance and reference of models: ``within 0.1 % of violin``."""
-    top = next(
-        panel.entries[-1].model
-        for panel in found.panels
-        if panel.compares == "models" and panel.entries
-    )
-    return f"within {100 * MODEL_TOLERANCE:g} % of {top}"
+    return f"within {100 * MODEL_TOLERANCE:g} % of {found.top}"
 
 
 def text(found: Tradeoff) -> str:
@@ -221,14 +185,11 @@ def text(found: Tradeoff) -> str:
             if answer.compares == compares
         ]
         if rows:
-            models = compares == "models"
-            heading = (
-                f"model {_within(found)}"
-                if models
-                else f"fastest method within {METHOD_TOLERANCE:.0e}"
-            )
-            columns = {heading: "", "use" if models else "": ""}
-            parts.append(tables.render({**columns, "time": "", "error": "", other: ""}, rows))
+            heading, use = f"fastest method within {METHOD_TOLERANCE:.0e}", ""
+            if compares == "models":
+                heading, use = f"model {_within(found)}", "use"
+            columns = (heading, use, "time", "error", other)
+            parts.append(tables.render(dict.fromkeys(columns, ""), rows))
     parts.append(_left_out(found))
     return "\n\n".join(part for part in parts if part)
 
@@ -266,26 +227,19 @@ def response_table(found: Tradeoff) -> str:
         models = each.compares == "models"
         rows = []
         for entry in each.entries:
-            label = entry.model if models else entry.method
-            times = [
-                " ".join(
-                    f"{'-' if np.isnan(value) else format_time(value):>8}"
-                    for value in entry.time[:, n, 1]
-                )
-                for n in range(len(COUNTS))
-            ]
-            error = "" if models or np.isnan(entry.error) else format_error(entry.error)
-            rows.append((label, *times, error))
-        columns = {"": "", **{f"{count:,} frequencies": "" for count in COUNTS}}
+            times = (
+                " ".join(f"{'-' if np.isnan(t) else format_time(t):>8}" for t in medians)
+                for medians in entry.time[:, :, 1].T
+            )
+            error = () if models else ("" if np.isnan(entry.error) else format_error(entry.error),)
+            rows.append((entry.model if models else entry.method, *times, *error))
+        columns = ["", *(f"{count:,} frequencies" for count in COUNTS)]
+        columns += [] if models else ["error, 0.1 Hz to 1 kHz"]
         heading = "Response: " + ("models" if models else f"methods ({each.entries[0].model})")
         lines = [
-            f"{heading}: the first {each.start}, the next on the same grid, the next on another"
+            f"{heading}: the first {each.start}, the next on the same grid, the next on another",
+            tables.render(dict.fromkeys(columns, ""), rows),
         ]
-        lines.append(
-            tables.render({**columns, "" if models else "error, 0.1 Hz to 1 kHz": ""}, rows)
-            if not models
-            else tables.render(columns, [row[:-1] for row in rows])
-        )
         if any(np.isnan(entry.time).any() for entry in each.entries):
             lines.append("  -: not measured, as the first takes long")
         parts.append("\n".join(lines))

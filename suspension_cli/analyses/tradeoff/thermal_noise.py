@@ -25,6 +25,7 @@ SWEEP = 500
 """Frequencies per batch."""
 BAND = (1.0, 1000.0)
 """Range of these frequencies, Hz."""
+OMEGA = 2 * np.pi * np.array(NOISE)
 
 
 LOCALISED = tuple(model.name for model in registry.MODELS if model.bends_wires)
@@ -32,7 +33,7 @@ LOCALISED = tuple(model.name for model in registry.MODELS if model.bends_wires)
 
 
 def not_localised(level: str) -> Callable[[Subject], str]:
-    """Return a function that gives why a model has no thermal noise; empty if it has."""
+    """Return a function that gives why a model has no thermal noise; "" if it has."""
     return lambda _: "" if level in LOCALISED else "the model does not localise loss along a wire"
 
 
@@ -50,23 +51,16 @@ def temperatures(subject: Subject) -> set[float]:
     found = set()
     for block in frequency_dependent.build_blocks(model):
         if row[block.keep].any():
-            still = np.zeros((len(block.keep), len(NOISE)))
-            found |= {
-                kelvin
-                for _, kelvin in thermal.compute_dissipation(
-                    block.at(2 * np.pi * np.array(NOISE)), still, subject.temperature
-                )
-            }
+            still, there = np.zeros((len(block.keep), len(NOISE))), block.at(OMEGA)
+            powers = thermal.compute_dissipation(there, still, subject.temperature)
+            found |= {kelvin for _, kelvin in powers}
     return found
 
 
 def one_temperature(subject: Subject) -> str:
     """Return why the fluctuation-dissipation theorem needs each part; empty if it does not."""
-    return (
-        ""
-        if temperatures(subject) <= {subject.temperature}
-        else "some lossy part does not have the temperature of [constants]"
-    )
+    common = temperatures(subject) <= {subject.temperature}
+    return "" if common else "some lossy part does not have the temperature of [constants]"
 
 
 def reference(subject: Subject) -> Float[np.ndarray, " frequency"]:
@@ -76,24 +70,17 @@ def reference(subject: Subject) -> Float[np.ndarray, " frequency"]:
     """
     model = subject.model(subject.top)
     _, row = thermal.parse_motion(model, f"{subject.last}.x")
-    omega = 2 * np.pi * np.array(NOISE)
-    density = np.zeros(len(omega))
+    density = np.zeros(len(OMEGA))
     for block in frequency_dependent.build_blocks(model):
         force = row[block.keep]
         if not force.any():
             continue
-        there = block.at(omega)
-        motion = np.stack(
-            [
-                high_precision.driven_motion(there.matrix[:, 6:, n], force)
-                for n in range(len(omega))
-            ],
-            axis=-1,
-        )
-        for (_, kelvin), power in thermal.compute_dissipation(
-            there, motion, subject.temperature
-        ).items():
-            density += 4 * thermal.BOLTZMANN * kelvin * power / omega
+        there = block.at(OMEGA)
+        dynamic = np.moveaxis(there.matrix[:, 6:], -1, 0)
+        motion = np.stack([high_precision.driven_motion(d, force) for d in dynamic], axis=-1)
+        powers = thermal.compute_dissipation(there, motion, subject.temperature)
+        for (_, kelvin), power in powers.items():
+            density += 4 * thermal.BOLTZMANN * kelvin * power / OMEGA
     return np.sqrt(density)
 
 
@@ -110,11 +97,8 @@ def susceptibility(
 ) -> Float[np.ndarray, " frequency"]:
     """Compute the noise from the imaginary part of the susceptibility; 0 if negative."""
     _, row = thermal.parse_motion(model, f"{subject.last}.x")
-    return np.sqrt(
-        np.maximum(
-            thermal.compute_from_susceptibility(model, frequency, row, subject.temperature), 0.0
-        )
-    )
+    density = thermal.compute_from_susceptibility(model, frequency, row, subject.temperature)
+    return np.sqrt(np.maximum(density, 0.0))
 
 
 def with_model(level: str) -> tuple[Once, Batch]:

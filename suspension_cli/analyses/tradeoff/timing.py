@@ -46,14 +46,11 @@ def quartiles(
 
     Parameters
     ----------
-    works : sequence of callables
     repeat : int
-        Samples per function; slow functions have fewer, see `budget`.
+        Samples per function; no more once they took the processor time `budget`, s.
     known : sequence of float
         Times of earlier calls of the first functions, s; a function that took `LONG` budgets is not
         called again.
-    budget : float
-        Processor time from which no further samples of a function are taken, s.
     """
     if not works:
         return np.zeros((0, 3))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import cycle
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,10 +16,10 @@ from suspension_cli.analyses.tradeoff.subject import STRING, Answer, Prepare, Su
 from suspension_cli.linear import response, signals, statespace
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
-from suspension_cli.scene.arrays import Array, Index
+from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Complex, Float, Inexact
+    from jaxtyping import Complex, Float, Inexact
 
 Solve = Callable[[LinearSystem, Array, Array, Array], np.ndarray]
 """Response (f,) of a model at omega (f,), rad/s, from the linear forms (N,) of input and output."""
@@ -50,10 +50,6 @@ def chain(
     return response.transfer(model, omega, drive[None], [False], row[None])[0][:, 0, 0]
 
 
-# Methods that separate preparation from evaluation: each returns the response as a function of
-# frequency, from a model and two linear forms.
-
-
 def chained(model: LinearSystem, drive: Array, row: Array) -> Answer:
     """Prepare `chain`; the model itself caches the preparation."""
     return lambda omega: chain(model, omega, drive, row)
@@ -63,16 +59,9 @@ def chained(model: LinearSystem, drive: Array, row: Array) -> Answer:
 class Condensed:
     """Plain equations of a driven block without its massless coordinates.
 
-    Attributes
-    ----------
-    stiffness, mass, damping : array
-        Scaled by powers of 2, such that they do not depend on units.
-    push : array
-        Force of the support's motion: stiffness, damping and mass parts.
-    row : array
-        Output, a linear form of the scaled coordinates.
-    direct : complex
-        Output while these do not move.
+    Matrices are scaled by powers of 2, such that they do not depend on units. `push` is the
+    force of the support's motion (stiffness, damping and mass parts), `row` the output as a
+    linear form of the coordinates, `direct` the output while these do not move.
     """
 
     stiffness: Inexact[np.ndarray, "coordinate coordinate"]
@@ -99,8 +88,11 @@ def condense(model: LinearSystem, drive: Array, row: Array) -> list[Condensed]:
     """
     full = model.stiffness if model.lossy is None else model.lossy
     place = {name: n for n, name in enumerate(model.body)}
+    pulled = np.any(model.pulled[:, drive[:6] != 0], axis=1)
     result = []
-    for touched in _touched(model, drive, row):
+    for touched in model.blocks:
+        if not (row[touched].any() and pulled[touched].any()):
+            continue
         block = np.array(
             sorted(touched, key=lambda n: place.get(model.coordinate[n].split(".", 1)[0], -1))
         )
@@ -111,10 +103,8 @@ def condense(model: LinearSystem, drive: Array, row: Array) -> list[Condensed]:
         if len(tips):
             follow = -np.linalg.solve(full[np.ix_(tips, tips)], full[np.ix_(tips, columns)])
             stiffness = stiffness + full[np.ix_(kept, tips)] @ follow
-            form, direct = (
-                form + row[tips] @ follow[:, 6:],
-                row[tips] @ follow[:, :6] @ drive[:6],
-            )
+            form = form + row[tips] @ follow[:, 6:]
+            direct = row[tips] @ follow[:, :6] @ drive[:6]
         if not np.imag(stiffness).any():
             stiffness, form, direct = np.real(stiffness), np.real(form), np.real(direct)
         mass, damping = (matrix[np.ix_(kept, columns)] for matrix in (model.mass, model.damping))
@@ -141,15 +131,19 @@ def eliminated(model: LinearSystem, drive: Array, row: Array) -> Answer:
 def _by_block(
     model: LinearSystem, drive: Array, row: Array, solve: Callable[[Condensed, Array], np.ndarray]
 ) -> Answer:
-    blocks, direct = condense(model, drive, row), row[:6] @ drive[:6]
-    direct += sum(block.direct for block in blocks)
+    blocks = condense(model, drive, row)
+    direct = row[:6] @ drive[:6] + sum(block.direct for block in blocks)
+    return _in_chunks(direct, lambda omega: sum(solve(block, omega) for block in blocks))
+
+
+def _in_chunks(direct: Any, indirect: Callable[[Array], Any]) -> Answer:
+    """Return the sum of both parts of a response, the second for some frequencies at a time."""
 
     def at(omega: Array) -> np.ndarray:
         result = np.full(len(omega), direct, dtype=complex)
         for start in range(0, len(omega), CHUNK):
             span = slice(start, start + CHUNK)
-            for block in blocks:
-                result[span] += solve(block, omega[span])
+            result[span] += indirect(omega[span])
         return result
 
     return at
@@ -171,12 +165,13 @@ def _eliminate(
 ) -> Inexact[np.ndarray, " frequency"]:
     square, size = omega**2, len(block.row)
     left: dict[tuple[int, int], np.ndarray] = {}
-    for i, j in np.argwhere(np.tril(_coupled(block))).tolist():
+    coupled = (block.stiffness != 0) | (block.mass != 0) | (block.damping != 0)
+    for i, j in np.argwhere(np.tril(coupled)).tolist():
         left[i, j] = block.stiffness[i, j] - square * block.mass[i, j]
         if block.damping[i, j]:
             left[i, j] = left[i, j] + 1j * omega * block.damping[i, j]
     right: list[np.ndarray] = list(block.right_side(omega))
-    driven = _coupled_rows(block.push)
+    driven = (block.push != 0).any(0).tolist()
     rows: list[list[int]] = []
     for last in range(size - 1, -1, -1):
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -205,22 +200,6 @@ def _eliminate(
     return result
 
 
-def _coupled(block: Condensed) -> Bool[np.ndarray, "coordinate coordinate"]:
-    """Whether elements of the dynamic stiffness are not 0 at every frequency."""
-    return (block.stiffness != 0) | (block.mass != 0) | (block.damping != 0)
-
-
-def _coupled_rows(push: Inexact[np.ndarray, "3 coordinate"]) -> list[bool]:
-    """Whether the support pushes each coordinate."""
-    return (push != 0).any(0).tolist()
-
-
-def _touched(model: LinearSystem, drive: Array, row: Array) -> list[Index]:
-    """Find the blocks that the input drives and the output contains."""
-    pulled = np.any(model.pulled[:, drive[:6] != 0], axis=1)
-    return [block for block in model.blocks if row[block].any() and pulled[block].any()]
-
-
 def modal(model: LinearSystem, drive: Array, row: Array) -> Answer:
     """Prepare the sum over modes, valid as far as losses do not couple modes.
 
@@ -242,24 +221,20 @@ def modal(model: LinearSystem, drive: Array, row: Array) -> Answer:
         k, c, m = seen * (block.push @ shapes.T)
         modes += zip(-k, -c, m, poles + 1j * loss if loss.any() else poles, damping, strict=True)
 
-    def at(omega: Array) -> np.ndarray:
-        result = np.full(len(omega), direct, dtype=complex)
-        for start in range(0, len(omega), CHUNK):
-            span = slice(start, start + CHUNK)
-            square, total = omega[span] ** 2, 0.0
-            for k, c, m, pole, damping in modes:
-                stiff, driven = pole - square, k
-                if damping:
-                    stiff = stiff + 1j * omega[span] * damping
-                if m:
-                    driven = driven + square * m
-                if c:
-                    driven = driven + 1j * omega[span] * c
-                total = total + driven / stiff
-            result[span] += total
+    def total(omega: Array) -> Any:
+        square, result = omega**2, 0.0
+        for k, c, m, pole, damping in modes:
+            stiff, driven = pole - square, k
+            if damping:
+                stiff = stiff + 1j * omega * damping
+            if m:
+                driven = driven + square * m
+            if c:
+                driven = driven + 1j * omega * c
+            result = result + driven / stiff
         return result
 
-    return at
+    return _in_chunks(direct, total)
 
 
 def state_space(model: LinearSystem, drive: Array, row: Array) -> Answer:
@@ -287,10 +262,8 @@ METHODS: dict[str, Prepare] = {
 
 def _system(model: LinearSystem, drive: Array, row: Array) -> statespace.StateSpace:
     known = signals.bodies_with_signals(model)
-    into, out = (
-        signals.parse_input("support.x", known),
-        signals.parse_output(f"{model.body[-1]}.x", known),
-    )
+    into = signals.parse_input("support.x", known)
+    out = signals.parse_output(f"{model.body[-1]}.x", known)
     return statespace.assemble(model, drive[None], [into], row[None], [out])
 
 
@@ -309,18 +282,13 @@ def prepared(prepare: Prepare) -> tuple[Once, Batch]:
     return on_matrices(lambda model, omega, drive, row: prepare(model, drive, row)(omega))
 
 
-def other_grids(omega: Float[np.ndarray, " frequency"]) -> Callable[[], Array]:
-    """Return a function that gives another grid close to omega at each call."""
-    grids = cycle([omega * (1 + 1e-6 * n) for n in range(1, GRIDS + 1)])
-    return lambda: next(grids)
-
-
 def kept(prepare: Prepare) -> tuple[Once, Batch]:
     """Return a method that is prepared beforehand; batches have another grid each time."""
 
     def batch(subject: Subject) -> Callable[[], object]:
-        answer, grid = subject.prepared(prepare), other_grids(BAND)
-        return lambda: answer(grid())
+        answer = subject.prepared(prepare)
+        grids = cycle([BAND * (1 + 1e-6 * n) for n in range(1, GRIDS + 1)])
+        return lambda: answer(next(grids))
 
     return (lambda subject: subject.prepared(prepare)(subject.omega)), batch
 

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, plain
 from suspension_cli.analyses.options import option
+from suspension_cli.conventions import DOFS
+from suspension_cli.errors import Fault, InputError, format_value
 
 if TYPE_CHECKING:
-    import h5py
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.xcouple.file import Coupling
@@ -106,20 +107,20 @@ class CouplingAnalysis(Analysis):
             run.source,
             setting["fidelity"],
             registry.SCENE_MODELS,
-            model_error.coupling_change(job),
+            model_error.coupling_change(job, setting["tolerance"]),
             setting["tolerance"],
         )
         model_choice.stable_system(run.source, choice, unstable, run.log, bends=True)
         job = dataclasses.replace(job, level=choice.level)
-        path = sweeping.fill(run, self, job, choice, lambda group: stored.fill(group, job))
-        found = stored.load(path)
+        result = sweeping.fill(run, self, job, choice, lambda group: stored.fill(group, job))
+        found: Coupling = result.data
         failed = found.failures.items()
         if failed:
             run.log.warn(
                 "; ".join(f"{count} of {job.count} builds failed: {why}" for why, count in failed)
             )
         _warn_of_faint(run, requested, found)
-        return Result(self, run.source, choice, found, file=path, command=run.command)
+        return result
 
     def document(self, result: Result) -> Document:
         """Return axes and ratios, first axis first; null for a failed build."""
@@ -161,12 +162,6 @@ class CouplingAnalysis(Analysis):
             f" {answer.frequency[where[-1]]:.4g} Hz; median {np.nanmedian(size):.3g}"
         )
 
-    def load(self, file: h5py.File) -> Coupling:
-        """Read the group `xcouple`."""
-        from suspension_cli.analyses.xcouple import file as stored
-
-        return stored.read(file["xcouple"])
-
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw the coupling against the imperfections, or against frequency."""
         from suspension_cli.analyses.xcouple import picture
@@ -206,7 +201,11 @@ class MatrixAnalysis(Analysis):
         setting = run.setting
         motions, observed = _all_motions(known, requested, setting)
         decision = model_choice.choose(
-            run.source, setting["fidelity"], lambda _: motions, setting["tolerance"]
+            run.source,
+            setting["fidelity"],
+            lambda _: motions,
+            setting["tolerance"],
+            highest=max(requested.frequency),
         )
         model = model_choice.stable_system(
             run.source,
@@ -237,8 +236,6 @@ class MatrixAnalysis(Analysis):
 
     def text(self, result: Result) -> str:
         """Return a table for each frequency."""
-        from suspension_cli.conventions import DOFS
-
         answer: Response = result.data
         observed = result.extra.get("observed", answer.output[0].rpartition(".")[0])
         lines = [result.choice.line]
@@ -253,17 +250,11 @@ class MatrixAnalysis(Analysis):
             ]
         return "\n".join(lines)
 
-    def fill(self, file: h5py.File, result: Result) -> None:
-        """Write the group `matrix`."""
-        from suspension_cli.analyses.response import file as stored
+    def _stored(self) -> Any:
+        """Import the file of responses, of which the matrix is one."""
+        from suspension_cli.analyses.response import file
 
-        stored.fill(file.create_group("matrix"), result.data)
-
-    def load(self, file: h5py.File) -> Response:
-        """Read the group `matrix`."""
-        from suspension_cli.analyses.response import file as stored
-
-        return stored.load(file["matrix"])
+        return file
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw the table."""
@@ -293,7 +284,6 @@ def axes(text: str, table: Document) -> tuple[Axis, ...]:
     """Parse the axes of `--sweep`; missing grids come from the design's table or the defaults."""
     from suspension_cli.analyses.xcouple.solve import PARAMETERS, UNITS
     from suspension_cli.design.faults import suggest
-    from suspension_cli.errors import Fault, InputError, format_value
     from suspension_cli.grids import parse_grid
     from suspension_cli.studies.axes import Axis
 
@@ -374,7 +364,6 @@ def _all_motions(
     """Return the request for all motions of support and observed point, and that point."""
     import numpy as np
 
-    from suspension_cli.conventions import DOFS
     from suspension_cli.linear import signals
     from suspension_cli.models.quantity_of_interest import Transfer
 

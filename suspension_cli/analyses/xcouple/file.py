@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import h5py
@@ -11,7 +10,7 @@ import numpy as np
 
 from suspension_cli.analyses.sweep.solve import count_failures
 from suspension_cli.analyses.xcouple.solve import UNITS, Sweep
-from suspension_cli.files.hdf5 import Stored, add_scale, open_results
+from suspension_cli.files.hdf5 import Stored, add_scale
 from suspension_cli.studies import builds
 from suspension_cli.studies.axes import Axis, scale_name
 
@@ -25,17 +24,17 @@ class Coupling:
 
     Attributes
     ----------
-    axes : tuple of Axis
+    axes
         Imperfections and their values.
-    frequency : array
+    frequency
         Hz.
-    ratio : array
+    ratio
         Motion `over` per motion `under`; NaN where a build failed.
-    status : array
+    status
         See `builds.STATUS`.
-    wire, hold : str
+    wire, hold
         Label of the imperfect wire, and what is kept when it changes.
-    input, over, under : str
+    input, over, under
         Names of the signals.
     """
 
@@ -71,13 +70,7 @@ def fill(group: h5py.Group, job: Sweep) -> None:
         group.attrs[name] = getattr(job.question, name).text
 
 
-def load(path: Path | str) -> Coupling:
-    """Read a finished sweep from its file."""
-    with open_results(path) as file:
-        return read(file["xcouple"])
-
-
-def read(group: Stored) -> Coupling:
+def load(group: Stored) -> Coupling:
     """Read a finished sweep from the group `xcouple`."""
     names = [str(name) for name in group.attrs["axis_order"]]
     axes = tuple(Axis(name, tuple(group[scale_name(name)][:].tolist())) for name in names)

@@ -30,13 +30,6 @@ def draw(response: Response, title: str) -> Figure:
     """Draw a coloured table for each frequency; couplings forbidden by symmetry are white zeros.
 
     Colours compare couplings of one unit: m/m, m/rad, rad/m and rad/rad.
-
-    Parameters
-    ----------
-    response : Response
-        With several outputs and inputs.
-    title : str
-        Names of the design and the model.
     """
     units, count = np.array(response.unit), len(response.frequency)
     row = ABOVE + HIGH + FOOT

@@ -11,10 +11,8 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from suspension_cli.analyses.xcouple.file import Coupling
-from suspension_cli.design.path_units import displayed_unit
 from suspension_cli.drawing import curves
 from suspension_cli.drawing.style import (
-    INK,
     NOTE,
     PALETTE,
     RED,
@@ -25,27 +23,23 @@ from suspension_cli.drawing.style import (
 )
 from suspension_cli.studies.axes import Axis
 
-LABELS = {
-    "k": "$k/k_0$ (ratio)",
-    "offset": "offset of the wire's upper end along x (mm)",
-    "offset_y": "offset of the wire's upper end along y (mm)",
-    "offset_z": "offset of the wire's upper end along z (mm)",
-    "lower_offset": "offset of the wire's lower end along x (mm)",
-    "lower_offset_y": "offset of the wire's lower end along y (mm)",
-    "lower_offset_z": "offset of the wire's lower end along z (mm)",
-    "length": "change of the wire's length (mm)",
-    "mass": "$m/m_0$ (ratio)",
-    "inertia": "$I/I_0$ (ratio)",
-    "com": "offset of the COM along x (mm)",
-    "com_y": "offset of the COM along y (mm)",
-    "com_z": "offset of the COM along z (mm)",
-}
+RATIOS = {"k": "$k/k_0$ (ratio)", "mass": "$m/m_0$ (ratio)", "inertia": "$I/I_0$ (ratio)"}
+"""Labels of imperfections that are ratios to the design, 1 without imperfection."""
+LENGTHS = {
+    f"{name}{end}": f"offset of the {part} along {axis} (mm)"
+    for name, part in (
+        ("offset", "wire's upper end"),
+        ("lower_offset", "wire's lower end"),
+        ("com", "COM"),
+    )
+    for end, axis in (("", "x"), ("_y", "y"), ("_z", "z"))
+} | {"length": "change of the wire's length (mm)"}
+"""Labels of imperfections that are lengths, 0 without imperfection."""
+LABELS = RATIOS | LENGTHS
 MOST_CURVES = 9
 """Curves at most; more values of the second axis are thinned out evenly."""
 FINE = 16
 """Points per interval of the first axis, interpolated, so that zeros are sharp."""
-NOMINAL = {"k": 1.0, "mass": 1.0, "inertia": 1.0}
-"""Value without imperfection of parameters that are ratios; of others 0."""
 COLOURS = "viridis"
 """Colour map of the second axis."""
 
@@ -57,10 +51,9 @@ def draw(coupling: Coupling, title: str, limit: float | None = None) -> Figure:
 
     Parameters
     ----------
-    coupling : Coupling
-    title : str
+    title
         Names of the design and the model.
-    limit : float, optional
+    limit
         Largest ratio that is allowed.
     """
     with house_style():
@@ -179,9 +172,7 @@ def _draw_over_axes(axes: Axes, coupling: Coupling, limit: float | None) -> None
             colour = to_hex(matplotlib.colormaps[COLOURS](place))
             fine, drawn = _draw_curve(axes, x, ratio[:, column], colour)
             ends.append((fine, drawn, _format_value(second, int(column)), colour))
-    size = np.abs(ratio)
-    top = float(np.nanmax(size)) if np.isfinite(size).any() else 1.0
-    top = top or 1.0
+    top = float(np.abs(ratio[np.isfinite(ratio)]).max(initial=0.0)) or 1.0
     axes.set_ylim(0, 1.05 * top)
     if limit is not None:
         if limit < 2.5 * top:
@@ -204,19 +195,9 @@ def _draw_over_axes(axes: Axes, coupling: Coupling, limit: float | None) -> None
     axes.ticklabel_format(axis="y", style="sci", scilimits=(-2, 4), useMathText=True)
     axes.yaxis.get_offset_text().set_fontsize(7)
     axes.set_xlabel(_label(first))
-    at = NOMINAL.get(first.name, 0.0 if first.name in LABELS else np.nan)
+    at = 1.0 if first.name in RATIOS else 0.0 if first.name in LENGTHS else np.nan
     if x.min() < at < x.max():
-        axes.axvline(at, color=INK, linewidth=0.7, linestyle=(0, (4, 2)), zorder=1.6)
-        axes.annotate(
-            "as designed",
-            (at, 1),
-            (0, 2),
-            xycoords=("data", "axes fraction"),
-            textcoords="offset points",
-            va="bottom",
-            ha="center",
-            fontsize=7.5,
-        )
+        curves.mark_design([axes], at)
     if ends:
         curves.label_ends(axes, ends)
 
@@ -252,8 +233,7 @@ def interpolate(x: Any, ratio: Any) -> tuple[Any, Any]:
 
     Parameters
     ----------
-    x : (n,) array
-    ratio : (n,) complex array
+    ratio
         NaN where there is none.
 
     Examples
@@ -293,21 +273,17 @@ def interpolate(x: Any, ratio: Any) -> tuple[Any, Any]:
     return np.insert(at, crossed + 1, zeros), np.insert(np.abs(found), crossed + 1, least)
 
 
-def _unit_of_axis(axis: Axis) -> tuple[str, float]:
-    return displayed_unit(axis.name, float(np.max(np.abs(axis.values))))
-
-
 def _label(axis: Axis) -> str:
     if axis.name in LABELS:
         return LABELS[axis.name]
-    unit = _unit_of_axis(axis)[0]
+    unit = axis.displayed_unit[0]
     return single_line(axis.name, 50) + (f" ({unit})" if unit else "")
 
 
 def _scale(axis: Axis) -> float:
     if axis.name in LABELS:
-        return 1e3 if "(mm)" in LABELS[axis.name] else 1.0
-    return _unit_of_axis(axis)[1]
+        return 1e3 if axis.name in LENGTHS else 1.0
+    return axis.displayed_unit[1]
 
 
 def _format_value(axis: Axis, n: int) -> str:

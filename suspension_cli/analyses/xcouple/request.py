@@ -18,9 +18,9 @@ def parse_request(model: LinearSystem, setting: Settings) -> CouplingRequest:
 
     Parameters
     ----------
-    model : LinearSystem
+    model
         Any model of the design, for the names of wires and bodies.
-    setting : dict
+    setting
         Values of the options ``wire``, ``body``, ``observe``, ``hold``, ``drive``, ``over``,
         ``under`` and ``frequency``.
 

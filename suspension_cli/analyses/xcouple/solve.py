@@ -6,7 +6,7 @@ motion for vertical motion of the support. It is computed on grids of any number
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -44,15 +44,15 @@ class CouplingRequest:
 
     Attributes
     ----------
-    wire : int
+    wire
         Number of the imperfect wire, from 0; -1 if there is none.
-    body : int
+    body
         Number of the imperfect body, from 1.
-    hold : str
+    hold
         What is kept when the wire changes, see `scene.imperfections.wire`.
-    input, over, under : Signal
+    input, over, under
         The coupling is the ratio of `over` to `under` for a motion or force `input`.
-    frequency : tuple of float
+    frequency
         Hz.
     """
 
@@ -71,15 +71,16 @@ class Sweep(Product):
 
     Attributes
     ----------
-    text : str
+    text
         The design as TOML.
-    axes : tuple of Axis
+    axes
         Imperfections (see `PARAMETERS`) or dotted paths, and their values.
-    question : CouplingRequest
-    allow_unstable : bool
+    allow_unstable
         Whether a build with an unstable equilibrium counts as valid.
-    level : str
+    level
         Name of a model that supports imperfect builds.
+    balanced : dict
+        All builds in equilibrium, by the name of the model, where these are known already.
     """
 
     text: str
@@ -87,6 +88,7 @@ class Sweep(Product):
     question: CouplingRequest
     allow_unstable: bool = False
     level: str = registry.STRING.name
+    balanced: dict[str, Builds] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def identity(self) -> str:
@@ -139,22 +141,20 @@ class Sweep(Product):
 
     def compute(self, start: int, stop: int) -> ColumnValues:
         """Compute the `columns` of builds start to stop - 1."""
+        if stop - start == self.count and self.level in self.balanced:
+            return couplings(self.balanced[self.level], self.question)
         values = self.values(start, stop)
-        imperfections = {name: value for name, value in values.items() if name in PARAMETERS}
-        if len(imperfections) == len(values):
-            return compute_coupling(
-                impose(self.scene, values, self.question),
-                self.design,
-                self.question,
-                self.allow_unstable,
-                self.level,
-            )
         paths = {name: value for name, value in values.items() if name not in PARAMETERS}
         result = {column.name: blank_values(column, stop - start) for column in self.columns}
-        for scene, design, here in variants.scenes(self.text, paths, self.level):
-            part = {name: value[here] for name, value in imperfections.items()}
+        parts = [(self.scene, self.design, np.arange(stop - start))]
+        for scene, design, here in (
+            variants.scenes(self.text, paths, self.level) if paths else parts
+        ):
+            imperfections = {
+                name: value[here] for name, value in values.items() if name in PARAMETERS
+            }
             found = compute_coupling(
-                impose(scene, part, self.question) if part else scene,
+                impose(scene, imperfections, self.question),
                 design,
                 self.question,
                 self.allow_unstable,
@@ -192,11 +192,10 @@ def impose(
 
     Parameters
     ----------
-    scene : Scene
+    scene
         Without batch axes, or with the builds along its first axis.
-    values : dict of arrays
+    values
         Values by name of the imperfection, see `PARAMETERS`.
-    question : CouplingRequest
     """
     for part, number in (("wire", question.wire), ("body", question.body)):
         amounts: dict[str, np.ndarray] = {}
@@ -227,20 +226,7 @@ def compute_coupling(
     allow_unstable: bool = False,
     level: str = registry.STRING.name,
 ) -> ColumnValues:
-    """Compute the coupling of a batch of builds, with the status of each: `Sweep.columns`.
-
-    Parameters
-    ----------
-    scene : Scene
-        The builds, along one batch axis.
-    design : Design
-        The nominal design.
-    question : CouplingRequest
-    allow_unstable : bool
-        Whether a build with an unstable equilibrium counts as valid.
-    level : str
-        Name of a model that supports imperfect builds.
-    """
+    """Compute the coupling of builds along one batch axis of a scene: `Sweep.columns`."""
     found = builds.balance(scene, design, level=level, allow_unstable=allow_unstable)
     return couplings(found, question)
 

@@ -54,14 +54,14 @@ def relaxation(
     phase
         w h^2/D, with h half the depth of the section and D its diffusivity; complex for the
         analytic continuation.
-    order : float
+    order
         n: `ROUND` or `FLAT`.
     """
     if np.iscomplexobj(phase):  # Im g = (g(i p) - g(-i p))/2i for real p, and so for all
         return (_moment(1j * phase, order) - _moment(-1j * phase, order)) / 2j
     phase = np.asarray(phase, dtype=float)
     if phase.size > LARGE:
-        return _real_relaxation(phase, order)
+        return np.imag(_moment(1j * phase, order))
     return _known_relaxation(phase.tobytes(), phase.shape, order).copy()
 
 
@@ -70,58 +70,22 @@ def _known_relaxation(
     phase: bytes, shape: tuple[int, ...], order: float
 ) -> Float[np.ndarray, "*frequency"]:
     """Im g at phases given by their bytes, kept as equal sections and both ends of wires repeat."""
-    return _real_relaxation(np.frombuffer(phase).reshape(shape), order)
-
-
-def _real_relaxation(
-    phase: Float[np.ndarray, "*frequency"], order: float
-) -> Float[np.ndarray, "*frequency"]:
-    """Im g at real phases."""
-    fast = phase > FAST
-    result = np.asarray(_imaginary_moment(np.where(fast, FAST, phase), order))
-    if fast.any():
-        result[fast] = np.imag(_moment(1j * phase[fast], order))
-    return result
-
-
-def _imaginary_moment(
-    phase: Float[np.ndarray, "*frequency"], order: float
-) -> Float[np.ndarray, "*frequency"]:
-    """Im g at real phases p = -i x^2, by the continued fraction of the Bessel functions.
-
-    With q_m = I_(m+1)(x)/(x I_m(x)) = 1/(2 (m + 1) + x^2 q_(m+1)) = a + i b and
-    v = x^2 (1 + q_(n+1)),
-
-        Im g = c p (1 + a)/((c - p b)^2 + p^2 (1 + a)^2),   c = 2 (n + 1):
-
-    real arithmetic without cancellation.
-    """
-    a, minus_b = np.zeros_like(phase), np.zeros_like(phase)
-    real, imag, square, size = (np.empty_like(phase) for _ in range(4))
-    for n in _steps(phase):  # in place: most arrays are short
-        np.add(np.multiply(phase, minus_b, real), 2 * (order + 1 + n), real)
-        np.multiply(phase, a, imag)
-        np.add(np.multiply(real, real, square), np.multiply(imag, imag, size), size)
-        np.divide(1.0, size, size)
-        np.multiply(real, size, a)
-        np.multiply(imag, size, minus_b)
-    c, imag = 2 * (order + 1), phase * (1 + a)
-    return c * imag / ((c + phase * minus_b) ** 2 + imag**2)
-
-
-def _steps(x2: Inexact[np.ndarray, "*frequency"]) -> range:
-    """Steps of the continued fraction, last first, for all digits at all x^2."""
-    return range(14 + int(1.5 * math.sqrt(np.abs(x2).max(initial=0.0))), 0, -1)
+    return np.imag(_moment(1j * np.frombuffer(phase).reshape(shape), order))
 
 
 def _moment(
     x2: Inexact[np.ndarray, "*frequency"] | complex, order: float
 ) -> Complex[np.ndarray, "*frequency"]:
-    """g = v/(v + c) up to |x| = `MIDDLE`, g - 1 = -c/(v + c) beyond, with c = 2 (n + 1)."""
+    """g = v/(v + c) up to |x| = `MIDDLE`, g - 1 = -c/(v + c) beyond, with c = 2 (n + 1).
+
+    v = x^2 (1 + q_(n+1)), by the continued fraction of the Bessel functions,
+    q_m = I_(m+1)(x)/(x I_m(x)) = 1/(2 (m + 1) + x^2 q_(m+1)).
+    """
     x2 = np.asarray(x2)
     fast = np.abs(x2) > FAST
     slow, q = np.where(fast, 0.0, x2), 0.0
-    for n in _steps(slow):
+    steps = 14 + int(1.5 * math.sqrt(np.abs(slow).max(initial=0.0)))  # for all digits
+    for n in range(steps, 0, -1):
         q = 1 / (2 * (order + 1 + n) + slow * q)
     v = np.asarray(x2 * (1 + q))
     if fast.any():

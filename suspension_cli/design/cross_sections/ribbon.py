@@ -7,14 +7,11 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from msgspec import Meta
-
 from suspension_cli.design.cross_sections.shape import CrossSection
-from suspension_cli.design.units import Length, Table
+from suspension_cli.design.units import Length, Table, doc
 
 if TYPE_CHECKING:
-    import numpy as np
-    from jaxtyping import Inexact
+    from suspension_cli.design.cross_sections.shape import Frequencies, Spectrum
 
 
 class Ribbon(Table, CrossSection, frozen=True):
@@ -24,8 +21,8 @@ class Ribbon(Table, CrossSection, frozen=True):
     wire: ClassVar[str] = "a ribbon"
     form: ClassVar[str] = "section { width, thickness }"
 
-    width: Annotated[Length, Meta(description="along y, m")]
-    thickness: Annotated[Length, Meta(description="along x, m")]
+    width: Annotated[Length, doc("along y, m")]
+    thickness: Annotated[Length, doc("along x, m")]
 
     def sizes(self) -> Iterator[tuple[str, float, float]]:
         """Width and thickness, m."""
@@ -92,9 +89,7 @@ class Ribbon(Table, CrossSection, frozen=True):
         constant = rectangle_torsion(w, t)
         return (short + (8 * constant - w * short) / t) / constant
 
-    def relaxation(
-        self, phase: Inexact[np.ndarray, "*frequency"] | complex
-    ) -> Inexact[np.ndarray, "*frequency"]:
+    def relaxation(self, phase: Frequencies) -> Spectrum:
         """Thermoelastic loss angle over its strength."""
         from suspension_cli.design.cross_sections.relaxation import FLAT, relaxation  # numpy
 

@@ -22,8 +22,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 from suspension_cli.design.cross_sections.shape import CrossSection
 
 if TYPE_CHECKING:
-    import numpy as np
-    from jaxtyping import Inexact
+    from suspension_cli.design.cross_sections.shape import Frequencies, Spectrum
 
 
 @dataclass(frozen=True)
@@ -32,7 +31,7 @@ class Round(CrossSection):
 
     Attributes
     ----------
-    upper, lower : float
+    upper, lower
         Radius at the two ends, m.
     """
 
@@ -117,9 +116,7 @@ class Round(CrossSection):
         """mu S/V of twisting, 1/m: e ~ r', so (2 pi r^3)/(pi r^4/2) = 4/r."""
         return 8 / self.depth[0]
 
-    def relaxation(
-        self, phase: Inexact[np.ndarray, "*frequency"] | complex
-    ) -> Inexact[np.ndarray, "*frequency"]:
+    def relaxation(self, phase: Frequencies) -> Spectrum:
         """Thermoelastic loss angle over its strength."""
         from suspension_cli.design.cross_sections.relaxation import ROUND, relaxation  # numpy
 

@@ -21,19 +21,23 @@ if TYPE_CHECKING:
     import numpy as np
     from jaxtyping import Inexact
 
+    Spectrum = Inexact[np.ndarray, "*frequency"]
+    Frequencies = Spectrum | complex
+    """Angular frequencies or phases: real, or complex for the analytic continuation."""
+
 
 class CrossSection:
     """Cross-section of a wire; sizes in m.
 
     Attributes
     ----------
-    key : str
+    key
         Key in the tables of wires.
-    wire : str
+    wire
         The wire that has it, for messages.
-    form : str
+    form
         How to give it, for messages.
-    round : bool
+    round
         Whether it is the same in all directions across the wire.
     """
 
@@ -101,9 +105,7 @@ class CrossSection:
         """mu S/V of twisting, 1/m."""
         raise NotImplementedError
 
-    def relaxation(
-        self, phase: Inexact[np.ndarray, "*frequency"] | complex
-    ) -> Inexact[np.ndarray, "*frequency"]:
+    def relaxation(self, phase: Frequencies) -> Spectrum:
         """Thermoelastic loss angle of bending in a plane over its strength Delta.
 
         Parameters
@@ -119,7 +121,7 @@ class CrossSection:
 
         Parameters
         ----------
-        normal, along : float
+        normal, along
             Of a surface that moves along its normal or slides, per area and velocity, N s/m^3.
 
         Returns

@@ -11,8 +11,6 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
-from msgspec import Meta
-
 from suspension_cli.design.losses.mechanism import Key, MaterialConstants, Mechanism, Shape
 from suspension_cli.design.units import (
     Frequency,
@@ -20,11 +18,11 @@ from suspension_cli.design.units import (
     PositiveLossAngle,
     Separation,
     Table,
+    doc,
 )
 
 if TYPE_CHECKING:
-    import numpy as np
-    from jaxtyping import Inexact
+    from suspension_cli.design.cross_sections.shape import Frequencies, Spectrum
 
 
 class LossTable(Table, frozen=True):
@@ -32,15 +30,11 @@ class LossTable(Table, frozen=True):
 
     frequency: Annotated[
         list[Frequency],
-        Meta(min_length=1, max_length=10000, description="ascending frequencies in Hz"),
+        doc("ascending frequencies in Hz", min_length=1, max_length=10000),
     ]
     angle: Annotated[
         list[PositiveLossAngle],
-        Meta(
-            min_length=1,
-            max_length=10000,
-            description="loss angle in rad at each of the frequencies",
-        ),
+        doc("loss angle in rad at each of the frequencies", min_length=1, max_length=10000),
     ]
 
 
@@ -50,11 +44,11 @@ class Bulk(Mechanism):
 
     Attributes
     ----------
-    angle : float
+    angle
         Constant loss angle of the bulk, rad.
-    table : two tuples of n numbers or None
+    table
         Frequencies (Hz, ascending) and loss angles of the bulk (rad) instead of a constant one.
-    surface_depth : float
+    surface_depth
         Dissipation depth d_s of the surface, m.
     """
 
@@ -63,17 +57,15 @@ class Bulk(Mechanism):
     keys: ClassVar[tuple[Key, ...]] = (
         Key(
             "angle",
-            Annotated[LossAngle, Meta(description="constant loss angle of the bulk in rad")],
+            Annotated[LossAngle, doc("constant loss angle of the bulk in rad")],
         ),
         Key(
             "table",
             Annotated[
                 LossTable,
-                Meta(
-                    description=(
-                        "loss angle of the bulk by frequency, instead of a constant one:"
-                        " interpolated linearly in the logarithms"
-                    )
+                doc(
+                    "loss angle of the bulk by frequency, instead of a constant one:"
+                    " interpolated linearly in the logarithms"
                 ),
             ],
         ),
@@ -81,11 +73,9 @@ class Bulk(Mechanism):
             "surface_depth",
             Annotated[
                 Separation,
-                Meta(
-                    description=(
-                        "dissipation depth of the surface in m; default 0, or that of the built-in"
-                        " material unless the design gives another loss of the bulk"
-                    ),
+                doc(
+                    "dissipation depth of the surface in m; default 0, or that of the built-in"
+                    " material unless the design gives another loss of the bulk"
                 ),
             ],
         ),
@@ -125,28 +115,22 @@ class Bulk(Mechanism):
         self,
         shape: Shape,
         plane: int,
-        omega: Inexact[np.ndarray, "*frequency"] | complex,
+        omega: Frequencies,
         temperature: float,
-    ) -> Inexact[np.ndarray, "*frequency"]:
+    ) -> Spectrum:
         """Loss angle of bending in one plane, rad."""
         del temperature
         return self._at(omega, shape.bending_ratio(plane))
 
-    def stretching(
-        self, shape: Shape, omega: Inexact[np.ndarray, "*frequency"] | complex
-    ) -> Inexact[np.ndarray, "*frequency"]:
+    def stretching(self, shape: Shape, omega: Frequencies) -> Spectrum:
         """Loss angle of stretching, rad."""
         return self._at(omega, shape.stretching_ratio)
 
-    def twisting(
-        self, shape: Shape, omega: Inexact[np.ndarray, "*frequency"] | complex
-    ) -> Inexact[np.ndarray, "*frequency"]:
+    def twisting(self, shape: Shape, omega: Frequencies) -> Spectrum:
         """Loss angle of twisting, rad."""
         return self._at(omega, shape.twisting_ratio)
 
-    def _at(
-        self, omega: Inexact[np.ndarray, "*frequency"] | complex, ratio: float
-    ) -> Inexact[np.ndarray, "*frequency"]:
+    def _at(self, omega: Frequencies, ratio: float) -> Spectrum:
         """Loss angle of bulk and surface for mu S/V = `ratio` in 1/m."""
         import numpy as np
 

@@ -11,8 +11,7 @@ from msgspec import defstruct
 from suspension_cli.design.units import Table
 
 if TYPE_CHECKING:
-    import numpy as np
-    from jaxtyping import Inexact
+    from suspension_cli.design.cross_sections.shape import Frequencies, Spectrum
 
 
 @dataclass(frozen=True)
@@ -21,8 +20,7 @@ class Key:
 
     Attributes
     ----------
-    name : str
-    kind : type
+    kind
         With its unit, bounds and help text.
     table : {"material", "wire"}
         ``[materials.NAME.loss]``, or the tables of wires.
@@ -99,9 +97,7 @@ class Shape(Protocol):
         """mu S/V of bending, 1/m."""
         ...
 
-    def relaxation(
-        self, phase: Inexact[np.ndarray, "*frequency"] | complex
-    ) -> Inexact[np.ndarray, "*frequency"]:
+    def relaxation(self, phase: Frequencies) -> Spectrum:
         """Thermoelastic loss angle of bending over its strength."""
         ...
 
@@ -114,12 +110,11 @@ class Mechanism:
 
     Attributes
     ----------
-    name : str
+    name
         For messages.
-    keys : tuple of Key
-    uniform : bool
+    uniform
         Whether it acts in every deformation; otherwise in bending alone.
-    cause : str
+    cause
         The cause under which `pendsus thermal` lists its dissipation in the bending of wires:
         ``clamps`` for ``test.clamps``; "" to count it to the bending of either end.
     """
@@ -145,9 +140,9 @@ class Mechanism:
 
         Parameters
         ----------
-        material : MaterialConstants
+        material
             With the values that `merge` makes.
-        wire : Table or None
+        wire
             Table of the wire; None for a blade.
 
         Returns
@@ -161,24 +156,20 @@ class Mechanism:
         self,
         shape: Shape,
         plane: int,
-        omega: Inexact[np.ndarray, "*frequency"] | complex,
+        omega: Frequencies,
         temperature: float,
-    ) -> Inexact[np.ndarray, "*frequency"]:
+    ) -> Spectrum:
         """Loss angle of bending in one plane; with a `coefficient` a, divided by a^2."""
         raise NotImplementedError
 
-    def stretching(
-        self, shape: Shape, omega: Inexact[np.ndarray, "*frequency"] | complex
-    ) -> Inexact[np.ndarray, "*frequency"]:
+    def stretching(self, shape: Shape, omega: Frequencies) -> Spectrum:
         """Loss angle of stretching; 0 unless `uniform`."""
         import numpy as np
 
         del shape
         return np.zeros(np.shape(omega))
 
-    def twisting(
-        self, shape: Shape, omega: Inexact[np.ndarray, "*frequency"] | complex
-    ) -> Inexact[np.ndarray, "*frequency"]:
+    def twisting(self, shape: Shape, omega: Frequencies) -> Spectrum:
         """Loss angle of twisting; 0 unless `uniform`."""
         import numpy as np
 

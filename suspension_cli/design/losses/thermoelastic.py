@@ -13,14 +13,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
-from msgspec import Meta
-
 from suspension_cli.design.losses.mechanism import Key, MaterialConstants, Mechanism, Shape
-from suspension_cli.design.units import Table
+from suspension_cli.design.units import Table, doc
 
 if TYPE_CHECKING:
-    import numpy as np
-    from jaxtyping import Inexact
+    from suspension_cli.design.cross_sections.shape import Frequencies, Spectrum
 
 
 @dataclass(frozen=True)
@@ -29,15 +26,15 @@ class Thermoelastic(Mechanism):
 
     Attributes
     ----------
-    youngs_modulus, density : float
+    youngs_modulus, density
         Pa, kg/m^3.
-    expansion : float
+    expansion
         Linear thermal expansion alpha, 1/K.
-    modulus_slope : float
+    modulus_slope
         beta = (1/E) dE/dT, 1/K.
-    heat_capacity : float
+    heat_capacity
         Specific heat, J/(kg K).
-    conductivity : float
+    conductivity
         Thermal conductivity, W/(m K).
     """
 
@@ -47,11 +44,9 @@ class Thermoelastic(Mechanism):
             "thermoelastic",
             Annotated[
                 bool,
-                Meta(
-                    description=(
-                        "false omits thermoelastic loss, which needs density, expansion, specific"
-                        " heat and conductivity (the slope of the modulus may be missing)"
-                    )
+                doc(
+                    "false omits thermoelastic loss, which needs density, expansion, specific"
+                    " heat and conductivity (the slope of the modulus may be missing)"
                 ),
             ],
         ),
@@ -87,9 +82,9 @@ class Thermoelastic(Mechanism):
         self,
         shape: Shape,
         plane: int,
-        omega: Inexact[np.ndarray, "*frequency"] | complex,
+        omega: Frequencies,
         temperature: float,
-    ) -> Inexact[np.ndarray, "*frequency"]:
+    ) -> Spectrum:
         """Loss angle over a^2, K^2; 0 for a blade of unknown thickness."""
         import numpy as np
 

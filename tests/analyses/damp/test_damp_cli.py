@@ -295,7 +295,10 @@ def test_nothing_to_close(tmp_path):
 )
 def test_bad_options(options, tmp_path):
     file, out = written(tmp_path, damped(), "triple.toml"), tmp_path / "out"
-    assert len(assert_refused(run("damp", file, "--json", "--out", out, *options), file, out)) == 1
+    assert (
+        len(assert_refused(run("damp", file, "--json", "--out", out, *QUICK, *options), file, out))
+        == 1
+    )
 
 
 def test_an_unstable_plant_may_be_requested(tmp_path):

@@ -16,7 +16,6 @@ from suspension_cli.linear import poles, response
 from suspension_cli.models import registry
 from tests.analyses.damp.test_control import loop, plant
 from tests.support import plants, scenes
-from tests.support.commandline import run, strict_json
 from tests.support.paths import CONFIGS
 
 GRID = np.array([0.3, 0.6, 1.37, 3.3, 10.0, 36.174, 51.816])
@@ -142,47 +141,3 @@ def test_one_lossy_oscillator_by_hand(angle, c):
     assert z.real == pytest.approx(exact, rel=1e-7)
     if angle == 0.1 and c == 0.0:
         assert z.imag / (-2 * z.real) == pytest.approx(10.025, abs=1e-3)
-
-
-def test_the_file_of_the_command(tmp_path):
-    """`pendsus damp` on bending wires writes the loop gains of the model that `pendsus response`
-    solves."""
-    import h5py
-
-    file = CONFIGS / "triple-damped.toml"
-    done = strict_json(
-        run(
-            "damp",
-            file,
-            "--json",
-            "--out",
-            tmp_path,
-            "--frequency",
-            "2.5,10",
-            "--fidelity",
-            "beam",
-            "--duration",
-            "1",
-        ).stdout
-    )
-    assert done["fidelity"] == "beam"
-    arguments = (
-        "--input",
-        "upper.force_z",
-        "--output",
-        "upper.z",
-        "--frequency",
-        "2.5,10",
-        "--fidelity",
-        "beam",
-        "--json",
-        "--out",
-        tmp_path,
-    )
-    given = strict_json(run("response", file, *arguments).stdout)
-    f = np.array([2.5, 10.0])
-    h = 7.5e5 * (1j * f) / ((1j * f + 20) * (1j * f + 10 + 17.3j) * (1j * f + 10 - 17.3j))
-    # z couples to no other loop
-    expected = h * (np.array(given["real"]) + 1j * np.array(given["imag"]))
-    with h5py.File(tmp_path / "triple-damped-damp.h5") as results:
-        np.testing.assert_allclose(results["damp"]["loop_gain"][:, 2], expected, rtol=1e-9)

@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 
+import suspension_cli as sus
 from suspension_cli.analyses.damp import closed_loop_poles, control, control_statespace, margins
 from suspension_cli.analyses.damp import solve as damp
 from suspension_cli.design.reader import read
@@ -17,7 +18,7 @@ from suspension_cli.linear import poles
 from suspension_cli.linear.constant_loss import with_constant_loss
 from suspension_cli.models import registry
 from tests.support import plants
-from tests.support.commandline import run, strict_json, written
+from tests.support.commandline import run, written
 from tests.support.paths import CONFIGS
 
 DAMPED = CONFIGS / "triple-damped.toml"
@@ -199,7 +200,7 @@ def loops_with_limits(plant, constant, found, loops, near):
 
 @pytest.mark.parametrize(
     ("level", "loss"),
-    [("string", "1e-9"), ("string", "0"), ("beam", "1e-10")],
+    [("string", "0"), ("beam", "1e-10")],
 )
 def test_a_pole_grows_beyond_the_gain_margin(level, loss):
     """Of the loops whose limit depends on losses: z, where steel is stretched at 36 Hz, and roll at
@@ -211,23 +212,18 @@ def test_every_loop_of_the_damped_design():
     assert loops_with_limits(*both("beam", ()), range(6), 1e-8) == set(range(6))
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_random_filters(seed):
+def test_random_filters():
     """On fused silica, whose losses depend on frequency: any filters that come, stable or not."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     source = (CONFIGS / "geo-silica-triple.toml").read_text()
     raw = plants.tomllib.loads(source)
     first = raw["stage"][0]["name"]
     loops = []
     for dof, size in (("x", 1e3), ("z", 3e3)):
         corner = rng.uniform(4.0, 30.0)
-        zeros = (
-            [0.0]
-            if seed % 2
-            else [float(rng.uniform(0.01, 1.0)), [0.02, float(rng.uniform(2.0, 8.0))]]
-        )
+        zeros = [float(rng.uniform(0.01, 1.0)), [0.02, float(rng.uniform(2.0, 8.0))]]
         pole = [float(corner), [float(corner / 2), float(corner)]]
-        gain = size * rng.uniform(0.1, 1.0) * corner ** (1.5 if seed % 2 else 0)
+        gain = size * rng.uniform(0.1, 1.0)
         loops.append(
             {
                 "name": dof,
@@ -265,59 +261,31 @@ def test_a_roll_mode_without_loss():
     assert found[2].phase_frequency == pytest.approx(51.81581, abs=1e-4)
 
 
-def test_the_command(tmp_path):
-    """A stretching mode of Q 1.6e7 limits the z loop to 2.683 times its gain."""
-    answer = strict_json(
-        run(
-            "damp",
-            DAMPED,
-            "--set",
-            f"{STEEL}=1e-7",
-            "--json",
-            "--out",
-            tmp_path,
-            "--frequency",
-            "1,2",
-            "--duration",
-            "1",
-        ).stdout
-    )
-    [z] = [margin for margin in answer["margins"] if margin["loop"] == "z"]
-    assert z["gain_up"] == pytest.approx(2.6833, abs=1e-3)
-    assert z["distance"] == pytest.approx(0.6150, abs=1e-3)
+def test_a_stretching_mode_limits_the_loop():
+    """One of Q 1.6e7 limits the z loop to 2.683 times its gain."""
+    _, _, found = both("beam", (f"{STEEL}=1e-7",), SIDEWAYS_AND_UP)
+    assert found[1].gain_up == pytest.approx(2.6833, abs=1e-3)
+    assert found[1].distance == pytest.approx(0.6150, abs=1e-3)
 
 
 def test_an_unstable_loop_is_reported_first(tmp_path):
     """No margins, no Q of what grows; the pole, where it lives and its growth rate in the first
     line."""
-    arguments = (
-        "damp",
-        DAMPED,
-        "--set",
-        f"{STEEL}=1e-8",
-        "--out",
-        tmp_path,
-        "--frequency",
-        "1,2",
-        "--fidelity",
-        "string",
-        "--no-plot",
-    )
-    result = run(*arguments)
-    assert result.exit_code == 0
-    first = result.stdout.splitlines()[0]
+    with pytest.warns(sus.PendsusWarning, match="closed loop is unstable"):
+        found = sus.damp(sus.read(DAMPED, f"{STEEL}=1e-8"), frequency=[1.0, 2.0], model="string")
+    printed, answer = str(found), found.document()
+    first = printed.splitlines()[0]
     assert (
         first.startswith("UNSTABLE") and "36.17" in first and "middle.z" in first and "1/s" in first
     )
-    assert "phase margin" not in result.stdout and "degrees" not in result.stdout
-    answer = strict_json(run(*arguments, "--json").stdout)
+    assert "phase margin" not in printed and "degrees" not in printed
     assert answer["stable"] is False and answer["margins"] is None
     [pole] = [pole for pole in answer["poles"] if "growth_rate_per_s" in pole]
     assert pole["q"] is None and pole["growth_rate_per_s"] == pole["real_per_s"] > 0
     assert pole["state"] == "middle.z"
     assert f"{pole['growth_rate_per_s']:.4g}" in first
-    redrawn = run("plot", tmp_path / "triple-damped-damp.h5")
-    assert redrawn.exit_code == 0, redrawn.stderr
+    found.save(tmp_path / "damp.h5")
+    assert sus.load(tmp_path / "damp.h5").figures()
 
 
 def test_the_file_of_an_unstable_loop_has_no_margins(tmp_path):

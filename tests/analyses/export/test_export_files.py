@@ -43,7 +43,7 @@ def matrices(system):
 
 def test_matlab(made, origin, tmp_path):
     path = tmp_path / "triple.mat"
-    files.save(path, "mat", made, origin)
+    files.FORMATS["mat"].write(path, made, origin)
     read = loadmat(path, simplify_cells=True)["pendsus"]
     for name, matrix in matrices(made.system).items():
         np.testing.assert_array_equal(read[name], matrix)
@@ -62,7 +62,7 @@ def test_matlab(made, origin, tmp_path):
 
 def test_numpy(made, origin, tmp_path):
     path = tmp_path / "triple.npz"
-    files.save(path, "npz", made, origin)
+    files.FORMATS["npz"].write(path, made, origin)
     with np.load(path, allow_pickle=False) as read:
         for name, matrix in matrices(made.system).items():
             np.testing.assert_array_equal(read[name], matrix)
@@ -74,7 +74,7 @@ def test_numpy(made, origin, tmp_path):
 
 def test_hdf5(made, origin, tmp_path):
     path = tmp_path / "triple.h5"
-    files.save(path, "hdf5", made, origin)
+    files.FORMATS["hdf5"].write(path, made, origin)
     with open_results(path) as file:
         assert file.attrs["design"] == origin.design
         group = file["statespace"]
@@ -107,7 +107,7 @@ def test_zero_pole_gain(origin, tmp_path):
         zpk=True,
     )
     path = tmp_path / "triple-zpk.h5"
-    files.save(path, "zpk", made, origin)
+    files.FORMATS["zpk"].write(path, made, origin)
     with open_results(path) as file:
         group = file["zpk"]
         np.testing.assert_array_equal(group["gain"][:], made.zpk.gain)
@@ -122,7 +122,7 @@ def test_zero_pole_gain(origin, tmp_path):
 def test_python_control(made, origin, tmp_path):
     control = pytest.importorskip("control")
     path = tmp_path / "triple-control.json"
-    files.save(path, "control", made, origin)
+    files.FORMATS["control"].write(path, made, origin)
     system = files.python_control(path)
     assert isinstance(system, control.StateSpace)
     for name, matrix in matrices(made.system).items():
@@ -148,7 +148,7 @@ def test_zero_states_still_have_shapes(origin, tmp_path):
     model = plants.model("triple", "force")
     made = export.build(model, plants.drives(model, "support.x"), plants.motions(model, "test.z"))
     for form, name in (("mat", "a.mat"), ("npz", "a.npz"), ("hdf5", "a.h5"), ("control", "a.json")):
-        files.save(tmp_path / name, form, made, origin)
+        files.FORMATS[form].write(tmp_path / name, made, origin)
     assert json.loads((tmp_path / "a.json").read_text())["D"] == [[0.0]]
     with np.load(tmp_path / "a.npz") as read:
         assert read["D"].tolist() == [[0.0]]

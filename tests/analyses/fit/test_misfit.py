@@ -33,14 +33,13 @@ def measured(exchange=(), **bounds):
     return {"mode": rows, "parameter": [{"name": E, "start": 1.7e11} | bounds, {"name": INERTIA}]}
 
 
-def fitted(tmp_path, raw, *options):
+def fitted(tmp_path, raw, *options, level="string"):
     result = run(
         "fit",
         CASE,
         written(tmp_path, raw, "measured.toml"),
         "--no-plot",
-        "--out",
-        tmp_path / "out",
+        *("--out", tmp_path / "out", "--fidelity", level),
         *options,
     )
     assert result.exit_code == 0, result.stderr
@@ -55,7 +54,7 @@ def good(tmp_path_factory):
 
 def test_a_misfit_is_reported_first(tmp_path):
     pair = ("test yaw", "test roll")
-    model, _, first, second, *_ = fitted(tmp_path, measured(pair)).stdout.splitlines()
+    model, _, first, second, *_ = fitted(tmp_path, measured(pair), level="auto").stdout.splitlines()
     assert model.startswith("model: beam (wire bending ")
     assert first.startswith("MISFIT: chi^2 is ")
     assert all(f'"{label}"' in second for label in pair)

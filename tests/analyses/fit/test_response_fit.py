@@ -24,6 +24,7 @@ from suspension_cli.analyses.fit import solve as fit
 from suspension_cli.design import paths, reader
 from suspension_cli.design.measured import Free, Measured, Transducer
 from suspension_cli.drawing.curves import COLUMN
+from suspension_cli.errors import InputError
 from suspension_cli.files.hdf5 import open_results
 from suspension_cli.linear import response, signals
 from suspension_cli.measurements.transfer_function import MeasuredResponse
@@ -161,7 +162,7 @@ def test_channels_are_found_exchanged_and_left_alone_when_right():
 
 def test_a_quadruple_with_2_mm_among_20_numbers():
     """All 36 functions at the top mass, calibrated to 5 %: d of the second stage."""
-    given, true = trials.quadruple(0, frequency=np.geomspace(0.2, 10.0, 150))
+    given, true = trials.quadruple(0, frequency=np.geomspace(0.2, 10.0, 60))
     found = response_fit.solve(given.problem())
     name = "stage.upper.wires.d"
     n = list(true).index(name)
@@ -169,26 +170,6 @@ def test_a_quadruple_with_2_mm_among_20_numbers():
     assert found.problem.numbers == 20 and not found.misfit and not found.corrections
     assert sigma < 0.1e-3 and abs(found.z[n] - true[name]) < 4 * sigma
     assert trials.distance(found, true) < stats.chi2(20).ppf(0.999)
-
-
-def test_findings():
-    """One number is off: it is named, with what it explains; what is determined; what is next."""
-    given, _ = plane(0)
-    text, random = given.text, np.random.default_rng(2)
-    free = [*given.measured.parameter, Free(name="materials.c70steel.youngs_modulus")]
-    true = {"stage.upper.wires.d": 0.0041}
-    made = trials.simulate(text, true, free, random, stage="upper", dofs=PLANE, frequency=GRID)
-    found = fit.solve_responses(text, made.measured, made.functions)
-    responses = found.responses
-    assert responses is not None and not found.misfit and not responses.corrections
-    best = responses.changes[0]
-    assert best.name == "stage.upper.wires.d" and best.change == pytest.approx(2.1e-3, abs=2e-5)
-    assert best.chi_squared < 1.1 * found.chi_squared < 0.1 * responses.chi_squared_before
-    lines = response_text.report(found)
-    assert "upper.d +2.1 mm" in lines[3]
-    assert responses.candidates and responses.candidates[0].sigma < found.sigma.max()
-    assert "determined: " in lines[4] and "upper.d (to" in lines[4]
-    assert responses.least in found.name and "measure next" in lines[5]
 
 
 def test_only_a_sum_is_known():
@@ -312,7 +293,7 @@ def test_default_numbers_have_priors():
 @pytest.fixture
 def files(tmp_path):
     """A file of measurements with one CSV per function."""
-    made = trials.double(0, dofs=PLANE, frequency=np.geomspace(0.2, 30, 60))[0]
+    made = trials.double(0, dofs=PLANE, frequency=np.geomspace(0.2, 30, 30))[0]
     lines = []
     for n, one in enumerate(made.functions):
         rows = np.column_stack([one.frequency, one.value.real, one.value.imag, one.uncertainty])
@@ -375,7 +356,8 @@ def test_command(files, tmp_path):
     ]
 
 
-def test_faults_of_the_command(files, tmp_path):
+def test_faults_of_the_command(files, tmp_path, monkeypatch):
+    """And what the options for data without uncertainties hand to the fit."""
     design, text = CONFIGS / "double.toml", files.read_text()
     files.write_text(text.replace('uncertainty = "sigma"\n', ""))
     for data in tmp_path.glob("*.csv"):
@@ -384,8 +366,19 @@ def test_faults_of_the_command(files, tmp_path):
     (line, *_) = assert_refused(run("fit", design, files, *words), files)
     assert "gives no uncertainty" in line and "--relative-uncertainty" in line
     options = ("--relative-uncertainty", "0.03", "--no-explain", "--json")
-    document = strict_json(run("fit", design, files, *options, *words).stdout)
-    assert document["single_changes"] == [] and len(document["channels"]) == 4
+    seen = []
+
+    def refuse(_text, _measured, functions, *_, **how):
+        seen.append((functions, how))
+        raise InputError([])
+
+    with monkeypatch.context() as patch:
+        patch.setattr(fit, "solve_responses", refuse)
+        run("fit", design, files, *options, *words)
+    [(functions, how)] = seen
+    assert how["explain"] is False and len(functions) == 4
+    for one in functions:
+        np.testing.assert_allclose(one.uncertainty, 0.03 * np.abs(one.value), rtol=1e-12)
     bare = tmp_path / "bare.toml"
     bare.write_text('[[mode]]\nlabel = "test pitch"\nfrequency = 0.8\nuncertainty = 0.01\n')
     (line,) = assert_refused(run("fit", design, bare, *words), bare)

@@ -27,23 +27,25 @@ def every():
     return values_of(TRIPLE, EVERY)
 
 
-def test_derivatives_of_every_kind_of_goal(every):
+@pytest.mark.parametrize("level", ["string", "violin"])
+def test_derivatives_of_every_kind_of_goal(level):
     """Along a change of all numbers at once, against differences of the eighth order of the values
-    themselves, ties and the imperfect equilibrium included."""
+    themselves, ties and the imperfect equilibrium included; on violin with losses and wire mass."""
+    every = values_of(TRIPLE, EVERY, level)
     shares = (0.6, -0.8, 1.0, 0.7, -0.9)
     assert len(shares) == len(EVERY.free)
     # away from coincidences of the design as drawn
     start = every.freed.start * [1.01, 1.02, 0.97, 1.03, 1.01]
-    change, step = start * shares, 2e-3
+    change = start * shares
+    stencil, step = differences.STENCIL, 2e-3
+    if level == "violin":  # of the fourth order, for speed
+        stencil, step = {1: 2 / 3, 2: -1 / 12}, 2e-4
     sides = {
         n: (every.at(start + n * step * change).log, every.at(start - n * step * change).log)
-        for n in differences.STENCIL
+        for n in stencil
     }
-    slope = (
-        sum(weight * (sides[n][0] - sides[n][1]) for n, weight in differences.STENCIL.items())
-        / step
-    )
-    np.testing.assert_allclose(every.at(start).slope @ change, slope, rtol=1e-8, atol=1e-8)
+    slope = sum(weight * (sides[n][0] - sides[n][1]) for n, weight in stencil.items()) / step
+    np.testing.assert_allclose(every.at(start).slope @ change, slope, rtol=3e-8, atol=3e-8)
 
 
 def test_the_batch_has_the_values_of_each(every):
@@ -175,7 +177,7 @@ def test_shapes_are_followed_to_a_design_itself(every):
         start,
         batch_modes.solve_one(model).shape[0],
         found,
-        model.basis @ model.mass @ model.basis.T,
+        model,
         "string",
     )
     np.testing.assert_allclose(found.frequency[place], found.frequency, rtol=1e-9)

@@ -368,7 +368,7 @@ def test_what_is_drawn_and_what_is_said():
 
 def test_sums_by_stage_and_by_cause_are_the_whole():
     noise = many([f"stage{n}.{cause}" for n in range(9) for cause in list(picture.CAUSES)])
-    for parts in (picture.by_stage(noise), picture.by_cause(noise)):
+    for parts in (picture.by_stage(noise, ()), picture.by_cause(noise)):
         assert len(parts) == picture.LINES - 1
         whole = np.sqrt(sum(part**2 for part in parts.values()))
         np.testing.assert_allclose(whole, noise.amplitude, rtol=1e-12)

@@ -210,8 +210,11 @@ def test_defaults_come_from_the_design(tmp_path):
     )
 
 
+QUICKLY = ("--workers", "1", "--fidelity", "string")
+
+
 def test_picture_and_table(tmp_path):
-    result = run("tolerance", TRIPLE, "--builds", "30", "--out", tmp_path, "--workers", "1")
+    result = run("tolerance", TRIPLE, "--builds", "30", "--out", tmp_path, *QUICKLY)
     assert result.exit_code == 0
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         "triple-tolerance-tolerance.h5",

@@ -243,7 +243,7 @@ def test_summary(found, answer):
 def test_summary_of_what_was_left_out():
     left = (Omission("violin", "dissipation", "nothing dissipates"),)
     panels = tuple(
-        Panel("thermal", compares, "Thermal noise", "", "frequency", 5, "", (), (), left, ())
+        Panel("thermal", compares, "Thermal noise", "frequency", 5, "", "", (), (), left, ())
         for compares in COMPARED
     )
     assert summary.text(Tradeoff(panels, 2, 1)).splitlines() == [
@@ -334,9 +334,9 @@ def made_up(compares="methods", count=6, seed=4):
         "modes",
         compares,
         "Modes",
-        "from here to there",
         "design",
         9,
+        "from here to there",
         "the truth",
         ("a", "b"),
         tuple(entries),
@@ -390,7 +390,7 @@ def test_first_picture_says_what_was_left_out(found):
     modes = found.panels[0]
     reason = "nothing dissipates: give a loss angle, or a material that has one, to some wire"
     left = (Omission("violin", "dissipation", reason),)
-    noise = Panel("thermal", "models", "Thermal noise", "", "frequency", 5, "", (), (), left, ())
+    noise = Panel("thermal", "models", "Thermal noise", "frequency", 5, "", "", (), (), left, ())
     for panels, count in (((modes, noise), 1), ((modes,), 1)):
         figure = headline.draw(Tradeoff(panels, 2, 1), "Made up")
         assert len(figure.axes) == count
@@ -446,7 +446,7 @@ def test_labels_of_points_on_one_place():
 def test_picture_of_what_was_left_out_altogether():
     panel = made_up(count=0)
     nothing = Panel(
-        "thermal", "models", "Thermal noise", "", "frequency", 5, "", (), (), panel.left, ()
+        "thermal", "models", "Thermal noise", "frequency", 5, "", "", (), (), panel.left, ()
     )
     figures = picture.draw(everything(nothing), "Made up")
     assert [*figures] == ["-models"] and figures["-models"].axes == []

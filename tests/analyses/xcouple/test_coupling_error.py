@@ -38,7 +38,7 @@ def job(text, body):
 
 def choice_for(requested, wanted="auto", tolerance=1e-3):
     source = Source(reader.parse(requested.text), requested.text, "")
-    change = model_error.coupling_change(requested)
+    change = model_error.coupling_change(requested, tolerance)
     return model_choice.for_builds(source, wanted, registry.SCENE_MODELS, change, tolerance)
 
 
@@ -54,6 +54,18 @@ def test_corners_and_middles_give_the_error_of_the_whole_sweep():
     assert choice_for(requested, tolerance=1.5 * choice.error).level == "string"
     assert choice_for(requested, tolerance=choice.error).level == "beam"
     assert choice_for(requested, tolerance=1e-12).level == "violin"
+
+
+def test_builds_balanced_for_the_choice_are_the_result():
+    """To the last bit, and only where bending is likely to matter."""
+    requested = job((CONFIGS / "husman2000" / "figure6.toml").read_text(), "test")
+    for tolerance, known in ((1e-1, []), (1e-5, ["beam", "violin"])):
+        own = replace(requested, balanced={})
+        choice = choice_for(own, tolerance=tolerance)
+        assert list(own.balanced) == known
+        found = replace(own, level=choice.level).compute(0, own.count)
+        fresh = replace(own, level=choice.level, balanced={}).compute(0, own.count)
+        assert all(np.array_equal(found[name], value) for name, value in fresh.items())
 
 
 def test_wires_of_unknown_section():

@@ -82,11 +82,9 @@ def perturbed(raw, wire, hold, build):
 @pytest.mark.parametrize(
     ("wire", "hold"),
     [
-        ("upper.1", "loaded-length"),
         ("upper.2", "natural-length"),
         ("middle.3", "loaded-length"),
         ("test.2", "natural-length"),
-        ("test.4", "loaded-length"),
     ],
 )
 def test_hundreds_of_imperfect_triples(wire, hold):

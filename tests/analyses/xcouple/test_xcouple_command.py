@@ -15,6 +15,7 @@ from suspension_cli.analyses import settings, sweeping
 from suspension_cli.analyses.xcouple import file as files
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.errors import Fault, InputError
+from suspension_cli.files.hdf5 import open_results
 from tests.support.commandline import MISSING, assert_refused, edited, run, strict_json, written
 from tests.support.couplings import FIGURE_6, FILE, answers, question
 
@@ -176,7 +177,8 @@ def test_every_dataset_has_units_and_scales(tmp_path):
             assert values.shape == (2, 3, 2)[: values.ndim]
         assert group["residual"][:].max() < 1e-10
         assert np.array_equal(group["ratio"][:], group["over"][:] / group["under"][:])
-    found = files.load(tmp_path / f"{NAME}.h5")
+    with open_results(tmp_path / f"{NAME}.h5") as file:
+        found = files.load(file["xcouple"])
     assert [axis.name for axis in found.axes] == ["k", "stage.test.wires.s"]
     assert found.ratio.shape == (2, 3, 2)
 

@@ -1,0 +1,150 @@
+"""Derivatives of modes whose stiffness depends on frequency.
+
+A mode is (K(lambda) - lambda M) v = 0 with lambda = omega^2. If a number of the design changes,
+
+    (K - lambda M) dv - T v dlambda = -(dK - lambda dM) v,      T = M - dK/dlambda,
+
+with v T dv = 0, as shapes have any size here (Nelson, AIAA Journal 14, 1201 (1976), where K is
+constant). Modes of one symmetry do not share a frequency, so this is solved in the block of the
+mode. The fraction of its kinetic energy in the top mass is
+
+    s = (v D v / v E v) (v M v / v T v)
+
+with D and E the blocks of M of the top mass and of all bodies; v T v is the energy of the bodies
+and of the wires together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.scene.arrays import Array
+from suspension_cli.studies import differences
+from suspension_cli.studies.derivatives import Linear
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+APART = 0.01
+"""Step of omega^2, relative, between the frequencies at which K is evaluated around a mode."""
+NODES = APART * np.array([-2, -1, 1, 2])
+"""Distances in omega^2 of these frequencies from the mode, relative."""
+
+
+def frequencies_around(squared: float) -> Float[np.ndarray, " 4"]:
+    """Frequencies, rad/s, at which `Stiffness` needs the matrices; 0 for an unstable mode."""
+    return np.sqrt(np.maximum(squared * (1 + NODES), 0.0))
+
+
+@dataclass(frozen=True)
+class Stiffness:
+    """Stiffness of a model at a mode, and its first two derivatives by omega^2."""
+
+    value: Array
+    first: Array | float = 0.0
+    second: Array | float = 0.0
+
+    @staticmethod
+    def of(linear: Linear, squared: float, start: int) -> Stiffness:
+        """Interpolate matrices at `frequencies_around` a mode, numbered from `start`."""
+        low, near, after, high = (
+            differences.at(linear, start + n).stiffness[6:, 6:] for n in range(4)
+        )
+        if squared <= 0:
+            return Stiffness(near)
+        step, one, two = APART * squared, near + after, low + high
+        return Stiffness(
+            (4 * one - two) / 6,
+            (8 * (after - near) - (high - low)) / (12 * step),
+            (two - one) / (3 * step**2),
+        )
+
+
+@dataclass(frozen=True)
+class ModeDerivatives:
+    """Derivatives of one mode by the free numbers.
+
+    Attributes
+    ----------
+    squared : (p,) array
+        Of omega^2.
+    fraction : (p,) array
+        Of the logarithm of the fraction of kinetic energy in the top mass.
+    """
+
+    squared: Float[np.ndarray, " number"]
+    fraction: Float[np.ndarray, " number"]
+
+
+def differentiate(
+    model: LinearSystem,
+    block: int,
+    shape: Float[np.ndarray, " coordinate"],
+    squared: float,
+    here: tuple[Stiffness, Array],
+    changes: list[tuple[Stiffness, Array]],
+) -> ModeDerivatives:
+    """Differentiate a mode of a model.
+
+    Parameters
+    ----------
+    model : LinearSystem
+    block : int
+        Number of the block of the mode.
+    shape : array
+        In the named coordinates.
+    squared : float
+        omega^2, (rad/s)^2.
+    here : (Stiffness, array)
+        Stiffness and mass, without the coordinates of the support.
+    changes : list of (Stiffness, array)
+        Their derivatives by each number.
+    """
+    stiffness, mass = here
+    inertia = mass - stiffness.first
+    own = model.basis[6:, model.blocks[block]]
+    pushed = np.stack([(dk.value - squared * dm) @ shape for dk, dm in changes], axis=1)
+    edge = -(own.T @ inertia @ shape)[:, None]
+    matrix = np.block(
+        [[own.T @ (stiffness.value - squared * mass) @ own, edge], [edge.T, np.zeros((1, 1))]]
+    )
+    scale = np.sqrt(np.append(np.diag(own.T @ (np.abs(stiffness.value) + mass) @ own), 1.0))
+    scale[-1] = np.abs(edge[:, 0] / scale[:-1]).max()
+    right = np.vstack([-own.T @ pushed, np.zeros((1, len(changes)))])
+    solution = np.linalg.lstsq(matrix / np.outer(scale, scale), right / scale[:, None], rcond=1e-14)
+    solved = solution[0] / scale[:, None]
+    moved, rates = own @ solved[:-1], solved[-1]
+    dm = [change for _, change in changes]
+    dt = [
+        change - dk.first - stiffness.second * rate
+        for (dk, change), rate in zip(changes, rates, strict=True)
+    ]
+
+    def logarithm_rates(of: Array, changed: list[Array]) -> Array:
+        """Derivatives of the logarithm of v A v."""
+        products = [
+            2 * move @ of @ shape + shape @ change @ shape
+            for move, change in zip(moved.T, changed, strict=True)
+        ]
+        return np.array(products) / (shape @ of @ shape)
+
+    def of_blocks(count: int) -> Array:
+        own = _blocks(mass.shape, count)
+        return logarithm_rates(own * mass, [own * one for one in dm])
+
+    bodies = len(model.body)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        fraction = of_blocks(1) - of_blocks(bodies)
+        fraction += logarithm_rates(mass, dm) - logarithm_rates(inertia, dt)
+    return ModeDerivatives(rates, fraction)
+
+
+def _blocks(shape: tuple[int, ...], count: int) -> Float[np.ndarray, "coordinate coordinate"]:
+    """Ones in the blocks of the first bodies of a mass matrix; for several, on the diagonal too."""
+    body = np.arange(shape[0]) // 6
+    result = (body[:, None] == body) & (body < count)
+    return (result | (count > 1) & np.eye(*shape, dtype=bool)).astype(float)
