@@ -296,13 +296,10 @@ def _continue(scene: Scene, numbering: Layout, pose: Pose, steps: int) -> Equili
         )
         for n in range(1, steps):
             if scene.drawn is None:  # reduce the forces that hold it in the nominal pose
-                pose = _newton(
-                    scene, numbering, pose, nominal_gradient * (1 - n / steps), CORRECTIONS
-                ).pose
+                now, target = scene, nominal_gradient * (1 - n / steps)
             else:  # increase the imperfections
-                pose = _newton(
-                    scale_imperfections(scene, n / steps), numbering, pose, 0.0, CORRECTIONS
-                ).pose
+                now, target = scale_imperfections(scene, n / steps), 0.0
+            pose = _newton(now, numbering, pose, target, CORRECTIONS).pose
         return _newton(scene, numbering, pose, 0.0, ITERATIONS)
 
 
