@@ -135,71 +135,50 @@ def _all_distances(
     shape = (*nominal.batch, len(wires.label))
     result = np.zeros((*shape, 2), dtype=kind)
     at = wires if hanging is None else hanging
-    numbers = [np.broadcast_to(v, shape) for v in (at.length, wires.stiffness, at.tension)]
+    numbers = [np.broadcast_to(v, shape) for v in (at.length, at.tension)]
     for group in group_identical(fibres.wire, *numbers):
         fibre = fibres.wire[group[0]]
         if fibre.effective:
             own = [v[..., group[0]] for v in numbers]
-            if nominal.batch and kind == np.float64:
+            if nominal.batch:
                 distance = _batch_distances(fibre, *own)
-            elif nominal.batch:
-                distance = _hinge_distances(fibre, *own)
             else:
-                distance = _known_distances(fibre.sections, *(v.item() for v in own))
+                distance = _hinge_distances(fibre.sections, *(v.item() for v in own))
             result[..., group, :] = distance[..., None, :]
     return result
 
 
-@lru_cache(maxsize=bending.KNOWN)
-def _known_distances(
-    sections: tuple[Section, ...], *numbers: complex
-) -> Inexact[np.ndarray, "*batch 2"]:
-    """Hinge distances (2,) of one wire; most do not change from one design to the next."""
-    found = _hinge_distances(bending.bare_fibre(sections), *map(np.asarray, numbers))
-    return found if np.imag(found).any() else np.real(found)
-
-
-def _batch_distances(fibre: Fibre, length: Any, k: Any, tension: Any) -> Any:
-    """Hinge distances (p, 2) of a wire in many builds, see `_hinge_distances`."""
+def _batch_distances(
+    fibre: Fibre, length: Inexact[np.ndarray, " build"], tension: Inexact[np.ndarray, " build"]
+) -> Inexact[np.ndarray, "build 2"]:
+    """Hinge distances of a wire in many builds, see `_hinge_distances`."""
     from suspension_cli.compiled import constant  # takes half a second
     from suspension_cli.elements import compiled_wire
 
-    del k  # bending does not depend on it
-    result = np.empty((*length.shape, 2))
+    sections, result = compiled_wire.wire_sections((fibre,)), np.empty((*length.shape, 2))
     compiled_wire.hinge_distances(
-        compiled_wire.wire_sections((fibre,)),
-        0,
-        ITERATIONS,
-        constant(length),
-        constant(tension),
-        result,
+        sections, 0, ITERATIONS, constant(length), constant(tension), result
     )
     return result
 
 
+@lru_cache(maxsize=bending.KNOWN)
 def _hinge_distances(
-    fibre: Fibre,
-    length: Inexact[np.ndarray, "*batch"],
-    k: Inexact[np.ndarray, "*batch"],
-    tension: Inexact[np.ndarray, "*batch"],
-) -> Inexact[np.ndarray, "*batch 2"]:
-    """Distances (..., 2) of the hinges of a wire from its upper and its lower clamp, m.
+    sections: tuple[Section, ...], length: complex, tension: complex
+) -> Inexact[np.ndarray, " 2"]:
+    """Distances of the hinges of a wire from its upper and its lower clamp, m.
 
-    Parameters
-    ----------
-    fibre : Fibre
-    length
-        Between the hinges, m.
-    k, tension
-        N/m and N.
+    Kept, as most wires do not change from one design to the next. The length (m) is that between
+    the hinges; the tension is in N.
     """
-    upper = lower = np.zeros(length.size)
+    fibre, pull = bending.bare_fibre(sections), np.array([tension])
+    upper = lower = np.zeros(1)
     for _ in range(ITERATIONS):
-        whole = fit_to_equilibrium(
-            fibre, length.ravel() + upper + lower, k.ravel(), tension.ravel(), 0.0
-        )
-        strand = TautWire(whole, tension.ravel(), massive=False, lossy=False)
+        # bending does not depend on the stiffness k = 1 against stretching
+        whole = fit_to_equilibrium(fibre, length + upper + lower, 1.0, pull, 0.0)
+        strand = TautWire(whole, pull, massive=False, lossy=False)
         stiffness = joined_sections.to_ends(strand.resting("bend-1"))  # of w_1, w'_1, w_2, w'_2
         upper, lower = stiffness[1, 2] / stiffness[0, 2], stiffness[3, 0] / stiffness[2, 0]
         upper, lower = (ratio * np.sign(ratio.real) for ratio in (upper, lower))
-    return np.stack([upper, lower], axis=-1).reshape(*length.shape, 2)
+    found = np.concatenate([upper, lower])
+    return found if found.imag.any() else found.real
