@@ -222,7 +222,7 @@ def demand_one_of(wanted: str, models: Sequence[Model], problem: str) -> None:
 
     names = [model.name for model in models]
     if wanted not in names:
-        remedy = f"take {', '.join((registry.AUTO, *names[:-1]))} or {names[-1]}, which can"
+        remedy = f"take {', '.join((registry.AUTO, *names[:-1]))} or {names[-1]}"
         raise InputError([Fault("--fidelity", problem, remedy, format_value(wanted))])
 
 

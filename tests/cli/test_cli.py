@@ -76,7 +76,6 @@ SINGLE = (
     ("modes", "double.toml"),
     ("response", "double.toml", "--input", "support.x", "--output", "test.x", "--frequency", "1"),
     ("thermal", "geo-silica-triple.toml", "--output", "test.x", "--frequency", "10"),
-    ("sensitivity", "double.toml"),
 )
 
 

@@ -52,7 +52,7 @@ def test_what_cannot_be_had_is_warned_of(words, tmp_path):
     assert done.exit_code == 0, done.stderr
     answer, attributes = strict_json(done.stdout), recorded(tmp_path)
     assert (
-        "warning: quadruple: the string model neglects wire bending, which changes test pitch#1 by"
+        "warning: quadruple: the string model neglects wire bending, which changes the derivatives of"
         in done.stderr
     )
     assert answer["fidelity"] == "string"

@@ -122,15 +122,17 @@ class CompareAnalysis(Analysis):
 
 
 def _overlay(found: Comparison, overlay: Overlay) -> Document:
+    import numpy as np
+
     response = overlay.kind == "response"
     curves = []
     for curve in overlay.curves:
         name, value, ratio = found.name[curve.item], curve.value, curve.ratio
         one = {"name": name, "frequency_hz": plain(curve.frequency)}
-        one["real" if response else "displacement_asd"] = plain(value.real)
-        over = {"frequency_hz": plain(curve.ratio_frequency), "real": plain(ratio.real)}
+        one["real" if response else "displacement_asd"] = plain(np.real(value))
+        over = {"frequency_hz": plain(curve.ratio_frequency), "real": plain(np.real(ratio))}
         if response:
-            one["imag"], over["imag"] = plain(value.imag), plain(ratio.imag)
+            one["imag"], over["imag"] = plain(np.imag(value)), plain(np.imag(ratio))
         curves.append(one | {"ratio": over})
     head = {"output": overlay.output} | ({"input": overlay.input} if response else {})
     reference = found.name[overlay.curves[0].item]

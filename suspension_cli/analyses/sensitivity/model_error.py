@@ -59,7 +59,7 @@ class Derivatives(Differentiated):
             size = np.nanmax(np.abs(after), axis=0)
             error = np.nanmax(np.abs(after - before), axis=0) / np.where(size > 0, size, 1.0)
         most = int(np.nanargmax(error))
-        return float(error[most]), self.scalars[most].text
+        return float(error[most]), f"the derivatives of {self.scalars[most].text}"
 
     def _per_step(self, model: LinearSystem, level: str) -> dict[str, Float[np.ndarray, " result"]]:
         """Changes of the results by number, with modes paired by their shapes."""
