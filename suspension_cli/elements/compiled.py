@@ -28,8 +28,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
 from suspension_cli.compiled import compiled, inlined
 from suspension_cli.elements.compiled_vectors import (
     add_block,
@@ -46,11 +44,14 @@ from suspension_cli.elements.compiled_vectors import (
     multiple,
     outer,
     plus,
+    product,
     scaled,
     subtract_block,
     subtracted,
+    symmetric,
     times,
     times_cross,
+    trace,
     transposed,
     turned,
     turning,
@@ -66,18 +67,25 @@ BLADE = ("stiffness", "load")
 BLADE_STIFFNESS, LOAD = 0, 3
 SPRING = ("upper_point", "lower_point", "stiffness", "preload")
 """Fields of `Springs` in a row of 48 numbers."""
+SPRING_STIFFNESS, PRELOAD = 6, 42
 FLEX = ("upper", "lower", "bend", "twist")
 """Fields of `Flex` in a row of 19 numbers."""
 UPPER_NORMALS, LOWER_NORMALS, BEND, TWIST = 0, 6, 12, 18
 
 
 @inlined
-def _span(moved: Any, turn_u: Any, turn_l: Any, deflected: Any, upper: Any, lower: Any) -> Any:
-    """Arms of both ends of a wire, and the change of its span, of which `moved` is by the COMs."""
-    tip = plus(upper, deflected)
+def _reach(ends: Any, wires: Any, pose: Any, n: int) -> Any:
+    """Arms of both ends of a wire, the change of its span from the nominal one, and its span."""
+    (shift, turn, deflection), (u, l, b) = pose, vector(ends, n, 0)
+    turn_u, turn_l = matrix(turn, u), matrix(turn, l)
+    upper, lower = vector(wires, n, UPPER_POINT), vector(wires, n, LOWER_POINT)
+    deflected = vector(deflection, b, 0) if b >= 0 else (0.0, 0.0, 0.0)
     # from displacements alone, so that nothing cancels
+    moved = minus(vector(shift, l, 0), vector(shift, u, 0))
     change = plus(moved, minus(times(turn_l, lower), times(turn_u, upper)))
-    return turned(turn_u, tip), turned(turn_l, lower), minus(change, turned(turn_u, deflected))
+    change = minus(change, turned(turn_u, deflected))
+    span = plus(vector(wires, n, SPAN), change)
+    return turned(turn_u, plus(upper, deflected)), turned(turn_l, lower), change, span
 
 
 @inlined
@@ -210,26 +218,19 @@ def add_wires(
         If not empty, it is filled with the elongation of each wire per coordinate, and the Hessian
         is that of wires that do not stretch.
     """
-    shift, turn, deflection = pose
+    turn = pose[1]
     bends, stretches, size = len(flex) > 0, len(form) == 0, len(gradient)
     nothing = (0.0, 0.0, 0.0)
     none = (nothing, nothing, nothing)
     for n in range(len(wires)):
         u, l, b = ends[n, 0], ends[n, 1], ends[n, 2]
         turn_u, turn_l = matrix(turn, u), matrix(turn, l)
-        deflected = nothing
-        if b >= 0:
-            deflected = vector(deflection, b, 0)
-        moved = minus(vector(shift, l, 0), vector(shift, u, 0))
-        points = vector(wires, n, UPPER_POINT), vector(wires, n, LOWER_POINT)
-        arm_u, arm_l, change = _span(moved, turn_u, turn_l, deflected, points[0], points[1])
-        span = vector(wires, n, SPAN)
-        stretched = plus(span, change)
-        length = math.sqrt(dot(stretched, stretched))
-        longer = dot(change, plus(scaled(2.0, span), change)) / (length + wires[n, LENGTH])
+        arm_u, arm_l, change, span = _reach(ends, wires, pose, n)
+        length = math.sqrt(dot(span, span))
+        longer = dot(change, plus(vector(wires, n, SPAN), span)) / (length + wires[n, LENGTH])
         pull = wires[n, TENSION] + wires[n, STIFFNESS] * longer
         tension[n] = pull
-        e = scaled(1 / length, stretched)
+        e = scaled(1 / length, span)
         force, torque_u, torque_l = scaled(pull, e), nothing, nothing
         u_1, u_2, l_1, l_2 = e, e, e, e
         if bends:
@@ -354,133 +355,86 @@ def add_blades(
                 add_vector(hessian[tip], 6 * body[n] + 3, cross(moves, pulled))
 
 
-@compiled
-def _fill_cross(a: Any, out: Any) -> None:
-    out[0, 0] = out[1, 1] = out[2, 2] = 0.0
-    out[0, 1], out[0, 2] = -a[2], a[1]
-    out[1, 0], out[1, 2] = a[2], -a[0]
-    out[2, 0], out[2, 1] = -a[1], a[0]
-
-
-@compiled
-def _multiply(a: Any, b: Any, out: Any) -> None:
-    for i in range(a.shape[0]):
-        for j in range(b.shape[1]):
-            total = 0.0
-            for k in range(a.shape[1]):
-                total += a[i, k] * b[k, j]
-            out[i, j] = total
+@inlined
+def _form(springs: Any, n: int, first: int) -> Any:
+    """Block of the stiffness (6, 6) of a spring, from its first column."""
+    return vector(springs, n, first), vector(springs, n, first + 6), vector(springs, n, first + 12)
 
 
 @compiled
 def add_springs(
-    ends: Any,
-    springs: Any,
-    pose: Any,
-    gradient: Any,
-    hessian: Any,
-    curved: bool,
+    ends: Any, springs: Any, pose: Any, gradient: Any, hessian: Any, curved: bool
 ) -> None:
-    """Add the derivatives of the energy of all springs of one build, see `spring`."""
+    """Add the derivatives of the energy of all springs of one build, see `spring`.
+
+    In terms of dF = S (x_l - x_u) + A t_u - B t_l, as for wires, A = S [r] - C and B = S [w] - C.
+    """
     shift, turn, _ = pose
-    strain, pull, stiffness = np.empty(6), np.empty(6), np.empty((6, 6))
-    jacobian, product, skew = np.zeros((6, 12)), np.empty((6, 12)), np.empty((3, 3))
-    above, below = np.empty((3, 3)), np.empty((3, 3))
-    to_upper, to_lower = np.empty((3, 3)), np.empty((3, 3))
-    q, g, part = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    place = np.empty(12, dtype=np.int64)
-    # elements one by one: expressions of whole arrays take seconds to compile
     for n in range(len(springs)):
         u, l = ends[n, 0], ends[n, 1]
-        for i in range(3):
-            place[i], place[3 + i] = 6 * u + i, 6 * u + 3 + i
-            place[6 + i], place[9 + i] = 6 * l + i, 6 * l + 3 + i
-            for j in range(3):
-                one = 1.0 if i == j else 0.0
-                above[i, j], below[i, j] = one + turn[u, i, j], one + turn[l, i, j]
-                to_upper[j, i], to_lower[j, i] = above[i, j], below[i, j]
+        above, below = added(diagonal(1.0), matrix(turn, u)), added(diagonal(1.0), matrix(turn, l))
+        to_upper = transposed(above)
         upper, lower = vector(springs, n, 0), vector(springs, n, 3)
         arm = turned(matrix(turn, l), lower)
         moved = minus(plus(minus(upper, lower), vector(shift, l, 0)), vector(shift, u, 0))
         reach = plus(moved, arm)
-        _multiply(to_upper, below, q)
-        for i in range(3):
-            strain[i] = dot(vector(to_upper, i, 0), reach) - springs[n, i]
-        strain[3], strain[4] = (q[2, 1] - q[1, 2]) / 2, (q[0, 2] - q[2, 0]) / 2
-        strain[5] = (q[1, 0] - q[0, 1]) / 2
-        for i in range(6):
-            pull[i] = -springs[n, 42 + i]
-            for j in range(6):
-                stiffness[i, j] = springs[n, 6 + 6 * i + j]
-                pull[i] += stiffness[i, j] * strain[j]
-        _fill_cross(arm, skew)
-        _multiply(to_upper, skew, part)
-        for i in range(3):
-            for j in range(3):
-                jacobian[i, j], jacobian[i, 6 + j] = -to_upper[i, j], to_upper[i, j]
-                jacobian[i, 9 + j] = -part[i, j]
-        _fill_cross(reach, skew)
-        _multiply(to_upper, skew, part)
-        trace = q[0, 0] + q[1, 1] + q[2, 2]
-        for i in range(3):
-            for j in range(3):
-                jacobian[i, 3 + j] = part[i, j]
-                skew[i, j] = 0.5 * ((trace if i == j else 0.0) - q[i, j])
-        _multiply(skew, to_upper, part)
-        for i in range(3):
-            for j in range(3):
-                jacobian[3 + i, 3 + j], jacobian[3 + i, 9 + j] = -part[i, j], part[i, j]
-        for i in range(12):
-            for k in range(6):
-                gradient[place[i]] += jacobian[k, i] * pull[k]
+        q = product(to_upper, below)
+        delta = minus(times(to_upper, reach), upper)
+        phi = (q[2][1] - q[1][2]) / 2, (q[0][2] - q[2][0]) / 2, (q[1][0] - q[0][1]) / 2
+        straight, mixed, turns = (
+            _form(springs, n, SPRING_STIFFNESS),
+            _form(springs, n, SPRING_STIFFNESS + 3),
+            _form(springs, n, SPRING_STIFFNESS + 21),
+        )
+        pull = minus(plus(times(straight, delta), times(mixed, phi)), vector(springs, n, PRELOAD))
+        twist = plus(times(transposed(mixed), delta), times(turns, phi))
+        twist = minus(twist, vector(springs, n, PRELOAD + 3))
+        # d(phi) = spin (t_l - t_u)
+        spin = product(multiple(0.5, subtracted(diagonal(trace(q)), q)), to_upper)
+        force, torque = times(above, pull), times(transposed(spin), twist)
+        x_u, t_u, x_l, t_l = 6 * u, 6 * u + 3, 6 * l, 6 * l + 3
+        add_vector(gradient, x_u, scaled(-1.0, force))
+        add_vector(gradient, t_u, minus(cross(force, reach), torque))
+        add_vector(gradient, x_l, force)
+        add_vector(gradient, t_l, plus(cross(arm, force), torque))
         if not curved:
             continue
-        _multiply(stiffness, jacobian, product)
-        for i in range(12):
-            for j in range(i + 1):
-                for k in range(6):
-                    hessian[place[i], place[j]] += jacobian[k, i] * product[k, j]
-        # second derivatives of the strain times the pull
-        force = turned(matrix(turn, u), (pull[0], pull[1], pull[2]))
-        _fill_cross((pull[3], pull[4], pull[5]), skew)
-        _multiply(above, skew, part)
-        _multiply(part, to_lower, g)
-        trace = g[0, 0] + g[1, 1] + g[2, 2]
-        along_arm, along_reach = dot(arm, force), dot(reach, force)
-        _fill_cross(force, skew)
-        for i in range(3):
-            for j in range(3):
-                one = 1.0 if i == j else 0.0
-                if j <= i:
-                    spun = (g[i, j] + g[j, i]) / 4 - trace / 2 * one
-                    hessian[6 * l + 3 + i, 6 * l + 3 + j] += (
-                        (force[i] * arm[j] + arm[i] * force[j]) / 2 - along_arm * one + spun
-                    )
-                    hessian[6 * u + 3 + i, 6 * u + 3 + j] += (
-                        (force[i] * reach[j] + reach[i] * force[j]) / 2 - along_reach * one + spun
-                    )
-                mixed = (along_arm + trace / 2) * one - arm[i] * force[j] - g[j, i] / 2
-                hessian[6 * l + 3 + j, 6 * u + 3 + i] += mixed
-                hessian[6 * l + j, 6 * u + 3 + i] += skew[i, j]
-                hessian[6 * u + 3 + i, 6 * u + j] -= skew[i, j]
+        s, c = product(product(above, straight), to_upper), product(product(above, mixed), spin)
+        to_u, to_l = subtracted(times_cross(s, reach), c), subtracted(times_cross(s, arm), c)
+        back = transposed(c)
+        # second derivatives of phi times its pull
+        g = product(product(above, cross_matrix(twist)), transposed(below))
+        stiff = product(product(transposed(spin), turns), spin)
+        own = subtracted(added(stiff, multiple(0.5, symmetric(g))), diagonal(trace(g) / 2))
+        uu = added(
+            turning(force, reach), subtracted(cross_times(reach, to_u), times_cross(back, reach))
+        )
+        ll = added(turning(force, arm), subtracted(cross_times(arm, to_l), times_cross(back, arm)))
+        lu = subtracted(diagonal(dot(arm, force) + trace(g) / 2), outer(force, arm))
+        lu = subtracted(lu, added(stiff, multiple(0.5, g)))
+        lu = added(lu, subtracted(times_cross(back, reach), cross_times(arm, to_u)))
+        on_u = subtracted(to_u, cross_matrix(force))
+        add_lower(hessian, x_u, s)
+        subtract_block(hessian, t_u, x_u, transposed(on_u))
+        add_lower(hessian, t_u, added(own, uu))
+        subtract_block(hessian, x_l, x_u, s)
+        add_block(hessian, x_l, t_u, on_u)
+        add_block(hessian, t_l, x_u, transposed(to_l))
+        add_block(hessian, t_l, t_u, lu)
+        add_lower(hessian, x_l, s)
+        subtract_block(hessian, t_l, x_l, transposed(to_l))
+        add_lower(hessian, t_l, added(own, ll))
 
 
 @compiled
 def fill_geometry(ends: Any, wires: Any, flex: Any, pose: Any, tension: Any, result: Any) -> None:
     """Fill the geometry (w, 25) of the wires of one build, see `compiled_wire.add_dynamic`."""
-    (shift, turn, deflection), nothing = pose, (0.0, 0.0, 0.0)
     for n in range(len(wires)):
         u, l, b = ends[n, 0], ends[n, 1], ends[n, 2]
-        turn_u, turn_l = matrix(turn, u), matrix(turn, l)
-        deflected = nothing
-        if b >= 0:
-            deflected = vector(deflection, b, 0)
-        moved = minus(vector(shift, l, 0), vector(shift, u, 0))
-        points = vector(wires, n, UPPER_POINT), vector(wires, n, LOWER_POINT)
-        arm_u, arm_l, change = _span(moved, turn_u, turn_l, deflected, points[0], points[1])
-        stretched = plus(vector(wires, n, SPAN), change)
-        length = math.sqrt(dot(stretched, stretched))
-        e = scaled(1 / length, stretched)
+        turn_u, turn_l = matrix(pose[1], u), matrix(pose[1], l)
+        arm_u, arm_l, _, span = _reach(ends, wires, pose, n)
+        length = math.sqrt(dot(span, span))
+        e = scaled(1 / length, span)
         both = plus(
             turned(turn_u, vector(flex, n, UPPER_NORMALS)),
             turned(turn_l, vector(flex, n, LOWER_NORMALS)),

@@ -15,6 +15,7 @@ import numpy as np
 
 from suspension_cli.compiled import compiled
 from suspension_cli.elements.beam import COEFFICIENT, EPS, GAP_TERMS, SERIES, TERMS
+from suspension_cli.elements.compiled_vectors import add_vector, cross, times, transposed, vector
 from suspension_cli.scene.composition import Fibre
 
 _COEFFICIENT = np.array(COEFFICIENT)
@@ -407,12 +408,13 @@ def add_dynamic(
     """
     whole, part = np.empty((4, 4), dtype=np.complex128), np.empty((4, 4), dtype=np.complex128)
     up, low = np.empty((2, 9)), np.empty((2, 6))
-    normal, springs = np.empty((2, 3)), np.empty(3, dtype=np.complex128)
+    springs = np.empty(3, dtype=np.complex128)
     for q in range(len(which)):
         w = omega[q]
         for n in range(place.shape[0]):
-            own, where, target = geometry[which[q], n], place[n], dynamic[q]
-            e, length, tension = own[:3], own[21], own[22]
+            own, where, target = geometry[which[q]], place[n], dynamic[q]
+            length, tension, k, torsion = own[n, 21], own[n, 22], own[n, 23], own[n, 24]
+            e, normal = vector(own, n, 0), vector(own, n, 3)
             drawn, stretching, twisting = 0.0, 0.0, 0.0
             for m in range(sections.shape[1]):
                 row = sections[n, m]
@@ -421,10 +423,8 @@ def add_dynamic(
                     stretching += row[LENGTH] / row[STRETCHING]
                     twisting += row[LENGTH] / (row[TWISTING] + tension * row[POLAR_AREA])
             stretch = length / drawn
-            stiffer = own[23] * stretching * stretch
-            turning = own[24] * twisting * stretch if own[24] > 0 else 1.0
-            normal[0, 0], normal[0, 1], normal[0, 2] = own[3], own[4], own[5]
-            _fill_cross(e, normal[0], normal[1])
+            stiffer = k * stretching * stretch
+            turning = torsion * twisting * stretch if torsion > 0 else 1.0
             for plane in range(2):
                 if plane == 0 or sections[n, 0, ROUND] == 0.0:
                     _join_bends(
@@ -440,7 +440,8 @@ def add_dynamic(
                         whole,
                         part,
                     )
-                _fill_forms(own, normal[plane], up, low)
+                _fill_forms(own, n, normal, up, low)
+                normal = cross(e, normal)
                 _add_block(up, up, whole[:2, :2], where, UPPER, where, UPPER, target)
                 _add_block(low, up, whole[2:, :2], where, LOWER, where, UPPER, target)
                 _add_block(low, low, whole[2:, 2:], where, LOWER, where, LOWER, target)
@@ -466,7 +467,7 @@ def add_dynamic(
                 if part_of_rod == 0:
                     compliance[q, n] = 1 / springs[0]
                     if massive:
-                        _fill_forms(own, e, up, low)
+                        _fill_forms(own, n, e, up, low)
                         _add_along(up[0], springs[1], where, UPPER, target)
                         _add_along(low[0], springs[2], where, LOWER, target)
                 else:
@@ -479,25 +480,18 @@ LOWER = np.array([6, 7, 8, 9, 10, 11])
 
 
 @compiled
-def _fill_cross(a: Any, b: Any, out: Any) -> None:
-    out[0] = a[1] * b[2] - a[2] * b[1]
-    out[1] = a[2] * b[0] - a[0] * b[2]
-    out[2] = a[0] * b[1] - a[1] * b[0]
-
-
-@compiled
-def _fill_forms(own: Any, n: Any, up: Any, low: Any) -> None:
+def _fill_forms(geometry: Any, wire: int, n: Any, up: Any, low: Any) -> None:
     """Deflection along n and slope there of the upper end, per coordinate (2, 9); lower (2, 6)."""
-    e = own[:3]
+    moves = vector(geometry, wire, 12), vector(geometry, wire, 15), vector(geometry, wire, 18)
+    slope = cross(vector(geometry, wire, 0), n)
     up[:], low[:] = 0.0, 0.0
-    for axis in range(3):
-        up[0, axis] = low[0, axis] = n[axis]
-    _fill_cross(own[6:9], n, up[0, 3:6])
-    _fill_cross(own[9:12], n, low[0, 3:6])
-    for axis in range(3):
-        up[0, 6 + axis] = n[0] * own[12 + axis] + n[1] * own[15 + axis] + n[2] * own[18 + axis]
-    _fill_cross(e, n, up[1, 3:6])
-    _fill_cross(e, n, low[1, 3:6])
+    add_vector(up[0], 0, n)
+    add_vector(up[0], 3, cross(vector(geometry, wire, 6), n))
+    add_vector(up[0], 6, times(transposed(moves), n))
+    add_vector(up[1], 3, slope)
+    add_vector(low[0], 0, n)
+    add_vector(low[0], 3, cross(vector(geometry, wire, 9), n))
+    add_vector(low[1], 3, slope)
 
 
 @compiled

@@ -63,5 +63,9 @@ def rotation_hessian(
     outer: Inexact[np.ndarray, "*batch 3 3"],
 ) -> Inexact[np.ndarray, "*batch 3 3"]:
     """Hessian (..., n + 1, 3, 3) in the rotation of each body, N m, from the summed F w^T."""
-    trace = np.trace(outer, axis1=-2, axis2=-1)
-    return (outer + np.swapaxes(outer, -1, -2)) / 2 - trace[..., None, None] * np.eye(3)
+    return (outer + np.swapaxes(outer, -1, -2)) / 2 - unit_trace(outer)
+
+
+def unit_trace(matrix: Inexact[np.ndarray, "*batch 3 3"]) -> Inexact[np.ndarray, "*batch 3 3"]:
+    """Multiply the unit matrix by the trace of a matrix."""
+    return np.trace(matrix, axis1=-2, axis2=-1)[..., None, None] * np.eye(3)

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.elements.element import Derivatives, Element
-from suspension_cli.elements.geometric_stiffness import rotation_hessian
+from suspension_cli.elements.geometric_stiffness import rotation_hessian, unit_trace
 from suspension_cli.rotations import cross_matrix
 from suspension_cli.scene.pose import Layout, Pose
 from suspension_cli.scene.scene import Scene
@@ -93,8 +93,7 @@ def strain_jacobian(
     result[..., :3, _turning(low)] = -to_upper @ cross_matrix(now.arm[..., number, :])
     result[..., :3, _turning(up)] = to_upper @ cross_matrix(now.reach[..., number, :])
     # [h] Q + Q^T [h] = [(tr(Q) I - Q) h], so vee(skew([h] Q)) = (tr(Q) I - Q) h / 2
-    trace = np.trace(relative, axis1=-2, axis2=-1)[..., None, None]
-    turning = 0.5 * (trace * np.eye(3) - relative) @ to_upper
+    turning = 0.5 * (unit_trace(relative) - relative) @ to_upper
     result[..., 3:, _turning(low)] = turning
     result[..., 3:, _turning(up)] = -turning
     return result
@@ -127,9 +126,9 @@ def _add_curvature(
     force = (upper @ now.pull[..., number, :3, None])[..., 0]
     reach, arm = now.reach[..., number, :], now.arm[..., number, :]
     g = upper @ cross_matrix(now.pull[..., number, 3:]) @ np.swapaxes(lower, -1, -2)
-    turn = (g + np.swapaxes(g, -1, -2)) / 4 - _trace(g) / 2
+    turn = (g + np.swapaxes(g, -1, -2)) / 4 - unit_trace(g) / 2
     product = _outer(arm, force)
-    mixed = -product + _trace(product) - np.swapaxes(g, -1, -2) / 2 + _trace(g) / 2
+    mixed = -product + unit_trace(product) - np.swapaxes(g, -1, -2) / 2 + unit_trace(g) / 2
     low_turn, up_turn = _turning(low), _turning(up)
     hessian[..., low_turn, low_turn] += rotation_hessian(_outer(force, arm)) + turn
     hessian[..., up_turn, up_turn] += rotation_hessian(_outer(force, reach)) + turn
@@ -158,11 +157,6 @@ def _outer(
     a: Inexact[np.ndarray, "*batch 3"], b: Inexact[np.ndarray, "*batch 3"]
 ) -> Inexact[np.ndarray, "*batch 3 3"]:
     return a[..., :, None] * b[..., None, :]
-
-
-def _trace(matrix: Inexact[np.ndarray, "*batch 3 3"]) -> Inexact[np.ndarray, "*batch 3 3"]:
-    """Trace times the unit matrix."""
-    return np.trace(matrix, axis1=-2, axis2=-1)[..., None, None] * np.eye(3)
 
 
 def stiffness_matrix(

@@ -37,7 +37,7 @@ import numpy as np
 
 from suspension_cli.elements import string
 from suspension_cli.elements.element import Derivatives, Element
-from suspension_cli.elements.geometric_stiffness import torques
+from suspension_cli.elements.geometric_stiffness import torques, unit_trace
 from suspension_cli.scene.pose import Layout, Pose, nominal_pose, point_jacobian
 from suspension_cli.scene.scene import Scene
 
@@ -162,16 +162,11 @@ def energy(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch"]:
 def second_moments(scene: Scene, pose: Pose | None = None) -> Any:
     """Second moments of mass (..., n, 3, 3) of the bodies in global axes, kg m^2."""
     inertia = scene.bodies.inertia
-    moments = _trace(inertia) / 2 - inertia
+    moments = unit_trace(inertia) / 2 - inertia
     if pose is None:
         return moments
     turn = pose.rotation[..., 1:, :, :]
     return turn @ moments @ np.swapaxes(turn, -1, -2)
-
-
-def _trace(matrix: Any) -> Any:
-    """Trace times the unit matrix."""
-    return np.trace(matrix, axis1=-2, axis2=-1)[..., None, None] * np.eye(3)
 
 
 def add_derivatives(scene: Scene, numbering: Layout, pose: Pose, derivatives: Derivatives) -> None:
@@ -191,8 +186,8 @@ def add_derivatives(scene: Scene, numbering: Layout, pose: Pose, derivatives: De
         return
     moments, turning = second_moments(scene, pose), rows + 3
     m = moments @ slope
-    curvature = 3 * (m + np.swapaxes(m, -1, -2)) / 2 - 2 * _trace(m) - np.trace(slope) * moments
-    curvature = curvature + _trace(moments) @ (np.trace(slope) * np.eye(3) - slope)
+    curvature = 3 * (m + np.swapaxes(m, -1, -2)) / 2 - 2 * unit_trace(m) - np.trace(slope) * moments
+    curvature = curvature + unit_trace(moments) @ (np.trace(slope) * np.eye(3) - slope)
     derivatives.gradient[..., turning] -= torques(m)
     derivatives.hessian[..., turning[:, :, None], turning[:, None, :]] += curvature
     derivatives.hessian[..., rows[:, :, None], rows[:, None, :]] += mass[..., None, None] * slope

@@ -26,7 +26,20 @@ from suspension_cli.elements.compiled import (
     add_wires,
     fill_geometry,
 )
-from suspension_cli.elements.compiled_vectors import dot, vector
+from suspension_cli.elements.compiled_vectors import (
+    add_block,
+    added,
+    cross_matrix,
+    diagonal,
+    dot,
+    matrix,
+    multiple,
+    product,
+    scaled,
+    symmetric,
+    transposed,
+    vector,
+)
 from suspension_cli.elements.compiled_weight import (
     MASS,
     MOMENTS,
@@ -280,29 +293,15 @@ def _scales(topology: Any, gravity: Any, numbers: Any, scale: Any, load: Any, ar
 
 
 @compiled
-def _rotate_by(vector: Any, turn: Any, step: Any, product: Any) -> None:
-    """Multiply a rotation 1 + `turn` by that of a rotation vector, see `rotations`."""
-    x, y, z = vector[0], vector[1], vector[2]
-    angle = math.sqrt(x * x + y * y + z * z)
-    if angle == 0.0:
+def _rotate_by(step: Any, turn: Any, n: int) -> None:
+    """Multiply one rotation 1 + `turn` by that of a rotation vector, see `rotations`."""
+    size = math.sqrt(dot(step, step))
+    if size == 0.0:
         return
-    a, half = math.sin(angle) / angle, math.sin(angle / 2) / angle
-    b = 2 * half * half
-    step[0, 0], step[1, 1], step[2, 2] = (
-        -b * (y * y + z * z),
-        -b * (x * x + z * z),
-        -b * (x * x + y * y),
-    )
-    step[0, 1], step[1, 0] = b * x * y - a * z, b * x * y + a * z
-    step[0, 2], step[2, 0] = b * x * z + a * y, b * x * z - a * y
-    step[1, 2], step[2, 1] = b * y * z - a * x, b * y * z + a * x
-    for i in range(3):
-        for j in range(3):
-            total = step[i, 0] * turn[0, j] + step[i, 1] * turn[1, j] + step[i, 2] * turn[2, j]
-            product[i, j] = step[i, j] + turn[i, j] + total
-    for i in range(3):
-        for j in range(3):
-            turn[i, j] = product[i, j]
+    skew, half = cross_matrix(scaled(1 / size, step)), math.sin(size / 2)
+    more = added(multiple(math.sin(size), skew), multiple(2 * half * half, product(skew, skew)))
+    old = matrix(turn, n)
+    add_block(turn[n], 0, 0, added(more, product(more, old)))
 
 
 @compiled
@@ -380,7 +379,6 @@ def newton_batch(
     load, arm = np.empty(bodies + 1), np.empty(bodies + 1)
     factor, pivot = np.zeros((free, free)), np.empty(free)
     x, where = np.empty(free), np.empty(free, dtype=np.int64)
-    turned, product = np.empty((3, 3)), np.empty((3, 3))
     tips, none = topology.tips, np.empty((0, 0))
     for p in range(builds):
         own = _build(numbers, p)
@@ -418,7 +416,7 @@ def newton_batch(
                 for i in range(3):
                     pose[0][n + 1, i] += x[6 * n + i] / shorten
                     x[6 * n + 3 + i] /= shorten
-                _rotate_by(x[6 * n + 3 : 6 * n + 6], pose[1][n + 1], turned, product)
+                _rotate_by((x[6 * n + 3], x[6 * n + 4], x[6 * n + 5]), pose[1], n + 1)
             for n in range(len(tips)):
                 for i in range(3):
                     if tips[n, i] < size:
@@ -455,7 +453,6 @@ def _tangents(
     place, size = topology.place, soft.shape[-1]
     gradient, hessian = np.empty(size), np.empty((size, size))
     on_tips, tension = np.empty((numbers.blades.shape[1], 3)), np.empty(len(place))
-    turned, product = np.empty((3, 3)), np.empty((3, 3))
     for p in range(len(soft)):
         own = _build(numbers, p)
         pose = (shift[p], turn[p], deflection[p])
@@ -479,26 +476,17 @@ def _tangents(
         for n in range(len(own.bodies)):
             for i in range(3):
                 masses[p, 6 * n + 6 + i, 6 * n + 6 + i] = own.bodies[n, MASS]
-            _turn_tensor(turn[p, n + 1], inertia[p, n], turned, product)
-            for i in range(3):
-                for j in range(3):
-                    value = (product[i, j] + product[j, i]) / 2
-                    masses[p, 6 * n + 9 + i, 6 * n + 9 + j] = value
+            rotation = added(diagonal(1.0), matrix(turn[p], n + 1))
+            turned = product(product(rotation, matrix(inertia[p], n)), transposed(rotation))
+            add_block(masses[p], 6 * n + 9, 6 * n + 9, symmetric(turned))
 
 
-@compiled
-def _turn_tensor(turn: Any, tensor: Any, turned: Any, result: Any) -> None:
-    """Turn a tensor J to R J R^T with R = 1 + `turn`; all (3, 3)."""
-    for i in range(3):
-        for j in range(3):
-            turned[i, j] = tensor[i, j]
-            for k in range(3):
-                turned[i, j] += turn[i, k] * tensor[k, j]
-    for i in range(3):
-        for j in range(3):
-            result[i, j] = turned[i, j]
-            for k in range(3):
-                result[i, j] += turned[i, k] * turn[j, k]
+def _copy(pose: Pose) -> tuple[Any, Any, Any]:
+    """Arrays of a pose that loops can write to."""
+    shift, turn, deflection = (
+        np.array(part, order="C") for part in (pose.shift, pose.turn, pose.deflection)
+    )
+    return shift, turn, deflection
 
 
 def tangent(scene: Scene, numbering: Layout, pose: Pose) -> tuple[Any, Any, Any, Any]:
@@ -518,8 +506,7 @@ def tangent(scene: Scene, numbering: Layout, pose: Pose) -> tuple[Any, Any, Any,
     packed, count, size = pack(scene, numbering), scene.batch[0], numbering.size
     soft, stiffness, mass = (np.empty((count, size, size)) for _ in range(3))
     form = np.empty((count, len(scene.wires.label), size))
-    # copies that can be written, as those of `newton`: else `_evaluate` is compiled again
-    poses = tuple(np.array(part, order="C") for part in (pose.shift, pose.turn, pose.deflection))
+    poses = _copy(pose)  # not read-only, as those of `newton`: else `_evaluate` is compiled again
     inertia = scene.bodies.inertia
     inertia = constant(inertia, (count, *inertia.shape[-3:]))
     made = (soft, form, stiffness, mass)
@@ -548,8 +535,7 @@ def wire_geometry(scene: Scene, numbering: Layout, pose: Pose, tension: Any) -> 
     """
     topology, _, numbers = pack(scene, numbering)
     result = np.empty((*scene.batch, len(scene.wires.label), 25))
-    poses = tuple(constant(part) for part in (pose.shift, pose.turn, pose.deflection))
-    _geometries(topology, numbers, poses, constant(tension), result)
+    _geometries(topology, numbers, _copy(pose), constant(tension), result)
     return topology.place, topology.sections, result
 
 
@@ -562,7 +548,9 @@ def newton(
     *,
     accept_nominal: bool,
 ) -> tuple[Pose, dict[str, Any], int, Any]:
-    """Solve for the poses of a batch of scenes, see `newton_batch`.
+    """Solve for the poses of a batch of scenes from poses `start`, one per scene.
+
+    See `newton_batch`.
 
     Returns
     -------
@@ -576,14 +564,7 @@ def newton(
     """
     packed = pack(scene, numbering)
     count = scene.batch[0]
-    poses = tuple(
-        np.array(np.broadcast_to(getattr(start, name), (count, *inner)))
-        for name, inner in (
-            ("shift", start.shift.shape[-2:]),
-            ("turn", start.turn.shape[-3:]),
-            ("deflection", start.deflection.shape[-2:]),
-        )
-    )
+    poses = _copy(start)
     free = target if np.isscalar(target) else target[..., 6:]
     targets = constant(np.asarray(free, dtype=float), (count, numbering.size - 6))
     results = {
@@ -594,14 +575,7 @@ def newton(
         "pivot": np.empty(count),
         "status": np.empty(count, dtype=np.uint8),
     }
-    newton_batch(
-        *packed,
-        poses,
-        targets,
-        limits,
-        accept_nominal,
-        tuple(results.values()),
-    )
+    newton_batch(*packed, poses, targets, limits, accept_nominal, tuple(results.values()))
     found = {name: results[name] for name in ("residual", "rounding", "tension", "pivot")}
     found["flex"] = packed[2].flex[..., BEND:]
     return Pose(*poses), found, int(results["steps"].max(initial=0)), results["status"]

@@ -78,11 +78,6 @@ def free_rotations(
             pivot = pivot - now.direction[..., wire, :] * now.length[..., wire, None]
         for member in subtree(scene, body):
             arm = position[..., member, :] - pivot
-            if scene.field is None:
-                result[..., 6 * member, column] = -arm[..., 1]
-                result[..., 6 * member + 1, column] = arm[..., 0]
-                result[..., 6 * member + 5, column] = 1.0
-            else:
-                result[..., 6 * member : 6 * member + 3, column] = cross(axis, arm)
-                result[..., 6 * member + 3 : 6 * member + 6, column] = axis
+            result[..., 6 * member : 6 * member + 3, column] = cross(axis, arm)
+            result[..., 6 * member + 3 : 6 * member + 6, column] = axis
     return result[..., 6:, :]

@@ -18,6 +18,7 @@ import numpy as np
 from suspension_cli.design import materials
 from suspension_cli.design.schema import Design
 from suspension_cli.design.sections import stretches
+from suspension_cli.equilibrium.hanging import hang, lengthened
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.scene.scene import Scene
 
@@ -53,7 +54,9 @@ def hinge_rigidities(design: Design) -> tuple[tuple[Any, Any], ...]:
 
 
 def to_hinges(scene: Scene, rigidity: tuple[tuple[Any, Any], ...]) -> Scene:
-    """Move the ends of hinged wires by sqrt(E I / T) along them, T being that of the drawing.
+    """Move the ends of hinged wires by sqrt(E I / T) along them, as they are in the nominal pose.
+
+    Wires that do not hang in the pose that is solved for keep their ends.
 
     Raises
     ------
@@ -62,27 +65,20 @@ def to_hinges(scene: Scene, rigidity: tuple[tuple[Any, Any], ...]) -> Scene:
     """
     if not rigidity:
         return scene
-    drawn = scene.drawn or scene
-    u = np.sqrt(np.array(rigidity) / drawn.wires.tension[..., None])
-    share = np.real(u.sum(-1) / drawn.wires.length)
-    if share.max() > LARGEST:
-        worst = int(np.argmax(share.reshape(-1, share.shape[-1]).max(0)))
+    nominal = scene.drawn or scene
+    hanging = hang(nominal) if scene.solves_pose else None
+    at = hanging or nominal.wires
+    hinged = np.array(rigidity).any(-1) & ~np.isnan(at.tension)
+    u = np.sqrt(np.array(rigidity) / at.tension[..., None])
+    taken = np.where(hinged, np.real(u.sum(-1) / at.length), 0.0)
+    if taken.max() > LARGEST:
+        worst = int(np.argmax(taken.reshape(-1, taken.shape[-1]).max(0)))
         label = scene.wires.label[worst]
-        problem = f"the bends of wire {label} take {share.max():.0%} of it, so that it is no string"
+        problem = f"the bends of wire {label} take {taken.max():.0%} of it, so that it is no string"
         remedy = 'remove bending = "hinged" and use --fidelity beam'
         raise InputError([Fault(f"stage.{label.rsplit('.', 1)[0]}", problem, remedy)])
 
     def moved(one: Scene) -> Scene:
-        wires = one.wires
-        e = wires.span / wires.length[..., None]
-        left = wires.length - u.sum(-1)
-        changed = replace(
-            wires,
-            upper_point=wires.upper_point + u[..., :1] * e,
-            lower_point=wires.lower_point - u[..., 1:] * e,
-            span=left[..., None] * e,
-            length=left,
-        )
-        return replace(one, wires=changed)
+        return replace(one, wires=lengthened(one.wires, -u, hinged, hanging))
 
     return replace(moved(scene), drawn=None if scene.drawn is None else moved(scene.drawn))

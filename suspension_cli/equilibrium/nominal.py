@@ -22,14 +22,12 @@ from suspension_cli.elements import blade, string
 from suspension_cli.elements import weight as weights
 from suspension_cli.elements.geometric_stiffness import sum_by
 from suspension_cli.equilibrium import solve as equilibrium
-from suspension_cli.equilibrium.energy import gradient_and_stiffness
-from suspension_cli.equilibrium.free_rotations import free_rotations, single_point_stages
-from suspension_cli.equilibrium.residual_scale import residual_scale
+from suspension_cli.equilibrium.hanging import apply, drop_complex_step, first_order_pose
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.scene import expand as scene_expand
-from suspension_cli.scene import imperfections, tensions
+from suspension_cli.scene import tensions
 from suspension_cli.scene.arrays import Array
-from suspension_cli.scene.pose import Layout, Pose, displace, layout
+from suspension_cli.scene.pose import Pose, layout
 from suspension_cli.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -53,7 +51,7 @@ def expand(design: Design) -> Scene:
     """
     scene = expand_nominal(design)
     for item in design.perturbation:
-        scene = imperfections.apply(scene, item)
+        scene = apply(scene, item)
     return scene
 
 
@@ -148,39 +146,6 @@ def _fixed_point(function: Callable[[Array], Array], start: Array, tolerance: fl
         " draws it"
     )
     raise InputError([Fault("stage", problem, remedy)])
-
-
-def drop_complex_step(scene: Scene) -> Scene:
-    """Drop the imaginary part (a complex step) of all numbers of a scene."""
-    parts = {
-        name: replace(
-            part,
-            **{
-                key: value.real
-                for key, value in vars(part).items()
-                if isinstance(value, np.ndarray) and value.dtype == complex
-            },
-        )
-        for name, part in scene.parts.items()
-    }
-    field = scene.field
-    if field is not None:
-        field = replace(field, vector=np.real(field.vector), gradient=np.real(field.gradient))
-    return replace(scene, gravity=np.real(scene.gravity), field=field, **parts)
-
-
-def first_order_pose(scene: Scene, numbering: Layout, pose: Pose) -> Pose:
-    """Add the effect of a scene's complex step to the pose without it: dq = -K^-1 dg."""
-    gradient, stiffness = gradient_and_stiffness(scene, numbering, pose)
-    free = slice(6, None)
-    without = drop_complex_step(scene)
-    step = equilibrium.newton_step(
-        np.imag(gradient)[free],
-        np.real(stiffness)[free, free],
-        residual_scale(without, numbering),
-        free_rotations(without, numbering, pose, single_point_stages(without)),
-    )
-    return displace(numbering, pose, 1j * np.concatenate([np.zeros(6), step]))
 
 
 def _blade_loads(scene: Scene, pose: Pose) -> Array:

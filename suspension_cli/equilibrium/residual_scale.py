@@ -22,9 +22,7 @@ LEAST_ARM = 1e-4
 
 def largest_lever_arm(scene: Scene) -> Float[np.ndarray, "*batch"]:
     """Largest distance (...) of any attachment from a COM along an axis, m, at least 1 mm."""
-    points = (scene.wires.upper_point, scene.wires.lower_point, scene.springs.lower_point)
-    largest = [np.abs(p).max((-2, -1), initial=1e-3) for p in points]
-    return np.broadcast_to(np.maximum.reduce(np.broadcast_arrays(*largest)), scene.batch)
+    return np.maximum(lever_arms(scene).max(-1), 1e-3)
 
 
 def residual_scale(scene: Scene, numbering: Layout) -> Float[np.ndarray, "*batch moving"]:
@@ -33,7 +31,7 @@ def residual_scale(scene: Scene, numbering: Layout) -> Float[np.ndarray, "*batch
     For forces the weight carried by the body (on a blade: by the body below), N; for torques that
     times the lever arm of the body, N m.
     """
-    load, arm = carried_weights(scene), lever_arms(scene)
+    load, arm = carried_weights(scene), lever_arms(scene)[..., 1:]
     bodies = np.stack([np.stack([load] * 3, -1), np.stack([load * arm] * 3, -1)], -2)
     result = np.ones((*scene.batch, numbering.size + 1)) * scene.weight[..., None]
     result[..., 6 : 6 * load.shape[-1] + 6] = bodies.reshape(*load.shape[:-1], -1)
@@ -59,10 +57,10 @@ def carried_weights(scene: Scene) -> Float[np.ndarray, "*batch body"]:
     return result
 
 
-def lever_arms(scene: Scene) -> Float[np.ndarray, "*batch body"]:
-    """Largest distance (..., n) of an attachment of each body from its COM along an axis, m.
+def lever_arms(scene: Scene) -> Float[np.ndarray, "*batch 1+body"]:
+    """Largest distance (..., n + 1) of an attachment of each body from its COM along an axis, m.
 
-    At least `LEAST_ARM`.
+    At least `LEAST_ARM`; the support comes first.
     """
     wires, springs = scene.wires, scene.springs
     result = np.full((*scene.batch, len(scene.bodies.name) + 1), LEAST_ARM)
@@ -74,4 +72,4 @@ def lever_arms(scene: Scene) -> Float[np.ndarray, "*batch body"]:
     for body, points in ends:
         place: Any = (..., body)
         np.maximum.at(result, place, np.abs(points).max(-1))
-    return result[..., 1:]
+    return result

@@ -59,8 +59,8 @@ CLEAR = 1e-5
 the last; smaller ones are checked in the pose itself."""
 PARTS_OF_POSE = inner_axes(Pose)
 """Arrays of a pose, and their axes beyond the batch."""
-PARTS_OF_RESULT = ("residual", "rounding", "tension")
-PARTS_OF_BATCH = ("pivot", "flex")
+ARRAYS = ("residual", "rounding", "tension", "stiffness", "pivot", "flex")
+"""Arrays of an equilibrium beside its pose; the last three may be None."""
 
 
 @dataclass(frozen=True)
@@ -195,7 +195,9 @@ def solve(scene: Scene, numbering: Layout | None = None, start: Pose | None = No
         better = _continue(some, numbering, begin, steps)
         if found.stiffness is not None:
             better = replace(better, stiffness=_tangent_stiffness(some, numbering, better))
-        found = _replace_converged(found, suspect, better)
+        reached = suspect.copy()
+        reached[suspect] = better.converged
+        found = _replace(found, reached, _select(better, better.converged))
         suspect[suspect] = ~(better.converged & _is_stable(some, numbering, better))
     return found
 
@@ -219,6 +221,13 @@ def _broadcast_pose(pose: Pose, batch: tuple[int, ...]) -> Pose:
     return Pose(*(spread(getattr(pose, name), inner) for name, inner in PARTS_OF_POSE.items()))
 
 
+def _select(found: Equilibrium, where: Bool[np.ndarray, "*batch"]) -> Equilibrium:
+    """Results of some scenes of a batch."""
+    arrays = {name: getattr(found, name) for name in ARRAYS}
+    chosen = {name: None if array is None else array[where] for name, array in arrays.items()}
+    return replace(found, pose=_select_pose(found.pose, where), **chosen)
+
+
 def _replace(
     found: Equilibrium, where: Bool[np.ndarray, "*batch"], new: Equilibrium
 ) -> Equilibrium:
@@ -232,28 +241,13 @@ def _replace(
     pose = Pose(
         *(merge(getattr(found.pose, name), getattr(new.pose, name)) for name in PARTS_OF_POSE)
     )
-    parts = {name: merge(getattr(found, name), getattr(new, name)) for name in PARTS_OF_RESULT}
-    for name in PARTS_OF_BATCH:
+    arrays = {}
+    for name in ARRAYS:
         old, some = getattr(found, name), getattr(new, name)
-        if old is not None:
-            parts[name] = merge(old, np.full((1, *old.shape[1:]), np.nan) if some is None else some)
-    if found.stiffness is not None and new.stiffness is not None:
-        parts["stiffness"] = merge(found.stiffness, new.stiffness)
-    return Equilibrium(pose=pose, iterations=max(found.iterations, new.iterations), **parts)
-
-
-def _replace_converged(
-    found: Equilibrium, where: Bool[np.ndarray, "*batch"], new: Equilibrium
-) -> Equilibrium:
-    """Replace the results of a batch `where` new ones are given, if these have converged."""
-    kept = new.converged
-    chosen = where.copy()
-    chosen[where] = kept
-    pose = _select_pose(new.pose, kept)
-    parts = {name: getattr(new, name)[kept] for name in PARTS_OF_RESULT}
-    for name in (*PARTS_OF_BATCH, "stiffness"):
-        parts[name] = None if getattr(new, name) is None else getattr(new, name)[kept]
-    return _replace(found, chosen, Equilibrium(pose=pose, iterations=new.iterations, **parts))
+        if some is None and old is not None and name != "stiffness":
+            some = np.full((1, *old.shape[1:]), np.nan)
+        arrays[name] = None if old is None or some is None else merge(old, some)
+    return Equilibrium(pose=pose, iterations=max(found.iterations, new.iterations), **arrays)
 
 
 def _is_stable(scene: Scene, numbering: Layout, found: Equilibrium) -> Bool[np.ndarray, "*batch"]:
@@ -263,12 +257,7 @@ def _is_stable(scene: Scene, numbering: Layout, found: Equilibrium) -> Bool[np.n
     result = found.pivot > CLEAR
     if not result.all():
         unclear = ~result
-        some = Equilibrium(
-            _select_pose(found.pose, unclear),
-            iterations=0,
-            **{name: getattr(found, name)[unclear] for name in PARTS_OF_RESULT},
-            stiffness=None if found.stiffness is None else found.stiffness[unclear],
-        )
+        some = _select(found, unclear)
         result[unclear] = _has_no_soft_direction(select_scenes(scene, unclear), numbering, some)
     return result
 
@@ -307,13 +296,10 @@ def _continue(scene: Scene, numbering: Layout, pose: Pose, steps: int) -> Equili
         )
         for n in range(1, steps):
             if scene.drawn is None:  # reduce the forces that hold it in the nominal pose
-                pose = _newton(
-                    scene, numbering, pose, nominal_gradient * (1 - n / steps), CORRECTIONS
-                ).pose
+                now, target = scene, nominal_gradient * (1 - n / steps)
             else:  # increase the imperfections
-                pose = _newton(
-                    scale_imperfections(scene, n / steps), numbering, pose, 0.0, CORRECTIONS
-                ).pose
+                now, target = scale_imperfections(scene, n / steps), 0.0
+            pose = _newton(now, numbering, pose, target, CORRECTIONS).pose
         return _newton(scene, numbering, pose, 0.0, ITERATIONS)
 
 
@@ -349,33 +335,26 @@ def _newton_compiled(
 ) -> Equilibrium:
     from suspension_cli.equilibrium import compiled  # takes half a second
 
-    limits = (float(limit), BALANCED, LAST_STEP, CAP)
+    limits, pose = (float(limit), BALANCED, LAST_STEP, CAP), _broadcast_pose(pose, scene.batch)
     reached, parts, steps, status = compiled.newton(
         scene, numbering, pose, target, limits, accept_nominal=accept_nominal
     )
     found = Equilibrium(pose=reached, iterations=steps, **parts)
-    left = status == compiled.FAILED
-    nominal = status == compiled.NOMINAL
+    left, nominal = status == compiled.FAILED, status == compiled.NOMINAL
     if nominal.any():
         some = select_scenes(scene, nominal)
         gradient, _ = gradient_and_stiffness(some, numbering, nominal_pose(some))
-        left[nominal] = ~_is_as_drawn(some, numbering, gradient)
+        nominal[nominal] = np.logical_not(_is_as_drawn(some, numbering, gradient))
+    again = _newton_arrays
+    if scene.flex is not None:  # arrays do not know the stiffness of bending at unknown tensions
+        found.residual[left] = np.nan
+        left, again = np.zeros_like(left), _newton_compiled
+    left |= nominal
     if not left.any():
         return found
     goal = target[left] if isinstance(target, np.ndarray) else target
-    start, some = _select_pose(_broadcast_pose(pose, scene.batch), left), select_scenes(scene, left)
-    if scene.flex is None:
-        return _replace(found, left, _newton_arrays(some, numbering, start, goal, limit))
-    # the arrays do not know the stiffness of bending at tensions to be found
-    found.residual[left & (status == compiled.FAILED)] = np.nan
-    again = left & (status == compiled.NOMINAL)
-    if not again.any():
-        return found
-    start, some = (
-        _select_pose(_broadcast_pose(pose, scene.batch), again),
-        select_scenes(scene, again),
-    )
-    return _replace(found, again, _newton_compiled(some, numbering, start, goal, limit))
+    start = _select_pose(pose, left)
+    return _replace(found, left, again(select_scenes(scene, left), numbering, start, goal, limit))
 
 
 def _newton_arrays(

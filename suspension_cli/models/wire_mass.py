@@ -29,6 +29,7 @@ import numpy as np
 
 from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium import clamps
+from suspension_cli.equilibrium.hanging import hang
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
 from suspension_cli.rotations import cross_matrix
@@ -104,10 +105,10 @@ def as_hanging(scene: Scene) -> Scene:
 
     Nothing changes where the nominal pose is the drawn one, or where strings do not hang.
     """
-    if scene.fibres is None or not scene.fibres.solves_pose:
+    if scene.fibres is None or not scene.solves_pose:
         return scene
     try:
-        now = clamps.hang(scene)
+        now = hang(scene)
     except InputError:
         return scene
     span = now.upper * now.length[:, None]

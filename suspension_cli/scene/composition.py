@@ -144,8 +144,6 @@ class Fibres:
         Of the springs of known material; others have the loss angle of `Scene.springs`.
     temperature
         Of everything for which the design gives none, K.
-    solves_pose : bool
-        Whether wires have natural lengths, so that the nominal pose is not the drawn one.
     """
 
     wire: tuple[Fibre, ...]
@@ -153,4 +151,3 @@ class Fibres:
     gas: Gas | None
     temperature: float
     spring: tuple[BladeLoss, ...] = ()
-    solves_pose: bool = False

@@ -12,7 +12,6 @@ from suspension_cli.design import materials
 from suspension_cli.design.cross_sections.round import Round
 from suspension_cli.design.derive import (
     blade_material,
-    gives_natural_lengths,
     gravity_strength,
     is_ring,
     spring_loss,
@@ -119,7 +118,6 @@ def compose(design: Design) -> Fibres:
         gas,
         ambient,
         (*_springs(design, parts, lambda name: losses(name, None)), *_links(design, losses)),
-        gives_natural_lengths(design),
     )
 
 

@@ -14,19 +14,9 @@ import numpy as np
 
 from suspension_cli.conventions import SUPPORT
 from suspension_cli.design.filters import SUFFIX
-from suspension_cli.design.imperfections import perturbed, perturbed_part
-from suspension_cli.design.schema import Perturbation
 from suspension_cli.rotations import rotation_matrix
 from suspension_cli.scene.arrays import Array, frames, inner_axes
 from suspension_cli.scene.scene import Scene, spring_of_leg
-
-
-def apply(scene: Scene, item: Perturbation) -> Scene:
-    """Apply one `[[perturbation]]` of a design file to a scene."""
-    part, name = perturbed_part(item)
-    given = {row.name: getattr(item, row.name) for row in perturbed(part)}
-    amounts = {name: amount for name, amount in given.items() if amount is not None}
-    return impose(scene, part, members(scene, part)[name], amounts, item.hold)
 
 
 def members(scene: Scene, part: str) -> dict[str, int]:

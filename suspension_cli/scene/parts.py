@@ -8,7 +8,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from suspension_cli.design.derive import body_inertia, body_mass, gravity_strength
+from suspension_cli.design.derive import (
+    body_inertia,
+    body_mass,
+    gives_natural_lengths,
+    gravity_strength,
+)
 from suspension_cli.design.schema import Design, Spring, Stage
 from suspension_cli.scene.arrays import Array, Index
 from suspension_cli.scene.gravity import field_of
@@ -150,6 +155,7 @@ def pack(design: Design, parts: list[StagePart]) -> Scene:
         struts=_lines(parts, "struts", -np.concatenate([part.thrust for part in parts])),
         bars=_bars(parts),
         field=field_of(design),
+        solves_pose=gives_natural_lengths(design),
     )
 
 

@@ -284,6 +284,8 @@ class Scene:
         Stiffness of the wires against bending and twisting.
     field
         Gravity that is not a uniform pull along -z.
+    solves_pose : bool
+        Whether wires have natural lengths, so that the nominal pose is not the drawn one.
     """
 
     name: str
@@ -298,6 +300,7 @@ class Scene:
     fibres: Fibres | None = None
     flex: Flex | None = None
     field: Field | None = None
+    solves_pose: bool = False
 
     @property
     def parts(self) -> dict[str, Any]:

@@ -15,6 +15,7 @@ import numpy as np
 
 from suspension_cli.design.imperfections import AXES, PARTS, Imperfection, scattered
 from suspension_cli.design.schema import Design, Distribution
+from suspension_cli.equilibrium.hanging import impose
 from suspension_cli.errors import InputError
 from suspension_cli.scene import imperfections
 from suspension_cli.scene.scene import Scene
@@ -157,7 +158,7 @@ def imperfect(
     for key in sorted(table, key=lambda key: key[2] == "natural-length"):
         part, number, hold = key
         amounts = {row.name: _amount(row, errors) for row, errors in table[key].items()}
-        scene = imperfections.impose(scene, part, number, amounts, hold)
+        scene = impose(scene, part, number, amounts, hold)
     return scene
 
 

@@ -10,6 +10,7 @@ import pytest
 from scipy.linalg import eigh
 
 from suspension_cli.analyses.thermal import solve as thermal
+from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes, response
@@ -149,13 +150,15 @@ def noise(model):
 
 
 WRONG = {"wire": "test.1", "length_change": 1e-5, "hold": "natural-length"}
+TRIMMED = {"wire": "test.1", "k_factor": 1.2, "upper_offset": [1e-3, 0.0, 2e-4]}
+MOVED = {"body": "test", "com_offset": [1e-3, 2e-3, 0.0]}
 
 
 @pytest.mark.parametrize("level", ["beam", "violin"])
 @pytest.mark.parametrize("wire", [{}, LAYERS], ids=["uniform", "layers with weight"])
 @pytest.mark.parametrize("kind", [LOPSIDED, MIRRORED])
 def test_results_do_not_depend_on_the_drawn_pose(kind, wire, level):
-    for errors in ([], [WRONG]):
+    for errors in ([], [WRONG], [MOVED, TRIMMED]):
         known = results(level, as_built(kind, perturbation=errors, **wire))
         for shift in SHIFTS.values():
             found = results(level, as_built(kind, shift, errors, **wire))
@@ -173,7 +176,7 @@ def test_thermal_noise_does_not_depend_on_the_drawn_pose(level):
         np.testing.assert_allclose(found, known, rtol=1e-9)
 
 
-@pytest.mark.parametrize("errors", [[], [WRONG]], ids=["nominal", "imperfect"])
+@pytest.mark.parametrize("errors", [[], [WRONG], [TRIMMED]], ids=["nominal", "wrong", "trimmed"])
 @pytest.mark.parametrize("kind", [LOPSIDED, MIRRORED])
 def test_batches_do_not_depend_on_the_drawn_pose(kind, errors):
     """Compiled loops hang each design of a batch on its own, and find what one alone has."""
@@ -261,3 +264,41 @@ def test_estimates_do_not_depend_on_the_drawn_pose():
     for found in others:
         for name in ("bending", "loss", "mass", "violin"):
             np.testing.assert_allclose(getattr(found, name), getattr(known, name), rtol=1e-9)
+
+
+@pytest.mark.parametrize("wire", [{"clamp": "wire"}, {"clamp": "wire", "bending": "hinged"}])
+@pytest.mark.parametrize("kind", [LOPSIDED, MIRRORED])
+def test_strings_do_not_depend_on_the_drawn_pose(kind, wire):
+    """Neither tensions of trimmed wires nor hinges do."""
+    for errors in ([], [MOVED, TRIMMED]):
+        known = results("string", as_built(kind, perturbation=errors, **wire))
+        for shift in SHIFTS.values():
+            found = results("string", as_built(kind, shift, errors, **wire))
+            np.testing.assert_allclose(found[0], known[0], rtol=1e-9)
+            np.testing.assert_allclose(found[1], known[1], rtol=1e-9, atol=1e-12)
+
+
+def test_trimmed_wires_carry_their_hanging_tension():
+    """A wire of other stiffness between moved ends leaves the pose of the nominal suspension."""
+    for shift in SHIFTS.values():
+        poses = []
+        for errors in ([], [{"wire": "test.1", "k_factor": 1.2}]):
+            scene = expand(as_built(LOPSIDED, shift, errors, clamp="wire"))
+            poses.append(equilibrium.solve(scene).pose)
+        np.testing.assert_allclose(poses[1].shift, poses[0].shift, atol=1e-13)
+        np.testing.assert_allclose(poses[1].turn, poses[0].turn, atol=1e-11)
+
+
+def test_hinged_strings_as_they_hang_are_beams():
+    """But for exp(-l / u), with the torsion given to both, and beams drawn as they hang."""
+    wire = {"clamp": "wire", "bending": "hinged", "torsion": 1e-9}
+    hangs = equilibrium.solve(expand(as_built(MIRRORED, clamp="wire"))).pose.shift[1]
+    found, _ = results("string", as_built(MIRRORED, SHIFTS["aside"], **wire))
+    expected, _ = results("beam", as_built(MIRRORED, hangs, **wire))
+    np.testing.assert_allclose(found, expected, rtol=1e-7)
+
+
+def test_trimming_needs_a_pose():
+    adrift = as_built(LOPSIDED, (0.0, 0.0, 5.0), [TRIMMED])
+    with pytest.raises(InputError, match="no equilibrium found"):
+        expand(adrift)

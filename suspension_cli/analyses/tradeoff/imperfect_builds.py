@@ -13,12 +13,12 @@ from suspension_cli.analyses.tradeoff.equilibrium_mp import EquilibriumArrays
 from suspension_cli.analyses.tradeoff.subject import COUPLING, K_FACTOR, OFFSET, STRING, Subject
 from suspension_cli.analyses.xcouple.solve import ROUNDING
 from suspension_cli.equilibrium import solve as equilibrium
+from suspension_cli.equilibrium.hanging import impose
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.linear import signals
 from suspension_cli.linear.symmetry import is_mirror_symmetric
 from suspension_cli.models import registry, string
 from suspension_cli.models.surroundings import surrounded
-from suspension_cli.scene import imperfections
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.scene import Scene
 from suspension_cli.studies import builds
@@ -40,9 +40,8 @@ def imperfect_scene(subject: Subject, fraction: Array | float = 1.0) -> Scene:
     amount = np.asarray(fraction, dtype=float)
     stiffer, moved = (amount[..., 0], amount[..., 1]) if amount.ndim == 2 else (amount, amount)
     offset = moved[..., None] * np.array([OFFSET, 0.0, 0.0])
-    return imperfections.wire(
-        subject.scene, subject.wire, k_factor=1 + (K_FACTOR - 1) * stiffer, upper_offset=offset
-    )
+    amounts = {"k_factor": 1 + (K_FACTOR - 1) * stiffer, "upper_offset": offset}
+    return impose(subject.scene, "wire", subject.wire, amounts)
 
 
 def fractions() -> Float[np.ndarray, " build"]:

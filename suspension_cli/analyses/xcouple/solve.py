@@ -16,11 +16,11 @@ from suspension_cli.analyses.sweep.solve import blank_values, divide
 from suspension_cli.design import reader
 from suspension_cli.design.imperfections import swept
 from suspension_cli.design.schema import Design
+from suspension_cli.equilibrium import hanging
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.linear.signals import Signal
 from suspension_cli.models import registry
-from suspension_cli.scene import imperfections as perturb
 from suspension_cli.scene.scene import Scene
 from suspension_cli.studies import builds, variants
 from suspension_cli.studies.axes import Axis, Product, of_option
@@ -210,7 +210,7 @@ def impose(
             else:
                 amounts.setdefault(item.name, np.zeros((len(value), 3)))[:, axis] = value
         if amounts:
-            scene = perturb.impose(scene, part, number, amounts, question.hold)
+            scene = hanging.impose(scene, part, number, amounts, question.hold)
     return scene
 
 

@@ -1,0 +1,245 @@
+"""Poses of suspensions of given natural lengths, in which all wires hang as strings.
+
+Such a suspension hangs where its wires let it, not where the file draws it. Bending points
+(`clamps`, `hinges`) and the tensions to which imperfect wires are trimmed are those of that pose,
+so that nothing depends on the drawing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from suspension_cli.design.imperfections import perturbed, perturbed_part
+from suspension_cli.design.schema import Perturbation
+from suspension_cli.elements import string
+from suspension_cli.equilibrium import solve as equilibrium
+from suspension_cli.equilibrium.energy import gradient_and_stiffness
+from suspension_cli.equilibrium.free_rotations import free_rotations, single_point_stages
+from suspension_cli.equilibrium.residual_scale import residual_scale
+from suspension_cli.equilibrium.solve import Equilibrium
+from suspension_cli.scene import imperfections
+from suspension_cli.scene.pose import Layout, Pose, displace, layout
+from suspension_cli.scene.scene import Scene, Wires
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Inexact
+
+MIRRORED = 1e-9
+"""Relative difference, left by Newton's method, up to which wires at mirrored points hang alike."""
+
+
+@dataclass(frozen=True)
+class HangingWires:
+    """Wires of a suspension as they hang, as strings between the points that the design gives.
+
+    Attributes
+    ----------
+    found : Equilibrium
+        Of these strings, without complex steps.
+    length, tension
+        m and N; NaN, like all that follows, where there is no equilibrium on taut wires.
+    rise
+        Upward component of the unit vector along each wire towards its lower end.
+    upper, lower
+        This vector in the frames of the two bodies.
+    """
+
+    found: Equilibrium
+    length: Inexact[np.ndarray, "*batch wire"]
+    tension: Inexact[np.ndarray, "*batch wire"]
+    rise: Inexact[np.ndarray, "*batch wire"]
+    upper: Inexact[np.ndarray, "*batch wire 3"]
+    lower: Inexact[np.ndarray, "*batch wire 3"]
+
+
+def hang(scene: Scene) -> HangingWires:
+    """Find the wires of a scene as they hang, as strings between the given points.
+
+    Exactly equal where wires are mirror images, so that what follows keeps the symmetry.
+
+    Raises
+    ------
+    InputError
+        If a single scene has no equilibrium, or a wire is slack in it.
+    """
+    wires = scene.wires
+    found, pose = _balance_strings(scene)
+    if not scene.batch:
+        found.demand(scene)
+    now = string.state(scene, pose)
+    turn = np.swapaxes(pose.rotation, -1, -2)
+    numbers = [now.length[..., None], now.tension[..., None], now.direction[..., 2:]]
+    for body in (wires.upper, wires.lower):
+        numbers.append((turn[..., body, :, :] @ now.direction[..., None])[..., 0])
+    each = _equal_if_mirrored(scene, np.concatenate(numbers, axis=-1))
+    taut = found.converged & (found.tension > 0).all(-1)
+    each = np.where(np.asarray(taut)[..., None, None], each, np.nan)
+    return HangingWires(
+        found, *(each[..., n] for n in range(3)), upper=each[..., 3:6], lower=each[..., 6:]
+    )
+
+
+def _balance_strings(scene: Scene) -> tuple[Equilibrium, Pose]:
+    """Balance strings without torsion between the given points; their pose has complex steps."""
+    wires = replace(scene.wires, torsion=np.zeros_like(scene.wires.torsion))
+    strings = replace(scene, fibres=None, flex=None, wires=wires)
+    numbering = layout(strings)
+    if not np.issubdtype(strings.kind, np.complexfloating):
+        found = equilibrium.solve(strings, numbering)
+        return found, found.pose
+    found = equilibrium.solve(drop_complex_step(strings), numbering)
+    return found, first_order_pose(strings, numbering, found.pose)
+
+
+def _equal_if_mirrored(
+    scene: Scene, numbers: Inexact[np.ndarray, "*batch wire 9"]
+) -> Inexact[np.ndarray, "*batch wire 9"]:
+    """Make lengths, tensions and directions of wires at mirrored points equal but for their signs.
+
+    Only where the difference is rounding.
+    """
+    wires = scene.wires
+    bodies = np.stack([wires.upper, wires.lower], axis=-1)
+    own = (bodies[:, None] == bodies).all(-1)
+    points = np.concatenate(
+        [wires.upper_point, wires.lower_point, wires.stiffness[..., None]], axis=-1
+    )
+    for axis in (0, 1):
+        flip = np.where(np.arange(3) == axis, -1.0, 1.0)
+        mirror = np.concatenate([flip, flip, [1.0]])
+        same = own & (points[..., :, None, :] == (points * mirror)[..., None, :, :]).all(-1)
+        paired = ((same.sum(-1) == 1) & (same.sum(-2) == 1)).all(-1)
+        images = same.astype(float) @ numbers * np.concatenate([np.ones(3), flip, flip])
+        even = (numbers + images) / 2
+        alike = (
+            paired
+            & _close(np.real(even), np.real(numbers))
+            & _close(np.imag(even), np.imag(numbers))
+        )
+        numbers = np.where(alike[..., None, None], even, numbers)
+    return numbers
+
+
+def _close(
+    even: Inexact[np.ndarray, "*batch wire 9"], numbers: Inexact[np.ndarray, "*batch wire 9"]
+) -> Bool[np.ndarray, "*batch"]:
+    """Whether all numbers are as even as rounding lets them be."""
+    scale = np.abs(numbers).max(-2, keepdims=True)
+    scale[..., 2:] = scale[..., 2:].max(-1, keepdims=True)  # components of unit vectors
+    return (np.abs(even - numbers) <= MIRRORED * scale).all((-2, -1))
+
+
+def lengthened(
+    wires: Wires,
+    u: Inexact[np.ndarray, "*batch wire 2"],
+    effective: Bool[np.ndarray, "... wire"],
+    hanging: HangingWires | None,
+) -> Wires:
+    """Move the ends of wires along them, by the distances `u` away from each other.
+
+    Those of `effective` wires alone, where they hang in a pose that is solved for.
+    """
+    if hanging is None:
+        e, extra = wires.span / wires.length[..., None], u.sum(-1)
+        return replace(
+            wires,
+            upper_point=wires.upper_point - u[..., :1] * e,
+            lower_point=wires.lower_point + u[..., 1:] * e,
+            span=wires.span + extra[..., None] * e,
+            length=wires.length + extra,
+        )
+    extra, whole = u.sum(-1), wires.length + u.sum(-1)
+    above = np.where(effective[..., None], u[..., :1] * hanging.upper, 0.0)
+    below = np.where(effective[..., None], u[..., 1:] * hanging.lower, 0.0)
+    added = above + below
+    span = wires.span + added
+    length = np.where(effective, np.sqrt((span**2).sum(-1)), wires.length)
+    # |span + added|^2 - (length + extra)^2: no large numbers cancel
+    longer = (
+        2 * ((wires.span * added).sum(-1) - wires.length * extra) + (added**2).sum(-1) - extra**2
+    ) / (length + whole)
+    return replace(
+        wires,
+        upper_point=wires.upper_point - above,
+        lower_point=wires.lower_point + below,
+        span=span,
+        length=length,
+        tension=wires.tension + wires.stiffness * longer,
+    )
+
+
+def apply(scene: Scene, item: Perturbation) -> Scene:
+    """Apply one `[[perturbation]]` of a design file to a scene, see `impose`."""
+    part, name = perturbed_part(item)
+    given = {row.name: getattr(item, row.name) for row in perturbed(part)}
+    amounts = {name: amount for name, amount in given.items() if amount is not None}
+    number = imperfections.members(scene, part)[name]
+    return impose(scene, part, number, amounts, item.hold)
+
+
+def impose(
+    scene: Scene, part: str, number: int, amounts: Mapping[str, Any], hold: str = "loaded-length"
+) -> Scene:
+    """Apply imperfections of one part to a scene, see `scene.imperfections.impose`.
+
+    Where natural lengths are given, a wire is trimmed in the pose in which the nominal scene hangs.
+
+    Raises
+    ------
+    InputError
+        If this pose is that of a single scene, and does not exist.
+    """
+    result = imperfections.impose(scene, part, number, amounts, hold)
+    if not scene.solves_pose or part != "wire" or hold != "loaded-length":
+        return result
+    nominal = scene.drawn or scene
+    found, pose = _balance_strings(nominal)
+    if not (nominal.batch or found.converged):
+        found.demand(nominal)
+    # a COM that was moved in its body is elsewhere in the pose, too
+    moved = scene.bodies.position - nominal.bodies.position
+    pose = replace(pose, shift=pose.shift + (pose.turn @ moved[..., None])[..., 0])
+    before, after = (
+        one.wires.stiffness[..., number] * string.state(one, pose).elongation[..., number]
+        for one in (scene, result)
+    )
+    tension = result.wires.tension.astype(np.result_type(result.wires.tension, before))
+    tension[..., number] += np.where(found.converged, before - after, np.nan)
+    return replace(result, wires=replace(result.wires, tension=tension))
+
+
+def drop_complex_step(scene: Scene) -> Scene:
+    """Drop the imaginary part (a complex step) of all numbers of a scene."""
+    parts = {
+        name: replace(
+            part,
+            **{
+                key: value.real
+                for key, value in vars(part).items()
+                if isinstance(value, np.ndarray) and value.dtype == complex
+            },
+        )
+        for name, part in scene.parts.items()
+    }
+    field = scene.field
+    if field is not None:
+        field = replace(field, vector=np.real(field.vector), gradient=np.real(field.gradient))
+    return replace(scene, gravity=np.real(scene.gravity), field=field, **parts)
+
+
+def first_order_pose(scene: Scene, numbering: Layout, pose: Pose) -> Pose:
+    """Add the effect of a scene's complex step to the pose without it: dq = -K^-1 dg."""
+    gradient, stiffness = gradient_and_stiffness(scene, numbering, pose)
+    free = slice(6, None)
+    without = drop_complex_step(scene)
+    step = equilibrium.newton_step(
+        np.imag(gradient)[free],
+        np.real(stiffness)[free, free],
+        residual_scale(without, numbering),
+        free_rotations(without, numbering, pose, single_point_stages(without)),
+    )
+    return displace(numbering, pose, 1j * np.concatenate([np.zeros(6), step]))
