@@ -343,5 +343,5 @@ def test_models_that_random_builds_do_not_have(tmp_path):
     )
     assert line == (
         '--fidelity = "violin": cannot compute these results of imperfect builds; take auto,'
-        " string or beam, which can"
+        " string or beam"
     )

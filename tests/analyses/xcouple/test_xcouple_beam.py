@@ -395,14 +395,14 @@ def test_command(level, tmp_path):
             ("--fidelity", "force"),
             (
                 '--fidelity = "force": cannot compute these results of imperfect builds; take'
-                " auto, string, beam or violin, which can"
+                " auto, string, beam or violin"
             ),
         ),
         (
             ("--fidelity", "closed-form"),
             (
                 '--fidelity = "closed-form": cannot compute these results of imperfect builds; take'
-                " auto, string, beam or violin, which can"
+                " auto, string, beam or violin"
             ),
         ),
     ],
