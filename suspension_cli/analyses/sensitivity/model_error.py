@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from suspension_cli.analyses import model_choice
-from suspension_cli.analyses.optimise.mode_families import has_wire_mass, solve_modes
-from suspension_cli.analyses.sensitivity.solve import solve
+from suspension_cli.analyses.optimise.mode_families import has_wire_mass
+from suspension_cli.analyses.sensitivity.solve import solve, solve_nominal
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.frequency_terms import WireTerm
 from suspension_cli.linear.mode_pairing import body_overlap, pair_by_overlap
@@ -49,21 +49,19 @@ class Derivatives(Differentiated):
         levels = [_level(model) for model in (without, refined)]
         if levels[0] == levels[1]:  # a model without derivatives
             return super().change(without, refined)
-        old, new = (
-            self._per_step(model, level)
-            for model, level in zip((without, refined), levels, strict=True)
-        )
+        old, new = (self._per_step(level) for level in levels)
         names = [name for name in new if name in old]
         before, after = (np.array([part[name] for name in names]) for part in (old, new))
-        with np.errstate(invalid="ignore", divide="ignore"):
-            size = np.nanmax(np.abs(after), axis=0)
-            error = np.nanmax(np.abs(after - before), axis=0) / np.where(size > 0, size, 1.0)
-        most = int(np.nanargmax(error))
+        # rigid and unstable modes have none
+        size, wrong = (np.nan_to_num(np.abs(of)).max(axis=0) for of in (after, after - before))
+        error = wrong / np.where(size > 0, size, 1.0)
+        most = int(error.argmax())
         return float(error[most]), f"the derivatives of {self.scalars[most].text}"
 
-    def _per_step(self, model: LinearSystem, level: str) -> dict[str, Float[np.ndarray, " result"]]:
+    def _per_step(self, level: str) -> dict[str, Float[np.ndarray, " result"]]:
         """Changes of the results by number, with modes paired by their shapes."""
-        found, count = solve_modes(model), 6 * len(model.body)
+        model, found = solve_nominal(self.text, level)
+        count = 6 * len(model.body)
         mass = model.mass[6 : 6 + count, 6 : 6 + count]
         places = pair_by_overlap(body_overlap(self.modes.shape, found.shape, mass))
         results = tuple(

@@ -12,6 +12,7 @@ Numer. Math. 6, 377 (1964)).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +22,7 @@ from suspension_cli.design import reader
 from suspension_cli.linear.eigenmodes import DEGENERATE, Modes
 from suspension_cli.linear.mode_pairing import pair_by_shape
 from suspension_cli.linear.named_results import Mode, Ratio, Scalar
+from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import differences, parameters
@@ -110,8 +112,18 @@ class Sensitivity:
             )
 
 
+@lru_cache(maxsize=2)
+def solve_nominal(text: str, level: str) -> tuple[LinearSystem, Modes]:
+    """Build the linear system of a design on a model, and solve for its modes."""
+    model = registry.by_name(level).system(reader.parse(text))
+    return model, solve_modes(model)
+
+
+@lru_cache(maxsize=2)
 def solve(text: str, results: tuple[Scalar, ...], level: str = registry.STRING.name) -> Sensitivity:
     """Differentiate results with respect to every number of a design.
+
+    The last ones are kept, as the choice of the model computes them, too.
 
     Parameters
     ----------
@@ -127,8 +139,7 @@ def solve(text: str, results: tuple[Scalar, ...], level: str = registry.STRING.n
     >>> solve(text, (Mode("test pitch", 3),)).one_percent  # doctest: +SKIP
     """
     design, numbers = reader.parse(text), parameters.every(text, level)
-    model = registry.by_name(level).system(design)
-    found = solve_modes(model)
+    model, found = solve_nominal(text, level)
     ratios = [item for item in results if isinstance(item, Ratio)]
     omega = [2 * np.pi * item.frequency for item in ratios]
     if has_wire_mass(model):
