@@ -127,11 +127,9 @@ class Estimates:
         change = _with_repulsion(moved, self._found) / np.maximum(squared, 1e-300)
         whole = change.sum(1, keepdims=True)
         slower = np.where(whole < 1, 1 / np.sqrt(np.maximum(1 - whole, 1e-30)) - 1, np.inf)
-        return np.where(
-            change > 0,
-            slower * change / np.where((whole > 0) & np.isfinite(whole), whole, 1.0),
-            0.0,
-        )
+        with np.errstate(invalid="ignore"):  # no change of a stage, infinite as a whole
+            part = slower * change / np.where((whole > 0) & np.isfinite(whole), whole, 1.0)
+        return np.where(change > 0, part, 0.0)
 
     @cached_property
     def violin(self) -> Float[np.ndarray, " stage"]:
