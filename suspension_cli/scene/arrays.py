@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from dataclasses import fields
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -15,7 +18,7 @@ Index = NDArray[np.intp]
 _KEY, _FRAME = "inner axes", "frame"
 
 
-def inner(count: int, frame: str | None = None) -> dict[str, Any]:
+def inner(count: int, frame: str | None = None) -> dict[str, int | str | None]:
     """Metadata of a dataclass field that may carry batch axes in front of `count` axes of its own.
 
     For points, `frame` is the field with the numbers of the bodies in whose frames they are.
@@ -31,7 +34,7 @@ def inner(count: int, frame: str | None = None) -> dict[str, Any]:
 
 
 @cache
-def inner_axes(kind: type[Any]) -> dict[str, int]:
+def inner_axes(kind: type[DataclassInstance]) -> dict[str, int]:
     """Number of axes behind the batch axes, by field name; fields without batch axes are left out.
 
     >>> inner_axes(Points)
@@ -41,6 +44,6 @@ def inner_axes(kind: type[Any]) -> dict[str, int]:
 
 
 @cache
-def frames(kind: type[Any]) -> dict[str, str]:
+def frames(kind: type[DataclassInstance]) -> dict[str, str]:
     """Field with the numbers of bodies, by the name of the field of points in their frames."""
     return {item.name: item.metadata[_FRAME] for item in fields(kind) if item.metadata.get(_FRAME)}

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -240,6 +240,10 @@ class Bars:
         return self.inertia[..., [0, 2]] + self.inertia[..., [1]]
 
 
+Part = TypeVar("Part", bound="Bodies | Wires | Blades | Springs | Bars | Flex")
+"""One kind of the parts of a scene."""
+
+
 @dataclass(frozen=True)
 class Flex:
     """Static stiffness of wires against bending and twisting, or against twisting alone.
@@ -303,7 +307,7 @@ class Scene:
     solves_pose: bool = False
 
     @property
-    def parts(self) -> dict[str, Any]:
+    def parts(self) -> dict[str, Bodies | Wires | Blades | Springs | Bars]:
         """Bodies, wires, blades, springs, struts and bars by the name of their field."""
         return {name: getattr(self, name) for name in PARTS}
 
@@ -318,7 +322,7 @@ class Scene:
         return shapes.pop() if len(shapes) == 1 else np.broadcast_shapes(*shapes)
 
     @cached_property
-    def kind(self) -> Any:
+    def kind(self) -> np.dtype:
         """Type of the numbers: complex while a derivative is taken by a complex step."""
         return np.result_type(
             float,

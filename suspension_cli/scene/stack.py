@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.scene.arrays import inner_axes
-from suspension_cli.scene.scene import Scene
+from suspension_cli.scene.scene import Part, Scene, Wires
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Int
 
 
-def stack_scenes(scenes: Sequence[Scene], pick: Any = None) -> Scene:
+def stack_scenes(scenes: Sequence[Scene], pick: Int[np.ndarray, " build"] | None = None) -> Scene:
     """Stack scenes into one whose first axis runs over them.
 
     Parameters
@@ -44,7 +47,7 @@ def stack_scenes(scenes: Sequence[Scene], pick: Any = None) -> Scene:
     )
 
 
-def select_scenes(scene: Scene, which: Any) -> Scene:
+def select_scenes(scene: Scene, which: Bool[np.ndarray, "*batch"]) -> Scene:
     """Select scenes of a batch, along one axis.
 
     Parameters
@@ -52,7 +55,7 @@ def select_scenes(scene: Scene, which: Any) -> Scene:
     which : bool array of the batch's shape
     """
 
-    def selected(part: Any) -> Any:
+    def selected(part: Part) -> Part:
         values = {name: (getattr(part, name), n) for name, n in inner_axes(type(part)).items()}
         return replace(
             part,
@@ -77,11 +80,12 @@ def scale_imperfections(scene: Scene, fraction: float) -> Scene:
     drawn = scene.drawn
     assert drawn is not None
 
-    def between(old: Any, new: Any) -> Any:
+    def between(old: Part, new: Part) -> Part:
         values = {name: (getattr(old, name), getattr(new, name)) for name in inner_axes(type(new))}
         return replace(new, **{name: a + fraction * (b - a) for name, (a, b) in values.items()})
 
     parts = {key: between(drawn.parts[key], part) for key, part in scene.parts.items()}
     wires = parts["wires"]
+    assert isinstance(wires, Wires)
     parts["wires"] = replace(wires, length=np.sqrt((wires.span**2).sum(-1)))
     return replace(scene, **parts)
