@@ -5,11 +5,14 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from suspension_cli.models.registry import AUTO, LEVELS
+
+if TYPE_CHECKING:
+    from suspension_cli.analyses.analysis import Settings
 
 TOLERANCE = 1e-3
 """Relative error that `auto` may leave, as `models.auto.TOLERANCE`."""
@@ -18,7 +21,9 @@ TOLERANCE = 1e-3
 class Finite(click.FloatRange):
     """A number within bounds, not NaN."""
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
         """Refuse NaN, which no bound catches."""
         found = super().convert(value, param, ctx)
         if found != found:
@@ -58,9 +63,7 @@ def argument(name: str, **how: Any) -> click.Argument:
     return click.Argument([name], **how)
 
 
-def context(
-    name: str, parameters: Sequence[click.Parameter], given: dict[str, Any]
-) -> click.Context:
+def context(name: str, parameters: Sequence[click.Parameter], given: Settings) -> click.Context:
     """Return the context of a command that is run with the values `given` and other defaults.
 
     Raises

@@ -31,6 +31,7 @@ from suspension_cli.drawing.style import (
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Int
+    from matplotlib.typing import LineStyleType
     from numpy.typing import ArrayLike
 
 _RENDERER = RendererAgg(1, 1, 72)
@@ -51,7 +52,7 @@ SAMPLE, APART = 0.22, 0.15
 """Length of the sample of a line beside its name, and distance to the next name, in."""
 FOOT = 0.16
 """Room for the remark on the model at the bottom of a figure, in."""
-DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.4, 1.2, 1.4)))
+DASHES: tuple[LineStyleType, ...] = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.4, 1.2, 1.4)))
 """Line styles, so that lines that cover each other are seen."""
 SMALL = 7.5
 """Font size of labels, points."""
