@@ -432,7 +432,7 @@ class Analysis(ABC):
         return [ask(files["design"])]
 
 
-def plain(values: Any) -> float | list | None:
+def plain(values: Any) -> Any:
     """Convert numbers for JSON: lists, with null for what is not finite."""
     import numpy as np
 

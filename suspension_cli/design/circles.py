@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from fractions import Fraction
+from typing import Any
 
 STEPS = 24
 """Fractions of a quarter turn that angles near them are taken for."""
 
 
-def direction(phase: complex, number: int, count: int) -> tuple[complex, complex]:
+def direction(phase: complex, number: int, count: int) -> tuple[Any, Any]:
     """Cosine and sine of the angle of a point (from 0) of several on a circle.
 
     The first is at the angle `phase` (rad), which may carry a complex step.

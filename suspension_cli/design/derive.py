@@ -162,7 +162,7 @@ class SetGeometry:
             return self.length**2 - (self.ring_upper - self.ring_lower) ** 2
         return self.length**2 - (self.t2 - self.t1) ** 2 - (self.s_lower - self.s_upper) ** 2
 
-    def ring_ends(self, number: int) -> tuple[tuple[complex, complex], tuple[complex, complex]]:
+    def ring_ends(self, number: int) -> tuple[tuple[float, float], tuple[float, float]]:
         """Compute x and y (m) of the upper and of the lower end of a wire of a ring, from 0."""
         x, y = direction(self.phase, number, self.count)
         upper, lower = self.ring_upper, self.ring_lower

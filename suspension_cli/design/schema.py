@@ -6,7 +6,7 @@ involve several tables are in `checks.py`.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import msgspec
 from msgspec import Meta, field
@@ -42,7 +42,9 @@ from suspension_cli.design.units import (
     Name,
     Poisson,
     Pressure,
+    Raw,
     Row3,
+    Schema,
     SpecificHeat,
     StageName,
     Stem,
@@ -536,12 +538,12 @@ class Design(Table, frozen=True):
     link: Annotated[list[Link], doc("springs between any two bodies")] = []
     damper: Annotated[list[Damper], doc("dampers between any two bodies")] = []
     analysis: Annotated[
-        dict[str, dict[str, Any]],
+        dict[str, Raw],
         doc("defaults for a command's options, under the options' own names"),
     ] = {}
 
 
-def json_schema() -> dict[str, Any]:
+def json_schema() -> Schema:
     """Make the JSON Schema of the file format (draft 2020-12)."""
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",

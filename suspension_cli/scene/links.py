@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from jaxtyping import Inexact
 
     from suspension_cli.design.units import Matrix6
-    from suspension_cli.scene.parts import StagePart
 
 
 @dataclass(frozen=True)
@@ -40,7 +39,7 @@ class SpringPart:
     spectrum: Spectrum | None = None
 
 
-def springs(design: Design, parts: Sequence[StagePart], position: Array) -> Springs:
+def springs(design: Design, parts: Sequence[Any], position: Array) -> Springs:
     """Collect all springs of a design, those of stages first.
 
     Parameters
