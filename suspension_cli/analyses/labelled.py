@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
@@ -12,12 +12,11 @@ import numpy as np
 if TYPE_CHECKING:
     import xarray
 
-    from suspension_cli.analyses.analysis import Result
     from suspension_cli.files.hdf5 import Stored
 
 
 @contextlib.contextmanager
-def stored_group(result: Result) -> Iterator[Stored]:
+def stored_group(result: Any) -> Iterator[Stored]:
     """Open the HDF5 group of an `analysis.Result`: in its file, or as its file would have it."""
     if result.file is not None:
         with h5py.File(result.file, "r") as file:
@@ -28,7 +27,7 @@ def stored_group(result: Result) -> Iterator[Stored]:
             yield file[result.analysis.name]
 
 
-def to_xarray(result: Result) -> xarray.Dataset:
+def to_xarray(result: Any) -> xarray.Dataset:
     """Convert an `analysis.Result`; dimensions and coordinates are the scales of its file.
 
     Returns

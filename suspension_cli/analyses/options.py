@@ -5,14 +5,11 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from suspension_cli.models.registry import AUTO, LEVELS
-
-if TYPE_CHECKING:
-    from suspension_cli.analyses.analysis import Settings
 
 TOLERANCE = 1e-3
 """Relative error that `auto` may leave, as `models.auto.TOLERANCE`."""
@@ -63,7 +60,9 @@ def argument(name: str, **how: Any) -> click.Argument:
     return click.Argument([name], **how)
 
 
-def context(name: str, parameters: Sequence[click.Parameter], given: Settings) -> click.Context:
+def context(
+    name: str, parameters: Sequence[click.Parameter], given: dict[str, Any]
+) -> click.Context:
     """Return the context of a command that is run with the values `given` and other defaults.
 
     Raises

@@ -92,7 +92,9 @@ class Canvas:
         """Add a line (p, 2) of a width in points."""
         self._lines[order].append(_Line(np.asarray(points), colour, width, dashes))
 
-    def stamp(self, key: Hashable, shift: Array, draw: Callable[[Canvas], None]) -> None:
+    def stamp(
+        self, key: Hashable, shift: Array | tuple[float, float], draw: Callable[[Canvas], None]
+    ) -> None:
         """Draw shapes moved by a vector (2,); those of equal keys are made once.
 
         Parameters
