@@ -9,7 +9,7 @@ not slide down from it.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -215,7 +215,7 @@ def _select_pose(pose: Pose, where: Bool[np.ndarray, "*batch"]) -> Pose:
 
 
 def _broadcast_pose(pose: Pose, batch: tuple[int, ...]) -> Pose:
-    def spread(part: Any, inner: int) -> Any:
+    def spread(part: np.ndarray, inner: int) -> np.ndarray:
         return np.broadcast_to(part, batch + part.shape[part.ndim - inner :])
 
     return Pose(*(spread(getattr(pose, name), inner) for name, inner in PARTS_OF_POSE.items()))
@@ -233,7 +233,7 @@ def _replace(
 ) -> Equilibrium:
     """Replace the results of a batch `where` new ones are given (for these alone)."""
 
-    def merge(old: Any, some: Any) -> Any:
+    def merge(old: np.ndarray, some: np.ndarray) -> np.ndarray:
         result = np.array(np.broadcast_to(old, where.shape + np.shape(some)[1:]))
         result[where] = some
         return result
@@ -262,7 +262,9 @@ def _is_stable(scene: Scene, numbering: Layout, found: Equilibrium) -> Bool[np.n
     return result
 
 
-def _tangent_stiffness(scene: Scene, numbering: Layout, found: Equilibrium) -> Any:
+def _tangent_stiffness(
+    scene: Scene, numbering: Layout, found: Equilibrium
+) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
     """Tangent stiffness (..., N, N) in equilibrium, which the loops for a batch do not give."""
     if found.stiffness is not None:
         return found.stiffness
@@ -307,7 +309,7 @@ def _newton(
     scene: Scene,
     numbering: Layout,
     pose: Pose,
-    target: Any,
+    target: Float[np.ndarray, "*batch coordinate"] | float,
     limit: int,
     *,
     accept_nominal: bool = False,
@@ -328,7 +330,7 @@ def _newton_compiled(
     scene: Scene,
     numbering: Layout,
     pose: Pose,
-    target: Any,
+    target: Float[np.ndarray, "*batch coordinate"] | float,
     limit: int,
     *,
     accept_nominal: bool = False,
@@ -361,14 +363,14 @@ def _newton_arrays(
     scene: Scene,
     numbering: Layout,
     pose: Pose,
-    target: Any,
+    target: Float[np.ndarray, "*batch coordinate"] | float,
     limit: int,
     *,
     accept_nominal: bool = False,
 ) -> Equilibrium:
     """Newton's method with arrays over a batch, for any type of number."""
     scale, free = residual_scale(scene, numbering), slice(6, None)
-    wanted = target if np.isscalar(target) else target[..., free]
+    wanted = target if isinstance(target, float | int) else target[..., free]
     gradient, hessian = gradient_and_stiffness(scene, numbering, pose)
     residual = _largest((gradient[..., free] - wanted) / scale)
     converged = (residual <= BALANCED) & accept_nominal & _is_as_drawn(scene, numbering, gradient)
@@ -429,7 +431,10 @@ def _is_as_drawn(
 
 
 def _rounding(
-    scene: Scene, pose: Pose, tension: Inexact[np.ndarray, "*batch wire"], scale: Any
+    scene: Scene,
+    pose: Pose,
+    tension: Inexact[np.ndarray, "*batch wire"],
+    scale: Float[np.ndarray, "*batch moving"],
 ) -> Float[np.ndarray, "*batch"]:
     """Residual (...) that rounding may cause.
 

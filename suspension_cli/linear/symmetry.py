@@ -9,9 +9,10 @@ between coordinates of different parity are rounding errors, and are set to exac
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -283,10 +284,10 @@ def _has_mirror(
     return symmetric & _one_to_one(pairs)
 
 
-def _towers_have_mirror(scene: Scene, flip: Float[np.ndarray, " 3"]) -> Any:
+def _towers_have_mirror(scene: Scene, flip: Float[np.ndarray, " 3"]) -> Bool[np.ndarray, "*batch"]:
     """Whether the struts and bars of each scene (...) are symmetric under a mirror."""
     struts, bars = scene.struts, scene.bars
-    result: Any = np.True_
+    result: Bool[np.ndarray, "*batch"] = np.array(True)
     if struts.label:
         pairs = (
             _equal_labels(struts.upper, struts.lower)
@@ -320,16 +321,16 @@ def _wire_images(
     return pairs & (_close(planes, planes * flip) | _close(planes, -planes * flip) | ~has_plane)
 
 
-def _equal_items(kinds: list[Any]) -> Bool[np.ndarray, "item item"]:
+def _equal_items(kinds: Sequence[object]) -> Bool[np.ndarray, "item item"]:
     """Pair (n, n) equal items."""
-    known: list[Any] = []
+    known: list[object] = []
     for kind in kinds:
         if kind not in known:
             known.append(kind)
     return _equal_labels(np.array([known.index(kind) for kind in kinds], dtype=int))
 
 
-def _equal_labels(*labels: Any) -> Bool[np.ndarray, "item item"]:
+def _equal_labels(*labels: np.ndarray) -> Bool[np.ndarray, "item item"]:
     """Pair items (n, n) with equal labels, each (n,) or (k, n)."""
     return np.logical_and.reduce(
         [row[:, None] == row[None, :] for label in labels for row in np.atleast_2d(label)]
