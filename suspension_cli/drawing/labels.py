@@ -16,6 +16,7 @@ from suspension_cli.drawing.style import NOTE
 if TYPE_CHECKING:
     from jaxtyping import Float
     from matplotlib.transforms import BboxBase
+    from numpy.typing import ArrayLike
 
 NEAR = 4.5
 """Distance of a label from its point, points (1/72 in)."""
@@ -38,7 +39,7 @@ def annotate(
     texts: Sequence[str],
     colours: Sequence[str],
     size: float,
-    taken: Sequence[Float[np.ndarray, " 4"]] = (),
+    taken: Sequence[ArrayLike] = (),
     lines: Sequence[tuple[float, float, float, float]] = (),
 ) -> list[Text]:
     """Label points, each where it overlaps least with other labels, points and the frame.

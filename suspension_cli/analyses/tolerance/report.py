@@ -195,7 +195,7 @@ def _indices(summary: Summary) -> Iterator[str]:
                 summary.indices.first_error[n, place],
                 summary.group[n],
             )
-            for n in np.argsort(-total, kind="stable")
+            for n in np.argsort(-total, kind="stable").tolist()
             if total[n] > max(0.005, 2 * summary.indices.total_error[n, place])
         ]
         columns = dict.fromkeys(("total", "std error", "first", "std error "), ".3f")
