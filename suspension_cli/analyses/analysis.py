@@ -99,7 +99,6 @@ class Run(Sourced):
         The design, its TOML text and the name of its file.
     setting : dict
         A value for every parameter of the analysis.
-    log : Log
     folder : Path
         Where an analysis that writes while it computes puts its file.
     command : str
@@ -152,7 +151,6 @@ class Result(Report):
 
     Attributes
     ----------
-    analysis : Analysis
     source : Source
         The design, its TOML text (overrides applied) and the name of its file.
     choice : Choice
@@ -242,10 +240,6 @@ class Result(Report):
         ----------
         **setting
             For responses ``scale``, ``"db"`` (the default) or ``"absolute"``; others have none.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
 
         Raises
         ------

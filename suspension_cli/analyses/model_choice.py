@@ -41,7 +41,6 @@ def choose(
 
     Parameters
     ----------
-    source : Source
     wanted : str
         ``"auto"`` or the name of a model.
     request : callable, optional
@@ -101,7 +100,6 @@ def for_builds(
 
     Parameters
     ----------
-    source : Source
     wanted : str
         ``"auto"`` or the name of a model.
     models : sequence of Model
@@ -235,7 +233,6 @@ def with_derivatives(
     ----------
     wanted : str
         ``"auto"`` or the name of a model.
-    design : Design
     request : callable
         The quantity of interest.
     tolerance : float
@@ -291,11 +288,8 @@ def stable_system(
 
     Parameters
     ----------
-    source : Source
-    choice : Choice
     allow_unstable : bool
         Warn of an unstable equilibrium instead of refusing it.
-    log : Log
     system : LinearSystem, optional
         The system, if it is there already.
     bends : bool
@@ -352,9 +346,6 @@ def warn_of_neglected(
 
     Parameters
     ----------
-    source : Source
-    decision : Decision
-    log : Log
     models : tuple of Model
         Those that the analysis can use instead.
     """

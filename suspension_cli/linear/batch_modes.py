@@ -33,12 +33,8 @@ class Spectrum:
 
 
 def solve(model: LinearSystem) -> Spectrum:
-    """Solve for the modes of a batch with one axis; no system's result depends on the others.
-
-    Parameters
-    ----------
-    model : LinearSystem
-        Damping and loss are ignored.
+    """Solve for the undamped modes of a batch with one axis; results do not depend on other
+    systems.
     """
     condensed = model
     if model.separated is not None:
@@ -61,7 +57,7 @@ def solve(model: LinearSystem) -> Spectrum:
             lossy=None,
             separated=None,
         )
-        # condensing the tips leaves rounding errors between blocks, which are not looked at
+        # condensing the tips leaves rounding errors between blocks; those of `part` ignore them
         own = replace(part, stiffness=condensed.stiffness[members])
         result.omega_squared[members], result.shape[members] = _solve_blocks(
             own, part.blocks, loops=model.separated is not None
@@ -95,5 +91,5 @@ def _solve_blocks(
 
 
 def solve_one(model: LinearSystem) -> Spectrum:
-    """Solve for the modes of one system without batch axes, as a batch of one."""
+    """Solve for the modes of one system, as a batch of one."""
     return solve(replace(model, mass=model.mass[None], stiffness=model.stiffness[None]))

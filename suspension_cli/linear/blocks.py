@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Inexact, Int
 
 SOFT = 1e-5
-"""Ratio of a blade's stiffness to that of its wires below which its tip is counted from where the
-wires hold it: elimination in doubles loses the square of the ratio."""
+"""Ratio of a blade's stiffness to that of its wires below which the tip's coordinate is counted
+from where the wires hold it: elimination in doubles loses the square of the ratio."""
 Matrices = tuple[Any, Any, Any]
 
 
@@ -161,8 +161,8 @@ class CondensedBlock:
 
             (K + i omega C - omega^2 M) v = omega^2 (M_s + M S) s - i omega (C_s + C S) s.
 
-        Nothing cancels here, whereas in (...) x = -K_s s + ... all but a part of order omega^2
-        would. Far above the resonances the equation for x is the accurate one.
+        Nothing cancels here; in the equation for x all but a part of order omega^2 would. Far above
+        the resonances that for x is the accurate one.
         """
         towards = drive.coupling
         right = Elements(
@@ -246,12 +246,12 @@ def _condense(model: LinearSystem, block: Int[np.ndarray, " own"]) -> CondensedB
 def _wire_held_basis(
     model: LinearSystem, block: Int[np.ndarray, " own"], tips: Bool[np.ndarray, " own"]
 ) -> Float[np.ndarray, "6+own 6+own"] | None:
-    """Basis in which some blade `tips` (c,) are counted from where their wires would hold them.
+    """Basis in which some blade `tips` are counted from where their wires would hold them.
 
     Rows are the support's and the block's coordinates, columns the new ones. A tip above a stiff
-    wire moves as the body below does, so the wire's stiffness stands in all elements between them;
-    counted from there it stands in that of the tip alone. None if no wire on these tips is stiff
-    enough to matter, or the stretching of wires is not known.
+    wire moves with the body below, so all elements between them contain the wire's stiffness; in
+    the new coordinates only the tip's own does. None if no wire on these tips is stiff enough to
+    matter, or the stretching of wires is not known.
     """
     if model.stretched is None or not tips.any():
         return None
@@ -322,7 +322,7 @@ def _eliminate_tips(
 
 
 def _owner(coordinate: str) -> str:
-    """Name of the body that a coordinate is eliminated with: of a tip, the stage below."""
+    """Body that a coordinate is eliminated with: for a blade's tip, the stage below."""
     return coordinate.split(".", 1)[0]
 
 

@@ -1,14 +1,13 @@
 """Elimination of many small symmetric systems at once, body by body.
 
 In a chain or tree each body couples only to the one that it hangs from. Elimination from the leaves
-up, D = L diag(d) L^T in that order, thereby needs few elements, for all P systems at once with the
-system axis last; further couplings fill in. The transmission from support to mirror becomes a
-product of the transmissions of the stages: nothing cancels, so it keeps its relative accuracy
-however small it is (factors of a graded matrix; Higham, Accuracy and Stability of Numerical
-Algorithms, 2nd ed., chapter 10). Where a part resonates alone its pivots are nearly singular, and
-subtracting large multiples of its rows loses the digits of the body above. The residual gives a
-correction, which restores these digits (ibid., chapter 12) or, where it is large, shows that the
-system needs pivoting: `solve` here, `block_response` with more digits.
+up, D = L diag(d) L^T, then needs few elements; other couplings fill in. All P systems are
+eliminated at once, with the system axis last. The transmission from support to mirror becomes a
+product of those of the stages, so it keeps its relative accuracy however small it is (factors of a
+graded matrix; Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., chapter 10). Where a
+part resonates alone its pivots are nearly singular, and the body above loses digits. A correction
+from the residual restores these (ibid., chapter 12); a large one shows that the system needs
+pivoting: `solve` here, `block_response` with more digits.
 """
 
 from __future__ import annotations
@@ -27,8 +26,7 @@ if TYPE_CHECKING:
     Positions = slice | Int[np.ndarray, " _"]
 
 LARGE = 1e-8
-"""Relative correction of a coordinate above which a system is solved with pivoting; the correction
-of a smaller one has half its digits."""
+"""Relative correction of a coordinate above which a system is solved with pivoting."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +38,7 @@ class Pattern:
     order : (c,) int array
         The coordinates in the order in which they are eliminated, called steps.
     later : tuple of (m,) int arrays
-        For each step the later ones that it is coupled to when it is eliminated, ascending.
+        Later steps that each is coupled to when it is eliminated, ascending.
     """
 
     order: Int[np.ndarray, " coordinate"]
@@ -53,7 +51,9 @@ class Pattern:
 
     @cached_property
     def start(self) -> list[int]:
-        """Number of the first element, on the diagonal, of each step, and that of all elements."""
+        """Number of each step's first element, on the diagonal; last, the number of all
+        elements.
+        """
         return [0, *np.cumsum([1 + len(steps) for steps in self.later]).tolist()]
 
     @cached_property
@@ -63,7 +63,7 @@ class Pattern:
 
     @cached_property
     def column(self) -> Int[np.ndarray, " element"]:
-        """Coordinate of the step itself, on the diagonal, or of a later one."""
+        """Coordinate of the same step, on the diagonal, or of a later one."""
         steps = [step for n, later in enumerate(self.later) for step in (n, *later)]
         return self.order[np.array(steps, dtype=int)]
 
@@ -134,7 +134,7 @@ class Pattern:
         x: Inexact[np.ndarray, "coordinate input system"],
         right: Inexact[np.ndarray, "coordinate input system"],
     ) -> Inexact[np.ndarray, "coordinate input system"]:
-        """Compute b - D x (c, k, P) in doubles, all by steps."""
+        """Compute b - D x in doubles, in the order of steps."""
         result = right.astype(x.dtype)
         for n, coupled in enumerate(self.coupled):
             row = elements[self.start[n] : self.start[n + 1], None]
@@ -153,12 +153,8 @@ def _as_slice(numbers: Int[np.ndarray, " _"]) -> Positions:
 def by_body(owner: list[str], coupled: Bool[np.ndarray, "coordinate coordinate"]) -> Pattern:
     """Order coordinates for elimination: those of the last body first.
 
-    Parameters
-    ----------
-    owner : list of str
-        The body that each coordinate belongs to, parents first.
-    coupled : (c, c) bool array
-        Non-zero pattern of the systems.
+    `owner` names the body of each coordinate, parents first; `coupled` (c, c) marks the non-zero
+    elements.
     """
     names = list(dict.fromkeys(owner))
     order = np.argsort([-names.index(name) for name in owner], kind="stable")
@@ -177,11 +173,10 @@ class Factors:
 
     Attributes
     ----------
-    pattern : Pattern
     pivots : list of (P,) arrays
         1/d of each step.
     multipliers : list of (m, P) arrays
-        L of the later steps that it is coupled to.
+        L of the later steps coupled to each.
     """
 
     pattern: Pattern

@@ -1,8 +1,8 @@
 """Blocks of a linear system whose stiffness depends on frequency, solvable at any frequency.
 
-They are eliminated body by body (`elimination`), as constant matrices are. Massless blade tips stay
-coordinates, as the losses of blades and wires depend on frequency; so are the tensions of wires, in
-order that a stiff wire costs a soft blade no digits (`stretching`).
+They are eliminated body by body, as constant matrices are (`elimination`). Massless blade tips
+remain coordinates, as the losses of blades and wires depend on frequency. The tensions of wires are
+coordinates too, so that a stiff wire costs a soft blade no digits (`stretching`).
 """
 
 from __future__ import annotations
@@ -43,10 +43,10 @@ class Tensions:
     number : int
         Index of these wires among the block's terms.
     odd, even : (r, 6 + c) arrays
-        s times U_a and U_s of each wire per support coordinate and block coordinate; wires that
-        move alike in the block are one.
+        s times U_a and U_s of each wire per coordinate of support and block; wires that move alike
+        are one row.
     count : (r,) array
-        Number of wires that each stands for.
+        Number of wires per row.
     scale : float
         s, N/m: tension over length, a typical soft stiffness.
     """
@@ -82,9 +82,9 @@ class FrequencyDependentBlock:
         K without the stretching of wires (complex if lossy), C and M, towards the support's
         coordinates and the block's own.
     terms : tuple of Term
-        In the support's coordinates and the block's own.
+        In these coordinates.
     tensions : tuple of Tensions
-        Further coordinates after all others, t in total.
+        t further coordinates, after all others.
     pattern : Pattern
         Order of elimination of the coordinates and tensions.
     """
@@ -173,17 +173,16 @@ class Elements:
 
     Attributes
     ----------
-    block : FrequencyDependentBlock
     count : int
         Number of elements.
     place : (e,) int array
-        Those that are not 0 apart from tensions.
+        Elements that are not 0 without the tensions.
     used : tuple of int arrays
-        The functions of each term in these.
+        Functions of each term in these elements.
     weights : (e, 4 + n) array
-        Weights of Re K, Im K, C, M and the functions in them.
+        Weights of Re K, Im K, C, M and these functions.
     tensions : tuple of tuples of int arrays
-        For each kind of wires: places and numbers of tensions on the diagonal; places, numbers and
+        Per kind of wires: places and numbers of tensions on the diagonal; places, numbers and
         coordinates (with the support's) of elements between tensions and coordinates.
     """
 
@@ -355,12 +354,12 @@ def coordinate_scales(
     Parameters
     ----------
     diagonal : (f, c + t) array
-        Diagonal of the matrix; a coordinate without stiffness has scale 1.
+        Of the matrix; a coordinate without stiffness has scale 1.
     across : (f, t, c) array
         Absolute elements between the tensions and the other coordinates.
     first : int, optional
-        Number of coordinates that the scales of the tensions follow from, if not all: the others
-        may have almost no stiffness apart from the tensions.
+        Number of coordinates from which the scales of tensions follow; default all. The others may
+        have almost no stiffness apart from the tensions.
     """
     count = across.shape[-1]
     result = np.sqrt(np.abs(diagonal))

@@ -4,11 +4,11 @@ Each term adds to the stiffness a few functions of frequency times constant matr
 
     Z(omega) = K + i omega C - omega^2 M + sum over terms and n of f_n(omega) A_n,
 
-where K is the static, lossless stiffness of everything: f_n(0) is 0 without loss. Equal wires share
-their functions. The odd stretching motion of the ends of a wire is not among these, as a stiff wire
-would cost soft parts all their digits: its tension is a coordinate instead (`stretching`), and only
-the rest of the stretching, on the even motion, is a function here. A term also computes its
-dissipation in a motion x, x^H Im(f A) x, split by cause: sums of squares, in which nothing cancels.
+where K is the whole static, lossless stiffness: f_n(0) is 0 without loss. Equal wires share their
+functions. The tension of a wire is a coordinate instead (`stretching`), as a stiff wire would cost
+soft parts all their digits. It covers the odd stretching motion (the ends move apart); the rest, on
+the even motion, is a function here. A term also computes its dissipation in a motion x, x^H Im(f A)
+x, by cause: sums of squares, in which nothing cancels.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ class WireTerm:
 
     @cached_property
     def functions(self) -> tuple[tuple[str, int, int], ...]:
-        """Part and element (i, j) of each f_n; both planes of a round wire share theirs."""
+        """Part and element (i, j) of each f_n; the planes of a round wire share theirs."""
         simple = len(self.strand.fibre.sections) == 1
         parts = [part for part in PARTS if part != "bend-2" or not self.strand.round]
         result = []
@@ -235,7 +235,7 @@ class EvaluatedWires:
     def all_functions(self) -> Inexact[np.ndarray, "function frequency"]:
         """Functions f_n (n + 1, f) of `all_matrices`.
 
-        For wires without mass, which only the odd motion of their ends stretches.
+        For wires without mass: only the odd motion of their ends stretches them.
         """
         odd = self.stretching[2] - self.term.strand.static["stretch"][1, 1]
         return np.stack([*self.functions(np.arange(len(self.term.functions))), odd])
@@ -297,7 +297,7 @@ class LossTerm:
     elastic : bool
         Whether the matrix also stores energy.
     storage : callable or None
-        Relative change (f,) of the real part of K from its static value; None for none.
+        Relative change (f,) of Re K from its static value; None if constant.
     """
 
     cause: str
@@ -349,7 +349,7 @@ class LossTerm:
 
 @dataclass(frozen=True)
 class EvaluatedLoss:
-    """One loss at given frequencies, with its angle and its change of the real part (f,)."""
+    """One loss at given frequencies: its angle and its relative change of Re K (f,)."""
 
     term: LossTerm
     angle: Inexact[np.ndarray, " frequency"]

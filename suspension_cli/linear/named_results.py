@@ -49,12 +49,10 @@ class Ratio:
 
     Attributes
     ----------
-    text : str
     over : Signal
         An output.
     under : Signal or None
         Another output, for the ratio of the two.
-    input : Signal
     frequency : float
         Hz.
     """
@@ -95,13 +93,12 @@ def parse(
 
     Parameters
     ----------
-    texts : list of str
     modes : Modes
         Of the design as drawn.
     known : tuple of str
         Bodies, see `signals.bodies_with_signals`; empty if only modes are allowed.
     option : str
-        Option to name in error messages.
+        For error messages.
     """
     found: list[Scalar] = []
     for text in texts:

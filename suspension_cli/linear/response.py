@@ -1,9 +1,9 @@
 """Frequency responses: solve (K + i omega C - omega^2 M) x = f, never sum modes.
 
-Only blocks that inputs drive and outputs sense are solved, each body by body (`elimination`) and
-at all frequencies at once, in real arithmetic without loss or damping. With constant matrices each
-response is accurate to the last bit or two, also on resonances and near zeros (`block_response`);
-only within a relative 1e-9 of a lossless pole do the last digits of the model's numbers matter.
+Only blocks that inputs drive and outputs sense are solved, each body by body (`elimination`) at all
+frequencies at once, in real arithmetic if nothing is lossy or damped. With constant matrices each
+response is accurate to the last bit or two, also on resonances and near zeros (`block_response`).
+Within a relative 1e-9 of a lossless pole it depends on the last digits of the model's numbers.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float
 
 CHUNK = 1 << 17
-"""Unknowns (coordinates times inputs times frequencies) of a system with terms solved at once."""
+"""Unknowns (coordinates times inputs times frequencies) solved at once with terms in frequency."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Response:
     closed_loop : bool
         Whether the loops of the design's local control are closed.
     largest : Peaks or None
-        Peaks within the band, between the frequencies too; None where they were not searched.
+        Peaks within the band, also between the frequencies; None if not searched.
     """
 
     frequency: Float[np.ndarray, " frequency"]
@@ -84,17 +84,12 @@ def solve(
 
     Parameters
     ----------
-    model : LinearSystem
     frequency : (f,) array
         Hz; 0 gives the static response.
     inputs : list of Signal
         Motions of the support; forces and torques on bodies.
     outputs : list of Signal
         Motions.
-
-    Returns
-    -------
-    Response
 
     Raises
     ------
@@ -144,18 +139,16 @@ def transfer(
 
     Parameters
     ----------
-    model : LinearSystem
     omega : (f,) array
         rad/s.
     drives : (i, N) array
-        Forces as generalised forces, support motions as unit vectors of the support's coordinates.
+        Generalised forces, or unit vectors of the support's coordinates.
     acts : list of bool
         Whether each drive is a force.
     rows : (o, N) array
         Outputs.
     finite : bool
-        Whether to raise `InputError` at a frequency without finite response; otherwise the
-        response there is NaN or infinite.
+        Whether to raise `InputError` where a response is not finite.
     ground : list of bool, optional
         Whether each drive is a motion of the ground instead of the support.
     """
@@ -212,7 +205,7 @@ def _with_ground(
     *,
     finite: bool,
 ) -> tuple[Complex[np.ndarray, "frequency output input"], int]:
-    """Solve for the responses to motions of the ground and to other drives, each in its system."""
+    """Solve for the responses to motions of the ground, and to other drives."""
     result = np.zeros((len(omega), len(rows), len(drives)), dtype=complex)
     at_rest = rows.copy()
     at_rest[:, :6] = 0.0  # the support
@@ -234,7 +227,7 @@ def _with_ground(
 def _split_drives(
     drives: Float[np.ndarray, "input coordinate"], acts: list[bool]
 ) -> tuple[Float[np.ndarray, "6 input"], Float[np.ndarray, "coordinate input"]]:
-    """Split drives (i, N) into motions of the support (6, i) and forces (N, i)."""
+    """Split drives into motions of the support and forces."""
     pushes = np.array(acts, dtype=bool)
     return np.where(pushes, 0.0, drives[:, :6].T), np.where(pushes, drives.T, 0.0)
 
@@ -245,7 +238,7 @@ def _solved_blocks(
     moves: Float[np.ndarray, "6 input"],
     forces: Float[np.ndarray, "coordinate input"],
 ) -> list[int]:
-    """List the numbers of the blocks that an input drives and an output senses."""
+    """List the blocks that an input drives and an output senses."""
     sensed, driven = rows.any(0), forces.any(1)
     driven |= model.pulled[:, moves.any(1)].any(1)
     driven_blocks = set(model.member[driven].tolist())

@@ -1,12 +1,11 @@
 """Static condensation of massless coordinates.
 
-A coordinate without inertia and damping follows the others statically: with b the massless
-coordinates and a the others, of the system and of its support,
+Coordinates without inertia and damping, b, follow the others, a (with the support's), statically:
 
     x_b = K_bb^-1 (f_b - K_ba x_a),    (K_aa - K_ab K_bb^-1 K_ba) x_a + ... = f_a - K_ab K_bb^-1 f_b
 
-(Guyan, AIAA J. 3, 380 (1965); exact here). Batches are condensed in doubles (`condense`), a single
-system in double-double, as a blade may be far softer than its wires (`condense_double_double`).
+(Guyan, AIAA J. 3, 380 (1965); exact here). Batches are condensed in doubles (`condense`); a single
+system in double-double (`condense_double_double`), as a blade may be far softer than its wires.
 """
 
 from __future__ import annotations
@@ -49,8 +48,7 @@ class Condensed:
     Attributes
     ----------
     matrix : (..., c, q + c) array
-        K_aa - K_ab K_bb^-1 K_ba, towards q further coordinates (the support's) and those kept;
-        symmetric in these.
+        K_aa - K_ab K_bb^-1 K_ba, towards q further coordinates (the support's) and those kept.
     compliance : (..., m, m) array
         K_bb^-1; NaN where K_bb is singular.
     follow : (..., m, q + c) array
@@ -122,14 +120,8 @@ def condense_double_double(
 ) -> tuple[Reduced, Inexact[np.ndarray, "light _"]]:
     """Eliminate the coordinates `light` (n,) of rows of a stiffness (n, 6 + n) in double-double.
 
-    Where a blade is much softer than its wires, nearly all of their stiffness cancels.
-
-    Returns
-    -------
-    reduced : Reduced
-        K_aa - K_ab K_bb^-1 K_ba, (c, 6 + c).
-    follow : (m, 6 + c) array
-        K_bb^-1 K_ba in doubles.
+    Above a blade much softer than its wires nearly all of their stiffness cancels. Returns K_aa -
+    K_ab K_bb^-1 K_ba (c, 6 + c), and in doubles K_bb^-1 K_ba (m, 6 + c).
     """
 
     def part(rows: Any, columns: Any) -> tuple[DoubleDouble, DoubleDouble]:
@@ -179,8 +171,8 @@ def static_response(
 ) -> Inexact[np.ndarray, "kept 6"]:
     """Compute the static response S = -K^-1 K_s (c, 6) to motions of the support.
 
-    Equal to the `rigid` motion (c, 6) where `free` (6,), as that causes no force; otherwise solved
-    in double-double, not finite where K is singular.
+    It is the `rigid` motion (c, 6) where that causes no force (`free`, (6,)); otherwise solved in
+    double-double, not finite where K is singular.
     """
     count = len(stiffness.real.high)
     solution = -double_double.solve(

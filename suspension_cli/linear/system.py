@@ -29,8 +29,7 @@ class Ground:
     stiffness, damping : array
         K (complex if lossy) and C; 0 in the rows of the support.
     terms : tuple
-        These stand for the first terms of the system, with the coordinates of the ground in place
-        of the support's.
+        They replace the first terms of the system, with the ground's coordinates for the support's.
     """
 
     stiffness: Inexact[np.ndarray, "*#batch coordinate 6"]
@@ -38,7 +37,7 @@ class Ground:
     terms: tuple[Any, ...] = ()
 
     def widened(self, count: int) -> Ground:
-        """With coordinates added at the end that do not feel the ground."""
+        """Append coordinates on which the ground exerts no force."""
         rows = [(0, 0)] * (self.stiffness.ndim - 2) + [(0, count), (0, 0)]
         size = self.stiffness.shape[-2]
         return Ground(
@@ -72,12 +71,12 @@ class LinearSystem:
     lossy : (..., N, N) complex array or None
         The stiffness with loss angles, k (1 + i phi); None if nothing is lossy.
     low : (N, N) array or None
-        Low parts: what rounding to doubles took from the elements of `lossy`, or of `stiffness` if
-        nothing is lossy; None if not known.
+        Low parts: rounding errors of the elements of `lossy`, or of `stiffness` if nothing is
+        lossy; None if not known.
     stretched : Stretching or None
         The part of the stiffness from the stretching of wires; None if not known.
     separated : Separated or None
-        In a batch of builds the stiffness apart from that stretching, and it; None if not known.
+        In a batch of builds: that stretching, and the stiffness without it; None if not known.
     orientation : (..., n + 1, 3, 3) array or None
         Rotation of each body (support first) from its nominal orientation; None if none is rotated.
     residual : float
@@ -85,14 +84,13 @@ class LinearSystem:
     wire : tuple of str
         Names of the wires (string model).
     terms : tuple of Term
-        Parts that depend on frequency (beam and violin models): see `frequency_terms`.
+        Parts that depend on frequency (beam and violin models).
     rigid : (..., N, 6) array or None
-        Rigid motion: the coordinates per unit motion of the support (m, rad) when everything moves
-        with it as one body; 0 for coordinates relative to a body (blade tips, the frame). None if
-        not known.
+        Coordinates per unit motion of the support (m, rad) when everything moves with it as one
+        body; 0 for coordinates relative to a body (blade tips, the frame). None if not known.
     ground : Ground or None
-        Forces of the motion of the ground beside the support; None if nothing is attached to it.
-        All matrices are then those with the ground at rest.
+        Forces of the motion of the ground beside the support, which is at rest in all matrices;
+        None if nothing is attached to it.
     """
 
     body: tuple[str, ...]
@@ -115,7 +113,7 @@ class LinearSystem:
 
     @property
     def driven_by_ground(self) -> LinearSystem:
-        """The system with the motion of the ground in place of that of the support."""
+        """System with the motion of the ground in place of that of the support."""
         if "ground" not in self.prepared:
             assert self.ground is not None
             self.prepared["ground"] = replace_support(self, self.ground)
@@ -123,7 +121,7 @@ class LinearSystem:
 
     @property
     def constant(self) -> LinearSystem:
-        """The system without its terms in frequency."""
+        """System without its terms in frequency."""
         if self.terms and "constant" not in self.prepared:
             self.prepared["constant"] = replace(self, terms=())
         return self.prepared["constant"] if self.terms else self
@@ -163,7 +161,7 @@ class LinearSystem:
 
     @cached_property
     def blocks(self) -> tuple[Index, ...]:
-        """Groups of coordinates that do not couple, without the support, by first coordinate.
+        """Groups of coordinates that do not couple, without the support's, by first coordinate.
 
         The connected components of the graph of non-zero matrix elements.
         """
@@ -182,7 +180,7 @@ class LinearSystem:
 
 
 def replace_support(model: LinearSystem, ground: Ground) -> LinearSystem:
-    """Put the motion of the ground in place of that of the support, which stays at rest."""
+    """Replace the motion of the support, which stays at rest, by that of the ground."""
 
     def only(matrix: np.ndarray, columns: np.ndarray | None = None) -> np.ndarray:
         kind = matrix.dtype if columns is None else np.result_type(matrix, columns)

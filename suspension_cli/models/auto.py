@@ -128,10 +128,8 @@ def decide(
 
     Parameters
     ----------
-    design : Design
     make : callable
         From the simplest linear system to the quantity of interest.
-    tolerance : float
     top : str
         The most complete model allowed; physics that it omits is neglected, however large.
     highest : float, optional
@@ -184,7 +182,6 @@ def estimate_error(
 
     Parameters
     ----------
-    design : Design
     choice : Choice
         Its error, and the neglected physics in its reason, are filled in.
     make : callable
@@ -228,7 +225,6 @@ def for_thermal_noise(
 
     Parameters
     ----------
-    design : Design
     wanted : str
         One of `registry.LEVELS`.
     highest : float

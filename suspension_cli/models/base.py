@@ -106,7 +106,6 @@ class Model(ABC):
 
         Parameters
         ----------
-        design : Design
         built : mapping
             Systems of simpler models, by name.
         scene : Scene

@@ -56,7 +56,6 @@ class WireBatchTerm:
         The wires in the nominal pose.
     massive : bool
         Whether they have mass.
-    surrounded : Gas or None
     size : int
         Number of coordinates N of the scene.
     place, sections, geometry

@@ -47,7 +47,6 @@ def linear_model(scene: Scene, drag: Drag = (), *, massive: bool) -> LinearSyste
     ----------
     scene : Scene
         Without batch axes; `fibres` filled.
-    drag : Drag
     massive : bool
         Whether wires have mass (the violin model).
 

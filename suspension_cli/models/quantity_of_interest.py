@@ -195,7 +195,6 @@ class Several:
 
     Attributes
     ----------
-    scalars : tuple of Scalar
     modes : Modes
         To which mode numbers refer.
     """

@@ -148,7 +148,6 @@ def choose(design: Design, wanted: str = AUTO) -> Choice:
 
     Parameters
     ----------
-    design : Design
     wanted : str
         One of `LEVELS`; ``auto`` looks at the structure of the design alone (`auto.decide` takes
         the quantity of interest into account too).

@@ -122,7 +122,6 @@ class MassiveWires:
 
     Attributes
     ----------
-    label : tuple of str
     lower : (w,) int array
         Number of the body that hangs on each.
     first : (w,) array

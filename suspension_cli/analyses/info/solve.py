@@ -124,10 +124,8 @@ def solve(source: Source, setting: Settings, log: Log) -> Info:
 
     Parameters
     ----------
-    source : Source
     setting : dict
         Values of the options of ``pendsus info``.
-    log : Log
 
     Raises
     ------
