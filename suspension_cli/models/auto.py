@@ -2,8 +2,8 @@
 
 Three refinements may be neglected: `base.BLADE_TIPS`, `base.BENDING` and `base.MASS`. Their effect
 is estimated from the modes of the simplest model (`estimates`), before any other is built. A
-refinement below the tolerance is neglected; where its estimate is not, it is included, or the
-quantity of interest is computed with and without it if that costs less.
+refinement is neglected if its estimate is below the tolerance. Otherwise it is included or, if that
+costs less, the quantity of interest is computed with and without it.
 """
 
 from __future__ import annotations
@@ -31,15 +31,16 @@ TOLERANCE = 1e-3
 """Relative error that `auto` allows by default."""
 AWAY = 2.0
 """Safety factor on the estimate of bending where bodies do not hang as drawn: bent wires then also
-pull on them, which turns them a little and is not estimated."""
+turn them a little, which is not estimated."""
 CHANGED = 0.1
-"""Relative change of a result by bending above which the modes of straight wires tell little."""
+"""Relative change of a result by bending above which modes on straight wires are a poor basis for
+other estimates."""
 OTHER = 4.0
-"""Safety factor on the estimate of wire mass from these modes."""
+"""Safety factor on the estimate of wire mass from such modes."""
 ZERO = "symmetry makes the response exactly 0"
-"""Why the most complete model is taken, if nothing that it adds changes a response of 0."""
+"""Reason for the most complete model where a response is 0 in it too."""
 NOT_MET = " not met by any model of this analysis"
-"""What follows the tolerance in a reason if the most complete model allowed exceeds it."""
+"""Follows the tolerance in a reason if the most complete model allowed exceeds it."""
 MARGIN = 0.8
 """Fraction of the tolerance that all neglected refinements together may change."""
 
@@ -59,11 +60,11 @@ class Refinement:
     change : float or None
         The relative change, computed; None where the estimate sufficed.
     taken : bool
-        Whether the chosen model includes it on its account.
+        Whether the chosen model includes it because of its size.
     what : str
-        The part of the quantity that changes most; "" where nothing was computed.
+        The part of the quantity that changes most; "" if not computed.
     words : str
-        Replaces the number in messages where that is infinite; "" elsewhere.
+        In messages in place of an infinite number; else "".
     """
 
     name: str
@@ -95,7 +96,7 @@ class Decision:
 
     @property
     def physics(self) -> str:
-        """The neglected physics that changes it: "wire bending"; "" if not computed."""
+        """The neglected physics that changes it, such as "wire bending"; "" if not computed."""
         return "" if self._worst is None else self._worst.name
 
     @property
@@ -134,7 +135,7 @@ def decide(
         The most complete model allowed; physics that it omits is neglected, however large.
     highest : float, optional
         The highest frequency of a response, Hz. Where a bound at this frequency requires the most
-        complete model, no other is then built, nor is any refinement weighed.
+        complete model, only that is built.
     """
     base, limit = registry.choose(design), registry.by_name(top)
     build = _Builder(design)
@@ -180,12 +181,8 @@ def estimate_error(
 ) -> Decision:
     """Estimate the error of a model that was chosen for another reason.
 
-    Parameters
-    ----------
-    choice : Choice
-        Its error, and the neglected physics in its reason, are filled in.
-    make : callable
-        From the model's linear system to the quantity of interest.
+    Fills in the `choice`'s error and, in its reason, the neglected physics. `make` leads from the
+    model's linear system to the quantity of interest.
     """
     build, model = _Builder(design), choice.model
     if not model.omits:
@@ -212,7 +209,7 @@ def estimate_error(
 def decide_for_thermal_noise(
     design: Design, wanted: str, highest: float, tolerance: float = TOLERANCE
 ) -> Decision:
-    """Choose the model for thermal noise as `for_thermal_noise` does, and build its system."""
+    """Choose the model as `for_thermal_noise` does, and build its system."""
     build = _Builder(design)
     choice = _choose_for_noise(build, wanted, highest, tolerance)
     return Decision(choice, build(choice.model), ())
@@ -280,7 +277,7 @@ def _demand(model: Model, design: Design, remedy: str) -> None:
 def _estimator(
     build: _Builder, system: LinearSystem, make: Callable[[LinearSystem], QuantityOfInterest]
 ) -> tuple[QuantityOfInterest, Callable[[str], Refinement], Modes]:
-    """The quantity of interest, what estimates a (neglected) refinement, and the modes."""
+    """The quantity of interest, the estimate of a (neglected) refinement by name, and the modes."""
     quantity, found = make(system), eigenmodes.solve(system.constant)
     of = Estimates(build.design, found, build.hanging)
 
@@ -297,7 +294,7 @@ def _estimator(
 def _series(
     design: Design, model: Model, quantity: QuantityOfInterest, build: _Builder, room: float
 ) -> list[Refinement]:
-    """Blade tips as coordinates, where a model takes blades in series and that is not exact."""
+    """Blade tips as coordinates, where a model approximates blades as in series with wires."""
     stages = model.approximated_stages(design)
     if not stages:
         return []
@@ -311,7 +308,7 @@ def _weighed(
     build: _Builder,
     room: float,
 ) -> Refinement:
-    """A refinement, taken if it changes more than the `room` that is left of the tolerance."""
+    """Include a refinement if it changes more than the `room` that is left of the tolerance."""
     if np.isnan(left.indicator) or left.indicator <= room:
         return left
     if left.name not in quantity.computed:
@@ -321,19 +318,19 @@ def _weighed(
 
 
 def _sampled(left: Refinement, quantity: QuantityOfInterest, build: _Builder) -> Refinement:
-    """A neglected refinement; its change is computed where it matters, as estimates are coarse."""
+    """Compute the change by a neglected refinement where it matters, as estimates are coarse."""
     return _computed(left, quantity, build) if left.indicator > TOLERANCE else left
 
 
 def _computed(left: Refinement, quantity: QuantityOfInterest, build: _Builder) -> Refinement:
-    """A refinement with its computed change, without the other refinements."""
+    """Compute the change by a refinement, without the other refinements."""
     refined = registry.cheapest_with(left.name)
     change, what = quantity.change(build(registry.before(refined)), build(refined))
     return replace(left, change=change, what=what)
 
 
 def _room(refinements: list[Refinement], tolerance: float) -> float:
-    """The part of the tolerance that is left for the next refinement, if it is neglected."""
+    """The part of the tolerance that is left for neglecting the next refinement."""
     model = _chosen(refinements)
     left = refinements if model is None else _neglected(refinements, model)
     return MARGIN * tolerance - float(np.nansum([item.estimate for item in left]))
@@ -347,7 +344,7 @@ def _chosen(refinements: list[Refinement]) -> Model | None:
 
 
 def _neglected(refinements: list[Refinement], model: Model) -> list[Refinement]:
-    """Refinements that a model omits; it may include more than it was taken for."""
+    """Refinements that a model omits."""
     return [item for item in refinements if item.name in model.omits]
 
 
@@ -379,7 +376,7 @@ class _Builder:
 
 
 def _words(item: Refinement, found: Modes, build: _Builder) -> str:
-    """Words in place of an infinite change, given the modes of the simplest model; "" if finite."""
+    """Words in place of an infinite change, given the simplest model's modes; "" if finite."""
     if (
         item.name == BENDING
         and item.taken
@@ -395,7 +392,7 @@ def _words(item: Refinement, found: Modes, build: _Builder) -> str:
 
 
 def unrestrained_mode(found: Modes, *, unstable: bool) -> str:
-    """Name the mode that is `unstable`, or else free, on straight wires alone; "" if none is."""
+    """Name the mode that straight wires leave `unstable`, or else free; "" if there is none."""
     sign = -1 if unstable else 0
     names = [
         label
@@ -431,7 +428,7 @@ def _clauses(refinements: list[Refinement], quantity: QuantityOfInterest) -> str
 
 
 def _remainder(model: Model, refinements: list[Refinement], limit: str) -> str:
-    """The neglected and the unknown physics, for the end of a reason; "" if there is none."""
+    """Neglected and unknown physics, for the end of a reason; "" if there is none."""
     left = _neglected(refinements, model)
     small = [
         f"{item.name} ({item.words})" if item.words else f"{item.name}, {percent(item.estimate)}"
