@@ -37,18 +37,18 @@ def choose(
     top: Model | None = None,
     highest: float | None = None,
 ) -> Decision:
-    """Choose the cheapest model that is accurate enough, or take the one that is `wanted`.
+    """Choose the cheapest model that is accurate enough, or take the `wanted` one.
 
     Parameters
     ----------
     wanted : str
         ``"auto"`` or the name of a model.
     request : callable, optional
-        The quantity of interest; without, the frequencies of the modes.
+        The quantity of interest; by default the frequencies of the modes.
     tolerance : float
         Relative error that ``"auto"`` may leave.
     top : Model, optional
-        The most complete model that the analysis can use; without, any.
+        The most complete model that the analysis can use; by default any.
     highest : float, optional
         The highest frequency of a response, Hz, see `auto.decide`.
 
@@ -95,8 +95,8 @@ def for_builds(
     """Choose the cheapest model whose error in the results of many builds is below a tolerance.
 
     Each suitable model is compared with the next more complete one at some of the builds. The error
-    of a model is the sum of all changes from it to the most complete one. Models below one that is
-    too inaccurate are not tried.
+    of a model is the sum of all changes from it to the most complete one. Models simpler than one
+    that is too inaccurate are not tried.
 
     Parameters
     ----------
@@ -107,8 +107,7 @@ def for_builds(
     change : callable
         Compute the largest relative change of the results from one model to another.
     tolerance : float
-        Relative error that ``"auto"`` may leave. If no model keeps to it, the most complete one is
-        taken.
+        Relative error that ``"auto"`` may leave. If none meets it, the most complete one is taken.
 
     Raises
     ------
@@ -200,7 +199,7 @@ def _why(steps: list[_Step]) -> str:
 
 
 def _unknown_physics(highest: Model, design: Design) -> list[str]:
-    """Physics that no model valid for a design has, and why; none if one has it all."""
+    """Physics that no model valid for a design has, and why; empty if one has it all."""
     if not highest.omits:
         return []
     from suspension_cli.models import registry
@@ -214,7 +213,7 @@ def _unknown_physics(highest: Model, design: Design) -> list[str]:
 
 
 def demand_one_of(wanted: str, models: Sequence[Model], problem: str) -> None:
-    """Raise `InputError` with a problem of the wanted model if it is none of these."""
+    """Raise `InputError` with a problem of the wanted model if it is not one of these."""
     from suspension_cli.errors import Fault, InputError, format_value
     from suspension_cli.models import registry
 
@@ -261,7 +260,7 @@ def with_derivatives(
 def named_results(
     texts: list[str] | tuple[str, ...],
 ) -> Callable[[LinearSystem], Several]:
-    """Return the results of these names as quantity of interest; all modes if there are none."""
+    """The results of these names as quantity of interest; all modes if there are none."""
     from suspension_cli.linear import eigenmodes, named_results, signals
     from suspension_cli.models.quantity_of_interest import Several
 
@@ -284,14 +283,14 @@ def stable_system(
     *,
     bends: bool = False,
 ) -> LinearSystem:
-    """Return the linear system of a model, with warnings of designs near a limit.
+    """Linear system of a model, with warnings of designs near a limit.
 
     Parameters
     ----------
     allow_unstable : bool
         Warn of an unstable equilibrium instead of refusing it.
     system : LinearSystem, optional
-        The system, if it is there already.
+        The system, if it is known already.
     bends : bool
         Whether the analysis can use wires that bend, which the message about an unstable
         equilibrium then proposes.
@@ -344,10 +343,7 @@ def warn_of_neglected(
 ) -> None:
     """Warn of the error of a model that the user did not choose.
 
-    Parameters
-    ----------
-    models : tuple of Model
-        Those that the analysis can use instead.
+    `models` are those that the analysis can use instead.
     """
     choice = decision.choice
     if not choice.error > WARNED_ERROR:

@@ -20,8 +20,6 @@ GROUPS = (*ANALYSES, "matrix")
 def get(name: str) -> Analysis:
     """Import an analysis.
 
-    Examples
-    --------
     >>> get("modes").name
     'modes'
     """

@@ -21,7 +21,7 @@ def prepared(
     overrides: tuple[str, ...],
     extra: tuple[str, ...] = (),
 ) -> tuple[Source, dict[str, Any]]:
-    """Read a design, unless it was, and settings with defaults from its `[analysis]` table."""
+    """Read a design, unless it is given, and settings with defaults from its `[analysis]` table."""
     from suspension_cli.design.reader import read
 
     source = read(file, overrides) if isinstance(file, str) else file
@@ -31,7 +31,7 @@ def prepared(
 
 
 def defaults(analysis: Analysis, given: dict[str, Any]) -> dict[str, Any]:
-    """Return the settings of an analysis that another one runs: its defaults and those `given`."""
+    """Settings of an analysis that another one runs: its defaults and those `given`."""
     command = click.Command(analysis.name, params=list(analysis.parameters))
     return command.make_context(analysis.name, []).params | given
 
@@ -43,7 +43,7 @@ def of_design(
     source: Source,
     given: dict[str, Any],
 ) -> dict[str, Any]:
-    """Return settings: those `given`, else those of the design, else defaults.
+    """Settings: those `given`, else those of the design, else defaults.
 
     Parameters
     ----------
@@ -63,9 +63,9 @@ def of_design(
 def with_analysis_table(
     ctx: click.Context, table: dict[str, Any], file: str, extra: tuple[str, ...] = ()
 ) -> dict[str, Any]:
-    """Return the settings of a command, with defaults from the design's `[analysis.COMMAND]` table.
+    """Settings of a command, with defaults from the design's `[analysis.COMMAND]` table.
 
-    What is given on the command line wins.  Keys in `extra` are the command's own business.
+    The command line has precedence. Keys in `extra` are parameters to sweep, with their grids.
 
     Raises
     ------
@@ -186,7 +186,7 @@ def command_line(argv: list[str]) -> str:
 
 
 def folder(path: str) -> Path:
-    """Make the folder for results if it is missing, and return its path.
+    """Make the folder for results if it is missing.
 
     Raises
     ------

@@ -35,12 +35,10 @@ UNRECORDED = {
 
 
 def recorded(command: str) -> str:
-    """Return a command line without the options in `UNRECORDED`.
+    """Command line without the options in `UNRECORDED`.
 
     The same sweep then writes the same file, however it was run.
 
-    Examples
-    --------
     >>> recorded("pendsus xcouple a.toml --workers 3 --sweep k=1:2:3 -q")
     'pendsus xcouple a.toml --sweep k=1:2:3'
     """
@@ -71,9 +69,9 @@ def fill(
     analysis
         Its name is that of the group.
     put
-        Writes what stands beside the columns into the new group.
+        Writes everything but the columns into the new group.
     after
-        Completes the file when all points are there.
+        Completes the file when it has all points.
 
     Raises
     ------

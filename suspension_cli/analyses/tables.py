@@ -54,7 +54,7 @@ def collecting() -> Iterator[list[Table]]:
 
 
 def width() -> int:
-    """Return the length of a line in the terminal; unlimited where stdout is none."""
+    """Length of a line in the terminal; unlimited where stdout is not a terminal."""
     return shutil.get_terminal_size().columns if sys.stdout.isatty() else 1_000_000
 
 

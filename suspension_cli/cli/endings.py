@@ -38,10 +38,7 @@ NO_MEMORY = (
 def in_one_line(command: Callable[[], click.Command | None] = lambda: None) -> Iterator[None]:
     """End a run that the input, the user or the system stops with one line on stderr.
 
-    Parameters
-    ----------
-    command
-        Gives the command that runs, whose options say what could be made smaller.
+    The `command` that runs has the options that could be made smaller.
 
     Raises
     ------
@@ -87,7 +84,7 @@ def _memory(error: BaseException, command: click.Command | None) -> str:
 
 
 def _system(error: OSError) -> str:
-    """Describe an error of the system outside results files, whose writers name the file."""
+    """Describe an error of the system; errors in results files are described by their writers."""
     reason = error.strerror or str(error)
     if error.filename is not None:
         name = error.filename
@@ -103,7 +100,7 @@ def _system(error: OSError) -> str:
 
 
 def _let_go() -> None:
-    """Discard unprinted output, of which Python would complain at exit."""
+    """Discard unprinted output, which Python would report at exit."""
     with contextlib.suppress(OSError, ValueError, AttributeError):
         handle = sys.stdout.fileno()
         nowhere = os.open(os.devnull, os.O_WRONLY)
@@ -126,7 +123,7 @@ def _one_line(
 
 
 class _Optional(io.FileIO):
-    """A stream that loses what cannot be written, instead of failing now and again at exit."""
+    """A stream that discards what cannot be written, instead of failing at exit."""
 
     def write(self, data: bytes) -> int:  # pyright: ignore[reportIncompatibleMethodOverride]
         with contextlib.suppress(OSError):
@@ -137,9 +134,9 @@ class _Optional(io.FileIO):
 def guard_streams() -> None:
     """Replace closed standard streams, whose numbers a results file would take otherwise.
 
-    Printing to a closed standard output then fails, as it should; what goes to a stderr that is
-    closed or full is lost, and the run ends as it would otherwise. What the terminal's encoding has
-    no letters for is printed as escapes, and warnings of Python take one line.
+    Printing to a closed standard output then fails, as it should. Output to a closed or full stderr
+    is lost without ending the run. Characters that the terminal cannot show are printed as escapes,
+    and Python's warnings take one line.
     """
     for handle, mode in ((0, os.O_RDONLY), (1, os.O_RDONLY), (2, os.O_WRONLY)):
         try:

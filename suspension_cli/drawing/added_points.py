@@ -41,7 +41,6 @@ def add_points(
     frequency : (f,) array
         Hz, ascending, above 0.
     value : (f, o, i) complex array
-        Values there.
     modes : (m,) array
         Frequencies of modes, Hz, where resonances may be.
     few
@@ -53,9 +52,8 @@ def add_points(
 
     Returns
     -------
-    frequency : (g,) array
-        Hz, with those given.
-    value : (g, o, i) complex array
+    frequency, value : (g,), (g, o, i) arrays
+        With those given.
 
     Examples
     --------

@@ -20,12 +20,7 @@ PATIENCE = 5.0
 
 @contextlib.contextmanager
 def connected(scheduler: str) -> Iterator[Client]:
-    """Connect to a Dask scheduler that answers and has workers.
-
-    Parameters
-    ----------
-    scheduler
-        Address: ``tcp://host:8786``.
+    """Connect to a Dask scheduler that answers and has workers, such as ``tcp://host:8786``.
 
     Raises
     ------
@@ -72,13 +67,9 @@ def connected(scheduler: str) -> Iterator[Client]:
 def on_cluster(
     job: Job, ranges: list[tuple[int, int]], client: Client
 ) -> Generator[tuple[tuple[int, int], ColumnValues], None, None]:
-    """Compute ranges of a job on the workers of a cluster; results come as they are ready.
+    """Compute ranges (start, stop) of a job on a cluster; yield results as they are ready.
 
-    Parameters
-    ----------
-    job
-        Sent to the workers once.
-    ranges : list of (start, stop)
+    The job is sent to the workers once.
 
     Raises
     ------

@@ -7,14 +7,13 @@ theorem), and
 
     dK/dp = d/dh Im K(q + ih dq/dp, p + ih)   for h -> 0,
 
-one complex step (see `parameters`) through the code that computes K itself; M, C and the losses
-likewise. Newton's iterations are not differentiated.
+one complex step (see `parameters`) through the code that computes K; M, C and the losses likewise.
+Newton's iterations are not differentiated.
 
 In the beam model K also depends on the bending stiffness S of the wires, which follows from their
-tensions and lengths in equilibrium. The change of the pose then changes S, and S the pose: a few
-more steps with both, each smaller by the ratio of the forces of bending to the weight, settle them.
-The losses of wires that bend are functions of frequency and not of these matrices
-(`studies.differences` has them).
+tensions and lengths in equilibrium. The pose changes S, and S the pose. A few more steps with both
+converge, each smaller by the ratio of bending forces to the weight. The losses of wires that bend
+depend on frequency and are not in these matrices (`studies.differences` has them).
 """
 
 from __future__ import annotations
@@ -49,9 +48,9 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Inexact
 
 CONVERGED = 1e-11
-"""Relative change of the derivative of a pose at which it is final, where wires bend."""
+"""Relative change at which the derivative of a pose has converged, where wires bend."""
 PASSES = 12
-"""Most steps of that derivative."""
+"""Largest number of steps to that derivative."""
 MOVED = 1e-7
 """Residual force (relative to the weight, per relative change of a number) above which that number
 cannot change alone."""
@@ -59,7 +58,8 @@ cannot change alone."""
 
 @dataclass(frozen=True)
 class Linear:
-    """A linear model, or its derivative, in the named coordinates, with those of the support.
+    """Matrices of a linear model, or their derivatives, in the named coordinates with the
+    support's.
 
     Attributes
     ----------
@@ -96,7 +96,7 @@ class Linear:
 
     @cached_property
     def mirrors(self) -> Bool[np.ndarray, " axis"]:
-        """Symmetry (2,) under mirroring x and y; of a derivative, whether the change keeps it."""
+        """Symmetry under mirroring x and y; of a derivative, whether the change keeps it."""
         return is_mirror_symmetric(_enlarged(self.scene))
 
     def dynamic(
@@ -117,7 +117,7 @@ class Linear:
 
 @dataclass(frozen=True)
 class Differentiable:
-    """A design in its equilibrium, with all that its derivatives need.
+    """A design in its equilibrium, with what its derivatives need.
 
     Attributes
     ----------
@@ -156,17 +156,12 @@ class Differentiable:
 
 
 def prepared(design: Design, level: str = registry.STRING.name) -> Differentiable:
-    """Find the equilibrium of a design, and the static matrices there.
-
-    Parameters
-    ----------
-    level
-        Name of a model that supports derivatives.
+    """Find the equilibrium of a design, and the static matrices there, in a differentiable model.
 
     Raises
     ------
     InputError
-        If there is none, or a wire is slack in it.
+        If there is no equilibrium, or a wire is slack in it.
     """
     physics = registry.scene_model(level)
     scene = physics.completed(expand(design), design)
@@ -193,18 +188,9 @@ def prepared(design: Design, level: str = registry.STRING.name) -> Differentiabl
 
 
 def of(base: Differentiable, name: str) -> Linear | None:
-    """Differentiate all matrices with respect to one number.
+    """Differentiate all matrices with respect to one number by dotted path, per its SI unit.
 
-    Parameters
-    ----------
-    name
-        Dotted path, see `parameters.every`.
-
-    Returns
-    -------
-    Linear or None
-        Per SI unit of the number; None if it cannot change alone: the suspension would not balance
-        in its nominal pose.
+    None if it cannot change alone: the suspension would not balance in its nominal pose.
     """
     return along(base, {name: 1.0})
 
@@ -216,7 +202,7 @@ def along(base: Differentiable, rates: dict[str, float]) -> Linear | None:
 
 
 def linear(base: Differentiable, now: Moved) -> Linear:
-    """Differentiate all matrices along a step that was made."""
+    """Differentiate all matrices along a complex step."""
     whole = _linear(now.design, now.scene, base.numbering, now.pose, now.stiffness)
     parts = (whole.mass, whole.stiffness, whole.damping, whole.loss, whole.orientation)
     beside = None if whole.beside is None else np.imag(whole.beside) / STEP
@@ -225,7 +211,7 @@ def linear(base: Differentiable, now: Moved) -> Linear:
 
 @dataclass(frozen=True)
 class Moved:
-    """A design, its equilibrium and its stiffness after a complex step of some of its numbers.
+    """A design, its equilibrium and its stiffness after a complex step of some numbers.
 
     Each number has `STEP` i times its rate added; imaginary parts over `STEP` are derivatives.
     """
@@ -237,7 +223,7 @@ class Moved:
 
 
 def moved(base: Differentiable, rates: dict[str, float]) -> Moved | None:
-    """Step numbers of a design into the complex plane, each at its rate, and its equilibrium.
+    """Take a complex step of numbers of a design, each at its rate, and of its equilibrium.
 
     None if the suspension would not balance in its nominal pose.
     """
@@ -263,7 +249,7 @@ def moved(base: Differentiable, rates: dict[str, float]) -> Moved | None:
 
 
 def _moved_bending(base: Differentiable, design: Design, scene: Scene) -> Moved:
-    """Step the equilibrium of wires that bend: the pose and their bending stiffness together."""
+    """Take the step of an equilibrium of wires that bend: pose and bending stiffness together."""
     scene = lossless(registry.BEAM.completed(scene, design))
     scene, _ = clamps.to_clamps(scene)
     pose, free = base.pose, slice(6, None)
@@ -308,7 +294,7 @@ def _unbalanced(base: Differentiable, scene: Scene, design: Design) -> bool:
     """Whether a suspension that balances in its nominal pose no longer does after the step."""
     if gives_natural_lengths(design) or scene.field is not None:
         return False
-    drawn = scene.drawn or scene  # straight wires: the loads of blades are those without bending
+    drawn = scene.drawn or scene  # straight wires: blades are loaded as without bending
     gradient = gradient_and_stiffness(drawn, base.numbering, nominal_pose(drawn))[0]
     # the loads of blades may differ from those in the nominal pose
     bodies = slice(6, 6 + 6 * len(drawn.bodies.name))

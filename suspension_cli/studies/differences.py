@@ -1,14 +1,14 @@
 """Derivatives of a design's matrices with respect to its numbers, by differences.
 
-They serve matrices that depend on frequency: in the beam model losses are complex functions, so a
-complex step (`derivatives`) differentiates the static matrices alone. Each number is moved by h and
-2h either way, and each matrix A has
+They serve matrices that depend on frequency: losses of the beam model are complex, so a complex
+step (`derivatives`) differentiates only the static matrices. Each number is moved by h and 2h
+either way, and each matrix A has
 
     dA/dp = (8 (A(p + h) - A(p - h)) - (A(p + 2h) - A(p - 2h))) / 12h + O(h^4),
 
 a central difference with one step of Richardson's (Phil. Trans. R. Soc. A 210, 307 (1911)).
-Matrices change smoothly where modes cross, part or are degenerate, and on resonances; derivatives
-of modes and responses follow from those of the matrices.
+Matrices are smooth also on resonances and where modes cross or are degenerate; derivatives of modes
+and responses follow from theirs.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Int
 
 STEP = 1e-3
-"""Step, relative to a number or to the change of it that would change a matrix by its own size:
+"""Step, relative to a number or to the change that would change a matrix by its own size:
 truncation errors go with its fourth power, rounding errors with its inverse."""
 FREE = 1e-7
 """Root of a diagonal element, relative to the largest, below which it is a rounding error."""
@@ -54,7 +54,7 @@ class DispersiveLinear(Linear):
     kept : array
         See `mirrors`.
     beside_dispersive : array or None
-        The same for the motion of the ground beside the support.
+        Likewise for the motion of the ground beside the support.
     """
 
     dispersive: Complex[np.ndarray, "frequency coordinate coordinate"]
@@ -63,7 +63,7 @@ class DispersiveLinear(Linear):
 
     @cached_property
     def mirrors(self) -> Bool[np.ndarray, " 2"]:
-        """Whether mirroring x and y changes nothing, clamps and materials of wires included."""
+        """Whether mirroring x and y changes nothing, including clamps and materials of wires."""
         return self.kept
 
     @property
@@ -72,7 +72,7 @@ class DispersiveLinear(Linear):
         return super().matters or bool(self.dispersive.any())
 
     def at(self, number: int) -> DispersiveLinear:
-        """Return the matrices at one of the frequencies."""
+        """Matrices at one of the frequencies."""
         more, beside = self.dispersive[number], self.beside
         if beside is not None:
             assert self.beside_dispersive is not None
@@ -91,8 +91,8 @@ def changes(
 ) -> tuple[Differentiable, Mapping[str, Linear | None]]:
     """Differentiate the matrices of a design, exactly where the model can.
 
-    Static matrices are differentiated exactly in all models, those at frequencies `omega` only
-    where they do not depend on frequency. See `derived`; `level` is the name of a model that
+    Static matrices are differentiated exactly in all models; those at frequencies `omega` only
+    where they do not depend on frequency, else as by `derived`. `level` is the name of a model that
     supports builds.
     """
     tables = any(link.table is not None for link in design.link)
@@ -103,7 +103,7 @@ def changes(
 
 
 def at(linear: Linear, number: int) -> Linear:
-    """Return the matrices at a requested frequency; those of exact derivatives are constant."""
+    """Matrices at a requested frequency; those of exact derivatives are constant."""
     return linear.at(number) if isinstance(linear, DispersiveLinear) else linear
 
 
@@ -125,10 +125,10 @@ def derived(
     Returns
     -------
     Differentiable
-        Of the string model, but for `linear`, which is a `DispersiveLinear`.
+        Of the string model, except `linear`, which is a `DispersiveLinear`.
     changes : dict
-        By name; None for a number that cannot change alone: the suspension would not balance in
-        its nominal pose.
+        By name; None for a number that cannot change alone: the suspension would not balance in its
+        nominal pose.
 
     Raises
     ------

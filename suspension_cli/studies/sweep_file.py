@@ -1,7 +1,7 @@
 """The HDF5 file that a sweep fills, and the journal of its finished points.
 
-Every dataset is allocated in full when the file is made, and written in place; the journal lists
-the points whose results are safely on disk, so that a run killed at any moment can be resumed.
+Every dataset is allocated in full when the file is made, and written in place. The journal lists
+the points whose results are safely on disk, so that a killed run can be resumed.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ After = Callable[[Path], None]
 
 
 class Job(Protocol):
-    """A sweep's points. It must be picklable, with results that do not depend on their grouping."""
+    """A sweep's points. It is picklable, with results that do not depend on their grouping."""
 
     @property
     def count(self) -> int:
@@ -217,10 +217,9 @@ def _resumed(
 
 
 def _unlike(job: Job, part: Path, group: str, origin: Provenance, fill: Fill) -> str:
-    """Return why an unfinished file with this job's journal is not its file; "" if it is.
+    """Why an unfinished file with this job's journal is not its file; "" if it is.
 
-    Everything is compared with the file that the job would begin, but of columns only the place and
-    size.
+    Everything is compared with the file that the job would begin; of columns only place and size.
     """
     if not part.is_file():
         return "is no regular file"
@@ -302,7 +301,7 @@ def _digest(job: Job, origin: Provenance) -> bytes:
 
 
 def _create(job: Job, part: Path, group: str, origin: Provenance, fill: Fill) -> None:
-    """Allocate the whole file: every dataset contiguous and in its final place."""
+    """Allocate the whole file, with every dataset contiguous and in its final place."""
     try:
         part.touch()
         _allocate(part, _estimate(job))  # HDF5 crashes where it cannot write

@@ -1,7 +1,7 @@
 """Designs that differ in a few numbers, as batches of balanced linear models.
 
-Every design passes the reader's checks on its own; equilibria, matrices and all that follows from
-them are then computed for arrays of designs of one topology.
+Every design passes the reader's checks. Equilibria, matrices and what follows from them are
+computed for arrays of designs of one topology.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def scenes(
 ) -> Iterator[tuple[Scene, Design, Int[np.ndarray, " place"]]]:
     """Expand the designs given by values at dotted paths, in batches of one topology.
 
-    Designs of a batch differ in nothing but the arrays of their scenes.
+    Designs of a batch differ only in the arrays of their scenes.
 
     Parameters
     ----------
@@ -80,15 +80,10 @@ def _valid(text: str, values: dict[str, float]) -> Design | None:
 def alike(
     designs: Iterable[Design | None], level: str
 ) -> Iterator[tuple[list[int], list[Scene], Design]]:
-    """Group designs that differ in nothing but the arrays of their scenes.
+    """Group designs that differ only in the arrays of their scenes.
 
-    Yields
-    ------
-    numbers : list of int
-        Places of the designs of a group; those without a scene are left out.
-    scenes : list of Scene
-    design : Design
-        One of them.
+    Yields their places, their scenes and one design of each group; designs without a scene are left
+    out.
     """
     model = registry.scene_model(level)
     kinds: dict[Hashable, list[tuple[int, Scene, Design]]] = {}

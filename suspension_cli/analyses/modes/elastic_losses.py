@@ -1,9 +1,9 @@
 """Stiffness that loss angles add, in a basis of modes, at many frequencies.
 
 L(omega) = L_0 + sum over n of f_n(omega) A_n, where the f_n of hundreds of wires are nearly linear
-combinations of a few functions. Singular vectors u_r of the values f_n(omega_j) at the modes give
-these: L = L_0 + sum over r of c_r(omega) B_r, c_r = sum of u_rn f_n, B_r = sum of u_rn A_n, to
-rounding. Frequencies at which that fails are evaluated from all f_n.
+combinations of a few functions. These follow from singular vectors u_r of the values f_n(omega_j)
+at the modes: to rounding, L = L_0 + sum over r of c_r(omega) B_r, c_r = sum of u_rn f_n, B_r = sum
+of u_rn A_n. Where that fails, all f_n are used.
 """
 
 from __future__ import annotations
@@ -87,13 +87,13 @@ class ElasticLosses:
         place: Index,
         row: Int[np.ndarray, " frequency"],
     ) -> Complex[np.ndarray, "frequency some"]:
-        """One `row` (f,) of `place` at each frequency (f,): (f, k)."""
+        """One `row` of `place` at each frequency: (f, k)."""
         values, combined = self._coefficients(omega)
         constant, matrices = self._within(place, combined=combined)
         return constant[row] + np.einsum("nf,nfk->fk", values, matrices[:, row])
 
     def _within(self, place: Index, *, combined: bool) -> tuple[Array, Array]:
-        """L_0 (k, k) and the matrices (n, k, k) between some coordinates."""
+        """L_0 and the matrices between some coordinates."""
         key = (np.asarray(place).tobytes(), combined)
         if key not in self._restricted:
             matrices = self._combination[2] if combined else self._matrices
@@ -104,7 +104,7 @@ class ElasticLosses:
     def _functions(
         self, omega: Float[np.ndarray, " frequency"]
     ) -> Inexact[np.ndarray, "function frequency"]:
-        """All f_n (n, f)."""
+        """All f_n."""
         return np.concatenate(
             [
                 np.zeros((0, len(omega)), dtype=complex),
@@ -147,7 +147,7 @@ def transform(
     moves: Float[np.ndarray, "coordinate own"],
     group: Int[np.ndarray, " own"],
 ) -> Float[np.ndarray, "function coordinate coordinate"]:
-    """Matrices between motions: X^T A_n X, from the coordinates that a term acts on."""
+    """Matrices X^T A_n X between motions, from the coordinates that a term acts on."""
     acts_on = np.flatnonzero((matrices != 0).any((0, 1))[group])
     own = group[acts_on]
     return moves[:, acts_on] @ matrices[:, own[:, None], own] @ moves[:, acts_on].T

@@ -33,11 +33,11 @@ class ClosedTransfer(Transfer):
     loops: list[Signal]
 
     def signals(self) -> list[Signal]:
-        """List the signals whose blocks matter: also sensors and actuators."""
+        """List the signals whose blocks matter, including sensors and actuators."""
         return [*super().signals(), *self.loops]
 
     def is_zero(self, model: LinearSystem) -> bool:
-        """Return False, as loops may link any input to any output."""
+        """Return False: loops may link any input to any output."""
         del model
         return False
 
@@ -75,7 +75,7 @@ def solve(request: ClosedTransfer, model: LinearSystem) -> Response:
 def find_stable_poles(
     design: Design, model: LinearSystem, kind: Model, allow_unstable: bool, log: Log
 ) -> Poles:
-    """Find the closed-loop poles, of wires without mass where the kind of model has wire mass.
+    """Find the closed-loop poles, on wires without mass.
 
     Raises
     ------

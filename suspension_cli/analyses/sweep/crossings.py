@@ -48,7 +48,7 @@ class Crossing:
     modes
         Labels of the two.
     mixing
-        Fraction of the other mode's motion, as far from there, in each one's motion at that point.
+        Fraction of each one's motion there that is the other's motion far away.
     around
         Points of the grid before, at and after it.
     """
@@ -65,7 +65,7 @@ class Crossing:
         return max(self.mixing) > MIXED
 
     def __str__(self) -> str:
-        """Say which modes meet, and the shapes of the first where they mix."""
+        """Say which modes meet, and how the first is composed where they mix."""
         first, second = self.modes
         if not self.is_avoided:
             return f"{first} crosses {second}, unmixed"

@@ -107,7 +107,7 @@ class ParameterSweep(Product):
     def _model(self) -> LinearSystem:
         """Nominal system, without the frequency-dependent terms.
 
-        Modes and coordinates do not need these, and they cannot be pickled.
+        Modes and coordinates do not need these terms, which cannot be pickled.
         """
         return replace(registry.by_name(self.level).system(reader.parse(self.text)), terms=())
 
@@ -169,7 +169,7 @@ def has_modes(status: Int[np.ndarray, "*build"]) -> Bool[np.ndarray, "*build"]:
 
 
 def select_models(model: LinearSystem, which: Bool[np.ndarray, " build"]) -> LinearSystem:
-    """Select the models of a batch by a mask `which`, without their losses."""
+    """Select the models of a batch by a mask, without their losses."""
     count = len(which)
 
     def cut(matrix: np.ndarray) -> np.ndarray:
@@ -205,7 +205,7 @@ def divide(
 
 
 def blank_values(column: Column, count: int) -> np.ndarray:
-    """Make the values of a column for `count` points that are invalid or not yet computed."""
+    """Values of a column for `count` points that are invalid or not yet computed."""
     blank = {"u1": builds.IMPOSSIBLE, "i2": -1, "c16": builds.NOTHING}.get(column.dtype, np.nan)
     return np.full((count, *column.shape), blank, dtype=column.dtype)
 

@@ -6,9 +6,9 @@ let W be the mean power dissipated. Then
 
     S(omega) = 8 k T W / (F^2 omega^2),    W = (omega / 2) x^H Im(Z) x  with  Z x = F r,
 
-one-sided, in m^2/Hz. Im(Z) is a sum over lossy parts j, each with its own temperature, and
-x^H Im(Z_j) x a sum of squares, in which nothing cancels. The imaginary part of the susceptibility
-r . Z^-1 r, in contrast, loses the digits of a high Q.
+one-sided, in m^2/Hz. Im(Z) is a sum over lossy parts j, each with its own temperature, and x^H
+Im(Z_j) x a sum of squares, in which nothing cancels. The imaginary part of the susceptibility r .
+Z^-1 r, in contrast, loses the digits of a high Q.
 """
 
 from __future__ import annotations
@@ -86,6 +86,8 @@ def solve(
 ) -> Thermal:
     """Compute the thermal noise of a linear form of the coordinates.
 
+    Only sources that contribute are listed; without loss there are none.
+
     Parameters
     ----------
     frequency : (f,) array
@@ -96,11 +98,6 @@ def solve(
         Its name and unit.
     temperature : float
         Of dampers and of the support's loss, K; other sources have their own.
-
-    Returns
-    -------
-    Thermal
-        With the sources that contribute; without loss there are none.
 
     Raises
     ------
@@ -113,7 +110,7 @@ def solve(
     >>> from suspension_cli.design import reader
     >>> from suspension_cli.models import registry
     >>> model = registry.BEAM.system(reader.parse(reader.template("single", "single")))
-    >>> signal, row = observed(model, "test.x")
+    >>> signal, row = parse_motion(model, "test.x")
     >>> noise = solve(model, np.array([10.0]), row, signal, 290.0)
     >>> noise.unit, noise.density.shape[1]
     ('m', 1)
@@ -168,7 +165,7 @@ def _gather(
 
 
 def sort_sources(densities: dict[str, Float[np.ndarray, " frequency"]]) -> list[str]:
-    """Sort sources by the mean logarithm of their densities (f,), the strongest first."""
+    """Sort sources by the mean logarithm of their densities, the strongest first."""
     return sorted(densities, key=lambda name: -float(np.log(densities[name].clip(1e-300)).mean()))
 
 
@@ -192,19 +189,10 @@ def _check_powers(
 def compute_dissipation(
     there: EvaluatedBlock, motion: Inexact[np.ndarray, "coordinate frequency"], temperature: float
 ) -> dict[tuple[str, float], Float[np.ndarray, " frequency"]]:
-    """Compute x^H Im(Z) x (f,) of motions x (c, f) of a block by source, the support at rest.
+    """Compute x^H Im(Z) x (f,) of motions x (c, f) of a block, the support at rest.
 
-    Parameters
-    ----------
-    there : EvaluatedBlock
-        The block at frequencies (f,).
-    temperature : float
-        Of dampers and of the support's loss, K.
-
-    Returns
-    -------
-    dict
-        Keys are the name of a source and its temperature (K).
+    The keys of the result are the name of a source and its temperature (K). `temperature` is that
+    of dampers and of the support's loss, K.
     """
     result: dict[tuple[str, float], Array] = {}
     block = there.block
@@ -230,7 +218,8 @@ def compute_from_susceptibility(
 ) -> Float[np.ndarray, " frequency"]:
     """Thermal noise from the susceptibility, -(4 k T / omega) Im(r . Z^-1 r): (f,), unit^2/Hz.
 
-    For checks of `solve`: loses the digits of a high Q, and has one temperature (K) for all parts.
+    For checks of `solve`: it loses the digits of a high Q, and has one temperature (K) for all
+    parts.
     """
     omega = 2 * np.pi * np.asarray(frequency, dtype=float)
     total = np.zeros(len(omega))
@@ -245,7 +234,7 @@ def compute_from_susceptibility(
 def parse_motion(
     model: LinearSystem, text: str, tilt: float = 0.0
 ) -> tuple[Signal, Float[np.ndarray, " coordinate"]]:
-    """Parse a motion; with its linear form (N,).
+    """Parse a motion; also return its linear form (N,).
 
     A motion along x is taken along a beam that rises by `tilt` (rad) instead.
     """
