@@ -41,21 +41,18 @@ def choose(
 
     Parameters
     ----------
-    wanted : str
+    wanted
         ``"auto"`` or the name of a model.
-    request : callable, optional
+    request
         The quantity of interest; by default the frequencies of the modes.
-    tolerance : float
+    tolerance
         Relative error that ``"auto"`` may leave.
-    top : Model, optional
+    top
         The most complete model that the analysis can use; by default any.
-    highest : float, optional
+    highest
         The highest frequency of a response, Hz, see `auto.decide`.
 
-    Raises
-    ------
-    InputError
-        If the wanted model is not valid for the design.
+    Raises `InputError` if the wanted model is not valid for the design.
     """
     from suspension_cli.models import auto, registry
     from suspension_cli.models.quantity_of_interest import Frequencies
@@ -70,10 +67,7 @@ def choose(
 def without_wire_mass(source: Source, wanted: str, tolerance: float) -> Decision:
     """Choose a model whose matrices have a state space of finite order.
 
-    Raises
-    ------
-    InputError
-        If a model with wire mass is wanted.
+    Raises `InputError` if a model with wire mass is wanted.
     """
     from suspension_cli.errors import Fault, InputError, format_value
     from suspension_cli.models import registry
@@ -100,19 +94,16 @@ def for_builds(
 
     Parameters
     ----------
-    wanted : str
+    wanted
         ``"auto"`` or the name of a model.
-    models : sequence of Model
+    models
         Those that the analysis can use, from the cheapest to the most complete.
-    change : callable
+    change
         Compute the largest relative change of the results from one model to another.
-    tolerance : float
+    tolerance
         Relative error that ``"auto"`` may leave. If none meets it, the most complete one is taken.
 
-    Raises
-    ------
-    InputError
-        If the wanted model is not among `models`, or is not valid for the design.
+    Raises `InputError` if the wanted model is not among `models`, or is not valid for the design.
     """
     from suspension_cli.models import registry
     from suspension_cli.models.auto import MARGIN, NOT_MET
@@ -230,19 +221,16 @@ def with_derivatives(
 
     Parameters
     ----------
-    wanted : str
+    wanted
         ``"auto"`` or the name of a model.
-    request : callable
+    request
         The quantity of interest.
-    tolerance : float
+    tolerance
         Relative error that ``"auto"`` may leave.
-    models : sequence of Model
+    models
         Those whose derivatives the analysis can use, from the cheapest to the most complete.
 
-    Raises
-    ------
-    InputError
-        If the wanted model is not among `models`, or is not valid for the design.
+    Raises `InputError` if the wanted model is not among `models`, or is not valid for the design.
     """
     from suspension_cli.models import auto, registry
 
@@ -287,18 +275,15 @@ def stable_system(
 
     Parameters
     ----------
-    allow_unstable : bool
+    allow_unstable
         Warn of an unstable equilibrium instead of refusing it.
-    system : LinearSystem, optional
+    system
         The system, if it is known already.
-    bends : bool
+    bends
         Whether the analysis can use wires that bend, which the message about an unstable
         equilibrium then proposes.
 
-    Raises
-    ------
-    InputError
-        If the equilibrium is unstable and that is not allowed.
+    Raises `InputError` if the equilibrium is unstable and that is not allowed.
     """
     from suspension_cli.analyses.check import warnings as near_limits
     from suspension_cli.errors import Fault, InputError

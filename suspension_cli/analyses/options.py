@@ -63,10 +63,7 @@ def context(
 ) -> click.Context:
     """Context of a command that is run with the values `given` and other defaults.
 
-    Raises
-    ------
-    click.BadParameter
-        If a parameter does not take its value.
+    Raises `click.BadParameter` if a parameter does not take its value.
     """
     result = click.Command(name, params=list(parameters)).make_context(name, [])
     for param in parameters:

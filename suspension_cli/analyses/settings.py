@@ -67,11 +67,8 @@ def with_analysis_table(
 
     The command line has precedence. Keys in `extra` are parameters to sweep, with their grids.
 
-    Raises
-    ------
-    InputError
-        If the table has a key that is no option of the command, or a value that the option does not
-        take.
+    Raises `InputError` if the table has a key that is no option of the command, or a value that the
+    option does not take.
     """
     from suspension_cli.design.faults import step, suggest
     from suspension_cli.errors import Fault, InputError, format_value
@@ -135,10 +132,7 @@ def _grid_faults(key: str, value: Any) -> list[Any]:
 def check_tables(tables: dict[str, dict[str, Any]], file: str) -> None:
     """Check the `[analysis]` tables of all commands.
 
-    Raises
-    ------
-    InputError
-        With the faults of every table.
+    Raises `InputError` with the faults of every table.
     """
     from suspension_cli.analyses import registry
     from suspension_cli.errors import InputError
@@ -188,10 +182,7 @@ def command_line(argv: list[str]) -> str:
 def folder(path: str) -> Path:
     """Make the folder for results if it is missing.
 
-    Raises
-    ------
-    InputError
-        If it cannot be made.
+    Raises `InputError` if it cannot be made.
     """
     from suspension_cli.files.atomic import writing_to
 

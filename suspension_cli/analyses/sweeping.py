@@ -73,10 +73,7 @@ def fill(
     after
         Completes the file when it has all points.
 
-    Raises
-    ------
-    Interrupted
-        After Ctrl-C; the message says how to continue.
+    Raises `Interrupted` after Ctrl-C; the message says how to continue.
     """
     setting, path = run.setting, run.folder / f"{run.name}-{analysis.stem}.h5"
     origin = Provenance(

@@ -68,8 +68,6 @@ def render(columns: Mapping[str, str], rows: Iterable[Sequence[Any]]) -> str:
     rows
         Numbers or text; None and numbers that are not finite become "-".
 
-    Examples
-    --------
     >>> print(render({"frequency\nHz": "#.3g", "mode": ""}, [(0.79, "yaw"), (12.5, "roll")]))
       frequency  mode
              Hz

@@ -40,10 +40,8 @@ def in_one_line(command: Callable[[], click.Command | None] = lambda: None) -> I
 
     The `command` that runs has the options that could be made smaller.
 
-    Raises
-    ------
-    click.exceptions.Exit
-        With exit code 2 for a fault of the input, 130 after Ctrl-C, 1 for anything else.
+    Raises `click.exceptions.Exit` with exit code 2 for a fault of the input, 130 after Ctrl-C, 1
+    for anything else.
     """
     try:
         yield

@@ -55,8 +55,6 @@ def add_points(
     frequency, value : (g,), (g, o, i) arrays
         With those given.
 
-    Examples
-    --------
     >>> pole = lambda f: (1 / (1 - f**2 + 1e-5j * f))[:, None, None]
     >>> grid = np.array([0.5, 0.9, 1.2, 2.0])
     >>> _, found = add_points(pole, grid, pole(grid), np.array([1.0]))

@@ -264,8 +264,6 @@ def unwrap_phase(value: Any) -> Any:
     with a little loss, it then falls at a pole (|value| rises towards it on both sides) and rises
     at a zero.
 
-    Examples
-    --------
     >>> unwrap_phase(np.array([1.0, 2.0, 9.0, -9.0, -2.0]) + 0j).tolist()
     [0.0, 0.0, 0.0, -180.0, -180.0]
     """
@@ -478,8 +476,6 @@ def format_frequency(value: float) -> str:
 def find_slopes(frequency: Any, size: Any) -> list[tuple[int, float, float]]:
     """Find the longest part of a curve along each power law: exponent, and its ends in Hz.
 
-    Examples
-    --------
     >>> f = np.geomspace(0.1, 100, 400)
     >>> [(n, round(low)) for n, low, high in find_slopes(f, 1 / (1 + (f / 2) ** 2)) if n]
     [(-2, 8)]

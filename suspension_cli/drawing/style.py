@@ -173,10 +173,7 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> None:
 
     The ending is .png, .pdf or .svg.
 
-    Raises
-    ------
-    OSError
-        If it cannot be written; nothing is left behind then.
+    Raises `OSError` if it cannot be written; nothing is left behind then.
     """
     replace_file(Path(path), encode(figure, Path(path).suffix.removeprefix(".")))
 

@@ -21,9 +21,9 @@ class Spectrum:
 
     Attributes
     ----------
-    omega_squared : (p, m) array
+    omega_squared
         (rad/s)^2; negative for an unstable mode, exactly 0 for a rigid one.
-    shape : (p, m, N - 6) array
+    shape
         L^T v with the mass matrix M = L L^T: rows are orthonormal, and where M is diagonal their
         squares are fractions of the kinetic energy. 0 for coordinates without inertia.
     """

@@ -46,11 +46,11 @@ class Request:
 
     Attributes
     ----------
-    outputs : (o, c) array
+    outputs
         Linear forms of the coordinates.
-    moves, forces : (6, i), (c, i) arrays
+    moves, forces
         Inputs as motions of the support and forces on the coordinates.
-    direct : (o, i) array
+    direct
         Response of the outputs to the support's own motion, added to that of the block.
     """
 

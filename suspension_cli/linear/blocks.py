@@ -54,9 +54,9 @@ class SupportForces:
 
     Attributes
     ----------
-    coupling : Elements
+    coupling
         K, M and C (c, 6) towards the support.
-    equations : Equations
+    equations
         Equations of motion, for residuals.
     """
 
@@ -70,28 +70,28 @@ class CondensedBlock:
 
     Attributes
     ----------
-    kept : (c,) int array
+    kept
         Coordinates with mass or damping. A blade tip with mass may be counted from where its wires
         would hold it (`_wire_held_basis`).
-    mass, damping : (c, 6 + c) arrays
+    mass, damping
         M and C towards the support's coordinates and the block's own.
-    stiffness : (c, 6 + c) array
+    stiffness
         K, complex if lossy.
-    massless : (m,) int array
+    massless
         Coordinates eliminated.
-    force_transfer : (c, m) array
+    force_transfer
         Forces on the kept coordinates per force on the massless ones: -K_ab K_bb^-1.
-    compliance, support_stiffness : (m, m) array, (m, 6) array
+    compliance, support_stiffness
         K_bb^-1, and K_bs towards the support.
-    static : (c, 6) array
+    static
         Static response to the support's motions, S = -K^-1 K_s; 0 for a motion without one.
-    resonances : (r,) array
+    resonances
         Undamped, rad/s, ascending; 0 for a rigid or unstable mode.
-    pattern : Pattern
+    pattern
         Order of elimination of the coordinates.
-    elements : Elements
+    elements
         Of K, M and C in that order.
-    absolute, relative : SupportForces
+    absolute, relative
         On the coordinates x, and on the coordinates relative to the static response, x - S s.
     """
 

@@ -17,8 +17,6 @@ def connected_groups(linked: Bool[np.ndarray, "node node"]) -> list[Int[np.ndarr
     their first. `scipy.sparse.csgraph` does this too, but its import (0.3 s) takes longer than a
     suspension's modes.
 
-    Examples
-    --------
     >>> connected_groups(np.array([[0, 0, 1], [0, 0, 0], [0, 0, 0]], dtype=bool))
     [array([0, 2]), array([1])]
     """

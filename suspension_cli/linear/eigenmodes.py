@@ -50,31 +50,31 @@ class Modes:
 
     Attributes
     ----------
-    coordinate : tuple of str
+    coordinate
         The N - 6 coordinates of `shape`.
-    omega_squared : (m,) array
+    omega_squared
         (rad/s)^2; |s|^2 for a damped mode, negative for an unstable mode, exactly 0 for a rigid or
         an overdamped one.
-    shape : (m, N - 6) array
+    shape
         Of unit modal mass; positive in the body coordinate with most kinetic energy.
-    energy : (m, n, 6) array
+    energy
         Fraction of the mode's kinetic energy in each degree of freedom of each body.
-    tip_energy : (m, N - 6 - 6 n) array
+    tip_energy
         Fraction in each blade tip's motion on its blade; with `energy` it sums to 1.
-    block : (m,) int array
+    block
         Modes of different blocks do not couple.
-    q : (m,) array
+    q
         Quality factor from the design's loss angles and dampers; infinite without loss. First
         order in the loss from `solve`, exact from `analyses.modes.damped`.
-    dilution : (m,) array
+    dilution
         Total energy over the energy in lossy elements (beam and violin models; else NaN).
-    wire : tuple of str
+    wire
         Motions of wires with mass: ``test.violin-x``, ``test.twist``, ... (violin model).
-    wire_energy : (m, k) array
+    wire_energy
         Fraction in each of these; with `energy` and `tip_energy` it sums to 1.
-    order : (m,) int array
+    order
         Number of half waves along the wires in a wire mode; 0 for other modes.
-    decay_rate : (m,) array
+    decay_rate
         Of the amplitude, 1/s; 0 for a mode that is rigid, unstable or lossless.
     """
 

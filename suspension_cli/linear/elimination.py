@@ -35,9 +35,9 @@ class Pattern:
 
     Attributes
     ----------
-    order : (c,) int array
+    order
         The coordinates in the order in which they are eliminated, called steps.
-    later : tuple of (m,) int arrays
+    later
         Later steps that each is coupled to when it is eliminated, ascending.
     """
 
@@ -173,9 +173,9 @@ class Factors:
 
     Attributes
     ----------
-    pivots : list of (P,) arrays
+    pivots
         1/d of each step.
-    multipliers : list of (m, P) arrays
+    multipliers
         L of the later steps coupled to each.
     """
 

@@ -40,14 +40,14 @@ class Tensions:
 
     Attributes
     ----------
-    number : int
+    number
         Index of these wires among the block's terms.
-    odd, even : (r, 6 + c) arrays
+    odd, even
         s times U_a and U_s of each wire per coordinate of support and block; wires that move alike
         are one row.
-    count : (r,) array
+    count
         Number of wires per row.
-    scale : float
+    scale
         s, N/m: tension over length, a typical soft stiffness.
     """
 
@@ -76,16 +76,16 @@ class FrequencyDependentBlock:
 
     Attributes
     ----------
-    keep : (c,) int array
+    keep
         Coordinates of the system, parents before children.
-    constant, damping, mass : (c, 6 + c) arrays
+    constant, damping, mass
         K without the stretching of wires (complex if lossy), C and M, towards the support's
         coordinates and the block's own.
-    terms : tuple of Term
+    terms
         In these coordinates.
-    tensions : tuple of Tensions
+    tensions
         t further coordinates, after all others.
-    pattern : Pattern
+    pattern
         Order of elimination of the coordinates and tensions.
     """
 
@@ -173,15 +173,15 @@ class Elements:
 
     Attributes
     ----------
-    count : int
+    count
         Number of elements.
-    place : (e,) int array
+    place
         Elements that are not 0 without the tensions.
-    used : tuple of int arrays
+    used
         Functions of each term in these elements.
-    weights : (e, 4 + n) array
+    weights
         Weights of Re K, Im K, C, M and these functions.
-    tensions : tuple of tuples of int arrays
+    tensions
         Per kind of wires: places and numbers of tensions on the diagonal; places, numbers and
         coordinates (with the support's) of elements between tensions and coordinates.
     """
@@ -353,11 +353,11 @@ def coordinate_scales(
 
     Parameters
     ----------
-    diagonal : (f, c + t) array
+    diagonal
         Of the matrix; a coordinate without stiffness has scale 1.
-    across : (f, t, c) array
+    across
         Absolute elements between the tensions and the other coordinates.
-    first : int, optional
+    first
         Number of coordinates from which the scales of tensions follow; default all. The others may
         have almost no stiffness apart from the tensions.
     """

@@ -80,13 +80,13 @@ class WireTerm:
 
     Attributes
     ----------
-    stage : str
+    stage
         Stage that hangs on them.
-    strand : TautWire
+    strand
         The wire that all of them equal.
-    forms : dict of (w, c, N) arrays
+    forms
         Motion of the ends of each wire per coordinate, for each of `dynamic_wire.PARTS`.
-    allowed : (N, N) bool array
+    allowed
         Elements of a matrix that the symmetry allows.
     """
 
@@ -174,11 +174,11 @@ class DistinctMotions:
 
     Attributes
     ----------
-    columns : (m,) int array
+    columns
         The coordinates that move them.
-    forms : (c, r, m) array
+    forms
         Motions that differ by more than sign.
-    count : (r,) array
+    count
         Number of wires of each.
     """
 
@@ -286,17 +286,17 @@ class LossTerm:
 
     Attributes
     ----------
-    cause : str
+    cause
         For example ``upper.blades``.
-    temperature : float
+    temperature
         K.
-    matrix : array
+    matrix
         K in N/m, or C in N s/m.
-    angle : callable
+    angle
         phi (f,) of omega (f,); omega itself for a damper.
-    elastic : bool
+    elastic
         Whether the matrix also stores energy.
-    storage : callable or None
+    storage
         Relative change (f,) of Re K from its static value; None if constant.
     """
 

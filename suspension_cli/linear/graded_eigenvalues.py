@@ -138,9 +138,9 @@ def rigid(
 
     Parameters
     ----------
-    values, error : (..., m) array
+    values, error
         omega^2, and its error from rounding K (see `rounding`).
-    tension : (...) array
+    tension
         omega^2 of a rotation from tension alone: the size of terms that have cancelled within the
         elements of K. At most the largest eigenvalue counts.
     """

@@ -16,8 +16,6 @@ def pair_by_overlap(overlap: Any) -> Int[np.ndarray, " row"]:
     Returns the column of each row; -1 for rows without partner, if there are fewer columns than
     rows.
 
-    Examples
-    --------
     >>> pair_by_overlap([[0.9, 0.8], [0.7, 0.1]])
     array([1, 0])
     """

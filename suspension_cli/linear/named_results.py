@@ -28,9 +28,9 @@ class Mode:
 
     Attributes
     ----------
-    text : str
+    text
         Label of the mode, numbered if several modes have it.
-    number : int
+    number
         Position among the modes of the design as drawn, from 0.
     """
 
@@ -49,11 +49,11 @@ class Ratio:
 
     Attributes
     ----------
-    over : Signal
+    over
         An output.
-    under : Signal or None
+    under
         Another output, for the ratio of the two.
-    frequency : float
+    frequency
         Hz.
     """
 
@@ -93,11 +93,11 @@ def parse(
 
     Parameters
     ----------
-    modes : Modes
+    modes
         Of the design as drawn.
-    known : tuple of str
+    known
         Bodies, see `signals.bodies_with_signals`; empty if only modes are allowed.
-    option : str
+    option
         For error messages.
     """
     found: list[Scalar] = []

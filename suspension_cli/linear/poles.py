@@ -24,11 +24,11 @@ class Poles:
 
     Attributes
     ----------
-    value : (p,) complex array
+    value
         rad/s.
-    state : tuple of str
+    state
         The state that participates most in each pole.
-    rounding : float
+    rounding
         Real part, relative to the modulus, that may be a rounding error.
     """
 

@@ -51,11 +51,11 @@ class Loads:
 
     Attributes
     ----------
-    high, low : (k, r, n) arrays
-        A for each of k inputs, in double-double.
-    powers : tuple of (int, (m,) int array)
+    high, low
+        A for each input, in double-double.
+    powers
         Powers of omega in the order of y, and which of (v, 1) each multiplies.
-    single : bool
+    single
         Whether the first axis is that of frequencies, each with one input.
     """
 
@@ -79,10 +79,10 @@ class Equations:
 
     Attributes
     ----------
-    terms : tuple of (int, (n,) int array, DoubleDouble, DoubleDouble)
+    terms
         Power of omega, the coordinates that it multiplies (all for the power 0), its coefficients
         (r, n), and those towards the support (r, 6).
-    split : bool
+    split
         Whether v is complex.
     """
 

@@ -33,9 +33,9 @@ class Peaks:
 
     Attributes
     ----------
-    frequency : (output, input) array
+    frequency
         Hz.
-    size : (output, input) array
+    size
         Magnitude, SI; infinite at a pole without loss.
     """
 
@@ -49,18 +49,17 @@ class Response:
 
     Attributes
     ----------
-    frequency : (f,) array
+    frequency
         Hz.
-    input, output : tuple of str
+    input, output
         Signals.
-    unit : tuple of tuple of str
+    unit
         Unit of each output over each input, [output][input].
-    value : (f, output, input) complex array
-    blocks : int
+    blocks
         Number of blocks solved.
-    closed_loop : bool
+    closed_loop
         Whether the loops of the design's local control are closed.
-    largest : Peaks or None
+    largest
         Peaks within the band, also between the frequencies; None if not searched.
     """
 
@@ -84,17 +83,14 @@ def solve(
 
     Parameters
     ----------
-    frequency : (f,) array
+    frequency
         Hz; 0 gives the static response.
-    inputs : list of Signal
+    inputs
         Motions of the support; forces and torques on bodies.
-    outputs : list of Signal
+    outputs
         Motions.
 
-    Raises
-    ------
-    InputError
-        At a frequency that equals a lossless resonance to the last bit.
+    Raises `InputError` at a frequency that equals a lossless resonance to the last bit.
     """
     rows = np.array([signals.linear_form(signal, model) for signal in outputs])
     drives = np.array([signals.linear_form(signal, model) for signal in inputs])
@@ -139,17 +135,17 @@ def transfer(
 
     Parameters
     ----------
-    omega : (f,) array
+    omega
         rad/s.
-    drives : (i, N) array
+    drives
         Generalised forces, or unit vectors of the support's coordinates.
-    acts : list of bool
+    acts
         Whether each drive is a force.
-    rows : (o, N) array
+    rows
         Outputs.
-    finite : bool
+    finite
         Whether to raise `InputError` where a response is not finite.
-    ground : list of bool, optional
+    ground
         Whether each drive is a motion of the ground instead of the support.
     """
     if ground is not None and any(ground):

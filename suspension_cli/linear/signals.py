@@ -29,15 +29,15 @@ class Signal:
 
     Attributes
     ----------
-    text : str
+    text
         As the user wrote it.
-    dof : int
+    dof
         Index in `DOFS` of the motion, or of the motion that the force acts along.
-    point : tuple of float
+    point
         From the COM in the body's frame, m.
-    acts : bool
+    acts
         Whether it is a force or torque.
-    against : str
+    against
         A second body, "" for none: the motion is relative to it, and the force acts on it with the
         opposite sign, at the same point of space.
     """

@@ -42,9 +42,9 @@ class StateSpace:
 
     Attributes
     ----------
-    a, b, c, d : (n, n), (n, i), (o, n), (o, i) arrays
+    a, b, c, d
         SI.
-    state, state_unit, input, input_unit, output, output_unit : tuple of str
+    state, state_unit, input, input_unit, output, output_unit
         Names and units.
     """
 
@@ -335,7 +335,7 @@ def agreement_band(
     Parameters
     ----------
     system : object with ``at(frequency)``
-    tolerance : float
+    tolerance
         Largest error relative to each response, or to `FAINT` of the output's largest response to
         an input of the same unit (the direct solution loses digits of fainter ones too).
 

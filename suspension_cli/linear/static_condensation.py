@@ -47,11 +47,11 @@ class Condensed:
 
     Attributes
     ----------
-    matrix : (..., c, q + c) array
-        K_aa - K_ab K_bb^-1 K_ba, towards q further coordinates (the support's) and those kept.
-    compliance : (..., m, m) array
+    matrix
+        K_aa - K_ab K_bb^-1 K_ba, towards further coordinates (the support's) and those kept.
+    compliance
         K_bb^-1; NaN where K_bb is singular.
-    follow : (..., m, q + c) array
+    follow
         K_bb^-1 K_ba: minus the motion of the massless coordinates per motion of the others.
     """
 
@@ -65,8 +65,6 @@ def condense(
 ) -> Condensed:
     """Eliminate the coordinates `light` (n,) of matrices (..., n, q + n), in doubles.
 
-    Examples
-    --------
     Two springs of 1 and 3 N/m in series:
 
     >>> condense(np.array([[3.0, -3.0], [-3.0, 4.0]]), np.array([False, True])).matrix

@@ -39,11 +39,11 @@ class Stretching:
 
     Attributes
     ----------
-    form, low : (w, N) arrays
+    form, low
         Elongation of each wire per coordinate, and its low part.
-    stiffness : (w,) array
+    stiffness
         N/m.
-    allowed : (N, N) bool array
+    allowed
         Elements of a matrix that the symmetry allows.
     """
 
@@ -104,11 +104,11 @@ class Separated:
 
     Attributes
     ----------
-    soft : (p, N, N) array
+    soft
         Stiffness without the stretching, with its losses; N/m, N and N m.
-    form : (p, w, N) array
+    form
         Elongation of each wire per coordinate.
-    stiffness : (p, w) or (w,) array
+    stiffness
         k of the wires, with their losses, N/m: the rest of the stiffness is the sum of k a a^T.
     """
 

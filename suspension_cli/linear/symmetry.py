@@ -35,11 +35,11 @@ class Symmetry:
 
     Attributes
     ----------
-    basis : (N, N) array
+    basis
         The named coordinates (rows) in terms of the adapted ones (columns); orthogonal.
-    allowed : (N, N) bool array
+    allowed
         Elements of a matrix that the symmetry allows.
-    mirrors : tuple of str
+    mirrors
         ``("x", "y")`` for a scene with both symmetries.
     """
 

@@ -26,9 +26,9 @@ class Ground:
 
     Attributes
     ----------
-    stiffness, damping : array
+    stiffness, damping
         K (complex if lossy) and C; 0 in the rows of the support.
-    terms : tuple
+    terms
         They replace the first terms of the system, with the ground's coordinates for the support's.
     """
 
@@ -57,38 +57,38 @@ class LinearSystem:
 
     Attributes
     ----------
-    body : tuple of str
+    body
         Names of the stages.
-    coordinate : tuple of str
+    coordinate
         N names: ``support.x``, ..., ``test.yaw``, ``test.blade1.z``.
-    basis : (N, N) array
+    basis
         The named coordinates (rows) in terms of the system's own (columns).
-    massless : (N,) bool array
+    massless
         Whether each coordinate has no inertia (blade tips without tip mass).
-    mass, stiffness, damping : (..., N, N) arrays
+    mass, stiffness, damping
         SI; exactly symmetric; exactly 0 where a symmetry forbids a coupling. Complex while a design
         is differentiated by complex steps.
-    lossy : (..., N, N) complex array or None
+    lossy
         The stiffness with loss angles, k (1 + i phi); None if nothing is lossy.
-    low : (N, N) array or None
+    low
         Low parts: rounding errors of the elements of `lossy`, or of `stiffness` if nothing is
         lossy; None if not known.
-    stretched : Stretching or None
+    stretched
         The part of the stiffness from the stretching of wires; None if not known.
-    separated : Separated or None
+    separated
         In a batch of builds: that stretching, and the stiffness without it; None if not known.
-    orientation : (..., n + 1, 3, 3) array or None
+    orientation
         Rotation of each body (support first) from its nominal orientation; None if none is rotated.
-    residual : float
+    residual
         Largest unbalanced force in the equilibrium, as a fraction of the weight.
-    wire : tuple of str
+    wire
         Names of the wires (string model).
-    terms : tuple of Term
+    terms
         Parts that depend on frequency (beam and violin models).
-    rigid : (..., N, 6) array or None
+    rigid
         Coordinates per unit motion of the support (m, rad) when everything moves with it as one
         body; 0 for coordinates relative to a body (blade tips, the frame). None if not known.
-    ground : Ground or None
+    ground
         Forces of the motion of the ground beside the support, which is at rest in all matrices;
         None if nothing is attached to it.
     """

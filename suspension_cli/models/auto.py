@@ -51,19 +51,19 @@ class Refinement:
 
     Attributes
     ----------
-    name : str
+    name
         `base.BLADE_TIPS`, `base.BENDING` or `base.MASS`.
-    indicator : float
+    indicator
         Estimated relative change; NaN where the design lacks the wires' properties.
-    stage : str
+    stage
         The stage that contributes most.
-    change : float or None
+    change
         The relative change, computed; None where the estimate sufficed.
-    taken : bool
+    taken
         Whether the chosen model includes it because of its size.
-    what : str
+    what
         The part of the quantity that changes most; "" if not computed.
-    words : str
+    words
         In messages in place of an infinite number; else "".
     """
 
@@ -129,11 +129,11 @@ def decide(
 
     Parameters
     ----------
-    make : callable
+    make
         From the simplest linear system to the quantity of interest.
-    top : str
+    top
         The most complete model allowed; physics that it omits is neglected, however large.
-    highest : float, optional
+    highest
         The highest frequency of a response, Hz. Where a bound at this frequency requires the most
         complete model, only that is built.
     """
@@ -222,17 +222,15 @@ def for_thermal_noise(
 
     Parameters
     ----------
-    wanted : str
+    wanted
         One of `registry.LEVELS`.
-    highest : float
+    highest
         The highest frequency of interest, Hz.
-    tolerance : float
+    tolerance
         Relative error that ``auto`` may leave, away from resonances.
 
-    Raises
-    ------
-    InputError
-        If the requested model does not resolve wires, or the design lacks their properties.
+    Raises `InputError` if the requested model does not resolve wires, or the design lacks their
+    properties.
     """
     return _choose_for_noise(_Builder(design), wanted, highest, tolerance)
 

@@ -35,24 +35,24 @@ class Model(ABC):
 
     Attributes
     ----------
-    name : str
+    name
         As ``--fidelity`` takes it.
-    description : str
+    description
         One line for the user.
-    valid_for : str
+    valid_for
         The geometries that it models, in words.
-    omits : tuple of str
+    omits
         Of `BLADE_TIPS`, `BENDING`, `MASS`.
-    cost : float
+    cost
         Time from a design to its modes, relative to the closed forms (a single pendulum).
-    automatic : bool
+    automatic
         Whether ``auto`` may take it.
-    supports_builds : bool
+    supports_builds
         Whether it models imperfect builds, which balance away from the nominal pose, by the methods
         of `string.SceneModel`.
-    supports_derivatives : bool
+    supports_derivatives
         Whether its matrices can be differentiated with respect to a design's numbers.
-    exact_derivatives : bool
+    exact_derivatives
         Whether these derivatives are exact (by a complex step) at any frequency; static ones always
         are.
     """
@@ -88,10 +88,7 @@ class Model(ABC):
     def system(self, design: Design) -> LinearSystem:
         """The linear model of a design, with its dampers and its support structure.
 
-        Raises
-        ------
-        InputError
-            If there is no equilibrium, or a wire is slack in it.
+        Raises `InputError` if there is no equilibrium, or a wire is slack in it.
         """
         return surrounded(self.suspension(design), design)
 

@@ -53,11 +53,11 @@ class WireBatchTerm:
 
     Attributes
     ----------
-    fibre : tuple of Fibre
+    fibre
         The wires in the nominal pose.
-    massive : bool
+    massive
         Whether they have mass.
-    size : int
+    size
         Number of coordinates N of the scene.
     place, sections, geometry
         See `elements.compiled_wire.add_dynamic`.

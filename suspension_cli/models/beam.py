@@ -46,10 +46,7 @@ def linear_model(scene: Scene, drag: Drag = (), *, massive: bool) -> LinearSyste
     The scene has no batch axes, and has `fibres`. The stiffness is static and lossless; `terms` are
     the rest, functions of frequency.
 
-    Raises
-    ------
-    InputError
-        If there is no equilibrium, or a wire is slack in it.
+    Raises `InputError` if there is no equilibrium, or a wire is slack in it.
     """
     numbering = layout(scene)
     scene, balanced = bending_wires.solve_bending(scene, numbering)

@@ -45,15 +45,15 @@ class FourWires:
 
     Attributes
     ----------
-    mass : float
+    mass
         kg.
-    inertia : tuple of float
+    inertia
         IX, IY, IZ in kg m^2.
-    l, s, t1, t2, d : float
+    l, s, t1, t2, d
         m.
-    k : float
+    k
         Spring constant of one wire, N/m.
-    gravity : float
+    gravity
         m/s^2.
     """
 

@@ -68,21 +68,21 @@ class Stage:
 
     Attributes
     ----------
-    mass : float
+    mass
         kg.
-    inertia : tuple of float
+    inertia
         IX, IY, IZ in kg m^2.
-    count : int
+    count
         Wires: 1, 2 (at +-t) or 4.
-    l, s_upper, s_lower, t1, t2, d, d_upper : float
+    l, s_upper, s_lower, t1, t2, d, d_upper
         m; the paper's symbols, see `design.schema.WireSet`.
-    k : float
+    k
         Of one wire, N/m.
-    torsion : float
+    torsion
         Of one wire, N m/rad; 0 if not given.
-    blades : int
+    blades
         0, or the number of blades that carry the wires.
-    blade_stiffness : float
+    blade_stiffness
         Of one blade, N/m.  This, k and torsion may be complex, k (1 + i phi).
     """
 

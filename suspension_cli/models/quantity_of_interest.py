@@ -39,9 +39,9 @@ class QuantityOfInterest(Protocol):
 
     Attributes
     ----------
-    effect : str
+    effect
         Verb and noun for the change: "shifts the modes".
-    computed : tuple of str
+    computed
         Refinements (`base.BENDING`, `base.MASS`) whose effect is computed where its estimate
         exceeds the tolerance; others are included.
     """
@@ -194,7 +194,7 @@ class Several:
 
     Attributes
     ----------
-    modes : Modes
+    modes
         To which mode numbers refer.
     """
 

@@ -77,11 +77,11 @@ class Choice:
 
     Attributes
     ----------
-    level : str
+    level
         Name of the model.
-    reason : str
+    reason
         Why, then (after a semicolon) what is neglected, for the user.
-    error : float
+    error
         Estimated relative error of the quantity of interest; NaN where none was estimated.
     """
 
@@ -149,10 +149,7 @@ def choose(design: Design, wanted: str = AUTO) -> Choice:
     ``auto`` looks only at the structure of the design; `auto.decide` also at the quantity of
     interest.
 
-    Raises
-    ------
-    InputError
-        If the requested model is not valid for the design.
+    Raises `InputError` if the requested model is not valid for the design.
     """
     if wanted == AUTO:
         return _simplest(design)

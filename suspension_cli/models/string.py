@@ -51,19 +51,16 @@ def linear_model(
 
     Parameters
     ----------
-    balanced : Equilibrium, optional
+    balanced
         From `equilibrium.solve`, if it is known already.
-    split : bool
+    split
         Whether to use symmetry-adapted coordinates, in which couplings that a mirror symmetry
         forbids are exactly 0. Without them, the result for one scene of a batch is independent of
         others.
-    wire_inertia : bool
+    wire_inertia
         Whether wires that have weight also have mass, moving as straight lines between their ends.
 
-    Raises
-    ------
-    InputError
-        If there is no equilibrium, or a wire is slack in it.
+    Raises `InputError` if there is no equilibrium, or a wire is slack in it.
     """
     numbering = layout(scene)
     if balanced is None:
@@ -351,11 +348,11 @@ class SceneModel(Model):
 
         Parameters
         ----------
-        scene : Scene
+        scene
             From `completed`, with the builds as its one batch axis.
-        design : Design
+        design
             The design of all builds.
-        split : bool
+        split
             Whether to use the mirror symmetries that all builds share. Without them, the result for
             one build is independent of others.
 

@@ -54,14 +54,14 @@ class MassEffect:
 
     Attributes
     ----------
-    inertia : float
+    inertia
         Effect of the wires' inertia: the number of stages times the largest ratio of the wires'
         kinetic energy to that of the bodies.
-    waves : float
+    waves
         Effect of waves on the wires, all stages together; infinite near violin modes.
-    highest, lowest : float
+    highest, lowest
         That frequency and the lowest first violin mode, Hz.
-    wire : str
+    wire
         The wire that has this mode; "" if none has one.
     """
 
@@ -126,7 +126,7 @@ class MassiveWires:
         Number of the body that hangs on each.
     first : (w,) array
         First violin modes, Hz.
-    inertia : float
+    inertia
         Relative change of responses by the inertia of all wires, at most.
     """
 

@@ -22,10 +22,7 @@ PATIENCE = 5.0
 def connected(scheduler: str) -> Iterator[Client]:
     """Connect to a Dask scheduler that answers and has workers, such as ``tcp://host:8786``.
 
-    Raises
-    ------
-    InputError
-        If Dask is missing, the scheduler does not answer, or it has no workers.
+    Raises `InputError` if Dask is missing, the scheduler does not answer, or it has no workers.
     """
     try:
         from distributed import Client, comm  # pyright: ignore[reportMissingImports]
@@ -71,10 +68,8 @@ def on_cluster(
 
     The job is sent to the workers once.
 
-    Raises
-    ------
-    PendsusError
-        If the connection to the scheduler is lost, or workers are killed repeatedly.
+    Raises `PendsusError` if the connection to the scheduler is lost, or workers are killed
+    repeatedly.
     """
     from concurrent.futures import CancelledError
 

@@ -63,13 +63,13 @@ class Linear:
 
     Attributes
     ----------
-    mass, stiffness, damping, loss : array
+    mass, stiffness, damping, loss
         SI; `loss` is the imaginary part of the stiffness.
-    orientation : array
+    orientation
         Of each body, the support first.
     scene
         The scene of the model, with a complex step where this is a derivative.
-    beside : array or None
+    beside
         Columns of stiffness, damping and loss for the motion of the ground beside the support.
     """
 
@@ -121,7 +121,7 @@ class Differentiable:
 
     Attributes
     ----------
-    stiffness : array
+    stiffness
         Of the suspension alone, without dampers and a compliant support.
     model
         The complete model, without symmetry-adapted coordinates.
@@ -158,10 +158,7 @@ class Differentiable:
 def prepared(design: Design, level: str = registry.STRING.name) -> Differentiable:
     """Find the equilibrium of a design, and the static matrices there, in a differentiable model.
 
-    Raises
-    ------
-    InputError
-        If there is no equilibrium, or a wire is slack in it.
+    Raises `InputError` if there is no equilibrium, or a wire is slack in it.
     """
     physics = registry.scene_model(level)
     scene = physics.completed(expand(design), design)

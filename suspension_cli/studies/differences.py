@@ -49,11 +49,11 @@ class DispersiveLinear(Linear):
 
     Attributes
     ----------
-    dispersive : array
+    dispersive
         Frequency-dependent part of the stiffness at each of the requested frequencies.
-    kept : array
+    kept
         See `mirrors`.
-    beside_dispersive : array or None
+    beside_dispersive
         Likewise for the motion of the ground beside the support.
     """
 
@@ -130,10 +130,7 @@ def derived(
         By name; None for a number that cannot change alone: the suspension would not balance in its
         nominal pose.
 
-    Raises
-    ------
-    InputError
-        If there is no equilibrium, or a wire is slack in it.
+    Raises `InputError` if there is no equilibrium, or a wire is slack in it.
     """
     base, steps = derivatives.prepared(design), dict[str, float | None]()
     rates = {item.name: item.rates for item in numbers}

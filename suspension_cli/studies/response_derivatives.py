@@ -28,9 +28,9 @@ class Slope:
 
     Attributes
     ----------
-    outputs : list of (value, row, adjoint)
+    outputs
         Complex value y, linear form r, a.
-    state : array
+    state
         All coordinates for a unit input.
     signals
         The outputs, then the input.

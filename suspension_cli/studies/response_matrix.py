@@ -127,11 +127,11 @@ class Plant:
 
         Parameters
         ----------
-        frequency : array
+        frequency
             Hz.
-        damping : array, optional
+        damping
             Added damping 1/Q of each mode.
-        stiffening : array, optional
+        stiffening
             Relative change of omega^2 of each mode.
         """
         omega = 2 * np.pi * np.asarray(frequency, dtype=float)
@@ -187,13 +187,13 @@ class Responses:
 
     Attributes
     ----------
-    omega : array
+    omega
         rad/s.
-    rows : array
+    rows
         Linear forms of the outputs.
-    state : array
+    state
         All coordinates for unit inputs.
-    adjoint : array
+    adjoint
         Solutions of the transposed equations for the outputs.
     """
 

@@ -64,10 +64,7 @@ class ScatteredNumber:
 def factors(design: Design, scene: Scene) -> tuple[ScatteredNumber, ...]:
     """List the numbers that a design's `[tolerance]` table lets scatter, in a fixed order.
 
-    Raises
-    ------
-    InputError
-        If there is no such table.
+    Raises `InputError` if there is no such table.
     """
     given = design.tolerance
     if given is None:

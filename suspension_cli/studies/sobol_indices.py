@@ -17,11 +17,11 @@ class SobolIndices:
 
     Attributes
     ----------
-    first : array
+    first
         Fraction of the variance that each group causes alone.
-    total : array
+    total
         Fraction that it causes alone or together with others.
-    first_error, total_error : array
+    first_error, total_error
         Standard errors.
     """
 

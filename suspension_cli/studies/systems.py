@@ -27,12 +27,12 @@ class Systems:
 
     Attributes
     ----------
-    keep, drop : array
+    keep, drop
         Coordinates of the model without the support's; bodies from the top down, blades with the
         stage that hangs on them.
-    stiffness, mass, damping : array
+    stiffness, mass, damping
         With respect to the support's coordinates and their own.
-    yielding, follow : array
+    yielding, follow
         K_bb^-1 of the eliminated coordinates b, and K_bb^-1 times their stiffness against the rest.
     """
 

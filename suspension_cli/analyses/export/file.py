@@ -27,10 +27,7 @@ It replaces that of scipy, which contains the time of day."""
 def format_of(path: Path, made: Exported) -> str:
     """Name of the format of a path's ending.
 
-    Raises
-    ------
-    InputError
-        If there is none; only HDF5 has zeros, poles and gain.
+    Raises `InputError` if there is none; only HDF5 has zeros, poles and gain.
     """
     endings = {
         Path(f"x{form.suffix}").suffix: name

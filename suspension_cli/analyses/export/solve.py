@@ -42,12 +42,12 @@ class Exported:
 
     Attributes
     ----------
-    band : tuple of float or None
+    band
         Frequencies in Hz between which it agrees with the direct solution to `tolerance`, relative;
         None if no two neighbouring ones do.
-    worst : float
+    worst
         Largest relative error at the frequencies compared.
-    tried : tuple of float
+    tried
         Lowest and highest frequency compared, Hz: 1/100 of the lowest mode's and 100 times the
         highest one's.
     """
@@ -82,11 +82,11 @@ def build(
 
     Parameters
     ----------
-    model : LinearSystem
+    model
         With constant matrices.
-    direct : LinearSystem, optional
+    direct
         Model of the direct solution to compare with; `model` by default.
-    zpk : bool
+    zpk
         Also compute the zero-pole-gain form, and compare that.
     """
     system = statespace.build(model, inputs, outputs)

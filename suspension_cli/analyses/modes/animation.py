@@ -47,13 +47,9 @@ def parse(modes: Modes, text: str, option: str = "--animate") -> list[int]:
     """Parse numbers (from 1) and labels of modes, separated by commas, or ``all``; returns numbers
     from 0.
 
-    Raises
-    ------
-    InputError
-        If there is no such mode, or it is one of wires alone, whose shape is not drawn.
+    Raises `InputError` if there is no such mode, or it is one of wires alone, whose shape is not
+    drawn.
 
-    Examples
-    --------
     ``parse(modes, "1,test pitch")``
     """
     drawn = np.flatnonzero(modes.order == 0).tolist()

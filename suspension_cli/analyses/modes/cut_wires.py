@@ -44,7 +44,7 @@ class CutWires:
 
     Attributes
     ----------
-    pieces : tuple of two TautWire
+    pieces
         Upper and lower piece.
     ends : dict of (w, 3 p, A) arrays
         For each part, the motion of the points (upper, cut, lower; p coordinates each) of every

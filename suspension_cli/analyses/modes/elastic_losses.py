@@ -33,11 +33,11 @@ class ElasticLosses:
 
     Parameters
     ----------
-    constant : (n, n) complex array
+    constant
         X^T L_0 X.
-    omega : (m,) array
+    omega
         Frequencies of the modes, rad/s.
-    parts : sequence of (Term, (k, n, n) array)
+    parts
         Terms in frequency, and X^T A_n X of each of their functions, see `transform`.
     """
 

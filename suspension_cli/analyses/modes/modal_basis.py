@@ -50,13 +50,13 @@ class Basis:
 
     Attributes
     ----------
-    stiffness, inertia : (n,) arrays
+    stiffness, inertia
         k_j and m_j: omega_j^2 and 1 of a mode, 1 (or -1) and 0 of a massless direction.
-    viscous : (n, n) array
+    viscous
         X^T C X, 1/s.
-    place : (n,) int array
+    place
         Numbers of these coordinates among those of `elastic`.
-    elastic : ElasticLosses
+    elastic
         X^T L(omega) X.
     """
 

@@ -177,7 +177,7 @@ def refine_poles(
 
     Parameters
     ----------
-    dynamic : callable
+    dynamic
         Z (m, A + t, A + t) at s (m,), with or without loss angles; the support's six coordinates
         first, tensions that serve as coordinates last.
     start

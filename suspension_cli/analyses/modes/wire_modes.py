@@ -57,14 +57,14 @@ def solve(
 
     Parameters
     ----------
-    model : LinearSystem
+    model
         Of the violin model.
-    highest : float
+    highest
         Hz.
-    damping : bool
+    damping
         Solve for modes with all losses (see `modes.damped`); else for undamped modes, with Q to
         first order in the losses.
-    progress : callable
+    progress
         Called with (steps done, total steps, steps per second), while frequencies are bisected,
         then while shapes are solved for.
 
@@ -73,10 +73,7 @@ def solve(
     Modes
         Modes that do not oscillate first; for undamped modes, these neglect wire mass.
 
-    Raises
-    ------
-    InputError
-        If no mode lies below `highest`.
+    Raises `InputError` if no mode lies below `highest`.
     """
     static = eigenmodes.solve(model.constant)
     omega = mode_count.frequencies(model, 2 * np.pi * highest, _lowest_frequency(static), progress)

@@ -50,10 +50,7 @@ class ClosedTransfer(Transfer):
 def close(request: Transfer, design: Design, model: LinearSystem) -> ClosedTransfer:
     """Close the loops of a design around a request.
 
-    Raises
-    ------
-    InputError
-        If the design has no loops.
+    Raises `InputError` if the design has no loops.
     """
     plant = control.build_plant(design, model)
     return ClosedTransfer(**vars(request), design=design, loops=[*plant.sensor, *plant.actuator])
@@ -77,10 +74,7 @@ def find_stable_poles(
 ) -> Poles:
     """Find the closed-loop poles, on wires without mass.
 
-    Raises
-    ------
-    InputError
-        If a pole grows and that is not allowed.
+    Raises `InputError` if a pole grows and that is not allowed.
     """
     massless = registry.BEAM.system(design) if kind.has_wire_mass else model
     found = damp.find_poles(design, massless).closed

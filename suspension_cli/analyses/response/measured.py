@@ -146,10 +146,7 @@ def read_files(
 
     A bare file relates the one signal in `inputs` to the one in `outputs`.
 
-    Raises
-    ------
-    InputError
-        With the first faulty file.
+    Raises `InputError` with the first faulty file.
     """
     items: list[Item] = []
     for file in files:

@@ -44,18 +44,18 @@ class Thermal:
 
     Attributes
     ----------
-    frequency : (f,) array
+    frequency
         Hz.
-    output : str
+    output
         The observed motion.
-    unit : str
+    unit
         Of the motion: m or rad.
-    source : tuple of str
+    source
         Sources of dissipation: ``test.bending-upper`` and so on, the strongest (over all
         frequencies) first.
-    density : (s, f) array
+    density
         One-sided power spectral density by source, unit^2/Hz.
-    tilt : float
+    tilt
         Angle (rad) by which the observed direction rises above x.
     """
 
@@ -90,23 +90,18 @@ def solve(
 
     Parameters
     ----------
-    frequency : (f,) array
+    frequency
         Hz, above 0.
-    row : (N,) array
+    row
         The linear form; the support is at rest.
-    signal : Signal
+    signal
         Its name and unit.
-    temperature : float
+    temperature
         Of dampers and of the support's loss, K; other sources have their own.
 
-    Raises
-    ------
-    InputError
-        At a resonance without loss, and if a part gives power back (a spring or damper whose matrix
-        is not positive).
+    Raises `InputError` at a resonance without loss, and if a part gives power back (a spring or
+    damper whose matrix is not positive).
 
-    Examples
-    --------
     >>> from suspension_cli.design import reader
     >>> from suspension_cli.models import registry
     >>> model = registry.BEAM.system(reader.parse(reader.template("single", "single")))

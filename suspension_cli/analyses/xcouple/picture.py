@@ -225,8 +225,6 @@ def _draw_curve(axes: Axes, x: Any, ratio: Any, colour: str) -> tuple[Any, Any]:
 def interpolate(x: Any, ratio: Any) -> tuple[Any, Any]:
     """Interpolate a complex ratio (NaN where unknown); return its magnitude, sharp at zeros.
 
-    Examples
-    --------
     >>> at, size = interpolate(np.array([0.0, 1.0, 2.0, 3.0]), np.array([-1.5, -0.5, 0.5, 1.5]))
     >>> bool(size.min() < 1e-12)
     True

@@ -16,10 +16,7 @@ def parse_request(model: LinearSystem, setting: Settings) -> CouplingRequest:
 
     Any `model` of the design knows the names of wires and bodies.
 
-    Raises
-    ------
-    InputError
-        If an option names no wire, stage or signal.
+    Raises `InputError` if an option names no wire, stage or signal.
     """
     known, labels = signals.bodies_with_signals(model), list(model.wire)
     wire = setting.get("wire") or next(

@@ -79,7 +79,7 @@ class Sweep(Product):
         Whether a build with an unstable equilibrium counts as valid.
     level
         Name of a model that supports imperfect builds.
-    balanced : dict
+    balanced
         All builds in equilibrium, by the name of the model, if known.
     """
 
