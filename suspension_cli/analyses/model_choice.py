@@ -88,22 +88,14 @@ def for_builds(
 ) -> Choice:
     """Choose the cheapest model whose error in the results of many builds is below a tolerance.
 
-    Each suitable model is compared with the next more complete one at some of the builds. The error
-    of a model is the sum of all changes from it to the most complete one. Models simpler than one
-    that is too inaccurate are not tried.
+    Each suitable model is compared with the next more complete one at some of the builds, by
+    `change`: the largest relative change of the results from one model to another. The error of a
+    model is the sum of all changes from it to the most complete one. Models simpler than one that
+    is too inaccurate are not tried.
 
-    Parameters
-    ----------
-    wanted
-        ``"auto"`` or the name of a model.
-    models
-        Those that the analysis can use, from the cheapest to the most complete.
-    change
-        Compute the largest relative change of the results from one model to another.
-    tolerance
-        Relative error that ``"auto"`` may leave. If none meets it, the most complete one is taken.
-
-    Raises `InputError` if the wanted model is not among `models`, or is not valid for the design.
+    `models` are those that the analysis can use, from the cheapest to the most complete. If none
+    meets the tolerance of ``"auto"``, the most complete one is taken. Raises `InputError` if the
+    wanted model is not among `models`, or is not valid for the design.
     """
     from suspension_cli.models import registry
     from suspension_cli.models.auto import MARGIN, NOT_MET
@@ -219,18 +211,9 @@ def with_derivatives(
 ) -> Decision:
     """Choose the cheapest model with derivatives that is accurate enough, or the `wanted` one.
 
-    Parameters
-    ----------
-    wanted
-        ``"auto"`` or the name of a model.
-    request
-        The quantity of interest.
-    tolerance
-        Relative error that ``"auto"`` may leave.
-    models
-        Those whose derivatives the analysis can use, from the cheapest to the most complete.
-
-    Raises `InputError` if the wanted model is not among `models`, or is not valid for the design.
+    Arguments as of `choose`; `models` are those whose derivatives the analysis can use, from the
+    cheapest to the most complete. Raises `InputError` if the wanted model is not among these, or is
+    not valid for the design.
     """
     from suspension_cli.models import auto, registry
 
@@ -271,19 +254,10 @@ def stable_system(
     *,
     bends: bool = False,
 ) -> LinearSystem:
-    """Linear system of a model, with warnings of designs near a limit.
+    """Linear system of a model (or `system`, if known), with warnings of designs near a limit.
 
-    Parameters
-    ----------
-    allow_unstable
-        Warn of an unstable equilibrium instead of refusing it.
-    system
-        The system, if it is known already.
-    bends
-        Whether the analysis can use wires that bend, which the message about an unstable
-        equilibrium then proposes.
-
-    Raises `InputError` if the equilibrium is unstable and that is not allowed.
+    Raises `InputError` if the equilibrium is unstable, or warns if that is allowed. The message
+    proposes wires that bend, if the analysis can use these (`bends`).
     """
     from suspension_cli.analyses.check import warnings as near_limits
     from suspension_cli.errors import Fault, InputError

@@ -43,16 +43,10 @@ def of_design(
     source: Source,
     given: dict[str, Any],
 ) -> dict[str, Any]:
-    """Settings: those `given`, else those of the design, else defaults.
+    """Settings: those `given`, else those of the design's table `name`, else defaults.
 
-    Parameters
-    ----------
-    name
-        Of the command.
-    extra
-        As of `with_analysis_table`.
-    given
-        A value that is the default of its option counts as not given.
+    A given value that is the default of its option counts as not given. `extra` as of
+    `with_analysis_table`.
     """
     context = options.context(name, parameters, given)
     context.params["as_json"] = True  # nothing is printed

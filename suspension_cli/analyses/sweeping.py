@@ -64,16 +64,9 @@ def fill(
 ) -> Result:
     """Compute all points of a job into the results file, and read the result from there.
 
-    Parameters
-    ----------
-    analysis
-        Its name is that of the group.
-    put
-        Writes everything but the columns into the new group.
-    after
-        Completes the file when it has all points.
-
-    Raises `Interrupted` after Ctrl-C; the message says how to continue.
+    In the group with the analysis's name, `put` writes everything but the columns. `after`
+    completes the file when it has all points. Raises `Interrupted` after Ctrl-C; the message says
+    how to continue.
     """
     setting, path = run.setting, run.folder / f"{run.name}-{analysis.stem}.h5"
     origin = Provenance(

@@ -300,16 +300,9 @@ def to_branch(phase: Any, near: Any) -> Any:
 def label_ends(axes: Axes, ends: Sequence[tuple[Any, Any, str, str]], most: int = 26) -> None:
     """Write labels at the ends of lines, right of the axes, moved apart, with leaders.
 
-    A line that ends outside the panel gets an arrow up or down. Labels follow changed limits.
-
-    Parameters
-    ----------
-    axes
-        With its limits and its place in the figure.
-    ends
-        Abscissas and ordinates of a line, its label and its colour.
-    most
-        Characters of a label.
+    A line that ends outside the panel gets an arrow up or down. Labels follow changed limits. The
+    axes have their limits and place; `ends` are abscissas, ordinates, label and colour of each
+    line, `most` the characters of a label.
     """
     if not ends:
         return
@@ -409,16 +402,9 @@ def label_peaks(
 ) -> None:
     """Write the frequencies of peaks in a row above axes, moved apart, with leaders.
 
-    Parameters
-    ----------
-    axes
-        With its limits, and room of the height `PEAKS` above.
-    peaks
-        Frequency (Hz), ordinate and remark of each, the most important last.
-    size
-        Of the font, points.
-    unit
-        Of the last frequency of the row.
+    The axes have their limits, and room of the height `PEAKS` above. `peaks` are frequency (Hz),
+    ordinate and remark of each, the most important last. `size` is that of the font, points; `unit`
+    follows the last frequency of the row.
     """
     chosen: list[tuple[float, float, str]] = []
     low, high = axes.get_xlim()

@@ -58,14 +58,8 @@ LINKS = (
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of text under headings.
-
-    Attributes
-    ----------
-    heads
-        Headings of the columns.
-    widths
-        Widths of the columns, in; the first is aligned left, the others right.
+    """Rows of text under headings; widths in inches, the first column aligned left, the others
+    right.
     """
 
     title: str

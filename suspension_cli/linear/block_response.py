@@ -51,7 +51,7 @@ class Request:
     moves, forces
         Inputs as motions of the support and forces on the coordinates.
     direct
-        Response of the outputs to the support's own motion, added to that of the block.
+        Response of the outputs to the support's own motion, to be added to the block's.
     """
 
     outputs: Float[np.ndarray, "output coordinate"]
@@ -65,7 +65,7 @@ def solve_responses(
 ) -> Iterator[tuple[slice, list[Inexact[np.ndarray, "input _"]]]]:
     """Solve for the responses of a block in consecutive ranges of ascending frequencies (rad/s).
 
-    Yields each range, and the responses (i, f) of each output; not finite at a lossless resonance.
+    Yields each range, and the responses of each output; not finite at a lossless resonance.
     """
     support_moves = request.moves.any() and len(block.resonances) > 0
     count_below = int(omega.searchsorted(block.resonances[0])) if support_moves else 0

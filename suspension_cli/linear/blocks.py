@@ -34,7 +34,7 @@ class Elements:
     def at(
         self, omega: Float[np.ndarray, " frequency"]
     ) -> Inexact[np.ndarray, "*element frequency"]:
-        """Evaluate at frequencies (f,) in rad/s; real without loss."""
+        """Evaluate at frequencies in rad/s; real without loss."""
         heavy, damped = self.mass.nonzero(), self.damping.nonzero()
         result = np.empty(
             (*self.stiffness.shape, len(omega)),
@@ -52,12 +52,7 @@ class Elements:
 class SupportForces:
     """Forces of the support's motion s on the coordinates v of a block.
 
-    Attributes
-    ----------
-    coupling
-        K, M and C (c, 6) towards the support.
-    equations
-        Equations of motion, for residuals.
+    `coupling` is K, M and C towards the support; `equations`, of motion, serve for residuals.
     """
 
     coupling: Elements
@@ -113,7 +108,7 @@ class CondensedBlock:
     def is_driven(
         self, moves: Float[np.ndarray, "6 input"], forces: Float[np.ndarray, "coordinate input"]
     ) -> Bool[np.ndarray, " input"]:
-        """Whether each of i inputs drives this block: support motions (6, i), forces (N, i)."""
+        """Whether each input, a support motion or force, drives this block."""
         return (
             (self._acts_on @ np.abs(moves) != 0).any(0)
             | forces[self.kept].any(0)
@@ -122,7 +117,7 @@ class CondensedBlock:
 
     @cached_property
     def _acts_on(self) -> Float[np.ndarray, "kept 6"]:
-        """1 where a motion of the support acts on a coordinate, else 0: (c, 6)."""
+        """1 where a motion of the support acts on a coordinate, else 0."""
         return (
             (self.stiffness[:, :6] != 0) | (self.damping[:, :6] != 0) | (self.mass[:, :6] != 0)
         ).astype(float)
@@ -130,12 +125,12 @@ class CondensedBlock:
     def reduce_forces(
         self, forces: Float[np.ndarray, "coordinate input"]
     ) -> Inexact[np.ndarray, "kept input"]:
-        """Reduce forces (N, i) on all coordinates to forces (c, i) on those kept."""
+        """Reduce forces on all coordinates to forces on those kept."""
         result, dropped = forces[self.kept], forces[self.massless]
         return result + self.force_transfer @ dropped if dropped.any() else result
 
     def factor(self, omega: Float[np.ndarray, " frequency"]) -> elimination.Factors:
-        """Eliminate K + i omega C - omega^2 M body by body at frequencies (f,) in rad/s.
+        """Eliminate K + i omega C - omega^2 M body by body at frequencies in rad/s.
 
         Few digits are left, or none, where a part of the block resonates alone.
         """
@@ -144,7 +139,7 @@ class CondensedBlock:
     def matrices(
         self, omega: Float[np.ndarray, " frequency"]
     ) -> Inexact[np.ndarray, "kept kept frequency"]:
-        """Evaluate K + i omega C - omega^2 M (c, c, f) at frequencies (f,) in rad/s."""
+        """Evaluate K + i omega C - omega^2 M at frequencies in rad/s."""
         return self.pattern.assemble(self.elements.at(omega))
 
     def solve(
@@ -155,7 +150,7 @@ class CondensedBlock:
         forces: Inexact[np.ndarray, "kept input"],
         drive: SupportForces,
     ) -> Inexact[np.ndarray, "kept input frequency"]:
-        """Solve for coordinates (c, i, f), given support motions (6, i) and forces (c, i).
+        """Solve for coordinates, given support motions and forces.
 
         Far below the resonances the coordinates follow the support's motion s as x = S s + v, with
 

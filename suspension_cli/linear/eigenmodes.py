@@ -101,7 +101,7 @@ class Modes:
 
     @property
     def overdamped(self) -> Bool[np.ndarray, " mode"]:
-        """Whether each mode (m,) decays without oscillating."""
+        """Whether each mode decays without oscillating."""
         return (self.omega_squared == 0) & (self.decay_rate > 0)
 
     @property
@@ -116,7 +116,7 @@ class Modes:
 
     @cached_property
     def fractions(self) -> Float[np.ndarray, "mode place"]:
-        """Fraction (m, N - 6 + k) of kinetic energy in each motion of `place`."""
+        """Fraction of kinetic energy in each motion of `place`."""
         return np.concatenate(
             [self.energy.reshape(len(self.energy), -1), self.tip_energy, self.wire_energy], axis=1
         )
@@ -143,7 +143,7 @@ class Modes:
 
     @property
     def top_fraction(self) -> Float[np.ndarray, " mode"]:
-        """Fraction (m,) of each mode's kinetic energy in the top mass."""
+        """Fraction of each mode's kinetic energy in the top mass."""
         return self.energy[:, 0].sum(-1)
 
     @property
@@ -327,7 +327,7 @@ def _reduced(
 def _solve_block(
     model: LinearSystem, block: Int[np.ndarray, " own"], tension: Any
 ) -> tuple[Float[np.ndarray, " mode"], Float[np.ndarray, "own mode"]]:
-    """Solve one block: omega^2 (m,) and shapes (c, m) over all of its coordinates."""
+    """Solve one block: omega^2 and shapes over all of its coordinates."""
     massless = model.massless[block]
     if massless.all():
         return np.zeros(0), np.zeros((len(block), 0))
@@ -360,7 +360,7 @@ def localise(
 
     In turn each mode takes the coordinate in which the group moves most, and the remaining modes
     leave it at rest. Any rotation of degenerate modes solves the equations, but this one does not
-    depend on rounding. `values` are omega^2 (m,), ascending; the columns of `vectors` (c, m) are
+    depend on rounding. `values` are omega^2, ascending; the columns of `vectors` are
     orthonormal.
     """
     result, start = vectors.copy(), 0
@@ -381,7 +381,7 @@ def localise(
 def energy_fractions(
     model: LinearSystem, shapes: Float[np.ndarray, "mode coordinate"]
 ) -> tuple[Float[np.ndarray, "mode moving"], Float[np.ndarray, "mode tip"]]:
-    """Fractions of kinetic energy in the coordinates of bodies (m, 6 n) and of tips, summing to 1.
+    """Fractions of kinetic energy in the coordinates of bodies and of tips, summing to 1.
 
     Squares of M^(1/2) v with the M of each body, so never negative. A body's M includes tip masses
     that move with it.
@@ -403,7 +403,7 @@ def energy_fractions(
 def decay_rates(
     squared: Float[np.ndarray, " mode"], q: Float[np.ndarray, " mode"]
 ) -> Float[np.ndarray, " mode"]:
-    """Decay rates omega / 2 Q (m,) of the amplitudes of weakly damped modes, in 1/s."""
+    """Decay rates omega / 2 Q of the amplitudes of weakly damped modes, in 1/s."""
     return np.where(
         squared > 0, np.sqrt(np.maximum(squared, 0.0)) / (2 * np.where(q > 0, q, np.inf)), 0.0
     )
@@ -427,6 +427,6 @@ def _q_and_dilution(
 def fix_signs(
     shapes: Float[np.ndarray, "mode coordinate"], fractions: Float[np.ndarray, "mode _"]
 ) -> Float[np.ndarray, "mode coordinate"]:
-    """Choose the sign of shapes (m, N) in which the coordinate of largest energy is positive."""
+    """Choose the sign of shapes in which the coordinate of largest energy is positive."""
     leading = shapes[np.arange(len(shapes)), 6 + fractions.argmax(1)]
     return shapes * np.where(leading < 0, -1.0, 1.0)[:, None]

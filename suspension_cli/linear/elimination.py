@@ -102,7 +102,7 @@ class Pattern:
     def assemble(
         self, elements: Inexact[np.ndarray, "element system"]
     ) -> Inexact[np.ndarray, "coordinate coordinate system"]:
-        """Assemble whole matrices (c, c, P)."""
+        """Assemble whole matrices."""
         result = np.zeros((self.size, self.size, elements.shape[-1]), dtype=elements.dtype)
         result[self.row, self.column] = result[self.column, self.row] = elements
         return result
@@ -112,7 +112,7 @@ class Pattern:
         elements: Inexact[np.ndarray, "element system"],
         rhs: Inexact[np.ndarray, "coordinate input system"],
     ) -> Inexact[np.ndarray, "coordinate input system"]:
-        """Solve D x = b (c, k, P), with one correction, and with pivoting where it is large."""
+        """Solve D x = b, with one correction, and with pivoting where it is large."""
         right = rhs[self.order]
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             factors = self.factor(elements.copy())
@@ -194,7 +194,7 @@ class Factors:
     def solve(
         self, rhs: Inexact[np.ndarray, "coordinate input system"]
     ) -> Inexact[np.ndarray, "coordinate input system"]:
-        """Solve for right-hand sides (c, k, P)."""
+        """Solve for right-hand sides."""
         order = self.pattern.order
         x = rhs[order].astype(np.result_type(rhs, *self.pivots), copy=False)
         self.solve_steps(x)
@@ -203,7 +203,7 @@ class Factors:
         return result
 
     def solve_steps(self, x: Inexact[np.ndarray, "coordinate input system"]) -> None:
-        """Solve for right-hand sides (c, k, P) by steps, in place."""
+        """Solve for right-hand sides by steps, in place."""
         multipliers = [part[:, None] for part in self.multipliers]
         driven = np.asarray(x.any((1, 2)))
         for n, coupled in enumerate(self.pattern.coupled):
@@ -221,5 +221,5 @@ def solve(
     rhs: Inexact[np.ndarray, "coordinate input system"],
     pattern: Pattern,
 ) -> Inexact[np.ndarray, "coordinate input system"]:
-    """Solve D x = b (c, k, P) for many real or complex symmetric (not Hermitian) D (c, c, P)."""
+    """Solve D x = b for many real or complex symmetric (not Hermitian) D."""
     return pattern.solve(matrix[pattern.row, pattern.column], rhs)

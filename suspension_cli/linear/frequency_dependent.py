@@ -150,13 +150,13 @@ class FrequencyDependentBlock:
         )
 
     def at(self, omega: Inexact[np.ndarray, " frequency"], *, lossy: bool = True) -> EvaluatedBlock:
-        """Evaluate at frequencies (f,), rad/s; complex steps differentiate by frequency."""
+        """Evaluate at frequencies in rad/s; complex steps differentiate by frequency."""
         return EvaluatedBlock(
             self, omega, [term.at(omega, lossy=lossy) for term in self.terms], lossy
         )
 
     def pulled(self, moves: Float[np.ndarray, "6 input"]) -> bool:
-        """Whether motions of the support (6, i) drive this block."""
+        """Whether motions of the support drive this block."""
         matrices = [
             self.constant,
             self.damping,
@@ -173,8 +173,6 @@ class Elements:
 
     Attributes
     ----------
-    count
-        Number of elements.
     place
         Elements that are not 0 without the tensions.
     used
@@ -196,7 +194,7 @@ class Elements:
     def at(
         self, omega: Inexact[np.ndarray, " frequency"], now: list[Evaluated], *, lossy: bool
     ) -> Inexact[np.ndarray, "count frequency"]:
-        """Evaluate at frequencies (f,), rad/s."""
+        """Evaluate at frequencies in rad/s."""
         stiffness = self._without_tensions(omega, now, lossy=lossy)
         rows = []
         for each in self.block.tensions:
@@ -239,7 +237,7 @@ class EvaluatedBlock:
 
     @cached_property
     def matrix(self) -> Inexact[np.ndarray, "all 6+all frequency"]:
-        """Dynamic stiffness (c + t, 6 + c + t, f); columns: support, block, tensions."""
+        """Dynamic stiffness; its columns are those of support, block and tensions."""
         return self._evaluate(self.block.whole).reshape(
             self.block.pattern.size, -1, len(self.omega)
         )
@@ -250,7 +248,7 @@ class EvaluatedBlock:
     def solve(
         self, moves: Float[np.ndarray, "6 input"], forces: Float[np.ndarray, "own input"]
     ) -> Inexact[np.ndarray, "own input frequency"]:
-        """Solve for coordinates (c, i, f), given support motions (6, i) and forces (c, i)."""
+        """Solve for coordinates, given support motions and forces."""
         count, pattern = len(forces), self.block.pattern
         forces = np.concatenate([forces, np.zeros((pattern.size - count, forces.shape[1]))])
         right = np.broadcast_to(forces[..., None], (*forces.shape, len(self.omega)))
@@ -331,7 +329,7 @@ def _tension_coordinates(number: int, term: WireTerm) -> Tensions:
 def stiffness_without_stretching(
     model: LinearSystem,
 ) -> Inexact[np.ndarray, "coordinate coordinate"]:
-    """Stiffness (N, N) without the stretching of the wires among the terms; complex if lossy."""
+    """Stiffness without the stretching of the wires among the terms; complex if lossy."""
     if "soft" not in model.prepared:
         full = model.stiffness if model.lossy is None else model.lossy
         if model.stretched is not None and any(isinstance(term, WireTerm) for term in model.terms):
@@ -349,7 +347,7 @@ def coordinate_scales(
     across: Float[np.ndarray, "frequency tension coordinate"],
     first: int | None = None,
 ) -> Float[np.ndarray, "frequency all"]:
-    """Scales (f, c + t) of coordinates that make the elements of a matrix at most about 1.
+    """Scale the coordinates so that the elements of a matrix are at most about 1.
 
     Parameters
     ----------

@@ -40,10 +40,10 @@ def solve(
     stiffness: Float[np.ndarray, "*#batch coordinate coordinate"],
     low: Float[np.ndarray, "coordinate coordinate"] | None = None,
 ) -> tuple[Float[np.ndarray, "*batch mode"], Float[np.ndarray, "*batch coordinate mode"]]:
-    """Solve for eigenvalues (..., m), ascending, and shapes (..., c, m) of unit modal mass.
+    """Solve for eigenvalues, ascending, and shapes of unit modal mass.
 
     The mass (kg, kg m^2) is positive definite, the stiffness (N/m, N m/rad) symmetric. `low` are
-    the low parts of one stiffness (c, c).
+    the low parts of one stiffness.
     """
     if stiffness.ndim == 2:
         values, shapes = solve(mass[None], stiffness[None], low)
@@ -99,7 +99,7 @@ def solve_batch(
     *,
     loops: bool = False,
 ) -> tuple[Float[np.ndarray, "build mode"], Float[np.ndarray, "build coordinate mode"]]:
-    """Solve for eigenvalues (p, m) and orthonormal vectors L^T v (p, c, m), M = L L^T, of a batch.
+    """Solve for eigenvalues and orthonormal vectors L^T v, M = L L^T, of a batch.
 
     Only systems with modes that are `WIDE` apart are solved again in soft subspaces; for these,
     `tension` is as for `rigid`. Compiled `loops` are faster in large batches.
@@ -132,7 +132,7 @@ def rigid(
     error: Float[np.ndarray, "*batch mode"],
     tension: Float[np.ndarray, "*batch"] | float,
 ) -> Float[np.ndarray, "*batch mode"]:
-    """Set eigenvalues (..., m), (rad/s)^2, of rigid modes to exactly 0.
+    """Set eigenvalues, (rad/s)^2, of rigid modes to exactly 0.
 
     A mode is rigid if its omega^2 is a rounding error of its terms.
 
@@ -157,7 +157,7 @@ def rounding(
 ) -> Float[np.ndarray, "*batch mode"]:
     """Bound on the error of omega^2 from rounding K, eps |v|^T |K| |v|, (rad/s)^2.
 
-    For shapes v (..., m, N) of unit modal mass.
+    For shapes v of unit modal mass.
     """
     size = np.abs(shapes)
     return EPS * ((size @ np.abs(stiffness)) * size).sum(-1)
@@ -171,9 +171,9 @@ def has_low_parts(model: LinearSystem) -> bool:
 def rounding_with_low_parts(
     model: LinearSystem, shapes: Float[np.ndarray, "mode coordinate"]
 ) -> Float[np.ndarray, " mode"]:
-    """Bound (m,) on the error of omega^2 with the stretching of wires in double-double.
+    """Bound on the error of omega^2 with the stretching of wires in double-double.
 
-    From the rounding of all other stiffness and of the elongations, for shapes (m, N) of unit modal
+    From the rounding of all other stiffness and of the elongations, for shapes of unit modal
     mass in the system's own coordinates.
     """
     stretched = model.stretched
@@ -213,7 +213,7 @@ def relative_error_bound(
     omega_squared: Float[np.ndarray, " mode"],
     shape: Float[np.ndarray, "mode coordinate"],
 ) -> Float[np.ndarray, " mode"]:
-    """Bound on the relative error (m,) of each mode's frequency from rounding the stiffness.
+    """Bound on the relative error of each mode's frequency from rounding the stiffness.
 
     Infinite for a rigid mode. Modes as in `eigenmodes.Modes`.
     """

@@ -45,7 +45,7 @@ def modes_below(
     omega: Float[np.ndarray, " frequency"],
     step: Callable[[int], None] = lambda _: None,
 ) -> Int[np.ndarray, " frequency"]:
-    """Count the modes (f,) below frequencies (f,) in rad/s, above 0.
+    """Count the modes below frequencies in rad/s, above 0.
 
     `step` is called with the number of frequencies done since the last call.
     """
@@ -81,7 +81,7 @@ def _count_below(
 def frequencies(
     model: LinearSystem, highest: float, lowest: float, progress: Progress = silent
 ) -> Float[np.ndarray, " mode"]:
-    """Find all modes between two frequencies > 0 by bisection to the last bit: (m,) in rad/s.
+    """Find all modes between two frequencies > 0 by bisection to the last bit, in rad/s.
 
     Ascending; a degenerate frequency is repeated. For a system with massive wires (violin model).
     """

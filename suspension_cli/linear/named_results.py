@@ -45,17 +45,7 @@ class Mode:
 
 @dataclass(frozen=True)
 class Ratio:
-    """Magnitude of a response, or of the ratio of two, at one frequency.
-
-    Attributes
-    ----------
-    over
-        An output.
-    under
-        Another output, for the ratio of the two.
-    frequency
-        Hz.
-    """
+    """Magnitude of a response, or of the ratio of two outputs, at one frequency (Hz)."""
 
     text: str
     over: Signal
@@ -91,14 +81,9 @@ def parse(
 ) -> tuple[Scalar, ...]:
     """Parse the names of scalar results.
 
-    Parameters
-    ----------
-    modes
-        Of the design as drawn.
-    known
-        Bodies, see `signals.bodies_with_signals`; empty if only modes are allowed.
-    option
-        For error messages.
+    `modes` are those of the design as drawn. `known` are the bodies
+    (`signals.bodies_with_signals`), or empty if only modes are allowed. `option` is for error
+    messages.
     """
     found: list[Scalar] = []
     for text in texts:

@@ -89,7 +89,7 @@ def poles(system: statespace.StateSpace) -> Poles:
 def impulse(
     system: statespace.StateSpace, time: Float[np.ndarray, " time"]
 ) -> Float[np.ndarray, "time output input"]:
-    """Compute the response (t, o, i) to unit impulses at evenly spaced times in s.
+    """Compute the response to unit impulses at evenly spaced times in s.
 
     A unit impulse is 1 N s, 1 m s, etc. Each sample follows from the last by exp(A dt), exact for
     any step; the direct feed-through, a delta function at 0, is omitted.

@@ -76,14 +76,14 @@ def quadratic_form(
     matrix: Float[np.ndarray, "coordinate coordinate"],
     shapes: Float[np.ndarray, "mode coordinate"],
 ) -> Float[np.ndarray, " mode"]:
-    """x^T A x (m,) of real shapes x (m, N), for a symmetric A (N, N)."""
+    """x^T A x of real shapes x, for a symmetric A."""
     return ((shapes @ matrix) * shapes).sum(1)
 
 
 def end_motions(
     model: LinearSystem, shapes: Float[np.ndarray, "mode coordinate"]
 ) -> list[tuple[TautWire, dict[str, Float[np.ndarray, "_ _ mode"]]]]:
-    """Compute the `wires` of `dissipation` for shapes (m, N)."""
+    """Compute the `wires` of `dissipation` for shapes."""
     terms = [term for term in model.terms if isinstance(term, WireTerm)]
     return [
         (

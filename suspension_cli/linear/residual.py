@@ -3,8 +3,11 @@
 The rounding errors of a solution v of D v = b follow from its residual b - D v, a small difference
 of large terms that needs more digits than the solution has (Higham, Accuracy and Stability of
 Numerical Algorithms, 2nd ed., chapter 12). With D = K + i omega C - omega^2 M and b a polynomial in
-omega it is one product of a constant matrix A = (-K, b_0, -iC, b_1, M, b_2) and the columns y = (v,
-1, omega v, omega, omega^2 v, omega^2). Both are cut into slices of few bits, for example three,
+omega it is A y, one product of a constant matrix and columns
+
+    A = (-K, b_0, -iC, b_1, M, b_2),    y = (v, 1, omega v, omega, omega^2 v, omega^2).
+
+Both are cut into slices of few bits, for example three,
 
     A = A_1 + A_2 + A_3,   y = y_1 + y_2 + y_3,
     A y = A_1 y_1 + (A_1 y_2 + A_2 y_1) + (A_1 y_3 + A_2 (y_2 + y_3) + A_3 y),
@@ -92,7 +95,7 @@ class Equations:
     def loads(
         self, moves: Float[np.ndarray, "6 input"], forces: Inexact[np.ndarray, "coordinate input"]
     ) -> Loads:
-        """Compute right-hand sides b = f - E s for support motions (6, k) and forces (c, k)."""
+        """Compute right-hand sides b = f - E s for support motions and forces."""
         forces = (
             np.concatenate([np.real(forces), np.imag(forces)]) if self.split else np.real(forces)
         )
@@ -168,7 +171,7 @@ class Equations:
     ) -> tuple[
         Inexact[np.ndarray, "coordinate input frequency"], Float[np.ndarray, "input frequency"], int
     ]:
-        """Compute the residual (c, k, f) with common scales of `width` frequencies.
+        """Compute the residual with common scales of `width` frequencies.
 
         Also returns the smallest sum of absolute terms of any row, relative to the scale of its
         error, and the number of bits per slice.
@@ -319,7 +322,7 @@ def equations(
         Inexact[np.ndarray, "coordinate 6+coordinate"],
     ],
 ) -> Equations:
-    """Build equations of motion from K, M and C (c, 6 + c) and their low parts."""
+    """Build equations of motion from K, M and C and their low parts."""
     split = any(np.iscomplexobj(part) for part in (*high, *low)) or bool(high[2].any())
     terms = []
     for power, number, factor in ((0, 0, 1.0), (1, 2, 1j if split else 0.0), (2, 1, -1.0)):

@@ -29,14 +29,8 @@ CHUNK = 1 << 17
 
 @dataclass(frozen=True)
 class Peaks:
-    """Largest magnitude of each response, and its frequency.
-
-    Attributes
-    ----------
-    frequency
-        Hz.
-    size
-        Magnitude, SI; infinite at a pole without loss.
+    """Largest magnitude of each response, SI, infinite at a pole without loss, and its frequency,
+    Hz.
     """
 
     frequency: Float[np.ndarray, "output input"]
@@ -51,8 +45,6 @@ class Response:
     ----------
     frequency
         Hz.
-    input, output
-        Signals.
     unit
         Unit of each output over each input, [output][input].
     blocks
@@ -79,18 +71,10 @@ def solve(
     inputs: list[Signal],
     outputs: list[Signal],
 ) -> Response:
-    """Solve for the responses of a system without batch axes.
+    """Solve for the responses of a system without batch axes, at frequencies in Hz; 0 is static.
 
-    Parameters
-    ----------
-    frequency
-        Hz; 0 gives the static response.
-    inputs
-        Motions of the support; forces and torques on bodies.
-    outputs
-        Motions.
-
-    Raises `InputError` at a frequency that equals a lossless resonance to the last bit.
+    Inputs are motions of the support, or forces and torques on bodies. Raises `InputError` at a
+    frequency that equals a lossless resonance to the last bit.
     """
     rows = np.array([signals.linear_form(signal, model) for signal in outputs])
     drives = np.array([signals.linear_form(signal, model) for signal in inputs])
@@ -129,24 +113,11 @@ def transfer(
     finite: bool = True,
     ground: list[bool] | None = None,
 ) -> tuple[Complex[np.ndarray, "frequency output input"], int]:
-    """Solve for the transfer matrix (f, o, i) from drives to linear forms of the coordinates.
+    """Solve for the transfer matrix from drives to linear forms of the coordinates (`rows`).
 
-    Also returns the number of blocks solved.
-
-    Parameters
-    ----------
-    omega
-        rad/s.
-    drives
-        Generalised forces, or unit vectors of the support's coordinates.
-    acts
-        Whether each drive is a force.
-    rows
-        Outputs.
-    finite
-        Whether to raise `InputError` where a response is not finite.
-    ground
-        Whether each drive is a motion of the ground instead of the support.
+    Also returns the number of blocks solved. `omega` in rad/s. Drives that `acts` marks are
+    generalised forces; others are unit vectors of the support's coordinates, or of the ground's
+    (`ground`). If `finite`, raises `InputError` where a response is not finite.
     """
     if ground is not None and any(ground):
         return _with_ground(model, omega, drives, acts, rows, ground, finite=finite)

@@ -38,15 +38,7 @@ FAINT = 1e-6
 
 @dataclass(frozen=True)
 class StateSpace:
-    """Linear system in state space.
-
-    Attributes
-    ----------
-    a, b, c, d
-        SI.
-    state, state_unit, input, input_unit, output, output_unit
-        Names and units.
-    """
+    """Linear system in state space, SI, with names and units."""
 
     a: Float[np.ndarray, "state state"]
     b: Float[np.ndarray, "state input"]
@@ -62,7 +54,7 @@ class StateSpace:
     def at(
         self, frequency: Float[np.ndarray, " frequency"]
     ) -> Complex[np.ndarray, "frequency output input"]:
-        """Compute the transfer matrix (f, o, i) by a dense solve at each frequency in Hz.
+        """Compute the transfer matrix by a dense solve at each frequency in Hz.
 
         States are first scaled by powers of 2 that balance A, as in MATLAB. Unscaled rates are
         omega times displacements, which misleads pivoting and costs up to 9 digits far above the
@@ -112,7 +104,7 @@ def assemble(
     *,
     undriven: bool = False,
 ) -> StateSpace:
-    """Build the state space from driving linear forms (i, N) to sensed linear forms (o, N).
+    """Build the state space from driving linear forms to sensed linear forms.
 
     It covers the blocks that are driven and sensed; with `undriven`, all that are sensed.
     """
@@ -309,7 +301,7 @@ def equivalent_damping(
     stiffness: Float[np.ndarray, "coordinate coordinate"],
     loss: Float[np.ndarray, "coordinate coordinate"],
 ) -> Float[np.ndarray, "coordinate coordinate"]:
-    """Viscous damping (c, c) that gives each mode of a block the Q of its loss angles.
+    """Viscous damping that gives each mode of a block the Q of its loss angles.
 
     With M, Re K (`stiffness`) and K'' = Im K (`loss`), a mode v of unit modal mass has the loss
     angle eta = v^T K'' v / omega^2, and C = M (sum over modes of v eta omega v^T) M damps it as

@@ -89,9 +89,9 @@ def change_basis(
     low: Inexact[np.ndarray, "row 6+row"],
     basis: Float[np.ndarray, "6+row 6+row"],
 ) -> tuple[Inexact[np.ndarray, "row 6+row"], Inexact[np.ndarray, "row 6+row"]]:
-    """Change rows (n, 6 + n) of a matrix and their low parts to new coordinates.
+    """Change rows of a matrix and their low parts to new coordinates.
 
-    Old coordinates = basis (6 + n, 6 + n) @ new.
+    Old coordinates = basis @ new.
     """
     transposed, new_basis = DoubleDouble.of(basis[6:, 6:].T), DoubleDouble.of(basis)
     real, imag = (
@@ -167,9 +167,9 @@ def rounded(
 def static_response(
     stiffness: Reduced, rigid: Float[np.ndarray, "kept 6"], free: Bool[np.ndarray, " 6"]
 ) -> Inexact[np.ndarray, "kept 6"]:
-    """Compute the static response S = -K^-1 K_s (c, 6) to motions of the support.
+    """Compute the static response S = -K^-1 K_s to motions of the support.
 
-    It is the `rigid` motion (c, 6) where that causes no force (`free`, (6,)); otherwise solved in
+    It is the `rigid` motion where that causes no force (`free`); otherwise solved in
     double-double, not finite where K is singular.
     """
     count = len(stiffness.real.high)
@@ -186,7 +186,7 @@ def residual_coupling(
     low: Inexact[np.ndarray, "kept 6+kept"],
     static: Inexact[np.ndarray, "kept 6"],
 ) -> tuple[Inexact[np.ndarray, "kept 6"], Inexact[np.ndarray, "kept 6"]]:
-    """Compute A_s + A S (c, 6) in double-double, A (c, 6 + c) with its low part."""
+    """Compute A_s + A S in double-double, A with its low part."""
     complete = Reduced(
         DoubleDouble(np.real(matrix), np.real(low)), DoubleDouble(np.imag(matrix), np.imag(low))
     )

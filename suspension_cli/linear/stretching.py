@@ -53,7 +53,7 @@ class Stretching:
     allowed: Bool[np.ndarray, "coordinate coordinate"]
 
     def added(self, matrix: DoubleDouble, stiffness: Float[np.ndarray, " wire"]) -> DoubleDouble:
-        """Add the sum of k a a^T, for stiffnesses k (w,), to a matrix (N, N), exactly symmetric.
+        """Add the sum of k a a^T, for stiffnesses k, to a matrix, exactly symmetric.
 
         A wire acts on few coordinates, so only products of non-zero elements are formed. Those of
         the upper triangle are summed in layers, each with one product per element of the matrix.
@@ -88,7 +88,7 @@ class Stretching:
         return matrix + DoubleDouble(*(part + np.triu(part, 1).T for part in upper))
 
     def spread(self, from_new: Float[np.ndarray, "coordinate new"]) -> Stretching:
-        """Change to new coordinates: old = `from_new` (N, N') @ new."""
+        """Change to new coordinates: old = `from_new` @ new."""
         reach = (from_new != 0).astype(float)
         return replace(
             self,

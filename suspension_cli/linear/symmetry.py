@@ -50,7 +50,7 @@ class Symmetry:
     def apply(
         self, matrix: Inexact[np.ndarray, "*batch coordinate coordinate"]
     ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
-        """Change a symmetric matrix (..., N, N) to adapted coordinates, with exact zeros."""
+        """Change a symmetric matrix to adapted coordinates, with exact zeros."""
         if not self.trivial:
             matrix = self.basis.T @ matrix @ self.basis
             matrix = (matrix + np.swapaxes(matrix, -1, -2)) / 2
@@ -59,7 +59,7 @@ class Symmetry:
     def forms(
         self, form: Inexact[np.ndarray, "*batch coordinate"]
     ) -> Inexact[np.ndarray, "*batch coordinate"]:
-        """Change linear forms (..., N) to adapted coordinates."""
+        """Change linear forms to adapted coordinates."""
         return form if self.trivial else form @ self.basis
 
     @cached_property
@@ -70,7 +70,7 @@ class Symmetry:
     def adapt_flags(
         self, flags: Bool[np.ndarray, " coordinate"]
     ) -> Bool[np.ndarray, " coordinate"]:
-        """Change flags (N,) that mirror images share to adapted coordinates."""
+        """Change flags that mirror images share to adapted coordinates."""
         return (np.abs(self.basis).T @ flags) > 0.5 * np.abs(self.basis).sum(0)
 
 
@@ -102,7 +102,7 @@ def no_symmetry(numbering: Layout) -> Symmetry:
 def _operator(
     scene: Scene, numbering: Layout, axis: int, image: Int[np.ndarray, " blade"]
 ) -> Float[np.ndarray, "coordinate coordinate"]:
-    """Build the signed permutation matrix (N, N) of a mirror."""
+    """Build the signed permutation matrix of a mirror."""
     bodies = len(scene.bodies.name) + 1
     result = np.zeros((numbering.size,) * 2)
     np.fill_diagonal(
@@ -163,7 +163,7 @@ def _blade_images(scene: Scene, axis: int, equal: _EqualParts) -> Int[np.ndarray
 
 
 def is_mirror_symmetric(scene: Scene) -> Bool[np.ndarray, "*batch 2"]:
-    """Whether each scene of a batch is symmetric in x and in y: (..., 2) bool."""
+    """Whether each scene of a batch is symmetric in x and in y."""
     equal = _equal_parts(scene)
     return np.stack(
         [

@@ -20,9 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Ground:
-    """Forces that the motion g of the ground beside the support exerts on the coordinates.
-
-    They are -(K + i omega C + sum f_n A_n) g.
+    """Forces -(K + i omega C + sum f_n A_n) g of the motion g of the ground on the coordinates.
 
     Attributes
     ----------
@@ -89,8 +87,8 @@ class LinearSystem:
         Coordinates per unit motion of the support (m, rad) when everything moves with it as one
         body; 0 for coordinates relative to a body (blade tips, the frame). None if not known.
     ground
-        Forces of the motion of the ground beside the support, which is at rest in all matrices;
-        None if nothing is attached to it.
+        Forces of the motion of the ground beside the support; None if nothing is attached to it.
+        The ground is at rest in all matrices.
     """
 
     body: tuple[str, ...]
@@ -142,7 +140,7 @@ class LinearSystem:
 
     @cached_property
     def pulled(self) -> Bool[np.ndarray, "coordinate 6"]:
-        """Whether each motion of the support acts on each coordinate: (N, 6); no batch axes."""
+        """Whether each motion of the support acts on each coordinate; no batch axes."""
         full = self.stiffness if self.lossy is None else self.lossy
         return (full[:, :6] != 0) | (self.damping[:, :6] != 0) | (self.mass[:, :6] != 0)
 
@@ -153,7 +151,7 @@ class LinearSystem:
 
     @cached_property
     def member(self) -> Int[np.ndarray, " coordinate"]:
-        """Block number of each coordinate (N,); -1 for those of the support."""
+        """Block number of each coordinate; -1 for those of the support."""
         result = np.full(self.size, -1)
         for number, group in enumerate(self.blocks):
             result[group] = number

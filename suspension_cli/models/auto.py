@@ -220,17 +220,9 @@ def for_thermal_noise(
 ) -> Choice:
     """Choose the model for thermal noise, which must know where along a wire its loss acts.
 
-    Parameters
-    ----------
-    wanted
-        One of `registry.LEVELS`.
-    highest
-        The highest frequency of interest, Hz.
-    tolerance
-        Relative error that ``auto`` may leave, away from resonances.
-
-    Raises `InputError` if the requested model does not resolve wires, or the design lacks their
-    properties.
+    `wanted` is one of `registry.LEVELS`, `highest` the highest frequency of interest, Hz. ``auto``
+    may leave a relative error `tolerance`, away from resonances. Raises `InputError` if the
+    requested model does not resolve wires, or the design lacks their properties.
     """
     return _choose_for_noise(_Builder(design), wanted, highest, tolerance)
 

@@ -37,8 +37,6 @@ class Model(ABC):
     ----------
     name
         As ``--fidelity`` takes it.
-    description
-        One line for the user.
     valid_for
         The geometries that it models, in words.
     omits

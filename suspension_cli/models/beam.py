@@ -173,7 +173,7 @@ def wire_forms(
 def _turning(
     numbering: Layout, body: Int[np.ndarray, " wire"]
 ) -> Float[np.ndarray, "coordinate wire 3"]:
-    """Rotation (N, w, 3) of the wires' bodies per coordinate."""
+    """Rotation of the wires' bodies per coordinate."""
     result = np.zeros((numbering.size, len(body), 3))
     for axis in range(3):
         result[6 * body + 3 + axis, np.arange(len(body)), axis] = 1.0

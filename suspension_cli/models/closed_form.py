@@ -45,10 +45,8 @@ class FourWires:
 
     Attributes
     ----------
-    mass
-        kg.
-    inertia
-        IX, IY, IZ in kg m^2.
+    mass, inertia
+        kg; IX, IY, IZ in kg m^2.
     l, s, t1, t2, d
         m.
     k

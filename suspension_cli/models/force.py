@@ -68,22 +68,18 @@ class Stage:
 
     Attributes
     ----------
-    mass
-        kg.
-    inertia
-        IX, IY, IZ in kg m^2.
+    mass, inertia
+        kg; IX, IY, IZ in kg m^2.
     count
         Wires: 1, 2 (at +-t) or 4.
     l, s_upper, s_lower, t1, t2, d, d_upper
         m; the paper's symbols, see `design.schema.WireSet`.
-    k
-        Of one wire, N/m.
-    torsion
-        Of one wire, N m/rad; 0 if not given.
+    k, torsion
+        Of one wire, N/m and N m/rad (0 if not given).
     blades
         0, or the number of blades that carry the wires.
     blade_stiffness
-        Of one blade, N/m.  This, k and torsion may be complex, k (1 + i phi).
+        Of one blade, N/m. This, k and torsion may be complex, k (1 + i phi).
     """
 
     mass: Numbers

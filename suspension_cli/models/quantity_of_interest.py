@@ -150,7 +150,7 @@ class Transfer:
     def values(
         self, model: LinearSystem, frequency: Array
     ) -> Complex[np.ndarray, "frequency output input"]:
-        """Solve for the responses (f, o, i) at frequencies (f,) in Hz."""
+        """Solve for the responses at frequencies in Hz."""
         from suspension_cli.linear import response
 
         return response.solve(model, frequency, self.inputs, self.outputs).value

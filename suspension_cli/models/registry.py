@@ -82,7 +82,7 @@ class Choice:
     reason
         Why, then (after a semicolon) what is neglected, for the user.
     error
-        Estimated relative error of the quantity of interest; NaN where none was estimated.
+        Estimated relative error of the quantity of interest; NaN if none was estimated.
     """
 
     level: str

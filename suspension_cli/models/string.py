@@ -52,11 +52,10 @@ def linear_model(
     Parameters
     ----------
     balanced
-        From `equilibrium.solve`, if it is known already.
+        From `equilibrium.solve`, if known.
     split
         Whether to use symmetry-adapted coordinates, in which couplings that a mirror symmetry
-        forbids are exactly 0. Without them, the result for one scene of a batch is independent of
-        others.
+        forbids are exactly 0. Without them, a scene's result is independent of others in a batch.
     wire_inertia
         Whether wires that have weight also have mass, moving as straight lines between their ends.
 
@@ -270,7 +269,7 @@ def _loss(
 def mass_matrix(
     scene: Scene, numbering: Layout, pose: Pose, *, wire_inertia: bool = True
 ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
-    """Mass matrix (..., N, N), with or without that of wires that have weight."""
+    """Mass matrix, with or without that of wires that have weight."""
     if not wire_inertia:
         scene = replace(scene, wires=replace(scene.wires, mass=np.zeros_like(scene.wires.mass)))
     return _sum_over(scene, numbering, pose, [element.mass for element in ELEMENTS])
@@ -286,7 +285,7 @@ def damping_matrix(
 def loss_matrix(
     scene: Scene, numbering: Layout, pose: Pose, *, stretching: bool = True
 ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
-    """Imaginary part (..., N, N) of the stiffness: each elastic constant times its loss angle.
+    """Imaginary part of the stiffness: each elastic constant times its loss angle.
 
     Geometric stiffness (tension) is not lossy.
     """
@@ -346,24 +345,10 @@ class SceneModel(Model):
     ) -> tuple[LinearSystem, Equilibrium, tuple[BatchTerm, ...]]:
         """Linear models of builds about their equilibria, on a rigid support without dampers.
 
-        Parameters
-        ----------
-        scene
-            From `completed`, with the builds as its one batch axis.
-        design
-            The design of all builds.
-        split
-            Whether to use the mirror symmetries that all builds share. Without them, the result for
-            one build is independent of others.
-
-        Returns
-        -------
-        LinearSystem
-            With the builds as first axis.
-        Equilibrium
-            Not necessarily converged.
-        terms : tuple of BatchTerm
-            The parts that depend on frequency.
+        The `scene` is from `completed`, with the builds as its one batch axis, which comes first in
+        the linear models. Also returns the equilibria, not necessarily converged, and the parts
+        that depend on frequency. If `split`, the mirror symmetries that all builds share are used;
+        otherwise the result for one build is independent of the others.
         """
 
 

@@ -76,10 +76,8 @@ class Builds:
     ----------
     model
         With the builds as first axis; valid for builds with status `GOOD`.
-    status
-        uint8.
     wire
-        The first slack wire, or -1 (int16).
+        The first slack wire, or -1.
     residual
         Largest residual force, relative to the weight.
     mirrors
@@ -130,17 +128,10 @@ def balance(
 ) -> Builds:
     """Balance every scene of a batch of one design, and build its linear model.
 
-    Parameters
-    ----------
-    scene
-        With one batch axis.
-    level
-        Name of a model that supports builds (`registry.SCENE_MODELS`).
-    allow_unstable
-        Whether an unstable equilibrium has status `GOOD`.
-    split
-        Whether to use mirror symmetries that all scenes share. The result for one scene then
-        depends on the others, unless all have equal symmetries.
+    The scene has one batch axis; `level` is a model that supports builds (`registry.SCENE_MODELS`).
+    If `allow_unstable`, an unstable equilibrium has status `GOOD`. If `split`, mirror symmetries
+    that all scenes share are used; the result for one scene then depends on the others, unless all
+    have equal symmetries.
     """
     physics = registry.scene_model(level)
     scene = physics.completed(scene, design)

@@ -123,10 +123,8 @@ class Differentiable:
     ----------
     stiffness
         Of the suspension alone, without dampers and a compliant support.
-    model
-        The complete model, without symmetry-adapted coordinates.
-    linear
-        Its matrices.
+    model, linear
+        The complete model, without symmetry-adapted coordinates, and its matrices.
     bends
         Whether wires bend; `scene` then has their bending stiffness in equilibrium.
     turned

@@ -113,14 +113,10 @@ def derived(
     level: str = registry.BEAM.name,
     omega: Sequence[float] = (),
 ) -> tuple[Differentiable, dict[str, DispersiveLinear | None]]:
-    """Differentiate the matrices of a design by differences.
+    """Differentiate the matrices of a design, evaluated at frequencies `omega` (rad/s), by
+    differences.
 
-    Parameters
-    ----------
-    level
-        Name of a model that supports builds.
-    omega
-        Frequencies at which matrices are evaluated, rad/s.
+    `level` is the name of a model that supports builds.
 
     Returns
     -------

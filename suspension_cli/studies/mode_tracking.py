@@ -37,16 +37,8 @@ def follow(
 ) -> tuple[Int[np.ndarray, "*grid mode"], Float[np.ndarray, "*grid mode"]]:
     """Find which mode of every grid point each mode of the nominal design has become.
 
-    Parameters
-    ----------
-    omega_squared, shapes
-        At each point, as in `linear.batch_modes`.
-    good
-        Points that have modes.
-    start
-        The point nearest to the nominal design.
-    nominal
-        Shapes of the nominal design.
+    `omega_squared` and `shapes` are as in `linear.batch_modes`; points without modes are not
+    `good`. The point `start` is nearest to the nominal design, whose shapes are `nominal`.
 
     Returns
     -------

@@ -29,7 +29,7 @@ class Slope:
     Attributes
     ----------
     outputs
-        Complex value y, linear form r, a.
+        Complex value y, linear form r and adjoint a of each.
     state
         All coordinates for a unit input.
     signals

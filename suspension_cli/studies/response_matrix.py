@@ -123,16 +123,9 @@ class Plant:
         damping: Float[np.ndarray, " mode"] | None = None,
         stiffening: Float[np.ndarray, " mode"] | None = None,
     ) -> Responses:
-        """Solve for all responses, with the adjoint solutions that derivatives need.
+        """Solve for all responses at frequencies in Hz, with the adjoint solutions for derivatives.
 
-        Parameters
-        ----------
-        frequency
-            Hz.
-        damping
-            Added damping 1/Q of each mode.
-        stiffening
-            Relative change of omega^2 of each mode.
+        `damping` is an added 1/Q, `stiffening` a relative change of omega^2, of each mode.
         """
         omega = 2 * np.pi * np.asarray(frequency, dtype=float)
         size = self.base.model.size

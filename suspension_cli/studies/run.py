@@ -44,8 +44,6 @@ class Plan:
         Address of a Dask scheduler instead.
     chunk
         Number of points computed at once.
-    resume
-        Whether to continue an interrupted run.
     progress
         Called with (points done, total points, points per second).
     """
@@ -68,16 +66,9 @@ def run(
 ) -> None:
     """Compute all points of a job into one HDF5 file.
 
-    Parameters
-    ----------
-    path
-        Of the finished file.
-    group
-        Name of the group with the columns.
-    fill
-        Writes the rest of the group (axes, names) when the file is made.
-    after
-        Given the path of the unfinished file, fills the columns that need all points.
+    The finished file is `path`; its group has the columns. When the file is made, `fill` writes the
+    rest of the group (axes, names). Given the path of the unfinished file, `after` fills the
+    columns that need all points.
     """
     chunk = max(UNIT, plan.chunk // UNIT * UNIT)
     with _connected(plan) as client, opened(job, path, group, origin, plan.resume, fill) as store:

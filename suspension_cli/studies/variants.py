@@ -41,14 +41,9 @@ def scenes(
 ) -> Iterator[tuple[Scene, Design, Int[np.ndarray, " place"]]]:
     """Expand the designs given by values at dotted paths, in batches of one topology.
 
-    Designs of a batch differ only in the arrays of their scenes.
-
-    Parameters
-    ----------
-    text
-        The design as TOML.
-    level
-        Name of a model that supports builds; `SceneModel.wire_properties` are the same in a batch.
+    Designs of a batch differ only in the arrays of their scenes. `text` is the design as TOML,
+    `level` the name of a model that supports builds; `SceneModel.wire_properties` are the same in a
+    batch.
 
     Yields
     ------
@@ -107,21 +102,9 @@ def balanced(
 ) -> Iterator[tuple[Builds, Int[np.ndarray, " place"]]]:
     """Balance the designs given by values at dotted paths, and build their linear models.
 
-    Parameters
-    ----------
-    text, values
-        See `scenes`.
-    level
-        Name of a model.
-    allow_unstable
-        Whether an unstable equilibrium has status `builds.GOOD`.
-
-    Yields
-    ------
-    Builds
-        With the points as first axis of the linear model; mirror symmetries are used.
-    here : array
-        Numbers of the points.
+    Yields builds, with the points as first axis of the linear model, and the numbers of the points.
+    Mirror symmetries are used. Arguments as of `scenes`, but any model; if `allow_unstable`, an
+    unstable equilibrium has status `builds.GOOD`.
     """
     model = registry.by_name(level)
     if not model.supports_builds:

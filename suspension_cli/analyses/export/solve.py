@@ -80,14 +80,8 @@ def build(
 ) -> Exported:
     """Build the system from inputs to outputs, with its band of agreement.
 
-    Parameters
-    ----------
-    model
-        With constant matrices.
-    direct
-        Model of the direct solution to compare with; `model` by default.
-    zpk
-        Also compute the zero-pole-gain form, and compare that.
+    The `model` has constant matrices; the direct solution to compare with is that of `direct`, or
+    by default of `model`. If `zpk`, the zero-pole-gain form is also computed, and compared.
     """
     system = statespace.build(model, inputs, outputs)
     form = compute_zero_pole_gain(system) if zpk else None

@@ -44,13 +44,10 @@ ALL = "all"
 
 
 def parse(modes: Modes, text: str, option: str = "--animate") -> list[int]:
-    """Parse numbers (from 1) and labels of modes, separated by commas, or ``all``; returns numbers
-    from 0.
+    """Parse numbers (from 1) and labels of modes, separated by commas, or ``all``.
 
-    Raises `InputError` if there is no such mode, or it is one of wires alone, whose shape is not
-    drawn.
-
-    ``parse(modes, "1,test pitch")``
+    Returns numbers from 0. Raises `InputError` if there is no such mode, or it is one of wires
+    alone, whose shape is not drawn.
     """
     drawn = np.flatnonzero(modes.order == 0).tolist()
     found: list[int] = []

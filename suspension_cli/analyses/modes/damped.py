@@ -156,7 +156,7 @@ def _decouple(
 
 
 def damping_matrix(model: LinearSystem) -> Float[np.ndarray, "coordinate coordinate"]:
-    """Damping matrix C (N, N) of dampers and of gas around bodies, N s/m."""
+    """Damping matrix C of dampers and of gas around bodies, N s/m."""
     return model.damping + sum(
         (term.matrix for term in model.terms if isinstance(term, LossTerm) and not term.elastic),
         np.zeros(model.damping.shape),
@@ -278,7 +278,7 @@ def merge_modes(found: Modes, kept: Bool[np.ndarray, " mode"], new: dict[str, An
 
 
 def quality_factor(value: Complex[np.ndarray, " pole"]) -> Float[np.ndarray, " pole"]:
-    """Q (p,) of poles: Im s / (-2 Re s); infinite without decay, 0 where nothing oscillates."""
+    """Q of poles: Im s / (-2 Re s); infinite without decay, 0 where nothing oscillates."""
     decays = np.real(value) < 0
     return np.where(decays, np.imag(value) / (-2 * np.where(decays, np.real(value), -1.0)), np.inf)
 
@@ -286,7 +286,7 @@ def quality_factor(value: Complex[np.ndarray, " pole"]) -> Float[np.ndarray, " p
 def real_shapes(
     motion: Complex[np.ndarray, "pole coordinate"],
 ) -> Float[np.ndarray, "pole coordinate"]:
-    """Real shapes (p, N): complex ones at the phase of largest displacement, of the same norm."""
+    """Real shapes: complex ones at the phase of largest displacement, of the same norm."""
     turn = np.angle((motion**2).sum(1)) / 2
     shape = (motion * np.exp(-1j * turn)[:, None]).real
     size, whole = np.sqrt((shape**2).sum(1)), np.sqrt((np.abs(motion) ** 2).sum(1))

@@ -64,7 +64,7 @@ class ElasticLosses:
     def at(
         self, omega: Float[np.ndarray, " frequency"], place: Index
     ) -> Complex[np.ndarray, "frequency some some"]:
-        """Elements (f, k, k) between the coordinates `place` (k,) at frequencies (f,), rad/s."""
+        """Elements between the coordinates `place` at frequencies in rad/s."""
         values, combined = self._coefficients(omega)
         constant, matrices = self._within(place, combined=combined)
         result: Any = np.empty((len(omega), *constant.shape), dtype=complex)
@@ -76,7 +76,7 @@ class ElasticLosses:
     def diagonal(
         self, omega: Float[np.ndarray, " frequency"], place: Index
     ) -> Complex[np.ndarray, "frequency some"]:
-        """Diagonal elements (f, k) at frequencies (f,)."""
+        """Diagonal elements at frequencies."""
         values, combined = self._coefficients(omega)
         constant, matrices = self._within(place, combined=combined)
         return constant.diagonal() + values.T @ np.diagonal(matrices, axis1=1, axis2=2)
@@ -87,7 +87,7 @@ class ElasticLosses:
         place: Index,
         row: Int[np.ndarray, " frequency"],
     ) -> Complex[np.ndarray, "frequency some"]:
-        """One `row` of `place` at each frequency: (f, k)."""
+        """One `row` of `place` at each frequency."""
         values, combined = self._coefficients(omega)
         constant, matrices = self._within(place, combined=combined)
         return constant[row] + np.einsum("nf,nfk->fk", values, matrices[:, row])

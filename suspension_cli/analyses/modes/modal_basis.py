@@ -69,7 +69,7 @@ class Basis:
     def losses(
         self, s: Inexact[np.ndarray, " frequency"]
     ) -> Complex[np.ndarray, "frequency coordinate coordinate"]:
-        """G (m, n, n) at s (m,), rad/s; without loss angles where s is real."""
+        """G at s, rad/s; without loss angles where s is real."""
         s = np.asarray(s, dtype=complex)
         oscillates = np.imag(s) > 0
         if self.elastic.is_constant and oscillates.all() and len(s) and not self.viscous.any():
@@ -83,7 +83,7 @@ class Basis:
     def own_losses(
         self, s: Complex[np.ndarray, " frequency"]
     ) -> Complex[np.ndarray, "frequency coordinate"]:
-        """G_kk (m, n) at s (m,), rad/s, of oscillating motion."""
+        """G_kk at s, rad/s, of oscillating motion."""
         return s[:, None] * self.viscous.diagonal() + self.elastic.diagonal(np.imag(s), self.place)
 
     def loss_rows(

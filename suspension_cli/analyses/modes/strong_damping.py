@@ -181,14 +181,10 @@ def refine_poles(
         Z (m, A + t, A + t) at s (m,), with or without loss angles; the support's six coordinates
         first, tensions that serve as coordinates last.
     start
-        rad/s; all or none real, for motions that do not oscillate.
+        rad/s; all or none real, for motions that do not oscillate. Returned where the iteration
+        leaves its neighbourhood.
     motion
         Approximate shapes, used for b; None excites all coordinates alike.
-
-    Returns
-    -------
-    array
-        rad/s; the start where the iteration leaves its neighbourhood.
     """
     result = start.copy()
     for first in range(0, len(start), AT_ONCE):

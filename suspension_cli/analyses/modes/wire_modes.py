@@ -53,27 +53,13 @@ Dynamic = Callable[[Any, bool], Any]
 def solve(
     model: LinearSystem, highest: float, *, damping: bool = False, progress: Progress = silent
 ) -> Modes:
-    """Solve for all modes up to a frequency.
+    """Solve for all modes of the violin model up to a frequency (Hz).
 
-    Parameters
-    ----------
-    model
-        Of the violin model.
-    highest
-        Hz.
-    damping
-        Solve for modes with all losses (see `modes.damped`); else for undamped modes, with Q to
-        first order in the losses.
-    progress
-        Called with (steps done, total steps, steps per second), while frequencies are bisected,
-        then while shapes are solved for.
-
-    Returns
-    -------
-    Modes
-        Modes that do not oscillate first; for undamped modes, these neglect wire mass.
-
-    Raises `InputError` if no mode lies below `highest`.
+    If `damping`, with all losses (see `modes.damped`); else for undamped modes, with Q to first
+    order in the losses. Modes that do not oscillate are first; for undamped modes these neglect
+    wire mass. `progress` is called with (steps done, total steps, steps per second), while
+    frequencies are bisected, then while shapes are solved for. Raises `InputError` if no mode lies
+    below `highest`.
     """
     static = eigenmodes.solve(model.constant)
     omega = mode_count.frequencies(model, 2 * np.pi * highest, _lowest_frequency(static), progress)

@@ -37,15 +37,7 @@ THICK = 0.45
 
 @dataclass(frozen=True)
 class Shapes:
-    """Shapes of two modes at points of a grid around a crossing.
-
-    Attributes
-    ----------
-    modes
-        At each point, ascending.
-    rest
-        The suspension of each point at rest.
-    """
+    """Shapes of two modes, ascending, at points around a crossing, and sketches at rest."""
 
     crossing: Crossing
     modes: tuple[Modes, ...]

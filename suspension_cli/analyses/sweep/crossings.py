@@ -21,14 +21,8 @@ MIXED = 0.05
 
 @dataclass(frozen=True)
 class Point:
-    """Point of a grid near a crossing.
-
-    Attributes
-    ----------
-    at
-        Value of the parameter, SI.
-    rank
-        Numbers of the two modes among all, ascending, from 0.
+    """Point of a grid near a crossing: the parameter (SI), and the two modes' numbers from 0,
+    ascending.
     """
 
     at: float
@@ -45,8 +39,6 @@ class Crossing:
         Value of the parameter, SI.
     frequency
         Mean of the two, Hz.
-    modes
-        Labels of the two.
     mixing
         Fraction of each one's motion there that is the other's motion far away.
     around

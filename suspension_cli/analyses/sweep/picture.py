@@ -74,16 +74,8 @@ def draw(
 ) -> Figure:
     """Draw the figure of `pendsus sweep`; `title` names the design and the model.
 
-    Parameters
-    ----------
-    swept
-        Parameters after the second are kept at the grid point nearest to the nominal design.
-    stages
-        Of the design, top to bottom.
-    crossings
-        To be marked on lines.
-    shapes
-        Of crossings, to be drawn below the lines.
+    Parameters after the second are kept at the grid point nearest to the nominal design.
+    `crossings` are marked on lines, and `shapes` of some are drawn below.
     """
     with house_style():
         rest = swept.start[2:]

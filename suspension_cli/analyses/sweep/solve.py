@@ -37,10 +37,6 @@ class ParameterSweep(Product):
         The design as TOML.
     axes
         Parameters, named by dotted paths, with their values in SI.
-    level
-        Name of the model.
-    results
-        Quantities computed at every point.
     allow_unstable
         Whether responses about an unstable equilibrium count as valid.
     """
@@ -233,16 +229,9 @@ def evaluate_results(
 ) -> Float[np.ndarray, "*point result"]:
     """Evaluate results: frequencies in Hz and magnitudes of responses in SI units.
 
-    NaN for an unstable mode.
-
-    Parameters
-    ----------
-    omega_squared
-        In ascending order, (rad/s)^2.
-    rank
-        Position in `omega_squared` of each nominal mode; -1 where there is none.
-    response
-        Responses among the results, in their order.
+    NaN for an unstable mode. `omega_squared`, (rad/s)^2, is ascending, and `rank` the position
+    there of each nominal mode, or -1. `response` are the responses among the results, in their
+    order.
     """
     columns, responses = [], 0
     for result in results:

@@ -46,8 +46,6 @@ class Thermal:
     ----------
     frequency
         Hz.
-    output
-        The observed motion.
     unit
         Of the motion: m or rad.
     source
@@ -68,12 +66,12 @@ class Thermal:
 
     @property
     def amplitude(self) -> Float[np.ndarray, " frequency"]:
-        """Amplitude spectral density (f,) of the sum, unit/sqrt(Hz)."""
+        """Amplitude spectral density of the sum, unit/sqrt(Hz)."""
         return np.sqrt(self.density.sum(0))
 
     @property
     def parts(self) -> dict[str, Float[np.ndarray, " frequency"]]:
-        """Amplitude spectral density (f,) by source, unit/sqrt(Hz)."""
+        """Amplitude spectral density by source, unit/sqrt(Hz)."""
         return {name: np.sqrt(row) for name, row in zip(self.source, self.density, strict=True)}
 
 
@@ -84,23 +82,13 @@ def solve(
     signal: Signal,
     temperature: float,
 ) -> Thermal:
-    """Compute the thermal noise of a linear form of the coordinates.
+    """Compute the thermal noise of a linear form (`row`) of the coordinates, at frequencies > 0 in
+    Hz.
 
-    Only sources that contribute are listed; without loss there are none.
-
-    Parameters
-    ----------
-    frequency
-        Hz, above 0.
-    row
-        The linear form; the support is at rest.
-    signal
-        Its name and unit.
-    temperature
-        Of dampers and of the support's loss, K; other sources have their own.
-
-    Raises `InputError` at a resonance without loss, and if a part gives power back (a spring or
-    damper whose matrix is not positive).
+    Only sources that contribute are listed; without loss there are none. The support is at rest.
+    `signal` gives name and unit, `temperature` (K) is that of dampers and of the support's loss;
+    other sources have their own. Raises `InputError` at a resonance without loss, and if a part
+    gives power back (a spring or damper whose matrix is not positive).
 
     >>> from suspension_cli.design import reader
     >>> from suspension_cli.models import registry
@@ -184,7 +172,7 @@ def _check_powers(
 def compute_dissipation(
     there: EvaluatedBlock, motion: Inexact[np.ndarray, "coordinate frequency"], temperature: float
 ) -> dict[tuple[str, float], Float[np.ndarray, " frequency"]]:
-    """Compute x^H Im(Z) x (f,) of motions x (c, f) of a block, the support at rest.
+    """Compute x^H Im(Z) x of motions x of a block, the support at rest.
 
     The keys of the result are the name of a source and its temperature (K). `temperature` is that
     of dampers and of the support's loss, K.
@@ -211,7 +199,7 @@ def compute_from_susceptibility(
     row: Float[np.ndarray, " coordinate"],
     temperature: float,
 ) -> Float[np.ndarray, " frequency"]:
-    """Thermal noise from the susceptibility, -(4 k T / omega) Im(r . Z^-1 r): (f,), unit^2/Hz.
+    """Thermal noise from the susceptibility, -(4 k T / omega) Im(r . Z^-1 r), unit^2/Hz.
 
     For checks of `solve`: it loses the digits of a high Q, and has one temperature (K) for all
     parts.
@@ -229,7 +217,7 @@ def compute_from_susceptibility(
 def parse_motion(
     model: LinearSystem, text: str, tilt: float = 0.0
 ) -> tuple[Signal, Float[np.ndarray, " coordinate"]]:
-    """Parse a motion; also return its linear form (N,).
+    """Parse a motion; also return its linear form.
 
     A motion along x is taken along a beam that rises by `tilt` (rad) instead.
     """

@@ -77,8 +77,6 @@ class Sweep(Product):
         Imperfections (see `PARAMETERS`) or dotted paths, and their values.
     allow_unstable
         Whether a build with an unstable equilibrium counts as valid.
-    level
-        Name of a model that supports imperfect builds.
     balanced
         All builds in equilibrium, by the name of the model, if known.
     """
