@@ -312,7 +312,7 @@ def warn_of_neglected(
     remedy = (
         f"rerun with --fidelity {decision.needed}"
         if better
-        else "modes, response and thermal have it"
+        else "modes, response and thermal include it"
     )
     log.warn(
         f"{source.design.design.name}: the {choice.level} model neglects {decision.physics}, which"

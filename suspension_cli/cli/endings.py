@@ -54,11 +54,16 @@ def in_one_line(command: Callable[[], click.Command | None] = lambda: None) -> I
     except KeyboardInterrupt:
         _stop("interrupted", Interrupted.exit_code)
     except (MemoryError, ImportError, RuntimeError) as error:
-        if not _starved(error):
+        if not _is_out_of_memory(error):
             raise
-        _stop(_memory(error, command()), 1)
+        _stop(_describe_memory_error(error, command()), 1)
     except OSError as error:
-        _stop(_memory(error, command()) if error.errno == errno.ENOMEM else _system(error), 1)
+        _stop(
+            _describe_memory_error(error, command())
+            if error.errno == errno.ENOMEM
+            else _describe_system_error(error),
+            1,
+        )
 
 
 def _stop(text: str, code: int) -> None:
@@ -67,12 +72,12 @@ def _stop(text: str, code: int) -> None:
     raise click.exceptions.Exit(code)
 
 
-def _starved(error: BaseException) -> bool:
+def _is_out_of_memory(error: BaseException) -> bool:
     """Whether an error means that memory is exhausted."""
     return isinstance(error, MemoryError) or any(words in str(error).lower() for words in NO_MEMORY)
 
 
-def _memory(error: BaseException, command: click.Command | None) -> str:
+def _describe_memory_error(error: BaseException, command: click.Command | None) -> str:
     given = [name for param in getattr(command, "params", ()) for name in param.opts]
     smaller = [SMALLER[name] for name in SMALLER if name in given] or [
         "a design of fewer bodies and wires, or a file of fewer points"
@@ -81,14 +86,14 @@ def _memory(error: BaseException, command: click.Command | None) -> str:
     return f"out of memory{f' ({found})' if found else ''}; ask for less: {', '.join(smaller)}"
 
 
-def _system(error: OSError) -> str:
+def _describe_system_error(error: OSError) -> str:
     """Describe an error of the system; errors in results files are described by their writers."""
     reason = error.strerror or str(error)
     if error.filename is not None:
         name = error.filename
         name = os.fsdecode(name) if isinstance(name, bytes) else name
         return escape_unprintable(f"{name}: {reason}")
-    _let_go()
+    _discard_output()
     if error.errno == errno.EPIPE:
         return (
             "standard output was closed before everything was printed; files that were written are"
@@ -97,7 +102,7 @@ def _system(error: OSError) -> str:
     return f"standard output cannot be written ({reason}); files that were written are whole"
 
 
-def _let_go() -> None:
+def _discard_output() -> None:
     """Discard unprinted output, which Python would report at exit."""
     with contextlib.suppress(OSError, ValueError, AttributeError):
         handle = sys.stdout.fileno()

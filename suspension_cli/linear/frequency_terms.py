@@ -226,7 +226,7 @@ class EvaluatedWires:
         static = self.term.strand.static
         wanted = [self.term.functions[n] for n in which]
         return [
-            self.beside
+            self.even_stiffness
             if part == "stretch"
             else self.moving.stiffness(part)[i, j] - static[part][i, j]
             for part, i, j in wanted
@@ -241,7 +241,7 @@ class EvaluatedWires:
         return np.stack([*self.functions(np.arange(len(self.term.functions))), odd])
 
     @property
-    def beside(self) -> Inexact[np.ndarray, " frequency"]:
+    def even_stiffness(self) -> Inexact[np.ndarray, " frequency"]:
         """Stiffness F_ss - F_sa^2 / F_aa of the even motion, with the tension a coordinate."""
         even, mixed, odd = self.stretching
         return even - mixed**2 / odd

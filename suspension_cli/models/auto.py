@@ -150,9 +150,11 @@ def decide(
             why = ZERO if make(model).is_zero(model) else why
             return Decision(Choice(limit.name, why, 0.0), model, ())
     quantity, estimate, found = _estimator(build, build(base.model), make)
-    refinements = _series(design, base.model, quantity, build, _room([], tolerance))
+    refinements = _blade_tip_refinement(
+        design, base.model, quantity, build, _remaining_tolerance([], tolerance)
+    )
     for name in (BENDING, MASS):
-        room = _room(refinements, tolerance)
+        room = _remaining_tolerance(refinements, tolerance)
         if name == MASS and 0 < bound <= room:
             refinements.append(Refinement(MASS, bound, "", None, taken=False))
             continue
@@ -162,9 +164,9 @@ def decide(
         if name == MASS and not np.isnan(left.indicator):
             left = replace(left, indicator=quantity.mass_bound(build.wires) or left.indicator)
         refinements.append(
-            _weighed(left, quantity, build, room)
+            _include_if_large(left, quantity, build, room)
             if name not in limit.omits
-            else _sampled(left, quantity, build)
+            else _compute_if_large(left, quantity, build)
         )
     refinements = [replace(item, words=_words(item, found, build)) for item in refinements]
     model = _chosen(refinements) or base.model
@@ -189,10 +191,13 @@ def estimate_error(
         return Decision(replace(choice, error=0.0), build(model), ())
     quantity, estimate, found = _estimator(build, build(model), make)
     refinements = [
-        replace(item, taken=False) for item in _series(design, model, quantity, build, 0.0)
+        replace(item, taken=False)
+        for item in _blade_tip_refinement(design, model, quantity, build, 0.0)
     ]
     refinements += [
-        _sampled(estimate(name), quantity, build) for name in (BENDING, MASS) if name in model.omits
+        _compute_if_large(estimate(name), quantity, build)
+        for name in (BENDING, MASS)
+        if name in model.omits
     ]
     refinements = [replace(item, words=_words(item, found, build)) for item in refinements]
     return Decision(
@@ -234,10 +239,10 @@ def _choose_for_noise(build: _Builder, wanted: str, highest: float, tolerance: f
         problem = f"the {wanted} model does not know where along a wire its loss acts"
         remedy = f"take {AUTO}, {light.name} or {heavy.name}"
         raise InputError([Fault("--fidelity", problem, remedy, format_value(wanted))])
-    _demand(light, design, "give its material and radius or section, for its loss")
+    _require_valid(light, design, "give its material and radius or section, for its loss")
     if wanted == light.name and heavy.unsuitable(design):
         return Choice(light.name, f"as requested; neglected: {MASS}, of unknown effect")
-    _demand(heavy, design, f"give its material's density, or take --fidelity {light.name}")
+    _require_valid(heavy, design, f"give its material's density, or take --fidelity {light.name}")
     if wanted == heavy.name:
         return Choice(heavy.name, "as requested", 0.0)
     effect = build.wires().effect_on_noise(highest)
@@ -258,7 +263,7 @@ def _choose_for_noise(build: _Builder, wanted: str, highest: float, tolerance: f
     )
 
 
-def _demand(model: Model, design: Design, remedy: str) -> None:
+def _require_valid(model: Model, design: Design, remedy: str) -> None:
     why = model.unsuitable(design)
     if why:
         raise InputError([Fault("stage", why, remedy)])
@@ -281,7 +286,7 @@ def _estimator(
     return quantity, estimate, found
 
 
-def _series(
+def _blade_tip_refinement(
     design: Design, model: Model, quantity: QuantityOfInterest, build: _Builder, room: float
 ) -> list[Refinement]:
     """Blade tips as coordinates, where a model approximates blades as in series with wires."""
@@ -292,7 +297,7 @@ def _series(
     return [Refinement(BLADE_TIPS, 1.0, stages[0], change, not change <= room, what)]
 
 
-def _weighed(
+def _include_if_large(
     left: Refinement,
     quantity: QuantityOfInterest,
     build: _Builder,
@@ -303,23 +308,27 @@ def _weighed(
         return left
     if left.name not in quantity.computed:
         return replace(left, taken=True)
-    seen = _computed(left, quantity, build)
+    seen = _with_computed_change(left, quantity, build)
     return replace(seen, taken=not seen.estimate <= room)
 
 
-def _sampled(left: Refinement, quantity: QuantityOfInterest, build: _Builder) -> Refinement:
+def _compute_if_large(
+    left: Refinement, quantity: QuantityOfInterest, build: _Builder
+) -> Refinement:
     """Compute the change by a neglected refinement where it matters, as estimates are coarse."""
-    return _computed(left, quantity, build) if left.indicator > TOLERANCE else left
+    return _with_computed_change(left, quantity, build) if left.indicator > TOLERANCE else left
 
 
-def _computed(left: Refinement, quantity: QuantityOfInterest, build: _Builder) -> Refinement:
+def _with_computed_change(
+    left: Refinement, quantity: QuantityOfInterest, build: _Builder
+) -> Refinement:
     """Compute the change by a refinement, without the other refinements."""
     refined = registry.cheapest_with(left.name)
     change, what = quantity.change(build(registry.before(refined)), build(refined))
     return replace(left, change=change, what=what)
 
 
-def _room(refinements: list[Refinement], tolerance: float) -> float:
+def _remaining_tolerance(refinements: list[Refinement], tolerance: float) -> float:
     """The part of the tolerance that is left for neglecting the next refinement."""
     model = _chosen(refinements)
     left = refinements if model is None else _neglected(refinements, model)

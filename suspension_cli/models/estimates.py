@@ -104,7 +104,9 @@ class Estimates:
             np.sum([part[:, here] @ part[:, here].T for part in self._motion.bent], axis=0)
             for here in self._groups
         ]
-        return _over(_with_repulsion(stored, self._found) / 2, self._found.omega_squared)
+        return _relative_to_mode(
+            _with_repulsion(stored, self._found) / 2, self._found.omega_squared
+        )
 
     @cached_property
     def loss(self) -> Float[np.ndarray, "mode stage"]:
@@ -112,7 +114,7 @@ class Estimates:
         if not self._made:
             return self._unknown
         lost = self._motion.lost()
-        return _over(
+        return _relative_to_mode(
             np.stack([lost[:, here].sum(1) for here in self._groups], axis=1),
             self._found.omega_squared,
         )
@@ -154,7 +156,7 @@ class Estimates:
         return _EndMotion(self._scene, self._found, self._made)
 
 
-def _over(
+def _relative_to_mode(
     energy: Float[np.ndarray, "mode stage"], omega_squared: Float[np.ndarray, " mode"]
 ) -> Float[np.ndarray, "mode stage"]:
     """Energy relative to that of each mode; 0 if both are 0."""
@@ -248,7 +250,7 @@ class _EndMotion:
     def lost(self) -> Float[np.ndarray, "mode wire"]:
         """Imaginary part of v^T dK v, by bending, twisting and stretching of all wires."""
         wires, (torsion, sheared) = self.wires, self._torsion
-        angle = np.array(self._each(lambda fibre, tension, _: _angles(fibre, tension))).T
+        angle = np.array(self._per_wire(lambda fibre, tension, _: _angles(fibre, tension))).T
         stretched = (self._chord * self.along).sum(-1) * wires.length
         twist_lost = np.where(
             wires.torsion > 0,
@@ -263,7 +265,7 @@ class _EndMotion:
             lost = lost + angle[0] / 2 * self._hinges[end, plane, :, 0] * turned**2
         return lost
 
-    def _each(self, function: Callable[[Fibre, float, float], T]) -> list[T]:
+    def _per_wire(self, function: Callable[[Fibre, float, float], T]) -> list[T]:
         """Evaluate a function of composition, tension and length of each wire, once for equal
         wires.
         """
@@ -288,12 +290,12 @@ class _EndMotion:
     @cached_property
     def _torsion(self) -> Float[np.ndarray, "two wire"]:
         """Stiffness of torsion, and the fraction that is in shear."""
-        return np.array(self._each(lambda fibre, tension, _: _torsion(fibre, tension))).T
+        return np.array(self._per_wire(lambda fibre, tension, _: _torsion(fibre, tension))).T
 
     @cached_property
     def _hinges(self) -> Float[np.ndarray, "end plane wire two"]:
         """Stiffness of ends against turning, and the part of it that strings lack."""
-        found = self._each(
+        found = self._per_wire(
             lambda fibre, tension, length: [
                 [_hinge(fibre, end, plane, tension, length) for plane in (0, 1)] for end in (0, 1)
             ]
@@ -326,7 +328,9 @@ class _EndMotion:
     def _wave_forces(self) -> tuple[Float[np.ndarray, "mode wire 12"], ...]:
         """Forces on the ends of all wires by their mass, and the motions of these ends."""
         first, mixed, last, reach = np.array(
-            self._each(lambda fibre, tension, _: (*moments(fibre), hinge_distance(fibre, tension)))
+            self._per_wire(
+                lambda fibre, tension, _: (*moments(fibre), hinge_distance(fibre, tension))
+            )
         ).T
         whole = first + 2 * mixed + last
         mass = np.where(whole > 0, 3 * np.maximum(first, last), 0.0)  # the denser half counts

@@ -77,7 +77,7 @@ def on_cluster(
     from distributed.comm import CommClosedError  # pyright: ignore
 
     try:
-        yield from _computed(job, ranges, client)
+        yield from _compute_ranges(job, ranges, client)
     except (CancelledError, CommClosedError) as error:
         raise PendsusError(
             f"the connection to the scheduler was lost ({str(error).splitlines()[0]}); restart it"
@@ -90,7 +90,7 @@ def on_cluster(
         ) from None
 
 
-def _computed(
+def _compute_ranges(
     job: Job, ranges: list[tuple[int, int]], client: Client
 ) -> Iterator[tuple[tuple[int, int], ColumnValues]]:
     from distributed import as_completed  # pyright: ignore[reportMissingImports]

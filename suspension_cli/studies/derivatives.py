@@ -69,7 +69,7 @@ class Linear:
         Of each body, the support first.
     scene
         The scene of the model, with a complex step where this is a derivative.
-    beside
+    ground_columns
         Columns of stiffness, damping and loss for the motion of the ground beside the support.
     """
 
@@ -79,14 +79,16 @@ class Linear:
     loss: Inexact[np.ndarray, "coordinate coordinate"]
     orientation: Inexact[np.ndarray, "1+body 3 3"]
     scene: Scene
-    beside: Float[np.ndarray, "3 coordinate 6"] | None = field(default=None, kw_only=True)
+    ground_columns: Float[np.ndarray, "3 coordinate 6"] | None = field(default=None, kw_only=True)
 
     @property
     def driven_by_ground(self) -> Linear:
         """With the motion of the ground in the support's columns, without its rows."""
-        assert self.beside is not None
+        assert self.ground_columns is not None
         parts = {}
-        for name, columns in zip(("stiffness", "damping", "loss"), self.beside, strict=True):
+        for name, columns in zip(
+            ("stiffness", "damping", "loss"), self.ground_columns, strict=True
+        ):
             matrix = getattr(self, name).copy()
             matrix[:, :6] = columns
             parts[name] = matrix
@@ -97,7 +99,7 @@ class Linear:
     @cached_property
     def mirrors(self) -> Bool[np.ndarray, " axis"]:
         """Symmetry under mirroring x and y; of a derivative, whether the change keeps it."""
-        return is_mirror_symmetric(_enlarged(self.scene))
+        return is_mirror_symmetric(_scale_steps(self.scene))
 
     def dynamic(
         self, omega: Float[np.ndarray, "*frequency"] | float
@@ -200,8 +202,10 @@ def linear(base: Differentiable, now: Moved) -> Linear:
     """Differentiate all matrices along a complex step."""
     whole = _linear(now.design, now.scene, base.numbering, now.pose, now.stiffness)
     parts = (whole.mass, whole.stiffness, whole.damping, whole.loss, whole.orientation)
-    beside = None if whole.beside is None else np.imag(whole.beside) / STEP
-    return Linear(*(np.imag(part) / STEP for part in parts), scene=now.scene, beside=beside)
+    ground_columns = None if whole.ground_columns is None else np.imag(whole.ground_columns) / STEP
+    return Linear(
+        *(np.imag(part) / STEP for part in parts), scene=now.scene, ground_columns=ground_columns
+    )
 
 
 @dataclass(frozen=True)
@@ -233,10 +237,10 @@ def moved(base: Differentiable, rates: dict[str, float]) -> Moved | None:
     scene = registry.STRING.completed(scene, design)
     gradient, stiffness = gradient_and_stiffness(scene, base.numbering, base.pose)
     pose = base.pose
-    if _searched(base):
+    if _solves_for_pose(base):
         free = slice(6, None)
         change = np.zeros(base.numbering.size)
-        change[free] = -_solved(base.stiffness[free, free], np.imag(gradient[free]) / STEP)
+        change[free] = -_solve_scaled(base.stiffness[free, free], np.imag(gradient[free]) / STEP)
         if change.any():
             pose = displace(base.numbering, pose, 1j * STEP * change)
             stiffness = gradient_and_stiffness(scene, base.numbering, pose)[1]
@@ -256,9 +260,9 @@ def _moved_bending(base: Differentiable, design: Design, scene: Scene) -> Moved:
         scene = bending.with_bending(scene, now.tension, now.length)
         gradient, stiffness = gradient_and_stiffness(scene, base.numbering, pose)
         rest = np.imag(gradient[free]) / STEP
-        if not (base.turned or _searched(base) or np.abs(rest).max() > balanced):
+        if not (base.turned or _solves_for_pose(base) or np.abs(rest).max() > balanced):
             break
-        step = -_solved(base.stiffness[free, free], rest)
+        step = -_solve_scaled(base.stiffness[free, free], rest)
         if np.abs(step).max() <= CONVERGED * np.abs(change).max():
             break
         change[free] += step
@@ -266,7 +270,7 @@ def _moved_bending(base: Differentiable, design: Design, scene: Scene) -> Moved:
     return Moved(design, scene, pose, stiffness)
 
 
-def _enlarged(scene: Scene) -> Scene:
+def _scale_steps(scene: Scene) -> Scene:
     """Scale complex steps of a scene to derivatives, for comparisons that allow for rounding."""
 
     def grown(part: Any) -> Any:
@@ -280,7 +284,7 @@ def _enlarged(scene: Scene) -> Scene:
     return replace(scene, **{name: grown(part) for name, part in scene.parts.items()})
 
 
-def _searched(base: Differentiable) -> bool:
+def _solves_for_pose(base: Differentiable) -> bool:
     """Whether the pose was solved for, and so depends on the design's numbers."""
     return base.scene.drawn is not None or solves_pose(base.design)
 
@@ -297,7 +301,7 @@ def _unbalanced(base: Differentiable, scene: Scene, design: Design) -> bool:
     return bool(left > MOVED * float(base.scene.weight))
 
 
-def _solved(
+def _solve_scaled(
     matrix: Float[np.ndarray, "coordinate coordinate"], right: Float[np.ndarray, " coordinate"]
 ) -> Float[np.ndarray, " coordinate"]:
     """Solve K x = f in scaled coordinates; the shortest solution where K is singular."""
@@ -324,7 +328,7 @@ def _linear(
         stiffness=stiffness,
         damping=string_model.damping_matrix(scene, numbering, pose),
     )
-    loss, beside = string_model.loss_matrix(scene, numbering, pose), None
+    loss, ground_columns = string_model.loss_matrix(scene, numbering, pose), None
     if scene.springs.grounded.any():
         ground = string_model.ground_couplings(scene, numbering, pose)
         without = string_model.without_ground
@@ -334,15 +338,23 @@ def _linear(
             damping=without(plain.damping, ground.damping),
         )
         loss = without(loss, ground.loss)
-        beside = np.stack([ground.stiffness, ground.damping, ground.loss])[..., :6]
-        beside[:, :6] = 0.0
+        ground_columns = np.stack([ground.stiffness, ground.damping, ground.loss])[..., :6]
+        ground_columns[:, :6] = 0.0
     whole = surrounded(plain, design)
     if design.support is not None:
         loss = with_frame(replace(plain, stiffness=loss), _lossy_frame(design)).stiffness
     turned = pose.rotation + np.zeros((len(body) + 1, 3, 3))
-    if beside is not None:
-        beside = np.pad(beside, ((0, 0), (0, whole.size - numbering.size), (0, 0)))
-    return Linear(whole.mass, whole.stiffness, whole.damping, loss, turned, scene, beside=beside)
+    if ground_columns is not None:
+        ground_columns = np.pad(ground_columns, ((0, 0), (0, whole.size - numbering.size), (0, 0)))
+    return Linear(
+        whole.mass,
+        whole.stiffness,
+        whole.damping,
+        loss,
+        turned,
+        scene,
+        ground_columns=ground_columns,
+    )
 
 
 def _lossy_frame(design: Design) -> Design:

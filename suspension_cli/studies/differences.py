@@ -53,13 +53,13 @@ class DispersiveLinear(Linear):
         Frequency-dependent part of the stiffness at each of the requested frequencies.
     kept
         See `mirrors`.
-    beside_dispersive
+    ground_dispersive
         Likewise for the motion of the ground beside the support.
     """
 
     dispersive: Complex[np.ndarray, "frequency coordinate coordinate"]
     kept: Bool[np.ndarray, " 2"]
-    beside_dispersive: Complex[np.ndarray, "frequency coordinate 6"] | None = None
+    ground_dispersive: Complex[np.ndarray, "frequency coordinate 6"] | None = None
 
     @cached_property
     def mirrors(self) -> Bool[np.ndarray, " 2"]:
@@ -73,16 +73,16 @@ class DispersiveLinear(Linear):
 
     def at(self, number: int) -> DispersiveLinear:
         """Matrices at one of the frequencies."""
-        more, beside = self.dispersive[number], self.beside
-        if beside is not None:
-            assert self.beside_dispersive is not None
-            own = self.beside_dispersive[number]
-            beside = beside + np.stack([own.real, 0 * own.real, own.imag])
+        more, ground_columns = self.dispersive[number], self.ground_columns
+        if ground_columns is not None:
+            assert self.ground_dispersive is not None
+            own = self.ground_dispersive[number]
+            ground_columns = ground_columns + np.stack([own.real, 0 * own.real, own.imag])
         return replace(
             self,
             stiffness=self.stiffness + more.real,
             loss=self.loss + more.imag,
-            beside=beside,
+            ground_columns=ground_columns,
         )
 
 
@@ -138,7 +138,7 @@ def derived(
     moves = [
         (name, step, node) for name, step in steps.items() if step is not None for node in NODES
     ]
-    solved = _solved(
+    solved = _solve_designs(
         [design, *(_moved(design, rates[name], node * step) for name, step, node in moves)],
         np.array(omega, dtype=float),
         base.scene,
@@ -187,19 +187,19 @@ def _scale(linear: Linear, change: Linear, value: float) -> float:
     )
 
 
-def _solved(
+def _solve_designs(
     designs: list[Design], omega: Float[np.ndarray, " frequency"], scene: Scene, level: str
 ) -> list[DispersiveLinear | None]:
     """Compute the matrices of each design in its equilibrium; None where it has none."""
     result: list[DispersiveLinear | None] = [None] * len(designs)
     for places, scenes, design in variants.alike(designs, level):
         found = builds.balance(stack.stack_scenes(scenes), design, level=level, allow_unstable=True)
-        for place, one in zip(places, _each(found, omega, scene), strict=True):
+        for place, one in zip(places, _solve_builds(found, omega, scene), strict=True):
             result[place] = one
     return result
 
 
-def _each(
+def _solve_builds(
     found: Builds, omega: Float[np.ndarray, " frequency"], scene: Scene
 ) -> list[DispersiveLinear | None]:
     """Compute the matrices of each build of a batch."""
@@ -208,7 +208,9 @@ def _each(
     each, every = np.tile(omega, count), np.repeat(np.arange(count), len(omega))
     dispersive = further_stiffness(model, found.terms, every, each)
     dispersive = dispersive.reshape(count, len(omega), size, size)
-    beside, beside_dispersive = _beside(found, every, each, (count, len(omega), size))
+    ground_columns, ground_dispersive = _ground_columns(
+        found, every, each, (count, len(omega), size)
+    )
     mass, stiffness, damping = (
         np.broadcast_to(matrix, (count, size, size))
         for matrix in (model.mass, model.stiffness, model.damping)
@@ -230,8 +232,8 @@ def _each(
             scene,
             dispersive[n],
             found.mirrors[n],
-            None if beside_dispersive is None else beside_dispersive[n],
-            beside=None if beside is None else beside[n],
+            None if ground_dispersive is None else ground_dispersive[n],
+            ground_columns=None if ground_columns is None else ground_columns[n],
         )
         if good[n]
         else None
@@ -239,7 +241,7 @@ def _each(
     ]
 
 
-def _beside(
+def _ground_columns(
     found: Builds,
     every: Int[np.ndarray, " system"],
     each: Float[np.ndarray, " system"],
@@ -273,8 +275,8 @@ def _difference(around: list[DispersiveLinear | None], step: float) -> Dispersiv
         name: slope(name)
         for name in ("mass", "stiffness", "damping", "loss", "orientation", "dispersive")
     }
-    if near.beside is not None:
-        moving |= {name: slope(name) for name in ("beside", "beside_dispersive")}
+    if near.ground_columns is not None:
+        moving |= {name: slope(name) for name in ("ground_columns", "ground_dispersive")}
     return replace(
         near, **moving, kept=np.all([one.kept for one in (before, near, after, far)], axis=0)
     )

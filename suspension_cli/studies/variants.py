@@ -55,7 +55,7 @@ def scenes(
         Numbers of the points. Points with an invalid design are in no batch.
     """
     rows, pick = np.unique(np.stack(list(values.values()), axis=1), axis=0, return_inverse=True)
-    designs = (_valid(text, dict(zip(values, row, strict=True))) for row in rows)
+    designs = (_parse_if_valid(text, dict(zip(values, row, strict=True))) for row in rows)
     for numbers, members, design in alike(designs, level):
         place = np.full(len(rows), -1)
         place[numbers] = np.arange(len(members))
@@ -64,7 +64,7 @@ def scenes(
         yield stack.stack_scenes(members, number[here]), design, here
 
 
-def _valid(text: str, values: dict[str, float]) -> Design | None:
+def _parse_if_valid(text: str, values: dict[str, float]) -> Design | None:
     """Parse a design with these numbers; None if it is invalid."""
     try:
         return overridden(text, values)
@@ -130,7 +130,7 @@ def _balanced_designs(
     """Build batches of symmetric designs of one key; their nominal pose is the equilibrium."""
     kinds: dict[Hashable, list[tuple[int, Design]]] = {}
     for n, row in enumerate(np.stack(list(values.values()), axis=1)):
-        design = _valid(text, dict(zip(values, row, strict=True)))
+        design = _parse_if_valid(text, dict(zip(values, row, strict=True)))
         if design is None or model.unsuitable(design):
             continue
         key = model.batch_key(design)

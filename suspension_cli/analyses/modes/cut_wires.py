@@ -184,8 +184,8 @@ def _tensions(
     mixed = stiffness[0, 1] / stiffness[1, 1]
     scale = float(cut.whole.tension) / sum(section.length for section in wire.fibre.sections)
     across = scale * (odd + even * mixed[:, None, None])
-    beside = stiffness[0, 0] - mixed * stiffness[0, 1]
-    return across, -(scale**2) / stiffness[1, 1], beside[:, None, None] * (even.T @ even)
+    remainder = stiffness[0, 0] - mixed * stiffness[0, 1]
+    return across, -(scale**2) / stiffness[1, 1], remainder[:, None, None] * (even.T @ even)
 
 
 def _assemble(
