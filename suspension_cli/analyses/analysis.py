@@ -404,9 +404,7 @@ class Analysis(ABC):
         return 0
 
     def read(self, ask: Callable[..., Run], files: Settings) -> Sequence[Run]:
-        """Read the files that the arguments (by name) name, each design by ``ask(file,
-        overrides=())``.
-        """
+        """Read the files that the arguments name, each design by ``ask(file, overrides=())``."""
         return [ask(files["design"])]
 
 

@@ -58,9 +58,7 @@ LINKS = (
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of text under headings; widths in inches, the first column aligned left, the others
-    right.
-    """
+    """Rows of text under headings; widths in inches, the first column left-aligned."""
 
     title: str
     heads: tuple[str, ...]
@@ -199,9 +197,7 @@ def _first_rows(
 def write(
     canvas: Canvas, left: float, top: float, table: Table, colours: Sequence[str] = ()
 ) -> None:
-    """Write a table on a canvas from its upper left corner, in; `colours` are those of the first
-    column.
-    """
+    """Write a table on a canvas from its upper left corner, in; `colours` of the first column."""
     canvas.text(
         left,
         top - 0.5 * ROW,

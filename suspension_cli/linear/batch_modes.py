@@ -33,9 +33,7 @@ class Spectrum:
 
 
 def solve(model: LinearSystem) -> Spectrum:
-    """Solve for the undamped modes of a batch with one axis; results do not depend on other
-    systems.
-    """
+    """Solve for the undamped modes of a batch with one axis, each independent of the others."""
     condensed = model
     if model.separated is not None:
         from suspension_cli.linear import compiled  # takes half a second

@@ -51,9 +51,7 @@ class Pattern:
 
     @cached_property
     def start(self) -> list[int]:
-        """Number of each step's first element, on the diagonal; last, the number of all
-        elements.
-        """
+        """Number of each step's first element, on the diagonal; last, the number of elements."""
         return [0, *np.cumsum([1 + len(steps) for steps in self.later]).tolist()]
 
     @cached_property

@@ -55,11 +55,10 @@ def body_overlap(
     columns: Inexact[np.ndarray, "column _"],
     mass: Float[np.ndarray, "moving moving"],
 ) -> Float[np.ndarray, "row column"]:
-    """Overlaps |u^T M v| of mode shapes in the motion of bodies, with their mass matrix M (6 b, 6
-    b).
+    """Overlaps |u^T M v| of mode shapes in the motion of bodies, with their mass matrix M.
 
-    Models with different coordinates of blade tips or wires share these. Shapes (m, N - 6) and (n,
-    N' - 6) have unit modal mass, in the named coordinates.
+    Models with different coordinates of blade tips or wires share these. Shapes have unit modal
+    mass, in the named coordinates.
     """
     count = len(mass)
     return np.abs(rows[:, :count] @ mass @ columns[:, :count].T)

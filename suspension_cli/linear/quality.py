@@ -95,9 +95,7 @@ def end_motions(
 
 
 def knows_energy(model: LinearSystem) -> bool:
-    """Whether the energy in lossy elements is known; tables of stiffness against frequency lack
-    it.
-    """
+    """Whether the energy in lossy elements is known; tables against frequency lack it."""
     return any(not isinstance(term, LossTerm) or term.storage is None for term in model.terms)
 
 

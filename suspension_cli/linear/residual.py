@@ -144,8 +144,7 @@ class Equations:
         *,
         slices: int = COARSE,
     ) -> Inexact[np.ndarray, "coordinate input frequency"]:
-        """Compute the residual b - D v, rounded once, of v in double-double; NaN where v is not
-        finite.
+        """Compute the residual b - D v of v in double-double, rounded; NaN where v is not finite.
 
         `omega` in rad/s; `loads` of each input, or single ones for one column of v; `slices` COARSE
         or FINE.

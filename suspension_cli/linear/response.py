@@ -29,9 +29,7 @@ CHUNK = 1 << 17
 
 @dataclass(frozen=True)
 class Peaks:
-    """Largest magnitude of each response, SI, infinite at a pole without loss, and its frequency,
-    Hz.
-    """
+    """Largest magnitude (SI) of each response and its frequency (Hz); infinite at a lossless pole."""
 
     frequency: Float[np.ndarray, "output input"]
     size: Float[np.ndarray, "output input"]

@@ -119,9 +119,7 @@ def parse_output(text: str, known: tuple[str, ...], option: str = "--output") ->
 
 
 def parse(text: str, option: str, bodies: tuple[str, ...]) -> Signal:
-    """Parse the name of a signal; `bodies` as from `bodies_with_signals`, `option` for error
-    messages.
-    """
+    """Parse the name of a signal of `bodies_with_signals`; `option` is for error messages."""
     name, at, where = text.partition("@")
     body, _, motion = name.rpartition(".")
     body, pair, against = body.partition(BETWEEN)

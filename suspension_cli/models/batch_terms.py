@@ -35,8 +35,7 @@ class BatchTerm(Protocol):
         omega: Float[np.ndarray, " build"],
         which: Int[np.ndarray, " build"],
     ) -> None:
-        """Add it in place to the stiffness (q, N, N) of builds (q,), each at its frequency in
-        rad/s.
+        """Add it in place to the stiffness (q, N, N) of builds, each at its frequency in rad/s.
 
         Or set the compliance (q, w) of wires against stretching, m/N.
         """

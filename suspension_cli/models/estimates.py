@@ -266,9 +266,7 @@ class _EndMotion:
         return lost
 
     def _per_wire(self, function: Callable[[Fibre, float, float], T]) -> list[T]:
-        """Evaluate a function of composition, tension and length of each wire, once for equal
-        wires.
-        """
+        """Evaluate a function of composition, tension and length of each wire, once if equal."""
         known: dict[Hashable, T] = {}
         found = []
         numbers = zip(self.wires.tension.tolist(), self.wires.length.tolist(), strict=True)

@@ -41,9 +41,7 @@ LEVELS = (AUTO, *FILES)
 
 
 def __getattr__(name: str) -> Any:
-    """`MODELS`, `SCENE_MODELS` (of any geometry, with imperfect builds), `MOST_COMPLETE`, `STRING`,
-    ...
-    """
+    """`MODELS`, `SCENE_MODELS` (general, with imperfect builds), `MOST_COMPLETE`, `STRING`, ..."""
     if name == "MODELS":
         return _models()
     if name == "MOST_COMPLETE":

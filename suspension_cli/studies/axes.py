@@ -82,9 +82,7 @@ def ends_and_middle_points(axes: tuple[Axis, ...]) -> Int[np.ndarray, " point"]:
 
 
 def _chosen(axes: tuple[Axis, ...]) -> list[list[int]]:
-    """Choose the first, middle and last value of each axis; after the third axis only the middle
-    one.
-    """
+    """Choose the first, middle and last value of each axis; after the third axis, the middle."""
     last = [len(axis.values) - 1 for axis in axes]
     middle = [len(axis.values) // 2 for axis in axes]
     return [

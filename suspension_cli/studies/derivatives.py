@@ -58,13 +58,12 @@ cannot change alone."""
 
 @dataclass(frozen=True)
 class Linear:
-    """Matrices of a linear model, or their derivatives, in the named coordinates with the
-    support's.
+    """Matrices of a linear model, or their derivatives, in the named coordinates.
 
     Attributes
     ----------
     mass, stiffness, damping, loss
-        SI; `loss` is the imaginary part of the stiffness.
+        SI, with the support's coordinates; `loss` is the imaginary part of the stiffness.
     orientation
         Of each body, the support first.
     scene

@@ -113,8 +113,7 @@ def derived(
     level: str = registry.BEAM.name,
     omega: Sequence[float] = (),
 ) -> tuple[Differentiable, dict[str, DispersiveLinear | None]]:
-    """Differentiate the matrices of a design, evaluated at frequencies `omega` (rad/s), by
-    differences.
+    """Differentiate the matrices of a design at frequencies `omega` (rad/s) by differences.
 
     `level` is the name of a model that supports builds.
 

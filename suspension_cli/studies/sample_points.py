@@ -1,10 +1,9 @@
-"""Points of the unit cube from which builds are drawn: random or low-discrepancy, also in the
-blocks that Sobol indices need.
+"""Points of the unit cube from which builds are drawn: random, low-discrepancy, or in blocks.
 
 Random numbers are counter-based (Philox; Salmon et al., Proc. SC11 (2011)). Low-discrepancy points
 are those of `REPLICATES` independently scrambled Sobol sequences (Owen, J. Complexity 14, 466
-(1998)), whose scatter gives the error of a mean. The point of a build depends only on its number,
-so builds can be drawn in any chunks.
+(1998)), whose scatter gives the error of a mean. Sobol indices need blocks of points. The point of
+a build depends only on its number, so builds can be drawn in any chunks.
 """
 
 from __future__ import annotations

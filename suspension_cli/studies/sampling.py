@@ -1,5 +1,4 @@
-"""Random imperfections of builds from the `[tolerance]` table: which numbers scatter, how, and how
-they get into a scene.
+"""Random imperfections of builds from the `[tolerance]` table, and their effect on a scene.
 
 Random numbers are counter-based (Philox; Salmon et al., Proc. SC11 (2011)): build n takes the n-th
 row of one stream of uniform numbers, whichever builds are drawn with it.

@@ -21,9 +21,7 @@ MIXED = 0.05
 
 @dataclass(frozen=True)
 class Point:
-    """Point of a grid near a crossing: the parameter (SI), and the two modes' numbers from 0,
-    ascending.
-    """
+    """Point of a grid near a crossing: the parameter (SI), and the two modes' numbers from 0."""
 
     at: float
     rank: tuple[int, int]

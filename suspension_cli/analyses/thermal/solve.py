@@ -82,13 +82,12 @@ def solve(
     signal: Signal,
     temperature: float,
 ) -> Thermal:
-    """Compute the thermal noise of a linear form (`row`) of the coordinates, at frequencies > 0 in
-    Hz.
+    """Compute the thermal noise of a linear form (`row`) of the coordinates, at frequencies in Hz.
 
-    Only sources that contribute are listed; without loss there are none. The support is at rest.
-    `signal` gives name and unit, `temperature` (K) is that of dampers and of the support's loss;
-    other sources have their own. Raises `InputError` at a resonance without loss, and if a part
-    gives power back (a spring or damper whose matrix is not positive).
+    The frequencies are above 0. Only sources that contribute are listed; without loss there are
+    none. The support is at rest. `signal` gives name and unit, `temperature` (K) is that of dampers
+    and of the support's loss; other sources have their own. Raises `InputError` at a resonance
+    without loss, and if a part gives power back (a spring or damper whose matrix is not positive).
 
     >>> from suspension_cli.design import reader
     >>> from suspension_cli.models import registry
