@@ -29,7 +29,7 @@ CHUNK = 1 << 17
 
 @dataclass(frozen=True)
 class Peaks:
-    """Largest magnitude (SI) of each response and its frequency (Hz); infinite at a lossless pole."""
+    """Largest magnitude (SI) of each response, infinite at a lossless pole, and where (Hz)."""
 
     frequency: Float[np.ndarray, "output input"]
     size: Float[np.ndarray, "output input"]
