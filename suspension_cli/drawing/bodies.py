@@ -78,8 +78,9 @@ class Outline:
 def outline(body: Body, mass: float, inertia: Any, least: float = 0.0) -> Outline:
     """Outline of one body, with half extents of at least `least`, m.
 
-    The cylinder or box of the design; for a body given by its inertia, the homogeneous box of the
-    same mass and moments, Lx^2 = 6 (Iy + Iz - Ix) / m, or 0 where that is negative.
+    The cylinder or box of the design; for a body given by its inertia (3, 3), kg m^2 about the COM,
+    the homogeneous box of the same mass (kg) and moments, Lx^2 = 6 (Iy + Iz - Ix) / m, or 0 where
+    that is negative.
     """
     if body.shape == "box":
         assert body.size is not None

@@ -215,7 +215,7 @@ def relative_error_bound(
 ) -> Float[np.ndarray, " mode"]:
     """Bound on the relative error of each mode's frequency from rounding the stiffness.
 
-    Infinite for a rigid mode. Modes as in `eigenmodes.Modes`.
+    Infinite for a rigid mode. `omega_squared`, (rad/s)^2, and `shape` are as in `eigenmodes.Modes`.
     """
     adapted = np.pad(shape, ((0, 0), (6, 0))) @ model.basis  # the basis is orthogonal
     size = (
