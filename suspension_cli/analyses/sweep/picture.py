@@ -72,20 +72,10 @@ def draw(
     crossings: Sequence[Crossing] = (),
     shapes: Sequence[Shapes] = (),
 ) -> Figure:
-    """Draw the figure of `pendsus sweep`.
+    """Draw the figure of `pendsus sweep`; `title` names the design and the model.
 
-    Parameters
-    ----------
-    swept
-        Parameters after the second are kept at the grid point nearest to the nominal design.
-    title
-        Names of the design and the model.
-    stages
-        Of the design, top to bottom.
-    crossings
-        To be marked on lines.
-    shapes
-        Of crossings, to be drawn below the lines.
+    Parameters after the second are kept at the grid point nearest to the nominal design.
+    `crossings` are marked on lines, and `shapes` of some are drawn below.
     """
     with house_style():
         rest = swept.start[2:]
@@ -253,7 +243,7 @@ def _panel(
     looks: dict[int, tuple[str, Any]],
     x: Any,
 ) -> list[str]:
-    """Draw the results of one unit; returns remarks on what is grey or beyond the axes."""
+    """Draw the results of one unit; return remarks on what is grey or beyond the axes."""
     marker = "o" if len(x) == 1 else None
     if _is_geometric(swept.axes[0].values):
         axes.set_xscale("log")
@@ -335,7 +325,7 @@ def _mark_failures(panels: Sequence[Axes], swept: SweepResult, x: Any) -> None:
 
 
 def _mark_crossings(axes: Axes, crossings: Sequence[Crossing], first: Axis) -> None:
-    """Mark where modes meet, with letters apart from each other that the remarks explain."""
+    """Mark where modes meet, with letters that the remarks explain."""
     axes.autoscale_view()
     points = [(one.at * first.displayed_unit[1], one.frequency) for one in crossings]
     marks = axes.transData.transform(points) * 72 / axes.figure.dpi
@@ -415,7 +405,7 @@ def _draw_map(axes: Axes, swept: SweepResult, value: Any, n: int) -> None:
 
 
 def _label_contours(axes: Axes, lines: Any, marks: Sequence[Any]) -> None:
-    """Label contours in their middle, or beside it where a mark is near."""
+    """Label contours in their middle, or away from it where a mark is near."""
     taken = axes.transData.transform(np.reshape(marks, (-1, 2)))
     places = []
     for path in lines.get_paths():
