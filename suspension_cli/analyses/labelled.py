@@ -1,4 +1,4 @@
-"""Results as labelled arrays: what a results file holds, as an `xarray.Dataset`."""
+"""Results as labelled arrays: the contents of a results file as an `xarray.Dataset`."""
 
 from __future__ import annotations
 
@@ -30,10 +30,7 @@ def stored_group(result: Any) -> Iterator[Stored]:
 def to_xarray(result: Any) -> xarray.Dataset:
     """Convert an `analysis.Result`; dimensions and coordinates are the scales of its file.
 
-    Returns
-    -------
-    xarray.Dataset
-        Each array with its `units`; attributes name design, model and estimated error.
+    Each array has its `units`; attributes name design, model and estimated error.
     """
     import xarray  # pyright: ignore[reportMissingImports]
 
@@ -48,9 +45,9 @@ def to_xarray(result: Any) -> xarray.Dataset:
 
 
 def _variables(group: Stored) -> dict[str, tuple[list[str], np.ndarray, dict[str, str]]]:
-    """Return (dimensions, values, attributes) of every dataset of a group and its subgroups.
+    """Dimensions, values and attributes of every dataset of a group.
 
-    Those of subgroups have dotted names.
+    Datasets of subgroups have dotted names.
     """
     found = {}
 
@@ -81,5 +78,5 @@ def values_of(data: h5py.Dataset) -> Stored:
 
 
 def _dotted(path: str) -> str:
-    """Return a path within a group as the name of a variable."""
+    """A path within a group as the name of a variable."""
     return path.replace("/", ".")

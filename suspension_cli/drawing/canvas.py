@@ -52,16 +52,9 @@ class _Line(NamedTuple):
 
 
 class Canvas:
-    """Shapes collected for one pair of axes.
+    """Shapes collected for one pair of axes, whose limits and scale the caller sets.
 
-    Parameters
-    ----------
-    axes
-        Their limits and scale are set by the caller.
-
-    Examples
-    --------
-    ``canvas = sheet(figure); canvas.line([[0, 0], [1, 1]], "black", 0.5, 1); canvas.flush()``
+    ``canvas = full_canvas(figure); canvas.line([[0, 0], [1, 1]], "black", 0.5, 1); canvas.flush()``
     """
 
     def __init__(self, axes: Axes) -> None:
@@ -78,7 +71,7 @@ class Canvas:
         width: float,
         order: float,
     ) -> None:
-        """Add a filled polygon (p, 2), its edge of a width in points; a larger order lies above."""
+        """Add a filled polygon (p, 2), its edge of a width in points; a larger order is above."""
         self._polygons[order].append(_Polygon(np.asarray(points), face, edge, width))
 
     def line(
@@ -95,15 +88,9 @@ class Canvas:
     def stamp(
         self, key: Hashable, shift: Array | tuple[float, float], draw: Callable[[Canvas], None]
     ) -> None:
-        """Draw shapes moved by a vector (2,); those of equal keys are made once.
+        """Draw shapes moved by a vector (2,); those of equal `key` are made once.
 
-        Parameters
-        ----------
-        key
-            Of shapes that are equal but for their place.
-        shift : (2,) array
-        draw
-            Adds the shapes (no text) to a canvas, about the origin.
+        `draw` adds the shapes (no text) to a canvas, about the origin.
         """
         made = self._stamps.get(key)
         if made is None:
@@ -154,7 +141,7 @@ class Canvas:
 
 
 def _once(values: tuple[T, ...]) -> T | tuple[T, ...]:
-    """Return one of equal values, which takes less time to draw, else all."""
+    """Return one of equal values, which draws faster, else all."""
     first = values[0]
     return first if all(value == first for value in values) else values
 

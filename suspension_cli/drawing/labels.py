@@ -56,10 +56,6 @@ def annotate(
         Further boxes to avoid, pixels.
     lines : sequence of (x0, y0, x1, y1)
         Vertical or horizontal lines to avoid if possible, pixels.
-
-    Returns
-    -------
-    list of Text
     """
     pixel = axes.figure.dpi / 72
     where = axes.transData.transform(np.array(points, dtype=float).reshape(-1, 2))
@@ -104,7 +100,7 @@ def _cheapest(
 ) -> tuple[float, Float[np.ndarray, " 4"]]:
     """Reach and box of the first place of least cost.
 
-    Ends as soon as even a free place farther away would cost more.
+    Ends when even a free place farther away would cost more.
     """
     least, chosen = np.inf, (0.0, np.zeros(4))
     for cost, place in places:

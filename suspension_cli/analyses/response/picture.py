@@ -71,7 +71,7 @@ def draw(response: Response, title: str, scale: str = "db", stages: Sequence[str
 
 
 def _say_zero(axes: Axes, frequency: Float[np.ndarray, " frequency"]) -> None:
-    """Say that no response of a panel differs from 0."""
+    """Say that all responses of a panel are 0."""
     axes.set_yticks([])
     if len(frequency) > 1:
         axes.set_xlim(frequency[0], frequency[-1])
@@ -87,7 +87,7 @@ def _name(response: Response, o: int, i: int) -> str:
 def _looks(
     response: Response, pairs: Sequence[tuple[int, int]], stages: Sequence[str]
 ) -> dict[tuple[int, int], tuple[str, LineStyleType]]:
-    """Colour of each pair's output stage, and dashes that tell pairs of one colour apart."""
+    """Colour of each pair's output stage, and dashes that distinguish pairs of one colour."""
     body = [body_of(output) for output in response.output]
     colours = stage_colours([*stages, *body])
     looks: dict[tuple[int, int], tuple[str, LineStyleType]] = {}
@@ -99,7 +99,7 @@ def _looks(
 
 
 def body_of(signal: str) -> str:
-    """Name the body of a signal: ``test.x@0,0,0.001`` is one of ``test``."""
+    """Body of a signal: ``test`` of ``test.x@0,0,0.001``."""
     return signal.partition("@")[0].rpartition(".")[0]
 
 
@@ -150,7 +150,7 @@ def find_tops(
 
 
 def lowest_and_highest(drawn: Float[np.ndarray, " frequency"]) -> tuple[float, float]:
-    """Smallest value (but for the tips of zeros) and largest value."""
+    """Smallest and largest finite value."""
     finite = drawn[np.isfinite(drawn)]
     return (float(finite.min()), float(finite.max())) if len(finite) else (np.nan, np.nan)
 

@@ -120,7 +120,7 @@ def _sum_groups(
 
 
 def _look(name: str, n: int, colours: dict[str, str]) -> tuple[str, str, LineLook]:
-    """Name, colour and looks of a line; the sum is the line before the first."""
+    """Name, colour and look of a line; the sum has number -1."""
     if n < 0:
         return name, INK, {"linewidth": 2.2, "zorder": 2}
     dashes = curves.DASHES[n % len(curves.DASHES)]

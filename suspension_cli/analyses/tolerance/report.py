@@ -189,13 +189,13 @@ def _indices(summary: Summary) -> Iterator[str]:
         total, first = summary.indices.total[:, place], summary.indices.first[:, place]
         rows = [
             (
-                total[n],
+                float(total[n]),
                 summary.indices.total_error[n, place],
-                first[n],
+                float(first[n]),
                 summary.indices.first_error[n, place],
                 summary.group[n],
             )
-            for n in np.argsort(-total, kind="stable").tolist()
+            for n in np.argsort(-total, kind="stable")
             if total[n] > max(0.005, 2 * summary.indices.total_error[n, place])
         ]
         columns = dict.fromkeys(("total", "std error", "first", "std error "), ".3f")

@@ -89,7 +89,7 @@ def _draw_table(
 
 
 def _shorten(names: Sequence[str]) -> tuple[list[str], str]:
-    """Part names from the body or support that they have in common, if any.
+    """Separate the names of motions from a common body or support, if any.
 
     >>> _shorten(["test.x", "test.roll"])
     (['x', 'roll'], 'test')
@@ -111,7 +111,7 @@ def _write(size: float) -> str:
 
 
 def _part_kinds(axes: Axes, units: np.ndarray) -> None:
-    """Part the blocks of one unit with white lines."""
+    """Separate the blocks of one unit by white lines."""
     for edge in np.flatnonzero((units[1:] != units[:-1]).any(1)):
         axes.axhline(edge + 0.5, color="white", linewidth=4)
     for edge in np.flatnonzero((units[:, 1:] != units[:, :-1]).any(0)):
