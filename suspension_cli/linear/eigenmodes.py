@@ -265,7 +265,7 @@ def _solve(model: LinearSystem) -> Modes:
 
 def _solve_blocks(
     model: LinearSystem,
-) -> list[tuple[Float[np.ndarray, " mode"], Float[np.ndarray, "own mode"]]]:
+) -> list[tuple[Float[np.ndarray, " _"], Float[np.ndarray, "_ _"]]]:
     """Solve all blocks, once for systems that differ only in their terms in frequency."""
     constant = model.prepared.get("constant")
     if constant is not None and all(map(np.array_equal, constant.blocks, model.blocks)):
