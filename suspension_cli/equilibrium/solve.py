@@ -268,7 +268,7 @@ def _tangent_stiffness(scene: Scene, numbering: Layout, found: Equilibrium) -> A
         return found.stiffness
     from suspension_cli.equilibrium import compiled  # takes half a second
 
-    return compiled.tangent(scene, numbering, found.pose)[2]
+    return compiled.tangent(scene, numbering, found.pose).stiffness
 
 
 def _has_no_soft_direction(
@@ -335,7 +335,8 @@ def _newton_compiled(
 ) -> Equilibrium:
     from suspension_cli.equilibrium import compiled  # takes half a second
 
-    limits, pose = (float(limit), BALANCED, LAST_STEP, CAP), _broadcast_pose(pose, scene.batch)
+    limits = compiled.Limits(limit, BALANCED, LAST_STEP, CAP)
+    pose = _broadcast_pose(pose, scene.batch)
     reached, parts, steps, status = compiled.newton(
         scene, numbering, pose, target, limits, accept_nominal=accept_nominal
     )
