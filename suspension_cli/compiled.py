@@ -150,8 +150,8 @@ def _without_literals(made: Any) -> Any:
 
 
 def constant(
-    array: Inexact[np.ndarray, ...], shape: tuple[int, ...] | None = None
-) -> Inexact[np.ndarray, ...]:
+    array: Inexact[np.ndarray, "*shape"], shape: tuple[int, ...] | None = None
+) -> Inexact[np.ndarray, "*wanted"]:
     """Contiguous array, broadcast to a shape, that cannot be written.
 
     A loop is compiled for each kind of array, so all arrays that loops only read are made alike.

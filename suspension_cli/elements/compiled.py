@@ -1,11 +1,11 @@
 """Forces and stiffness of the elements of one build, as loops that `numba` compiles.
 
 The formulas are those of `string`, `bending`, `blade` and `spring`, which work on arrays of any
-type of number; these work on the doubles of one build at a time, some hundred times faster in a
-batch. `tests/equilibrium/test_compiled.py` compares both on random scenes.
+type of number. The functions here work on the doubles of one build at a time, some hundred times
+faster in a batch. `tests/equilibrium/test_compiled.py` compares both on random scenes.
 
 The numbers of a build are packed into one row per element, in the order given by `WIRE`, `BLADE`,
-`SPRING` and `FLEX`. Of a Hessian (N, N) only the lower triangle is filled.
+`SPRING` and `FLEX`.
 
 The span d of a wire changes with translations x and small rotations t of the upper and the lower
 body, whose attachments have the arms a and b, and with the deflection q of a blade tip on a body
@@ -219,7 +219,7 @@ def add_wires(
     curved: bool,
     form: Float[np.ndarray, "_ _"],
 ) -> None:
-    """Add the derivatives of the energy of all wires of one build; the second if `curved`.
+    """Add the derivatives of the energy of all wires of one build, the second ones if `curved`.
 
     Parameters
     ----------

@@ -118,7 +118,7 @@ def _lift(
 def _add_tide(
     slope: Matrix, own: Matrix, turn: Matrix, first: int, derivatives: Derivatives, curved: bool
 ) -> None:
-    """Add the derivatives of the energy that a gradient gives one body, beside its weight."""
+    """Add the derivatives of the energy of one body in a gradient of gravity, beyond its weight."""
     rotation = added(diagonal(1.0), turn)
     moments = product(product(rotation, own), transposed(rotation))
     m = product(moments, slope)

@@ -2,7 +2,7 @@
 
 The method and its limits are those of `solve`; each build is solved on its own, so its result does
 not depend on the others. Steps solve K x = -g by an LDL^T factorisation, whose pivots tell whether
-the equilibrium is stable; once a step is short, the factors of the last one serve again.
+the equilibrium is stable; after a short step the same factors are used again.
 """
 
 from __future__ import annotations
@@ -62,11 +62,12 @@ if TYPE_CHECKING:
     from jaxtyping import Float, Inexact, Int
 
 SHORT = 1e-6
-"""Step (rad, or in units of the largest lever arm) after which the factors are not renewed: stiff
-wires on a soft pendulum change K by some 1e3 times a rotation, so the next step gains 1e3."""
+"""Length of a step (rad, or in units of the largest lever arm) after which the factors are used
+again: with stiff wires on a soft pendulum K changes by some 1e3 times a rotation, so the next step
+is some 1e3 times shorter."""
 FAIR = 1e-12
-"""Smallest pivot, relative to the stiffness of its coordinate, that the factors are trusted with;
-else the build is left to `solve`."""
+"""Smallest pivot, relative to the stiffness of its coordinate, of factors that are used; a build
+with a smaller one is left to `solve`."""
 SUPPORTED = 6
 """Number of coordinates of the support, which come first."""
 EPS = float(np.finfo(float).eps)
@@ -335,7 +336,7 @@ def _residual(
 
 
 @compiled
-def _largest_size(values: Float[np.ndarray, ...]) -> float:
+def _largest_size(values: Float[np.ndarray, "*shape"]) -> float:
     result = 0.0
     for value in values.flat:
         result = max(result, abs(value))

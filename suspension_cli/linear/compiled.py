@@ -37,10 +37,10 @@ class Matrices(NamedTuple):
     Attributes
     ----------
     soft, loss
-        Real and imaginary part of the stiffness without the stretching of wires; no loss, (0, N,
-        N), for none.
+        Real and imaginary part of the stiffness without the stretching of wires; the loss is
+        (0, N, N) for none.
     mass, damping
-        No damping, (0, N, N), for none.
+        The damping is (0, N, N) for none.
     form
         Elongation of each wire per coordinate.
     """
@@ -97,7 +97,7 @@ def respond(
     unit
         1j; any number in real systems, which have no damping.
     moves, forces
-        Motions of the support and forces of each input, which cause the motion together.
+        Motion of the support and forces on the other coordinates, for each input.
     result
         To be filled: coordinates but the support's, in the order of the model.
     good
