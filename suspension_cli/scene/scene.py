@@ -90,8 +90,8 @@ class Wires:
     upper_point: Inexact[np.ndarray, "... wire 3"] = field(metadata=inner(2, "upper"))
     lower_point: Inexact[np.ndarray, "... wire 3"] = field(metadata=inner(2, "lower"))
     span: Inexact[np.ndarray, "... wire 3"] = field(metadata=inner(2))
-    length: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1))
-    tension: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1))
+    length: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1, computed=True))
+    tension: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1, computed=True))
     stiffness: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1))
     torsion: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1))
     loss: Inexact[np.ndarray, " wire"]
@@ -125,7 +125,7 @@ class Blades:
     axes: Bool[np.ndarray, "blade 3"]
     tip: Inexact[np.ndarray, "... blade 3"] = field(metadata=inner(2, "body"))
     stiffness: Inexact[np.ndarray, "... blade 3"] = field(metadata=inner(2))
-    load: Inexact[np.ndarray, "... blade 3"] = field(metadata=inner(2))
+    load: Inexact[np.ndarray, "... blade 3"] = field(metadata=inner(2, vector=True, computed=True))
     tip_mass: Inexact[np.ndarray, "... blade"] = field(metadata=inner(1))
     loss: Float[np.ndarray, " blade"]
 
@@ -176,9 +176,9 @@ class Springs:
     lower: Int[np.ndarray, " spring"]
     upper_point: Inexact[np.ndarray, "... spring 3"] = field(metadata=inner(2, "upper"))
     lower_point: Inexact[np.ndarray, "... spring 3"] = field(metadata=inner(2, "lower"))
-    stiffness: Inexact[np.ndarray, "... spring 6 6"] = field(metadata=inner(3))
-    damping: Inexact[np.ndarray, "... spring 6 6"] = field(metadata=inner(3))
-    preload: Inexact[np.ndarray, "... spring 6"] = field(metadata=inner(2))
+    stiffness: Inexact[np.ndarray, "... spring 6 6"] = field(metadata=inner(3, vector=True))
+    damping: Inexact[np.ndarray, "... spring 6 6"] = field(metadata=inner(3, vector=True))
+    preload: Inexact[np.ndarray, "... spring 6"] = field(metadata=inner(2, vector=True))
     loss: Inexact[np.ndarray, " spring"]
     grounded: Bool[np.ndarray, " spring"]
     spectrum: tuple[Spectrum | None, ...]
