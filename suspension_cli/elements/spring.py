@@ -195,4 +195,4 @@ def _sum_forms(
     return result
 
 
-ELEMENT = Element(energy, add_derivatives, damping=damping_matrix, loss=loss_matrix)
+ELEMENT = Element(energy, add_derivatives, damping=damping_matrix, loss=loss_matrix, compiled=True)

@@ -8,6 +8,7 @@ import numpy as np
 
 from suspension_cli.elements.weight import masses
 from suspension_cli.equilibrium.tree import parents
+from suspension_cli.scene.arrays import frames
 from suspension_cli.scene.pose import Layout
 from suspension_cli.scene.scene import Scene
 
@@ -68,6 +69,11 @@ def lever_arms(scene: Scene) -> Float[np.ndarray, "*batch 1+body"]:
         (wires.upper, wires.upper_point),
         (wires.lower, wires.lower_point),
         (springs.lower, springs.lower_point),
+        *(
+            (getattr(part, body), getattr(part, point))
+            for part in scene.added.values()
+            for point, body in frames(type(part)).items()
+        ),
     )
     for body, points in ends:
         place: Any = (..., body)

@@ -9,7 +9,8 @@ x, y, z.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -282,6 +283,9 @@ class Scene:
         Composition of wires and blades, where wires bend (`beam`, `violin`); None for strings.
     flex
         Stiffness of the wires against bending and twisting.
+    added
+        Arrays of further elements between two bodies, by the name of the element: dataclasses like
+        `Springs`, with at least `label`, and the numbers `upper` < `lower` of the bodies.
     field
         Gravity that is not a uniform pull along -z.
     solves_pose : bool
@@ -299,13 +303,20 @@ class Scene:
     drawn: Scene | None = None
     fibres: Fibres | None = None
     flex: Flex | None = None
+    added: Mapping[str, Any] = field(default_factory=dict)
     field: Field | None = None
     solves_pose: bool = False
 
     @property
     def parts(self) -> dict[str, Any]:
-        """Bodies, wires, blades, springs, struts and bars by the name of their field."""
-        return {name: getattr(self, name) for name in PARTS}
+        """Bodies, wires, blades, ... by the name of their field, and what is `added`."""
+        return {name: getattr(self, name) for name in PARTS} | dict(self.added)
+
+    def with_parts(self, parts: Mapping[str, Any]) -> Scene:
+        """Replace some of its parts, by their names."""
+        own = {name: part for name, part in parts.items() if name not in self.added}
+        added = {name: parts.get(name, part) for name, part in self.added.items()}
+        return replace(self, added=added, **own)
 
     @cached_property
     def batch(self) -> tuple[int, ...]:
