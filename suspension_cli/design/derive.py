@@ -325,8 +325,23 @@ def wire_line_densities(
     ]
 
 
+CHAIN_TABLES = (
+    *("design", "constants", "materials", "gas", "stage", "link", "damper", "support"),
+    *("control", "perturbation", "tolerance", "analysis"),
+)
+CHAIN_CONSTANTS = ("gravity", "gravity_gradient", "wire_weight", "temperature")
+"""Tables and constants that models of symmetric chains read or refuse by themselves."""
+
+
 def beyond_symmetric_chains(design: Design) -> str:
     """Name the physics that symmetric-chain models omit besides bending and wire mass, or ""."""
+    for path, table, known in (
+        ("", design, CHAIN_TABLES),
+        ("constants.", design.constants, CHAIN_CONSTANTS),
+    ):
+        for key in table.__struct_fields__:
+            if key not in known and getattr(table, key):
+                return f"it has {path}{key}"
     if gravity_vector(design) is not None or gravity_tensor(design) is not None:
         return "its gravity is a vector or has a gradient"
     if design.constants.wire_weight:
