@@ -543,14 +543,9 @@ class Design(Table, frozen=True):
     @property
     def between_bodies(self) -> list[tuple[str, BetweenBodies]]:
         """All elements between two bodies, each behind the name of its kind of table."""
-        tables = {kind: getattr(self, kind) for kind in self.__struct_fields__}
-        lists = {kind: rows for kind, rows in tables.items() if isinstance(rows, list)}
-        return [
-            (kind, row)
-            for kind, rows in lists.items()
-            for row in rows
-            if isinstance(row, BetweenBodies)
-        ]
+        lists = ((kind, getattr(self, kind)) for kind in self.__struct_fields__)
+        rows = [(kind, row) for kind, rows in lists if isinstance(rows, list) for row in rows]
+        return [(kind, row) for kind, row in rows if isinstance(row, BetweenBodies)]
 
 
 def json_schema() -> dict[str, Any]:

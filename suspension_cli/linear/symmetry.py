@@ -12,14 +12,14 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from suspension_cli.conventions import PARITY_X, PARITY_Y
-from suspension_cli.scene.arrays import computed, inner_axes, vectors
+from suspension_cli.scene.arrays import inner_axes, signed
 from suspension_cli.scene.pose import Layout
 from suspension_cli.scene.scene import Scene
 
@@ -225,9 +225,9 @@ def _alike(part: Any, axis: int | None = None) -> Bool[np.ndarray, "*#batch memb
     Without an axis, those that are equal in all else. Computed numbers may differ by rounding.
     """
     kind, pairs = type(part), np.True_
-    for name in (item.name for item in fields(kind) if item.name not in APART):
+    for name, (is_vector, is_computed) in signed(kind).items():
         values, own = getattr(part, name), inner_axes(kind).get(name)
-        if (name in vectors(kind)) != (axis is not None):
+        if name in APART or is_vector != (axis is not None):
             continue
         if own is None:
             pairs = pairs & _equal_items(values)
@@ -235,7 +235,7 @@ def _alike(part: Any, axis: int | None = None) -> Bool[np.ndarray, "*#batch memb
         shape = values.shape[values.ndim - own + 1 :]
         flat = values.reshape(*values.shape[: values.ndim - len(shape)], math.prod(shape))
         images = flat if axis is None else flat * _signs(shape, axis).ravel()
-        pairs = pairs & (_close if name in computed(kind) else _equal)(flat, images)
+        pairs = pairs & (_close if is_computed else _equal)(flat, images)
     return pairs
 
 

@@ -59,12 +59,9 @@ def frames(kind: type[Any]) -> dict[str, str]:
 
 
 @cache
-def vectors(kind: type[Any]) -> set[str]:
-    """Fields whose components change sign in a mirror, see `inner`."""
-    return {item.name for item in fields(kind) if item.metadata.get(_VECTOR)}
-
-
-@cache
-def computed(kind: type[Any]) -> set[str]:
-    """Fields with computed numbers, see `inner`."""
-    return {item.name for item in fields(kind) if item.metadata.get(_COMPUTED)}
+def signed(kind: type[Any]) -> dict[str, tuple[bool, bool]]:
+    """Whether each field is a vector in a mirror, and computed, see `inner`."""
+    marks = {item.name: item.metadata for item in fields(kind)}
+    return {
+        name: (mark.get(_VECTOR, False), mark.get(_COMPUTED, False)) for name, mark in marks.items()
+    }

@@ -285,7 +285,8 @@ class Scene:
         Stiffness of the wires against bending and twisting.
     added
         Arrays of further elements between two bodies, by the name of the element: dataclasses like
-        `Springs`, with at least `label`, and the numbers `upper` < `lower` of the bodies.
+        `Springs`, with at least `label`, and the numbers `upper` < `lower` of the bodies (0 for the
+        support, and for what is fixed in space).
     field
         Gravity that is not a uniform pull along -z.
     solves_pose : bool
