@@ -224,7 +224,7 @@ def _alike(part: Any, axis: int | None = None) -> Bool[np.ndarray, "*#batch memb
 
     Without an axis, those that are equal in all else. Computed numbers may differ by rounding.
     """
-    kind, pairs = type(part), np.True_
+    kind, pairs = type(part), np.ones((1, 1), dtype=bool)
     for name, (is_vector, is_computed) in signed(kind).items():
         values, own = getattr(part, name), inner_axes(kind).get(name)
         if name in APART or is_vector != (axis is not None):

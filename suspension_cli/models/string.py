@@ -163,7 +163,7 @@ def ground_couplings(scene: Scene, numbering: Layout, pose: Pose) -> GroundCoupl
         return result
 
     return GroundCouplings(
-        between(lambda *at: gradient_and_stiffness(*at, [spring.ELEMENT])[1]),
+        between(lambda some, *at: gradient_and_stiffness(some, *at, elements=[spring.ELEMENT])[1]),
         between(spring.damping_matrix),
         between(spring.loss_matrix),
     )

@@ -137,7 +137,7 @@ def test_builds_of_a_batch_are_those_of_single_designs(model, monkeypatch):
     design = design_of(np.random.default_rng(2))
     members = members_of(design, model)
     batch = builds.balance(stack_scenes(members), design, level=model.name)
-    assert (batch.status == builds.GOOD).all()
+    assert batch.pose is not None and (batch.status == builds.GOOD).all()
     known = bodies_with_signals(batch.model)
     inputs, outputs = ([parse(text, "", known)] for text in ("support.y", "mass2.y"))
     frequency = np.array([0.1, 1.0, 30.0])
