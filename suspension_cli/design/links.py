@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Literal
 
-from msgspec import Meta, field
+from msgspec import field
 
 from suspension_cli.design.units import (
     Coefficient,
@@ -33,7 +33,7 @@ Between = Annotated[
     ),
 ]
 At = Annotated[Vector, doc("the common point, from the COM of the first body, nominal pose, m")]
-Series = Annotated[list[Coefficient], Meta(min_length=2)]
+Series = Annotated[list[Coefficient], doc("one number per frequency, at least 2", min_length=2)]
 
 
 class StiffnessTable(Table, frozen=True):

@@ -102,8 +102,7 @@ class Info(Report):
                 {"stage": ""} | dict.fromkeys(change, ".1e") | {"first violin mode\nHz": ".4g"}
             )
             lines += [
-                "Estimated relative change, by each refinement of a stage's wires, of the frequency"
-                " that it changes most:",
+                "Largest estimated relative change of a mode frequency, per stage and refinement:",
                 tables.render(columns, rows),
             ]
         else:
