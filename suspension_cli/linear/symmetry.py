@@ -239,7 +239,7 @@ def _alike(part: Any, axis: int | None = None) -> Bool[np.ndarray, "*#batch memb
     return pairs
 
 
-def _signs(shape: tuple[int, ...], axis: int) -> Float[np.ndarray, ...]:
+def _signs(shape: tuple[int, ...], axis: int) -> Float[np.ndarray, "*shape"]:
     """Sign that each component of a vector or tensor of a shape gets in a mirror."""
     result, parity = np.ones(()), np.array((PARITY_X, PARITY_Y)[axis], dtype=float)
     for size in shape:
@@ -267,7 +267,7 @@ def _equal_items(items: Any) -> Bool[np.ndarray, "item item"]:
     if not isinstance(items, np.ndarray):
         items = np.array([items.index(item) for item in items], dtype=int)
     rows = items.reshape(len(items), math.prod(items.shape[1:]))
-    return _equal(rows, rows)
+    return (rows[:, None] == rows).all(-1)
 
 
 def _equal(
