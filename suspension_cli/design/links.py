@@ -64,9 +64,11 @@ class StiffnessTable(Table, frozen=True):
         | None
     ) = None
     frequency: Annotated[list[Frequency], doc("Hz, ascending")] = []
-    real: Annotated[list[Series], doc("real part per axis and frequency, N/m or N m/rad")] = []
+    real: Annotated[
+        list[Series], doc("real part: for each axis a list over frequency, N/m or N m/rad")
+    ] = []
     imaginary: Annotated[
-        list[Series], doc("imaginary part per axis and frequency, N/m or N m/rad")
+        list[Series], doc("imaginary part: for each axis a list over frequency, N/m or N m/rad")
     ] = []
     static: (
         Annotated[

@@ -1,11 +1,10 @@
 """Mirror symmetries of a scene, and coordinates that split its matrices accordingly.
 
 If the mirror x to -x (or y to -y) maps every body onto itself, and every wire, blade, spring, ...
-onto one with the same parameters, motions even and odd under it do not couple. Which parameters
-change sign in a mirror is declared with the arrays of each part (`arrays.inner`). The coordinates
-of a body are even or odd already; those of blade tips that are mirror images are combined into even
-and odd sums. Elements between coordinates of different parity are rounding errors, and are set to
-exactly 0.
+onto an equal one, motions even and odd under it do not couple. Which numbers of a part change sign
+in a mirror is declared with its arrays (`arrays.inner`). The coordinates of a body are even or odd
+already; those of blade tips that are mirror images are combined into even and odd sums. Matrix
+elements between different parities are rounding errors, and are set to exactly 0.
 """
 
 from __future__ import annotations
@@ -35,8 +34,8 @@ APART = ("label", "blade", "span")
 """Fields that mirror images need not share: names, the blade of a wire, whose own image counts, and
 what follows from the ends of a wire."""
 ROUNDING = 1e-13
-"""Relative difference up to which computed tensions and loads are equal; given values must be equal
-exactly."""
+"""Relative difference up to which computed values (tensions, loads, clamps) count as equal; given
+ones must equal exactly."""
 
 
 @dataclass(frozen=True)
@@ -45,11 +44,11 @@ class Symmetry:
 
     Attributes
     ----------
-    basis : (N, N) array
+    basis
         The named coordinates (rows) in terms of the adapted ones (columns); orthogonal.
-    allowed : (N, N) bool array
+    allowed
         Elements of a matrix that the symmetry allows.
-    mirrors : tuple of str
+    mirrors
         ``("x", "y")`` for a scene with both symmetries.
     """
 
@@ -60,7 +59,7 @@ class Symmetry:
     def apply(
         self, matrix: Inexact[np.ndarray, "*batch coordinate coordinate"]
     ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
-        """Change a symmetric matrix (..., N, N) to adapted coordinates, with exact zeros."""
+        """Change a symmetric matrix to adapted coordinates, with exact zeros."""
         if not self.trivial:
             matrix = self.basis.T @ matrix @ self.basis
             matrix = (matrix + np.swapaxes(matrix, -1, -2)) / 2
@@ -69,7 +68,7 @@ class Symmetry:
     def forms(
         self, form: Inexact[np.ndarray, "*batch coordinate"]
     ) -> Inexact[np.ndarray, "*batch coordinate"]:
-        """Change linear forms (..., N) to adapted coordinates."""
+        """Change linear forms to adapted coordinates."""
         return form if self.trivial else form @ self.basis
 
     @cached_property
@@ -80,7 +79,7 @@ class Symmetry:
     def adapt_flags(
         self, flags: Bool[np.ndarray, " coordinate"]
     ) -> Bool[np.ndarray, " coordinate"]:
-        """Change flags (N,) that mirror images share to adapted coordinates."""
+        """Change flags that mirror images share to adapted coordinates."""
         return (np.abs(self.basis).T @ flags) > 0.5 * np.abs(self.basis).sum(0)
 
 
@@ -112,7 +111,7 @@ def no_symmetry(numbering: Layout) -> Symmetry:
 def _operator(
     scene: Scene, numbering: Layout, axis: int, image: Int[np.ndarray, " blade"]
 ) -> Float[np.ndarray, "coordinate coordinate"]:
-    """Build the signed permutation matrix (N, N) of a mirror."""
+    """Build the signed permutation matrix of a mirror."""
     bodies = len(scene.bodies.name) + 1
     result = np.zeros((numbering.size,) * 2)
     np.fill_diagonal(
@@ -134,7 +133,7 @@ def _adapted_basis(
     """Find common eigenvectors of commuting mirrors (columns), and their parities (mirror, column).
 
     A coordinate that is its own image is kept; the others are projected on each combination of
-    parities. Combined tips take the places of the tips that they combine.
+    parities, and the results take their places.
     """
     basis, parities = np.eye(size), np.zeros((size, len(operators)))
     is_own_image = np.ones(size, dtype=bool)
@@ -159,7 +158,7 @@ def _adapted_basis(
 
 
 def is_mirror_symmetric(scene: Scene) -> Bool[np.ndarray, "*batch 2"]:
-    """Whether each scene of a batch is symmetric in x and in y: (..., 2) bool."""
+    """Whether each scene of a batch is symmetric in x and in y."""
     equal = _equal_members(scene)
     found = [np.broadcast_to(_mirror(scene, axis, equal)[0], scene.batch) for axis in (0, 1)]
     return np.stack(found, axis=-1)
@@ -220,7 +219,7 @@ def _equal_members(scene: Scene) -> Pairs:
 
 
 def _alike(part: Any, axis: int | None = None) -> Bool[np.ndarray, "*#batch member member"]:
-    """Pair (..., n, n) members of a part whose vectors are images in a mirror.
+    """Pair members of a part whose vectors are images in a mirror.
 
     Without an axis, those that are equal in all else. Computed numbers may differ by rounding.
     """
@@ -250,7 +249,7 @@ def _signs(shape: tuple[int, ...], axis: int) -> Float[np.ndarray, "*shape"]:
 def _wire_images(
     fibres: tuple[Fibre, ...], flip: Float[np.ndarray, " 3"]
 ) -> Bool[np.ndarray, "wire wire"]:
-    """Pair wires (w, w) whose clamps and bending planes are mirror images."""
+    """Pair wires whose clamps and bending planes are mirror images."""
     pairs = np.ones((len(fibres), len(fibres)), dtype=bool)
     for end in (0, 1):
         clamps = np.array([fibre.clamp[end] for fibre in fibres]).reshape(-1, 3)
@@ -263,7 +262,7 @@ def _wire_images(
 
 
 def _equal_items(items: Any) -> Bool[np.ndarray, "item item"]:
-    """Pair (n, n) equal items: rows of an array (n, ...), or n objects."""
+    """Pair equal items: rows of an array (n, ...), or n objects."""
     if not isinstance(items, np.ndarray):
         items = np.array([items.index(item) for item in items], dtype=int)
     rows = items.reshape(len(items), math.prod(items.shape[1:]))
@@ -274,7 +273,7 @@ def _equal(
     values: Inexact[np.ndarray, "*batch item component"],
     images: Inexact[np.ndarray, "*batch item component"],
 ) -> Bool[np.ndarray, "*batch item item"]:
-    """Pair members (..., n, c) that equal the image of another exactly: (..., n, n)."""
+    """Pair items that equal the image of another exactly."""
     return (values[..., :, None, :] == images[..., None, :, :]).all(-1)
 
 
@@ -282,6 +281,6 @@ def _close(
     values: Inexact[np.ndarray, "*batch item component"],
     images: Inexact[np.ndarray, "*batch item component"],
 ) -> Bool[np.ndarray, "*batch item item"]:
-    """Pair members (..., n, c) that equal the image of another but for rounding: (..., n, n)."""
+    """Pair items that equal the image of another but for rounding."""
     scale = np.abs(values).max((-2, -1), initial=0.0)[..., None, None, None]
     return (np.abs(values[..., :, None, :] - images[..., None, :, :]) <= ROUNDING * scale).all(-1)
