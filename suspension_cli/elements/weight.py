@@ -216,4 +216,4 @@ def mass_matrix(
     return result
 
 
-ELEMENT = Element(energy, add_derivatives, mass=mass_matrix)
+ELEMENT = Element(energy, add_derivatives, mass=mass_matrix, compiled=True)
