@@ -388,4 +388,4 @@ def _jacobian(
     return result
 
 
-ELEMENT = Element(energy, add_derivatives, loss=loss_matrix)
+ELEMENT = Element(energy, add_derivatives, loss=loss_matrix, compiled=True)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.elements import string
+from suspension_cli.elements.registry import uncompiled
 from suspension_cli.equilibrium.definite import positive_definite
 from suspension_cli.equilibrium.energy import gradient_and_stiffness
 from suspension_cli.equilibrium.free_rotations import free_rotations, single_point_stages
@@ -202,6 +203,16 @@ def solve(scene: Scene, numbering: Layout | None = None, start: Pose | None = No
     return found
 
 
+def solve_again(
+    scene: Scene, numbering: Layout, found: Equilibrium, which: Bool[np.ndarray, "*batch"]
+) -> Equilibrium:
+    """Solve some scenes of a batch from where they are, or a scene without batch axes."""
+    if not scene.batch:
+        return solve(scene, numbering, start=found.pose)
+    start = _select_pose(found.pose, which)
+    return _replace(found, which, solve(select_scenes(scene, which), numbering, start=start))
+
+
 def newton_steps(scene: Scene, steps: int) -> Equilibrium:
     """Take a given number of Newton steps from the nominal pose, converged or not.
 
@@ -270,7 +281,7 @@ def _tangent_stiffness(
         return found.stiffness
     from suspension_cli.equilibrium import compiled  # takes half a second
 
-    return compiled.tangent(scene, numbering, found.pose)[2]
+    return compiled.tangent(scene, numbering, found.pose).stiffness
 
 
 def _has_no_soft_direction(
@@ -317,9 +328,11 @@ def _newton(
     """Newton's method for the pose in which the gradient equals `target` (..., N), N and N m.
 
     At most `limit` steps. With `accept_nominal` a nominal pose that balances is returned unchanged.
-    A batch is solved by compiled loops, but for stages that hang at a single point.
+    A batch is solved by compiled loops, but for stages that hang at a single point, and elements
+    whose formulas the loops lack.
     """
-    if len(scene.batch) == 1 and scene.kind == np.float64 and not single_point_stages(scene):
+    loops = not uncompiled(scene) and not single_point_stages(scene)
+    if len(scene.batch) == 1 and scene.kind == np.float64 and loops:
         return _newton_compiled(
             scene, numbering, pose, target, limit, accept_nominal=accept_nominal
         )
@@ -337,7 +350,8 @@ def _newton_compiled(
 ) -> Equilibrium:
     from suspension_cli.equilibrium import compiled  # takes half a second
 
-    limits, pose = (float(limit), BALANCED, LAST_STEP, CAP), _broadcast_pose(pose, scene.batch)
+    limits = compiled.Limits(limit, BALANCED, LAST_STEP, CAP)
+    pose = _broadcast_pose(pose, scene.batch)
     reached, parts, steps, status = compiled.newton(
         scene, numbering, pose, target, limits, accept_nominal=accept_nominal
     )
