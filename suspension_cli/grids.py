@@ -33,8 +33,8 @@ def parse_grid(
 
     Examples
     --------
-    >>> grid("1:100:3:log", "--frequency")
-    [1.0, 10.0, 100.0]
+    >>> parse_grid("1:100:2:log", "--frequency")
+    [1.0, 100.0]
     """
     remedy = "write start:stop:count[:log|lin], numbers with commas, or one number"
     try:

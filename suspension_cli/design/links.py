@@ -185,7 +185,7 @@ class EddyCurrent(Table, frozen=True):
 
 
 class Damper(Table, frozen=True):
-    """A viscous damper between any two bodies at a common point; no common motion is damped."""
+    """A viscous damper between any two bodies at a common point."""
 
     name: Name
     between: Between

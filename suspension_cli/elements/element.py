@@ -29,12 +29,12 @@ class Derivatives:
     gradient
         N and N m. Blades add the part of the forces on their tips.
     hessian
-        Tangent stiffness, N/m, N and N m; the last row and column take what belongs to rigid
-        directions of blades.
+        Tangent stiffness, N/m, N and N m; the last row and column are for rigid directions of
+        blades.
     outer
         Sum of F w^T of the forces on each body (see `geometric_stiffness`), N m.
     on_tips
-        Gradient with respect to the places of the blade tips, global axes, N.
+        Gradient by the places of blade tips, global axes, N.
     """
 
     gradient: Inexact[np.ndarray, "*batch coordinate"]
@@ -60,7 +60,6 @@ class Derivatives:
 
         Parameters
         ----------
-        body
         force
             Gradient of the energy with respect to the place of each point, N.
         arm
@@ -104,8 +103,8 @@ class Element:
     add_derivatives
         Adds the derivatives of that energy in a pose.
     mass, damping, loss
-        Mass, viscous damping, and the imaginary part of the stiffness, (..., N, N), or 0; None for
-        an element without.
+        Mass, viscous damping, and imaginary part of the stiffness, (..., N, N), or 0; None if
+        absent.
     """
 
     energy: Callable[[Scene, Pose], Inexact[np.ndarray, "*batch"]]

@@ -27,12 +27,6 @@ def gradient_and_stiffness(
 ]:
     """Gradient and tangent stiffness of a scene in the generalised coordinates.
 
-    Parameters
-    ----------
-    scene : Scene
-    numbering : Layout
-    pose : Pose
-
     Returns
     -------
     gradient

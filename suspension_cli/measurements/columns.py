@@ -1,4 +1,4 @@
-"""Columns of numbers: which of them are frequency, value, coherence, and what units they have."""
+"""Columns of numbers: which are frequency, value or coherence, and in what units."""
 
 from __future__ import annotations
 
@@ -44,13 +44,13 @@ class Columns:
     read
         Returns the column of a position in `names`.
     place
-        Words for a row, counted from 0, in messages: ``line 7``.
+        Name of a row (from 0) in messages: ``line 7``.
     numbered
         Whether columns may be given by number.
     headed
         Whether `names` are headings, from which columns can be recognised.
     noun
-        What a column is called in messages.
+        Name of a column in messages.
     """
 
     names: list[str]
@@ -81,7 +81,7 @@ def recognise(names: list[str]) -> dict[str, str]:
     Returns
     -------
     dict
-        Headings by the keys of `TransferFunction`; units under the keys ``magnitude_unit``, ...
+        Headings by key of `TransferFunction`; units by ``magnitude_unit``, ...
 
     Examples
     --------
@@ -105,10 +105,7 @@ def recognise(names: list[str]) -> dict[str, str]:
 def choose(columns: Columns, table: TransferFunction) -> dict[str, int]:
     """Choose the columns that a table names, or those recognised by headings.
 
-    Raises
-    ------
-    InputError
-        If a column is missing or needed ones cannot be recognised.
+    Raises `InputError` if a column is missing or a needed one is not recognised.
     """
     given = {role: getattr(table, role) for role in ROLES if getattr(table, role) is not None}
     if isinstance(table.uncertainty, (str, int)):
@@ -162,7 +159,7 @@ def _check_chosen(columns: Columns, chosen: Mapping[str, int]) -> None:
 
 
 def units(columns: Columns, table: TransferFunction) -> dict[str, str]:
-    """Return the units of frequency, magnitude and phase: given, or of headings, or Hz, 1, deg."""
+    """Return the units of frequency, magnitude, phase: given, of headings, or Hz, 1, deg."""
     found = recognise(columns.names) if columns.headed else {}
     return {
         key: getattr(table, key) or found.get(key, default)
@@ -177,10 +174,7 @@ def units(columns: Columns, table: TransferFunction) -> dict[str, str]:
 def read_points(columns: Columns, table: TransferFunction, unit: Mapping[str, str]) -> Points:
     """Read frequency, complex value, coherence and uncertainty of a transfer function.
 
-    Raises
-    ------
-    InputError
-        With the line of the first wrong number.
+    Raises `InputError` with the line of the first wrong number.
     """
     chosen = choose(columns, table)
     data = {role: np.asarray(columns.read(position)) for role, position in chosen.items()}
@@ -216,7 +210,7 @@ def read_points(columns: Columns, table: TransferFunction, unit: Mapping[str, st
 
 @dataclass(frozen=True)
 class Points:
-    """Numbers of a transfer function as a file has them, frequency in Hz.
+    """Numbers of a transfer function as in its file, frequency in Hz.
 
     Attributes
     ----------
@@ -268,7 +262,7 @@ def _check_finite(values: Any, columns: Columns, name: str) -> None:
 def _polar(
     data: Mapping[str, Any], sigma: Any, columns: Columns, unit: Mapping[str, str]
 ) -> tuple[Any, Any]:
-    """Complex value from magnitude and phase, and the uncertainty in the unit of the magnitude."""
+    """Complex value from magnitude and phase, and its uncertainty in the same unit."""
     size, phase = data["magnitude"], data["phase"]
     far = np.abs(phase) > LARGEST_PHASE
     if far.any():
@@ -289,4 +283,4 @@ def _polar(
 
 
 LARGEST_PHASE = 1e4
-"""Beyond it, in deg or rad, a number is hardly a phase (unwrapped over a few modes)."""
+"""In deg or rad; a larger number is hardly a phase, even unwrapped."""

@@ -17,7 +17,7 @@ Spectrum                1, 5     amplitude spectral density of A (not its square
                         3, 7     M x N: coherence of A and B
 ======================  =======  ==============================================================
 
-Subtypes from 4 of spectra begin with their frequencies. From spectra B/A is conj(P_AB)/ASD_A^2.
+Spectra of subtype 4 or more begin with their frequencies. From spectra B/A is conj(P_AB)/ASD_A^2.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ _KINDS = {
     ("Spectrum", 3): ("coherence", False),
     ("Spectrum", 7): ("coherence", True),
 }
-"""Content of results by type and subtype, and whether frequencies stand before it."""
+"""Content of results by type and subtype, and whether their frequencies come first."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class Dtt:
 
     @property
     def pairs(self) -> list[Pair]:
-        """Channels (input, output) between which the file has transfer functions."""
+        """Channels (input, output) with a transfer function in the file."""
         both = [
             pair
             for a, b in self.cross
@@ -91,12 +91,12 @@ class Dtt:
         Parameters
         ----------
         into, out
-            Names of the channels; None if the file has only one transfer function (to or from it).
+            Names of the channels; None if the other (or the file) determines it.
 
         Raises
         ------
         InputError
-            If there is none, with the channels that there are.
+            If there is none, with the channels of the file.
         """
         pair = self._pair(into, out)
         if pair in self.transfer:
@@ -160,10 +160,7 @@ class Dtt:
 def read(path: Path) -> Dtt:
     """Read all transfer functions, cross spectra and coherences of a DTT file.
 
-    Raises
-    ------
-    InputError
-        If it is not XML of DTT, or a stream is cut off.
+    Raises `InputError` if it is not XML of DTT, or a stream is cut off.
     """
     root = _root(path)
     found = Dtt()

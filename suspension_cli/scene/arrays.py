@@ -16,9 +16,9 @@ _KEY, _FRAME = "inner axes", "frame"
 
 
 def inner(count: int, frame: str | None = None) -> dict[str, Any]:
-    """Metadata of a dataclass field that may carry batch axes in front of `count` axes of its own.
+    """Metadata of a dataclass field with batch axes in front of `count` axes of its own.
 
-    For points, `frame` is the field with the numbers of the bodies in whose frames they are.
+    For points, `frame` is the field with the numbers of the bodies whose frames they are in.
 
     Examples
     --------
@@ -32,9 +32,9 @@ def inner(count: int, frame: str | None = None) -> dict[str, Any]:
 
 @cache
 def inner_axes(kind: type[Any]) -> dict[str, int]:
-    """Number of axes behind the batch axes, by field name; fields without batch axes are left out.
+    """Number of axes behind the batch axes, by name of the fields with batch axes.
 
-    >>> inner_axes(Points)
+    >>> inner_axes(Points)  # see `inner`
     {'point': 2}
     """
     return {item.name: item.metadata[_KEY] for item in fields(kind) if _KEY in item.metadata}
@@ -42,5 +42,5 @@ def inner_axes(kind: type[Any]) -> dict[str, int]:
 
 @cache
 def frames(kind: type[Any]) -> dict[str, str]:
-    """Field with the numbers of bodies, by the name of the field of points in their frames."""
+    """Name of the field with the numbers of bodies, by that of points in their frames."""
     return {item.name: item.metadata[_FRAME] for item in fields(kind) if item.metadata.get(_FRAME)}

@@ -1,10 +1,10 @@
 """Scene: every body, wire, blade and spring of a suspension as arrays.
 
 The models `string`, `beam` and `violin` start from a scene. Its topology (which wire joins which
-bodies) is fixed; its numbers may carry batch axes in front, shown as ``...`` below, so that a
-million imperfect builds are one scene. Body 0 is the support, body n the n-th stage. Points are in
-the frame of their body, from its centre of mass; in the nominal pose all frames are parallel to
-x, y, z.
+bodies) is fixed. Its numbers may have batch axes in front, shown as ``...`` below: a million
+imperfect builds are one scene. Body 0 is the support, body n the n-th stage. Points are in the
+frame of their body, from its centre of mass; in the nominal pose all frames are parallel to x, y,
+z.
 """
 
 from __future__ import annotations
@@ -75,12 +75,12 @@ class Wires:
     stiffness
         N/m.
     torsion
-        Torsional stiffness that the design gives, N m/rad; 0 if it gives none.
+        Given torsional stiffness, N m/rad; 0 if none.
     loss
-        Loss angle of the stretching, and of a torsion that is given, rad.
+        Loss angle of the stretching, and of a given torsion, rad.
     mass
-        Moments m_uu, m_ul, m_ll of the mass that counts (see `elements.weight`), kg; 0 of wires
-        without weight.
+        Moments m_uu, m_ul, m_ll of the mass (see `elements.weight`), kg; 0 for wires without
+        weight.
     """
 
     label: tuple[str, ...]
@@ -107,7 +107,7 @@ class Blades:
     body
         The body (or support) on which the blade is clamped.
     axes
-        Along which axes the tip moves; the others are rigid.
+        Axes along which the tip moves; others are rigid.
     tip
         Nominal position of the tip, m.
     stiffness
@@ -132,7 +132,7 @@ class Blades:
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Complex stiffness of a spring along its axes against frequency, over its static stiffness.
+    """Complex stiffness of a spring against frequency, over its static stiffness.
 
     Linear in the logarithm of frequency, constant outside the table.
 
@@ -213,7 +213,7 @@ class Bars:
     """Inertia of bars between points of two bodies: legs, blades.
 
     A bar has the kinetic energy first v_1^2 / 2 + mixed v_1 . v_2 + second v_2^2 / 2 of the
-    velocities of its two ends, and so the weights g (first + mixed) and g (mixed + second) there.
+    velocities of its ends, and so the weights g (first + mixed) and g (mixed + second) there.
 
     Attributes
     ----------
@@ -242,7 +242,7 @@ class Bars:
 
 @dataclass(frozen=True)
 class Flex:
-    """Static stiffness of wires against bending and twisting, or against twisting alone.
+    """Static stiffness of wires against bending and twisting, or twisting alone.
 
     Attributes
     ----------
@@ -272,20 +272,20 @@ class Scene:
     gravity
         Strength of gravity at the suspension point, m/s^2.
     struts
-        Legs of inverted pendulums along their length: straight elastic bars from the foot (upper)
-        to the top (lower), with the tension of wires that push (negative).
+        Legs of inverted pendulums, as wires of negative tension from the foot (upper) to the top
+        (lower).
     bars
         Inertia and weight of legs, and of blades that couple a filter and its keystone.
     drawn
-        Of an imperfect scene, the same without imperfections, in balance in its nominal pose.
+        For an imperfect scene, that without imperfections, in balance in its nominal pose.
     fibres
-        Composition of wires and blades, where wires bend (`beam`, `violin`); None for strings.
+        Composition of wires and blades for `beam` and `violin`; None for strings.
     flex
         Stiffness of the wires against bending and twisting.
     field
         Gravity that is not a uniform pull along -z.
     solves_pose : bool
-        Whether wires have natural lengths, so that the nominal pose is not the drawn one.
+        Whether wires have natural lengths, so that the pose is not the drawn one.
     """
 
     name: str
@@ -304,7 +304,7 @@ class Scene:
 
     @property
     def parts(self) -> dict[str, Any]:
-        """Bodies, wires, blades, springs, struts and bars by the name of their field."""
+        """Bodies, wires, blades, springs, struts and bars by field name."""
         return {name: getattr(self, name) for name in PARTS}
 
     @cached_property
@@ -319,7 +319,7 @@ class Scene:
 
     @cached_property
     def kind(self) -> Any:
-        """Type of the numbers: complex while a derivative is taken by a complex step."""
+        """Type of the numbers: complex for a complex-step derivative."""
         return np.result_type(
             float,
             self.gravity,

@@ -24,7 +24,7 @@ import numpy as np
 from suspension_cli.rotations import cross, cross_matrix
 
 NODES = 24
-"""Gauss nodes on each smooth piece: integrals over half a turn are exact to rounding."""
+"""Gauss nodes on each smooth piece, exact to rounding for half a turn."""
 PIECES = 8
 """Pieces of a catenary."""
 NEWTON = 60
@@ -194,8 +194,8 @@ def _compliance_of(curve: Curve, wire: RoundWire, force: Any, moment: Any) -> An
 def sag(curve: Curve, wire: RoundWire) -> tuple[float, Any]:
     """Largest descent (m) of a wire, clamped at both ends, under its weight.
 
-    Deflections are taken as small; a descent that is not small compared with the length only says
-    that the unloaded shape is not the one in which the wire hangs.
+    For small deflections: a descent that is not small beside the length shows only that the wire
+    does not hang in its unloaded shape.
 
     Returns
     -------
