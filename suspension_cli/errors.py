@@ -79,7 +79,7 @@ class InputError(PendsusError):
         return cls([Fault(key, problem, remedy, value)])
 
     def __reduce__(self) -> tuple[type[InputError], tuple[tuple[Fault, ...], str]]:
-        """Arguments to rebuild the error from, when a worker process returns it."""
+        """Pickle the error, for worker processes."""
         return InputError, (self.faults, self.file)
 
     def in_file(self, file: str) -> InputError:

@@ -314,7 +314,6 @@ def _check_no_table(design: Design, name: str, path: str) -> Iterator[Fault]:
 
 
 def _check_scattered_stage(design: Design, kind: str, item: Any, path: str) -> Iterator[Fault]:
-    """Check the stage or link of a table of `[tolerance]`."""
     key, called, names = "stage", "stage", _parts_of(design)[kind]
     if kind == "link":
         key = called = "link"
@@ -389,7 +388,7 @@ def _check_order(loop: Loop, path: str) -> Iterator[Fault]:
             problem = "the gain cannot be set where the filter is 0 or infinite, or to 0"
             yield Fault(f"{path}.gain_at", problem, "give another frequency or magnitude")
             return
-    whole = loop_filters.whole(loop)
+    whole = loop_filters.controller_and_sensor(loop)
     zeros, poles = len(whole.zeros), len(whole.poles)
     if zeros <= poles or (loop.damper is not None and loop.sensor_response is None):
         return  # a damper acts on the velocity, which is known

@@ -128,7 +128,6 @@ def _schema(kind: Any) -> Node:
 
 
 def _walk(node: Node, value: object, path: str) -> Iterator[Fault]:
-    """Compare a value with its schema."""
     if "anyOf" in node:
         node = _member(node, value)
     if node.get("type") == "object":

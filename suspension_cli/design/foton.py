@@ -165,7 +165,6 @@ class _Reader:
         return before
 
     def _take(self, wanted: str) -> None:
-        """Pass over a sign; fail if another token is next."""
         if self.text != wanted:
             self._expected(f'"{wanted}"')
         self.advance()
@@ -200,7 +199,6 @@ class _Reader:
         return self._make(name, column, arguments)
 
     def _argument(self) -> object:
-        """Read a vector, a text or a number."""
         if self.kind == "text":
             return self.advance()[1:-1]
         if self.text != "[":

@@ -191,7 +191,6 @@ def _check_goal(item: Goal, path: str) -> Iterator[Fault]:
 
 
 def _check_kind(item: Goal, path: str) -> Iterator[Fault]:
-    """Check the keys that one kind of goal needs."""
     if "dof" in TAKES[item.kind]:
         if (item.dof is None) == (item.modes is None):
             yield Fault(

@@ -38,9 +38,9 @@ class Imperfection:
     perturbation
         Whether `[[perturbation]]` takes it.
     spread
-        Key of `[[tolerance.wire]]`, `[[tolerance.body]]`, ...; "" if it does not scatter.
+        Key of `[[tolerance.wire]]` and so on; "" if it does not scatter.
     sweep
-        Short name for `pendsus xcouple`; "" if it has none.
+        Short name for `pendsus xcouple`; "" if none.
     """
 
     name: str

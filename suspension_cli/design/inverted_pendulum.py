@@ -218,7 +218,7 @@ def leg_inertia(legs: InvertedPendulum) -> LegInertia:
 
 @dataclass(frozen=True)
 class LegStatics:
-    """Flexures of an inverted pendulum under its load, and its lateral motion.
+    """Flexures and lateral motion of an inverted pendulum under its load.
 
     Attributes
     ----------
@@ -231,7 +231,7 @@ class LegStatics:
     critical
         Load at which the stage tips over, N.
     stiffness, elastic
-        Lateral stiffness of all legs with the load, and of their flexures alone, N/m.
+        Lateral stiffness with the load, and of the flexures alone, N/m.
     mass
         Inertia against lateral motion, kg.
     loss

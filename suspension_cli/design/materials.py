@@ -29,7 +29,6 @@ def resolve(design: Design, name: str) -> Material:
 
 
 def _loss(own: Material, base: Material) -> MaterialLoss:
-    """Merge the design's own losses with the built-in ones."""
     built_in = msgspec.structs.replace(base, loss=base.loss or MaterialLoss())
     values: dict[str, Any] = {}
     for mechanism in MECHANISMS:

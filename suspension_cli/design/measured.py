@@ -298,7 +298,7 @@ def _check_transducers(measured: Measured) -> Iterator[Fault]:
                 if "." not in name:
                     example = "upper.x" if kind == "sensor" else "upper.force_x"
                     remedy = f"write a body and a direction: {example}"
-                    yield Fault(f"{path}.{key}", "is no signal", remedy, format_value(name))
+                    yield Fault(f"{path}.{key}", "is not a signal", remedy, format_value(name))
 
 
 def _check_transfer_functions(measured: Measured) -> Iterator[Fault]:
@@ -316,7 +316,7 @@ def _check_transfer_functions(measured: Measured) -> Iterator[Fault]:
             if "." not in name and name not in known:
                 remedy = f"give a signal such as {example}"
                 remedy = f"{faults.suggest(name, known)}; or {remedy}" if known else remedy
-                problem = f"is no signal and names no [[{kind}]]"
+                problem = f"is neither a signal nor the name of a [[{kind}]]"
                 yield fault_of(one, path, key, problem, remedy)
         if one.gain == 0:
             yield Fault(f"{path}.gain", "must not be zero", "give the factor", "0")

@@ -74,7 +74,6 @@ def assign(document: dict[str, Any], keys: list[str], value: object, override: s
 
 
 def _existing(items: list[object], key: str, override: str) -> int:
-    """Position of a member of a list."""
     place = member(items, key)
     if place is not None:
         return place

@@ -60,7 +60,7 @@ BEYOND = 0.5
 """Largest distance of a wire's end from a body (on posts, ears), in its largest half sides."""
 INFERRED = 3.0
 """Factor on the half sides of the homogeneous box of its inertia, for a body of unknown shape."""
-ABSURD = 5.0
+SERIOUS = 5.0
 """Factor on these bounds beyond which a number is an error."""
 GRADIENT = 1e-3
 """1/s^2; steep beside any mass in a laboratory."""
@@ -159,7 +159,6 @@ def find_implausible(design: Design) -> list[ImplausibleNumber]:
 
 
 def _check_tower(stage: Stage, path: str) -> Iterator[ImplausibleNumber]:
-    """Check sizes and frequencies of legs and filters."""
     sizes: dict[str, float | None] = {}
     frequencies: dict[str, float | None] = {}
     if stage.inverted_pendulum is not None:
@@ -201,7 +200,6 @@ def _check_surroundings(design: Design) -> Iterator[ImplausibleNumber]:
 
 
 def _check_material(material: Material, path: str) -> Iterator[ImplausibleNumber]:
-    """Check the values that a design itself gives a material."""
     modulus, strength = material.youngs_modulus, material.tensile_strength
 
     def stiff(value: float) -> bool:
@@ -262,7 +260,6 @@ def _is_plausible(density: float) -> bool:
 
 
 def _check_mean_density(body: Body, path: str) -> Iterator[ImplausibleNumber]:
-    """Check the mean density, mass over volume."""
     density = body_mass(body) / volume(body)
     if _is_plausible(density):
         return
@@ -311,7 +308,7 @@ def _check_inertia(body: Body, path: str) -> Iterator[ImplausibleNumber]:
     problem = f"a body of {mass:g} kg with these moments has {density:.3g} kg/m^3, {word}"
     yield ImplausibleNumber(
         fault_of(body, path, "inertia", problem, hint or "check mass (kg) and inertia (kg m^2)"),
-        serious=density > OSMIUM or density < AIR / ABSURD,
+        serious=density > OSMIUM or density < AIR / SERIOUS,
     )
 
 
@@ -365,7 +362,7 @@ def _check_point(
         f"{what} {abs(point[worst]):.3g} m from the COM, far outside the body ({known})",
         "check it, and the size of the body, in m",
         shown=point[worst],
-        serious=far[worst] > ABSURD,
+        serious=far[worst] > SERIOUS,
     )
 
 
@@ -452,7 +449,7 @@ def _check_blade(blade: BladeSet | Blade, stage: Stage, path: str) -> Iterator[I
             ("base_width", long, ""),
         ):
             value, problem = getattr(shape, name), f"is more than {word}the blade's length of"
-            serious = value > ABSURD * limit
+            serious = value > SERIOUS * limit
             yield from _above(
                 f"{key}.{name}", value, limit, f"{problem} {long:g} m", serious=serious
             )
@@ -512,7 +509,6 @@ def _check_imperfection(
 
 
 def _check_tolerance(design: Design) -> Iterator[ImplausibleNumber]:
-    """Check the spreads of `[tolerance]`."""
     stages = {stage.name: stage for stage in design.stage}
     rows = [
         (row, item, f"tolerance.{part}.{n}.{row.spread}")

@@ -38,7 +38,7 @@ def resolve_files(raw: dict[str, Any], folder: Path) -> None:
                 continue
             if isinstance(own.get("file"), str):
                 try:
-                    table["profile"] = own | _read(_found(own["file"], folder))
+                    table["profile"] = own | _read(_locate(own["file"], folder))
                 except BadTable as error:
                     value = format_value(own["file"])
                     faults.append(Fault(f"{path}.profile", error.problem, error.remedy, value))
@@ -46,7 +46,7 @@ def resolve_files(raw: dict[str, Any], folder: Path) -> None:
         raise InputError(faults)
 
 
-def _found(name: str, folder: Path) -> Path:
+def _locate(name: str, folder: Path) -> Path:
     """Path of a file in a folder, or else among the program's examples."""
     shipped = EXAMPLES / Path(name).name
     return shipped if not (folder / name).exists() and shipped.exists() else folder / name

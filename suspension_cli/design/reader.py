@@ -192,7 +192,7 @@ def template(kind: str, name: str) -> str:
     path = Path(__file__).parent / "templates" / f"{kind}.toml"
     if kind not in TEMPLATES:
         remedy = faults.suggest(kind, list(TEMPLATES))
-        raise InputError.of("kind", "is no template", remedy, format_value(kind))
+        raise InputError.of("kind", "is not a template", remedy, format_value(kind))
     return path.read_text(encoding="utf-8").replace('name = "NAME"', f'name = "{name}"', 1)
 
 
@@ -217,7 +217,7 @@ def _example(name: str) -> Path:
     known = examples()
     if name not in known:
         remedy = faults.suggest(name, known)
-        raise InputError.of("example", "is not there", remedy, format_value(name))
+        raise InputError.of("example", "is not an example design", remedy, format_value(name))
     return _EXAMPLES / f"{name}.toml"
 
 

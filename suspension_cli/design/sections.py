@@ -95,7 +95,6 @@ def stretches(wire: WireSet | Wire, length: float) -> list[Stretch]:
 
 
 def _steps(piece: WireSection, length: float, material: str | None) -> list[Stretch]:
-    """Divide one section of a design into uniform stretches."""
     name = piece.material or material
     if isinstance(piece.radius, list):
         shapes = Round.read(piece.radius).steps(STEPS if piece.steps is None else piece.steps)

@@ -1,4 +1,4 @@
-"""Contributions of one kind of element to the energy and the matrices of a scene."""
+"""Contributions of a kind of element to the energy and the matrices of a scene."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Derivatives:
         Parameters
         ----------
         force
-            Gradient of the energy with respect to the place of each point, N.
+            Gradient of the energy by the place of each point, N.
         arm
             From the COM of its body to the point, global axes, m.
         blade

@@ -35,7 +35,7 @@ def stiffness(
     Parameters
     ----------
     rigidity
-        S in N (stretching, string) or N m^2 (twisting); complex with loss.
+        S, N (stretching, string) or N m^2 (twisting); complex with loss.
     mass
         Inertia per length: kg/m, or kg m for twisting; 0 without inertia.
     half

@@ -68,7 +68,7 @@ def _solve_batch(scene: Scene, numbering: Layout) -> tuple[Scene, Equilibrium]:
 
 
 def _without_unknown_clamps(found: Equilibrium, hanging: HangingWires) -> Equilibrium:
-    """Report the strings that define the clamps, for builds in which these have no equilibrium."""
+    """Report the strings that define the clamps, where these strings have no equilibrium."""
     unknown = np.asarray(np.isnan(hanging.tension).any(-1))
     strings = hanging.found
     return replace(

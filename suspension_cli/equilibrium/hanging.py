@@ -97,9 +97,7 @@ def _balance_strings(scene: Scene) -> tuple[Equilibrium, Pose]:
 def _equal_if_mirrored(
     scene: Scene, numbers: Inexact[np.ndarray, "*batch wire 9"]
 ) -> Inexact[np.ndarray, "*batch wire 9"]:
-    """Make lengths, tensions and directions of mirrored wires that differ by rounding equal (but
-    signs).
-    """
+    """Equalise numbers of mirrored wires, but for signs, where they differ by rounding alone."""
     wires = scene.wires
     bodies = np.stack([wires.upper, wires.lower], axis=-1)
     own = (bodies[:, None] == bodies).all(-1)

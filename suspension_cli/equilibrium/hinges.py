@@ -74,7 +74,7 @@ def to_hinges(scene: Scene, rigidity: tuple[tuple[Any, Any], ...]) -> Scene:
     if taken.max() > LARGEST:
         worst = int(np.argmax(taken.reshape(-1, taken.shape[-1]).max(0)))
         label = scene.wires.label[worst]
-        problem = f"the bends of wire {label} take {taken.max():.0%} of it, so that it is no string"
+        problem = f"the bends of wire {label} take {taken.max():.0%} of it, too much for a string"
         remedy = 'remove bending = "hinged" and use --fidelity beam'
         raise InputError([Fault(f"stage.{label.rsplit('.', 1)[0]}", problem, remedy)])
 

@@ -214,7 +214,6 @@ def _broadcast_pose(pose: Pose, batch: tuple[int, ...]) -> Pose:
 
 
 def _select(found: Equilibrium, where: Bool[np.ndarray, "*batch"]) -> Equilibrium:
-    """Results of some scenes of a batch."""
     arrays = {name: getattr(found, name) for name in ARRAYS}
     chosen = {name: None if array is None else array[where] for name, array in arrays.items()}
     return replace(found, pose=_select_pose(found.pose, where), **chosen)
@@ -410,9 +409,7 @@ def _newton_arrays(
 def _is_as_drawn(
     scene: Scene, numbering: Layout, gradient: Inexact[np.ndarray, "*batch coordinate"]
 ) -> Bool[np.ndarray, "*batch"] | bool:
-    """Whether imperfections leave all forces in the nominal pose bitwise unchanged: only rounding
-    is left.
-    """
+    """Whether imperfections leave all forces in the nominal pose bitwise unchanged."""
     if scene.drawn is None:
         return True
     nominal, _ = gradient_and_stiffness(scene.drawn, numbering, nominal_pose(scene.drawn))

@@ -132,7 +132,6 @@ def choose(columns: Columns, table: TransferFunction) -> dict[str, int]:
 
 
 def _check_chosen(columns: Columns, chosen: Mapping[str, int]) -> None:
-    """Raise `InputError` if frequency or a part of the value is missing."""
     there = f"found here: {', '.join(columns.names)}" if columns.headed else "it has no headings"
     example = "frequency, real, imaginary" if columns.headed else "frequency = 1, real = 2, ..."
     if "frequency" not in chosen:
@@ -255,7 +254,7 @@ def _check_finite(values: Any, columns: Columns, name: str) -> None:
     finite = np.isfinite(values)
     if not finite.all():
         n = int(np.argmin(finite))
-        problem = f"{columns.noun} {format_value(name)} holds {values[n]}, which is no number"
+        problem = f"{columns.noun} {format_value(name)} holds {values[n]}, which is not a number"
         raise InputError.of(columns.place(n), problem, "remove the point or correct it")
 
 

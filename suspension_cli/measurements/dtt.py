@@ -180,7 +180,7 @@ def read(path: Path) -> Dtt:
             if kind is not None:
                 _add(found, node, parameters, *kind)
         except (KeyError, ValueError, binascii.Error) as error:
-            problem = f"cannot be read ({_words(error)})"
+            problem = f"cannot be read ({_reason(error)})"
             fault = Fault(node.get("Name", ""), problem, "save the measurement in diaggui again")
             raise InputError([fault]) from None
     return found
@@ -189,7 +189,6 @@ def read(path: Path) -> Dtt:
 def _add(
     found: Dtt, node: Any, parameters: Mapping[str, str], kind: str, own_frequencies: bool
 ) -> None:
-    """Add the traces of one result."""
     count, traces = int(parameters["N"]), int(parameters.get("M", "1"))
     complex_values = kind in ("transfer", "cross")
     frequency, values = _numbers(node, count, traces, own_frequencies, complex_values)
@@ -270,5 +269,5 @@ def _root(path: Path) -> Any:
     return root
 
 
-def _words(error: Exception) -> str:
+def _reason(error: Exception) -> str:
     return f"{error} is missing" if isinstance(error, KeyError) else str(error)

@@ -12,7 +12,7 @@ from suspension_cli.measurements.columns import Columns
 
 
 def is_results_file(path: Path) -> bool:
-    """Whether a file has results of pendsus."""
+    """Whether a file holds results of pendsus."""
     import h5py
 
     if not h5py.is_hdf5(path):

@@ -52,7 +52,7 @@ def predict(
     measured
         With the sensors and actuators.
     tf
-        One of those of `measured`.
+        One of `measured`.
     frequency : (f,) array
         Hz, at which `response` is.
     response : (..., f, o, i) array

@@ -127,7 +127,6 @@ def _read(table: TransferFunction, folder: Path, opened: dict[Path, Columns | Dt
 
 
 def _open(path: Path) -> Columns | Dtt:
-    """Open a file of data, by its content."""
     if path.is_dir():
         raise InputError.of("", "is a directory", "name a file of data in it")
     try:

@@ -115,7 +115,7 @@ def _parsed(cell: str) -> complex | float | None:
 def _number(cell: str, line: int) -> complex | float:
     number = _parsed(cell)
     if number is None:
-        problem = f"{format_value(cell)} is no number"
+        problem = f"{format_value(cell)} is not a number"
         remedy = "write numbers with a decimal point, or # before a comment"
         raise InputError.of(f"line {line}", problem, remedy)
     return number

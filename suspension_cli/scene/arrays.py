@@ -22,21 +22,20 @@ def inner(count: int, frame: str | None = None) -> dict[str, Any]:
 
     Examples
     --------
+    >>> from dataclasses import dataclass, field
     >>> @dataclass
     ... class Points:
     ...     label: tuple[str, ...]  # one for the whole batch
     ...     point: Array = field(metadata=inner(2))  # (..., n, 3)
+    >>> inner_axes(Points)
+    {'point': 2}
     """
     return {_KEY: count, _FRAME: frame}
 
 
 @cache
 def inner_axes(kind: type[Any]) -> dict[str, int]:
-    """Number of axes behind the batch axes, by name of the fields with batch axes.
-
-    >>> inner_axes(Points)  # see `inner`
-    {'point': 2}
-    """
+    """Number of axes behind the batch axes, by name of the fields with batch axes."""
     return {item.name: item.metadata[_KEY] for item in fields(kind) if _KEY in item.metadata}
 
 

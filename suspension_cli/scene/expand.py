@@ -66,13 +66,12 @@ def _part(design: Design, stage: Stage, parent: int) -> StagePart:
 
 
 def _add_single_wires(design: Design, part: StagePart) -> None:
-    """Add the `[[stage.wire]]` and `[[stage.blade]]` of a stage to it."""
     stage, mass = part.stage, body_mass(part.stage.body)
     for number, wire in enumerate(stage.wire, 1):
         upper, lower = np.array(wire.upper), np.array(wire.lower)
         span = part.offset + lower - upper
         length = np.sqrt((span**2).sum())
-        known = wire.natural_length or length  # the drawn length says nothing then
+        known = wire.natural_length or length  # the drawn length does not matter then
         k = wire_stiffness(design, wire, known)
         natural = wire.natural_length is not None
         part.wires.append(
@@ -100,7 +99,6 @@ def _add_single_wires(design: Design, part: StagePart) -> None:
 
 
 def _add_symmetric_set(design: Design, part: StagePart, wires: WireSet) -> None:
-    """Add the `[stage.wires]` and `[stage.blades]` of a stage to it."""
     stage, mass, shape = part.stage, body_mass(part.stage.body), set_geometry(wires)
     k = wire_stiffness(design, wires, shape.length)
     loss = wire_loss(design, wires, shape.length)

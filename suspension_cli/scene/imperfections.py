@@ -85,10 +85,9 @@ def wire(
     length_change : (...) array
         Of its unstretched length, after trimming, m.
     hold : {"loaded-length", "natural-length"}
-        The wire is first trimmed so that it carries its nominal tension T in the nominal pose, or
-        keeps its unstretched length l - T / k. With its new spring constant k' and span L in the
-        nominal pose, its tension there is T, or k' (T / k + L - l), less k' times the change of
-        length.
+        The wire is first trimmed to its nominal tension T in the nominal pose, or keeps its
+        unstretched length l - T / k. With its new spring constant k' and span L in the nominal
+        pose, its tension there is T, or k' (T / k + L - l), less k' times the change of length.
     """
     wires = scene.wires
     upper, lower = _numbers(upper_offset), _numbers(lower_offset)
@@ -117,9 +116,9 @@ def wire(
 
 
 def move_com(scene: Scene, number: int, offset: Any) -> Scene:
-    """Move the COM of one body (from 1) by an offset (..., 3) relative to all its attachments, m.
+    """Move the COM of one body (from 1) relative to its attachments by an offset (..., 3), m.
 
-    The inertia is then about the new COM.
+    The inertia is about the new COM.
     """
     shift = _numbers(offset)
 

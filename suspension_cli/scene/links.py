@@ -116,9 +116,7 @@ def _links(design: Design, position: Array) -> list[SpringPart]:
 
 
 def _ordered(first: int, second: int, at: Any, position: Array) -> tuple[int, int, Any]:
-    """Order two bodies by number, as compiled loops assume; also the point in the lower one's
-    frame.
-    """
+    """Order two bodies by number, as compiled loops assume; the point in the frame of the lower."""
     if first > second:
         return second, first, at
     return first, second, np.array(at) + position[first] - position[second]

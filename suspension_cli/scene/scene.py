@@ -53,8 +53,7 @@ class Bodies:
 class Wires:
     """Straight elastic wires.
 
-    At length L a wire pulls with ``tension + stiffness (L - length)``; it resists twisting if the
-    design gives it a torsional stiffness.
+    At length L a wire pulls with ``tension + stiffness (L - length)``.
 
     Attributes
     ----------
@@ -100,7 +99,7 @@ class Wires:
 
 @dataclass(frozen=True)
 class Blades:
-    """Cantilever blades: springs along the axes of their body between it and a tip.
+    """Cantilever blades: springs between a body and a tip, along the body's axes.
 
     Attributes
     ----------
@@ -153,7 +152,7 @@ class Spectrum:
 
 @dataclass(frozen=True)
 class Springs:
-    """Linear springs between coincident points of two bodies, in the frame of the upper one.
+    """Linear springs between coincident points of two bodies, in the upper one's frame.
 
     Attributes
     ----------
@@ -166,7 +165,7 @@ class Springs:
     loss
         Loss angle, rad; 0 where `spectrum` gives it.
     grounded
-        Whether the upper end is on the ground beside the support (the upper body is then 0).
+        Whether the upper end is on the ground (the upper body is then 0).
     spectrum
         Of each spring whose stiffness depends on frequency; `stiffness` is then diagonal.
     """

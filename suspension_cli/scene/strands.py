@@ -1,7 +1,7 @@
 """Stiffness and sag of curved wires that join two bodies: heat links and cables.
 
-A wire is clamped at its end B and loaded at its end A by a force F and a moment M. At a point r
-with the unit tangent t its cross-section carries the force F and the moment
+A wire is clamped at its end B and loaded at its end A by a force F and a moment M. Its
+cross-section at r, with unit tangent t, carries the force F and the moment
 
     m = M + (r_A - r) x F.
 

@@ -60,15 +60,14 @@ def wire_wrenches(direction: Array, point: Array) -> Array:
 def least_energy(wrenches: Array, load: Array, compliance: Array) -> tuple[Array, Array]:
     """Find the tensions of least elastic energy that balance a load.
 
-    Minimise T C T / 2 subject to sum_i T_i w_i + load = 0 (in the sense of least squares where that
-    has no solution).
+    Minimise T C T / 2 subject to sum_i T_i w_i + load = 0 (least squares if that has no solution).
 
     Parameters
     ----------
     wrenches : (w, 6) array
         Of unit tensions.
     load : (6,) array
-        Everything else that acts on the body, N and N m.
+        All else that acts on the body, N and N m.
     compliance : (w, w) array
         C: elongation of the wires and their blades per tension, m/N.
 

@@ -26,7 +26,7 @@ def wilson_interval(count: int, builds: int) -> tuple[float, float]:
 
     Examples
     --------
-    >>> [round(end, 4) for end in wilson_interval(0, 100)]
+    >>> [round(float(end), 4) for end in wilson_interval(0, 100)]
     [0.0, 0.037]
     """
     from scipy.special import ndtri

@@ -27,8 +27,8 @@ def natural_step(path: str, value: float) -> tuple[float, str]:
 
     Examples
     --------
-    >>> natural_step("stage.test.wires.d", 0.001), natural_step("stage.test.body.mass", 5.6)
-    ((0.001, 'mm'), (0.056, '%'))
+    >>> natural_step("stage.test.wires.d", 0.001), natural_step("stage.test.body.mass", 5.0)
+    ((0.001, 'mm'), (0.05, '%'))
     """
     keys = path.split(".")
     # after the name of a stage or material

@@ -113,7 +113,7 @@ def solve(
     >>> from suspension_cli.design import reader
     >>> from suspension_cli.models import registry
     >>> model = registry.BEAM.system(reader.parse(reader.template("single", "single")))
-    >>> signal, row = observed(model, "test.x")
+    >>> signal, row = parse_motion(model, "test.x")
     >>> noise = solve(model, np.array([10.0]), row, signal, 290.0)
     >>> noise.unit, noise.density.shape[1]
     ('m', 1)

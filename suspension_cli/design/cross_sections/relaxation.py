@@ -68,7 +68,7 @@ def relaxation(
 def _known_relaxation(
     phase: bytes, shape: tuple[int, ...], order: float
 ) -> Float[np.ndarray, "*frequency"]:
-    """Im g at phases given by their bytes, kept as equal sections and both ends of wires repeat."""
+    """Im g at phases given by their bytes, cached for equal sections and both ends of wires."""
     return np.imag(_moment(1j * np.frombuffer(phase).reshape(shape), order))
 
 
