@@ -227,7 +227,7 @@ def load(file: PathLike) -> Result:
     Parameters
     ----------
     file : path
-        HDF5 of a command or of `Result.save`.
+        HDF5 from a command or from `Result.save`.
 
     Raises
     ------

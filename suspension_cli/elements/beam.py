@@ -28,10 +28,10 @@ differ in sign; in a stiff wire at low frequency they cancel to (alpha^2 + beta^
 power series is summed there. Howson and Williams, J. Sound Vib. 26, 503 (1973), give the elements
 of the whole beam with cosh and sinh of alpha L; the split into halves preserves the digits.
 
-Beams joined end to end have as coordinates the motion of the chord, W_s and the slope phi = W_a /
-h, and the slopes a and b of the ends relative to it (`chord_stiffness`). EI / h^3, which would
-swamp the tension in a short beam, then does not appear. With d = T_a - phi = (a + b) / 2 and T_s =
-(b - a) / 2, the elements above give for the odd part
+Beams joined end to end have as coordinates the motion of the chord, W_s and the slope
+phi = W_a / h, and the slopes a and b of the ends relative to it (`chord_stiffness`). EI / h^3,
+which would swamp the tension in a short beam, then does not appear. With
+d = T_a - phi = (a + b) / 2 and T_s = (b - a) / 2, the elements above give for the odd part
 
     pp = T h + EI (alpha^2 + beta^2) (h c - s/beta) (h - t/alpha) / N
     pd = EI [alpha^2 (t/alpha) (s/beta - h c) - beta^2 (s/beta) (h - t/alpha)] / N

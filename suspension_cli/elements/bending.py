@@ -138,7 +138,7 @@ def _known_resistance(
 def _rates(
     sections: tuple[Section, ...], *numbers: float
 ) -> tuple[Float[np.ndarray, "4 2 3"], Float[np.ndarray, " 4"]]:
-    """Derivatives (4, 2, 3) and (4,) of the resistance of one wire by its numbers."""
+    """Derivatives (4, 2, 3) and (4,) of the resistance of one wire with respect to its numbers."""
     each = np.array(numbers)[:, None] + 1j * STEP * np.eye(len(numbers))
     slopes, turning = _resistance(bare_fibre(sections), *each)
     return np.imag(slopes) / STEP, np.imag(turning) / STEP
@@ -234,8 +234,8 @@ def energy(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch"]:
 def add_derivatives(scene: Scene, numbering: Layout, pose: Pose, derivatives: Derivatives) -> None:
     """Add the derivatives of the energy of bending and twisting.
 
-    The second ones are taken by the span and the rotations of the upper and lower body (9 per
-    wire), then by the coordinates.
+    The second ones are taken with respect to the span and the rotations of the upper and lower body
+    (9 per wire), then transformed to the coordinates.
     """
     flex, wires = wire_resistance(scene), scene.wires
     if flex is None:
@@ -369,7 +369,7 @@ def _jacobian(
 ) -> Inexact[np.ndarray, "*batch wire 9 15"]:
     """Derivative (..., w, 9, 15) of the span and both rotations.
 
-    By displacement and rotation of the upper and of the lower body, and by the blade's tip.
+    With respect to displacement and rotation of the upper and lower body, and the blade's tip.
     """
     wires = scene.wires
     result = np.zeros((*now.direction.shape[:-1], 9, 15), dtype=now.direction.dtype)

@@ -34,7 +34,7 @@ class Derivatives:
     outer
         Sum of F w^T of the forces on each body (see `geometric_stiffness`), N m.
     on_tips
-        Gradient by the places of blade tips, global axes, N.
+        Gradient with respect to the places of blade tips, global axes, N.
     """
 
     gradient: Inexact[np.ndarray, "*batch coordinate"]
@@ -61,7 +61,7 @@ class Derivatives:
         Parameters
         ----------
         force
-            Gradient of the energy by the place of each point, N.
+            Gradient of the energy with respect to the place of each point, N.
         arm
             From the COM of its body to the point, global axes, m.
         blade

@@ -1,9 +1,9 @@
 """Geometric stiffness: the change of a force's torque when the body on which it acts rotates.
 
 A point at the arm w of a body moves to w + t x w + t x (t x w)/2 when the body rotates by a vector
-t. The gradient F of an energy by the point's position thus adds, to second order,
-F . (t x (t x w))/2 to the energy, with the Hessian (F w^T + w F^T)/2 - (F . w) I in t. It is linear
-in F w^T, as is the torque w x F, so these outer products are first summed over all points of a body
+t. The gradient F of an energy with respect to the point's position thus adds, to second order, F .
+(t x (t x w))/2 to the energy, with the Hessian (F w^T + w F^T)/2 - (F . w) I in t. It is linear in
+F w^T, as is the torque w x F, so these outer products are first summed over all points of a body
 (compare Goldstein, Classical Mechanics, section 4.8).
 """
 
@@ -44,8 +44,8 @@ def add_arms(
     outer
         N m.
     force, arm
-        Gradient of the energy by each point (minus the force on the body), N, and vector from the
-        COM to the point, m.
+        Gradient of the energy with respect to each point (minus the force on the body), N, and
+        vector from the COM to the point, m.
     """
     products = force[..., :, None] * arm[..., None, :]
     total = sum_by(body, products.reshape(*products.shape[:-2], 9), outer.shape[-3])

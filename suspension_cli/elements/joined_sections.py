@@ -9,11 +9,11 @@ against it. The motion of both parts is
     phi_A = phi + eta / L_A,                         phi_B = phi - eta / L_B,
     a_A = a - eta / L_A,  b_A = zeta - eta / L_A,    a_B = zeta + eta / L_B,  b_B = b + eta / L_B,
 
-q_A = P_A (q, eta, zeta) and q_B likewise. No force on the node gives (eta, zeta) = N q from P_A^T
-K_A P_A + P_B^T K_B P_B, and with M = P [1; N] the whole is M_A^T K_A M_A + M_B^T K_B M_B. An error
-of N enters in its square, as no force acts on the node. EI / L_A^3 of a short section multiplies
-only its small deformation; in the usual difference of stiffnesses of the ends it would swamp the
-tension and the longer section.
+q_A = P_A (q, eta, zeta) and q_B likewise. No force on the node gives (eta, zeta) = N q from
+P_A^T K_A P_A + P_B^T K_B P_B, and with M = P [1; N] the whole is M_A^T K_A M_A + M_B^T K_B M_B. An
+error of N enters in its square, as no force acts on the node. EI / L_A^3 of a short section
+multiplies only its small deformation; in the usual difference of stiffnesses of the ends it would
+swamp the tension and the longer section.
 
 The number of resonances of the clamped wire below this frequency exceeds that of its parts by the
 number of negative eigenvalues of the stiffness of (eta, zeta) (Wittrick and Williams, Q. J. Mech.

@@ -1,9 +1,10 @@
 """Energy, tension and geometry of taut elastic strings: straight and massless.
 
 At the elongation e = L - l from the nominal length l, a wire stores T0 e + k e^2 / 2. Its gradient
-by the span (from the upper to the lower end) is T u, with T = T0 + k e and the unit vector u; the
-Hessian is k u u^T + (T / L) (I - u u^T): stiffness along the wire, tension over length across it (a
-pendulum). These are the two terms of equation 5 of Husman et al. (2000), section 4b.
+with respect to the span (from the upper to the lower end) is T u, with T = T0 + k e and the unit
+vector u; the Hessian is k u u^T + (T / L) (I - u u^T): stiffness along the wire, tension over
+length across it (a pendulum). These are the two terms of equation 5 of Husman et al. (2000),
+section 4b.
 """
 
 from __future__ import annotations
@@ -90,7 +91,7 @@ def energy(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch"]:
 def span_jacobian(
     scene: Scene, numbering: Layout, pose: Pose, now: State
 ) -> Inexact[np.ndarray, "*batch coordinate wire 3"]:
-    """Derivative (..., N, w, 3) of every span by the N coordinates."""
+    """Derivative (..., N, w, 3) of every span with respect to the N coordinates."""
     wires = scene.wires
     lower = point_jacobian(numbering, pose, wires.lower, now.lower_arm)
     return lower - point_jacobian(numbering, pose, wires.upper, now.upper_arm, wires.blade)

@@ -3,10 +3,10 @@
 A blade without a given load has its tip in the drawn position when it carries its part of the
 weight. If the nominal pose is drawn, the loads follow from the drawing. If all wires of a stage
 have natural lengths, the pose is solved for, and the loads and the pose depend on each other: the
-tensions of the stage's wires exert some force and torque, and those tensions of least elastic
-energy that exert the same define the load of each blade. Starting from the drawing, each step
-solves for the pose with the loads of the step before, until they agree; the result does not depend
-on how the file draws the bodies.
+tensions of least elastic energy that exert the same force and torque as the wires in this pose
+define the load of each blade. Starting from the drawing, each step solves for the pose with the
+loads of the step before, until they agree; the result does not depend on how the file draws the
+bodies.
 """
 
 from __future__ import annotations

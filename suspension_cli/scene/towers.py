@@ -1,10 +1,10 @@
 """Legs of inverted pendulums and blades of filters as elements of a scene.
 
-A leg is a strut from its foot to its top (stiff along its length, with the load as thrust, for
-exact lean), a spring at its top for the flexures, and a bar for its inertia and weight. The
-spring's strain is in the frame of the body below: the lean (roll and pitch) of the leg relative to
-that body is delta / L, which bends the foot; the rotation of the stage less that lean bends the
-joint at the top.
+A leg is a strut from its foot to its top (stiff along its length, with the load as thrust: any lean
+is exact), a spring at its top for the flexures, and a bar for its inertia and weight. The spring's
+strain is in the frame of the body below: the lean (roll and pitch) of the leg relative to that body
+is delta / L, which bends the foot; the rotation of the stage less that lean bends the joint at the
+top.
 """
 
 from __future__ import annotations
