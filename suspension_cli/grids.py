@@ -33,8 +33,8 @@ def parse_grid(
 
     Examples
     --------
-    >>> parse_grid("1:100:2:log", "--frequency")
-    [1.0, 100.0]
+    >>> parse_grid("1:4:3:log", "--frequency")
+    [1.0, 2.0, 4.0]
     """
     remedy = "write start:stop:count[:log|lin], numbers with commas, or one number"
     try:

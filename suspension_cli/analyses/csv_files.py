@@ -25,11 +25,8 @@ from suspension_cli.files.atomic import write_bytes
 def write(result: Result, path: Path) -> list[Path]:
     """Write the CSV files of a result, and return their paths.
 
-    Parameters
-    ----------
-    path
-        Of the results file: NAME.h5 gives NAME.csv with the main results; arrays with other rows
-        get files of their own, NAME-ROWS.csv.
+    For the results file NAME.h5 (`path`), the main results go to NAME.csv; arrays with other rows
+    get files of their own, NAME-ROWS.csv.
     """
     with stored_group(result) as group:
         found = dict(_tables(group))
@@ -70,7 +67,7 @@ def _tables(group: Any, prefix: str = "") -> Iterator[tuple[str, str]]:
 
 
 def _labels(data: Any, name: str) -> tuple[str, ...]:
-    """Names of the dimensions of a dataset; numbers of its own where it has no scales."""
+    """Names of the dimensions of a dataset; numbered names where it has no scales."""
     if data.ndim == 1 and not data.dims[0].label:
         return ("row",)
     return tuple(data.dims[n].label or f"{name}_{n}" for n in range(data.ndim))

@@ -1,4 +1,4 @@
-"""Results as labelled arrays: what a results file holds, as an `xarray.Dataset`."""
+"""Results as labelled arrays: the contents of a results file as an `xarray.Dataset`."""
 
 from __future__ import annotations
 
@@ -25,10 +25,7 @@ def stored_group(result: Any) -> Iterator[Any]:
 def to_xarray(result: Any) -> Any:
     """Convert an `analysis.Result`; dimensions and coordinates are the scales of its file.
 
-    Returns
-    -------
-    xarray.Dataset
-        Each array with its `units`; attributes name design, model and estimated error.
+    Each array has its `units`; attributes name design, model and estimated error.
     """
     import xarray  # pyright: ignore[reportMissingImports]
 
@@ -43,9 +40,9 @@ def to_xarray(result: Any) -> Any:
 
 
 def _variables(group: Any) -> dict[str, Any]:
-    """Return (dimensions, values, attributes) of every dataset of a group and its subgroups.
+    """Dimensions, values and attributes of every dataset of a group.
 
-    Those of subgroups have dotted names.
+    Datasets of subgroups have dotted names.
     """
     found = {}
 
@@ -76,5 +73,5 @@ def values_of(data: Any) -> Any:
 
 
 def _dotted(path: str) -> str:
-    """Return a path within a group as the name of a variable."""
+    """A path within a group as the name of a variable."""
     return path.replace("/", ".")

@@ -21,7 +21,7 @@ def prepared(
     overrides: tuple[str, ...],
     extra: tuple[str, ...] = (),
 ) -> tuple[Source, dict[str, Any]]:
-    """Read a design, unless it was, and settings with defaults from its `[analysis]` table."""
+    """Read a design, unless it is given, and settings with defaults from its `[analysis]` table."""
     from suspension_cli.design.reader import read
 
     source = read(file, overrides) if isinstance(file, str) else file
@@ -31,7 +31,7 @@ def prepared(
 
 
 def defaults(analysis: Analysis, given: dict[str, Any]) -> dict[str, Any]:
-    """Return the settings of an analysis that another one runs: its defaults and those `given`."""
+    """Settings of an analysis that another one runs: its defaults and those `given`."""
     command = click.Command(analysis.name, params=list(analysis.parameters))
     return command.make_context(analysis.name, []).params | given
 
@@ -43,16 +43,10 @@ def of_design(
     source: Source,
     given: dict[str, Any],
 ) -> dict[str, Any]:
-    """Return settings: those `given`, else those of the design, else defaults.
+    """Settings: those `given`, else those of the design's table `name`, else defaults.
 
-    Parameters
-    ----------
-    name
-        Of the command.
-    extra
-        As of `with_analysis_table`.
-    given
-        A value that is the default of its option counts as not given.
+    A given value that is the default of its option counts as not given. `extra` as of
+    `with_analysis_table`.
     """
     context = options.context(name, parameters, given)
     context.params["as_json"] = True  # nothing is printed
@@ -63,15 +57,12 @@ def of_design(
 def with_analysis_table(
     ctx: click.Context, table: dict[str, Any], file: str, extra: tuple[str, ...] = ()
 ) -> dict[str, Any]:
-    """Return the settings of a command, with defaults from the design's `[analysis.COMMAND]` table.
+    """Settings of a command, with defaults from the design's `[analysis.COMMAND]` table.
 
-    What is given on the command line wins.  Keys in `extra` are the command's own business.
+    The command line has precedence. Keys in `extra` are parameters to sweep, with their grids.
 
-    Raises
-    ------
-    InputError
-        If the table has a key that is no option of the command, or a value that the option does not
-        take.
+    Raises `InputError` if the table has a key that is no option of the command, or a value that the
+    option does not take.
     """
     from suspension_cli.design.faults import step, suggest
     from suspension_cli.errors import Fault, InputError, format_value
@@ -135,10 +126,7 @@ def _grid_faults(key: str, value: Any) -> list[Any]:
 def check_tables(tables: dict[str, dict[str, Any]], file: str) -> None:
     """Check the `[analysis]` tables of all commands.
 
-    Raises
-    ------
-    InputError
-        With the faults of every table.
+    Raises `InputError` with the faults of every table.
     """
     from suspension_cli.analyses import registry
     from suspension_cli.errors import InputError
@@ -186,12 +174,9 @@ def command_line(argv: list[str]) -> str:
 
 
 def folder(path: str) -> Path:
-    """Make the folder for results if it is missing, and return its path.
+    """Make the folder for results if it is missing.
 
-    Raises
-    ------
-    InputError
-        If it cannot be made.
+    Raises `InputError` if it cannot be made.
     """
     from suspension_cli.files.atomic import writing_to
 

@@ -35,12 +35,10 @@ UNRECORDED = {
 
 
 def recorded(command: str) -> str:
-    """Return a command line without the options in `UNRECORDED`.
+    """Command line without the options in `UNRECORDED`.
 
     The same sweep then writes the same file, however it was run.
 
-    Examples
-    --------
     >>> recorded("pendsus xcouple a.toml --workers 3 --sweep k=1:2:3 -q")
     'pendsus xcouple a.toml --sweep k=1:2:3'
     """
@@ -66,19 +64,9 @@ def fill(
 ) -> Result:
     """Compute all points of a job into the results file, and read the result from there.
 
-    Parameters
-    ----------
-    analysis
-        Its name is that of the group.
-    put
-        Writes what stands beside the columns into the new group.
-    after
-        Completes the file when all points are there.
-
-    Raises
-    ------
-    Interrupted
-        After Ctrl-C; the message says how to continue.
+    In the group with the analysis's name, `put` writes everything but the columns. `after`
+    completes the file when it has all points. Raises `Interrupted` after Ctrl-C; the message says
+    how to continue.
     """
     setting, path = run.setting, run.folder / f"{run.name}-{analysis.stem}.h5"
     origin = Provenance(

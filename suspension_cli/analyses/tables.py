@@ -54,7 +54,7 @@ def collecting() -> Iterator[list[Table]]:
 
 
 def width() -> int:
-    """Return the length of a line in the terminal; unlimited where stdout is none."""
+    """Length of a line in the terminal; unlimited where stdout is not a terminal."""
     return shutil.get_terminal_size().columns if sys.stdout.isatty() else 1_000_000
 
 
@@ -68,8 +68,6 @@ def render(columns: Mapping[str, str], rows: Iterable[Sequence[Any]]) -> str:
     rows
         Numbers or text; None and numbers that are not finite become "-".
 
-    Examples
-    --------
     >>> print(render({"frequency\nHz": "#.3g", "mode": ""}, [(0.79, "yaw"), (12.5, "roll")]))
       frequency  mode
              Hz

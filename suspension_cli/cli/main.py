@@ -22,9 +22,7 @@ slower."""
 
 
 class LazyGroup(click.Group):
-    """A group whose commands are imported when they are called, and whose errors are one line
-    each.
-    """
+    """Commands that are imported when they are called, and whose errors are one line each."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """List the names, most used first."""

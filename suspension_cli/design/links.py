@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from msgspec import Meta, field
+from msgspec import field
 
 from suspension_cli.design.units import (
     Coefficient,
@@ -31,7 +31,7 @@ Between = Annotated[
     ),
 ]
 At = Annotated[Vector, doc("the common point, from the COM of the first body, nominal pose, m")]
-Series = Annotated[list[Coefficient], Meta(min_length=2)]
+Series = Annotated[list[Coefficient], doc("one number per frequency, at least 2", min_length=2)]
 
 
 class StiffnessTable(Table, frozen=True):
@@ -62,9 +62,11 @@ class StiffnessTable(Table, frozen=True):
         | None
     ) = None
     frequency: Annotated[list[Frequency], doc("Hz, ascending")] = []
-    real: Annotated[list[Series], doc("real part per axis and frequency, N/m or N m/rad")] = []
+    real: Annotated[
+        list[Series], doc("real part: for each axis a list over frequency, N/m or N m/rad")
+    ] = []
     imaginary: Annotated[
-        list[Series], doc("imaginary part per axis and frequency, N/m or N m/rad")
+        list[Series], doc("imaginary part: for each axis a list over frequency, N/m or N m/rad")
     ] = []
     static: (
         Annotated[

@@ -41,7 +41,6 @@ def add_points(
     frequency : (f,) array
         Hz, ascending, above 0.
     value : (f, o, i) complex array
-        Values there.
     modes : (m,) array
         Frequencies of modes, Hz, where resonances may be.
     few
@@ -53,12 +52,9 @@ def add_points(
 
     Returns
     -------
-    frequency : (g,) array
-        Hz, with those given.
-    value : (g, o, i) complex array
+    frequency, value : (g,), (g, o, i) arrays
+        With those given.
 
-    Examples
-    --------
     >>> pole = lambda f: (1 / (1 - f**2 + 1e-5j * f))[:, None, None]
     >>> grid = np.array([0.5, 0.9, 1.2, 2.0])
     >>> _, found = add_points(pole, grid, pole(grid), np.array([1.0]))

@@ -39,17 +39,9 @@ class Outline:
     turn: Array | None = None
 
     def section(self, normal: int) -> Array:
-        """Section of the body through its COM, across an axis.
+        """Section of the body through its COM, across the axis `normal` (0, 1, 2).
 
-        Parameters
-        ----------
-        normal
-            The axis (0, 1, 2) normal to the section.
-
-        Returns
-        -------
-        (p, 3) array
-            A closed line, m: a circle across the axis of a cylinder, else a rectangle.
+        A closed line (p, 3), m: a circle across the axis of a cylinder, else a rectangle.
         """
         first, second = (axis for axis in range(3) if axis != normal)
         if self.axis == normal:
@@ -84,24 +76,11 @@ class Outline:
 
 
 def outline(body: Body, mass: float, inertia: Any, least: float = 0.0) -> Outline:
-    """Outline of one body.
+    """Outline of one body, with half extents of at least `least`, m.
 
-    Parameters
-    ----------
-    body
-        Its table in the design.
-    mass
-        kg.
-    inertia : (3, 3) array
-        About the COM, kg m^2.
-    least
-        Least half extent, m.
-
-    Returns
-    -------
-    Outline
-        The cylinder or box of the design; for a body given by its inertia, the homogeneous box of
-        the same mass and moments, Lx^2 = 6 (Iy + Iz - Ix) / m, or 0 where that is negative.
+    The cylinder or box of the design; for a body given by its inertia (3, 3), kg m^2 about the COM,
+    the homogeneous box of the same mass (kg) and moments, Lx^2 = 6 (Iy + Iz - Ix) / m, or 0 where
+    that is negative.
     """
     if body.shape == "box":
         assert body.size is not None

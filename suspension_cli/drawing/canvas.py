@@ -33,16 +33,9 @@ class _Line(NamedTuple):
 
 
 class Canvas:
-    """Shapes collected for one pair of axes.
+    """Shapes collected for one pair of axes, whose limits and scale the caller sets.
 
-    Parameters
-    ----------
-    axes
-        Their limits and scale are set by the caller.
-
-    Examples
-    --------
-    ``canvas = sheet(figure); canvas.line([[0, 0], [1, 1]], "black", 0.5, 1); canvas.flush()``
+    ``canvas = full_canvas(figure); canvas.line([[0, 0], [1, 1]], "black", 0.5, 1); canvas.flush()``
     """
 
     def __init__(self, axes: Axes) -> None:
@@ -52,7 +45,7 @@ class Canvas:
         self._stamps: dict[Any, Canvas] = {}
 
     def polygon(self, points: Any, face: Any, edge: Any, width: float, order: float) -> None:
-        """Add a filled polygon (p, 2), its edge of a width in points; a larger order lies above."""
+        """Add a filled polygon (p, 2), its edge of a width in points; a larger order is above."""
         self._polygons[order].append(_Polygon(np.asarray(points), face, edge, width))
 
     def line(
@@ -62,15 +55,9 @@ class Canvas:
         self._lines[order].append(_Line(np.asarray(points), colour, width, dashes))
 
     def stamp(self, key: Any, shift: Any, draw: Callable[[Canvas], None]) -> None:
-        """Draw shapes moved by a vector (2,); those of equal keys are made once.
+        """Draw shapes moved by a vector (2,); those of equal `key` are made once.
 
-        Parameters
-        ----------
-        key
-            Of shapes that are equal but for their place.
-        shift : (2,) array
-        draw
-            Adds the shapes (no text) to a canvas, about the origin.
+        `draw` adds the shapes (no text) to a canvas, about the origin.
         """
         made = self._stamps.get(key)
         if made is None:
@@ -121,7 +108,7 @@ class Canvas:
 
 
 def _once(values: tuple[Any, ...]) -> Any:
-    """Return one of equal values, which takes less time to draw, else all."""
+    """Return one of equal values, which draws faster, else all."""
     first = values[0]
     return first if all(value == first for value in values) else values
 

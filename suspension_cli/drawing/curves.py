@@ -62,7 +62,7 @@ MOST_PEAKS = 12
 
 
 def write_heading(figure: Figure, quantity: str, design: str) -> None:
-    """Write the quantity at the top of a figure and, below and smaller, design and model."""
+    """Write the quantity at the top of a figure; below it, smaller, the design and model."""
     across, _ = figure.get_size_inches()
     write_text(figure, 0.1, 0.08, single_line(quantity, int(across / 0.084)), 9.5, bold=True)
     write_text(figure, 0.1, 0.27, single_line(design, int(across / 0.058)), 7.5, NOTE)
@@ -96,12 +96,7 @@ def stack_panels(
 ) -> tuple[Figure, list[Axes]]:
     """Make a figure of panels below each other, which share their horizontal axis.
 
-    Parameters
-    ----------
-    heights, rooms
-        Of the panels, and above each of them, in.
-    left, right, bottom
-        Margins, in.
+    `heights` of the panels, `rooms` above each, and margins are in inches.
     """
     parts = [part for both in zip(rooms, heights, strict=True) for part in both]
     figure = new_figure(COLUMN, HEAD + sum(parts) + bottom)
@@ -166,12 +161,8 @@ def write_key(
 ) -> None:
     """Write the names of lines above axes, with samples of them.
 
-    Parameters
-    ----------
-    lines
-        Name and colour of each line, and further properties of its sample.
-    above
-        Room between the axes and the names, in.
+    `lines` are name, colour and further properties of each sample; `above` is the room between axes
+    and names, in.
     """
     figure: Any = axes.get_figure()
     box, (across, up) = axes.get_position(), figure.get_size_inches()
@@ -255,7 +246,7 @@ def unit_of_ratio(ratio: str) -> str:
 
 
 def label_phases(axes: Axes) -> None:
-    """Label a vertical axis of phases at multiples of 90 degrees, of more if it is long."""
+    """Label a vertical axis of phases at multiples of 90 degrees, or of more if it is long."""
     low, high = axes.get_ylim()
     low, high = min(low, -8.0), max(high, 8.0)
     steps = np.array([45.0, 90.0, 180.0, 360.0, 720.0, 1440.0, 3600.0])
@@ -269,12 +260,10 @@ def label_phases(axes: Axes) -> None:
 def unwrap_phase(value: Any) -> Any:
     """Unwrap the phase of a response along its frequencies, in degrees.
 
-    Where the phase jumps by half a turn between two points, at a pole or zero too narrow for the
-    grid, the step is downwards at a pole (|value| rises towards it on both sides) and upwards at a
-    zero (it falls), as with a little loss.
+    At a pole or zero too narrow for the grid the phase jumps by half a turn between two points. As
+    with a little loss, it then falls at a pole (|value| rises towards it on both sides) and rises
+    at a zero.
 
-    Examples
-    --------
     >>> unwrap_phase(np.array([1.0, 2.0, 9.0, -9.0, -2.0]) + 0j).tolist()
     [0.0, 0.0, 0.0, -180.0, -180.0]
     """
@@ -300,7 +289,7 @@ def unwrap_phase(value: Any) -> Any:
 def to_branch(phase: Any, near: Any) -> Any:
     """Shift phases (degrees) by full turns to between 200 below and 160 above others.
 
-    So phases scattered about half a turn from `near` stay together.
+    Phases scattered about half a turn from `near` then stay together.
 
     >>> to_branch(np.array([179.0, -179.0]), 0.0).tolist()
     [-181.0, -179.0]
@@ -311,16 +300,9 @@ def to_branch(phase: Any, near: Any) -> Any:
 def label_ends(axes: Axes, ends: Sequence[tuple[Any, Any, str, str]], most: int = 26) -> None:
     """Write labels at the ends of lines, right of the axes, moved apart, with leaders.
 
-    A line that ends outside the panel gets an arrow up or down. Labels follow changed limits.
-
-    Parameters
-    ----------
-    axes
-        With its limits and its place in the figure.
-    ends
-        Abscissas and ordinates of a line, its label and its colour.
-    most
-        Characters of a label.
+    A line that ends outside the panel gets an arrow up or down. Labels follow changed limits. The
+    axes have their limits and place; `ends` are abscissas, ordinates, label and colour of each
+    line, `most` the characters of a label.
     """
     if not ends:
         return
@@ -395,7 +377,7 @@ def _within(places: list[float], gap: float, height: float) -> list[float]:
 
 
 def find_peaks(size: Any, prominent: float = PROMINENT) -> Any:
-    """Find local maxima that exceed both valleys beside them by a factor: indices, highest last."""
+    """Indices of local maxima that exceed both valleys beside them by a factor, highest last."""
     level = np.log(np.where(np.isfinite(size) & (size > 0), size, np.nan))
     level = np.where(np.isfinite(level), level, np.nanmin(level, initial=0.0))
     tops = 1 + np.flatnonzero((level[1:-1] > level[:-2]) & (level[1:-1] >= level[2:]))
@@ -420,16 +402,9 @@ def label_peaks(
 ) -> None:
     """Write the frequencies of peaks in a row above axes, moved apart, with leaders.
 
-    Parameters
-    ----------
-    axes
-        With its limits, and room of the height `PEAKS` above.
-    peaks
-        Frequency (Hz), ordinate and remark of each, the most important last.
-    size
-        Of the font, points.
-    unit
-        Of the last frequency of the row.
+    The axes have their limits, and room of the height `PEAKS` above. `peaks` are frequency (Hz),
+    ordinate and remark of each, the most important last. `size` is that of the font, points; `unit`
+    follows the last frequency of the row.
     """
     chosen: list[tuple[float, float, str]] = []
     low, high = axes.get_xlim()
@@ -487,8 +462,6 @@ def format_frequency(value: float) -> str:
 def find_slopes(frequency: Any, size: Any) -> list[tuple[int, float, float]]:
     """Find the longest part of a curve along each power law: exponent, and its ends in Hz.
 
-    Examples
-    --------
     >>> f = np.geomspace(0.1, 100, 400)
     >>> [(n, round(low)) for n, low, high in find_slopes(f, 1 / (1 + (f / 2) ** 2)) if n]
     [(-2, 8)]
@@ -521,12 +494,7 @@ def find_slopes(frequency: Any, size: Any) -> list[tuple[int, float, float]]:
 def label_slopes(axes: Axes, frequency: Any, size: Any, drawn: Any, colour: str = INK) -> None:
     """Write power laws beside a curve, f^-6, away from its peaks.
 
-    Parameters
-    ----------
-    frequency, size : (f,) arrays
-        Hz, and the values that follow the power law.
-    drawn : (f,) array
-        Ordinates.
+    The `size` follows the power law of the `frequency`, Hz; `drawn` are ordinates.
     """
     peaks = np.log(frequency[find_peaks(size)])
     for power, low, high in find_slopes(frequency, size):

@@ -55,15 +55,13 @@ def draw_extension(canvas: Canvas, start: Any, end: Any) -> None:
 def draw_dimension(
     canvas: Canvas, a: Any, b: Any, text: str, clear: float = 0.0, place: float = 0.5
 ) -> None:
-    """Draw a dimension line from a to b with its text.
+    """Draw a dimension line from a to b (2,), in inches, with its text.
 
     The text is in the middle, along the line, if there is room; else beyond b and horizontal. If
     there is no room for arrows either, they come from outside.
 
     Parameters
     ----------
-    a, b : (2,) arrays
-        The ends, in.
     clear
         Position, relative to b, in, at which something else crosses the line: text outside stays
         beyond it, text inside before it.
@@ -100,7 +98,7 @@ def draw_dimension(
 
 
 def write_note(canvas: Canvas, where: Any, text: str, **how: Any) -> None:
-    """Write text, centred on a point unless `how` says otherwise, hiding what lies below it."""
+    """Write text, hiding what is below it; centred on a point unless `how` says otherwise."""
     how = {"ha": "center", "va": "center"} | how
     x, y = map(float, where)
     canvas.text(x, y, text, fontsize=SIZE, color=NOTE, bbox=BLANK, **how)
@@ -126,8 +124,7 @@ def draw_dot(canvas: Canvas, where: Array, colour: str = NOTE) -> None:
 def spread(wanted: list[float], gap: float) -> list[float]:
     """Positions nearest to the wanted ones (least squares), in their order, at least a gap apart.
 
-    With n gaps subtracted from the n-th position, the n-th must not be below those before it: an
-    isotonic regression.
+    An isotonic regression: less n gaps, the n-th position must not be below those before it.
     """
     if not wanted:
         return []

@@ -41,7 +41,7 @@ class View:
     scale
         Length of a metre in the picture.
     origin : (2,) array
-        Position of the suspension point in the picture.
+        Of the suspension point in the picture.
     """
 
     name: str
@@ -68,8 +68,8 @@ FACE = View("face on", 0, np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]))
 def from_above(scene: Scene, outlines: list[Outline]) -> View:
     """Make a view of every body in plan (y to the right, x towards the reader), at its own height.
 
-    No body hides another. Plans are to scale if the bodies are far enough apart in height, else
-    compressed in x, to half at most.
+    No body hides another. If the bodies are too close in height, plans are compressed in x, to half
+    at most.
     """
     depth = 2 * max(float(body.half[0]) for body in outlines)
     gaps = np.diff(np.sort(scene.bodies.position[1:, 2]))
@@ -108,7 +108,7 @@ def sections(scene: Scene, pose: Pose, outlines: list[Outline], view: View) -> l
 def brackets(scene: Scene, pose: Pose, outlines: list[Outline]) -> list[tuple[int, Array]]:
     """Lines (2, 3), m, from bodies to attachments that lie outside their outlines.
 
-    Each with the number of its body, from 0, without the support.
+    Each comes with its body's number, from 0 without the support.
     """
     wires, held, lines = scene.wires, scene.springs, []
     free = wires.blade < 0
@@ -137,8 +137,8 @@ def blade_lengths(design: Design) -> dict[str, float | None]:
 def leaves(design: Design, scene: Scene, pose: Pose, outlines: list[Outline]) -> Array:
     """Line (b, 13, 3) of each blade from its root to its tip, m, bent by a load at the tip.
 
-    A design gives the tips, not the roots: a blade is drawn pointing away from the middle of its
-    body, with its true length where the design gives it.
+    A design gives only the tips: a blade points away from the middle of its body, with its true
+    length where the design gives it.
     """
     blades, lengths = scene.blades, blade_lengths(design)
     along = np.linspace(0, 1, 13)[:, None]
@@ -194,7 +194,7 @@ def spring_points(scene: Scene, pose: Pose) -> Array:
 def link_curves(design: Design, scene: Scene, pose: Pose) -> dict[str, Array]:
     """Line (p, 3) of each link given by the geometry of its wires, m, by its label in the scene.
 
-    In another pose the ends follow their bodies, and the line between them is interpolated.
+    In another pose the ends follow their bodies, and the line between is interpolated.
     """
     result, position = {}, scene.bodies.position
     for link in design.link:
@@ -230,7 +230,7 @@ def mode_step(numbering: Layout, coordinate: tuple[str, ...], shape: Array) -> A
 def amplitude(scene: Scene, step: Array) -> float:
     """Largest factor for drawing a step (N,) that leaves the suspension recognisable.
 
-    Rotations, slopes of wires, deflections of blades and motions each have a limit (`LARGEST_...`).
+    Rotations, slopes of wires, deflections of blades and motions have limits (`LARGEST_...`).
     """
     motion = step[: 6 * (len(scene.bodies.name) + 1)].reshape(-1, 6)
     wires, whole = scene.wires, suspension_size(scene)

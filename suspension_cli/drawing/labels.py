@@ -51,10 +51,6 @@ def annotate(
         Further boxes to avoid, pixels.
     lines : sequence of (x0, y0, x1, y1)
         Vertical or horizontal lines to avoid if possible, pixels.
-
-    Returns
-    -------
-    list of Text
     """
     figure: Any = axes.get_figure()
     renderer, pixel = figure.canvas.get_renderer(), figure.dpi / 72
@@ -98,7 +94,7 @@ def annotate(
 def _cheapest(places: Iterator[tuple[float, tuple[float, Any]]]) -> tuple[float, Any]:
     """Reach and box of the first place of least cost.
 
-    Ends as soon as even a free place farther away would cost more.
+    Ends when even a free place farther away would cost more.
     """
     least, chosen = np.inf, (0.0, None)
     for cost, place in places:

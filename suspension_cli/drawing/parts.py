@@ -36,10 +36,8 @@ class Look:
 
     Attributes
     ----------
-    edge
-        Outline of each body.
-    fill
-        Interior of each body.
+    edge, fill
+        Outline and interior of each body.
     line
         Wires, blades, springs.
     width
@@ -144,7 +142,8 @@ def _leaves(canvas: Canvas, lines: Array, look: Look) -> None:
 def _springs(canvas: Canvas, view: View, sketch: Sketch, look: Look) -> None:
     """Draw springs as zigzags at their points, with dotted lines to the bodies above.
 
-    Dampers are dashpots; links of curved wires are these, and feet stand on the ground.
+    Dampers are pistons, links of curved wires are curves, and springs on the ground have hatched
+    feet.
     """
     scene, pose = sketch.scene, sketch.pose
     unit = 0.022 * suspension_size(scene) * view.scale
@@ -206,8 +205,8 @@ def _support_points(sketch: Sketch) -> Array:
 def support_box(sketch: Sketch) -> tuple[Array, Array]:
     """Opposite corners (3,), (3,) of the support in the drawing, m.
 
-    It lies above everything attached to it, or below if that stands on it; the z of the first
-    corner is the side of the attachments.
+    It is above everything attached to it, or below what stands on it; the first corner's z is on
+    the side of the attachments.
     """
     points = sketch.support_points
     low, high = points.min(0) - 2 * sketch.thick, points.max(0) + 2 * sketch.thick

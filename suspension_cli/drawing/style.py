@@ -91,7 +91,7 @@ RC: dict[str, Any] = {
 
 
 def house_style() -> AbstractContextManager[None]:
-    """Context manager of the style, in which figures are drawn and saved."""
+    """Context manager of the style in which figures are drawn and saved."""
     return matplotlib.rc_context(RC)  # type: ignore[arg-type]
 
 
@@ -109,7 +109,7 @@ def add_axes(figure: Figure, left: float, top: float, width: float, height: floa
 
 
 class _Plain(LogFormatter):
-    """Labels of a logarithmic axis as people write them: 0.1, 0.6, 1, 10."""
+    """Labels of a logarithmic axis in plain numbers: 0.1, 0.6, 1, 10."""
 
     def __call__(self, x: float, pos: int | None = None) -> str:
         return f"{x:g}" if super().__call__(x, pos) else ""
@@ -148,7 +148,7 @@ def write_text(
 
 
 def name_neglected(figure: Figure, choice: Choice) -> Figure:
-    """Write what the model neglects below a figure whose heading names it, and return it."""
+    """Write what the model neglects below a figure, and return it."""
     text = choice.neglected.partition(" (tolerance")[0]
     if not text:
         return figure
@@ -171,12 +171,9 @@ def name_neglected(figure: Figure, choice: Choice) -> Figure:
 def save(figure: Figure, path: str | os.PathLike[str]) -> None:
     """Write a figure, whole or not at all, in place of any file of this name.
 
-    The ending says what it is: .png, .pdf or .svg.
+    The ending is .png, .pdf or .svg.
 
-    Raises
-    ------
-    OSError
-        If it cannot be written; nothing is left behind then.
+    Raises `OSError` if it cannot be written; nothing is left behind then.
     """
     replace_file(Path(path), encode(figure, Path(path).suffix.removeprefix(".")))
 
@@ -270,15 +267,8 @@ def length(value: float) -> str:
 
 
 def stage_colours(stages: Iterable[str]) -> dict[str, str]:
-    """Choose the colour of each stage of a design, the same in every picture.
+    """Choose the colour of each stage of a design (top to bottom), the same in every picture.
 
-    Parameters
-    ----------
-    stages
-        All stages, top to bottom.
-
-    Examples
-    --------
     >>> stage_colours(["upper", "test"])
     {'upper': '#0072b2', 'test': '#d55e00'}
     """

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 def separate_stretching(
     scene: Scene, numbering: Layout, balanced: Equilibrium, adapted: Symmetry
 ) -> tuple[Inexact[np.ndarray, "coordinate coordinate"], Stretching]:
-    """Compute the tangent stiffness (N, N) without the stretching of wires, and that stretching.
+    """Compute the tangent stiffness without the stretching of wires, and that stretching.
 
     In symmetry-adapted coordinates, for a scene without batch axes.
     """
@@ -50,9 +50,9 @@ def _low_parts(
     rigid: Float[np.ndarray, "coordinate 6"],
     body: Int[np.ndarray, " wire"],
 ) -> Float[np.ndarray, "wire coordinate"]:
-    """Compute the low parts (w, N) of linear forms (w, N) that are 0 in rigid motion.
+    """Compute the low parts of linear forms that are 0 in rigid motion.
 
-    The elements towards one `body` (w,) of each form follow from the others.
+    The elements towards one `body` of each form follow from the others.
     """
     low, place = np.zeros_like(form), np.arange(len(form))[:, None]
     # translations do not depend on each other; yaw moves bodies sideways too

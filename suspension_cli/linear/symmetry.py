@@ -1,9 +1,9 @@
 """Mirror symmetries of a scene, and coordinates that split its matrices accordingly.
 
-If the mirror x to -x (or y to -y) maps every body, wire, blade and spring onto one with the same
-parameters, motions even and odd under it do not couple. The coordinates of a body are even or odd
-already; those of blade tips that are mirror images are combined into even and odd sums. Elements
-between coordinates of different parity are rounding errors, and are set to exactly 0.
+If the mirror x to -x (or y to -y) maps every body, wire, blade and spring onto an equal one,
+motions even and odd under it do not couple. The coordinates of a body are even or odd already;
+those of blade tips that are mirror images are combined into even and odd sums. Matrix elements
+between different parities are rounding errors, and are set to exactly 0.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from suspension_cli.scene.composition import Fibre
 
 ROUNDING = 1e-13
-"""Relative difference up to which computed tensions and loads are equal; given values must be equal
-exactly."""
+"""Relative difference up to which computed values (tensions, loads, clamps) count as equal; given
+ones must equal exactly."""
 
 
 @dataclass(frozen=True)
@@ -35,11 +35,11 @@ class Symmetry:
 
     Attributes
     ----------
-    basis : (N, N) array
+    basis
         The named coordinates (rows) in terms of the adapted ones (columns); orthogonal.
-    allowed : (N, N) bool array
+    allowed
         Elements of a matrix that the symmetry allows.
-    mirrors : tuple of str
+    mirrors
         ``("x", "y")`` for a scene with both symmetries.
     """
 
@@ -50,7 +50,7 @@ class Symmetry:
     def apply(
         self, matrix: Inexact[np.ndarray, "*batch coordinate coordinate"]
     ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
-        """Change a symmetric matrix (..., N, N) to adapted coordinates, with exact zeros."""
+        """Change a symmetric matrix to adapted coordinates, with exact zeros."""
         if not self.trivial:
             matrix = self.basis.T @ matrix @ self.basis
             matrix = (matrix + np.swapaxes(matrix, -1, -2)) / 2
@@ -59,7 +59,7 @@ class Symmetry:
     def forms(
         self, form: Inexact[np.ndarray, "*batch coordinate"]
     ) -> Inexact[np.ndarray, "*batch coordinate"]:
-        """Change linear forms (..., N) to adapted coordinates."""
+        """Change linear forms to adapted coordinates."""
         return form if self.trivial else form @ self.basis
 
     @cached_property
@@ -70,7 +70,7 @@ class Symmetry:
     def adapt_flags(
         self, flags: Bool[np.ndarray, " coordinate"]
     ) -> Bool[np.ndarray, " coordinate"]:
-        """Change flags (N,) that mirror images share to adapted coordinates."""
+        """Change flags that mirror images share to adapted coordinates."""
         return (np.abs(self.basis).T @ flags) > 0.5 * np.abs(self.basis).sum(0)
 
 
@@ -102,7 +102,7 @@ def no_symmetry(numbering: Layout) -> Symmetry:
 def _operator(
     scene: Scene, numbering: Layout, axis: int, image: Int[np.ndarray, " blade"]
 ) -> Float[np.ndarray, "coordinate coordinate"]:
-    """Build the signed permutation matrix (N, N) of a mirror."""
+    """Build the signed permutation matrix of a mirror."""
     bodies = len(scene.bodies.name) + 1
     result = np.zeros((numbering.size,) * 2)
     np.fill_diagonal(
@@ -124,7 +124,7 @@ def _adapted_basis(
     """Find common eigenvectors of commuting mirrors (columns), and their parities (mirror, column).
 
     A coordinate that is its own image is kept; the others are projected on each combination of
-    parities. Combined tips take the places of the tips that they combine.
+    parities, and the results take their places.
     """
     basis, parities = np.eye(size), np.zeros((size, len(operators)))
     is_own_image = np.ones(size, dtype=bool)
@@ -163,7 +163,7 @@ def _blade_images(scene: Scene, axis: int, equal: _EqualParts) -> Int[np.ndarray
 
 
 def is_mirror_symmetric(scene: Scene) -> Bool[np.ndarray, "*batch 2"]:
-    """Whether each scene of a batch is symmetric in x and in y: (..., 2) bool."""
+    """Whether each scene of a batch is symmetric in x and in y."""
     equal = _equal_parts(scene)
     return np.stack(
         [
@@ -222,7 +222,7 @@ def _mirror_signs(axis: int) -> Float[np.ndarray, " 3"]:
 def _blade_pairs(
     scene: Scene, axis: int, equal: _EqualParts
 ) -> tuple[Bool[np.ndarray, "*batch blade blade"], Bool[np.ndarray, "*batch"]]:
-    """Pair blades (..., b, b) that are mirror images; also whether that is one to one."""
+    """Pair blades that are mirror images; also whether that is one to one."""
     blades, flip = scene.blades, _mirror_signs(axis)
     pairs = (
         equal.blades
@@ -239,10 +239,7 @@ def _has_mirror(
     blade_pairs: Bool[np.ndarray, "*#batch blade blade"],
     one_to_one: Bool[np.ndarray, "*#batch"],
 ) -> Bool[np.ndarray, "*batch"]:
-    """Whether each scene (...) is symmetric in x (axis 0) or y (1).
-
-    `blade_pairs` and `one_to_one` as from `_blade_pairs`.
-    """
+    """Whether each scene is symmetric in x (axis 0) or y (1), given its `_blade_pairs`."""
     bodies, wires, springs, flip = scene.bodies, scene.wires, scene.springs, _mirror_signs(axis)
     odd = np.outer(flip, flip) < 0
     symmetric = (bodies.position[..., axis] == 0).all(-1) & (bodies.inertia[..., odd] == 0).all(
@@ -284,7 +281,7 @@ def _has_mirror(
 
 
 def _towers_have_mirror(scene: Scene, flip: Float[np.ndarray, " 3"]) -> Any:
-    """Whether the struts and bars of each scene (...) are symmetric under a mirror."""
+    """Whether the struts and bars of each scene are symmetric under a mirror."""
     struts, bars = scene.struts, scene.bars
     result: Any = np.True_
     if struts.label:
@@ -308,7 +305,7 @@ def _towers_have_mirror(scene: Scene, flip: Float[np.ndarray, " 3"]) -> Any:
 def _wire_images(
     fibres: tuple[Fibre, ...], flip: Float[np.ndarray, " 3"]
 ) -> Bool[np.ndarray, "wire wire"]:
-    """Pair wires (w, w) whose clamps and bending planes are mirror images."""
+    """Pair wires whose clamps and bending planes are mirror images."""
     pairs = np.ones((len(fibres), len(fibres)), dtype=bool)
     for end in (0, 1):
         clamps = np.array([fibre.clamp[end] for fibre in fibres]).reshape(-1, 3)
@@ -321,7 +318,7 @@ def _wire_images(
 
 
 def _equal_items(kinds: list[Any]) -> Bool[np.ndarray, "item item"]:
-    """Pair (n, n) equal items."""
+    """Pair equal items."""
     known: list[Any] = []
     for kind in kinds:
         if kind not in known:
@@ -330,7 +327,7 @@ def _equal_items(kinds: list[Any]) -> Bool[np.ndarray, "item item"]:
 
 
 def _equal_labels(*labels: Any) -> Bool[np.ndarray, "item item"]:
-    """Pair items (n, n) with equal labels, each (n,) or (k, n)."""
+    """Pair items with equal labels, each (n,) or (k, n)."""
     return np.logical_and.reduce(
         [row[:, None] == row[None, :] for label in labels for row in np.atleast_2d(label)]
     )
@@ -340,7 +337,7 @@ def _equal(
     values: Inexact[np.ndarray, "*batch item component"],
     images: Inexact[np.ndarray, "*batch item component"],
 ) -> Bool[np.ndarray, "*batch item item"]:
-    """Pair members (..., n, c) that equal the image of another exactly: (..., n, n)."""
+    """Pair items that equal the image of another exactly."""
     return (values[..., :, None, :] == images[..., None, :, :]).all(-1)
 
 
@@ -348,11 +345,11 @@ def _close(
     values: Inexact[np.ndarray, "*batch item component"],
     images: Inexact[np.ndarray, "*batch item component"],
 ) -> Bool[np.ndarray, "*batch item item"]:
-    """Pair members (..., n, c) that equal the image of another but for rounding: (..., n, n)."""
+    """Pair items that equal the image of another but for rounding."""
     scale = np.abs(values).max((-2, -1), initial=0.0)[..., None, None, None]
     return (np.abs(values[..., :, None, :] - images[..., None, :, :]) <= ROUNDING * scale).all(-1)
 
 
 def _one_to_one(same: Bool[np.ndarray, "*batch item item"]) -> Bool[np.ndarray, "*batch"]:
-    """Whether each pairing (..., n, n) is a permutation."""
+    """Whether each pairing is a permutation."""
     return (same.sum(-1) == 1).all(-1) & (same.sum(-2) == 1).all(-1)

@@ -33,7 +33,7 @@ def lossless(scene: Scene) -> Scene:
 
 
 def loss_terms(scene: Scene, numbering: Layout, adapted: Symmetry) -> list[Term]:
-    """Losses of blades; any batch axes, left out where the stiffness has none."""
+    """Losses of blades. Any batch axes; none where the stiffness has none."""
     fibres, terms = scene.fibres, []
     assert fibres is not None
     shape = (*scene.blades.stiffness.shape[:-2], numbering.size, numbering.size)
@@ -68,14 +68,10 @@ def loss_terms(scene: Scene, numbering: Layout, adapted: Symmetry) -> list[Term]
 def spring_terms(
     scene: Scene, numbering: Layout, pose: Pose, adapted: Symmetry, *, tables: bool = False
 ) -> tuple[list[LossTerm], tuple[LossTerm, ...]]:
-    """Losses of springs and stiffnesses given as tables, or these alone; any batch axes.
+    """Losses of springs and stiffnesses given as tables, or only the latter; any batch axes.
 
-    Returns
-    -------
-    terms : list of LossTerm
-        First those of the springs on the ground, which is at rest.
-    ground : tuple of LossTerm
-        These with the coordinates of the ground in place of the support's.
+    The terms of the springs on the ground, which is at rest, are first. They are also returned
+    alone, with the coordinates of the ground in place of the support's.
     """
     springs = scene.springs
     known = {} if scene.fibres is None else {own.label: own for own in scene.fibres.spring}

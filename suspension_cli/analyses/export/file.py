@@ -25,12 +25,9 @@ It replaces that of scipy, which contains the time of day."""
 
 
 def format_of(path: Path, made: Exported) -> str:
-    """Return the name of the format of a path's ending.
+    """Name of the format of a path's ending.
 
-    Raises
-    ------
-    InputError
-        If there is none; zeros, poles and gain are in HDF5 alone.
+    Raises `InputError` if there is none; only HDF5 has zeros, poles and gain.
     """
     endings = {
         Path(f"x{form.suffix}").suffix: name
@@ -109,7 +106,7 @@ def _fields(made: Exported, origin: Provenance) -> dict[str, Any]:
 
 
 def _agreement(made: Exported) -> dict[str, Any]:
-    """Band of agreement (2,), Hz, NaN if there is none, and the errors there and beyond it."""
+    """Band of agreement (2,), Hz, NaN if there is none, and the errors in and beyond it."""
     band = np.array(made.band or (np.nan, np.nan))
     return {"band_hz": band, "tolerance": made.tolerance, "worst_error": made.worst}
 

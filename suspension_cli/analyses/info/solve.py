@@ -33,11 +33,11 @@ class Info(Report):
     estimates : Estimates
         Changes of every mode by wire bending and wire mass, per stage.
     modes : Modes
-        Those of the simplest model that is valid.
+        Those of the simplest valid model.
     choices : dict
         The model of every quantity, its estimated error and why it was chosen.
     refinements : dict
-        Of every quantity but thermal noise: the refinements that were weighed.
+        Of every quantity except thermal noise, the refinements that were considered.
     """
 
     source: Source
@@ -102,8 +102,7 @@ class Info(Report):
                 {"stage": ""} | dict.fromkeys(change, ".1e") | {"first violin mode\nHz": ".4g"}
             )
             lines += [
-                "Estimated relative change, by each refinement of a stage's wires, of the frequency"
-                " that it changes most:",
+                "Largest estimated relative change of a mode frequency, per stage and refinement:",
                 tables.render(columns, rows),
             ]
         else:
@@ -120,14 +119,7 @@ class Info(Report):
 
 
 def solve(source: Source, setting: Settings, log: Log) -> Info:
-    """Choose the models of a design.
-
-    Parameters
-    ----------
-    source : Source
-    setting : dict
-        Values of the options of ``pendsus info``.
-    log : Log
+    """Choose the models of a design, with the options of ``pendsus info``.
 
     Raises
     ------

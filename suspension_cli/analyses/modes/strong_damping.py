@@ -1,7 +1,7 @@
-"""Poles of strongly damped modes, overdamped ones too.
+"""Poles of strongly damped modes, including overdamped ones.
 
 They start from the eigenvalues of the quadratic problem s^2 M + s C + K (Tisseur and Meerbergen,
-SIAM Review 43, 235 (2001)) and are refined in the equation of the mode that moves most, with all
+SIAM Review 43, 235 (2001)). They are refined in the equation of the mode that moves most, with all
 other modes eliminated (`modal_basis`).
 """
 
@@ -67,7 +67,7 @@ def solve_strong(
 def _solve_quadratic(
     basis: Basis, loss: Inexact[np.ndarray, "coordinate coordinate"]
 ) -> tuple[Inexact[np.ndarray, " pole"], Complex[np.ndarray, "pole coordinate"]]:
-    """Poles and shapes of the quadratic eigenvalue problem with a constant loss L (n, n).
+    """Poles and shapes of the quadratic eigenvalue problem with a constant loss L.
 
     Those with Im s >= 0; with a loss, Im s > 0.
     """
@@ -108,7 +108,7 @@ def _solve_undamped(
 
 
 def _mark_rigid(basis: Basis, values: Inexact[np.ndarray, " pole"]) -> Bool[np.ndarray, " pole"]:
-    """Mark the poles (p,) that are 0 but for rounding.
+    """Mark the poles that are 0 but for rounding.
 
     Two per rigid mode, less one per combination of rigid modes that a damper acts on.
     """
@@ -128,7 +128,7 @@ def _mark_rigid(basis: Basis, values: Inexact[np.ndarray, " pole"]) -> Bool[np.n
 
 
 def _mark_counterparts(values: Inexact[np.ndarray, " pole"]) -> Bool[np.ndarray, " pole"]:
-    """Mark the real poles (p,) that are decaying counterparts of growing ones."""
+    """Mark the real poles that are decaying counterparts of growing ones."""
     out = np.zeros(len(values), dtype=bool)
     real = np.imag(values) == 0
     for growing in np.flatnonzero(real & (np.real(values) > 0)):
@@ -177,18 +177,14 @@ def refine_poles(
 
     Parameters
     ----------
-    dynamic : callable
+    dynamic
         Z (m, A + t, A + t) at s (m,), with or without loss angles; the support's six coordinates
-        first, forces that serve as coordinates last.
+        first, tensions that serve as coordinates last.
     start
-        rad/s; real for motions that do not oscillate, all or none.
+        rad/s; all or none real, for motions that do not oscillate. Returned where the iteration
+        leaves its neighbourhood.
     motion
         Approximate shapes, used for b; None excites all coordinates alike.
-
-    Returns
-    -------
-    array
-        rad/s; the start where the iteration leaves its neighbourhood.
     """
     result = start.copy()
     for first in range(0, len(start), AT_ONCE):

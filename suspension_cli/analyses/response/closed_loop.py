@@ -33,11 +33,11 @@ class ClosedTransfer(Transfer):
     loops: list[Signal]
 
     def signals(self) -> list[Signal]:
-        """List the signals whose blocks matter: also sensors and actuators."""
+        """List the signals whose blocks matter, including sensors and actuators."""
         return [*super().signals(), *self.loops]
 
     def is_zero(self, model: LinearSystem) -> bool:
-        """Return False, as loops may link any input to any output."""
+        """Return False: loops may link any input to any output."""
         del model
         return False
 
@@ -50,10 +50,7 @@ class ClosedTransfer(Transfer):
 def close(request: Transfer, design: Design, model: LinearSystem) -> ClosedTransfer:
     """Close the loops of a design around a request.
 
-    Raises
-    ------
-    InputError
-        If the design has no loops.
+    Raises `InputError` if the design has no loops.
     """
     plant = control.build_plant(design, model)
     return ClosedTransfer(**vars(request), design=design, loops=[*plant.sensor, *plant.actuator])
@@ -75,12 +72,9 @@ def solve(request: ClosedTransfer, model: LinearSystem) -> Response:
 def find_stable_poles(
     design: Design, model: LinearSystem, kind: Model, allow_unstable: bool, log: Log
 ) -> Poles:
-    """Find the closed-loop poles, of wires without mass where the kind of model has wire mass.
+    """Find the closed-loop poles, on wires without mass.
 
-    Raises
-    ------
-    InputError
-        If a pole grows and that is not allowed.
+    Raises `InputError` if a pole grows and that is not allowed.
     """
     massless = registry.BEAM.system(design) if kind.has_wire_mass else model
     found = damp.find_poles(design, massless).closed

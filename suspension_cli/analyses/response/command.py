@@ -181,7 +181,7 @@ class ResponseAnalysis(Analysis):
 
 
 def comparisons(data: Response) -> tuple[Comparison, ...]:
-    """Return the measured transfer functions of a response; none where there are none."""
+    """Measured transfer functions of a response, if any."""
     return getattr(data, "measured", ())
 
 
@@ -241,7 +241,7 @@ def _document(one: Comparison) -> dict[str, Any]:
 
 
 def _table(measured: Sequence[Comparison]) -> str:
-    """Return tables of the ratios, and of measured and modelled resonances."""
+    """Tables of the ratios, and of measured and modelled resonances."""
     from suspension_cli.analyses import tables
 
     columns = {"points": ".0f", "|measured/model|\nmedian": "#.4g", "farthest\nfrom 1": "#.4g"}

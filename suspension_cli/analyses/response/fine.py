@@ -1,4 +1,4 @@
-"""Responses between the points of a grid, for drawing alone: resonances and zeros to their tips."""
+"""Responses between the points of a grid, for drawing: resonances and zeros to their tips."""
 
 from __future__ import annotations
 
@@ -25,9 +25,8 @@ MANY = 8
 def refine(result: Result) -> Response:
     """Add the frequencies at which resonances and zeros are resolved to a response.
 
-    The values at the added frequencies are those of the result's model, built from its design, so
-    that a results file is enough. A design that gives no model any more leaves the response as
-    it is.
+    Values there are those of the result's model, built from its design, so that a results file is
+    enough. If that fails, the response stays as it is.
     """
     data: Response = result.data
     if len(data.frequency) < 8 or data.frequency[0] <= 0 or (np.diff(data.frequency) <= 0).any():
@@ -43,7 +42,7 @@ def refine(result: Result) -> Response:
 
 
 def _solver(result: Result, model: LinearSystem) -> tuple[Callable[[Array], Any], Array]:
-    """Return a function of frequencies (f,) in Hz to values (f, o, i), and modes in Hz."""
+    """A function of frequencies (f,) in Hz to values (f, o, i), and modes in Hz."""
     data: Response = result.data
     known = signals.bodies_with_signals(model)
     inputs = [signals.parse_input(text, known) for text in data.input]

@@ -30,11 +30,11 @@ def draw(
     stages: Sequence[str] = (),
     outputs: Sequence[str] = (),
 ) -> Figure:
-    """Draw magnitudes (a panel per unit) and unwrapped phases, and below the ratio of magnitudes.
+    """Draw magnitudes (a panel per unit), unwrapped phases, and the ratio of magnitudes.
 
-    Curves have the colours of the stages of their outputs, in shades where several have the
-    same; `outputs` are the motions of stages that sensors observe. `scale` is "db" (20 log10 of
-    the SI value) or "absolute" (on a log axis).
+    Curves have the colours of the stages of their outputs, in shades where several have the same;
+    `outputs` are the motions of stages that sensors observe. `scale` is "db" (20 log10 of the SI
+    value) or "absolute" (on a log axis).
     """
     decibels, units = scale == "db", list(dict.fromkeys(one.data.unit for one in measured))
     many = len(measured) > 1
@@ -85,7 +85,7 @@ def _looks(
 ) -> list[tuple[str, dict[str, Any]]]:
     """Shade of the colour of each output's stage, and the marker of its points.
 
-    Sensors have the colour of the stage that they observe if all observe one.
+    Sensors have the colour of the stage that they observe if all observe the same.
     """
     body = [body_of(one.data.output) for one in measured]
     seen = {body_of(output) for output in outputs}
@@ -152,9 +152,9 @@ def _draw_measured(
 
 
 def _phase_near(phase: Any, at: Any, frequency: Any, modelled: Any) -> Any:
-    """Shift measured phases (degrees) to the branch of the model, beside its steps, too.
+    """Shift measured phases (degrees) to the branch of the model, also beside its steps.
 
-    An offset of all points, as of a sensor of the other sign, remains.
+    An offset of all points remains, as of a sensor with the opposite sign.
     """
     around = [np.interp(at * factor, frequency, modelled) for factor in (1.0, 0.97, 1.03)]
     mean = np.exp(1j * np.radians(phase - around[0])).sum()

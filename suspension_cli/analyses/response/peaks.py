@@ -1,8 +1,8 @@
 """Peaks of frequency responses, however narrow, between the points of a grid.
 
 Around every mode and every local maximum on the grid, the interval that contains the peak is
-narrowed to rounding. A response that still varies within it has a pole without loss there and is
-infinite.
+narrowed to rounding. A response that still varies within it has a pole without loss there: its peak
+is infinite.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ def _brackets(found: Array, frequency: Array, size: Array) -> tuple[Array, Array
 def _magnitudes(solve: Solve, at: Array) -> Any:
     """Magnitudes (n, points, o, i) at frequencies (n, points), Hz.
 
-    Taken beside an infinite one; None if those are infinite as well.
+    Taken beside an infinite one; None if those are infinite too.
     """
     for factor in (1.0, 1.0 + 1e-14, 1.0 - 1e-14):
         try:

@@ -67,7 +67,7 @@ def draw(response: Response, title: str, scale: str = "db", stages: Sequence[str
 
 
 def _say_zero(axes: Axes, frequency: Any) -> None:
-    """Say that no response of a panel differs from 0."""
+    """Say that all responses of a panel are 0."""
     axes.set_yticks([])
     if len(frequency) > 1:
         axes.set_xlim(frequency[0], frequency[-1])
@@ -83,7 +83,7 @@ def _name(response: Response, o: int, i: int) -> str:
 def _looks(
     response: Response, pairs: Sequence[tuple[int, int]], stages: Sequence[str]
 ) -> dict[tuple[int, int], tuple[str, Any]]:
-    """Colour of each pair's output stage, and dashes that tell pairs of one colour apart."""
+    """Colour of each pair's output stage, and dashes that distinguish pairs of one colour."""
     body = [body_of(output) for output in response.output]
     colours = stage_colours([*stages, *body])
     looks: dict[tuple[int, int], tuple[str, Any]] = {}
@@ -95,7 +95,7 @@ def _looks(
 
 
 def body_of(signal: str) -> str:
-    """Name the body of a signal: ``test.x@0,0,0.001`` is one of ``test``."""
+    """Body of a signal: ``test`` of ``test.x@0,0,0.001``."""
     return signal.partition("@")[0].rpartition(".")[0]
 
 
@@ -144,7 +144,7 @@ def find_tops(frequency: Any, size: Any) -> tuple[list[tuple[int, str]], Any]:
 
 
 def lowest_and_highest(drawn: Any) -> tuple[float, float]:
-    """Smallest value (but for the tips of zeros) and largest value."""
+    """Smallest and largest finite value."""
     finite = drawn[np.isfinite(drawn)]
     return (float(finite.min()), float(finite.max())) if len(finite) else (np.nan, np.nan)
 

@@ -55,6 +55,8 @@ PARTS = np.array([0.5, 0.3, 0.7, 0.15, 0.85])
 """Places along a contour where its label may stand."""
 CLEAR = 0.25
 """Smallest distance of the label of a contour from a mark, in."""
+EDGE = 0.15
+"""Smallest distance of the label of a contour from the frame, in."""
 FAILED = {
     1: ("#f3d9c9", "slack"),
     2: ("#e3e3e3", "no equilibrium"),
@@ -72,26 +74,20 @@ def draw(
     crossings: Sequence[Crossing] = (),
     shapes: Sequence[Shapes] = (),
 ) -> Figure:
-    """Draw the figure of `pendsus sweep`.
+    """Draw the figure of `pendsus sweep`; `title` names the design and the model.
 
-    Parameters
-    ----------
-    swept
-        Parameters after the second are kept at the grid point nearest to the nominal design.
-    title
-        Names of the design and the model.
-    stages
-        Of the design, top to bottom.
-    crossings
-        To be marked on lines.
-    shapes
-        Of crossings, to be drawn below the lines.
+    Parameters after the second are kept at the grid point nearest to the nominal design.
+    `crossings` are marked on lines, and `shapes` of some are drawn below.
     """
     with house_style():
         rest = swept.start[2:]
         value = swept.value[(slice(None), slice(None), *rest)[: len(swept.axes)]]
         if value.ndim == 3:
-            return _draw_maps(swept, value, title)
+            kept = [
+                f"{axis.name} = {_with_unit(axis, axis.values[at])}"
+                for axis, at in zip(swept.axes[2:], rest, strict=True)
+            ]
+            return _draw_maps(swept, value, " · ".join([*kept, title]))
         return _draw_lines(swept, value, title, stages, crossings, shapes)
 
 
@@ -253,7 +249,7 @@ def _panel(
     looks: dict[int, tuple[str, Any]],
     x: Any,
 ) -> list[str]:
-    """Draw the results of one unit; returns remarks on what is grey or beyond the axes."""
+    """Draw the results of one unit; return remarks on what is grey or beyond the axes."""
     marker = "o" if len(x) == 1 else None
     if _is_geometric(swept.axes[0].values):
         axes.set_xscale("log")
@@ -335,7 +331,7 @@ def _mark_failures(panels: Sequence[Axes], swept: SweepResult, x: Any) -> None:
 
 
 def _mark_crossings(axes: Axes, crossings: Sequence[Crossing], first: Axis) -> None:
-    """Mark where modes meet, with letters apart from each other that the remarks explain."""
+    """Mark where modes meet, with letters that the remarks explain."""
     axes.autoscale_view()
     points = [(one.at * first.displayed_unit[1], one.frequency) for one in crossings]
     marks = axes.transData.transform(points) * 72 / axes.figure.dpi
@@ -415,15 +411,19 @@ def _draw_map(axes: Axes, swept: SweepResult, value: Any, n: int) -> None:
 
 
 def _label_contours(axes: Axes, lines: Any, marks: Sequence[Any]) -> None:
-    """Label contours in their middle, or beside it where a mark is near."""
+    """Label contours in their middle, or away from it where a mark or the frame is near."""
     taken = axes.transData.transform(np.reshape(marks, (-1, 2)))
-    places = []
+    inside, places = axes.bbox.padded(-EDGE * axes.figure.dpi), []
     for path in lines.get_paths():
         if not len(path.vertices):
             continue
-        at = axes.transData.transform(path.vertices[(len(path.vertices) * PARTS).astype(int)])
+        line = axes.transData.transform(path.vertices)
+        place, number = PARTS * (len(line) - 1), np.arange(len(line))
+        at = np.stack([np.interp(place, number, own) for own in line.T], axis=-1)
+        at = at[((at > inside.min) & (at < inside.max)).all(-1)]
         room = [np.hypot(*(taken - one).T).min(initial=np.inf) / axes.figure.dpi for one in at]
-        places.append(at[next((k for k, free in enumerate(room) if free > CLEAR), 0)])
+        if room:
+            places.append(at[next((k for k, free in enumerate(room) if free > CLEAR), 0)])
     where = axes.transData.inverted().transform(np.reshape(places, (-1, 2)))
     axes.clabel(lines, fontsize=7.5, fmt=curves.write_plainly, manual=where.tolist())
 

@@ -1,4 +1,4 @@
-"""Thermal noise between the points of a grid, for drawing alone: resonances to their tips."""
+"""Thermal noise between the points of a grid, for drawing: resonances to their tips."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ STEP = 0.6
 
 
 def refine(result: Result) -> list[Thermal]:
-    """Add the frequencies at which resonances of bodies and wires are resolved, for drawing alone.
+    """Add the frequencies at which resonances of bodies and wires are resolved.
 
     The values there are those of the result's model, built from its design.
     """
@@ -56,7 +56,7 @@ def refine(result: Result) -> list[Thermal]:
 
 
 def _columns(noise: Thermal, names: Sequence[str]) -> Any:
-    """Amplitudes (f, s) of sources by name; 0 for those without part in the motion."""
+    """Amplitudes (f, s) of sources by name; 0 for those that do not contribute."""
     parts = noise.parts
     nothing = np.zeros(len(noise.frequency))
     return np.stack([parts.get(name, nothing) for name in names], axis=1)

@@ -114,7 +114,7 @@ def _sum_groups(noise: Thermal, group: Any) -> dict[str, Any]:
 
 
 def _look(name: str, n: int, colours: dict[str, str]) -> tuple[str, str, dict[str, Any]]:
-    """Name, colour and looks of a line; the sum is the line before the first."""
+    """Name, colour and look of a line; the sum has number -1."""
     if n < 0:
         return name, INK, {"linewidth": 2.2, "zorder": 2}
     dashes = curves.DASHES[n % len(curves.DASHES)]

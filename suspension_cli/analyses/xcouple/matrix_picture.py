@@ -84,7 +84,7 @@ def _draw_table(axes: Axes, value: Any, units: Any, norm: LogNorm) -> None:
 
 
 def _shorten(names: Sequence[str]) -> tuple[list[str], str]:
-    """Part names from the body or support that they have in common, if any.
+    """Separate the names of motions from a common body or support, if any.
 
     >>> _shorten(["test.x", "test.roll"])
     (['x', 'roll'], 'test')
@@ -106,7 +106,7 @@ def _write(size: float) -> str:
 
 
 def _part_kinds(axes: Axes, units: Any) -> None:
-    """Part the blocks of one unit with white lines."""
+    """Separate the blocks of one unit by white lines."""
     for edge in np.flatnonzero((units[1:] != units[:-1]).any(1)):
         axes.axhline(edge + 0.5, color="white", linewidth=4)
     for edge in np.flatnonzero((units[:, 1:] != units[:, :-1]).any(0)):

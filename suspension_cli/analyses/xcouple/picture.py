@@ -47,14 +47,8 @@ COLOURS = "viridis"
 def draw(coupling: Coupling, title: str, limit: float | None = None) -> Figure:
     """Draw the figure of `pendsus xcouple`: a curve per value of the second axis.
 
-    With several frequencies: largest and median ratio of all builds against frequency.
-
-    Parameters
-    ----------
-    title
-        Names of the design and the model.
-    limit
-        Largest ratio that is allowed.
+    With several frequencies: largest and median ratio of all builds against frequency. `title`
+    names the design and the model; `limit` is the largest ratio allowed.
     """
     with house_style():
         names = _curve_names(coupling)
@@ -229,15 +223,8 @@ def _draw_curve(axes: Axes, x: Any, ratio: Any, colour: str) -> tuple[Any, Any]:
 
 
 def interpolate(x: Any, ratio: Any) -> tuple[Any, Any]:
-    """Interpolate a complex ratio between points, and return its magnitude: sharp at its zeros.
+    """Interpolate a complex ratio (NaN where unknown); return its magnitude, sharp at zeros.
 
-    Parameters
-    ----------
-    ratio
-        NaN where there is none.
-
-    Examples
-    --------
     >>> at, size = interpolate(np.array([0.0, 1.0, 2.0, 3.0]), np.array([-1.5, -0.5, 0.5, 1.5]))
     >>> bool(size.min() < 1e-12)
     True
