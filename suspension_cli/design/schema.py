@@ -14,7 +14,7 @@ from msgspec import Meta, field
 from suspension_cli.design import imperfections
 from suspension_cli.design.filters import Filter
 from suspension_cli.design.inverted_pendulum import InvertedPendulum
-from suspension_cli.design.links import Damper, Link
+from suspension_cli.design.links import BetweenBodies, Damper, Link
 from suspension_cli.design.losses.mechanism import with_keys
 from suspension_cli.design.losses.registry import MECHANISMS
 from suspension_cli.design.units import (
@@ -537,6 +537,13 @@ class Design(Table, frozen=True):
         dict[str, dict[str, Any]],
         doc("defaults for a command's options, under the options' own names"),
     ] = {}
+
+    @property
+    def between_bodies(self) -> list[tuple[str, BetweenBodies]]:
+        """All elements between two bodies, each behind the name of its kind of table."""
+        lists = ((kind, getattr(self, kind)) for kind in self.__struct_fields__)
+        rows = [(kind, row) for kind, rows in lists if isinstance(rows, list) for row in rows]
+        return [(kind, row) for kind, row in rows if isinstance(row, BetweenBodies)]
 
 
 def json_schema() -> dict[str, Any]:

@@ -383,4 +383,4 @@ def _jacobian(
     return result
 
 
-ELEMENT = Element(energy, add_derivatives, loss=loss_matrix)
+ELEMENT = Element(energy, add_derivatives, loss=loss_matrix, compiled=True)

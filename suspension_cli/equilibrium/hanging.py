@@ -220,7 +220,7 @@ def drop_complex_step(scene: Scene) -> Scene:
     field = scene.field
     if field is not None:
         field = replace(field, vector=np.real(field.vector), gradient=np.real(field.gradient))
-    return replace(scene, gravity=np.real(scene.gravity), field=field, **parts)
+    return replace(scene.with_parts(parts), gravity=np.real(scene.gravity), field=field)
 
 
 def first_order_pose(scene: Scene, numbering: Layout, pose: Pose) -> Pose:

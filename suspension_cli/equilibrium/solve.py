@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.elements import string
+from suspension_cli.elements.registry import uncompiled
 from suspension_cli.equilibrium.definite import positive_definite
 from suspension_cli.equilibrium.energy import gradient_and_stiffness
 from suspension_cli.equilibrium.free_rotations import free_rotations, single_point_stages
@@ -195,6 +196,16 @@ def solve(scene: Scene, numbering: Layout | None = None, start: Pose | None = No
     return found
 
 
+def solve_again(
+    scene: Scene, numbering: Layout, found: Equilibrium, which: Bool[np.ndarray, "*batch"]
+) -> Equilibrium:
+    """Solve some scenes of a batch from where they are, or a scene without batch axes."""
+    if not scene.batch:
+        return solve(scene, numbering, start=found.pose)
+    start = _select_pose(found.pose, which)
+    return _replace(found, which, solve(select_scenes(scene, which), numbering, start=start))
+
+
 def newton_steps(scene: Scene, steps: int) -> Equilibrium:
     """Take a number of Newton steps from the nominal pose, converged or not: one is the linear
     solution.
@@ -259,7 +270,7 @@ def _tangent_stiffness(scene: Scene, numbering: Layout, found: Equilibrium) -> A
         return found.stiffness
     from suspension_cli.equilibrium import compiled  # takes half a second
 
-    return compiled.tangent(scene, numbering, found.pose)[2]
+    return compiled.tangent(scene, numbering, found.pose).stiffness
 
 
 def _has_no_soft_direction(
@@ -306,9 +317,11 @@ def _newton(
     """Newton's method for the pose in which the gradient equals `target` (..., N), N and N m.
 
     At most `limit` steps. With `accept_nominal` a nominal pose that balances is returned unchanged.
-    Compiled loops solve a batch, unless a stage hangs at a single point.
+    Compiled loops solve a batch, unless a stage hangs at a single point or the loops lack the
+    formulas of an element.
     """
-    if len(scene.batch) == 1 and scene.kind == np.float64 and not single_point_stages(scene):
+    loops = not uncompiled(scene) and not single_point_stages(scene)
+    if len(scene.batch) == 1 and scene.kind == np.float64 and loops:
         return _newton_compiled(
             scene, numbering, pose, target, limit, accept_nominal=accept_nominal
         )
@@ -326,7 +339,8 @@ def _newton_compiled(
 ) -> Equilibrium:
     from suspension_cli.equilibrium import compiled  # takes half a second
 
-    limits, pose = (float(limit), BALANCED, LAST_STEP, CAP), _broadcast_pose(pose, scene.batch)
+    limits = compiled.Limits(limit, BALANCED, LAST_STEP, CAP)
+    pose = _broadcast_pose(pose, scene.batch)
     reached, parts, steps, status = compiled.newton(
         scene, numbering, pose, target, limits, accept_nominal=accept_nominal
     )

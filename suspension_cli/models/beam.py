@@ -58,7 +58,7 @@ def linear_model(scene: Scene, drag: Drag = (), *, massive: bool) -> LinearSyste
     terms = [
         *grounded,
         *_wire_terms(scene, numbering, balanced, adapted, massive=massive),
-        *loss_terms(scene, numbering, adapted),
+        *loss_terms(scene, numbering, balanced.pose, adapted),
         *of_springs[len(of_ground) :],
         *gas_terms(scene, numbering, balanced.pose, adapted, drag),
     ]
@@ -195,7 +195,7 @@ def linear_models(
     plain = no_symmetry(numbering)
     of_springs, of_ground = spring_terms(scene, numbering, found.pose, plain)
     lossy = [
-        *loss_terms(scene, numbering, plain),
+        *loss_terms(scene, numbering, found.pose, plain),
         *of_springs[len(of_ground) :],
         *gas_terms(scene, numbering, found.pose, plain, drag),
     ]

@@ -12,13 +12,25 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-_KEY, _FRAME = "inner axes", "frame"
+_KEY, _FRAME, _VECTOR, _COMPUTED = "inner axes", "frame", "vector", "computed"
 
 
-def inner(count: int, frame: str | None = None) -> dict[str, Any]:
+def inner(
+    count: int, frame: str | None = None, *, vector: bool = False, computed: bool = False
+) -> dict[str, Any]:
     """Metadata of a dataclass field with batch axes in front of `count` axes of its own.
 
-    For points, `frame` is the field with the numbers of the bodies whose frames they are in.
+    Parameters
+    ----------
+    count
+        The first of these axes runs over the members of the part.
+    frame
+        Of points: the field with the numbers of the bodies whose frames they are in.
+    vector
+        Whether the components change sign in a mirror as those along x, y, z do (on axes of size
+        6: along x, y, z, roll, pitch, yaw). Points do anyway.
+    computed
+        Whether the numbers of two members that are mirror images may differ by rounding.
 
     Examples
     --------
@@ -30,7 +42,7 @@ def inner(count: int, frame: str | None = None) -> dict[str, Any]:
     >>> inner_axes(Points)
     {'point': 2}
     """
-    return {_KEY: count, _FRAME: frame}
+    return {_KEY: count, _FRAME: frame, _VECTOR: vector or frame is not None, _COMPUTED: computed}
 
 
 @cache
@@ -43,3 +55,12 @@ def inner_axes(kind: type[Any]) -> dict[str, int]:
 def frames(kind: type[Any]) -> dict[str, str]:
     """Name of the field with the numbers of bodies, by that of points in their frames."""
     return {item.name: item.metadata[_FRAME] for item in fields(kind) if item.metadata.get(_FRAME)}
+
+
+@cache
+def signed(kind: type[Any]) -> dict[str, tuple[bool, bool]]:
+    """Whether each field is a vector in a mirror, and computed, see `inner`."""
+    marks = {item.name: item.metadata for item in fields(kind)}
+    return {
+        name: (mark.get(_VECTOR, False), mark.get(_COMPUTED, False)) for name, mark in marks.items()
+    }

@@ -132,7 +132,7 @@ def move_com(scene: Scene, number: int, offset: Any) -> Scene:
 
     position = scene.bodies.position[..., number, :] + shift
     scene = _with(scene, "bodies", number, position=position)
-    return replace(scene, **{name: moved(part) for name, part in scene.parts.items()})
+    return scene.with_parts({name: moved(part) for name, part in scene.parts.items()})
 
 
 def turn_mass(scene: Scene, number: int, rotation: Any) -> Scene:
@@ -216,7 +216,7 @@ def _numbers(values: Any) -> Any:
 
 def _with(scene: Scene, part: str, number: int, **items: Array) -> Scene:
     """Replace member `number` of arrays of a part of a scene, batch axes broadcast."""
-    old = getattr(scene, part)
+    old = scene.parts[part]
     changed = {}
     for name, item in items.items():
         values, inner = getattr(old, name), inner_axes(type(old))[name]
@@ -224,4 +224,5 @@ def _with(scene: Scene, part: str, number: int, **items: Array) -> Scene:
         whole = np.broadcast_to(values, batch + values.shape[-inner:])
         changed[name] = np.array(whole, dtype=np.result_type(values, item))
         changed[name][(..., number, *(slice(None),) * (inner - 1))] = item
-    return replace(scene, **{part: replace(old, **changed)}, drawn=scene.drawn or scene)
+    result = scene.with_parts({part: replace(old, **changed)})
+    return replace(result, drawn=scene.drawn or scene)

@@ -39,9 +39,8 @@ def stack_scenes(scenes: Sequence[Scene], pick: Any = None) -> Scene:
         )
         for key, part in scenes[0].parts.items()
     }
-    return replace(
-        scenes[0], drawn=stack_scenes(drawn, pick) if len(drawn) == len(scenes) else None, **parts
-    )
+    together = stack_scenes(drawn, pick) if len(drawn) == len(scenes) else None
+    return replace(scenes[0].with_parts(parts), drawn=together)
 
 
 def select_scenes(scene: Scene, which: Any) -> Scene:
@@ -61,7 +60,8 @@ def select_scenes(scene: Scene, which: Any) -> Scene:
     if drawn is not None and drawn.batch:
         drawn = select_scenes(drawn, np.broadcast_to(which, drawn.batch))
     parts = scene.parts if scene.flex is None else scene.parts | {"flex": scene.flex}
-    return replace(scene, drawn=drawn, **{key: selected(part) for key, part in parts.items()})
+    chosen = {key: selected(part) for key, part in parts.items()}
+    return replace(scene.with_parts(chosen), drawn=drawn)
 
 
 def scale_imperfections(scene: Scene, fraction: float) -> Scene:
@@ -78,4 +78,4 @@ def scale_imperfections(scene: Scene, fraction: float) -> Scene:
     parts = {key: between(drawn.parts[key], part) for key, part in scene.parts.items()}
     wires = parts["wires"]
     parts["wires"] = replace(wires, length=np.sqrt((wires.span**2).sum(-1)))
-    return replace(scene, **parts)
+    return scene.with_parts(parts)

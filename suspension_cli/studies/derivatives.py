@@ -280,17 +280,18 @@ def _scale_steps(scene: Scene) -> Scene:
         }
         return replace(part, **steps)
 
-    return replace(scene, **{name: grown(part) for name, part in scene.parts.items()})
+    return scene.with_parts({name: grown(part) for name, part in scene.parts.items()})
 
 
 def _solves_for_pose(base: Differentiable) -> bool:
     """Whether the pose was solved for, and so depends on the design's numbers."""
-    return base.scene.drawn is not None or solves_pose(base.design)
+    scene = base.scene
+    return scene.drawn is not None or bool(scene.added) or solves_pose(base.design)
 
 
 def _unbalanced(base: Differentiable, scene: Scene, design: Design) -> bool:
     """Whether a suspension that balances in its nominal pose no longer does after the step."""
-    if gives_natural_lengths(design) or scene.field is not None:
+    if gives_natural_lengths(design) or scene.field is not None or scene.added:
         return False
     drawn = scene.drawn or scene  # straight wires: blades are loaded as without bending
     gradient = gradient_and_stiffness(drawn, base.numbering, nominal_pose(drawn))[0]

@@ -32,7 +32,7 @@ def find_unknown_names(
     """
     stages = tuple(stage.name for stage in design.stage)
     frame = (FRAME,) if design.support is not None else ()
-    on_ground = any(GROUND in item.between for item in (*design.link, *design.damper))
+    on_ground = any(GROUND in item.between for _, item in design.between_bodies)
     known = (SUPPORT, *stages, *frame, *((GROUND,) if on_ground else ()))
     unknown: list[ImplausibleNumber] = []
     for analysis in map(registry.get, ANALYSES):

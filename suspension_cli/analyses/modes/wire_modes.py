@@ -150,7 +150,7 @@ def _kinetic_energies(
             moving = replace(wire, lossy=False).at(omega * (1 + 1j * STEP))
             for part in PARTS:
                 # omega dF/domega = 2 omega^2 dF/d(omega^2)
-                slope = moving.stiffness(part).imag / STEP
+                slope = np.imag(moving.stiffness(part)) / STEP
                 own[part] -= np.einsum(
                     "awm,abm,bwm->m", motion[part], slope, motion[part], optimize=True
                 ) / (2 * omega**2)
