@@ -185,7 +185,7 @@ def test_faults_name_arguments():
     design = sus.read(DOUBLE)
     with pytest.raises(sus.InputError, match=r'outputs = "tset\.x": names no body'):
         sus.response(design, outputs=["tset.x"])
-    with pytest.raises(sus.InputError, match="no template"):
+    with pytest.raises(sus.InputError, match="is not a template"):
         sus.template("quintuple")
     with pytest.raises(sus.InputError, match="did you mean 'double'"):
         sus.example("duble")
