@@ -18,7 +18,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from suspension_cli.errors import Fault, InputError, PendsusWarning, attribute_faults_to
 
 if TYPE_CHECKING:
+    from types import ModuleType
+
+    import click
     import h5py
+    import xarray
     from matplotlib.figure import Figure
 
     from suspension_cli.design.reader import Source
@@ -49,7 +53,7 @@ class Log:
         Those of the command, whose options warnings call by the names of arguments.
     """
 
-    def __init__(self, parameters: Sequence[Any] = ()) -> None:
+    def __init__(self, parameters: Sequence[click.Parameter] = ()) -> None:
         self.parameters = parameters
 
     def say(self, text: str) -> None:
@@ -209,7 +213,7 @@ class Result(Report):
             error["error_unknown"] = self.choice.error_unknown
         return head | {"fidelity": self.model} | self.analysis.document(self) | error
 
-    def figures(self, **setting: Any) -> dict[str, Figure]:
+    def figures(self, **setting: object) -> dict[str, Figure]:
         """Draw all pictures: the end of each file name, and the figure; settings as of `plot`."""
         from suspension_cli.analyses import options
         from suspension_cli.analyses.python_names import python_names
@@ -227,7 +231,7 @@ class Result(Report):
         figures = self.analysis.figures(self, setting)
         return {end: label_frequencies(figure) for end, figure in figures.items()}
 
-    def plot(self, **setting: Any) -> Figure:
+    def plot(self, **setting: object) -> Figure:
         """Draw the picture that the command writes.
 
         Parameters
@@ -259,7 +263,7 @@ class Result(Report):
         with python_names(out="path"):
             self.analysis.save(Path(path), self)
 
-    def to_xarray(self) -> Any:
+    def to_xarray(self) -> xarray.Dataset:
         """Return the contents of the results file as an `xarray.Dataset` (needs xarray).
 
         Raises
@@ -305,9 +309,9 @@ class Analysis(ABC):
 
     name: ClassVar[str]
     has_model: ClassVar[bool] = True
-    arguments: ClassVar[tuple[Any, ...]] = ()
-    parameters: ClassVar[tuple[Any, ...]] = ()
-    drawn_with: ClassVar[tuple[Any, ...]] = ()
+    arguments: ClassVar[tuple[click.Argument, ...]] = ()
+    parameters: ClassVar[tuple[click.Parameter, ...]] = ()
+    drawn_with: ClassVar[tuple[click.Parameter, ...]] = ()
 
     @property
     def command_name(self) -> str:
@@ -341,11 +345,11 @@ class Analysis(ABC):
         """Write the result into a group of the open results file, by the folder's `file.py`."""
         self._stored().fill(file.create_group(self.name), result.data)
 
-    def load(self, file: h5py.File) -> Any:
+    def load(self, file: h5py.File) -> object:
         """Read `Result.data` from an open results file, by the folder's `file.py`."""
         return self._stored().load(file[self.name])
 
-    def _stored(self) -> Any:
+    def _stored(self) -> ModuleType:
         """Import the folder's module `file`."""
         return importlib.import_module(f"suspension_cli.analyses.{self.name}.file")
 

@@ -11,9 +11,10 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from suspension_cli.scene.pose import Layout
 from suspension_cli.scene.scene import Scene
 
 if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
     from jaxtyping import Bool, Float, Inexact, Int
 
     from suspension_cli.scene.composition import Fibre
@@ -218,7 +220,9 @@ def _equal_members(scene: Scene) -> Pairs:
     return pairs
 
 
-def _alike(part: Any, axis: int | None = None) -> Bool[np.ndarray, "*#batch member member"]:
+def _alike(
+    part: DataclassInstance, axis: int | None = None
+) -> Bool[np.ndarray, "*#batch member member"]:
     """Pair members of a part whose vectors are images in a mirror.
 
     Without an axis, those that are equal in all else. Computed numbers may differ by rounding.
@@ -261,7 +265,7 @@ def _wire_images(
     return pairs & (_close(planes, planes * flip) | _close(planes, -planes * flip) | ~has_plane)
 
 
-def _equal_items(items: Any) -> Bool[np.ndarray, "item item"]:
+def _equal_items(items: Sequence[object] | np.ndarray) -> Bool[np.ndarray, "item item"]:
     """Pair equal items: rows of an array (n, ...), or n objects."""
     if not isinstance(items, np.ndarray):
         items = np.array([items.index(item) for item in items], dtype=int)

@@ -6,9 +6,9 @@ mass too (`massive`).
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -152,7 +152,8 @@ def wire_forms(
     turned = tuple(_turning(numbering, body) for body in (wires.upper, wires.lower))
 
     def even_odd(
-        ends: Any, along: Inexact[np.ndarray, "*batch wire 3"]
+        ends: Iterable[Inexact[np.ndarray, "*batch coordinate wire 3"]],
+        along: Inexact[np.ndarray, "*batch wire 3"],
     ) -> tuple[
         Inexact[np.ndarray, "*batch coordinate wire"], Inexact[np.ndarray, "*batch coordinate wire"]
     ]:

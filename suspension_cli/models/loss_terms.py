@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from suspension_cli.scene.scene import Scene, Spectrum
 
 Function = Callable[[Array], Array]
 """A loss angle, or a relative change of stiffness, against angular frequency (rad/s)."""
-Drag = tuple[Any, ...]
+Drag = tuple[Array | None, ...]
 """Damping (6, 6) of each body by the gas around it, in its own frame at its COM; None for none."""
 
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 from suspension_cli.analyses import registry
 from suspension_cli.analyses.check.statics import list_wire_tables
@@ -59,7 +58,12 @@ def find_unknown_names(
 
 
 def _check_name(
-    key: str, text: str, where: str, names: Any, paths: Callable[[str], bool], found: Modes | None
+    key: str,
+    text: str,
+    where: str,
+    names: tuple[tuple[str, ...], tuple[str, ...], list[str]],
+    paths: Callable[[str], bool],
+    found: Modes | None,
 ) -> list[ImplausibleNumber]:
     """Check one name in an `[analysis]` table."""
     known, stages, wires = names
