@@ -14,7 +14,7 @@ import tempfile
 import weakref
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 import numpy as np
@@ -29,9 +29,6 @@ from suspension_cli.analyses.python_names import ARGUMENTS, python_names
 from suspension_cli.design import reader
 from suspension_cli.design.reader import Source
 from suspension_cli.errors import InputError
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 Grid = str | float | Sequence[float] | np.ndarray
 """Numbers: ``"0.1:100:2000:log"``, one number, or an array."""
@@ -1020,7 +1017,7 @@ def info(
         return solve_info(design, setting, Log(options.INFO))
 
 
-def draw(design: Design) -> Figure:
+def draw(design: Design) -> Any:
     """Draw a design to scale, side on and face on, with its dimensions.
 
     Parameters
