@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 WARNED_ERROR = 0.01
 """Relative error of a model that the user did not choose, from which there is a warning."""
+RAISE = "attach the wires higher above the COM (raise d)"
+"""What to do about most unstable equilibria."""
 
 
 def choose(
@@ -313,12 +315,12 @@ def stable_system(
 
     name = source.design.design.name
     system = choice.model.system(source.design) if system is None else system
-    log.detail(f"{name}: {choice.line}; balanced to {system.residual:.0e} of the weight")
+    log.detail(f"{name}: {choice.line}; residual force {system.residual:.0e} of the weight")
     found = eigenmodes.solve(system.constant)
     if not found.stable:
         worst = f"{found.label[0]} grows at {found.growth_rate[0]:.4g} 1/s"
         if not allow_unstable:
-            way = "make it stable (raise d, for example),"
+            way = f"{RAISE},"
             if bends and not choice.model.bends_wires and _stable_with_bending(source.design):
                 way = "take --fidelity beam, whose wires stabilize it by bending,"
             problem, remedy = (
@@ -326,7 +328,7 @@ def stable_system(
                 f"{way} or give --allow-unstable",
             )
             raise InputError([Fault("stage", problem, remedy)])
-        log.warn(f"{name} is unstable: {worst}")
+        log.warn(f"{name} is unstable: {worst}; {RAISE}")
     near_limits.warn(source.design, system, found, log)
     return system
 

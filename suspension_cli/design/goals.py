@@ -138,6 +138,9 @@ def read(file: str | Path, text: str | None = None) -> Goals:
     """
     raw = reader.read_toml(file, text)
     with attribute_faults_to(str(file)):
+        if "stage" in raw:
+            problem = "is a design, not a file of goals"
+            raise InputError.of("", problem, "name a TOML file with [[goal]] and [[free]]")
         goals = faults.convert(raw, Goals)
         found = [
             *(

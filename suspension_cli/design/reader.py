@@ -231,7 +231,7 @@ def _example(name: str) -> Path:
     known = examples()
     if name not in known:
         remedy = faults.suggest(name, known)
-        raise InputError.of("example", "is not there", remedy, format_value(name))
+        raise InputError.of("example", "is no example", remedy, format_value(name))
     return _EXAMPLES / f"{name}.toml"
 
 

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from suspension_cli.scene.arrays import Array
 
 GROUND = "nhnm"
-"""Ground of a noisy site: what is met there is met anywhere."""
+"""Ground of a noisy site: a requirement that is met there is met anywhere."""
 PETERSON = ("nlnm", "nhnm")
 HIGHEST = 10.0
 """Highest frequency of Peterson's models, Hz."""
@@ -114,8 +114,8 @@ class BudgetAnalysis(Analysis):
         for one in found:
             if np.isinf(one.rms).any():
                 run.log.warn(
-                    f"{one.output}: its RMS is infinite, as a resonance without loss is driven;"
-                    " give loss angles or dampers"
+                    f"{one.output}: the RMS is infinite, as a resonance without loss is driven; give"
+                    " loss angles or dampers"
                 )
         return Result(self, run.source, choice, found, command=run.command)
 
@@ -157,7 +157,7 @@ class BudgetAnalysis(Analysis):
             lines.append(tables.render(columns, rows))
             none = [one.cause[n] for n in order if not one.density[n].any()]
             if none:
-                lines.append(f"  no motion from {', '.join(none)}")
+                lines.append(f"  no contribution of {', '.join(none)}")
             if one.requirement is not None:
                 lines.append(f"  {describe_requirement(one.requirement)}")
         return "\n".join(lines)
@@ -234,7 +234,7 @@ def describe_ground(names: dict[str, str], highest: float) -> str:
         f"{escape_unprintable(name)} along {', '.join(dofs)}" for name, dofs in sources.items()
     )
     if highest > HIGHEST and any(name in source for name in PETERSON for source in sources):
-        text += f" (above {HIGHEST:g} Hz, where it ends, with its acceleration at {HIGHEST:g} Hz)"
+        text += f" (known to {HIGHEST:g} Hz; above, with its acceleration at {HIGHEST:g} Hz)"
     return text or "none"
 
 

@@ -237,8 +237,8 @@ def find(source: str, folder: Path, option: str, known: Sequence[str] = ()) -> P
     for path in (Path(source), folder / source):
         if path.is_file():
             return path
-    problem = "is no file" + (f" and no shipped model ({', '.join(known)})" if known else "")
-    remedy = suggest(source, list(known)) if known else "name a CSV file"
+    problem = "is no file" + (" and no shipped model" if known else "")
+    remedy = (suggest(source, list(known)) + " or " if known else "") + "name a CSV file"
     raise InputError([Fault(option, problem, remedy, format_value(source))])
 
 

@@ -120,7 +120,8 @@ class Check(Report):
         found, count = self.statics, len(self.warnings)
         verdict = "good" if not count else f"{count} warning{'s' * (count > 1)}"
         lines = [
-            f"{escape_unprintable(self.source.file) or self.name}: {verdict}; {self.choice.line}"
+            f"{escape_unprintable(self.source.file) or self.name}: {verdict}; simplest valid model:"
+            f" {self.choice.level} ({self.choice.reason})"
         ]
         if found.wires:
             rows = [(w.label, w.tension, 1e3 * w.stretch, *_strength(w)) for w in found.wires]
@@ -143,8 +144,8 @@ class Check(Report):
                     f"  {body.name} hangs ({shift}) mm and ({turn}) mrad from its nominal pose"
                 )
         lines += [
-            f"  link {link.label} is known from {link.table[0]:g} to {link.table[1]:g} Hz, constant"
-            " outside"
+            f"  the table of link {link.label} covers {link.table[0]:g} to {link.table[1]:g} Hz;"
+            " outside, its stiffness is constant"
             for link in found.links
             if link.table is not None
         ]
@@ -158,7 +159,7 @@ class Check(Report):
         if self.stable is not None:
             word = "stable" if self.stable else "UNSTABLE"
             lines.append(f"  {word} in the {self.stability_model} model")
-        lines.append(f"  balanced to {found.residual:.0e} of the weight")
+        lines.append(f"  largest residual force: {found.residual:.0e} of the weight")
         return "\n".join(lines)
 
 

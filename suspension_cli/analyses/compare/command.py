@@ -98,8 +98,10 @@ class CompareAnalysis(Analysis):
     def text(self, result: Result) -> str:
         """Return what differs between the designs, the paired modes and the ratios."""
         from suspension_cli.analyses.compare import text
+        from suspension_cli.models.registry import NOTHING
 
-        return text.describe(result.data)
+        left = result.choice.neglected or (NOTHING if result.choice.error == 0 else "")
+        return text.describe(result.data, left)
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw the changes of modes, and every response and noise with its ratio."""

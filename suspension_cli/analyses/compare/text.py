@@ -13,13 +13,11 @@ MANY = 20
 """Changes of a design that are printed."""
 
 
-def describe(found: Comparison) -> str:
-    """Return what differs between the designs, the paired modes and the ratios."""
+def describe(found: Comparison, neglected: str = "") -> str:
+    """Return the models and what they neglect, changed numbers, paired modes and ratios."""
     kinds = zip(found.name, found.kind, found.model, strict=True)
-    lines = [
-        "; ".join(f"{n}: {k}" + (f", {m} model" if m else "") for n, k, m in kinds),
-        *_changes(found),
-    ]
+    items = [f"{n}: {k}" + (f", {m} model" if m else "") for n, k, m in kinds]
+    lines = ["; ".join([*items, neglected] if neglected else items), *_changes(found)]
     if found.modes is not None:
         lines += ["", *_table(found, found.modes)]
     for overlay in found.overlay:

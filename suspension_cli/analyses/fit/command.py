@@ -273,7 +273,7 @@ def _designs(
     """Read the designs that were measured; faults of all are reported at once."""
     if given.experiment is None:
         if len(designs) != 1:
-            problem = f"of one design, but {len(designs)} are given"
+            problem = f"needs exactly one design, but {len(designs)} are given"
             remedy = "write pendsus fit DESIGN MEASURED, or name designs in [[experiment]]"
             raise InputError([Fault("mode", problem, remedy)], file)
         return [ask(designs[0])]

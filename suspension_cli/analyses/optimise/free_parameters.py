@@ -56,11 +56,11 @@ class FreeDesign:
         for n, item in enumerate(goals.free, 1):
             value = item.start if item.start is not None else known.get(item.name)
             if item.name not in known:
-                remedy = suggest(item.name, list(known)) + "; add it with --set if it is left out"
+                remedy = suggest(item.name, list(known)) + " or add it to the design (--set)"
                 faults.append(
                     Fault(
                         f"free.{n}.name",
-                        "is no number that the design gives",
+                        "the design gives no such number",
                         remedy,
                         format_value(item.name),
                     )
@@ -69,8 +69,9 @@ class FreeDesign:
                 faults.append(
                     Fault(
                         f"free.{n}",
-                        f"the design's value {value:g} lies outside the bounds",
-                        "give a start within them",
+                        f"the design's value {value:g} lies outside the bounds"
+                        f" {item.lower:g} to {item.upper:g}",
+                        "give a start between them, or widen them",
                     )
                 )
             start.append(value)
@@ -84,7 +85,7 @@ class FreeDesign:
                 faults += [
                     Fault(
                         key,
-                        "is no number that the design gives",
+                        "the design gives no such number",
                         suggest(name, list(known)),
                         format_value(name),
                     )

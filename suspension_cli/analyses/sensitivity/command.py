@@ -67,8 +67,8 @@ class SensitivityAnalysis(Analysis):
         fixed = [name for name, free in zip(found.parameter, found.free, strict=True) if not free]
         if fixed:
             run.log.say(
-                "cannot change alone, as the suspension would not balance as it is drawn:"
-                f" {', '.join(fixed)}"
+                f"no effect is given of {', '.join(fixed)}: a change of one of these alone"
+                " unbalances the suspension in its nominal pose"
             )
         return Result(self, source, choice, found, command=run.command)
 
