@@ -1,4 +1,4 @@
-"""Figure of a fit: residuals of modes before and after, and fitted numbers in their own units."""
+"""Figure of a fit: residuals of modes before and after, and fitted numbers."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from suspension_cli.drawing.style import (
 )
 
 PLAIN_POWERS = range(-3, 3)
-"""Powers of ten of numbers that are written without an exponent."""
+"""Powers of ten that are written without an exponent."""
 MANY = 9999.5
-"""Numbers whose axis has few labels."""
+"""Largest number on an axis above which it has fewer labels."""
 INTERVAL = 1.959964
-"""Half the width of a 95 % interval of a normal distribution, standard deviations."""
+"""Half width of a 95 % interval of a normal distribution, standard deviations."""
 FAR = 8.0
-"""Residual, in standard deviations, beyond which the axis of residuals is logarithmic."""
+"""Residual (standard deviations) beyond which their axis is logarithmic."""
 BEFORE, AFTER = PALETTE[1], PALETTE[0]
 """Colours of the design as given and as fitted."""
 ROW, NUMBER, LINE = 0.17, 0.57, 0.15
@@ -40,15 +40,15 @@ ROW, NUMBER, LINE = 0.17, 0.57, 0.15
 PLACES, WIDE = (0.22, 2.46), 1.88
 """Left edges and width of the axes of numbers, in."""
 TOP = 0.85
-"""Place of the residuals below the upper edge, in."""
+"""Top of the residuals below the upper edge, in."""
 LONGEST, WHO = 32, 14
-"""Longest names of modes and of experiments beside the residuals."""
+"""Longest names of modes and of experiments, characters."""
 LETTER = 0.058
 """Width of a letter, in."""
 
 
 LARGE = 999_999.5
-"""Numbers written with a power of ten."""
+"""Number from which ticks have a power of ten."""
 
 
 def draw(found: Fit, title: str) -> Figure:
@@ -82,7 +82,7 @@ def draw(found: Fit, title: str) -> Figure:
 
 
 def _say(found: Fit) -> str:
-    """Say how many numbers were fitted to what, and if they do not explain it."""
+    """Write the heading: counts of numbers and data, and a misfit."""
     several = f" in {len(found.experiment)} experiments" if len(found.experiment) > 1 else ""
     modes = [_count(len(found.label), "mode") + several] if found.label else []
     functions = len(found.responses.function) if found.responses else 0
@@ -92,7 +92,7 @@ def _say(found: Fit) -> str:
 
 
 def _places(found: Fit, top: float) -> tuple[list[tuple[float, float]], float]:
-    """Places (left, top) of the axes of numbers in two columns, and the foot, in."""
+    """Corners (left, top) of the axes of numbers in two columns, and the foot, in."""
     count = len(found.name)
     high = NUMBER + (0.0 if found.shared.all() else LINE)
     rows = -(-count // len(PLACES))
@@ -105,10 +105,10 @@ def _count(count: int, thing: str) -> str:
 
 
 def _residuals(found: Fit) -> tuple[list[str], Any, Any]:
-    """Labels (k), residuals (k, 2) before and after, and the first of each of several experiments.
+    """Labels (k), residuals (k, 2) before and after, and the first row of each experiment.
 
-    In standard deviations, of modes; or of the resonances of measured transfer functions, which
-    are read off the peaks for comparison and are not what is fitted.
+    Residuals are those of modes, in standard deviations; else those of resonances read off the
+    peaks of transfer functions, which are not fitted themselves.
     """
     if found.label or found.responses is None:
         off = np.stack([found.before, found.after], axis=1) - found.measured[:, None]
@@ -170,7 +170,7 @@ def _draw_residuals(axes: Axes, names: list[str], residuals: Any, label: str) ->
 
 
 def _name_experiments(figure: Figure, axes: Axes, who: list[str], starts: Any) -> None:
-    """Write the name of each experiment beside its first row, and part it from the last."""
+    """Write the name of each experiment beside its first row, under a line."""
     box = axes.get_position()
     margin = (0.1 / curves.COLUMN - box.x0) / box.width
     for n, (name, start) in enumerate(zip(who, starts, strict=True)):
@@ -186,7 +186,7 @@ def _name_experiments(figure: Figure, axes: Axes, who: list[str], starts: Any) -
 def _draw_numbers(
     figure: Figure, found: Fit, places: list[tuple[float, float]], top: float
 ) -> None:
-    """Draw each fitted number on an axis of its own: start, value and 95 % interval."""
+    """Draw start, value and 95 % interval of each number on an axis of its own."""
     if places:
         write_text(figure, 0.1, top - 0.2, "Fitted numbers; bars: 95 %", 8, bold=True)
     joint = not found.shared.all()
@@ -228,14 +228,14 @@ def _draw_numbers(
 
 
 def _write_tick(value: float) -> str:
-    """Write a number with six digits; with a power of ten where it is very small or large."""
+    """Write a number with six digits, and a power of ten if it is very small or large."""
     if value == 0 or 1e-4 <= abs(value) < LARGE:
         return f"{value:.6g}".replace("-", "−")
     return curves.write_plainly(value)
 
 
 def format_with_sigma(value: float, sigma: float) -> str:
-    """Format a number with its uncertainty to two significant digits of that.
+    """Format a number with its uncertainty to two digits.
 
     >>> format_with_sigma(1.2345, 0.012)
     '1.234 ± 0.012'

@@ -116,7 +116,9 @@ class CouplingAnalysis(Analysis):
         found: Coupling = result.data
         failed = found.failures.items()
         if failed:
-            whys = "; ".join(f"{count} of {job.count} builds failed: {why}" for why, count in failed)
+            whys = "; ".join(
+                f"{count} of {job.count} builds failed: {why}" for why, count in failed
+            )
             run.log.warn(f"{whys}; they have no result: sweep smaller imperfections")
         _warn_of_faint(run, requested, found)
         return result
@@ -152,7 +154,9 @@ class CouplingAnalysis(Analysis):
             return f"{result.choice.line}\nno build has an equilibrium on taut wires"
         where = np.unravel_index(int(np.nanargmax(size)), size.shape)
         at = ", ".join(
-            f"{axis.name} = {axis.values[n]:.6g} {UNITS.get(axis.name, '')}".removesuffix(" 1").strip()
+            f"{axis.name} = {axis.values[n]:.6g} {UNITS.get(axis.name, '')}".removesuffix(
+                " 1"
+            ).strip()
             for axis, n in zip(answer.axes, where[:-1], strict=True)
         )
         kept = answer.hold.replace("-", " ")
