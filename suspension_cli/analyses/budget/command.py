@@ -114,8 +114,8 @@ class BudgetAnalysis(Analysis):
         for one in found:
             if np.isinf(one.rms).any():
                 run.log.warn(
-                    f"{one.output}: the RMS is infinite, as a resonance without loss is driven; give"
-                    " loss angles or dampers"
+                    f"{one.output}: the RMS is infinite, as a resonance without loss is driven;"
+                    " give loss angles or dampers"
                 )
         return Result(self, run.source, choice, found, command=run.command)
 

@@ -208,7 +208,7 @@ class Experiment:
             )
         return Fault(
             f"{self.where}mode.{n + 1}.dof",
-            "no mode that is left moves mainly in these degrees of freedom",
+            "no unassigned mode moves mainly in these degrees of freedom",
             f"list modes with pendsus modes --fidelity {self.level}",
             format_value(allowed),
         )

@@ -98,12 +98,20 @@ def _misfit(found: Fit) -> list[str]:
 def numbers(found: Fit) -> str:
     """Return a table of the numbers."""
     from suspension_cli.analyses.fit.file import format_uncertainty
+    from suspension_cli.design.path_units import unit_of
 
     rows = [
-        (name, found.start[n], found.value[n], format_uncertainty(found, n).strip(", "))
-        for n, name in enumerate(found.parameters)
+        (
+            label,
+            unit_of(found.name[n]),
+            found.start[n],
+            found.value[n],
+            format_uncertainty(found, n).strip(", "),
+        )
+        for n, label in enumerate(found.parameters)
     ]
-    return tables.render({"number": "", "start": "#.6g", "fitted": "#.6g", "uncertainty": ""}, rows)
+    columns = {"number": "", "unit": "", "start": "#.6g", "fitted": "#.6g", "uncertainty": ""}
+    return tables.render(columns, rows)
 
 
 def residuals(found: Fit) -> str:

@@ -119,9 +119,8 @@ class Correction:
         if self.kind == SIGN:
             verb = "is wrong" if self.known else "is negative"
             return f"the sign of {table} {name}{other} {verb}"
-        return (
-            f"the gain of {table} {name}{other} is {name_factor(self.factor)} times the one given"
-        )
+        size = name_factor(self.factor)
+        return f"the gain of {table} {name}{other} is {size} times the one given"
 
 
 def name_factor(factor: float) -> str:

@@ -271,12 +271,12 @@ def _admit(run: Run, number: int, top: float, cause: str) -> None:
 
     if number > MOST and not run.setting["every"]:
         problem = (
-            f"wires with mass have {number:,} modes up to {top:.4g} Hz ({cause}); more than {MOST:,}"
-            " take minutes"
+            f"wires with mass have {number:,} modes up to {top:.4g} Hz ({cause}); more than"
+            f" {MOST:,} take minutes"
         )
         remedy = (
-            "check lengths and radii of wires (m), give a lower --max-frequency, or compute all with"
-            " --all"
+            "check lengths and radii of wires (m), give a lower --max-frequency, or compute all"
+            " with --all"
         )
         warnings.warn_implausible(run.design, run.log)
         raise InputError([Fault("", problem, remedy)])

@@ -1,4 +1,4 @@
-"""A design as a function of its free numbers, on which other numbers may depend."""
+"""A design as a function of its free numbers and of those that depend on them."""
 
 from __future__ import annotations
 
@@ -23,20 +23,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class FreeDesign:
-    """A design, its free numbers and the numbers that depend on these.
+    """A design with free and dependent numbers.
 
     Attributes
     ----------
     text : str
         The design as TOML, with the starting values.
-    free : tuple of Free
-        Free numbers, with their bounds.
     equal : tuple of Equal
         Dependent numbers, linear in free and fixed ones.
     start : array
         Starting values of the free numbers, SI.
     fixed : dict of float
-        Fixed numbers that others depend on, by dotted path, SI.
+        Fixed numbers on which others depend, by dotted path, SI.
     """
 
     text: str
@@ -129,7 +127,7 @@ class FreeDesign:
         return np.array([item.scale == "log" for item in self.free])
 
     def numbers(self, fraction: Float[np.ndarray, " number"]) -> Float[np.ndarray, " number"]:
-        """Compute free numbers from fractions of the ranges from the lower to the upper bounds."""
+        """Compute free numbers from fractions of the ranges between their bounds."""
         low, high = self.lower, self.upper
         with np.errstate(invalid="ignore", divide="ignore"):
             found = np.where(
@@ -142,7 +140,7 @@ class FreeDesign:
         return np.clip(found, low, high)
 
     def fractions(self, number: Float[np.ndarray, " number"]) -> Float[np.ndarray, " number"]:
-        """Compute the fractions of the ranges between the bounds; the inverse of `numbers`."""
+        """Compute the inverse of `numbers`."""
         low, high = self.lower, self.upper
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.where(
@@ -152,7 +150,7 @@ class FreeDesign:
             )
 
     def rate(self, number: Float[np.ndarray, " number"]) -> Float[np.ndarray, " number"]:
-        """Differentiate `numbers` by the fractions, at free numbers."""
+        """Differentiate `numbers` by the fractions."""
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.where(
                 self._log, number * np.log(np.abs(self.upper / self.lower)), self.upper - self.lower
@@ -180,9 +178,9 @@ class FreeDesign:
         ]
 
     def ties(self) -> tuple[Float[np.ndarray, "tied number"], Float[np.ndarray, " tied"]]:
-        """Bounds of dependent numbers as A (b, p) and b (b,), with A x + b >= 0.
+        """Bounds of dependent numbers as A and b, with A x + b >= 0 for free numbers x.
 
-        x are the free numbers (p,); rows are relative to the bounds.
+        Rows are relative to the bounds.
         """
         rows, sides = [], []
         for item in self.equal:

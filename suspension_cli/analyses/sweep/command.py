@@ -106,12 +106,13 @@ class SweepAnalysis(Analysis):
         found: SweepResult = result.data
         for reason, count in found.failures.items():
             run.log.warn(
-                f"{count} of {job.count} points have no result: {reason}; narrow the range of --vary"
+                f"{count} of {job.count} points have no result: {reason}; narrow the range of"
+                " --vary"
             )
         if found.overlap < ALIKE:
             run.log.warn(
-                f"the shapes of a mode at two neighbouring points have an overlap of"
-                f" {found.overlap:.2f} alone (1: equal), so modes may be mixed up there; take a finer"
+                "the shapes of a mode at two neighbouring points have an overlap of only"
+                f" {found.overlap:.2f} (1: equal), so modes may be mixed up there; take a finer"
                 " grid"
             )
         return result
