@@ -1,4 +1,4 @@
-"""Figure of local control: poles, impulse response, sensor noise, loop gains and Nichols chart."""
+"""Figure of local control."""
 
 from __future__ import annotations
 
@@ -30,28 +30,28 @@ from suspension_cli.drawing.style import (
 from suspension_cli.linear.poles import Poles
 
 LEFT, WIDE, TALL, APART = 0.72, 3.1, 1.45, 2.08
-"""Left margin, size of panels, and distance of one from the next, in."""
+"""Left margin, size and distance of panels, in."""
 OPEN = "#9aa1a8"
 """Colour of the open loop."""
 ALIKE, SIMILAR = 0.08, 0.35
-"""Relative distances in frequency and in rate of poles drawn as one, with their number."""
+"""Relative distances in frequency and in rate up to which poles are drawn as one."""
 SHOWN = 3
-"""Largest number of loops whose gains are drawn: the most critical ones."""
+"""Number of loops whose gains are drawn: the most critical ones."""
 STRIP = 0.14
 """Height above the poles for labels of Q, as a fraction of the panel."""
 NEAR = 40.0
-"""Gains drawn in the Nichols chart, dB to both sides of 1."""
+"""Range of gains in the Nichols chart, dB to both sides of 1."""
 DECADES = 12
 """Largest number of decades of sensor noise."""
 DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.4, 1.2, 1.4)), (0, (8, 1.5)), (0, (2, 2)))
-"""Line styles of the loops, so that one on top of another does not hide it."""
+"""Line styles of the loops, to see one under another."""
 
 
 COUNT_SHIFTS = np.array(
     [(9, 4), (-9, 4), (9, -5), (-9, -5), (0, 9), (0, -9), (13, 9), (-13, 9), (13, -10), (-13, -10),
      (0, 17), (0, -17), (18, 0), (-18, 0), (18, 16), (-18, 16), (18, -16), (-18, -16)], float
 )  # fmt: skip
-"""Places of a number of poles from its mark, points, best first."""
+"""Offsets of the count of poles from its mark, points, best first."""
 
 
 @dataclass(frozen=True)
@@ -69,15 +69,10 @@ class _Line:
 
 
 def draw(damped: LocalControl, title: str, gains: tuple[Any, Any] | None = None) -> Figure:
-    """Draw the figure of `pendsus damp`.
+    """Draw the figure of `pendsus damp`; `title` names design and model.
 
-    Parameters
-    ----------
-    title
-        Names of the design and the model.
-    gains
-        Frequencies (f,) in Hz and loop gains (f, l) with resonances resolved; without, those of
-        `damped`.
+    `gains` are frequencies (f,) in Hz and loop gains (f, l) with resonances resolved; by default
+    those of `damped`.
     """
     frequency, gain = gains or (damped.frequency, damped.gain)
     looks = _looks(damped.loop)
@@ -105,7 +100,7 @@ def draw(damped: LocalControl, title: str, gains: tuple[Any, Any] | None = None)
 
 
 def _say(damped: LocalControl) -> str:
-    """Say whether the closed loop is stable, and otherwise what grows fastest."""
+    """Write the heading: whether the closed loop is stable, or what grows fastest."""
     if damped.stable:
         return "Local control: closed loop stable"
     rate = damped.closed.growth_rate
@@ -115,7 +110,7 @@ def _say(damped: LocalControl) -> str:
 
 
 def find_critical(gain: Any, first: Any) -> Any:
-    """Find the loops whose gains (f, l) come nearest to -1, and `first` (l) of all.
+    """Find the loops marked in `first` (l), then those whose gains (f, l) come nearest to -1.
 
     >>> find_critical(np.array([[-0.9, 0.1, -0.5, -0.8]]), [False, True, False, False]).tolist()
     [0, 1, 3]
@@ -125,7 +120,7 @@ def find_critical(gain: Any, first: Any) -> Any:
 
 
 def _looks(loops: Sequence[str]) -> list[tuple[str, Any]]:
-    """Colour and dashes of each loop: the colour of its motion if all are named after one."""
+    """Colour and dashes of each loop; the colour of its motion if all are named after motions."""
     colours = (
         [DOF_COLOUR[name] for name in loops]
         if all(name in DOF_COLOUR for name in loops)
@@ -139,7 +134,7 @@ def _name(axes: Axes, text: str) -> None:
 
 
 def _draw_poles(axes: Axes, damped: LocalControl) -> None:
-    """Draw the complex plane: decay rates on both sides of 0, frequencies logarithmic."""
+    """Draw poles by rate (symmetric log) and frequency (log)."""
     both = (damped.open, damped.closed)
     real = np.concatenate([_rates(poles) for poles in both])
     sizes = np.abs(real[real != 0])
@@ -202,7 +197,7 @@ def _write_counts(
     counts: Sequence[tuple[float, float, str, str]],
     poles: Sequence[tuple[float, float, int]],
 ) -> None:
-    """Write the numbers of poles at one place beside it, clear of others and of all marks."""
+    """Write counts of poles beside their marks, clear of other counts and marks."""
     figure: Any = axes.get_figure()
     pixel = 72 / figure.dpi
 
@@ -229,7 +224,7 @@ def _write_counts(
 
 
 def _distance(apart: Any, size: tuple[float, float]) -> float:
-    """Smallest of distances (k, 2), in units of the least ones across and up; at most 9."""
+    """Smallest of distances (k, 2) in units of `size`; at most 9."""
     return float(np.abs(apart / size).max(1).min(initial=9.0)) if len(apart) else 9.0
 
 
@@ -240,7 +235,7 @@ def _rates(poles: Poles) -> Any:
 
 
 def _group(poles: Poles) -> list[tuple[float, float, int]]:
-    """Rates (1/s) and frequencies (Hz) of the poles, those alike as one with their number."""
+    """Rates (1/s), frequencies (Hz) and counts of poles, similar ones as one."""
     found: list[list[float]] = []
     for rate, at in zip(_rates(poles), poles.frequency, strict=True):
         if at <= 0:
@@ -256,7 +251,7 @@ def _group(poles: Poles) -> list[tuple[float, float, int]]:
 
 
 def _draw_q(axes: Axes, least: float, high: float) -> None:
-    """Draw lines of constant Q, labelled in a strip above the poles where there is room."""
+    """Draw lines of constant Q, labelled above the poles where there is room."""
     (low, top), free = axes.get_ylim(), -np.inf
     pixel = axes.figure.dpi / 72
     for power in range(0, 12, 2):
@@ -346,7 +341,7 @@ def _label_lines(axes: Axes, frequency: Any, values: Sequence[Any], lines: Seque
 
 
 def _draw_nichols(axes: Axes, frequency: Any, lines: Sequence[_Line]) -> None:
-    """Draw loop gains against phases from -270 to 90 degrees, with -1 and the margins."""
+    """Draw loop gains against phases from -270 to 90 degrees, with margins."""
     turn = np.linspace(0, 2 * np.pi, 181)[1:-1]
     circle = -1 + 0.5 * np.exp(1j * turn)
     phase = (np.degrees(np.angle(circle)) + 270) % 360 - 270
@@ -396,7 +391,7 @@ def _draw_branches(axes: Axes, line: _Line) -> None:
 
 
 def _mark_exits(axes: Axes, phase: Any, size: Any, colour: str) -> None:
-    """Mark with arrowheads where a curve leaves the chart upwards or downwards."""
+    """Mark with arrowheads where a curve leaves the chart."""
     for edge, marker in ((NEAR, "^"), (-NEAR, "v")):
         crossed = np.flatnonzero((size[:-1] - edge) * (size[1:] - edge) < 0)
         crossed = crossed[np.abs(phase[crossed] + 90) < 180]

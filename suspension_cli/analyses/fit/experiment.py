@@ -203,7 +203,7 @@ class Experiment:
         if allowed is None:
             return Fault(
                 f"{self.where}mode",
-                f"the design has {count} modes, fewer than were measured",
+                f"the design has only {count} modes, fewer than were measured",
                 "remove measurements of other modes",
             )
         return Fault(

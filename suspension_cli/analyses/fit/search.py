@@ -162,7 +162,7 @@ def _start(
             else:
                 remedy = suggest(item.name, list(table)) + " or "
         elif item.start is None and len(given) > 1:
-            problem = "the designs that share this number give different values"
+            problem = "has different values in the designs that share it"
         if problem:
             key, remedy = f"parameter.{n}.name", f"{remedy}give a start"
             bad.append(Fault(key, problem, remedy, format_value(item.name)))

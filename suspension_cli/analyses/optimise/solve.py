@@ -1,10 +1,10 @@
 """Optimisation of the numbers of a design to meet goals.
 
 Searches (`constrained_search`) start from the design itself and from the best designs of a Sobol
-sequence between the bounds. They use the cheapest of the string, beam and violin models that is accurate
-enough at the start. Where the result needs a more complete model, the search continues with that,
-at most twice per quantity. The result is written as TOML, read back, and every goal is checked
-(`achieved`).
+sequence between the bounds. They use the cheapest of the string, beam and violin models that is
+accurate enough at the start. Where the result needs a more complete model, the search continues
+with that, at most twice per quantity. The result is written as TOML, read back, and every goal is
+checked (`achieved`).
 """
 
 from __future__ import annotations
