@@ -76,7 +76,7 @@ def test_physics_between_models():
 @pytest.mark.parametrize(
     ("reason", "line"),
     [
-        ("as requested", "model: beam (as requested)"),
+        ("as requested", "model: beam (as requested); neglected: wire mass, of unknown effect"),
         (
             "as requested; neglected: wire mass, 0.01 %",
             "model: beam (as requested); neglected: wire mass, 0.01 %",
