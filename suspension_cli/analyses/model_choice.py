@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses.options import TOLERANCE
+from suspension_cli.design.plausibility import RAISE
 
 if TYPE_CHECKING:
     from suspension_cli.analyses.analysis import Log
@@ -27,8 +28,6 @@ if TYPE_CHECKING:
 
 WARNED_ERROR = 0.01
 """Relative error of a model that the user did not choose, from which there is a warning."""
-RAISE = "attach the wires higher above the COM (raise d)"
-"""What to do about most unstable equilibria."""
 
 
 def choose(

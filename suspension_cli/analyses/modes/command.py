@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from suspension_cli.analyses import model_choice, options, tables
+from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import (
     Analysis,
     Document,
@@ -86,6 +86,7 @@ class ModesAnalysis(Analysis):
 
         from suspension_cli.analyses.check import warnings
         from suspension_cli.analyses.check.lossless import find_lossless
+        from suspension_cli.design.plausibility import RAISE
 
         choice, model, undamped, modes = _solve(run)
         _animated(modes, run.setting)  # refuse unknown modes before anything is written
@@ -100,9 +101,7 @@ class ModesAnalysis(Analysis):
                 run.log.warn(f"{run.name}: {line}")
         for label, rate in zip(modes.label, modes.growth_rate, strict=True):
             if rate > 0:
-                run.log.warn(
-                    f"{run.name} is unstable: {label} grows at {rate:.4g} 1/s; {model_choice.RAISE}"
-                )
+                run.log.warn(f"{run.name} is unstable: {label} grows at {rate:.4g} 1/s; {RAISE}")
         extra = {"without_loss": [part.part for part in lossless]}
         return Result(self, run.source, choice, modes, extra, command=run.command)
 

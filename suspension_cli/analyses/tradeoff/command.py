@@ -138,7 +138,7 @@ def _demand_references(design: Design) -> None:
 
 
 def _demand_stable(design: Design) -> None:
-    from suspension_cli.analyses.model_choice import RAISE
+    from suspension_cli.design.plausibility import RAISE
     from suspension_cli.linear import eigenmodes
     from suspension_cli.models import registry
 
@@ -214,7 +214,7 @@ def table(found: Tradeoff) -> str:
 
     threads = f" on {found.threads} thread" + "s" * (found.threads > 1) if found.threads else ""
     head = (
-        f"times: medians of up to {found.repeat} samples{threads}, relative to the fastest;"
+        f"median times of up to {found.repeat} samples{threads}, relative to the fastest;"
         " quartiles in brackets\n*: no other is both faster and more accurate    o: not vectorised,"
         " so a batch is a loop    kept: prepared beforehand\nerrors are relative; below 1e-12 they"
         " are rounding errors"

@@ -177,7 +177,7 @@ def equilibrium_reference(subject: Subject) -> EquilibriumArrays | None:
 def equilibrium_error(
     _: Subject, found: EquilibriumArrays, wanted: EquilibriumArrays
 ) -> dict[str, float]:
-    """Compute the largest errors of displacements, rotations and tensions, each over the largest."""
+    """Largest errors of displacements, rotations and tensions, over the largest of each."""
     return {
         name: _largest(a - b) / (_largest(b) or 1.0)
         for name, a, b in zip(("position", "rotation", "tension"), found, wanted, strict=True)
