@@ -44,9 +44,9 @@ HIGHEST = 10.0
 class BudgetAnalysis(Analysis):
     """Compute the motion of the mirror by cause, with cumulative RMS.
 
-    The causes are the motions of the support, noise of sensors and actuators of the design's loops,
-    and thermal noise; all act with the loops closed. Points are added to the grid of frequencies
-    around resonances, which the RMS needs. Writes DIR/NAME-budget.h5 and .png.
+    The causes are motions of the support, noise of sensors and actuators of the design's loops, and
+    thermal noise; the loops are closed. For the RMS, points around resonances are added to the
+    frequencies. Writes DIR/NAME-budget.h5 and .png.
 
     Example: pendsus budget my.toml --ground nlnm --ground z=site.csv --requirement goal.csv
     """
@@ -62,7 +62,7 @@ class BudgetAnalysis(Analysis):
             show_default=True,
             metavar="[COORDINATES=]SOURCE",
             help=(
-                "Motion of the support: nlnm or nhnm (quiet and noisy ground), aligo-isi (a"
+                "Motion of the support: nlnm (quiet ground), nhnm (noisy ground), aligo-isi (a"
                 " platform), a CSV file, or none; x,y=SOURCE for some coordinates (repeatable)."
             ),
         ),
@@ -70,14 +70,14 @@ class BudgetAnalysis(Analysis):
             "--isolation",
             multiple=True,
             metavar="[COORDINATES=]FILE",
-            help="CSV of a platform's transmissibility, which multiplies the ground (repeatable).",
+            help="CSV of a platform's transmissibility, a factor on the ground (repeatable).",
         ),
         option(
             "--requirement",
             "requirements",
             multiple=True,
             metavar="[SIGNAL=]FILE",
-            help="CSV of the required spectrum of an output, the first by default (repeatable).",
+            help="CSV of the required spectrum of an output, by default the first (repeatable).",
         ),
         options.frequencies("0.01:100:2000"),
         options.ACCURACY,
@@ -106,7 +106,7 @@ class BudgetAnalysis(Analysis):
         temperature = run.design.constants.temperature if warm else None
         noises = Noises(plant, parsed, motions, temperature)
         if not noises.cause:
-            raise _error("--ground", "leaves no cause of motion", "give a ground, or a loss")
+            raise _error("--ground", "leaves no cause of motion", "give a ground, or loss angles")
         for note in notes:
             run.log.warn(note)
         added = ":" in setting["frequency"]
@@ -171,18 +171,18 @@ class BudgetAnalysis(Analysis):
 
 
 def _sources(one: Budget) -> dict[str, str]:
-    """Where the motion of the support is from, by coordinate."""
+    """Sources of the support's motion by coordinate."""
     pairs = zip(one.cause, one.source, strict=True)
     return {cause.partition(".")[2]: source for cause, source in pairs if source}
 
 
 def _rms(value: float) -> float | str:
-    """An RMS as it is printed."""
+    """Name an infinite RMS."""
     return "infinite" if value == math.inf else float(value)
 
 
 def _document(one: Budget) -> Document:
-    """One output as JSON, but for its frequencies."""
+    """Return one output as JSON, without its frequencies."""
     pairs = [*zip(one.cause, one.square, one.square_velocity, strict=True)]
     result: Document = {
         "output": one.output,
@@ -209,7 +209,7 @@ def _document(one: Budget) -> Document:
 
 
 def describe_requirement(found: Requirement) -> str:
-    """Describe in one line whether a requirement is met, with the margin and where."""
+    """Describe in one line whether a requirement is met, with its margin."""
     name = escape_unprintable(Path(found.name).name)
     if found.met:
         size = f"{found.margin:.3g}" if math.isfinite(found.margin) else "infinite"
@@ -226,7 +226,7 @@ def describe_requirement(found: Requirement) -> str:
 
 
 def describe_ground(names: dict[str, str], highest: float) -> str:
-    """Describe the motion of the support in one line, up to a frequency in Hz."""
+    """Describe the motion of the support up to a frequency in Hz."""
     sources: dict[str, list[str]] = {}
     for dof, name in names.items():
         sources.setdefault(name, []).append(dof)
@@ -239,7 +239,7 @@ def describe_ground(names: dict[str, str], highest: float) -> str:
 
 
 def _ground(setting: Settings, folder: Path) -> tuple[dict[str, Motion], Array, list[str]]:
-    """Return the motions of the support, the grid within the range of all of them, and warnings."""
+    """Return the motions of the support, the grid within their ranges, and warnings."""
     import numpy as np
 
     from suspension_cli.analyses.budget import ground
@@ -295,7 +295,7 @@ def _requirements(
 def _model(
     run: Run, grid: Array, outputs: Sequence[str], notes: list[str]
 ) -> tuple[Choice, LinearSystem, bool]:
-    """Choose the model; whether it knows the thermal noise too. Warnings are added to `notes`."""
+    """Choose the model; tell whether it has thermal noise. Warnings are added to `notes`."""
     from suspension_cli.analyses import model_choice
     from suspension_cli.analyses.check import warnings
     from suspension_cli.analyses.check.lossless import find_lossless
@@ -336,7 +336,7 @@ def _model(
 
 
 def _closed(run: Run, choice: Choice, model: LinearSystem, highest: float) -> tuple[Plant, Any]:
-    """Return the model with its loops, and its poles in rad/s, which must not grow."""
+    """Return the model with its loops, and its stable poles in rad/s."""
     import numpy as np
 
     from suspension_cli.analyses.budget import resonances

@@ -28,17 +28,17 @@ HEIGHT = 2.4
 LIMIT = "#cc0000"
 """Colour of requirements."""
 FAINT = 1e-3
-"""Fraction of the sum that a cause must reach somewhere to be drawn."""
+"""Fraction of the sum below which a cause is not drawn."""
 ROOM = (10.0, 3.0)
 """Factors of room below the lowest sum and above the highest."""
 DECADES = 22
 """Largest number of decades in a panel."""
 MOST = 99.0
-"""Part of the mean square, per cent, from which one cause is named alone."""
+"""Part of the mean square, per cent, from which a cause makes "nearly all" of it."""
 
 
 def draw(budgets: list[Budget], title: str) -> Figure:
-    """Draw one panel per output, below a sentence that says what it shows."""
+    """Draw a panel per output, below a sentence on it."""
     with house_style():
         colours = _colours(budgets)
         lines = [_lines(one, colours) for one in budgets]
@@ -97,7 +97,7 @@ def _lines(one: Budget, colours: dict[str, tuple[str, Any]]) -> list[Line]:
 
 
 def write_message(one: Budget) -> str:
-    """Write in one sentence what a panel shows: the RMS, its cause, the requirement."""
+    """Describe a panel in one sentence: RMS, its main cause, requirement."""
     square, rms = one.square[:, 0], one.rms[0]
     if np.isfinite(rms) and rms > 0:
         by = int(square.argmax())
@@ -119,7 +119,7 @@ def write_message(one: Budget) -> str:
 
 
 def _colours(budgets: list[Budget]) -> dict[str, tuple[str, Any]]:
-    """Choose a colour and line style for each cause, the same in all panels."""
+    """Choose a colour and line style for each cause."""
     drawn = dict.fromkeys(name for one in budgets for name in _drawn(one))
     styles = ("-", (0, (4, 1.6)), (0, (1, 1.4)))
     return {
@@ -129,7 +129,7 @@ def _colours(budgets: list[Budget]) -> dict[str, tuple[str, Any]]:
 
 
 def _drawn(one: Budget) -> list[str]:
-    """Causes that come near the sum somewhere."""
+    """List the causes that are drawn."""
     total = one.amplitude
     return [name for name, part in one.parts.items() if (part > FAINT * total).any()]
 
@@ -148,7 +148,7 @@ def _panel(axes: Axes, one: Budget, lines: list[Line]) -> None:
 
 
 def _limits(one: Budget) -> tuple[float, float]:
-    """Limits of the y axis: the range of the sum and the RMS, with room for parts."""
+    """Limits of the y axis: the range of sum and RMS, with room for parts."""
     total = one.amplitude
     rms = one.rms[np.isfinite(one.rms)]
     top = max(total.max(), rms.max(initial=0.0)) * ROOM[1]

@@ -1,4 +1,4 @@
-"""Text of a comparison: changed numbers, paired modes, ratios of curves."""
+"""Text of a comparison."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from suspension_cli.analyses import tables
 from suspension_cli.analyses.compare.solve import Comparison, Overlay, PairedModes
 
 MIXED = 0.9
-"""Overlap of two shapes below which the table says that the shape differs."""
+"""Overlap of two shapes below which the table notes a difference."""
 MANY = 20
-"""Changes of a design that are printed."""
+"""Most printed changes of a design."""
 
 
 def describe(found: Comparison, neglected: str = "") -> str:
