@@ -171,13 +171,11 @@ class BudgetAnalysis(Analysis):
 
 
 def _sources(one: Budget) -> dict[str, str]:
-    """Sources of the support's motion by coordinate."""
     pairs = zip(one.cause, one.source, strict=True)
     return {cause.partition(".")[2]: source for cause, source in pairs if source}
 
 
 def _rms(value: float) -> float | str:
-    """Name an infinite RMS."""
     return "infinite" if value == math.inf else float(value)
 
 
@@ -268,7 +266,6 @@ def _ground(setting: Settings, folder: Path) -> tuple[dict[str, Motion], Array, 
 def _requirements(
     given: Sequence[str], outputs: Sequence[str], folder: Path, grid: Array
 ) -> dict[int, Table]:
-    """Return the tables of required spectra by number of the output."""
     from suspension_cli.analyses.budget import ground, solve, table
 
     result: dict[int, Table] = {}

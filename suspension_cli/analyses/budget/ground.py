@@ -143,7 +143,6 @@ def _of_table(name: str, at: Array, value: Array) -> Motion:
 
 
 def _shipped(name: str) -> dict[str, Motion]:
-    """Motions of a shipped model by coordinate."""
     if name == "aligo-isi":
         at, along, about = ISI.T
         return {dof: _of_table(name, at, along if dof in TRANSLATIONS else about) for dof in DOFS}
@@ -196,7 +195,6 @@ def parse(given: Sequence[str], isolation: Sequence[str], folder: Path) -> dict[
 
 
 def _isolated(motion: Motion, platform: Motion) -> Motion:
-    """Motion of a platform."""
     return replace(
         motion,
         name=f"{motion.name} x {platform.name}",
@@ -227,8 +225,9 @@ def find(source: str, folder: Path, option: str, known: Sequence[str] = ()) -> P
     for path in (Path(source), folder / source):
         if path.is_file():
             return path
-    problem = "is no file" + (" and no shipped model" if known else "")
-    remedy = (suggest(source, list(known)) + " or " if known else "") + "name a CSV file"
+    problem = "is no file" + (f" and no shipped model ({', '.join(known)})" if known else "")
+    close = suggest(source, list(known))
+    remedy = close if "did you mean" in close else "name a CSV file" + " or a model" * bool(known)
     raise InputError([Fault(option, problem, remedy, format_value(source))])
 
 

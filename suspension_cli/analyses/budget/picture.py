@@ -74,14 +74,12 @@ def _wrapped(text: str) -> str:
 
 
 def _name_faint(one: Budget) -> str:
-    """Name the causes that are not drawn."""
     drawn = _drawn(one)
     faint = ", ".join(name for name in one.cause if name not in drawn)
     return f"not drawn, below {FAINT:g} of the sum everywhere: {faint}" if faint else ""
 
 
 def _lines(one: Budget, colours: dict[str, tuple[str, Any]]) -> list[Line]:
-    """List the lines of a panel."""
     at = one.frequency
     lines: list[Line] = [("all", INK, {"linewidth": 2.0}, at, one.amplitude)]
     for name in _drawn(one):
@@ -129,7 +127,6 @@ def _colours(budgets: list[Budget]) -> dict[str, tuple[str, Any]]:
 
 
 def _drawn(one: Budget) -> list[str]:
-    """List the causes that are drawn."""
     total = one.amplitude
     return [name for name, part in one.parts.items() if (part > FAINT * total).any()]
 

@@ -61,7 +61,6 @@ def find_unknown_names(
 def _check_name(
     key: str, text: str, where: str, names: Any, paths: Callable[[str], bool], found: Modes | None
 ) -> list[ImplausibleNumber]:
-    """Check one name in an `[analysis]` table."""
     known, stages, wires = names
     if key in ("input", "output", "over", "under", "impulse"):
         return _collect_faults(lambda: signals.parse(text, where, known))

@@ -291,7 +291,6 @@ def _end_heights(scene: Scene, balanced: Equilibrium) -> list[list[float]]:
 def _find_lowest(
     body: Body, n: int, scene: Scene, balanced: Equilibrium, ends: list[float]
 ) -> Lowest:
-    """Find the lowest point of a body and of the wires' ends on it."""
     z = float(scene.bodies.position[n, 2] + balanced.pose.shift[n, 2])
     points = [(z, "centre of mass"), *((end, "wires") for end in ends)]
     if body.shape is not None:

@@ -135,7 +135,6 @@ def _limit(axes: Axes, drawn: list[Curve], colours: list[str]) -> None:
 
 
 def _look(found: Comparison, curve: Curve) -> dict[str, Any]:
-    """Dashes of a computed curve, points of a measured one."""
     if found.kind[curve.item] == "measurement":
         return {"linestyle": "none", "marker": ".", "markersize": 3}
     return {"linestyle": curves.DASHES[curve.item % len(curves.DASHES)]}

@@ -340,7 +340,6 @@ def _solve_shape(
 def _filter_responses(
     s: Complex[np.ndarray, " pole"], block: _Block
 ) -> Complex[np.ndarray, "loop pole"]:
-    """Evaluate H of all loops at complex s, rad/s."""
     return np.array(
         [control.evaluate_filter(loop, s / (2j * np.pi)) for loop in block.plant.loops],
         dtype=complex,

@@ -220,7 +220,6 @@ class DampAnalysis(Analysis):
 
 
 def _all_at_once(answer: LocalControl) -> list[str]:
-    """Describe the margin of all loops at once."""
     peak = answer.sensitivity
     if peak is None or len(answer.loop) < 2:
         return []

@@ -236,7 +236,6 @@ def _find_crossings(
 def _evaluate_each(
     gain: Gain, frequency: Float[np.ndarray, " point"], loop: Int[np.ndarray, " point"]
 ) -> Complex[np.ndarray, " point"]:
-    """Evaluate the gain of one loop at each frequency."""
     return gain(frequency)[np.arange(len(frequency)), loop]
 
 

@@ -56,8 +56,6 @@ COUNT_SHIFTS = np.array(
 
 @dataclass(frozen=True)
 class _Line:
-    """Gain of a loop, its colour and dashes, and its margins."""
-
     name: str
     gain: Any
     look: tuple[str, Any]
@@ -95,11 +93,11 @@ def draw(damped: LocalControl, title: str, gains: tuple[Any, Any] | None = None)
         _draw_noise(noise, damped, looks)
         _draw_phases(phase, frequency, lines)
         _draw_nichols(nichols, frequency, lines)
-        curves.write_heading(figure, _say(damped), title)
+        curves.write_heading(figure, _heading_text(damped), title)
         return figure
 
 
-def _say(damped: LocalControl) -> str:
+def _heading_text(damped: LocalControl) -> str:
     """Write the heading: whether the closed loop is stable, or what grows fastest."""
     if damped.stable:
         return "Local control: closed loop stable"
@@ -308,7 +306,6 @@ def _draw_gains(axes: Axes, frequency: Any, lines: Sequence[_Line], loops: int) 
 
 
 def _draw_phases(axes: Axes, frequency: Any, lines: Sequence[_Line]) -> None:
-    """Draw unwrapped phases, with a dot at each phase margin."""
     phases = [curves.unwrap_phase(line.gain) for line in lines]
     title = "phase of the loop gain; dots: phase margins"
     _draw_over_frequency(axes, frequency, phases, lines, title)

@@ -255,7 +255,6 @@ def _weighted(functions: list[MeasuredResponse], relative: float | None) -> list
 
 
 def _fit(run: Run, level: str, begin: Array | None, bar: Progress) -> Fit:
-    """Fit to modes, or to transfer functions (and modes)."""
     from suspension_cli.analyses.fit import solve as fit
 
     sources = [one.source for one in run.inputs["runs"]]

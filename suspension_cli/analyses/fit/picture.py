@@ -67,7 +67,7 @@ def draw(found: Fit, title: str) -> Figure:
         _draw_residuals(axes, names, residuals, f"(model − {known}) / uncertainty")
         _name_experiments(figure, axes, who, starts)
         _draw_numbers(figure, found, places, below)
-        curves.write_heading(figure, _say(found), title)
+        curves.write_heading(figure, _heading_text(found), title)
         verdict = rf"$\chi^2$ = {found.chi_squared:.4g} for {found.freedom} degrees of freedom"
         if found.misfit:
             verdict += f"; bars widened {found.scale:.3g} times"
@@ -81,7 +81,7 @@ def draw(found: Fit, title: str) -> Figure:
         return figure
 
 
-def _say(found: Fit) -> str:
+def _heading_text(found: Fit) -> str:
     """Write the heading: counts of numbers and data, and a misfit."""
     several = f" in {len(found.experiment)} experiments" if len(found.experiment) > 1 else ""
     modes = [_count(len(found.label), "mode") + several] if found.label else []
@@ -128,7 +128,6 @@ def _residuals(found: Fit) -> tuple[list[str], Any, Any]:
 
 
 def _draw_residuals(axes: Axes, names: list[str], residuals: Any, label: str) -> None:
-    """Draw every residual before and after the fit."""
     rows = np.arange(len(names))
     axes.axvspan(-INTERVAL, INTERVAL, color=PALE, alpha=0.45, linewidth=0, label="95 %")
     axes.axvline(0.0, color=NOTE, linewidth=0.5)

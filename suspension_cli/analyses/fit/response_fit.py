@@ -268,7 +268,6 @@ def refine(problem: ResponseProblem, z: Unknowns, *, quick: bool = False) -> Sol
 
 
 def _descend(problem: ResponseProblem, z: Unknowns, steps: int) -> tuple[Unknowns, float]:
-    """Minimise chi^2 from starting values z."""
     return levenberg_marquardt.minimise(
         problem.residual,
         problem.jacobian,

@@ -102,8 +102,8 @@ class Info(Report):
                 {"stage": ""} | dict.fromkeys(change, ".1e") | {"first violin mode\nHz": ".4g"}
             )
             lines += [
-                "Estimated relative change, by each refinement of a stage's wires, of the frequency"
-                " that it changes most:",
+                "Estimated largest relative change of a mode's frequency by the bending and the"
+                " mass of each stage's wires:",
                 tables.render(columns, rows),
             ]
         else:

@@ -266,7 +266,7 @@ def _solve(run: Run) -> tuple[Choice, LinearSystem, Modes, Modes]:
 
 def _admit(run: Run, number: int, top: float, cause: str) -> None:
     """Report the number of modes if there are many; refuse more than `MOST` without --all."""
-    from suspension_cli.analyses.check import warnings
+    from suspension_cli.analyses.check import plausible
 
     if number > MOST and not run.setting["every"]:
         problem = (
@@ -274,10 +274,11 @@ def _admit(run: Run, number: int, top: float, cause: str) -> None:
             f" {MOST:,} take minutes"
         )
         remedy = (
-            "check lengths and radii of wires (m), give a lower --max-frequency, or compute all"
-            " with --all"
+            "check lengths and radii of wires (m), give a lower --max-frequency, or --all to"
+            " compute all"
         )
-        warnings.warn_implausible(run.design, run.log)
+        if causes := plausible.find_serious(run.design):
+            remedy = f"probable cause: {causes[0].line}"
         raise InputError([Fault("", problem, remedy)])
     if number > MANY:
         run.log.say(f"{run.name}: {number:,} modes up to {top:.4g} Hz")

@@ -69,12 +69,12 @@ def draw(found: Optimum, title: str) -> Figure:
             _write_above(figure, top, "Other limits: margin before and after")
         met, count = int(found.limits.met.sum()), len(found.limits.name)
         unknown = f", {len(found.unknown)} unknown" if found.unknown else ""
-        said = f"Optimised: {met} of {count} limits met{_say_before(found)}{unknown}"
+        said = f"Optimised: {met} of {count} limits met{_met_before(found)}{unknown}"
         curves.write_heading(figure, said, title)
         return figure
 
 
-def _say_before(found: Optimum) -> str:
+def _met_before(found: Optimum) -> str:
     """Say how many limits the original design met, if none is an equality or separation."""
     margins = np.array([_margin_before(found, n) for n in range(len(found.limits.name))])
     if "equals" in found.limits.sense or not np.isfinite(margins).all():
@@ -273,7 +273,6 @@ def _draw_numbers(axes: Axes, found: Optimum) -> None:
 
 
 def _describe_change(path: str, before: float, after: float) -> str:
-    """Shortened name of a number, and its values before and after."""
     _, factor = displayed_unit(path, after)
     values = f"{factor * before:.3g} → {factor * after:.3g}".replace("-", "−")
     name = path.removeprefix("stage.").replace(".geometry.", ".")

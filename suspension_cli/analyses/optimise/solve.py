@@ -147,7 +147,6 @@ def _check_start(values: Evaluator) -> None:
 
 
 def _bound_faults(freed: FreeDesign, value: dict[str, float]) -> list[Fault]:
-    """List the bounds that dependent numbers violate."""
     remedy = "widen its bounds, or those of the numbers that it depends on"
     found = []
     for n, item in enumerate(freed.equal, 1):

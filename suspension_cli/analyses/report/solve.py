@@ -86,7 +86,6 @@ def parse_sections(names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _check_signals(source: Source, request: Request) -> None:
-    """Raise `InputError` for signals that do not exist."""
     if not request.inputs and not request.outputs:
         return
     from suspension_cli.linear import signals

@@ -154,7 +154,6 @@ class SensitivityAnalysis(Analysis):
 
 
 def _unit(found: Sensitivity, number: int) -> str:
-    """Unit of the change of a result."""
     own = found.unit[number]
     return "%" if found.nominal[number] else "" if own == "1" else own
 

@@ -167,7 +167,6 @@ def _draw_table(
 
 
 def _label_scale(bar: Any, top: float) -> None:
-    """Label the colour scale at powers of ten."""
     ticks = [tick for tick in (-100, -10, -1, -0.1, 0, 0.1, 1, 10, 100) if abs(tick) <= top]
     # 10 beside 100 has no room
     bar.set_ticks(
@@ -184,7 +183,6 @@ def _label_scale(bar: Any, top: float) -> None:
 
 
 def _notes(found: Sensitivity, rest: Array, columns: int) -> list[str]:
-    """Describe what the table leaves out."""
     notes = [f"empty: less than {LEAST:g} %"]
     if len(rest):
         notes.append(f"{len(rest)} more numbers change no result by more than {rest[0]:.2g} %")

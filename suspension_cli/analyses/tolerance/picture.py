@@ -148,7 +148,6 @@ def _requirements(summary: Summary) -> list[Panel]:
 
 
 def _describe(summary: Summary, number: int) -> str:
-    """Describe a yield with its 95 % confidence interval."""
     one = summary.yields[number]
     return (
         f"{100 * one.fraction:.3g} % ({100 * one.low:.3g} to {100 * one.high:.3g}): {one.name}"

@@ -103,7 +103,7 @@ def text(summary: Summary) -> str:
         ]
         columns = {"yield\n%": ".2f", "95 % confidence\n%": " ", "requirement": ""}
         lines += ["", tables.render(columns, rows)]
-        lines += _what_matters(summary.required, summary)
+        lines += _required_causes(summary.required, summary)
     if summary.indices is not None:
         lines += ["", *_indices(summary)]
     return "\n".join(lines)
@@ -156,7 +156,7 @@ def _statics(summary: Summary) -> Iterator[str]:
     yield tables.render(columns, rows)
 
 
-def _what_matters(required: Spread, summary: Summary) -> Iterator[str]:
+def _required_causes(required: Spread, summary: Summary) -> Iterator[str]:
     """Describe the causes of required quantities other than modes and coupling."""
     for n, name in enumerate(required.name):
         unit, per = DISPLAYED.get(required.unit[n], (required.unit[n], 1.0))
@@ -177,7 +177,6 @@ def _causes(summary: Summary, rank: Array, slope: Array, unit: str, count: int) 
 
 
 def _indices(summary: Summary) -> Iterator[str]:
-    """Format the Sobol indices of the coupling and of required quantities."""
     assert summary.indices is not None
     wanted = ["coupling", *summary.required.name]
     places = [summary.indexed.index(name) for name in dict.fromkeys(wanted)]

@@ -111,7 +111,6 @@ def _load_waits(home: Stored) -> ResponseTimes:
 
 
 def _rows(home: Stored, *names: str) -> Iterator[tuple[Any, ...]]:
-    """Iterate over the rows of some datasets."""
     columns = [home[name] for name in names]
     texts = [h5py.check_string_dtype(column.dtype) for column in columns]
     read = (c.asstr()[:].tolist() if t else c[:] for c, t in zip(columns, texts, strict=True))

@@ -88,7 +88,6 @@ def dynamic(
 def _low_parts(
     model: LinearSystem, keep: Int[np.ndarray, " row"]
 ) -> tuple[Complex[np.ndarray, "row row+6"], Float[np.ndarray, "row row+6"]]:
-    """Low parts of stiffness and damping of some coordinates."""
     full = model.stiffness if model.lossy is None else model.lossy
     known = (None, None) if model.low is None else (np.real(model.low), np.imag(model.low))
     columns = np.concatenate([np.arange(6), keep])

@@ -54,7 +54,7 @@ def no_wire(subject: Subject) -> str:
     return "" if subject.wire >= 0 else "the last stage hangs on no wire"
 
 
-def unhung(subject: Subject, levels: tuple[str, ...] = (STRING,)) -> str:
+def why_no_equilibrium(subject: Subject, levels: tuple[str, ...] = (STRING,)) -> str:
     """Return why the least or most imperfect build has no equilibrium in a valid model; or ""."""
     scene = imperfect_scene(subject, fractions()[[0, -1]])
     for level in levels:
@@ -67,7 +67,7 @@ def unhung(subject: Subject, levels: tuple[str, ...] = (STRING,)) -> str:
 
 def uncoupled(subject: Subject) -> str:
     """Return why there is no coupling to compare; empty if there is."""
-    if why := no_wire(subject) or unhung(subject):
+    if why := no_wire(subject) or why_no_equilibrium(subject):
         return why
     size = float(np.abs(reference(subject, STRING))[0])
     return "" if size > ROUNDING else f"the imperfection couples nothing ({size:.0e}: rounding)"
@@ -75,7 +75,9 @@ def uncoupled(subject: Subject) -> str:
 
 def incomparable(subject: Subject) -> str:
     """Return why the coupling cannot be compared between models; empty if it can."""
-    return uncoupled(subject) or unhung(subject, (registry.BEAM.name, registry.VIOLIN.name))
+    return uncoupled(subject) or why_no_equilibrium(
+        subject, (registry.BEAM.name, registry.VIOLIN.name)
+    )
 
 
 def fails(level: str) -> Callable[[Subject], str]:
@@ -158,7 +160,7 @@ def unbalanced(subject: Subject) -> str:
         return why
     if subject.scene.springs.label or subject.scene.wires.torsion.any():
         return "the reference in 50 digits has no springs and no torsion of wires"
-    if why := unhung(subject):
+    if why := why_no_equilibrium(subject):
         return why
     unique = equilibrium_reference(subject) is not None
     return "" if unique else "the equilibrium is not unique (a body can turn freely)"

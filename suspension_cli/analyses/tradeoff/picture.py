@@ -130,12 +130,10 @@ def _note(panel: Panel, kinds: Sequence[str]) -> str:
 
 
 def _height(panel: Panel, view: View) -> float:
-    """Height of the charts of a view, in."""
     return HIGH if panel.worst(view).max() >= ROUNDING else FLAT
 
 
 def _draw_row(figure: Figure, panel: Panel, view: View, kinds: Sequence[str], top: float) -> None:
-    """Draw the charts of one view of a panel."""
     width = (COLUMN - LEFT - EDGE - GAP * (len(kinds) - 1)) / len(kinds)
     for column, kind in enumerate(kinds):
         axes = add_axes(figure, LEFT + column * (width + GAP), top, width, _height(panel, view))
