@@ -33,7 +33,7 @@ def parse_grid(
 
     Examples
     --------
-    >>> grid("1:100:3:log", "--frequency")
+    >>> parse_grid("1:100:3:log", "--frequency")
     [1.0, 10.0, 100.0]
     """
     remedy = "write start:stop:count[:log|lin], numbers with commas, or one number"

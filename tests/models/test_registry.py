@@ -110,6 +110,15 @@ def test_names_of_models_stay_in_their_folder():
     assert found == []
 
 
+@pytest.mark.parametrize("level", registry.FILES)
+def test_every_line_says_what_is_neglected(level):
+    """Also where nothing was estimated, and where nothing is neglected."""
+    line = Choice(level, "as requested").line
+    omitted = " and ".join(registry.by_name(level).omits)
+    said = f"neglected: {omitted}, of unknown effect" if omitted else registry.NOTHING
+    assert line == f"model: {level} (as requested); {said}"
+
+
 def test_the_reason_names_what_matters_and_what_does_not():
     """In per cent of the modes, the tolerance in all its digits."""
     design = read(CONFIGS / "double.toml").design

@@ -391,6 +391,7 @@ BAD = {
         "equal.1.lower = 2.0: is not below the upper bound",
     ),
     # what does not go with the design
+    "a design": ({"stage": []}, "is a design, not a file of goals"),
     "no such number": (
         {"goal": [BAND], "free": [LENGTH | {"name": f"{WIRES}.q"}]},
         f'free.1.name = "{WIRES}.q": is no number',
