@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING
 
 from suspension_cli.errors import Fault, InputError, format_value
+
+if TYPE_CHECKING:
+    import numpy as np
+    from jaxtyping import Float
 
 MAX_POINTS = 10_000_000
 """Longest grid; a longer one is taken for a typing error."""
@@ -33,8 +37,8 @@ def parse_grid(
 
     Examples
     --------
-    >>> parse_grid("1:100:3:log", "--frequency")
-    [1.0, 10.0, 100.0]
+    >>> parse_grid("1:4:3:log", "--frequency")
+    [1.0, 2.0, 4.0]
     """
     remedy = "write start:stop:count[:log|lin], numbers with commas, or one number"
     try:
@@ -81,7 +85,7 @@ def _number(text: str) -> float:
         raise ValueError(f"{text.strip()!r} is no number") from None
 
 
-def decade_points(frequency: Any) -> list[int]:
+def decade_points(frequency: Float[np.ndarray, " frequency"]) -> list[int]:
     """Find the points of a grid nearest to 1 Hz, 10 Hz, ...; its ends if there are none."""
     import numpy as np
 

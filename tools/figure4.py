@@ -95,7 +95,7 @@ def main() -> None:
         (
             "Rotation (yaw) against t1, half the upper separation of the wires in y, from the sweep"
             " of `force`; t2 = 95 mm, s = 30 mm. As the paper says, angled wires raise it, unless"
-            " they hang from cantilevers, where it falls."
+            " they hang from cantilevers: then it falls, for t1 below t2."
         ),
         "",
     ]

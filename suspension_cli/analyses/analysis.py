@@ -18,7 +18,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from suspension_cli.errors import Fault, InputError, PendsusWarning, attribute_faults_to
 
 if TYPE_CHECKING:
+    from types import ModuleType
+
+    import click
     import h5py
+    import xarray
     from matplotlib.figure import Figure
 
     from suspension_cli.design.reader import Source
@@ -41,7 +45,7 @@ PACKAGE = os.path.join(Path(__file__).parents[1], "")
 
 
 class Log:
-    """Messages of a run: silent but for warnings, which become Python warnings.
+    """Messages of a run: silent except warnings, which become Python warnings.
 
     Parameters
     ----------
@@ -49,17 +53,17 @@ class Log:
         Those of the command, whose options warnings call by the names of arguments.
     """
 
-    def __init__(self, parameters: Sequence[Any] = ()) -> None:
+    def __init__(self, parameters: Sequence[click.Parameter] = ()) -> None:
         self.parameters = parameters
 
     def say(self, text: str) -> None:
         """Report a step that was done."""
 
     def detail(self, text: str) -> None:
-        """Report what only a user who wants details reads."""
+        """Report a detail."""
 
     def warn(self, text: str) -> None:
-        """Report what must not be missed."""
+        """Report a warning."""
         from suspension_cli.analyses.python_names import translate
 
         frame, level = sys._getframe(), 0
@@ -74,7 +78,7 @@ class Log:
 
 
 class Sourced:
-    """What has a design: its TOML text and the name of its file are in `source`."""
+    """What has a design; `source` has its TOML text and the name of its file."""
 
     source: Source
 
@@ -91,7 +95,7 @@ class Sourced:
 
 @dataclasses.dataclass(frozen=True)
 class Run(Sourced):
-    """One analysis of one design, about to be computed.
+    """One analysis of one design, before it is computed.
 
     Attributes
     ----------
@@ -99,13 +103,12 @@ class Run(Sourced):
         The design, its TOML text and the name of its file.
     setting : dict
         A value for every parameter of the analysis.
-    log : Log
     folder : Path
         Where an analysis that writes while it computes puts its file.
     command : str
         The command line that results record.
     inputs : dict
-        What `Analysis.read` read beside the design, by names of its own.
+        What `Analysis.read` read besides the design, by name.
     """
 
     source: Source
@@ -116,7 +119,7 @@ class Run(Sourced):
     inputs: Settings = dataclasses.field(default_factory=dict)
 
     def faults(self) -> contextlib.AbstractContextManager[None]:
-        """Attribute faults that are found while solving to the design's file."""
+        """Attribute faults found while solving to the design's file."""
         return attribute_faults_to(self.source.file)
 
 
@@ -152,7 +155,6 @@ class Result(Report):
 
     Attributes
     ----------
-    analysis : Analysis
     source : Source
         The design, its TOML text (overrides applied) and the name of its file.
     choice : Choice
@@ -211,14 +213,8 @@ class Result(Report):
             error["error_unknown"] = self.choice.error_unknown
         return head | {"fidelity": self.model} | self.analysis.document(self) | error
 
-    def figures(self, **setting: Any) -> dict[str, Figure]:
-        """Draw all pictures: the end of each file name, and the figure.
-
-        Parameters
-        ----------
-        **setting
-            As of `plot`.
-        """
+    def figures(self, **setting: object) -> dict[str, Figure]:
+        """Draw all pictures: the end of each file name, and the figure; settings as of `plot`."""
         from suspension_cli.analyses import options
         from suspension_cli.analyses.python_names import python_names
         from suspension_cli.design.faults import suggest
@@ -235,17 +231,13 @@ class Result(Report):
         figures = self.analysis.figures(self, setting)
         return {end: label_frequencies(figure) for end, figure in figures.items()}
 
-    def plot(self, **setting: Any) -> Figure:
+    def plot(self, **setting: object) -> Figure:
         """Draw the picture that the command writes.
 
         Parameters
         ----------
         **setting
             For responses ``scale``, ``"db"`` (the default) or ``"absolute"``; others have none.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
 
         Raises
         ------
@@ -271,7 +263,7 @@ class Result(Report):
         with python_names(out="path"):
             self.analysis.save(Path(path), self)
 
-    def to_xarray(self) -> Any:
+    def to_xarray(self) -> xarray.Dataset:
         """Return the contents of the results file as an `xarray.Dataset` (needs xarray).
 
         Raises
@@ -301,12 +293,12 @@ class Result(Report):
 
 
 class Analysis(ABC):
-    """An analysis of a design: its parameters, its physics, its file, its picture, its words.
+    """An analysis of a design: its parameters, its physics, its file, its picture, its text.
 
     Attributes
     ----------
     name : str
-        Of the HDF5 group and, unless `command_name` says otherwise, of the command.
+        Of the HDF5 group and, unless `command_name` differs, of the command.
     arguments, parameters : tuple
         Click's arguments and options; their defaults are those of the Python API too.
     drawn_with : tuple
@@ -317,9 +309,9 @@ class Analysis(ABC):
 
     name: ClassVar[str]
     has_model: ClassVar[bool] = True
-    arguments: ClassVar[tuple[Any, ...]] = ()
-    parameters: ClassVar[tuple[Any, ...]] = ()
-    drawn_with: ClassVar[tuple[Any, ...]] = ()
+    arguments: ClassVar[tuple[click.Argument, ...]] = ()
+    parameters: ClassVar[tuple[click.Parameter, ...]] = ()
+    drawn_with: ClassVar[tuple[click.Parameter, ...]] = ()
 
     @property
     def command_name(self) -> str:
@@ -343,22 +335,22 @@ class Analysis(ABC):
 
     @abstractmethod
     def document(self, result: Result) -> Document:
-        """Return the JSON document but for its head (command, design, model, estimated error)."""
+        """JSON document without its head (command, design, model, estimated error)."""
 
     @abstractmethod
     def text(self, result: Result) -> str:
-        """Return the table or summary that the command prints."""
+        """Table or summary that the command prints."""
 
     def fill(self, file: h5py.File, result: Result) -> None:
-        """Write the result into a group of the open results file, by `file.py` of the folder."""
+        """Write the result into a group of the open results file, by the folder's `file.py`."""
         self._stored().fill(file.create_group(self.name), result.data)
 
-    def load(self, file: h5py.File) -> Any:
-        """Read `Result.data` from an open results file, by `file.py` of the folder."""
+    def load(self, file: h5py.File) -> object:
+        """Read `Result.data` from an open results file, by the folder's `file.py`."""
         return self._stored().load(file[self.name])
 
-    def _stored(self) -> Any:
-        """Import the module `file` of the analysis's folder."""
+    def _stored(self) -> ModuleType:
+        """Import the folder's module `file`."""
         return importlib.import_module(f"suspension_cli.analyses.{self.name}.file")
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
@@ -370,27 +362,27 @@ class Analysis(ABC):
         return iter(())
 
     def swept_names(self) -> tuple[str, ...]:
-        """Return the keys of `[analysis.NAME]` that are no options: parameters with their grids."""
+        """Keys of `[analysis.NAME]` that are no options: swept parameters, with their grids."""
         return ()
 
     def parse_names(
         self, design: Design, stages: tuple[str, ...], known: tuple[str, ...]
     ) -> Iterable[Callable[[], object]]:
-        """Return calls that parse names in tables of a design that only this analysis reads.
+        """Calls that parse names in tables of a design that only this analysis reads.
 
-        Each raises `InputError` if its name is unknown; `pendsus check` then warns of it. `known`
-        are the bodies with signals.
+        Each raises `InputError` for an unknown name, of which `pendsus check` warns. `known` are
+        the bodies with signals.
         """
         return ()
 
     def parse_results(
         self, design: Design, modes: Modes, stages: tuple[str, ...], known: tuple[str, ...]
     ) -> Iterable[Callable[[], object]]:
-        """Return calls as of `parse_names`, for names of results, labels of modes among them."""
+        """Calls as of `parse_names`, for names of results, including labels of modes."""
         return ()
 
     def path(self, result: Result, folder: Path) -> Path:
-        """Return the path of the results file."""
+        """Path of the results file."""
         return folder / f"{result.name}-{self.stem}.h5"
 
     def save(self, path: Path, result: Result) -> None:
@@ -412,24 +404,16 @@ class Analysis(ABC):
         return []
 
     def exit_code(self, result: Result) -> int:
-        """Return 1 where what was found must stop a script that goes on; 0 elsewhere."""
+        """1 where the findings must stop a script; else 0."""
         return 0
 
     def read(self, ask: Callable[..., Run], files: Settings) -> Sequence[Run]:
-        """Read the files that the arguments name.
-
-        Parameters
-        ----------
-        ask : callable
-            Reads one design: ``ask(file, overrides=())``.
-        files : dict
-            The command's arguments by name.
-        """
+        """Read the files that the arguments name, each design by ``ask(file, overrides=())``."""
         return [ask(files["design"])]
 
 
 def plain(values: Any) -> Any:
-    """Convert numbers for JSON: lists, with null for what is not finite."""
+    """Convert numbers for JSON: lists, with null for those that are not finite."""
     import numpy as np
 
     finite: Any = np.where(np.isfinite(values), values, None)
@@ -442,12 +426,12 @@ def as_number(value: float) -> float | None:
 
 
 def only_one(values: list[Document], name: str) -> Document:
-    """Return the keys of the only one of several documents, or all of them under `name`."""
+    """The only one of several documents, or all of them under `name`."""
     return values[0] if len(values) == 1 else {name: values}
 
 
 def reading_all(ask: Callable[..., Run], files: Sequence[str]) -> list[Run]:
-    """Read several designs; faults of all are reported at once, as are two of one name."""
+    """Read several designs; report at once the faults of all, and equal names."""
     from suspension_cli.errors import format_value, join_errors
 
     runs, errors = [], []

@@ -1,17 +1,22 @@
-"""Results as labelled arrays: what a results file holds, as an `xarray.Dataset`."""
+"""Results as labelled arrays: the contents of a results file as an `xarray.Dataset`."""
 
 from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
 
+if TYPE_CHECKING:
+    import xarray
+
+    from suspension_cli.files.hdf5 import Stored
+
 
 @contextlib.contextmanager
-def stored_group(result: Any) -> Iterator[Any]:
+def stored_group(result: Any) -> Iterator[Stored]:
     """Open the HDF5 group of an `analysis.Result`: in its file, or as its file would have it."""
     if result.file is not None:
         with h5py.File(result.file, "r") as file:
@@ -22,13 +27,10 @@ def stored_group(result: Any) -> Iterator[Any]:
             yield file[result.analysis.name]
 
 
-def to_xarray(result: Any) -> Any:
+def to_xarray(result: Any) -> xarray.Dataset:
     """Convert an `analysis.Result`; dimensions and coordinates are the scales of its file.
 
-    Returns
-    -------
-    xarray.Dataset
-        Each array with its `units`; attributes name design, model and estimated error.
+    Each array has its `units`; attributes name design, model and estimated error.
     """
     import xarray  # pyright: ignore[reportMissingImports]
 
@@ -42,14 +44,14 @@ def to_xarray(result: Any) -> Any:
     return xarray.Dataset(variables, attrs=about)
 
 
-def _variables(group: Any) -> dict[str, Any]:
-    """Return (dimensions, values, attributes) of every dataset of a group and its subgroups.
+def _variables(group: Stored) -> dict[str, tuple[list[str], np.ndarray, dict[str, str]]]:
+    """Dimensions, values and attributes of every dataset of a group.
 
-    Those of subgroups have dotted names.
+    Datasets of subgroups have dotted names.
     """
     found = {}
 
-    def add(path: str, data: Any) -> None:
+    def add(path: str, data: Stored) -> None:
         if not isinstance(data, h5py.Dataset):
             return
         name = _dotted(path)
@@ -70,11 +72,11 @@ def _variables(group: Any) -> dict[str, Any]:
     return found
 
 
-def values_of(data: Any) -> Any:
+def values_of(data: h5py.Dataset) -> Stored:
     """Read all values of a dataset: numbers, or text."""
     return data.asstr()[...] if h5py.check_string_dtype(data.dtype) else data[...]
 
 
 def _dotted(path: str) -> str:
-    """Return a path within a group as the name of a variable."""
+    """A path within a group as the name of a variable."""
     return path.replace("/", ".")

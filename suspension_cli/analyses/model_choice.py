@@ -38,26 +38,22 @@ def choose(
     top: Model | None = None,
     highest: float | None = None,
 ) -> Decision:
-    """Choose the cheapest model that is accurate enough, or take the one that is `wanted`.
+    """Choose the cheapest model that is accurate enough, or take the `wanted` one.
 
     Parameters
     ----------
-    source : Source
-    wanted : str
+    wanted
         ``"auto"`` or the name of a model.
-    request : callable, optional
-        The quantity of interest; without, the frequencies of the modes.
-    tolerance : float
+    request
+        The quantity of interest; by default the frequencies of the modes.
+    tolerance
         Relative error that ``"auto"`` may leave.
-    top : Model, optional
-        The most complete model that the analysis can use; without, any.
-    highest : float, optional
+    top
+        The most complete model that the analysis can use; by default any.
+    highest
         The highest frequency of a response, Hz, see `auto.decide`.
 
-    Raises
-    ------
-    InputError
-        If the wanted model is not valid for the design.
+    Raises `InputError` if the wanted model is not valid for the design.
     """
     from suspension_cli.models import auto, registry
     from suspension_cli.models.quantity_of_interest import Frequencies
@@ -72,10 +68,7 @@ def choose(
 def without_wire_mass(source: Source, wanted: str, tolerance: float) -> Decision:
     """Choose a model whose matrices have a state space of finite order.
 
-    Raises
-    ------
-    InputError
-        If a model with wire mass is wanted.
+    Raises `InputError` if a model with wire mass is wanted.
     """
     from suspension_cli.errors import Fault, InputError, format_value
     from suspension_cli.models import registry
@@ -96,27 +89,14 @@ def for_builds(
 ) -> Choice:
     """Choose the cheapest model whose error in the results of many builds is below a tolerance.
 
-    Each suitable model is compared with the next more complete one at some of the builds. The error
-    of a model is the sum of all changes from it to the most complete one. Models below one that is
-    too inaccurate are not tried.
+    Each suitable model is compared with the next more complete one at some of the builds, by
+    `change`: the largest relative change of the results from one model to another. The error of a
+    model is the sum of all changes from it to the most complete one. Models simpler than one that
+    is too inaccurate are not tried.
 
-    Parameters
-    ----------
-    source : Source
-    wanted : str
-        ``"auto"`` or the name of a model.
-    models : sequence of Model
-        Those that the analysis can use, from the cheapest to the most complete.
-    change : callable
-        Compute the largest relative change of the results from one model to another.
-    tolerance : float
-        Relative error that ``"auto"`` may leave. If no model keeps to it, the most complete one is
-        taken.
-
-    Raises
-    ------
-    InputError
-        If the wanted model is not among `models`, or is not valid for the design.
+    `models` are those that the analysis can use, from the cheapest to the most complete. If none
+    meets the tolerance of ``"auto"``, the most complete one is taken. Raises `InputError` if the
+    wanted model is not among `models`, or is not valid for the design.
     """
     from suspension_cli.models import registry
     from suspension_cli.models.auto import MARGIN, NOT_MET
@@ -203,7 +183,7 @@ def _why(steps: list[_Step]) -> str:
 
 
 def _unknown_physics(highest: Model, design: Design) -> list[str]:
-    """Physics that no model valid for a design has, and why; none if one has it all."""
+    """Physics that no model valid for a design has, and why; empty if one has it all."""
     if not highest.omits:
         return []
     from suspension_cli.models import registry
@@ -217,7 +197,7 @@ def _unknown_physics(highest: Model, design: Design) -> list[str]:
 
 
 def demand_one_of(wanted: str, models: Sequence[Model], problem: str) -> None:
-    """Raise `InputError` with a problem of the wanted model if it is none of these."""
+    """Raise `InputError` with a problem of the wanted model if it is not one of these."""
     from suspension_cli.errors import Fault, InputError, format_value
     from suspension_cli.models import registry
 
@@ -232,22 +212,9 @@ def with_derivatives(
 ) -> Decision:
     """Choose the cheapest model with derivatives that is accurate enough, or the `wanted` one.
 
-    Parameters
-    ----------
-    wanted : str
-        ``"auto"`` or the name of a model.
-    design : Design
-    request : callable
-        The quantity of interest.
-    tolerance : float
-        Relative error that ``"auto"`` may leave.
-    models : sequence of Model
-        Those whose derivatives the analysis can use, from the cheapest to the most complete.
-
-    Raises
-    ------
-    InputError
-        If the wanted model is not among `models`, or is not valid for the design.
+    Arguments as of `choose`; `models` are those whose derivatives the analysis can use, from the
+    cheapest to the most complete. Raises `InputError` if the wanted model is not among these, or is
+    not valid for the design.
     """
     from suspension_cli.models import auto, registry
 
@@ -265,7 +232,7 @@ def with_derivatives(
 def named_results(
     texts: list[str] | tuple[str, ...],
 ) -> Callable[[LinearSystem], Several]:
-    """Return the results of these names as quantity of interest; all modes if there are none."""
+    """The results of these names as quantity of interest; all modes if there are none."""
     from suspension_cli.linear import eigenmodes, named_results, signals
     from suspension_cli.models.quantity_of_interest import Several
 
@@ -288,25 +255,10 @@ def stable_system(
     *,
     bends: bool = False,
 ) -> LinearSystem:
-    """Return the linear system of a model, with warnings of designs near a limit.
+    """Linear system of a model (or `system`, if known), with warnings of designs near a limit.
 
-    Parameters
-    ----------
-    source : Source
-    choice : Choice
-    allow_unstable : bool
-        Warn of an unstable equilibrium instead of refusing it.
-    log : Log
-    system : LinearSystem, optional
-        The system, if it is there already.
-    bends : bool
-        Whether the analysis can use wires that bend, which the message about an unstable
-        equilibrium then proposes.
-
-    Raises
-    ------
-    InputError
-        If the equilibrium is unstable and that is not allowed.
+    Raises `InputError` if the equilibrium is unstable, or warns if that is allowed. The message
+    proposes wires that bend, if the analysis can use these (`bends`).
     """
     from suspension_cli.analyses.check import warnings as near_limits
     from suspension_cli.errors import Fault, InputError
@@ -351,13 +303,7 @@ def warn_of_neglected(
 ) -> None:
     """Warn of the error of a model that the user did not choose.
 
-    Parameters
-    ----------
-    source : Source
-    decision : Decision
-    log : Log
-    models : tuple of Model
-        Those that the analysis can use instead.
+    `models` are those that the analysis can use instead.
     """
     choice = decision.choice
     if not choice.error > WARNED_ERROR:
@@ -367,7 +313,7 @@ def warn_of_neglected(
     remedy = (
         f"rerun with --fidelity {decision.needed}"
         if better
-        else "modes, response and thermal have it"
+        else "modes, response and thermal include it"
     )
     log.warn(
         f"{source.design.design.name}: the {choice.level} model neglects {decision.physics}, which"

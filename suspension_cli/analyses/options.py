@@ -18,7 +18,9 @@ TOLERANCE = 1e-3
 class Finite(click.FloatRange):
     """A number within bounds, not NaN."""
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
         """Refuse NaN, which no bound catches."""
         found = super().convert(value, param, ctx)
         if found != found:
@@ -40,7 +42,7 @@ def option(*names: str, group: str = "Options", **how: Any) -> Option:
 
 
 def signals(name: str, about: str, default: str = "") -> Option:
-    """Make an option that takes any number of signals."""
+    """An option that takes any number of signals."""
     about += " (repeatable)." + (f"  [default: {default}]" if default else "")
     return option(f"--{name}", f"{name}s", multiple=True, metavar="SIGNAL", help=about)
 
@@ -49,7 +51,7 @@ def frequencies(
     default: str,
     about: str = "Frequencies, Hz: start:stop:count[:log|lin], a comma list or a number.",
 ) -> Option:
-    """Make the option of a grid of frequencies."""
+    """An option for a grid of frequencies."""
     return option("--frequency", default=default, show_default=True, metavar="GRID", help=about)
 
 
@@ -61,12 +63,9 @@ def argument(name: str, **how: Any) -> click.Argument:
 def context(
     name: str, parameters: Sequence[click.Parameter], given: dict[str, Any]
 ) -> click.Context:
-    """Return the context of a command that is run with the values `given` and other defaults.
+    """Context of a command that is run with the values `given` and other defaults.
 
-    Raises
-    ------
-    click.BadParameter
-        If a parameter does not take its value.
+    Raises `click.BadParameter` if a parameter does not take its value.
     """
     result = click.Command(name, params=list(parameters)).make_context(name, [])
     for param in parameters:
@@ -116,7 +115,7 @@ ENDINGS = [
     ".txt",
     ".zip",
 ]
-"""Endings of file names, which folders hardly ever have."""
+"""Endings of file names, which folders rarely have."""
 
 MOTIONS = "Output: test.x, test.pitch, test.x@0,0,0.001, ..."
 """Help of an option that takes motions."""

@@ -1,4 +1,4 @@
-"""Messages of the commands in the words of the Python API: arguments instead of options."""
+"""Messages of the commands in terms of the Python API: arguments instead of options."""
 
 from __future__ import annotations
 
@@ -32,15 +32,9 @@ CALLS = (
 def translate(text: str, parameters: Sequence[click.Parameter] = (), **names: str) -> str:
     """Replace commands and options in a message by functions and arguments.
 
-    Parameters
-    ----------
-    parameters
-        Those of the command whose function was called.
-    **names
-        Arguments of the function that have other names than the options.
+    `parameters` are those of the command whose function was called; `names` are arguments of the
+    function that are named differently from the options.
 
-    Examples
-    --------
     >>> translate("rerun with --no-plot, or lower --max-frequency")
     'rerun with no_plot, or lower max_frequency'
     """
@@ -66,14 +60,9 @@ def translate(text: str, parameters: Sequence[click.Parameter] = (), **names: st
 def python_names(
     function: str = "", parameters: Sequence[click.Parameter] = (), **names: str
 ) -> Iterator[None]:
-    """Report errors inside in the words of the Python API.
+    """Report errors inside in terms of the Python API, for the `function` that was called.
 
-    Parameters
-    ----------
-    function
-        Name of the function that was called.
-    parameters, **names
-        As of `translate`.
+    Other arguments as of `translate`.
     """
     try:
         yield

@@ -20,8 +20,6 @@ GROUPS = (*ANALYSES, "matrix")
 def get(name: str) -> Analysis:
     """Import an analysis.
 
-    Examples
-    --------
     >>> get("modes").name
     'modes'
     """
@@ -33,10 +31,7 @@ def get(name: str) -> Analysis:
 def loaded(file: h5py.File, name: str) -> Result:
     """Read a result from an open results file.
 
-    Raises
-    ------
-    InputError
-        If the file holds no result of an analysis.
+    Raises `InputError` if the file holds no result of an analysis.
     """
     from suspension_cli.design.reader import Source, parse
     from suspension_cli.errors import Fault, InputError

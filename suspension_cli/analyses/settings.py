@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from suspension_cli.analyses import options
 
 if TYPE_CHECKING:
-    from suspension_cli.analyses.analysis import Analysis
+    from suspension_cli.analyses.analysis import Analysis, Settings
     from suspension_cli.design.reader import Source
+    from suspension_cli.errors import Fault
 
 
 def prepared(
@@ -20,8 +21,8 @@ def prepared(
     file: str | Source,
     overrides: tuple[str, ...],
     extra: tuple[str, ...] = (),
-) -> tuple[Source, dict[str, Any]]:
-    """Read a design, unless it was, and settings with defaults from its `[analysis]` table."""
+) -> tuple[Source, Settings]:
+    """Read a design, unless it is given, and settings with defaults from its `[analysis]` table."""
     from suspension_cli.design.reader import read
 
     source = read(file, overrides) if isinstance(file, str) else file
@@ -30,8 +31,8 @@ def prepared(
     return source, with_analysis_table(ctx, table, source.file, extra)
 
 
-def defaults(analysis: Analysis, given: dict[str, Any]) -> dict[str, Any]:
-    """Return the settings of an analysis that another one runs: its defaults and those `given`."""
+def defaults(analysis: Analysis, given: Settings) -> Settings:
+    """Settings of an analysis that another one runs: its defaults and those `given`."""
     command = click.Command(analysis.name, params=list(analysis.parameters))
     return command.make_context(analysis.name, []).params | given
 
@@ -41,18 +42,12 @@ def of_design(
     parameters: Sequence[click.Parameter],
     extra: tuple[str, ...],
     source: Source,
-    given: dict[str, Any],
-) -> dict[str, Any]:
-    """Return settings: those `given`, else those of the design, else defaults.
+    given: Settings,
+) -> Settings:
+    """Settings: those `given`, else those of the design's table `name`, else defaults.
 
-    Parameters
-    ----------
-    name
-        Of the command.
-    extra
-        As of `with_analysis_table`.
-    given
-        A value that is the default of its option counts as not given.
+    A given value that is the default of its option counts as not given. `extra` as of
+    `with_analysis_table`.
     """
     context = options.context(name, parameters, given)
     context.params["as_json"] = True  # nothing is printed
@@ -61,17 +56,14 @@ def of_design(
 
 
 def with_analysis_table(
-    ctx: click.Context, table: dict[str, Any], file: str, extra: tuple[str, ...] = ()
-) -> dict[str, Any]:
-    """Return the settings of a command, with defaults from the design's `[analysis.COMMAND]` table.
+    ctx: click.Context, table: Settings, file: str, extra: tuple[str, ...] = ()
+) -> Settings:
+    """Settings of a command, with defaults from the design's `[analysis.COMMAND]` table.
 
-    What is given on the command line wins.  Keys in `extra` are the command's own business.
+    The command line has precedence. Keys in `extra` are parameters to sweep, with their grids.
 
-    Raises
-    ------
-    InputError
-        If the table has a key that is no option of the command, or a value that the option does not
-        take.
+    Raises `InputError` if the table has a key that is no option of the command, or a value that the
+    option does not take.
     """
     from suspension_cli.design.faults import step, suggest
     from suspension_cli.errors import Fault, InputError, format_value
@@ -118,7 +110,7 @@ def with_analysis_table(
     return result
 
 
-def _grid_faults(key: str, value: Any) -> list[Any]:
+def _grid_faults(key: str, value: object) -> list[Fault]:
     """Find faults of a grid in an `[analysis]` table."""
     from suspension_cli.errors import Fault, InputError, format_value
     from suspension_cli.grids import parse_grid
@@ -132,13 +124,10 @@ def _grid_faults(key: str, value: Any) -> list[Any]:
     return []
 
 
-def check_tables(tables: dict[str, dict[str, Any]], file: str) -> None:
+def check_tables(tables: dict[str, Settings], file: str) -> None:
     """Check the `[analysis]` tables of all commands.
 
-    Raises
-    ------
-    InputError
-        With the faults of every table.
+    Raises `InputError` with the faults of every table.
     """
     from suspension_cli.analyses import registry
     from suspension_cli.errors import InputError
@@ -159,7 +148,7 @@ def check_tables(tables: dict[str, dict[str, Any]], file: str) -> None:
         raise InputError(faults, file)
 
 
-def _as_typed(option: click.Option, value: Any) -> Any:
+def _as_typed(option: click.Option, value: object) -> bool | str | list[str]:
     """Convert a value of an `[analysis]` table to the form of the command line."""
     if option.is_flag:
         if not isinstance(value, bool):
@@ -186,12 +175,9 @@ def command_line(argv: list[str]) -> str:
 
 
 def folder(path: str) -> Path:
-    """Make the folder for results if it is missing, and return its path.
+    """Make the folder for results if it is missing.
 
-    Raises
-    ------
-    InputError
-        If it cannot be made.
+    Raises `InputError` if it cannot be made.
     """
     from suspension_cli.files.atomic import writing_to
 

@@ -10,7 +10,6 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass
-from typing import Any
 
 LEAST = 24
 """Least width of a last column of text; in a narrower terminal lines are too long."""
@@ -25,7 +24,7 @@ class Table:
     """Columns and rows, as `render` takes them."""
 
     columns: Mapping[str, str]
-    rows: Sequence[Sequence[Any]]
+    rows: Sequence[Sequence[float | str | None]]
 
     @property
     def cells(self) -> list[list[str]]:
@@ -54,11 +53,11 @@ def collecting() -> Iterator[list[Table]]:
 
 
 def width() -> int:
-    """Return the length of a line in the terminal; unlimited where stdout is none."""
+    """Length of a line in the terminal; unlimited where stdout is not a terminal."""
     return shutil.get_terminal_size().columns if sys.stdout.isatty() else 1_000_000
 
 
-def render(columns: Mapping[str, str], rows: Iterable[Sequence[Any]]) -> str:
+def render(columns: Mapping[str, str], rows: Iterable[Sequence[float | str | None]]) -> str:
     r"""Render a table: numbers are aligned on the point, text in the last column is folded.
 
     Parameters
@@ -68,8 +67,6 @@ def render(columns: Mapping[str, str], rows: Iterable[Sequence[Any]]) -> str:
     rows
         Numbers or text; None and numbers that are not finite become "-".
 
-    Examples
-    --------
     >>> print(render({"frequency\nHz": "#.3g", "mode": ""}, [(0.79, "yaw"), (12.5, "roll")]))
       frequency  mode
              Hz
@@ -110,7 +107,7 @@ def _text(table: Table) -> str:
     return "\n".join(f"  {line}".rstrip() for line in lines)
 
 
-def _cell(value: Any, form: str) -> str:
+def _cell(value: float | str | None, form: str) -> str:
     from suspension_cli.errors import escape_unprintable
 
     if isinstance(value, str):

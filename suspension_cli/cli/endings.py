@@ -38,15 +38,10 @@ NO_MEMORY = (
 def in_one_line(command: Callable[[], click.Command | None] = lambda: None) -> Iterator[None]:
     """End a run that the input, the user or the system stops with one line on stderr.
 
-    Parameters
-    ----------
-    command
-        Gives the command that runs, whose options say what could be made smaller.
+    The `command` that runs has the options that could be made smaller.
 
-    Raises
-    ------
-    click.exceptions.Exit
-        With exit code 2 for a fault of the input, 130 after Ctrl-C, 1 for anything else.
+    Raises `click.exceptions.Exit` with exit code 2 for a fault of the input, 130 after Ctrl-C, 1
+    for anything else.
     """
     try:
         yield
@@ -59,11 +54,16 @@ def in_one_line(command: Callable[[], click.Command | None] = lambda: None) -> I
     except KeyboardInterrupt:
         _stop("interrupted", Interrupted.exit_code)
     except (MemoryError, ImportError, RuntimeError) as error:
-        if not _starved(error):
+        if not _is_out_of_memory(error):
             raise
-        _stop(_memory(error, command()), 1)
+        _stop(_describe_memory_error(error, command()), 1)
     except OSError as error:
-        _stop(_memory(error, command()) if error.errno == errno.ENOMEM else _system(error), 1)
+        _stop(
+            _describe_memory_error(error, command())
+            if error.errno == errno.ENOMEM
+            else _describe_system_error(error),
+            1,
+        )
 
 
 def _stop(text: str, code: int) -> None:
@@ -72,12 +72,12 @@ def _stop(text: str, code: int) -> None:
     raise click.exceptions.Exit(code)
 
 
-def _starved(error: BaseException) -> bool:
+def _is_out_of_memory(error: BaseException) -> bool:
     """Whether an error means that memory is exhausted."""
     return isinstance(error, MemoryError) or any(words in str(error).lower() for words in NO_MEMORY)
 
 
-def _memory(error: BaseException, command: click.Command | None) -> str:
+def _describe_memory_error(error: BaseException, command: click.Command | None) -> str:
     given = [name for param in getattr(command, "params", ()) for name in param.opts]
     smaller = [SMALLER[name] for name in SMALLER if name in given] or [
         "a design of fewer bodies and wires, or a file of fewer points"
@@ -86,14 +86,14 @@ def _memory(error: BaseException, command: click.Command | None) -> str:
     return f"out of memory{f' ({found})' if found else ''}; ask for less: {', '.join(smaller)}"
 
 
-def _system(error: OSError) -> str:
-    """Describe an error of the system outside results files, whose writers name the file."""
+def _describe_system_error(error: OSError) -> str:
+    """Describe an error of the system; errors in results files are described by their writers."""
     reason = error.strerror or str(error)
     if error.filename is not None:
         name = error.filename
         name = os.fsdecode(name) if isinstance(name, bytes) else name
         return escape_unprintable(f"{name}: {reason}")
-    _let_go()
+    _discard_output()
     if error.errno == errno.EPIPE:
         return (
             "standard output was closed before everything was printed; files that were written are"
@@ -102,8 +102,8 @@ def _system(error: OSError) -> str:
     return f"standard output cannot be written ({reason}); files that were written are whole"
 
 
-def _let_go() -> None:
-    """Discard unprinted output, of which Python would complain at exit."""
+def _discard_output() -> None:
+    """Discard unprinted output, which Python would report at exit."""
     with contextlib.suppress(OSError, ValueError, AttributeError):
         handle = sys.stdout.fileno()
         nowhere = os.open(os.devnull, os.O_WRONLY)
@@ -126,7 +126,7 @@ def _one_line(
 
 
 class _Optional(io.FileIO):
-    """A stream that loses what cannot be written, instead of failing now and again at exit."""
+    """A stream that discards what cannot be written, instead of failing at exit."""
 
     def write(self, data: bytes) -> int:  # pyright: ignore[reportIncompatibleMethodOverride]
         with contextlib.suppress(OSError):
@@ -137,9 +137,9 @@ class _Optional(io.FileIO):
 def guard_streams() -> None:
     """Replace closed standard streams, whose numbers a results file would take otherwise.
 
-    Printing to a closed standard output then fails, as it should; what goes to a stderr that is
-    closed or full is lost, and the run ends as it would otherwise. What the terminal's encoding has
-    no letters for is printed as escapes, and warnings of Python take one line.
+    Printing to a closed standard output then fails, as it should. Output to a closed or full stderr
+    is lost without ending the run. Characters that the terminal cannot show are printed as escapes,
+    and Python's warnings take one line.
     """
     for handle, mode in ((0, os.O_RDONLY), (1, os.O_RDONLY), (2, os.O_WRONLY)):
         try:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import os
-from typing import Any
 
 import click
 
@@ -22,9 +21,7 @@ slower."""
 
 
 class LazyGroup(click.Group):
-    """A group whose commands are imported when they are called, and whose errors are one line
-    each.
-    """
+    """Commands that are imported when they are called, and whose errors are one line each."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """List the names, most used first."""
@@ -56,7 +53,7 @@ class LazyGroup(click.Group):
         info_name: str | None,
         args: list[str],
         parent: click.Context | None = None,
-        **extra: Any,
+        **extra: object,
     ) -> click.Context:
         """Parse the options before the command; `--help` and `--version` print here."""
         for library in ("OPENBLAS", "OMP", "MKL"):  # read when numpy is imported

@@ -141,10 +141,7 @@ def _set_limits(
 ) -> None:
     """Set the limits of the axes of a figure.
 
-    Raises
-    ------
-    InputError
-        If the figure has no axes with numbers, or a logarithmic axis is to begin at 0.
+    Raises `InputError` for a figure without axes, or for a logarithmic axis that begins at 0.
     """
     from suspension_cli.errors import Fault, InputError, format_value
 
@@ -168,7 +165,7 @@ def _set_limits(
 
 @contextlib.contextmanager
 def _attributing_errors_to(file: str) -> Iterator[None]:
-    """Report whatever goes wrong as a fault of the file, which is all that is drawn from."""
+    """Report any error as a fault of the results file."""
     import warnings
 
     from suspension_cli.errors import InputError, attribute_faults_to

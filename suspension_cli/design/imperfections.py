@@ -1,12 +1,12 @@
-"""Imperfections of builds: the one table from which files, random builds and sweeps take them.
+"""Imperfections of builds: the table from which files, random builds and sweeps take them.
 
-To add an imperfection of a wire or body, add a row to `IMPERFECTIONS` and, in
-`scene.imperfections`, the function (or, for a wire, the argument) of its name.
+To add one of a wire or body, add a row to `IMPERFECTIONS` and, in `scene.imperfections`, the
+function (for a wire, the argument) of its name.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
@@ -16,7 +16,7 @@ from suspension_cli.design.units import Angle, Factor, Position, Table, doc, uni
 
 AXES = ("x", "y", "z")
 PARTS = ("wire", "body", "blade", "leg", "link")
-"""Parts of a build that have imperfections; the blades are those of wires and of filters."""
+"""Parts of a build that have imperfections; blades are those of wires and of filters."""
 
 
 @dataclass(frozen=True)
@@ -26,34 +26,34 @@ class Imperfection:
     Attributes
     ----------
     name
-        The key of `[[perturbation]]`; the name under which `scene.imperfections` applies it.
+        The key of `[[perturbation]]`, and the name in `scene.imperfections`.
     part
         One of `PARTS`.
     kind
-        Type of one number, with its unit and bounds: `Factor` for a relative error.
+        Type of a number, with its unit and bounds: `Factor` for a relative error.
     quantity
         The quantity that the factor multiplies, or that the number gives.
     vector
         Whether there are three numbers, for x, y and z.
     perturbation
-        Whether a file can give it in `[[perturbation]]`.
+        Whether `[[perturbation]]` takes it.
     spread
-        Key of `[[tolerance.wire]]`, `[[tolerance.body]]`, ...; "" if it does not scatter.
+        Key of `[[tolerance.wire]]` and so on; "" if it does not scatter.
     sweep
-        Short name for `pendsus xcouple`; "" if it has none.
+        Short name for `pendsus xcouple`; "" if none.
     """
 
     name: str
     part: Literal["wire", "body", "blade", "leg", "link"]
-    kind: Any
+    kind: object
     quantity: str
     vector: bool = False
     perturbation: bool = False
     spread: str = ""
     sweep: str = ""
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle by name: types with bounds cannot be pickled."""
+    def __reduce__(self) -> tuple[Callable[..., object], tuple[str, str]]:
+        """Pickle by name, as types with bounds cannot be pickled."""
         return named, (self.part, self.name)
 
     @property
@@ -207,7 +207,7 @@ def swept() -> dict[str, tuple[Imperfection, int | None]]:
     -------
     dict
         The axis is 0, 1 or 2 for x, y or z (``offset``, ``offset_y``, ``offset_z``), and None for
-        a number, or for a factor on all three.
+        one number, also for one factor on all axes.
     """
     found: dict[str, tuple[Imperfection, int | None]] = {}
     for item in IMPERFECTIONS:
@@ -224,7 +224,7 @@ def perturbed(part: str) -> tuple[Imperfection, ...]:
     return tuple(item for item in IMPERFECTIONS if item.perturbation and item.part == part)
 
 
-def perturbed_part(item: Any) -> tuple[str, str]:
+def perturbed_part(item: Table) -> tuple[str, str]:
     """Part of a `[[perturbation]]`: its kind and its name."""
     return next((part, getattr(item, part)) for part in PARTS if getattr(item, part) is not None)
 
@@ -234,9 +234,9 @@ def scattered(part: str) -> tuple[Imperfection, ...]:
     return tuple(item for item in IMPERFECTIONS if item.spread and item.part == part)
 
 
-def with_perturbations(base: type[Table]) -> Any:
+def with_perturbations(base: type[Table]) -> type:
     """Derive a table of the file from `base`, with a key per imperfection of any part."""
-    keys: dict[str, tuple[str, Any, str]] = {}
+    keys: dict[str, tuple[str, object, str]] = {}
     for item in (item for part in PARTS for item in perturbed(part)):
         kind = tuple[item.kind, item.kind, item.kind] if item.vector else item.kind
         text = item.help("x, y, z")
@@ -246,7 +246,7 @@ def with_perturbations(base: type[Table]) -> Any:
     return _with_keys(base, list(keys.values()))
 
 
-def with_spreads(base: type[Table], part: str, distribution: type[Table]) -> Any:
+def with_spreads(base: type[Table], part: str, distribution: type[Table]) -> type:
     """Derive a table of the file from `base`, with a distribution per imperfection of a part."""
     keys = []
     for item in scattered(part):
@@ -256,7 +256,7 @@ def with_spreads(base: type[Table], part: str, distribution: type[Table]) -> Any
     return _with_keys(base, keys)
 
 
-def _with_keys(base: type[Table], keys: Sequence[tuple[str, Any, str]]) -> Any:
+def _with_keys(base: type[Table], keys: Sequence[tuple[str, object, str]]) -> type:
     fields: list[Any] = []
     for key, kind, text in keys:
         described: Any = Annotated[kind, doc(text)]

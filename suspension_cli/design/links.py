@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Literal
 
-from msgspec import Meta, field
+from msgspec import field
 
 from suspension_cli.design.units import (
     Coefficient,
@@ -20,6 +21,7 @@ from suspension_cli.design.units import (
     doc,
     of_unit,
 )
+from suspension_cli.errors import Fault
 
 Between = Annotated[
     list[Name],
@@ -31,7 +33,7 @@ Between = Annotated[
     ),
 ]
 At = Annotated[Vector, doc("the common point, from the COM of the first body, nominal pose, m")]
-Series = Annotated[list[Coefficient], Meta(min_length=2)]
+Series = Annotated[list[Coefficient], doc("one number per frequency, at least 2", min_length=2)]
 
 
 class StiffnessTable(Table, frozen=True):
@@ -62,9 +64,11 @@ class StiffnessTable(Table, frozen=True):
         | None
     ) = None
     frequency: Annotated[list[Frequency], doc("Hz, ascending")] = []
-    real: Annotated[list[Series], doc("real part per axis and frequency, N/m or N m/rad")] = []
+    real: Annotated[
+        list[Series], doc("real part: for each axis a list over frequency, N/m or N m/rad")
+    ] = []
     imaginary: Annotated[
-        list[Series], doc("imaginary part per axis and frequency, N/m or N m/rad")
+        list[Series], doc("imaginary part: for each axis a list over frequency, N/m or N m/rad")
     ] = []
     static: (
         Annotated[
@@ -110,11 +114,21 @@ class Strands(Table, frozen=True):
     ] = []
 
 
-class Link(Table, frozen=True):
-    """A spring between any two bodies at a common point: a heat link, a cable, a stop."""
+class BetweenBodies(Table, frozen=True):
+    """Base of the tables of elements between any two bodies."""
 
     name: Name
     between: Between
+
+    def faults(self, path: str) -> Iterator[Fault]:
+        """Check the element beyond single values, and the names of it and of its bodies."""
+        del path
+        yield from ()
+
+
+class Link(BetweenBodies, frozen=True):
+    """A spring between any two bodies at a common point: a heat link, a cable, a stop."""
+
     at: At = (0.0, 0.0, 0.0)
     stiffness: (
         Annotated[
@@ -184,11 +198,9 @@ class EddyCurrent(Table, frozen=True):
     count: Annotated[int, doc("number of equal magnets, far apart", ge=1, le=1000)] = 1
 
 
-class Damper(Table, frozen=True):
-    """A viscous damper between any two bodies at a common point; no common motion is damped."""
+class Damper(BetweenBodies, frozen=True):
+    """A viscous damper between any two bodies at a common point."""
 
-    name: Name
-    between: Between
     at: At = (0.0, 0.0, 0.0)
     damping: (
         Annotated[

@@ -1,8 +1,8 @@
 """Dotted paths to the values of a design: get, set and list them.
 
-A path names the keys of tables, and members of lists by their name or their number from 1:
-``stage.test.wires.s``, ``stage.test.body.inertia.2``. It leads through a parsed TOML document
-(dicts and lists) or through a `Design` (structs) alike.
+A path names keys of tables, and members of lists by name or number from 1: ``stage.test.wires.s``,
+``stage.test.body.inertia.2``. It leads through a parsed TOML document (dicts and lists) or a
+`Design` (structs).
 """
 
 from __future__ import annotations
@@ -13,7 +13,11 @@ from typing import Any
 import msgspec
 
 from suspension_cli.design import faults
+from suspension_cli.design.units import Raw
 from suspension_cli.errors import InputError, format_value
+
+Value = Any
+"""A value of a parsed document or of a design: a number, a text, a list or a table."""
 
 
 def member(items: Sequence[object], key: str) -> int | None:
@@ -34,9 +38,9 @@ def _name(item: object) -> object:
     return item.get("name") if isinstance(item, dict) else getattr(item, "name", None)
 
 
-def value_at(document: dict[str, Any], path: str) -> Any:
+def value_at(document: Raw, path: str) -> Value:
     """The value of a parsed document at a dotted path; None if there is none."""
-    node: Any = document
+    node: Value = document
     for key in path.split("."):
         if isinstance(node, list):
             place = member(node, key)
@@ -46,23 +50,14 @@ def value_at(document: dict[str, Any], path: str) -> Any:
     return node
 
 
-def assign(document: dict[str, Any], keys: list[str], value: object, override: str) -> None:
-    """Set a value in a parsed document, in place; missing tables on the way are made.
+def assign(document: Raw, keys: list[str], value: object, override: str) -> None:
+    """Set a value in a parsed document, in place; missing tables are made.
 
-    Parameters
-    ----------
-    keys
-        The parts of the path.
-    override
-        The whole setting as the user gave it, for errors.
-
-    Raises
-    ------
-    InputError
-        If a list on the way has no such member, or the path leads through a value.
+    `keys` are the parts of the path, `override` is the setting as given, for errors. Raises
+    `InputError` if a list has no such member, or the path leads through a value.
     """
-    node: Any = document
-    place: Any = ""
+    node: Value = document
+    place: Value = ""
     for depth, key in enumerate(keys):
         last = depth == len(keys) - 1
         place = key
@@ -83,7 +78,6 @@ def assign(document: dict[str, Any], keys: list[str], value: object, override: s
 
 
 def _existing(items: list[object], key: str, override: str) -> int:
-    """Position of a member of a list."""
     place = member(items, key)
     if place is not None:
         return place
@@ -92,8 +86,8 @@ def _existing(items: list[object], key: str, override: str) -> int:
     raise InputError.of("--set", f"there is no {key!r} here", remedy, format_value(override))
 
 
-def changed(node: Any, keys: Sequence[str], change: Callable[[Any], Any]) -> Any:
-    """A tree of structs and lists with one value replaced by a function of it."""
+def changed(node: Value, keys: Sequence[str], change: Callable[[Value], Value]) -> Value:
+    """Copy a tree of structs and lists with one value replaced by a function of it."""
     if not keys:
         return change(node)
     key, rest = keys[0], keys[1:]
@@ -106,9 +100,9 @@ def changed(node: Any, keys: Sequence[str], change: Callable[[Any], Any]) -> Any
 
 
 def numbers(path: str, value: object, skip: Collection[str] = ()) -> Iterator[tuple[str, float]]:
-    """List all numbers below a path of a parsed document, but those of some keys.
+    """List all numbers below a path of a parsed document, without those under the keys `skip`.
 
-    Of a symmetric matrix (3 or 6 rows) only the upper triangle is listed, see `twins`.
+    A symmetric matrix (3 or 6 rows) gives its upper triangle, see `twins`.
     """
     if isinstance(value, dict):
         for key, item in value.items():
@@ -142,7 +136,7 @@ def twins(path: str) -> tuple[str, ...]:
 
 
 def settings(values: Mapping[str, float]) -> tuple[str, ...]:
-    """Settings ``path=value`` of numbers, as ``--set`` takes them; exact to the last digit."""
+    """Settings ``path=value`` of numbers, as ``--set`` takes them, to all digits."""
     return tuple(f"{path}={float(value)!r}" for path, value in values.items())
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -39,12 +38,10 @@ wires, which the tables list."""
 
 @dataclass(frozen=True)
 class Plan:
-    """The two views of a drawing, placed on its canvas.
+    """The two views of a drawing, placed on its canvas (in).
 
     Attributes
     ----------
-    side, face
-        With their origins and scale in inches.
     left
         Right end of the leaders' texts, left of the side view.
     right
@@ -173,8 +170,8 @@ def _across(
 ) -> None:
     """Draw a half separation from the axis outwards.
 
-    `levels` are the heights of its dimension line and of the wires' ends (m), `halves` the half
-    separation itself and that of the wires at the dimension line (m), which the text avoids.
+    `levels` are the heights of its dimension line and of the wires' ends (m). `halves` are the half
+    separation and that of the wires at the dimension line (m), which the text avoids.
     """
     half, wire = halves
     if half == 0:
@@ -189,7 +186,7 @@ def _across(
 def _wire_length(canvas: Canvas, plan: Plan, here: _Set) -> None:
     """Draw l beside the wire at -y in the face view, if the wire is long enough on paper.
 
-    Its text stands between the two bodies, and below a support between them.
+    Its text is between the two bodies, or below a support between them.
     """
     shape, view, ground = here.shape, plan.face, float(support_box(plan.sketch)[1][2])
     top = ground if here.bottom < ground < here.top else here.top
@@ -219,7 +216,7 @@ def _clearance(scale: float, here: _Set) -> float:
 
 
 def _heights(canvas: Canvas, view: View, here: _Set) -> list[tuple[Array, str]]:
-    """Targets and texts of the leaders for d and d_u; draw arrows too if they are long enough."""
+    """Targets and texts of the leaders for d and d_u; draws arrows too if they are long enough."""
     shape, leaders = here.shape, []
     ends = (
         (here.above, -shape.s_upper, -shape.d_upper, shape.d_upper, "$d_u$"),
@@ -268,10 +265,10 @@ def draw_axes_of_symmetry(canvas: Canvas, plan: Plan) -> None:
 
 
 def write_names(canvas: Canvas, plan: Plan, colours: tuple[str, ...]) -> None:
-    """Write each body's name and mass: between the views with a line to the body in the side view,
-    or inside the body if another one obstructs that line.
+    """Write each body's name and mass between the views, with a line to the body in the side view.
 
-    Of many bodies, names alone, inside each body where there is room.
+    If another body obstructs that line, they are inside the body. Of many bodies only names are
+    written, inside where there is room.
     """
     bodies, boxes = plan.sketch.scene.bodies, _boxes(plan)
     names = [single_line(name, 18) for name in bodies.name]
@@ -301,7 +298,7 @@ def _name(
     name: str,
     where: tuple[float, float],
     colour: str,
-    mass: Any = None,
+    mass: float | None = None,
     side: str = "left",
 ) -> None:
     """Write the name of a body above a point, and below its mass (kg) if it is given."""
@@ -339,7 +336,7 @@ def _fits(box: Array, width: float, height: float) -> bool:
 def write_numbers(canvas: Canvas, plan: Plan) -> None:
     """Write the numbers of wires of stages without a symmetric set, at the middle of each.
 
-    Wires that hide each other have one label. Of many bodies none is written.
+    Wires that hide each other share a label. Of many bodies none is written.
     """
     if len(plan.sketch.design.stage) > MANY:
         return
@@ -356,7 +353,7 @@ def write_numbers(canvas: Canvas, plan: Plan) -> None:
 
 
 def _numbered(sketch: Sketch, view: View) -> list[tuple[Array, str]]:
-    """Positions of the middles of such wires in a view, and the numbers of the wires there."""
+    """Middles of these wires in a view, and the numbers of the wires there."""
     explicit = {stage.name for stage in sketch.design.stage if stage.wires is None}
     middle = view.see(wire_ends(sketch.scene, sketch.pose).mean(1))
     groups: list[tuple[Array, list[str]]] = []

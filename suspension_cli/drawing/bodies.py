@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.design.schema import Body, Design
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+    from numpy.typing import ArrayLike
 
 SMALLEST = 0.012
 """Least half extent of a body that can be seen, relative to the size of the suspension."""
@@ -39,17 +43,9 @@ class Outline:
     turn: Array | None = None
 
     def section(self, normal: int) -> Array:
-        """Section of the body through its COM, across an axis.
+        """Section of the body through its COM, across the axis `normal` (0, 1, 2).
 
-        Parameters
-        ----------
-        normal
-            The axis (0, 1, 2) normal to the section.
-
-        Returns
-        -------
-        (p, 3) array
-            A closed line, m: a circle across the axis of a cylinder, else a rectangle.
+        A closed line (p, 3), m: a circle across the axis of a cylinder, else a rectangle.
         """
         first, second = (axis for axis in range(3) if axis != normal)
         if self.axis == normal:
@@ -67,7 +63,7 @@ class Outline:
             return None
         return self.section(normal) * (self.inner / float(np.max(np.delete(self.half, normal))))
 
-    def nearest(self, point: Any) -> Array:
+    def nearest(self, point: ArrayLike) -> Array:
         """Points (..., 3) of the body nearest to given points (..., 3), in its frame, m."""
         point = np.asarray(point, dtype=float)
         if self.turn is not None:
@@ -83,25 +79,14 @@ class Outline:
         return result
 
 
-def outline(body: Body, mass: float, inertia: Any, least: float = 0.0) -> Outline:
-    """Outline of one body.
+def outline(
+    body: Body, mass: float, inertia: Float[np.ndarray, "3 3"], least: float = 0.0
+) -> Outline:
+    """Outline of one body, with half extents of at least `least`, m.
 
-    Parameters
-    ----------
-    body
-        Its table in the design.
-    mass
-        kg.
-    inertia : (3, 3) array
-        About the COM, kg m^2.
-    least
-        Least half extent, m.
-
-    Returns
-    -------
-    Outline
-        The cylinder or box of the design; for a body given by its inertia, the homogeneous box of
-        the same mass and moments, Lx^2 = 6 (Iy + Iz - Ix) / m, or 0 where that is negative.
+    The cylinder or box of the design; for a body given by its inertia (3, 3), kg m^2 about the COM,
+    the homogeneous box of the same mass (kg) and moments, Lx^2 = 6 (Iy + Iz - Ix) / m, or 0 where
+    that is negative.
     """
     if body.shape == "box":
         assert body.size is not None

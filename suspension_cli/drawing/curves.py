@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -21,11 +21,18 @@ from suspension_cli.drawing.style import (
     NOTE,
     PALE,
     RC,
+    LineLook,
+    figure_of,
     new_figure,
     shorten,
     single_line,
     write_text,
 )
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float, Int
+    from matplotlib.typing import LineStyleType
+    from numpy.typing import ArrayLike
 
 _RENDERER = RendererAgg(1, 1, 72)
 
@@ -45,7 +52,7 @@ SAMPLE, APART = 0.22, 0.15
 """Length of the sample of a line beside its name, and distance to the next name, in."""
 FOOT = 0.16
 """Room for the remark on the model at the bottom of a figure, in."""
-DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.4, 1.2, 1.4)))
+DASHES: tuple[LineStyleType, ...] = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.4, 1.2, 1.4)))
 """Line styles, so that lines that cover each other are seen."""
 SMALL = 7.5
 """Font size of labels, points."""
@@ -62,7 +69,7 @@ MOST_PEAKS = 12
 
 
 def write_heading(figure: Figure, quantity: str, design: str) -> None:
-    """Write the quantity at the top of a figure and, below and smaller, design and model."""
+    """Write the quantity at the top of a figure; below it, smaller, the design and model."""
     across, _ = figure.get_size_inches()
     write_text(figure, 0.1, 0.08, single_line(quantity, int(across / 0.084)), 9.5, bold=True)
     write_text(figure, 0.1, 0.27, single_line(design, int(across / 0.058)), 7.5, NOTE)
@@ -96,12 +103,7 @@ def stack_panels(
 ) -> tuple[Figure, list[Axes]]:
     """Make a figure of panels below each other, which share their horizontal axis.
 
-    Parameters
-    ----------
-    heights, rooms
-        Of the panels, and above each of them, in.
-    left, right, bottom
-        Margins, in.
+    `heights` of the panels, `rooms` above each, and margins are in inches.
     """
     parts = [part for both in zip(rooms, heights, strict=True) for part in both]
     figure = new_figure(COLUMN, HEAD + sum(parts) + bottom)
@@ -161,24 +163,17 @@ def key_room(names: Sequence[str]) -> float:
     return ROW * (place_key(names)[-1][1] + 1) + 0.03 if names else 0.0
 
 
-def write_key(
-    axes: Axes, lines: Sequence[tuple[str, str, dict[str, Any]]], above: float = 0.0
-) -> None:
+def write_key(axes: Axes, lines: Sequence[tuple[str, str, LineLook]], above: float = 0.0) -> None:
     """Write the names of lines above axes, with samples of them.
 
-    Parameters
-    ----------
-    lines
-        Name and colour of each line, and further properties of its sample.
-    above
-        Room between the axes and the names, in.
+    `lines` are name, colour and further properties of each sample; `above` is the room between axes
+    and names, in.
     """
-    figure: Any = axes.get_figure()
-    box, (across, up) = axes.get_position(), figure.get_size_inches()
+    box, (across, up) = axes.get_position(), figure_of(axes).get_size_inches()
     wide, high = box.width * across, box.height * up
     places = place_key([name for name, *_ in lines], wide)
     for (name, colour, how), (left, row) in zip(lines, places, strict=True):
-        look: dict[str, Any] = {"linewidth": 1.2} | how
+        look: LineLook = {"linewidth": 1.2, **how}
         y = 1 + (above + ROW * (places[-1][1] - row) + ROW / 2 + 0.02) / high
         axes.add_line(
             Line2D(
@@ -255,7 +250,7 @@ def unit_of_ratio(ratio: str) -> str:
 
 
 def label_phases(axes: Axes) -> None:
-    """Label a vertical axis of phases at multiples of 90 degrees, of more if it is long."""
+    """Label a vertical axis of phases at multiples of 90 degrees, or of more if it is long."""
     low, high = axes.get_ylim()
     low, high = min(low, -8.0), max(high, 8.0)
     steps = np.array([45.0, 90.0, 180.0, 360.0, 720.0, 1440.0, 3600.0])
@@ -266,15 +261,13 @@ def label_phases(axes: Axes) -> None:
     axes.yaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}".replace("-", "−")))
 
 
-def unwrap_phase(value: Any) -> Any:
+def unwrap_phase(value: Complex[np.ndarray, " frequency"]) -> Float[np.ndarray, " frequency"]:
     """Unwrap the phase of a response along its frequencies, in degrees.
 
-    Where the phase jumps by half a turn between two points, at a pole or zero too narrow for the
-    grid, the step is downwards at a pole (|value| rises towards it on both sides) and upwards at a
-    zero (it falls), as with a little loss.
+    At a pole or zero too narrow for the grid the phase jumps by half a turn between two points. As
+    with a little loss, it then falls at a pole (|value| rises towards it on both sides) and rises
+    at a zero.
 
-    Examples
-    --------
     >>> unwrap_phase(np.array([1.0, 2.0, 9.0, -9.0, -2.0]) + 0j).tolist()
     [0.0, 0.0, 0.0, -180.0, -180.0]
     """
@@ -297,10 +290,12 @@ def unwrap_phase(value: Any) -> Any:
     return found
 
 
-def to_branch(phase: Any, near: Any) -> Any:
+def to_branch(
+    phase: Float[np.ndarray, "*shape"], near: Float[np.ndarray, "*shape"] | float
+) -> Float[np.ndarray, "*shape"]:
     """Shift phases (degrees) by full turns to between 200 below and 160 above others.
 
-    So phases scattered about half a turn from `near` stay together.
+    Phases scattered about half a turn from `near` then stay together.
 
     >>> to_branch(np.array([179.0, -179.0]), 0.0).tolist()
     [-181.0, -179.0]
@@ -308,19 +303,14 @@ def to_branch(phase: Any, near: Any) -> Any:
     return near + (phase - near + 200.0) % 360.0 - 200.0
 
 
-def label_ends(axes: Axes, ends: Sequence[tuple[Any, Any, str, str]], most: int = 26) -> None:
+def label_ends(
+    axes: Axes, ends: Sequence[tuple[ArrayLike, ArrayLike, str, str]], most: int = 26
+) -> None:
     """Write labels at the ends of lines, right of the axes, moved apart, with leaders.
 
-    A line that ends outside the panel gets an arrow up or down. Labels follow changed limits.
-
-    Parameters
-    ----------
-    axes
-        With its limits and its place in the figure.
-    ends
-        Abscissas and ordinates of a line, its label and its colour.
-    most
-        Characters of a label.
+    A line that ends outside the panel gets an arrow up or down. Labels follow changed limits. The
+    axes have their limits and place; `ends` are abscissas, ordinates, label and colour of each
+    line, `most` the characters of a label.
     """
     if not ends:
         return
@@ -394,8 +384,10 @@ def _within(places: list[float], gap: float, height: float) -> list[float]:
     return result.tolist()
 
 
-def find_peaks(size: Any, prominent: float = PROMINENT) -> Any:
-    """Find local maxima that exceed both valleys beside them by a factor: indices, highest last."""
+def find_peaks(
+    size: Float[np.ndarray, " frequency"], prominent: float = PROMINENT
+) -> Int[np.ndarray, " peak"]:
+    """Indices of local maxima that exceed both valleys beside them by a factor, highest last."""
     level = np.log(np.where(np.isfinite(size) & (size > 0), size, np.nan))
     level = np.where(np.isfinite(level), level, np.nanmin(level, initial=0.0))
     tops = 1 + np.flatnonzero((level[1:-1] > level[:-2]) & (level[1:-1] >= level[2:]))
@@ -420,16 +412,9 @@ def label_peaks(
 ) -> None:
     """Write the frequencies of peaks in a row above axes, moved apart, with leaders.
 
-    Parameters
-    ----------
-    axes
-        With its limits, and room of the height `PEAKS` above.
-    peaks
-        Frequency (Hz), ordinate and remark of each, the most important last.
-    size
-        Of the font, points.
-    unit
-        Of the last frequency of the row.
+    The axes have their limits, and room of the height `PEAKS` above. `peaks` are frequency (Hz),
+    ordinate and remark of each, the most important last. `size` is that of the font, points; `unit`
+    follows the last frequency of the row.
     """
     chosen: list[tuple[float, float, str]] = []
     low, high = axes.get_xlim()
@@ -484,11 +469,11 @@ def format_frequency(value: float) -> str:
     return f"{float(f'{value:.3g}'):.7g}"
 
 
-def find_slopes(frequency: Any, size: Any) -> list[tuple[int, float, float]]:
+def find_slopes(
+    frequency: Float[np.ndarray, " frequency"], size: Float[np.ndarray, " frequency"]
+) -> list[tuple[int, float, float]]:
     """Find the longest part of a curve along each power law: exponent, and its ends in Hz.
 
-    Examples
-    --------
     >>> f = np.geomspace(0.1, 100, 400)
     >>> [(n, round(low)) for n, low, high in find_slopes(f, 1 / (1 + (f / 2) ** 2)) if n]
     [(-2, 8)]
@@ -518,15 +503,16 @@ def find_slopes(frequency: Any, size: Any) -> list[tuple[int, float, float]]:
     return [(own, float(10**low), float(10**high)) for own, (low, high) in found.items()]
 
 
-def label_slopes(axes: Axes, frequency: Any, size: Any, drawn: Any, colour: str = INK) -> None:
+def label_slopes(
+    axes: Axes,
+    frequency: Float[np.ndarray, " frequency"],
+    size: Float[np.ndarray, " frequency"],
+    drawn: Float[np.ndarray, " frequency"],
+    colour: str = INK,
+) -> None:
     """Write power laws beside a curve, f^-6, away from its peaks.
 
-    Parameters
-    ----------
-    frequency, size : (f,) arrays
-        Hz, and the values that follow the power law.
-    drawn : (f,) array
-        Ordinates.
+    The `size` follows the power law of the `frequency`, Hz; `drawn` are ordinates.
     """
     peaks = np.log(frequency[find_peaks(size)])
     for power, low, high in find_slopes(frequency, size):

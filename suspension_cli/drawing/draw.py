@@ -62,23 +62,13 @@ class _Bounds:
 
 
 def draw(design: Design, scene: Scene, tabulate: bool = True) -> Figure:
-    """Draw a suspension to scale.
+    """Draw a suspension to scale, optionally with tables of dimensions and the key below.
 
-    Parameters
-    ----------
-    scene
-        Of the design, without imperfections and batch axes.
-    tabulate
-        Whether to write the tables of dimensions, and the key, below the views.
-
-    Returns
-    -------
-    Figure
-        Side view (x-z) and face view (y-z) on one scale in metres, with names, masses and the
-        dimensions for which there is room; below them tables of the dimensions of every stage and
-        of every wire outside symmetric sets. A design with imperfections is drawn with them,
-        exaggerated by a factor that is written above, in front of the design without, in grey;
-        dimensions are those without.
+    Side view (x-z) and face view (y-z) have one scale in metres, with names, masses and the
+    dimensions for which there is room. The tables have the dimensions of every stage and of every
+    wire outside symmetric sets. Imperfections are drawn exaggerated by a factor that the heading
+    gives, in front of the design without them in grey; dimensions are without them. The scene has
+    no imperfections or batch axes.
     """
     with style.house_style():
         bare = Sketch(design, scene, outlines(design, scene), nominal_pose(scene), 0.0)

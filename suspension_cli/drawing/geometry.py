@@ -6,7 +6,7 @@ All functions take scenes and poses without batch axes.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from suspension_cli.scene import links
 from suspension_cli.scene.arrays import Array, Index
 from suspension_cli.scene.pose import Layout, Pose, displace, layout, nominal_pose
 from suspension_cli.scene.scene import Scene, Springs, Wires
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 LARGEST_ANGLE = 0.35
 """Largest rotation in the picture of a mode, rad."""
@@ -41,7 +44,7 @@ class View:
     scale
         Length of a metre in the picture.
     origin : (2,) array
-        Position of the suspension point in the picture.
+        Of the suspension point in the picture.
     """
 
     name: str
@@ -50,11 +53,11 @@ class View:
     scale: float = 1.0
     origin: Array = field(default_factory=lambda: np.zeros(2))
 
-    def see(self, points: Any) -> Array:
+    def see(self, points: ArrayLike) -> Array:
         """Project points (..., 3) in space (m) to points (..., 2) in the picture."""
         return self.scale * (np.asarray(points) @ self.matrix.T) + self.origin
 
-    def at(self, origin: Any, scale: float = 1.0) -> View:
+    def at(self, origin: ArrayLike, scale: float = 1.0) -> View:
         """Move and scale the view: suspension point at `origin`, `scale` units per metre."""
         return replace(self, origin=np.asarray(origin, dtype=float), scale=scale)
 
@@ -68,8 +71,8 @@ FACE = View("face on", 0, np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]))
 def from_above(scene: Scene, outlines: list[Outline]) -> View:
     """Make a view of every body in plan (y to the right, x towards the reader), at its own height.
 
-    No body hides another. Plans are to scale if the bodies are far enough apart in height, else
-    compressed in x, to half at most.
+    No body hides another. If the bodies are too close in height, plans are compressed in x, to half
+    at most.
     """
     depth = 2 * max(float(body.half[0]) for body in outlines)
     gaps = np.diff(np.sort(scene.bodies.position[1:, 2]))
@@ -79,7 +82,7 @@ def from_above(scene: Scene, outlines: list[Outline]) -> View:
     return View("from above", 2, np.array([[0.0, 1.0, 0.0], [-flat, 0.0, 1.0]]))
 
 
-def position_of(scene: Scene, pose: Pose, body: Any, point: Any) -> Array:
+def position_of(scene: Scene, pose: Pose, body: ArrayLike, point: ArrayLike) -> Array:
     """Positions (k, 3) in space of points (k, 3) fixed in bodies (k,), m."""
     body = np.broadcast_to(np.asarray(body, dtype=np.intp), np.shape(point)[:-1])
     return (
@@ -108,7 +111,7 @@ def sections(scene: Scene, pose: Pose, outlines: list[Outline], view: View) -> l
 def brackets(scene: Scene, pose: Pose, outlines: list[Outline]) -> list[tuple[int, Array]]:
     """Lines (2, 3), m, from bodies to attachments that lie outside their outlines.
 
-    Each with the number of its body, from 0, without the support.
+    Each comes with its body's number, from 0 without the support.
     """
     wires, held, lines = scene.wires, scene.springs, []
     free = wires.blade < 0
@@ -137,8 +140,8 @@ def blade_lengths(design: Design) -> dict[str, float | None]:
 def leaves(design: Design, scene: Scene, pose: Pose, outlines: list[Outline]) -> Array:
     """Line (b, 13, 3) of each blade from its root to its tip, m, bent by a load at the tip.
 
-    A design gives the tips, not the roots: a blade is drawn pointing away from the middle of its
-    body, with its true length where the design gives it.
+    A design gives only the tips: a blade points away from the middle of its body, with its true
+    length where the design gives it.
     """
     blades, lengths = scene.blades, blade_lengths(design)
     along = np.linspace(0, 1, 13)[:, None]
@@ -194,7 +197,7 @@ def spring_points(scene: Scene, pose: Pose) -> Array:
 def link_curves(design: Design, scene: Scene, pose: Pose) -> dict[str, Array]:
     """Line (p, 3) of each link given by the geometry of its wires, m, by its label in the scene.
 
-    In another pose the ends follow their bodies, and the line between them is interpolated.
+    In another pose the ends follow their bodies, and the line between is interpolated.
     """
     result, position = {}, scene.bodies.position
     for link in design.link:
@@ -230,7 +233,7 @@ def mode_step(numbering: Layout, coordinate: tuple[str, ...], shape: Array) -> A
 def amplitude(scene: Scene, step: Array) -> float:
     """Largest factor for drawing a step (N,) that leaves the suspension recognisable.
 
-    Rotations, slopes of wires, deflections of blades and motions each have a limit (`LARGEST_...`).
+    Rotations, slopes of wires, deflections of blades and motions have limits (`LARGEST_...`).
     """
     motion = step[: 6 * (len(scene.bodies.name) + 1)].reshape(-1, 6)
     wires, whole = scene.wires, suspension_size(scene)

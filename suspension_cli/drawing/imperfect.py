@@ -56,18 +56,9 @@ class Exaggerated:
 def exaggerate(sketch: Sketch) -> Exaggerated | None:
     """Displace a suspension by its imperfections, times the factor that shows them well.
 
-    A point with the nominal place n, and the place p in the equilibrium of the imperfect design, is
-    drawn at n + f (p - n), with one factor f for all; rotation vectors are multiplied by f.
-
-    Parameters
-    ----------
-    sketch
-        The design without imperfections, at rest.
-
-    Returns
-    -------
-    Exaggerated or None
-        None where nothing is displaced.
+    A point at n in the nominal design, and at p in the equilibrium of the imperfect one, is drawn
+    at n + f (p - n), with one factor f for all; rotation vectors are multiplied by f. The `sketch`
+    is without imperfections, at rest. None if nothing is displaced.
     """
     if not sketch.design.perturbation:
         return None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from suspension_cli.drawing.style import NOTE, PALE
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.pose import Pose
 from suspension_cli.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from matplotlib.typing import ColorType
 
 ZIGZAG = (
     0.6 * np.array([0, 0, 1, -1, 1, -1, 0, 0]),
@@ -36,10 +39,8 @@ class Look:
 
     Attributes
     ----------
-    edge
-        Outline of each body.
-    fill
-        Interior of each body.
+    edge, fill
+        Outline and interior of each body.
     line
         Wires, blades, springs.
     width
@@ -48,9 +49,9 @@ class Look:
         Drawing order; larger is above.
     """
 
-    edge: tuple[Any, ...]
-    fill: tuple[Any, ...]
-    line: Any
+    edge: tuple[ColorType, ...]
+    fill: tuple[ColorType, ...]
+    line: ColorType
     width: float
     order: float
 
@@ -144,7 +145,8 @@ def _leaves(canvas: Canvas, lines: Array, look: Look) -> None:
 def _springs(canvas: Canvas, view: View, sketch: Sketch, look: Look) -> None:
     """Draw springs as zigzags at their points, with dotted lines to the bodies above.
 
-    Dampers are dashpots; links of curved wires are these, and feet stand on the ground.
+    Dampers are pistons, links of curved wires are curves, and springs on the ground have hatched
+    feet.
     """
     scene, pose = sketch.scene, sketch.pose
     unit = 0.022 * suspension_size(scene) * view.scale
@@ -206,8 +208,8 @@ def _support_points(sketch: Sketch) -> Array:
 def support_box(sketch: Sketch) -> tuple[Array, Array]:
     """Opposite corners (3,), (3,) of the support in the drawing, m.
 
-    It lies above everything attached to it, or below if that stands on it; the z of the first
-    corner is the side of the attachments.
+    It is above everything attached to it, or below what stands on it; the first corner's z is on
+    the side of the attachments.
     """
     points = sketch.support_points
     low, high = points.min(0) - 2 * sketch.thick, points.max(0) + 2 * sketch.thick
@@ -248,7 +250,7 @@ def _plate(view: View, low: Array, high: Array) -> tuple[Array, Array]:
     return corner, opposite - corner
 
 
-def draw_com_mark(canvas: Canvas, where: Array, radius: float, colour: Any) -> None:
+def draw_com_mark(canvas: Canvas, where: Array, radius: float, colour: ColorType) -> None:
     """Draw the quartered circle of a centre of mass, at a point (2,) of the picture."""
     angle = np.linspace(0, np.pi / 2, 13)
     quarter = np.vstack([[0.0, 0.0], np.column_stack([np.cos(angle), np.sin(angle)])])

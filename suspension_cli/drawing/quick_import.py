@@ -1,4 +1,4 @@
-"""Import of Matplotlib without the docstrings that it composes meanwhile."""
+"""Import of Matplotlib without composing docstrings."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import Any
 
 
 def import_matplotlib() -> None:
-    """Import Matplotlib for a program that nobody asks for help on Matplotlib's classes.
+    """Import Matplotlib without the docstrings of `set`, in three fifths of its time.
 
     On import it lists the properties of each of its hundred classes in the signature and docstring
-    of `set`, in two fifths of its time. The command needs neither. Nothing but these is missing
-    afterwards; where Matplotlib is imported already, nothing happens.
+    of `set`, which no command needs. Nothing else is missing afterwards. Does nothing if Matplotlib
+    is imported already.
     """
     from matplotlib import artist
 

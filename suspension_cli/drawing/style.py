@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Iterable
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict
 
 import matplotlib
 import numpy as np
@@ -24,6 +24,9 @@ from suspension_cli.conventions import DOFS
 from suspension_cli.files.atomic import replace_file
 
 if TYPE_CHECKING:
+    from jaxtyping import UInt8
+    from matplotlib.typing import LineStyleType
+
     from suspension_cli.models.registry import Choice
 
 DPI = 180
@@ -91,7 +94,7 @@ RC: dict[str, Any] = {
 
 
 def house_style() -> AbstractContextManager[None]:
-    """Context manager of the style, in which figures are drawn and saved."""
+    """Context manager of the style in which figures are drawn and saved."""
     return matplotlib.rc_context(RC)  # type: ignore[arg-type]
 
 
@@ -109,7 +112,7 @@ def add_axes(figure: Figure, left: float, top: float, width: float, height: floa
 
 
 class _Plain(LogFormatter):
-    """Labels of a logarithmic axis as people write them: 0.1, 0.6, 1, 10."""
+    """Labels of a logarithmic axis in plain numbers: 0.1, 0.6, 1, 10."""
 
     def __call__(self, x: float, pos: int | None = None) -> str:
         return f"{x:g}" if super().__call__(x, pos) else ""
@@ -148,7 +151,7 @@ def write_text(
 
 
 def name_neglected(figure: Figure, choice: Choice) -> Figure:
-    """Write what the model neglects below a figure whose heading names it, and return it."""
+    """Write what the model neglects below a figure, and return it."""
     text = choice.neglected.partition(" (tolerance")[0]
     if not text:
         return figure
@@ -171,12 +174,9 @@ def name_neglected(figure: Figure, choice: Choice) -> Figure:
 def save(figure: Figure, path: str | os.PathLike[str]) -> None:
     """Write a figure, whole or not at all, in place of any file of this name.
 
-    The ending says what it is: .png, .pdf or .svg.
+    The ending is .png, .pdf or .svg.
 
-    Raises
-    ------
-    OSError
-        If it cannot be written; nothing is left behind then.
+    Raises `OSError` if it cannot be written; nothing is left behind then.
     """
     replace_file(Path(path), encode(figure, Path(path).suffix.removeprefix(".")))
 
@@ -206,13 +206,30 @@ def encode(figure: Figure, form: str = "png") -> bytes:
     return stream.getvalue()
 
 
-def _render(figure: Figure, dpi: float) -> Any:
+def _render(figure: Figure, dpi: float) -> UInt8[np.ndarray, "row column 3"]:
     """Render a figure to pixels, uint8 (rows, columns, 3); its background is opaque."""
     before, canvas = figure.dpi, FigureCanvasAgg(figure)
     figure.dpi = dpi
     canvas.draw()
     figure.dpi = before
     return np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[:, :, :3])
+
+
+class LineLook(TypedDict, total=False):
+    """Properties of a line, by Matplotlib's names."""
+
+    linestyle: LineStyleType
+    linewidth: float
+    marker: str
+    markersize: float
+    zorder: float
+
+
+def figure_of(axes: Axes) -> Figure:
+    """Look up the figure in which axes are."""
+    figure = axes.get_figure()
+    assert isinstance(figure, Figure)
+    return figure
 
 
 def with_opacity(colour: str, strength: float) -> tuple[float, float, float, float]:
@@ -270,15 +287,8 @@ def length(value: float) -> str:
 
 
 def stage_colours(stages: Iterable[str]) -> dict[str, str]:
-    """Choose the colour of each stage of a design, the same in every picture.
+    """Choose the colour of each stage of a design (top to bottom), the same in every picture.
 
-    Parameters
-    ----------
-    stages
-        All stages, top to bottom.
-
-    Examples
-    --------
     >>> stage_colours(["upper", "test"])
     {'upper': '#0072b2', 'test': '#d55e00'}
     """

@@ -58,15 +58,7 @@ LINKS = (
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of text under headings.
-
-    Attributes
-    ----------
-    heads
-        Headings of the columns.
-    widths
-        Widths of the columns, in; the first is aligned left, the others right.
-    """
+    """Rows of text under headings; widths in inches, the first column left-aligned."""
 
     title: str
     heads: tuple[str, ...]
@@ -196,7 +188,7 @@ def flaws(design: Design) -> Table | None:
 def _first_rows(
     title: str, heads: tuple[str, ...], widths: tuple[float, ...], rows: list[tuple[str, ...]]
 ) -> Table | None:
-    """Table of the first rows, whose title says how many there are; None if there are none."""
+    """Table of the first rows, with their number in the title; None if there are none."""
     if len(rows) > MOST_WIRES:
         title += f"; the first {MOST_WIRES} of {len(rows)}"
     return Table(title, heads, widths, rows[:MOST_WIRES]) if rows else None
@@ -205,17 +197,7 @@ def _first_rows(
 def write(
     canvas: Canvas, left: float, top: float, table: Table, colours: Sequence[str] = ()
 ) -> None:
-    """Write a table on a canvas.
-
-    Parameters
-    ----------
-    canvas
-        In inches.
-    left, top
-        Upper left corner, in.
-    colours
-        Of the first column, by row.
-    """
+    """Write a table on a canvas from its upper left corner, in; `colours` of the first column."""
     canvas.text(
         left,
         top - 0.5 * ROW,

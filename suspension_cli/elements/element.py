@@ -1,10 +1,10 @@
-"""Contributions of one kind of element to the energy and the matrices of a scene."""
+"""Contributions of a kind of element to the energy and the matrices of a scene."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,6 +14,8 @@ from suspension_cli.scene.scene import Scene
 
 if TYPE_CHECKING:
     from jaxtyping import Inexact, Int
+
+    from suspension_cli.design.schema import Design
 
     Matrix = Callable[
         [Scene, Layout, Pose], Inexact[np.ndarray, "*batch coordinate coordinate"] | float
@@ -29,12 +31,12 @@ class Derivatives:
     gradient
         N and N m. Blades add the part of the forces on their tips.
     hessian
-        Tangent stiffness, N/m, N and N m; the last row and column take what belongs to rigid
-        directions of blades.
+        Tangent stiffness, N/m, N and N m; the last row and column are for rigid directions of
+        blades.
     outer
         Sum of F w^T of the forces on each body (see `geometric_stiffness`), N m.
     on_tips
-        Gradient with respect to the places of the blade tips, global axes, N.
+        Gradient with respect to the places of blade tips, global axes, N.
     """
 
     gradient: Inexact[np.ndarray, "*batch coordinate"]
@@ -60,7 +62,6 @@ class Derivatives:
 
         Parameters
         ----------
-        body
         force
             Gradient of the energy with respect to the place of each point, N.
         arm
@@ -104,8 +105,16 @@ class Element:
     add_derivatives
         Adds the derivatives of that energy in a pose.
     mass, damping, loss
-        Mass, viscous damping, and the imaginary part of the stiffness, (..., N, N), or 0; None for
-        an element without.
+        Mass, viscous damping, and imaginary part of the stiffness, (..., N, N), or 0; None if
+        absent.
+    make
+        Makes its arrays from the design and the scene of all else; None for an element on arrays
+        that every scene has. It acts only in scenes in which they have a `label`.
+    name
+        Of these arrays in `Scene.added`.
+    compiled
+        Whether the loops for batches have its formulas, see `equilibrium.compiled`. Batches with an
+        element that they lack are solved by arrays, which takes longer.
     """
 
     energy: Callable[[Scene, Pose], Inexact[np.ndarray, "*batch"]]
@@ -113,3 +122,6 @@ class Element:
     mass: Matrix | None = None
     damping: Matrix | None = None
     loss: Matrix | None = None
+    make: Callable[[Design, Scene], Any] | None = None
+    name: str = ""
+    compiled: bool = False

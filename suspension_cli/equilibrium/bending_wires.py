@@ -1,4 +1,4 @@
-"""Equilibrium of wires with bending stiffness, which depends on the tension to be found."""
+"""Equilibrium of wires whose bending stiffness depends on the tension to be found."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from suspension_cli.elements import bending, string
+from suspension_cli.elements.registry import uncompiled
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.clamps import HangingWires, to_clamps
 from suspension_cli.equilibrium.solve import Equilibrium
@@ -14,7 +15,7 @@ from suspension_cli.scene.pose import Layout
 from suspension_cli.scene.scene import Scene
 
 CONVERGED = 1e-12
-"""Relative change of tensions below which the bending stiffness of wires is not computed again."""
+"""Relative change of tensions below which the bending stiffness is not updated."""
 PASSES = 4
 """Most updates of the bending stiffness."""
 
@@ -26,36 +27,41 @@ def solve_bending(scene: Scene, numbering: Layout) -> tuple[Scene, Equilibrium]:
     ----------
     scene : Scene
         With `fibres`, and at most one batch axis.
-    numbering : Layout
 
     Returns
     -------
     scene : Scene
-        With its wires between their clamps, and `flex` for the tensions and lengths in equilibrium.
+        With wires between their clamps, and `flex` at the tensions and lengths in equilibrium.
     found : Equilibrium
         Not necessarily converged: see `Equilibrium.demand`.
     """
-    if scene.batch:
+    if scene.batch and not uncompiled(scene):
         return _solve_batch(scene, numbering)
     scene, hanging = to_clamps(scene)
     drawn = scene.drawn and _with_bending(scene.drawn, hanging)
     scene = replace(_with_bending(scene, hanging), drawn=drawn)
     found = equilibrium.solve(scene, numbering, start=hanging and hanging.found.pose)
     # the first time any change counts
-    tension, threshold = (hanging or scene.wires).tension, 0.0
+    now, threshold = hanging or scene.wires, 0.0
+    tension, length = now.tension, now.length
     for _ in range(PASSES):
-        taut = found.converged and (found.tension > 0).all()
-        if not taut or not (np.abs(found.tension - tension) > threshold * np.abs(tension)).any():
+        taut = found.converged & (found.tension > 0).all(-1)
+        changed = np.abs(found.tension - tension) > threshold * np.abs(tension)
+        left = np.asarray(taut & changed.any(-1))
+        if not left.any():
             break
-        tension, length = found.tension, string.state(scene, found.pose).length
+        tension = np.where(left[..., None], found.tension, tension)
+        length = np.where(left[..., None], string.state(scene, found.pose).length, length)
         scene = bending.with_bending(scene, tension, length)
-        found = equilibrium.solve(scene, numbering, start=found.pose)
+        found = equilibrium.solve_again(scene, numbering, found, left)
         threshold = CONVERGED
+    if scene.batch and hanging is not None:
+        found = _without_unknown_clamps(found, hanging)
     return scene, found
 
 
 def _solve_batch(scene: Scene, numbering: Layout) -> tuple[Scene, Equilibrium]:
-    """Find the equilibria of many builds by compiled loops, which keep the bending up to date."""
+    """Find the equilibria of many builds by compiled loops, which update the bending stiffness."""
     scene, hanging = to_clamps(scene)
     drawn = scene.drawn
     if drawn is not None and not drawn.batch:
@@ -69,7 +75,7 @@ def _solve_batch(scene: Scene, numbering: Layout) -> tuple[Scene, Equilibrium]:
 
 
 def _without_unknown_clamps(found: Equilibrium, hanging: HangingWires) -> Equilibrium:
-    """Report the strings that decide on the clamps, for builds in which these do not hang."""
+    """Report the strings that define the clamps, where these strings have no equilibrium."""
     unknown = np.asarray(np.isnan(hanging.tension).any(-1))
     strings = hanging.found
     return replace(
@@ -80,7 +86,7 @@ def _without_unknown_clamps(found: Equilibrium, hanging: HangingWires) -> Equili
 
 
 def _with_bending(scene: Scene, hanging: HangingWires | None) -> Scene:
-    """Fill the bending stiffness of wires, at nominal tensions or those at which they hang."""
+    """Fill the bending stiffness of wires, at nominal tensions or those of hanging wires."""
     if hanging is None:
         return bending.with_bending(scene)
     return bending.with_bending(scene, hanging.tension, hanging.length)

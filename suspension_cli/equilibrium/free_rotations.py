@@ -1,12 +1,12 @@
 """Rotations without restoring torque, of a body hung at a single point with all below it.
 
-Such a body rotates about the vertical through that point at constant energy, in any pose (about the
-direction of gravity, where that is not the vertical; not in a field with a gradient).
+Such a body rotates about the direction of gravity through that point at constant energy, in any
+pose (not in a field with a gradient).
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 def single_point_stages(scene: Scene) -> list[tuple[int, int]]:
     """Stages that hang at a single point: pairs of body and one of its wires.
 
-    By one wire, or by wires whose upper or lower ends coincide in every scene of a batch; not if a
-    spring holds the body or a wire resists twisting.
+    By wires whose upper or lower ends coincide in every scene of a batch, not if a spring holds the
+    body or a wire resists twisting.
     """
     if scene.flex is not None or not (scene.field is None or scene.field.is_uniform):
         return []
@@ -39,11 +39,15 @@ def single_point_stages(scene: Scene) -> list[tuple[int, int]]:
 
 
 def _is_held(scene: Scene, body: int) -> bool:
-    """Whether a spring joins a body, or one that hangs from it, to another body."""
+    """Whether a spring or added element joins a body, or one that hangs from it, to another."""
     springs, members = scene.springs, subtree(scene, body)
-    leaves = np.isin(springs.upper, members) != np.isin(springs.lower, members)
+
+    def leaves(part: Any) -> Any:
+        return np.isin(part.upper, members) != np.isin(part.lower, members)
+
     elastic = springs.stiffness.any((-2, -1)) | springs.preload.any(-1)
-    return bool((leaves & elastic).any())
+    held = (leaves(springs) & elastic).any()
+    return bool(held or any(leaves(part).any() for part in scene.added.values()))
 
 
 def _coincide(points: Inexact[np.ndarray, "... point 3"]) -> bool:
@@ -56,13 +60,7 @@ def free_rotations(
 ) -> Float[np.ndarray, "*batch moving free"]:
     """Motion (..., N - 6, r) of the coordinates per rotation of each stage, m/rad and rad/rad.
 
-    Parameters
-    ----------
-    scene : Scene
-    numbering : Layout
-    pose : Pose
-    stages : list of (int, int)
-        From `single_point_stages`.
+    `stages` are those of `single_point_stages`.
     """
     result = np.zeros((*scene.batch, numbering.size, len(stages)))
     axis = np.array([0.0, 0.0, 1.0])

@@ -1,19 +1,19 @@
 """Equilibrium of a scene, by Newton's method with exact finite rotations and tangent stiffness.
 
-During the search wires are linear springs that may push, so that the energy is smooth; that all are
-taut is checked at the end. A saddle point counts as an equilibrium: an unstable suspension is a
-finding, not an error, so the search goes to the stationary point next to the nominal pose and does
-not slide down from it.
+During the search wires may push, so that the energy is smooth; that all are taut is checked at the
+end. A saddle point is an equilibrium too: an unstable suspension is a finding, not an error, so the
+search goes to the stationary point next to the nominal pose and does not slide down from it.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.elements import string
+from suspension_cli.elements.registry import uncompiled
 from suspension_cli.equilibrium.definite import positive_definite
 from suspension_cli.equilibrium.energy import gradient_and_stiffness
 from suspension_cli.equilibrium.free_rotations import free_rotations, single_point_stages
@@ -34,29 +34,29 @@ if TYPE_CHECKING:
 BALANCED = 1e-14
 """Residual (relative to the weight) of a nominal pose that needs no search."""
 CONVERGED = 1e-11
-"""Residual (relative to the weight) of an equilibrium, unless rounding of lengths leaves more."""
+"""Largest residual (relative to the weight) of an equilibrium, unless rounding leaves more."""
 COARSE = 1e-4
-"""Residual (relative to the weight) from rounding of lengths above which a result is useless."""
+"""Residual (relative to the weight) from rounding above which a result is useless."""
 SEARCH_END = 1e-12
 """Residual (relative to the weight) at which the search stops; it also stops where rounding keeps
-the residual from falling further."""
+the residual above this."""
 LAST_STEP = 1e-8
 """Step (m or rad) after which the error is below rounding, as convergence is quadratic."""
 ITERATIONS = 15
 """Most Newton steps of a search."""
 STEPS = (10, 80)
-"""Continuation steps where Newton's method alone is not reliable; the second number if the first
-does not end in a stable pose."""
+"""Continuation steps where Newton's method is not reliable; the second if the first does not end in
+a stable pose."""
 CORRECTIONS = 4
 """Newton steps after each continuation step."""
 CAP = 0.3
 """Longest step in rad, and in units of the largest lever arm."""
 NEUTRAL = 1e-13
-"""Stiffness, relative to that of the same coordinate with all others fixed, below which a motion is
-neutral within rounding, not unstable."""
+"""Stiffness, relative to that with all other coordinates fixed, below which a motion is neutral
+within rounding, not unstable."""
 CLEAR = 1e-5
-"""Pivot, relative to its diagonal element, that tells a stable pose a step of at most 1e-6 before
-the last; smaller ones are checked in the pose itself."""
+"""Least pivot of the last factorisation, over its diagonal element, above which a pose is stable,
+as later steps are at most 1e-6; below it the pose itself is checked."""
 PARTS_OF_POSE = inner_axes(Pose)
 """Arrays of a pose, and their axes beyond the batch."""
 ARRAYS = ("residual", "rounding", "tension", "stiffness", "pivot", "flex")
@@ -71,10 +71,10 @@ class Equilibrium:
     ----------
     pose : Pose
     residual
-        Largest unbalanced force on a body relative to the weight that it carries, or torque
-        relative to that weight times the lever arm of the body.
+        Largest unbalanced force on a body over the weight that it carries, or torque over that
+        weight times the lever arm of the body.
     rounding
-        Part of the residual that rounding of the tensions and lengths of wires may cause.
+        Part of the residual that rounding may cause.
     iterations : int
         Newton steps taken; 0 if the nominal pose balances.
     tension
@@ -82,10 +82,10 @@ class Equilibrium:
     stiffness
         Tangent stiffness in this pose, N/m, N and N m; None where compiled loops solved a batch.
     pivot
-        Least pivot of the stiffness in the last step, relative to its diagonal, if known.
+        Least pivot of the last factorisation, over its diagonal element, if known.
     flex
-        Of a batch of builds: stiffness of wires that bend, at these tensions: S_uu, S_ul, S_ll in
-        both planes, and against twisting, N m/rad.
+        In a batch: S_uu, S_ul, S_ll in both planes and the stiffness against twisting of wires that
+        bend, at these tensions, N m/rad.
     """
 
     pose: Pose
@@ -141,17 +141,15 @@ class Equilibrium:
 def solve(scene: Scene, numbering: Layout | None = None, start: Pose | None = None) -> Equilibrium:
     """Find the equilibrium of a scene near its nominal pose.
 
-    Newton's method gets there in a few steps. Where it does not converge, or ends with a slack wire
-    or in an unstable pose (it may have overshot to another stationary point), the equilibrium is
-    followed by continuation instead: from that of the nominal design, while the imperfections grow
-    from zero; or, where the nominal pose itself is unknown, while the forces that hold the scene as
-    drawn are reduced to zero.
+    Newton's method takes a few steps. Where it does not converge, or ends with a slack wire or in
+    an unstable pose (perhaps another stationary point), continuation follows the equilibrium: from
+    that of the nominal design, while the imperfections grow from zero; or, if the nominal pose is
+    unknown, while the forces that hold the scene as drawn fall to zero.
 
     Parameters
     ----------
     scene : Scene
-        With any batch axes; its scenes are solved at once, and none depends on the others.
-    numbering : Layout, optional
+        With any batch axes; no scene depends on the others.
     start : Pose, optional
         Instead of the nominal pose.
 
@@ -159,10 +157,6 @@ def solve(scene: Scene, numbering: Layout | None = None, start: Pose | None = No
     -------
     Equilibrium
         Not necessarily converged: see `Equilibrium.demand`.
-
-    Examples
-    --------
-    ``found = solve(scene); found.demand(scene); found.tension`` gives the tensions in N.
     """
     numbering = numbering or layout(scene)
     found = _newton(
@@ -202,10 +196,19 @@ def solve(scene: Scene, numbering: Layout | None = None, start: Pose | None = No
     return found
 
 
-def newton_steps(scene: Scene, steps: int) -> Equilibrium:
-    """Take a given number of Newton steps from the nominal pose, converged or not.
+def solve_again(
+    scene: Scene, numbering: Layout, found: Equilibrium, which: Bool[np.ndarray, "*batch"]
+) -> Equilibrium:
+    """Solve some scenes of a batch from where they are, or a scene without batch axes."""
+    if not scene.batch:
+        return solve(scene, numbering, start=found.pose)
+    start = _select_pose(found.pose, which)
+    return _replace(found, which, solve(select_scenes(scene, which), numbering, start=start))
 
-    One step is the linear solution, none the nominal pose.
+
+def newton_steps(scene: Scene, steps: int) -> Equilibrium:
+    """Take a number of Newton steps from the nominal pose, converged or not: one is the linear
+    solution.
     """
     return _newton(scene, layout(scene), nominal_pose(scene), 0.0, steps)
 
@@ -215,14 +218,13 @@ def _select_pose(pose: Pose, where: Bool[np.ndarray, "*batch"]) -> Pose:
 
 
 def _broadcast_pose(pose: Pose, batch: tuple[int, ...]) -> Pose:
-    def spread(part: Any, inner: int) -> Any:
+    def spread(part: np.ndarray, inner: int) -> np.ndarray:
         return np.broadcast_to(part, batch + part.shape[part.ndim - inner :])
 
     return Pose(*(spread(getattr(pose, name), inner) for name, inner in PARTS_OF_POSE.items()))
 
 
 def _select(found: Equilibrium, where: Bool[np.ndarray, "*batch"]) -> Equilibrium:
-    """Results of some scenes of a batch."""
     arrays = {name: getattr(found, name) for name in ARRAYS}
     chosen = {name: None if array is None else array[where] for name, array in arrays.items()}
     return replace(found, pose=_select_pose(found.pose, where), **chosen)
@@ -231,9 +233,9 @@ def _select(found: Equilibrium, where: Bool[np.ndarray, "*batch"]) -> Equilibriu
 def _replace(
     found: Equilibrium, where: Bool[np.ndarray, "*batch"], new: Equilibrium
 ) -> Equilibrium:
-    """Replace the results of a batch `where` new ones are given (for these alone)."""
+    """Replace the results of a batch `where` there are new ones (given for these alone)."""
 
-    def merge(old: Any, some: Any) -> Any:
+    def merge(old: np.ndarray, some: np.ndarray) -> np.ndarray:
         result = np.array(np.broadcast_to(old, where.shape + np.shape(some)[1:]))
         result[where] = some
         return result
@@ -262,13 +264,15 @@ def _is_stable(scene: Scene, numbering: Layout, found: Equilibrium) -> Bool[np.n
     return result
 
 
-def _tangent_stiffness(scene: Scene, numbering: Layout, found: Equilibrium) -> Any:
-    """Tangent stiffness (..., N, N) in equilibrium, which the loops for a batch do not give."""
+def _tangent_stiffness(
+    scene: Scene, numbering: Layout, found: Equilibrium
+) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
+    """Tangent stiffness (..., N, N) in equilibrium, which the compiled loops do not give."""
     if found.stiffness is not None:
         return found.stiffness
     from suspension_cli.equilibrium import compiled  # takes half a second
 
-    return compiled.tangent(scene, numbering, found.pose)[2]
+    return compiled.tangent(scene, numbering, found.pose).stiffness
 
 
 def _has_no_soft_direction(
@@ -289,7 +293,7 @@ def _has_no_soft_direction(
 
 
 def _continue(scene: Scene, numbering: Layout, pose: Pose, steps: int) -> Equilibrium:
-    """Follow the equilibrium from the nominal design's pose by continuation in small steps."""
+    """Follow the equilibrium from the nominal design's pose in small steps."""
     with np.errstate(all="ignore"):
         nominal_gradient = (
             gradient_and_stiffness(scene, numbering, pose)[0] if scene.drawn is None else 0.0
@@ -307,7 +311,7 @@ def _newton(
     scene: Scene,
     numbering: Layout,
     pose: Pose,
-    target: Any,
+    target: Float[np.ndarray, "*batch coordinate"] | float,
     limit: int,
     *,
     accept_nominal: bool = False,
@@ -315,9 +319,11 @@ def _newton(
     """Newton's method for the pose in which the gradient equals `target` (..., N), N and N m.
 
     At most `limit` steps. With `accept_nominal` a nominal pose that balances is returned unchanged.
-    A batch is solved by compiled loops, but for stages that hang at a single point.
+    Compiled loops solve a batch, unless a stage hangs at a single point or the loops lack the
+    formulas of an element.
     """
-    if len(scene.batch) == 1 and scene.kind == np.float64 and not single_point_stages(scene):
+    loops = not uncompiled(scene) and not single_point_stages(scene)
+    if len(scene.batch) == 1 and scene.kind == np.float64 and loops:
         return _newton_compiled(
             scene, numbering, pose, target, limit, accept_nominal=accept_nominal
         )
@@ -328,14 +334,15 @@ def _newton_compiled(
     scene: Scene,
     numbering: Layout,
     pose: Pose,
-    target: Any,
+    target: Float[np.ndarray, "*batch coordinate"] | float,
     limit: int,
     *,
     accept_nominal: bool = False,
 ) -> Equilibrium:
     from suspension_cli.equilibrium import compiled  # takes half a second
 
-    limits, pose = (float(limit), BALANCED, LAST_STEP, CAP), _broadcast_pose(pose, scene.batch)
+    limits = compiled.Limits(limit, BALANCED, LAST_STEP, CAP)
+    pose = _broadcast_pose(pose, scene.batch)
     reached, parts, steps, status = compiled.newton(
         scene, numbering, pose, target, limits, accept_nominal=accept_nominal
     )
@@ -361,14 +368,14 @@ def _newton_arrays(
     scene: Scene,
     numbering: Layout,
     pose: Pose,
-    target: Any,
+    target: Float[np.ndarray, "*batch coordinate"] | float,
     limit: int,
     *,
     accept_nominal: bool = False,
 ) -> Equilibrium:
-    """Newton's method with arrays over a batch, for any type of number."""
+    """Newton's method on arrays, for any type of number."""
     scale, free = residual_scale(scene, numbering), slice(6, None)
-    wanted = target if np.isscalar(target) else target[..., free]
+    wanted = target if isinstance(target, float | int) else target[..., free]
     gradient, hessian = gradient_and_stiffness(scene, numbering, pose)
     residual = _largest((gradient[..., free] - wanted) / scale)
     converged = (residual <= BALANCED) & accept_nominal & _is_as_drawn(scene, numbering, gradient)
@@ -418,10 +425,7 @@ def _newton_arrays(
 def _is_as_drawn(
     scene: Scene, numbering: Layout, gradient: Inexact[np.ndarray, "*batch coordinate"]
 ) -> Bool[np.ndarray, "*batch"] | bool:
-    """Whether the imperfections leave all forces in the nominal pose bitwise unchanged.
-
-    Then the residual is rounding.
-    """
+    """Whether imperfections leave all forces in the nominal pose bitwise unchanged."""
     if scene.drawn is None:
         return True
     nominal, _ = gradient_and_stiffness(scene.drawn, numbering, nominal_pose(scene.drawn))
@@ -429,11 +433,14 @@ def _is_as_drawn(
 
 
 def _rounding(
-    scene: Scene, pose: Pose, tension: Inexact[np.ndarray, "*batch wire"], scale: Any
+    scene: Scene,
+    pose: Pose,
+    tension: Inexact[np.ndarray, "*batch wire"],
+    scale: Float[np.ndarray, "*batch moving"],
 ) -> Float[np.ndarray, "*batch"]:
     """Residual (...) that rounding may cause.
 
-    eps times the tension of a wire, and times its stiffness and the motion of both its ends.
+    eps times the tension of a wire and its stiffness times the motion of both its ends.
     """
     wires = scene.wires
     if not wires.label:
@@ -486,7 +493,7 @@ def newton_step(
 def _solve_each(
     matrix: Inexact[np.ndarray, "*batch size size"], right: Inexact[np.ndarray, "*batch size"]
 ) -> Inexact[np.ndarray, "*batch size"]:
-    """Solve many systems; a singular one gets the smallest solution and leaves others alone."""
+    """Solve many systems; a singular one gets its smallest solution."""
     try:
         return np.linalg.solve(matrix, right[..., None])[..., 0]
     except np.linalg.LinAlgError:

@@ -13,13 +13,14 @@ def parents(scene: Scene) -> Index:
     result = np.zeros(len(scene.bodies.name) + 1, dtype=np.intp)
     springs, wires = scene.springs, scene.wires
     # a stage's own springs stand before links between any two bodies
-    result[springs.lower[::-1]] = springs.upper[::-1]
+    for part in (*scene.added.values(), springs):
+        result[part.lower[::-1]] = part.upper[::-1]
     result[wires.lower] = wires.upper
     return result
 
 
 def subtree(scene: Scene, body: int) -> list[int]:
-    """A body and all bodies that hang from it, directly or not, in ascending order."""
+    """A body and all that hang from it, directly or not, in ascending order."""
     members, parent = [body], parents(scene)
     for other in range(body + 1, len(parent)):
         if parent[other] in members:

@@ -1,7 +1,7 @@
 """HDF5 files of results, which name their units and record how they were made.
 
-`docs/format.md` describes the files. A file is built in memory and written whole or not at all. The
-content of an analysis's group is defined by that analysis.
+`docs/format.md` describes them. A file is built in memory and written whole or not at all. Each
+analysis defines the content of its group.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
@@ -20,8 +20,11 @@ from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.files.atomic import write_bytes
 from suspension_cli.version import __version__
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
 Stored = Any
-"""A group or dataset to read: the types of h5py do not say which of both an item of a group is."""
+"""A group or dataset to read: the types of h5py do not distinguish items of a group."""
 FORMAT_VERSION = 2
 """Raised when a reader of older files would misunderstand a new one."""
 
@@ -84,7 +87,7 @@ def write_root_attributes(file: h5py.File, origin: Provenance) -> None:
     file.attrs["estimated_error"] = origin.error
 
 
-def add_scale(group: h5py.Group, name: str, values: Any, units: str) -> h5py.Dataset:
+def add_scale(group: h5py.Group, name: str, values: ArrayLike, units: str) -> h5py.Dataset:
     """Add a dataset that serves as scale of an axis of others."""
     result = add_dataset(group, name, values, units)
     result.make_scale(name)
@@ -92,7 +95,7 @@ def add_scale(group: h5py.Group, name: str, values: Any, units: str) -> h5py.Dat
 
 
 def add_dataset(
-    group: h5py.Group, name: str, values: Any, units: str, *axes: h5py.Dataset
+    group: h5py.Group, name: str, values: ArrayLike, units: str, *axes: h5py.Dataset
 ) -> h5py.Dataset:
     """Add a dataset with its units and, optionally, the scales of all its axes."""
     values = np.asarray(values)
@@ -147,8 +150,8 @@ def _foreign(file: h5py.File) -> str:
 def _unsafe(file: h5py.File) -> str:
     """Why a file must not be read; empty if it may be.
 
-    Links and datasets that refer to other files, and sizes beyond what the file can contain.
-    Groups that contain each other are visited once.
+    Links and datasets that refer to other files, and sizes beyond what the file can contain. Groups
+    are visited once, as they may contain each other.
     """
     largest = max(LARGE, 8 * os.path.getsize(file.filename))
     seen: set[int] = set()
@@ -180,7 +183,7 @@ def _unsafe(file: h5py.File) -> str:
 
 
 LARGE = 1 << 26
-"""Largest dataset accepted in a much smaller file, which must be compressed, bytes."""
+"""Largest dataset accepted in a much smaller (compressed) file, bytes."""
 
 
 def one_line(error: Exception) -> str:

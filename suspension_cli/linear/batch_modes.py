@@ -21,9 +21,9 @@ class Spectrum:
 
     Attributes
     ----------
-    omega_squared : (p, m) array
+    omega_squared
         (rad/s)^2; negative for an unstable mode, exactly 0 for a rigid one.
-    shape : (p, m, N - 6) array
+    shape
         L^T v with the mass matrix M = L L^T: rows are orthonormal, and where M is diagonal their
         squares are fractions of the kinetic energy. 0 for coordinates without inertia.
     """
@@ -33,13 +33,7 @@ class Spectrum:
 
 
 def solve(model: LinearSystem) -> Spectrum:
-    """Solve for the modes of a batch with one axis; no system's result depends on the others.
-
-    Parameters
-    ----------
-    model : LinearSystem
-        Damping and loss are ignored.
-    """
+    """Solve for the undamped modes of a batch with one axis, each independent of the others."""
     condensed = model
     if model.separated is not None:
         from suspension_cli.linear import compiled  # takes half a second
@@ -61,7 +55,7 @@ def solve(model: LinearSystem) -> Spectrum:
             lossy=None,
             separated=None,
         )
-        # condensing the tips leaves rounding errors between blocks, which are not looked at
+        # condensing the tips leaves rounding errors between blocks; those of `part` ignore them
         own = replace(part, stiffness=condensed.stiffness[members])
         result.omega_squared[members], result.shape[members] = _solve_blocks(
             own, part.blocks, loops=model.separated is not None
@@ -95,5 +89,5 @@ def _solve_blocks(
 
 
 def solve_one(model: LinearSystem) -> Spectrum:
-    """Solve for the modes of one system without batch axes, as a batch of one."""
+    """Solve for the modes of one system, as a batch of one."""
     return solve(replace(model, mass=model.mass[None], stiffness=model.stiffness[None]))

@@ -1,21 +1,19 @@
 """Responses of one block to inputs at many frequencies, to the full precision of doubles.
 
 Each system D v = b is solved in doubles, body by body and at all frequencies at once
-(`elimination`). The residual b - D v to twice as many digits (`residual`) gives one correction,
-which squares the relative error of the first solution, and a second one where the first is not
-small. Where the second is not far smaller (near a pole without loss, near a zero, where a part of
-the suspension resonates alone), the system is solved again with pivoting and corrected until
-nothing changes.
+(`elimination`). The residual b - D v, to twice as many digits (`residual`), gives a correction that
+squares the relative error. Where it is not small, a second correction follows. Where that is not
+far smaller (near a lossless pole or a zero, or where a part of the suspension resonates alone), the
+system is solved again with pivoting and corrected until nothing changes.
 
-Below the first resonance v are coordinates relative to the static response S s to the support's
-motion s: x = S s + v.
+Below the first resonance x = S s + v, with S s the static response to the support's motion s.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,18 +23,18 @@ from suspension_cli.linear.residual import FINE, Equations, Loads
 from suspension_cli.linear.small_matrices import dense
 
 if TYPE_CHECKING:
-    from jaxtyping import Float, Inexact
+    from jaxtyping import Bool, Float, Inexact
 
 CONVERGED = 1e-20
-"""Relative correction of a solution in double-double after which none is needed."""
+"""Relative correction of a solution in double-double that needs no further one."""
 ONCE_MORE = 1e-5
-"""Relative correction up to which a second one may do; beyond, pivoting and more digits help."""
+"""Relative correction up to which a second one is tried before pivoting."""
 CONTRACTED = 1e-14
-"""Relative second correction below which the first one was good, and so is the second."""
+"""Relative second correction below which the solution has converged."""
 CANCELLED = 1e-7
-"""Ratio of an output to its largest terms below which these need more digits."""
+"""Ratio of an output to its terms below which these need more digits."""
 STEPS = 6
-"""Largest number of corrections: at a lossless pole none of them helps."""
+"""Largest number of corrections; they do not converge at a lossless pole."""
 TINY = np.finfo(float).tiny
 CHUNK = 1 << 16
 """Unknowns (coordinates times inputs times frequencies) solved at once."""
@@ -48,12 +46,12 @@ class Request:
 
     Attributes
     ----------
-    outputs : (o, c) array
+    outputs
         Linear forms of the coordinates.
-    moves, forces : (6, i), (c, i) arrays
+    moves, forces
         Inputs as motions of the support and forces on the coordinates.
-    direct : (o, i) array
-        Response of the outputs to the support's own motion, added to that of the block.
+    direct
+        Response of the outputs to the support's own motion, to be added to the block's.
     """
 
     outputs: Float[np.ndarray, "output coordinate"]
@@ -67,12 +65,7 @@ def solve_responses(
 ) -> Iterator[tuple[slice, list[Inexact[np.ndarray, "input _"]]]]:
     """Solve for the responses of a block in consecutive ranges of ascending frequencies (rad/s).
 
-    Yields
-    ------
-    span : slice
-        Range of the frequencies.
-    values : list of (i, f) arrays
-        Response of each output; not finite at a resonance without loss.
+    Yields each range, and the responses of each output; not finite at a lossless resonance.
     """
     support_moves = request.moves.any() and len(block.resonances) > 0
     count_below = int(omega.searchsorted(block.resonances[0])) if support_moves else 0
@@ -94,7 +87,7 @@ def _solve_range(
     omega: Float[np.ndarray, " frequency"],
     request: Request,
     loads: Loads,
-    offset: Any,
+    offset: tuple[Inexact[np.ndarray, "output input"], Inexact[np.ndarray, "output input"]],
 ) -> list[Inexact[np.ndarray, "input frequency"]]:
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         factors = block.factor(omega)
@@ -132,14 +125,14 @@ def _relative(
     correction: Inexact[np.ndarray, "coordinate input frequency"],
     values: Inexact[np.ndarray, "coordinate input frequency"],
 ) -> Float[np.ndarray, "input frequency"]:
-    """Largest relative correction (k, f) of any coordinate."""
+    """Largest relative correction of any coordinate."""
     return (np.abs(correction) / np.maximum(np.abs(values), TINY)).max(0)
 
 
 def _static_offset(
     block: CondensedBlock, request: Request, *, relative: bool
 ) -> tuple[Inexact[np.ndarray, "output input"], Inexact[np.ndarray, "output input"]]:
-    """Responses (o, i) when v = 0, in double-double."""
+    """Responses when v = 0, in double-double."""
     direct = DoubleDouble.of(request.direct)
     if not relative:
         return direct.high, direct.low
@@ -152,11 +145,15 @@ def _static_offset(
 
 
 def _evaluate_output(
-    form: Float[np.ndarray, " coordinate"], offset: Any, offset_low: Any, high: Any, low: Any
-) -> tuple[Any, Any]:
+    form: Float[np.ndarray, " coordinate"],
+    offset: Inexact[np.ndarray, " input"],
+    offset_low: Inexact[np.ndarray, " input"],
+    high: Inexact[np.ndarray, "coordinate *value frequency"],
+    low: Inexact[np.ndarray, "coordinate *value frequency"],
+) -> tuple[Inexact[np.ndarray, "*value frequency"], Bool[np.ndarray, "*value frequency"] | None]:
     """Evaluate a linear form (c,) of coordinates (c, ..., f) in double-double, plus an offset.
 
-    Returns it, and a mask of where it is far smaller than its terms (None if it has one term).
+    Also returns a mask of where it is far smaller than its terms (None if it has one term).
     """
     columns = form.nonzero()[0]
     shifted = bool(np.any(offset)) or bool(np.any(offset_low))
@@ -178,11 +175,15 @@ def _evaluate_output(
     return result, np.abs(result) < CANCELLED * size
 
 
-def _scale(factor: float, values: Any) -> tuple[Any, Any]:
+def _scale(
+    factor: float, values: Inexact[np.ndarray, "*shape"]
+) -> tuple[Inexact[np.ndarray, "*shape"], Inexact[np.ndarray, "*shape"]]:
     """Multiply real or complex values by a double: rounded products and their errors."""
     if not np.iscomplexobj(values):
         return two_product(np.asarray(factor), values)
-    real, imag = (two_product(np.asarray(factor), part) for part in (values.real, values.imag))
+    real, imag = (
+        two_product(np.asarray(factor), part) for part in (np.real(values), np.imag(values))
+    )
     return real[0] + 1j * imag[0], real[1] + 1j * imag[1]
 
 
@@ -193,18 +194,9 @@ def _refine(
     loads: Loads,
     start: Inexact[np.ndarray, "coordinate system"],
 ) -> tuple[Inexact[np.ndarray, "coordinate system"], Inexact[np.ndarray, "coordinate system"]]:
-    """Solve P systems with pivoting for coordinates (c, P) in double-double.
+    """Solve systems at `omega` (rad/s), each with one of `loads`, with pivoting in double-double.
 
-    Parameters
-    ----------
-    block : Block
-    equations : Equations
-    omega : (P,) array
-        rad/s.
-    loads : Loads
-        One per system.
-    start : (c, P) array
-        Initial solutions; those that are not finite are replaced by 0.
+    Initial solutions (`start`) that are not finite are replaced by 0.
     """
     matrix = block.matrices(omega)
     high = np.where(np.isfinite(start).all(0), start, 0.0)

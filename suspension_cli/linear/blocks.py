@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,9 +18,10 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Inexact, Int
 
 SOFT = 1e-5
-"""Ratio of a blade's stiffness to that of its wires below which its tip is counted from where the
-wires hold it: elimination in doubles loses the square of the ratio."""
-Matrices = tuple[Any, Any, Any]
+"""Ratio of a blade's stiffness to that of its wires below which the tip's coordinate is counted
+from where the wires hold it: elimination in doubles loses the square of the ratio."""
+Matrices = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""K, M and C, or what is to be added to them."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ class Elements:
     def at(
         self, omega: Float[np.ndarray, " frequency"]
     ) -> Inexact[np.ndarray, "*element frequency"]:
-        """Evaluate at frequencies (f,) in rad/s; real without loss."""
+        """Evaluate at frequencies in rad/s; real without loss."""
         heavy, damped = self.mass.nonzero(), self.damping.nonzero()
         result = np.empty(
             (*self.stiffness.shape, len(omega)),
@@ -52,12 +53,7 @@ class Elements:
 class SupportForces:
     """Forces of the support's motion s on the coordinates v of a block.
 
-    Attributes
-    ----------
-    coupling : Elements
-        K, M and C (c, 6) towards the support.
-    equations : Equations
-        Equations of motion, for residuals.
+    `coupling` is K, M and C towards the support; `equations`, of motion, serve for residuals.
     """
 
     coupling: Elements
@@ -70,28 +66,28 @@ class CondensedBlock:
 
     Attributes
     ----------
-    kept : (c,) int array
+    kept
         Coordinates with mass or damping. A blade tip with mass may be counted from where its wires
         would hold it (`_wire_held_basis`).
-    mass, damping : (c, 6 + c) arrays
+    mass, damping
         M and C towards the support's coordinates and the block's own.
-    stiffness : (c, 6 + c) array
+    stiffness
         K, complex if lossy.
-    massless : (m,) int array
+    massless
         Coordinates eliminated.
-    force_transfer : (c, m) array
+    force_transfer
         Forces on the kept coordinates per force on the massless ones: -K_ab K_bb^-1.
-    compliance, support_stiffness : (m, m) array, (m, 6) array
+    compliance, support_stiffness
         K_bb^-1, and K_bs towards the support.
-    static : (c, 6) array
+    static
         Static response to the support's motions, S = -K^-1 K_s; 0 for a motion without one.
-    resonances : (r,) array
+    resonances
         Undamped, rad/s, ascending; 0 for a rigid or unstable mode.
-    pattern : Pattern
+    pattern
         Order of elimination of the coordinates.
-    elements : Elements
+    elements
         Of K, M and C in that order.
-    absolute, relative : SupportForces
+    absolute, relative
         On the coordinates x, and on the coordinates relative to the static response, x - S s.
     """
 
@@ -113,7 +109,7 @@ class CondensedBlock:
     def is_driven(
         self, moves: Float[np.ndarray, "6 input"], forces: Float[np.ndarray, "coordinate input"]
     ) -> Bool[np.ndarray, " input"]:
-        """Whether each of i inputs drives this block: support motions (6, i), forces (N, i)."""
+        """Whether each input, a support motion or force, drives this block."""
         return (
             (self._acts_on @ np.abs(moves) != 0).any(0)
             | forces[self.kept].any(0)
@@ -122,7 +118,7 @@ class CondensedBlock:
 
     @cached_property
     def _acts_on(self) -> Float[np.ndarray, "kept 6"]:
-        """1 where a motion of the support acts on a coordinate, else 0: (c, 6)."""
+        """1 where a motion of the support acts on a coordinate, else 0."""
         return (
             (self.stiffness[:, :6] != 0) | (self.damping[:, :6] != 0) | (self.mass[:, :6] != 0)
         ).astype(float)
@@ -130,12 +126,12 @@ class CondensedBlock:
     def reduce_forces(
         self, forces: Float[np.ndarray, "coordinate input"]
     ) -> Inexact[np.ndarray, "kept input"]:
-        """Reduce forces (N, i) on all coordinates to forces (c, i) on those kept."""
+        """Reduce forces on all coordinates to forces on those kept."""
         result, dropped = forces[self.kept], forces[self.massless]
         return result + self.force_transfer @ dropped if dropped.any() else result
 
     def factor(self, omega: Float[np.ndarray, " frequency"]) -> elimination.Factors:
-        """Eliminate K + i omega C - omega^2 M body by body at frequencies (f,) in rad/s.
+        """Eliminate K + i omega C - omega^2 M body by body at frequencies in rad/s.
 
         Few digits are left, or none, where a part of the block resonates alone.
         """
@@ -144,7 +140,7 @@ class CondensedBlock:
     def matrices(
         self, omega: Float[np.ndarray, " frequency"]
     ) -> Inexact[np.ndarray, "kept kept frequency"]:
-        """Evaluate K + i omega C - omega^2 M (c, c, f) at frequencies (f,) in rad/s."""
+        """Evaluate K + i omega C - omega^2 M at frequencies in rad/s."""
         return self.pattern.assemble(self.elements.at(omega))
 
     def solve(
@@ -155,14 +151,14 @@ class CondensedBlock:
         forces: Inexact[np.ndarray, "kept input"],
         drive: SupportForces,
     ) -> Inexact[np.ndarray, "kept input frequency"]:
-        """Solve for coordinates (c, i, f), given support motions (6, i) and forces (c, i).
+        """Solve for coordinates, given support motions and forces.
 
         Far below the resonances the coordinates follow the support's motion s as x = S s + v, with
 
             (K + i omega C - omega^2 M) v = omega^2 (M_s + M S) s - i omega (C_s + C S) s.
 
-        Nothing cancels here, whereas in (...) x = -K_s s + ... all but a part of order omega^2
-        would. Far above the resonances the equation for x is the accurate one.
+        Nothing cancels here; in the equation for x all but a part of order omega^2 would. Far above
+        the resonances that for x is the accurate one.
         """
         towards = drive.coupling
         right = Elements(
@@ -246,12 +242,12 @@ def _condense(model: LinearSystem, block: Int[np.ndarray, " own"]) -> CondensedB
 def _wire_held_basis(
     model: LinearSystem, block: Int[np.ndarray, " own"], tips: Bool[np.ndarray, " own"]
 ) -> Float[np.ndarray, "6+own 6+own"] | None:
-    """Basis in which some blade `tips` (c,) are counted from where their wires would hold them.
+    """Basis in which some blade `tips` are counted from where their wires would hold them.
 
     Rows are the support's and the block's coordinates, columns the new ones. A tip above a stiff
-    wire moves as the body below does, so the wire's stiffness stands in all elements between them;
-    counted from there it stands in that of the tip alone. None if no wire on these tips is stiff
-    enough to matter, or the stretching of wires is not known.
+    wire moves with the body below, so all elements between them contain the wire's stiffness; in
+    the new coordinates only the tip's own does. None if no wire on these tips is stiff enough to
+    matter, or the stretching of wires is not known.
     """
     if model.stretched is None or not tips.any():
         return None
@@ -276,7 +272,10 @@ def _support_forces(high: Matrices, low: Matrices) -> SupportForces:
 
 
 def _relative_to_static(
-    high: Matrices, low: Matrices, static: Inexact[np.ndarray, "kept 6"], free: tuple[Any, Any, Any]
+    high: Matrices,
+    low: Matrices,
+    static: Inexact[np.ndarray, "kept 6"],
+    free: tuple[Bool[np.ndarray, " 6"], Bool[np.ndarray, " 6"], Bool[np.ndarray, " 6"]],
 ) -> tuple[Matrices, Matrices]:
     """Change K, M and C to coordinates relative to the static response S.
 
@@ -322,7 +321,7 @@ def _eliminate_tips(
 
 
 def _owner(coordinate: str) -> str:
-    """Name of the body that a coordinate is eliminated with: of a tip, the stage below."""
+    """Body that a coordinate is eliminated with: for a blade's tip, the stage below."""
     return coordinate.split(".", 1)[0]
 
 

@@ -13,21 +13,10 @@ if TYPE_CHECKING:
 def connected_groups(linked: Bool[np.ndarray, "node node"]) -> list[Int[np.ndarray, " _"]]:
     """Group the nodes of a graph that are connected, directly or through others.
 
-    `scipy.sparse.csgraph` does this too, but its import takes longer (0.3 s) than the modes of a
-    suspension.
+    A link counts in both directions. Nodes within a group are ascending, and groups ordered by
+    their first. `scipy.sparse.csgraph` does this too, but its import (0.3 s) takes longer than a
+    suspension's modes.
 
-    Parameters
-    ----------
-    linked : (n, n) bool array
-        Links, each in either direction or both.
-
-    Returns
-    -------
-    list of int array
-        The nodes of each group in order; groups in the order of their first nodes.
-
-    Examples
-    --------
     >>> connected_groups(np.array([[0, 0, 1], [0, 0, 0], [0, 0, 0]], dtype=bool))
     [array([0, 2]), array([1])]
     """

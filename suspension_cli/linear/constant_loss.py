@@ -5,14 +5,14 @@ dissipation of each at its own frequency, d = v^T Im Z(omega) v = omega^2 / Q,
 
     K'' = sum over modes of d (M v) (M v)^T,    so that v_m^T K'' v_n = d_m for n = m, else 0,
 
-and each resonance keeps its width. Between the resonances, and far above them, the losses differ
-from those of the design.
+each resonance keeps its width. Between and far above the resonances the losses differ from the
+design's.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,15 +26,7 @@ if TYPE_CHECKING:
 def with_constant_loss(model: LinearSystem) -> LinearSystem:
     """Replace terms that depend on frequency by a constant loss that gives every mode its Q.
 
-    Parameters
-    ----------
-    model : LinearSystem
-        Without batch axes, and without wires that have mass.
-
-    Returns
-    -------
-    LinearSystem
-        `model` itself if nothing in it depends on frequency.
+    For a system without batch axes and without wires that have mass.
     """
     if not model.terms:
         return model
@@ -56,9 +48,10 @@ def with_constant_loss(model: LinearSystem) -> LinearSystem:
 
 
 def _relative_to_support(
-    loss: Float[np.ndarray, "coordinate coordinate"], rigid: Any
+    loss: Float[np.ndarray, "coordinate coordinate"],
+    rigid: Float[np.ndarray, "coordinate 6"] | None,
 ) -> Float[np.ndarray, "coordinate coordinate"]:
-    """Project a loss matrix (N, N) on motion relative to the support: rigid motion is lossless."""
+    """Project a loss matrix on motion relative to the support: rigid motion is lossless."""
     to_relative = np.eye(len(loss))
     to_relative[:, :6] = 0.0 if rigid is None else -rigid
     to_relative[:6, :6] = 0.0

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 CUT = 134217729.0
 """2^27 + 1, the factor of `cut`."""
 LARGE = 100_000
-"""Number of products in a matrix product from which it is taken in slices."""
+"""Multiplications in a matrix product above which it is computed in slices."""
 SLICES = 5
 """Slices of each factor of a matrix product whose products are exact."""
 
@@ -162,9 +162,9 @@ def _sliced_product(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
 
 
 def _slices(matrix: DoubleDouble, axis: int, bits: int) -> list[Float[np.ndarray, "row column"]]:
-    """Cut a matrix into slices of `bits` bits each below the largest along an axis, and the rest.
+    """Cut a matrix into slices of `bits` bits, relative to the largest along an axis, and the rest.
 
-    The sum of all slices is the matrix.
+    They add up to the matrix.
     """
     high, low = matrix.high, matrix.low
     largest = np.abs(high).max(axis, keepdims=True, initial=0.0)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -34,10 +34,10 @@ PER_MODE = (
 )
 """Attributes of `Modes` with one entry per mode."""
 DAMPING_BAND = (0.5, 5.0)
-"""Hz; modes damped from the top mass must lie here (Husman et al. 2000, sections 1 and 5a)."""
+"""Hz; band of modes to damp from the top mass (Husman et al. 2000, sections 1 and 5a)."""
 COUPLED = 0.01
-"""Fraction of a mode's kinetic energy in the top mass from which it can be damped there: what the
-paper calls "strongly" coupled."""
+"""Smallest fraction of kinetic energy in the top mass of a mode that can be damped there:
+"strongly" coupled in the paper."""
 NEAR = 2e-3
 """Relative difference of frequency below which violin modes of equal wires are listed as one."""
 DEGENERATE = 1e-9
@@ -50,33 +50,31 @@ class Modes:
 
     Attributes
     ----------
-    body : tuple of str
-    coordinate : tuple of str
+    coordinate
         The N - 6 coordinates of `shape`.
-    omega_squared : (m,) array
+    omega_squared
         (rad/s)^2; |s|^2 for a damped mode, negative for an unstable mode, exactly 0 for a rigid or
         an overdamped one.
-    shape : (m, N - 6) array
-        Of unit modal mass; the body coordinate with most kinetic energy is positive.
-    energy : (m, n, 6) array
+    shape
+        Of unit modal mass; positive in the body coordinate with most kinetic energy.
+    energy
         Fraction of the mode's kinetic energy in each degree of freedom of each body.
-    tip_energy : (m, N - 6 - 6 n) array
+    tip_energy
         Fraction in each blade tip's motion on its blade; with `energy` it sums to 1.
-    block : (m,) int array
+    block
         Modes of different blocks do not couple.
-    q : (m,) array
+    q
         Quality factor from the design's loss angles and dampers; infinite without loss. First
         order in the loss from `solve`, exact from `analyses.modes.damped`.
-    dilution : (m,) array
+    dilution
         Total energy over the energy in lossy elements (beam and violin models; else NaN).
-    wire : tuple of str
+    wire
         Motions of wires with mass: ``test.violin-x``, ``test.twist``, ... (violin model).
-    wire_energy : (m, k) array
-        Fraction of the mode's kinetic energy in each of these; with `energy` and `tip_energy` it
-        sums to 1.
-    order : (m,) int array
+    wire_energy
+        Fraction in each of these; with `energy` and `tip_energy` it sums to 1.
+    order
         Number of half waves along the wires in a wire mode; 0 for other modes.
-    decay_rate : (m,) array
+    decay_rate
         Of the amplitude, 1/s; 0 for a mode that is rigid, unstable or lossless.
     """
 
@@ -103,7 +101,7 @@ class Modes:
 
     @property
     def overdamped(self) -> Bool[np.ndarray, " mode"]:
-        """Whether each mode (m,) decays without oscillating."""
+        """Whether each mode decays without oscillating."""
         return (self.omega_squared == 0) & (self.decay_rate > 0)
 
     @property
@@ -118,7 +116,7 @@ class Modes:
 
     @cached_property
     def fractions(self) -> Float[np.ndarray, "mode place"]:
-        """Fraction of kinetic energy in each motion of `place`, (m, N - 6 + k)."""
+        """Fraction of kinetic energy in each motion of `place`."""
         return np.concatenate(
             [self.energy.reshape(len(self.energy), -1), self.tip_energy, self.wire_energy], axis=1
         )
@@ -131,7 +129,7 @@ class Modes:
     @cached_property
     def home(self) -> list[tuple[str, str]]:
         """Body (blade, wires) and degree of freedom with most of each mode's kinetic energy."""
-        # of fractions equal but for rounding (two equal bodies, two blades), the first
+        # the first of those equal but for rounding (two equal bodies, two blades)
         first = [int(np.flatnonzero(row >= row.max() - 1e-9)[0]) for row in self.fractions]
         return [place(self.place[i]) for i in first]
 
@@ -145,12 +143,12 @@ class Modes:
 
     @property
     def top_fraction(self) -> Float[np.ndarray, " mode"]:
-        """Fraction (m,) of each mode's kinetic energy in the top mass, from which it is damped."""
+        """Fraction of each mode's kinetic energy in the top mass."""
         return self.energy[:, 0].sum(-1)
 
     @property
     def verdict(self) -> list[str]:
-        """Result of the criterion for damping from the top mass (Husman et al. 2000), per mode."""
+        """Whether each mode can be damped from the top mass (Husman et al. 2000), in words."""
         low, high = DAMPING_BAND
         words = []
         for square, frequency, fraction in zip(
@@ -168,7 +166,7 @@ class Modes:
 
     @property
     def groups(self) -> list[list[int]]:
-        """Mode numbers in order, close violin modes of the wires of one stage grouped."""
+        """Mode numbers in order, with close violin modes of one stage's wires grouped."""
         result: list[list[int]] = []
         home, frequency = self.home, self.frequency
         for n, order in enumerate(self.order):
@@ -190,7 +188,9 @@ class Modes:
         """Select the modes up to a frequency (Hz); those that do not oscillate are kept."""
         return self.select(self.omega_squared <= (2 * np.pi * highest) ** 2)
 
-    def select(self, chosen: Any) -> Modes:
+    def select(
+        self, chosen: slice | Int[np.ndarray, " chosen"] | Bool[np.ndarray, " mode"]
+    ) -> Modes:
         """Select modes by number or mask."""
         return replace(self, **{name: getattr(self, name)[chosen] for name in PER_MODE})
 
@@ -205,7 +205,7 @@ class Modes:
         )
 
     def of(self, dof: str, body: str | None = None) -> list[float]:
-        """List frequencies (Hz) of stable modes dominated by a degree of freedom (of a body)."""
+        """List frequencies (Hz) of stable modes whose `home` is a degree of freedom (of a body)."""
         here = [(home[1] == dof) and (body in (None, home[0])) for home in self.home]
         return [
             float(f) for f, yes in zip(self.frequency, here, strict=True) if yes and np.isfinite(f)
@@ -225,17 +225,9 @@ def describe(coordinate: str) -> str:
 
 
 def solve(model: LinearSystem) -> Modes:
-    """Solve for the undamped modes of a linear system without batch axes.
+    """Solve for the undamped modes of a linear system without batch axes, once.
 
-    Parameters
-    ----------
-    model : LinearSystem
-        Damping and loss enter Q and the decay rate to first order only.
-
-    Returns
-    -------
-    Modes
-        The same object for the same system.
+    Damping and loss enter Q and the decay rate to first order only.
     """
     if "modes" not in model.prepared:
         model.prepared["modes"] = _solve(model)
@@ -273,8 +265,8 @@ def _solve(model: LinearSystem) -> Modes:
 
 def _solve_blocks(
     model: LinearSystem,
-) -> list[tuple[Float[np.ndarray, " mode"], Float[np.ndarray, "own mode"]]]:
-    """Solve all blocks, once for systems that differ in their terms in frequency alone."""
+) -> list[tuple[Float[np.ndarray, " _"], Float[np.ndarray, "_ _"]]]:
+    """Solve all blocks, once for systems that differ only in their terms in frequency."""
     constant = model.prepared.get("constant")
     if constant is not None and all(map(np.array_equal, constant.blocks, model.blocks)):
         return _solve_blocks(constant)
@@ -320,10 +312,7 @@ def _reduced(
     tuple[Float[np.ndarray, "kept kept"], Float[np.ndarray, "kept kept"]],
     Float[np.ndarray, "light kept"],
 ]:
-    """Eliminate the massless coordinates of one system in double-double.
-
-    Returns the stiffness and its low part, and the motion of the massless coordinates.
-    """
+    """Condense one system in double-double: stiffness, its low part, motion of what is massless."""
     low = (
         np.real(model.low)
         if model.low is not None and graded_eigenvalues.has_low_parts(model)
@@ -338,9 +327,9 @@ def _reduced(
 
 
 def _solve_block(
-    model: LinearSystem, block: Int[np.ndarray, " own"], tension: Any
+    model: LinearSystem, block: Int[np.ndarray, " own"], tension: Float[np.ndarray, ""]
 ) -> tuple[Float[np.ndarray, " mode"], Float[np.ndarray, "own mode"]]:
-    """Solve one block: omega^2 (m,) and shapes (c, m) over all of its coordinates."""
+    """Solve one block: omega^2 and shapes over all of its coordinates."""
     massless = model.massless[block]
     if massless.all():
         return np.zeros(0), np.zeros((len(block), 0))
@@ -371,16 +360,10 @@ def localise(
 ) -> Float[np.ndarray, "coordinate mode"]:
     """Rotate each degenerate group of modes to the basis that moves as few coordinates as possible.
 
-    Any rotation of degenerate modes solves the equations; this one does not depend on rounding:
-    each mode in turn takes the coordinate in which the group moves most, and the remaining modes
-    leave it at rest.
-
-    Parameters
-    ----------
-    values : (m,) array
-        omega^2, ascending.
-    vectors : (c, m) array
-        Orthonormal columns.
+    In turn each mode takes the coordinate in which the group moves most, and the remaining modes
+    leave it at rest. Any rotation of degenerate modes solves the equations, but this one does not
+    depend on rounding. `values` are omega^2, ascending; the columns of `vectors` are
+    orthonormal.
     """
     result, start = vectors.copy(), 0
     while start < len(values):
@@ -400,10 +383,10 @@ def localise(
 def energy_fractions(
     model: LinearSystem, shapes: Float[np.ndarray, "mode coordinate"]
 ) -> tuple[Float[np.ndarray, "mode moving"], Float[np.ndarray, "mode tip"]]:
-    """Fractions of kinetic energy in the coordinates of bodies (m, 6 n) and of tips, summing to 1.
+    """Fractions of kinetic energy in the coordinates of bodies and of tips, summing to 1.
 
-    Squares of M^(1/2) v with the M of each body, so never negative; a tip mass that moves with its
-    body counts as that body's.
+    Squares of M^(1/2) v with the M of each body, so never negative. A body's M includes tip masses
+    that move with it.
     """
     bodies = len(model.body)
     body_energy = np.zeros((len(shapes), 6 * bodies))
@@ -422,7 +405,7 @@ def energy_fractions(
 def decay_rates(
     squared: Float[np.ndarray, " mode"], q: Float[np.ndarray, " mode"]
 ) -> Float[np.ndarray, " mode"]:
-    """Decay rates omega / 2 Q (m,) of the amplitudes of weakly damped modes, in 1/s."""
+    """Decay rates omega / 2 Q of the amplitudes of weakly damped modes, in 1/s."""
     return np.where(
         squared > 0, np.sqrt(np.maximum(squared, 0.0)) / (2 * np.where(q > 0, q, np.inf)), 0.0
     )
@@ -446,6 +429,6 @@ def _q_and_dilution(
 def fix_signs(
     shapes: Float[np.ndarray, "mode coordinate"], fractions: Float[np.ndarray, "mode _"]
 ) -> Float[np.ndarray, "mode coordinate"]:
-    """Choose the sign of shapes (m, N) in which the coordinate of largest energy is positive."""
+    """Choose the sign of shapes in which the coordinate of largest energy is positive."""
     leading = shapes[np.arange(len(shapes)), 6 + fractions.argmax(1)]
     return shapes * np.where(leading < 0, -1.0, 1.0)[:, None]

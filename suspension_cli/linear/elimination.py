@@ -1,14 +1,13 @@
 """Elimination of many small symmetric systems at once, body by body.
 
 In a chain or tree each body couples only to the one that it hangs from. Elimination from the leaves
-up, D = L diag(d) L^T in that order, thereby needs few elements, for all P systems at once with the
-system axis last; further couplings fill in. The transmission from support to mirror becomes a
-product of the transmissions of the stages: nothing cancels, so it keeps its relative accuracy
-however small it is (factors of a graded matrix; Higham, Accuracy and Stability of Numerical
-Algorithms, 2nd ed., chapter 10). Where a part resonates alone its pivots are nearly singular, and
-subtracting large multiples of its rows loses the digits of the body above. The residual gives a
-correction, which restores these digits (ibid., chapter 12) or, where it is large, shows that the
-system needs pivoting: `solve` here, `block_response` with more digits.
+up, D = L diag(d) L^T, then needs few elements; other couplings fill in. All P systems are
+eliminated at once, with the system axis last. The transmission from support to mirror becomes a
+product of those of the stages, so it keeps its relative accuracy however small it is (factors of a
+graded matrix; Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., chapter 10). Where a
+part resonates alone its pivots are nearly singular, and the body above loses digits. A correction
+from the residual restores these (ibid., chapter 12); a large one shows that the system needs
+pivoting: `solve` here, `block_response` with more digits.
 """
 
 from __future__ import annotations
@@ -27,8 +26,7 @@ if TYPE_CHECKING:
     Positions = slice | Int[np.ndarray, " _"]
 
 LARGE = 1e-8
-"""Relative correction of a coordinate above which a system is solved with pivoting; the correction
-of a smaller one has half its digits."""
+"""Relative correction of a coordinate above which a system is solved with pivoting."""
 
 
 @dataclass(frozen=True)
@@ -37,10 +35,10 @@ class Pattern:
 
     Attributes
     ----------
-    order : (c,) int array
+    order
         The coordinates in the order in which they are eliminated, called steps.
-    later : tuple of (m,) int arrays
-        For each step the later ones that it is coupled to when it is eliminated, ascending.
+    later
+        Later steps that each is coupled to when it is eliminated, ascending.
     """
 
     order: Int[np.ndarray, " coordinate"]
@@ -53,7 +51,7 @@ class Pattern:
 
     @cached_property
     def start(self) -> list[int]:
-        """Number of the first element, on the diagonal, of each step, and that of all elements."""
+        """Number of each step's first element, on the diagonal; last, the number of elements."""
         return [0, *np.cumsum([1 + len(steps) for steps in self.later]).tolist()]
 
     @cached_property
@@ -63,7 +61,7 @@ class Pattern:
 
     @cached_property
     def column(self) -> Int[np.ndarray, " element"]:
-        """Coordinate of the step itself, on the diagonal, or of a later one."""
+        """Coordinate of the same step, on the diagonal, or of a later one."""
         steps = [step for n, later in enumerate(self.later) for step in (n, *later)]
         return self.order[np.array(steps, dtype=int)]
 
@@ -102,7 +100,7 @@ class Pattern:
     def assemble(
         self, elements: Inexact[np.ndarray, "element system"]
     ) -> Inexact[np.ndarray, "coordinate coordinate system"]:
-        """Assemble whole matrices (c, c, P)."""
+        """Assemble whole matrices."""
         result = np.zeros((self.size, self.size, elements.shape[-1]), dtype=elements.dtype)
         result[self.row, self.column] = result[self.column, self.row] = elements
         return result
@@ -112,7 +110,7 @@ class Pattern:
         elements: Inexact[np.ndarray, "element system"],
         rhs: Inexact[np.ndarray, "coordinate input system"],
     ) -> Inexact[np.ndarray, "coordinate input system"]:
-        """Solve D x = b (c, k, P), with one correction, and with pivoting where it is large."""
+        """Solve D x = b, with one correction, and with pivoting where it is large."""
         right = rhs[self.order]
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             factors = self.factor(elements.copy())
@@ -134,7 +132,7 @@ class Pattern:
         x: Inexact[np.ndarray, "coordinate input system"],
         right: Inexact[np.ndarray, "coordinate input system"],
     ) -> Inexact[np.ndarray, "coordinate input system"]:
-        """Compute b - D x (c, k, P) in doubles, all by steps."""
+        """Compute b - D x in doubles, in the order of steps."""
         result = right.astype(x.dtype)
         for n, coupled in enumerate(self.coupled):
             row = elements[self.start[n] : self.start[n + 1], None]
@@ -153,12 +151,8 @@ def _as_slice(numbers: Int[np.ndarray, " _"]) -> Positions:
 def by_body(owner: list[str], coupled: Bool[np.ndarray, "coordinate coordinate"]) -> Pattern:
     """Order coordinates for elimination: those of the last body first.
 
-    Parameters
-    ----------
-    owner : list of str
-        The body that each coordinate belongs to, parents first.
-    coupled : (c, c) bool array
-        Non-zero pattern of the systems.
+    `owner` names the body of each coordinate, parents first; `coupled` (c, c) marks the non-zero
+    elements.
     """
     names = list(dict.fromkeys(owner))
     order = np.argsort([-names.index(name) for name in owner], kind="stable")
@@ -177,11 +171,10 @@ class Factors:
 
     Attributes
     ----------
-    pattern : Pattern
-    pivots : list of (P,) arrays
+    pivots
         1/d of each step.
-    multipliers : list of (m, P) arrays
-        L of the later steps that it is coupled to.
+    multipliers
+        L of the later steps coupled to each.
     """
 
     pattern: Pattern
@@ -199,7 +192,7 @@ class Factors:
     def solve(
         self, rhs: Inexact[np.ndarray, "coordinate input system"]
     ) -> Inexact[np.ndarray, "coordinate input system"]:
-        """Solve for right-hand sides (c, k, P)."""
+        """Solve for right-hand sides."""
         order = self.pattern.order
         x = rhs[order].astype(np.result_type(rhs, *self.pivots), copy=False)
         self.solve_steps(x)
@@ -208,7 +201,7 @@ class Factors:
         return result
 
     def solve_steps(self, x: Inexact[np.ndarray, "coordinate input system"]) -> None:
-        """Solve for right-hand sides (c, k, P) by steps, in place."""
+        """Solve for right-hand sides by steps, in place."""
         multipliers = [part[:, None] for part in self.multipliers]
         driven = np.asarray(x.any((1, 2)))
         for n, coupled in enumerate(self.pattern.coupled):
@@ -226,5 +219,5 @@ def solve(
     rhs: Inexact[np.ndarray, "coordinate input system"],
     pattern: Pattern,
 ) -> Inexact[np.ndarray, "coordinate input system"]:
-    """Solve D x = b (c, k, P) for many real or complex symmetric (not Hermitian) D (c, c, P)."""
+    """Solve D x = b for many real or complex symmetric (not Hermitian) D."""
     return pattern.solve(matrix[pattern.row, pattern.column], rhs)

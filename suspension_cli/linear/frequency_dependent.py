@@ -1,8 +1,8 @@
 """Blocks of a linear system whose stiffness depends on frequency, solvable at any frequency.
 
-They are eliminated body by body (`elimination`), as constant matrices are. Massless blade tips stay
-coordinates, as the losses of blades and wires depend on frequency; so are the tensions of wires, in
-order that a stiff wire costs a soft blade no digits (`stretching`).
+They are eliminated body by body, as constant matrices are (`elimination`). Massless blade tips
+remain coordinates, as the losses of blades and wires depend on frequency. The tensions of wires are
+coordinates too, so that a stiff wire costs a soft blade no digits (`stretching`).
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ class Tensions:
 
     Attributes
     ----------
-    number : int
+    number
         Index of these wires among the block's terms.
-    odd, even : (r, 6 + c) arrays
-        s times U_a and U_s of each wire per support coordinate and block coordinate; wires that
-        move alike in the block are one.
-    count : (r,) array
-        Number of wires that each stands for.
-    scale : float
+    odd, even
+        s times U_a and U_s of each wire per coordinate of support and block; wires that move alike
+        are one row.
+    count
+        Number of wires per row.
+    scale
         s, N/m: tension over length, a typical soft stiffness.
     """
 
@@ -76,16 +76,16 @@ class FrequencyDependentBlock:
 
     Attributes
     ----------
-    keep : (c,) int array
+    keep
         Coordinates of the system, parents before children.
-    constant, damping, mass : (c, 6 + c) arrays
+    constant, damping, mass
         K without the stretching of wires (complex if lossy), C and M, towards the support's
         coordinates and the block's own.
-    terms : tuple of Term
-        In the support's coordinates and the block's own.
-    tensions : tuple of Tensions
-        Further coordinates after all others, t in total.
-    pattern : Pattern
+    terms
+        In these coordinates.
+    tensions
+        t further coordinates, after all others.
+    pattern
         Order of elimination of the coordinates and tensions.
     """
 
@@ -150,13 +150,13 @@ class FrequencyDependentBlock:
         )
 
     def at(self, omega: Inexact[np.ndarray, " frequency"], *, lossy: bool = True) -> EvaluatedBlock:
-        """Evaluate at frequencies (f,), rad/s; complex steps differentiate by frequency."""
+        """Evaluate at frequencies in rad/s; complex steps differentiate by frequency."""
         return EvaluatedBlock(
             self, omega, [term.at(omega, lossy=lossy) for term in self.terms], lossy
         )
 
     def pulled(self, moves: Float[np.ndarray, "6 input"]) -> bool:
-        """Whether motions of the support (6, i) drive this block."""
+        """Whether motions of the support drive this block."""
         matrices = [
             self.constant,
             self.damping,
@@ -173,17 +173,14 @@ class Elements:
 
     Attributes
     ----------
-    block : FrequencyDependentBlock
-    count : int
-        Number of elements.
-    place : (e,) int array
-        Those that are not 0 apart from tensions.
-    used : tuple of int arrays
-        The functions of each term in these.
-    weights : (e, 4 + n) array
-        Weights of Re K, Im K, C, M and the functions in them.
-    tensions : tuple of tuples of int arrays
-        For each kind of wires: places and numbers of tensions on the diagonal; places, numbers and
+    place
+        Elements that are not 0 without the tensions.
+    used
+        Functions of each term in these elements.
+    weights
+        Weights of Re K, Im K, C, M and these functions.
+    tensions
+        Per kind of wires: places and numbers of tensions on the diagonal; places, numbers and
         coordinates (with the support's) of elements between tensions and coordinates.
     """
 
@@ -197,7 +194,7 @@ class Elements:
     def at(
         self, omega: Inexact[np.ndarray, " frequency"], now: list[Evaluated], *, lossy: bool
     ) -> Inexact[np.ndarray, "count frequency"]:
-        """Evaluate at frequencies (f,), rad/s."""
+        """Evaluate at frequencies in rad/s."""
         stiffness = self._without_tensions(omega, now, lossy=lossy)
         rows = []
         for each in self.block.tensions:
@@ -240,7 +237,7 @@ class EvaluatedBlock:
 
     @cached_property
     def matrix(self) -> Inexact[np.ndarray, "all 6+all frequency"]:
-        """Dynamic stiffness (c + t, 6 + c + t, f); columns: support, block, tensions."""
+        """Dynamic stiffness; its columns are those of support, block and tensions."""
         return self._evaluate(self.block.whole).reshape(
             self.block.pattern.size, -1, len(self.omega)
         )
@@ -251,7 +248,7 @@ class EvaluatedBlock:
     def solve(
         self, moves: Float[np.ndarray, "6 input"], forces: Float[np.ndarray, "own input"]
     ) -> Inexact[np.ndarray, "own input frequency"]:
-        """Solve for coordinates (c, i, f), given support motions (6, i) and forces (c, i)."""
+        """Solve for coordinates, given support motions and forces."""
         count, pattern = len(forces), self.block.pattern
         forces = np.concatenate([forces, np.zeros((pattern.size - count, forces.shape[1]))])
         right = np.broadcast_to(forces[..., None], (*forces.shape, len(self.omega)))
@@ -332,7 +329,7 @@ def _tension_coordinates(number: int, term: WireTerm) -> Tensions:
 def stiffness_without_stretching(
     model: LinearSystem,
 ) -> Inexact[np.ndarray, "coordinate coordinate"]:
-    """Stiffness (N, N) without the stretching of the wires among the terms; complex if lossy."""
+    """Stiffness without the stretching of the wires among the terms; complex if lossy."""
     if "soft" not in model.prepared:
         full = model.stiffness if model.lossy is None else model.lossy
         if model.stretched is not None and any(isinstance(term, WireTerm) for term in model.terms):
@@ -350,17 +347,17 @@ def coordinate_scales(
     across: Float[np.ndarray, "frequency tension coordinate"],
     first: int | None = None,
 ) -> Float[np.ndarray, "frequency all"]:
-    """Scales (f, c + t) of coordinates that make the elements of a matrix at most about 1.
+    """Scale the coordinates so that the elements of a matrix are at most about 1.
 
     Parameters
     ----------
-    diagonal : (f, c + t) array
-        Diagonal of the matrix; a coordinate without stiffness has scale 1.
-    across : (f, t, c) array
+    diagonal
+        Of the matrix; a coordinate without stiffness has scale 1.
+    across
         Absolute elements between the tensions and the other coordinates.
-    first : int, optional
-        Number of coordinates that the scales of the tensions follow from, if not all: the others
-        may have almost no stiffness apart from the tensions.
+    first
+        Number of coordinates from which the scales of tensions follow; default all. The others may
+        have almost no stiffness apart from the tensions.
     """
     count = across.shape[-1]
     result = np.sqrt(np.abs(diagonal))

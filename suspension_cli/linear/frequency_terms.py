@@ -4,11 +4,11 @@ Each term adds to the stiffness a few functions of frequency times constant matr
 
     Z(omega) = K + i omega C - omega^2 M + sum over terms and n of f_n(omega) A_n,
 
-where K is the static, lossless stiffness of everything: f_n(0) is 0 without loss. Equal wires share
-their functions. The odd stretching motion of the ends of a wire is not among these, as a stiff wire
-would cost soft parts all their digits: its tension is a coordinate instead (`stretching`), and only
-the rest of the stretching, on the even motion, is a function here. A term also computes its
-dissipation in a motion x, x^H Im(f A) x, split by cause: sums of squares, in which nothing cancels.
+where K is the whole static, lossless stiffness: f_n(0) is 0 without loss. Equal wires share their
+functions. The tension of a wire is a coordinate instead (`stretching`), as a stiff wire would cost
+soft parts all their digits. It covers the odd stretching motion (the ends move apart); the rest, on
+the even motion, is a function here. A term also computes its dissipation x^H Im(f A) x in a motion
+x, by cause: sums of squares, in which nothing cancels.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Term(Protocol):
         ...
 
     def at(self, omega: Inexact[np.ndarray, " frequency"], *, lossy: bool = True) -> Evaluated:
-        """Evaluate at frequencies (f,), rad/s; complex steps differentiate by frequency."""
+        """Evaluate at frequencies in rad/s; complex steps differentiate by frequency."""
         ...
 
     def within(self, columns: Int[np.ndarray, " kept"]) -> Term:
@@ -50,7 +50,7 @@ class Term(Protocol):
         ...
 
     def spread(self, from_new: Float[np.ndarray, "coordinate new"]) -> Term:
-        """Change to new coordinates: old = `from_new` (N, N') @ new."""
+        """Change to new coordinates: old = `from_new` @ new."""
         ...
 
 
@@ -60,17 +60,17 @@ class Evaluated(Protocol):
     def functions(
         self, which: Int[np.ndarray, " function"]
     ) -> list[Inexact[np.ndarray, " frequency"]]:
-        """Select functions f_n (f,) by number, complex where lossy."""
+        """Select functions f_n by number, complex where lossy."""
         ...
 
     def all_functions(self) -> Inexact[np.ndarray, "function frequency"]:
-        """Functions f_n (n, f) of `Term.all_matrices`, for wires without mass."""
+        """Functions f_n of `Term.all_matrices`, for wires without mass."""
         ...
 
     def dissipated(
         self, motion: Inexact[np.ndarray, "coordinate frequency"]
     ) -> dict[tuple[str, float], Float[np.ndarray, " frequency"]]:
-        """Dissipation x^H Im(f A) x (f,) in motions (N, f), by (cause, temperature in K)."""
+        """Dissipation x^H Im(f A) x in motions, by (cause, temperature in K)."""
         ...
 
 
@@ -80,13 +80,13 @@ class WireTerm:
 
     Attributes
     ----------
-    stage : str
+    stage
         Stage that hangs on them.
-    strand : TautWire
+    strand
         The wire that all of them equal.
-    forms : dict of (w, c, N) arrays
+    forms
         Motion of the ends of each wire per coordinate, for each of `dynamic_wire.PARTS`.
-    allowed : (N, N) bool array
+    allowed
         Elements of a matrix that the symmetry allows.
     """
 
@@ -97,7 +97,7 @@ class WireTerm:
 
     @cached_property
     def functions(self) -> tuple[tuple[str, int, int], ...]:
-        """Part and element (i, j) of each f_n; both planes of a round wire share theirs."""
+        """Part and element (i, j) of each f_n; the planes of a round wire share theirs."""
         simple = len(self.strand.fibre.sections) == 1
         parts = [part for part in PARTS if part != "bend-2" or not self.strand.round]
         result = []
@@ -111,7 +111,7 @@ class WireTerm:
 
     @cached_property
     def matrices(self) -> Float[np.ndarray, "function coordinate coordinate"]:
-        """A_n: (n, N, N)."""
+        """The matrices A_n."""
         result = []
         for part, i, j in self.functions:
             total = 0.0
@@ -123,12 +123,12 @@ class WireTerm:
 
     @cached_property
     def all_matrices(self) -> Float[np.ndarray, "function coordinate coordinate"]:
-        """A_n with that of the odd stretching motion last: (n + 1, N, N)."""
+        """A_n with that of the odd stretching motion last."""
         odd = self.forms["stretch"][:, 1]
         return np.concatenate([self.matrices, np.where(self.allowed, odd.T @ odd, 0.0)[None]])
 
     def at(self, omega: Inexact[np.ndarray, " frequency"], *, lossy: bool = True) -> EvaluatedWires:
-        """Evaluate at frequencies (f,), rad/s."""
+        """Evaluate at frequencies in rad/s."""
         strand = self.strand if lossy else replace(self.strand, lossy=False)
         return EvaluatedWires(self, strand.at(omega))
 
@@ -174,11 +174,11 @@ class DistinctMotions:
 
     Attributes
     ----------
-    columns : (m,) int array
+    columns
         The coordinates that move them.
-    forms : (c, r, m) array
+    forms
         Motions that differ by more than sign.
-    count : (r,) array
+    count
         Number of wires of each.
     """
 
@@ -198,7 +198,7 @@ class DistinctMotions:
     def ends(
         self, motion: Inexact[np.ndarray, "coordinate frequency"]
     ) -> Inexact[np.ndarray, "end row frequency"]:
-        """Motions (c, r, f) of the ends from coordinates (N, f)."""
+        """Motions of the ends from coordinates."""
         return multiply_real(self.forms, motion[self.columns])
 
 
@@ -222,27 +222,27 @@ class EvaluatedWires:
     def functions(
         self, which: Int[np.ndarray, " function"]
     ) -> list[Inexact[np.ndarray, " frequency"]]:
-        """Select functions f_n (f,) by number."""
+        """Select functions f_n by number."""
         static = self.term.strand.static
         wanted = [self.term.functions[n] for n in which]
         return [
-            self.beside
+            self.even_stiffness
             if part == "stretch"
             else self.moving.stiffness(part)[i, j] - static[part][i, j]
             for part, i, j in wanted
         ]
 
     def all_functions(self) -> Inexact[np.ndarray, "function frequency"]:
-        """Functions f_n (n + 1, f) of `all_matrices`.
+        """Functions f_n of `all_matrices`.
 
-        For wires without mass, which only the odd motion of their ends stretches.
+        For wires without mass: only the odd motion of their ends stretches them.
         """
         odd = self.stretching[2] - self.term.strand.static["stretch"][1, 1]
         return np.stack([*self.functions(np.arange(len(self.term.functions))), odd])
 
     @property
-    def beside(self) -> Inexact[np.ndarray, " frequency"]:
-        """Stiffness F_ss - F_sa^2 / F_aa (f,) of the even motion, with the tension a coordinate."""
+    def even_stiffness(self) -> Inexact[np.ndarray, " frequency"]:
+        """Stiffness F_ss - F_sa^2 / F_aa of the even motion, with the tension a coordinate."""
         even, mixed, odd = self.stretching
         return even - mixed**2 / odd
 
@@ -254,14 +254,14 @@ class EvaluatedWires:
         Inexact[np.ndarray, " frequency"],
         Inexact[np.ndarray, " frequency"],
     ]:
-        """Stretching stiffness F_ss, F_sa, F_aa (f,) of even (s) and odd (a) motion of the ends."""
+        """Stretching stiffness F_ss, F_sa, F_aa of even (s) and odd (a) motion of the ends."""
         whole = self.moving.stiffness("stretch")
         return whole[0, 0], whole[0, 1], whole[1, 1]
 
     def dissipated(
         self, motion: Inexact[np.ndarray, "coordinate frequency"]
     ) -> dict[tuple[str, float], Float[np.ndarray, " frequency"]]:
-        """Dissipation x^H Im(f A) x (f,) by bending at either end, stretching, torsion and gas."""
+        """Dissipation x^H Im(f A) x by bending at either end, stretching, torsion and gas."""
         fibre, gas = self.term.strand.fibre, self.term.strand.surrounded
         upper, lower = fibre.temperature
         temperatures = {
@@ -269,7 +269,7 @@ class EvaluatedWires:
             "bending-lower": lower,
             "gas": gas.temperature if gas else 0.0,
         }
-        result: dict[tuple[str, float], Any] = {}
+        result: dict[tuple[str, float], Float[np.ndarray, " frequency"]] = {}
         moves = self.term.distinct if motion[:6].any() else self.term.distinct_at_rest
         for part, own in moves.items():
             for cause, value in self.moving.dissipated(part, own.ends(motion)).items():
@@ -286,39 +286,41 @@ class LossTerm:
 
     Attributes
     ----------
-    cause : str
+    cause
         For example ``upper.blades``.
-    temperature : float
+    temperature
         K.
-    matrix : array
+    matrix
         K in N/m, or C in N s/m.
-    angle : callable
+    angle
         phi (f,) of omega (f,); omega itself for a damper.
-    elastic : bool
+    elastic
         Whether the matrix also stores energy.
-    storage : callable or None
-        Relative change (f,) of the real part of K from its static value; None for none.
+    storage
+        Relative change (f,) of Re K from its static value; None if constant.
     """
 
     cause: str
     temperature: float
     matrix: Float[np.ndarray, "*#batch coordinate coordinate"]
-    angle: Callable[[Any], Any]
+    angle: Callable[[Inexact[np.ndarray, " frequency"]], Inexact[np.ndarray, " frequency"]]
     elastic: bool = True
-    storage: Callable[[Any], Any] | None = None
+    storage: (
+        Callable[[Inexact[np.ndarray, " frequency"]], Inexact[np.ndarray, " frequency"]] | None
+    ) = None
 
     @property
     def matrices(self) -> Float[np.ndarray, "1 coordinate coordinate"]:
-        """A_n: (1, N, N)."""
+        """The matrix A_1."""
         return self.matrix[None]
 
     @property
     def all_matrices(self) -> Float[np.ndarray, "1 coordinate coordinate"]:
-        """A_n: (1, N, N)."""
+        """The matrix A_1."""
         return self.matrices
 
     def at(self, omega: Inexact[np.ndarray, " frequency"], *, lossy: bool = True) -> EvaluatedLoss:
-        """Evaluate at frequencies (f,), rad/s."""
+        """Evaluate at frequencies in rad/s."""
         # loss angles are taken at the frequency of oscillation, the real part
         angle = self.angle(np.real(omega) if self.elastic else omega)
         stored = None if self.storage is None else self.storage(np.real(omega))
@@ -349,28 +351,28 @@ class LossTerm:
 
 @dataclass(frozen=True)
 class EvaluatedLoss:
-    """One loss at given frequencies, with its angle and its change of the real part (f,)."""
+    """One loss at given frequencies: its angle and its relative change of Re K (f,)."""
 
     term: LossTerm
     angle: Inexact[np.ndarray, " frequency"]
     lossy: bool
-    stored: Any = None
+    stored: Inexact[np.ndarray, " frequency"] | None = None
 
     def functions(
         self, which: Int[np.ndarray, " function"]
     ) -> list[Inexact[np.ndarray, " frequency"]]:
-        """Select functions f_n (f,) by number."""
+        """Select functions f_n by number."""
         value = 1j * self.angle if self.lossy else self.angle
         return [value if self.stored is None else value + self.stored] * len(which)
 
     def all_functions(self) -> Inexact[np.ndarray, "1 frequency"]:
-        """All functions f_n: (1, f)."""
+        """The function f_1."""
         return np.stack(self.functions(np.arange(1)))
 
     def dissipated(
         self, motion: Inexact[np.ndarray, "coordinate frequency"]
     ) -> dict[tuple[str, float], Float[np.ndarray, " frequency"]]:
-        """Dissipation x^H Im(f A) x (f,)."""
+        """Dissipation x^H Im(f A) x."""
         return {
             (self.term.cause, self.term.temperature): self.angle
             * quadratic_form(self.term.matrix, motion)
@@ -381,7 +383,7 @@ def quadratic_form(
     matrix: Float[np.ndarray, "coordinate coordinate"],
     motion: Inexact[np.ndarray, "coordinate frequency"],
 ) -> Float[np.ndarray, " frequency"]:
-    """Compute x^H A x (f,) of a symmetric real matrix A and columns x (N, f)."""
+    """Compute x^H A x of a symmetric real matrix A and columns x."""
     used = np.flatnonzero(matrix.any(0))
     x = motion[used]
     return np.real(np.conj(x) * multiply_real(matrix[np.ix_(used, used)], x)).sum(0)

@@ -1,13 +1,13 @@
 """Generalised symmetric eigenvalues with the same relative accuracy for small and large ones.
 
 A symmetric eigenvalue solver leaves rounding errors of the largest omega^2 in all of them: with
-wires 1e12 times stiffer along than across, a pendulum mode is off by 1e-4. Its vectors leave the
-space of the soft modes only by a rounding error d, however, which changes Rayleigh quotients in
-second order (d^2 times the stiffness ratio). So K and M are projected on the soft modes, whose own
-scale is small, and solved there again, until all remaining eigenvalues are of one size (Parlett,
-The Symmetric Eigenvalue Problem, chapter 11). Where the low parts of K (what rounding took from it)
-are known, K is projected in double-double arithmetic, and leaning wires or blades with tip masses
-keep their soft part however stiff they are; otherwise that is lost, see `rounding`.
+wires 1e12 times stiffer along than across, a pendulum mode is off by 1e-4. Its vectors, however,
+leave the space of the soft modes only by a rounding error d, which changes Rayleigh quotients in
+second order (d^2 times the stiffness ratio). So K and M are projected on the soft modes and solved
+again there, until all remaining eigenvalues are of one size (Parlett, The Symmetric Eigenvalue
+Problem, chapter 11). Where the low parts of K (its rounding errors) are known, K is projected in
+double-double arithmetic. Then leaning wires or blades with tip masses keep their soft part however
+stiff they are; otherwise it is lost, see `rounding`.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
 
 APART = 1e-3
-"""Modes below this fraction of the largest omega^2 are solved again in their own space; the others
-lose at most three digits."""
+"""Modes below this fraction of the largest omega^2 are solved again; the others lose at most three
+digits."""
 WIDE = 1e-6
 """Fraction of the largest omega^2 below which the batched solver has errors above 1e-9."""
 RIGID = 64 * np.finfo(float).eps
@@ -40,16 +40,10 @@ def solve(
     stiffness: Float[np.ndarray, "*#batch coordinate coordinate"],
     low: Float[np.ndarray, "coordinate coordinate"] | None = None,
 ) -> tuple[Float[np.ndarray, "*batch mode"], Float[np.ndarray, "*batch coordinate mode"]]:
-    """Solve for eigenvalues (..., m), ascending, and shapes (..., c, m) of unit modal mass.
+    """Solve for eigenvalues, ascending, and shapes of unit modal mass.
 
-    Parameters
-    ----------
-    mass : (..., c, c) array
-        kg, kg m^2; positive definite.
-    stiffness : (..., c, c) array
-        N/m, N m/rad; symmetric.
-    low : (c, c) array, optional
-        Low parts of the elements of one stiffness (c, c).
+    The mass (kg, kg m^2) is positive definite, the stiffness (N/m, N m/rad) symmetric. `low` are
+    the low parts of one stiffness.
     """
     if stiffness.ndim == 2:
         values, shapes = solve(mass[None], stiffness[None], low)
@@ -105,18 +99,10 @@ def solve_batch(
     *,
     loops: bool = False,
 ) -> tuple[Float[np.ndarray, "build mode"], Float[np.ndarray, "build coordinate mode"]]:
-    """Solve for eigenvalues (p, m) and orthonormal vectors L^T v (p, c, m), M = L L^T, of a batch.
+    """Solve for eigenvalues and orthonormal vectors L^T v, M = L L^T, of a batch.
 
-    Only systems with modes that are `WIDE` apart are solved again in soft subspaces.
-
-    Parameters
-    ----------
-    mass, stiffness : (p, c, c) arrays
-        As for `solve`.
-    tension : (p,) array
-        See `rigid`.
-    loops : bool
-        Whether to use compiled loops, which are faster in large batches.
+    Only systems with modes that are `WIDE` apart are solved again in soft subspaces; for these,
+    `tension` is as for `rigid`. Compiled `loops` are faster in large batches.
     """
     if loops:
         from suspension_cli.compiled import constant  # takes half a second
@@ -146,19 +132,17 @@ def rigid(
     error: Float[np.ndarray, "*batch mode"],
     tension: Float[np.ndarray, "*batch"] | float,
 ) -> Float[np.ndarray, "*batch mode"]:
-    """Set eigenvalues (..., m) of rigid modes to exactly 0.
+    """Set eigenvalues, (rad/s)^2, of rigid modes to exactly 0.
 
     A mode is rigid if its omega^2 is a rounding error of its terms.
 
     Parameters
     ----------
-    values : (..., m) array
-        omega^2, (rad/s)^2.
-    error : (..., m) array
-        Their errors from rounding K, see `rounding`.
-    tension : (...) array
-        omega^2 that tension gives a rotation (at most the largest eigenvalue counts), for where
-        the elements of K have cancelled already.
+    values, error
+        omega^2, and its error from rounding K (see `rounding`).
+    tension
+        omega^2 of a rotation from tension alone: the size of terms that have cancelled within the
+        elements of K. At most the largest eigenvalue counts.
     """
     size = np.abs(values)
     terms = np.maximum(
@@ -173,7 +157,7 @@ def rounding(
 ) -> Float[np.ndarray, "*batch mode"]:
     """Bound on the error of omega^2 from rounding K, eps |v|^T |K| |v|, (rad/s)^2.
 
-    For shapes v (..., m, N) of unit modal mass.
+    For shapes v of unit modal mass.
     """
     size = np.abs(shapes)
     return EPS * ((size @ np.abs(stiffness)) * size).sum(-1)
@@ -187,10 +171,10 @@ def has_low_parts(model: LinearSystem) -> bool:
 def rounding_with_low_parts(
     model: LinearSystem, shapes: Float[np.ndarray, "mode coordinate"]
 ) -> Float[np.ndarray, " mode"]:
-    """Bound (m,) on the error of omega^2 with the stretching of wires in double-double.
+    """Bound on the error of omega^2 with the stretching of wires in double-double.
 
-    It counts the rounding of all other stiffness and of the elongations of wires. For shapes (m, N)
-    of unit modal mass in the system's own coordinates.
+    From the rounding of all other stiffness and of the elongations, for shapes of unit modal
+    mass in the system's own coordinates.
     """
     stretched = model.stretched
     assert stretched is not None and model.low is not None
@@ -229,17 +213,9 @@ def relative_error_bound(
     omega_squared: Float[np.ndarray, " mode"],
     shape: Float[np.ndarray, "mode coordinate"],
 ) -> Float[np.ndarray, " mode"]:
-    """Bound on the relative error (m,) of each mode's frequency from rounding the stiffness.
+    """Bound on the relative error of each mode's frequency from rounding the stiffness.
 
-    Infinite for a rigid mode.
-
-    Parameters
-    ----------
-    model : LinearSystem
-    omega_squared : (m,) array
-        (rad/s)^2.
-    shape : (m, N - 6) array
-        Of unit modal mass in the named coordinates, as in `eigenmodes.Modes`.
+    Infinite for a rigid mode. `omega_squared`, (rad/s)^2, and `shape` are as in `eigenmodes.Modes`.
     """
     adapted = np.pad(shape, ((0, 0), (6, 0))) @ model.basis  # the basis is orthogonal
     size = (

@@ -1,7 +1,7 @@
 """Number of modes below a frequency, by the Wittrick-Williams theorem.
 
-With massive wires the dynamic stiffness Z(omega) is no polynomial and its determinant has poles, so
-a search for its zeros may miss some. The number of modes below omega is, however,
+With massive wires the determinant of the dynamic stiffness Z(omega) has poles, so a search for its
+zeros may miss some. The number of modes below omega, however, is
 
     J(omega) = J_0(omega) + s(Z(omega)),
 
@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from jaxtyping import Float, Int
 
 GRID = 256
-"""Number of frequencies of the initial count."""
+"""Frequencies of the initial count."""
 CHUNK = 256
-"""Number of frequencies computed at once."""
+"""Frequencies computed at once."""
 
 
 Progress = Callable[[int, int, float], None]
@@ -45,9 +45,9 @@ def modes_below(
     omega: Float[np.ndarray, " frequency"],
     step: Callable[[int], None] = lambda _: None,
 ) -> Int[np.ndarray, " frequency"]:
-    """Count the modes (f,) below frequencies (f,) in rad/s, above 0.
+    """Count the modes below frequencies in rad/s, above 0.
 
-    `step` is called with the number of frequencies done since its last call.
+    `step` is called with the number of frequencies done since the last call.
     """
     total = np.zeros(len(omega), dtype=int)
     for start in range(0, len(omega), CHUNK):
@@ -81,18 +81,9 @@ def _count_below(
 def frequencies(
     model: LinearSystem, highest: float, lowest: float, progress: Progress = silent
 ) -> Float[np.ndarray, " mode"]:
-    """Find all modes between two frequencies by bisection to the last bit: (m,) in rad/s.
+    """Find all modes between two frequencies > 0 by bisection to the last bit, in rad/s.
 
-    Ascending; a degenerate frequency is repeated.
-
-    Parameters
-    ----------
-    model : LinearSystem
-        With massive wires (violin model).
-    highest, lowest : float
-        rad/s, above 0.
-    progress : callable
-        Called with (steps done, total steps, steps per second).
+    Ascending; a degenerate frequency is repeated. For a system with massive wires (violin model).
     """
     grid = np.geomspace(lowest, highest, GRID)
     counts = np.maximum.accumulate(modes_below(model, grid))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,20 +10,12 @@ if TYPE_CHECKING:
     from jaxtyping import Float, Inexact, Int
 
 
-def pair_by_overlap(overlap: Any) -> Int[np.ndarray, " row"]:
+def pair_by_overlap(overlap: Float[np.ndarray, "row column"]) -> Int[np.ndarray, " row"]:
     """Pair rows with columns one to one for the largest sum of overlaps.
 
-    Parameters
-    ----------
-    overlap : (m, n) array
+    Returns the column of each row; -1 for rows without partner, if there are fewer columns than
+    rows.
 
-    Returns
-    -------
-    (m,) int array
-        The column of each row; -1 for rows without partner, if there are fewer columns than rows.
-
-    Examples
-    --------
     >>> pair_by_overlap([[0.9, 0.8], [0.7, 0.1]])
     array([1, 0])
     """
@@ -44,12 +36,7 @@ def pair_by_overlap(overlap: Any) -> Int[np.ndarray, " row"]:
 def pair_by_shape(
     before: Float[np.ndarray, "mode coordinate"], after: Float[np.ndarray, "mode coordinate"]
 ) -> tuple[Int[np.ndarray, " mode"], Float[np.ndarray, " mode"]]:
-    """Pair the modes of two designs by the overlap of their shapes.
-
-    Parameters
-    ----------
-    before, after : (m, c) arrays
-        Orthonormal shapes, as in `batch_modes.Spectrum`.
+    """Pair the modes of two designs by their orthonormal shapes, as in `batch_modes.Spectrum`.
 
     Returns
     -------
@@ -68,16 +55,10 @@ def body_overlap(
     columns: Inexact[np.ndarray, "column _"],
     mass: Float[np.ndarray, "moving moving"],
 ) -> Float[np.ndarray, "row column"]:
-    """Overlaps |u^T M v| (m, n) of mode shapes in the motion of the bodies alone.
+    """Overlaps |u^T M v| of mode shapes in the motion of bodies, with their mass matrix M.
 
-    These coordinates are common to models with different coordinates of blade tips or wires.
-
-    Parameters
-    ----------
-    rows, columns : (m, N - 6), (n, N' - 6) arrays
-        Shapes of unit modal mass in the named coordinates, those of bodies first.
-    mass : (6 b, 6 b) array
-        Mass matrix of the bodies.
+    Models with different coordinates of blade tips or wires share these. Shapes have unit modal
+    mass, in the named coordinates.
     """
     count = len(mass)
     return np.abs(rows[:, :count] @ mass @ columns[:, :count].T)

@@ -28,9 +28,9 @@ class Mode:
 
     Attributes
     ----------
-    text : str
+    text
         Label of the mode, numbered if several modes have it.
-    number : int
+    number
         Position among the modes of the design as drawn, from 0.
     """
 
@@ -45,19 +45,7 @@ class Mode:
 
 @dataclass(frozen=True)
 class Ratio:
-    """Magnitude of a response, or of the ratio of two, at one frequency.
-
-    Attributes
-    ----------
-    text : str
-    over : Signal
-        An output.
-    under : Signal or None
-        Another output, for the ratio of the two.
-    input : Signal
-    frequency : float
-        Hz.
-    """
+    """Magnitude of a response, or of the ratio of two outputs, at one frequency (Hz)."""
 
     text: str
     over: Signal
@@ -93,15 +81,9 @@ def parse(
 ) -> tuple[Scalar, ...]:
     """Parse the names of scalar results.
 
-    Parameters
-    ----------
-    texts : list of str
-    modes : Modes
-        Of the design as drawn.
-    known : tuple of str
-        Bodies, see `signals.bodies_with_signals`; empty if only modes are allowed.
-    option : str
-        Option to name in error messages.
+    `modes` are those of the design as drawn. `known` are the bodies
+    (`signals.bodies_with_signals`), or empty if only modes are allowed. `option` is for error
+    messages.
     """
     found: list[Scalar] = []
     for text in texts:

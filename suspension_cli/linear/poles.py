@@ -24,11 +24,11 @@ class Poles:
 
     Attributes
     ----------
-    value : (p,) complex array
+    value
         rad/s.
-    state : tuple of str
+    state
         The state that participates most in each pole.
-    rounding : float
+    rounding
         Real part, relative to the modulus, that may be a rounding error.
     """
 
@@ -68,7 +68,7 @@ def poles(system: statespace.StateSpace) -> Poles:
     """Compute the poles of a state space, and the state that participates most in each.
 
     A pole with at least `NAMED` of its participation in mechanical states is named after one of
-    these, not after a state of a filter.
+    these rather than after a filter's.
     """
     eigen: Any = np.linalg.eig(system.a)
     values, right = eigen.eigenvalues.astype(complex), eigen.eigenvectors
@@ -89,7 +89,7 @@ def poles(system: statespace.StateSpace) -> Poles:
 def impulse(
     system: statespace.StateSpace, time: Float[np.ndarray, " time"]
 ) -> Float[np.ndarray, "time output input"]:
-    """Compute the response (t, o, i) of a state space to unit impulses at evenly spaced times in s.
+    """Compute the response to unit impulses at evenly spaced times in s.
 
     A unit impulse is 1 N s, 1 m s, etc. Each sample follows from the last by exp(A dt), exact for
     any step; the direct feed-through, a delta function at 0, is omitted.

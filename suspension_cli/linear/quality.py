@@ -3,9 +3,9 @@
     1/Q = x^H Im(Z(omega)) x / (omega^2 x^T G x),    G = -d Re(Z) / d(omega^2)  (G = M where the
     stiffness does not depend on frequency).
 
-In eigenvalues of the lossy system a Q of 1e9 would be lost in the rounding of the frequency; sums
-of squares keep all its digits. `analyses.modes.damped` goes beyond first order. The dilution factor
-is the total energy over that in lossy elements (bending, stretching, blades, ...; not the energy of
+Eigenvalues of the lossy system would lose a Q of 1e9 in the rounding of the frequency; sums of
+squares keep all its digits. `analyses.modes.damped` goes beyond first order. The dilution factor is
+the total energy over that in lossy elements (bending, stretching, blades, ...; not the energy of
 the tension): 1/Q = phi / dilution for a single loss angle phi.
 """
 
@@ -28,9 +28,9 @@ if TYPE_CHECKING:
     from jaxtyping import Float
 
 NOTHING = 1e-30
-"""Ratio of dissipation to energy that rounding errors of a shape cause in parts at rest."""
+"""Ratio of dissipation to energy that rounding errors cause in parts at rest."""
 UNIT = 1e-9
-"""A loss angle, rad, small enough that dissipation is proportional to it."""
+"""A loss angle in rad, so small that dissipation is proportional to it."""
 
 
 def dissipation(
@@ -39,22 +39,11 @@ def dissipation(
     shapes: Float[np.ndarray, "mode coordinate"],
     wires: Sequence[tuple[TautWire, dict[str, Float[np.ndarray, "_ _ mode"]]]],
 ) -> tuple[Float[np.ndarray, " mode"], Float[np.ndarray, " mode"]]:
-    """Compute the dissipation of modes, and twice their energy in lossy elements.
+    """Compute the dissipation x^H Im(Z) x of modes, and its value with all loss angles 1 rad.
 
-    Parameters
-    ----------
-    model : LinearSystem
-    omega : (m,) array
-        rad/s.
-    shapes : (m, N) array
-        Motion of the system's own coordinates.
-    wires : sequence of (TautWire, dict of (c, w, m) arrays)
-        Each kind of wire and the motion of its ends, for each of `dynamic_wire.PARTS`.
-
-    Returns
-    -------
-    dissipation, elastic : (m,) arrays
-        x^H Im(Z) x, and its value with all loss angles 1 rad.
+    The latter is twice the energy in lossy elements. `omega` in rad/s; `shapes` (m, N) in the
+    system's own coordinates. `wires` are the kinds of wire, each with the motion (c, w, m) of its
+    ends for each of `dynamic_wire.PARTS`.
     """
     dissipation, elastic = np.zeros(len(omega)), np.zeros(len(omega))
     for strand, ends in wires:
@@ -87,14 +76,14 @@ def quadratic_form(
     matrix: Float[np.ndarray, "coordinate coordinate"],
     shapes: Float[np.ndarray, "mode coordinate"],
 ) -> Float[np.ndarray, " mode"]:
-    """x^T A x (m,) of real shapes x (m, N), for a symmetric A (N, N)."""
+    """x^T A x of real shapes x, for a symmetric A."""
     return ((shapes @ matrix) * shapes).sum(1)
 
 
 def end_motions(
     model: LinearSystem, shapes: Float[np.ndarray, "mode coordinate"]
 ) -> list[tuple[TautWire, dict[str, Float[np.ndarray, "_ _ mode"]]]]:
-    """Compute the motion of the ends of each kind of wire in shapes (m, N), see `dissipation`."""
+    """Compute the `wires` of `dissipation` for shapes."""
     terms = [term for term in model.terms if isinstance(term, WireTerm)]
     return [
         (
@@ -106,7 +95,7 @@ def end_motions(
 
 
 def knows_energy(model: LinearSystem) -> bool:
-    """Whether the terms of a system are all its lossy elements: not where they are tables alone."""
+    """Whether the energy in lossy elements is known; tables against frequency lack it."""
     return any(not isinstance(term, LossTerm) or term.storage is None for term in model.terms)
 
 
@@ -119,7 +108,7 @@ def safe_ratio(
 
 
 def _with_unit_loss(fibre: Fibre) -> Fibre:
-    """Copy of a wire in which all deformations have the loss angle `UNIT`."""
+    """Copy a wire, with the loss angle `UNIT` in all deformations."""
     losses = (Bulk(UNIT),)
     return replace(
         fibre, sections=tuple(replace(section, losses=losses) for section in fibre.sections)

@@ -3,17 +3,19 @@
 The rounding errors of a solution v of D v = b follow from its residual b - D v, a small difference
 of large terms that needs more digits than the solution has (Higham, Accuracy and Stability of
 Numerical Algorithms, 2nd ed., chapter 12). With D = K + i omega C - omega^2 M and b a polynomial in
-omega it is one product of a constant matrix A = (-K, b_0, -iC, b_1, M, b_2) and the columns
-y = (v, 1, omega v, omega, omega^2 v, omega^2). Both are cut into slices of few bits on a common
-scale, for example three,
+omega it is A y, one product of a constant matrix and columns
+
+    A = (-K, b_0, -iC, b_1, M, b_2),    y = (v, 1, omega v, omega, omega^2 v, omega^2).
+
+Both are cut into slices of few bits, for example three,
 
     A = A_1 + A_2 + A_3,   y = y_1 + y_2 + y_3,
     A y = A_1 y_1 + (A_1 y_2 + A_2 y_1) + (A_1 y_3 + A_2 (y_2 + y_3) + A_3 y),
 
-so that all but the last bracket are free of rounding errors, whatever the order of summation, and
-ordinary matrix products compute them (Ozaki, Ogita, Oishi and Rump, Numer. Algorithms 59, 95
-(2012)). The scale of each column of A is the largest element of y at a few neighbouring
-frequencies; where all terms of a row are far below it, the error is relatively larger.
+so that ordinary matrix products compute all but the last bracket without rounding errors, in any
+order of summation (Ozaki, Ogita, Oishi and Rump, Numer. Algorithms 59, 95 (2012)). The scale of
+each column of A is the largest element of y at a few neighbouring frequencies. Where all terms of a
+row are far below it, the relative error is larger.
 """
 
 from __future__ import annotations
@@ -32,18 +34,18 @@ if TYPE_CHECKING:
 FIRST, COARSE, FINE = 2, 3, 4
 """Number of slices: errors of some 2^-75, 2^-95 and 2^-115 of the largest terms."""
 FEW = 12
-"""Coordinates up to which a first solution mostly has so many digits that two slices do."""
+"""Number of coordinates up to which two slices mostly suffice for the first residual."""
 WIDTH = 64
 """Neighbouring frequencies with common scales."""
 SMALL = 2.0**-15
-"""Size of the terms of a row, relative to its scale, below which its frequency is computed with
-scales of its own."""
+"""Size of a row's terms, relative to its scale, below which its frequency gets scales of its
+own."""
 SMALLEST = -900
 """Power of 2 below which values count as 0."""
 LIMIT = 1e-10
-"""Relative correction of a first solution above which its square would matter."""
+"""Relative correction of a first solution above which a second one matters."""
 MARGIN = 58
-"""Bits in all slices but the last with which the errors of the last would never matter."""
+"""Bits in all slices but the last above which errors of the last never matter."""
 
 
 @dataclass(frozen=True)
@@ -52,12 +54,12 @@ class Loads:
 
     Attributes
     ----------
-    high, low : (k, r, n) arrays
-        A for each of k inputs, in double-double.
-    powers : tuple of (int, (m,) int array)
+    high, low
+        A for each input, in double-double.
+    powers
         Powers of omega in the order of y, and which of (v, 1) each multiplies.
-    single : bool
-        Whether k is the number of frequencies, each with one input, instead of that of inputs.
+    single
+        Whether the first axis is that of frequencies, each with one input.
     """
 
     high: Float[np.ndarray, "input row column"]
@@ -76,14 +78,14 @@ class Loads:
 class Equations:
     """Equations of motion D v = b of a block, D = K + i omega C - omega^2 M, as r real rows.
 
-    Complex equations become rows of real and of imaginary parts.
+    Complex equations become rows of real and imaginary parts.
 
     Attributes
     ----------
-    terms : tuple of (int, (n,) int array, DoubleDouble, DoubleDouble)
+    terms
         Power of omega, the coordinates that it multiplies (all for the power 0), its coefficients
         (r, n), and those towards the support (r, 6).
-    split : bool
+    split
         Whether v is complex.
     """
 
@@ -93,7 +95,7 @@ class Equations:
     def loads(
         self, moves: Float[np.ndarray, "6 input"], forces: Inexact[np.ndarray, "coordinate input"]
     ) -> Loads:
-        """Compute right-hand sides b = f - E s for support motions (6, k) and forces (c, k)."""
+        """Compute right-hand sides b = f - E s for support motions and forces."""
         forces = (
             np.concatenate([np.real(forces), np.imag(forces)]) if self.split else np.real(forces)
         )
@@ -126,20 +128,8 @@ class Equations:
     ]:
         """Compute the residual b - D v of a first solution v; NaN where v is not finite.
 
-        Parameters
-        ----------
-        omega : (f,) array
-            rad/s.
-        loads : Loads
-            Of k inputs.
-        values : (c, k, f) array
-            v in doubles.
-
-        Returns
-        -------
-        residual : (c, k, f) array
-        limit : (k, f) array
-            Relative correction of v up to which the errors of the residual do not matter.
+        Also returns the relative correction of v up to which errors of the residual do not matter.
+        `omega` in rad/s.
         """
         slices = FIRST if len(values) <= FEW else COARSE
         result, size, bits = self._multiply(omega, loads, values, None, slices, WIDTH)
@@ -154,17 +144,10 @@ class Equations:
         *,
         slices: int = COARSE,
     ) -> Inexact[np.ndarray, "coordinate input frequency"]:
-        """Compute the residual b - D v (c, k, f), rounded once; NaN where v is not finite.
+        """Compute the residual b - D v of v in double-double, rounded; NaN where v is not finite.
 
-        Parameters
-        ----------
-        omega : (f,) array
-            rad/s.
-        loads : Loads
-            Of k inputs; if k = 1, also single ones.
-        high, low : (c, k, f) arrays
-            v in double-double.
-        slices : {COARSE, FINE}
+        `omega` in rad/s; `loads` of each input, or single ones for one column of v; `slices` COARSE
+        or FINE.
         """
         width = 1 if loads.single else WIDTH
         result, size, _ = self._multiply(omega, loads, high, low, slices, width)
@@ -187,10 +170,10 @@ class Equations:
     ) -> tuple[
         Inexact[np.ndarray, "coordinate input frequency"], Float[np.ndarray, "input frequency"], int
     ]:
-        """Compute the residual (c, k, f) with common scales of `width` frequencies.
+        """Compute the residual with common scales of `width` frequencies.
 
-        Also returns the smallest sum (k, f) of the absolute terms of any row, relative to the scale
-        of its error, and the number of bits of a slice.
+        Also returns the smallest sum of absolute terms of any row, relative to the scale of its
+        error, and the number of bits per slice.
         """
         total, groups, inner = len(omega), -(-len(omega) // width), loads.high.shape[-1]
         bits = (53 - math.ceil(math.log2((slices - 1) * inner))) // 2
@@ -236,13 +219,7 @@ class Equations:
         high: Inexact[np.ndarray, "coordinate input _"],
         low: Inexact[np.ndarray, "coordinate input _"] | None,
     ) -> list[tuple[slice, Float[np.ndarray, "_ input frequency"]]]:
-        """Write y: v and the constant 1, then these times powers of omega.
-
-        Returns
-        -------
-        list of (slice, array)
-            Rows of y, and their low parts.
-        """
+        """Write y: v and the constant 1, then these times powers of omega; return low parts."""
         here, y_low = self._fill(y, high, 1.0), np.zeros(0)
         errors = []
         if low is not None:
@@ -267,7 +244,7 @@ class Equations:
         values: Inexact[np.ndarray, "coordinate input frequency"],
         constant: float,
     ) -> int:
-        """Fill in v and a constant, repeating the last frequency; return the number of rows."""
+        """Write v and a constant, repeating the last frequency; return the number of rows."""
         parts = [np.real(values), np.imag(values)] if self.split else [values]
         total = values.shape[-1]
         for n, part in enumerate(parts):
@@ -306,12 +283,12 @@ def _cut_matrix(
 def _stacked(
     rows: Float[np.ndarray, "row input _"], width: int
 ) -> Float[np.ndarray, "group input row _"]:
-    """View rows (n, k, f) as matrices (g, k, n, width) of neighbouring frequencies."""
+    """View rows as matrices (g, k, n, width) of neighbouring frequencies."""
     return rows.reshape(*rows.shape[:-1], -1, width).transpose(2, 1, 0, 3)
 
 
 def _power_of_two(values: Float[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
-    """Powers of 2 above values, at least 1e-270; 1 for 0."""
+    """Powers of 2 above values, at least 2^`SMALLEST`; 1 for 0."""
     return np.ldexp(1.0, np.maximum(np.frexp(values)[1], SMALLEST))
 
 
@@ -321,7 +298,7 @@ def _cut_to_grid(
     bits: int,
     out: Float[np.ndarray, "*shape"],
 ) -> None:
-    """Round values of at most `unit`, a power of 2, to so many bits behind its point."""
+    """Round values of at most `unit`, a power of 2, to multiples of 2^-bits of it."""
     shift = (1.5 * 2.0 ** (52 - bits)) * unit  # its last digit is that of the result
     np.add(values, shift, out=out)
     out -= shift
@@ -344,7 +321,7 @@ def equations(
         Inexact[np.ndarray, "coordinate 6+coordinate"],
     ],
 ) -> Equations:
-    """Build equations of motion from K, M and C (c, 6 + c) and their low parts."""
+    """Build equations of motion from K, M and C and their low parts."""
     split = any(np.iscomplexobj(part) for part in (*high, *low)) or bool(high[2].any())
     terms = []
     for power, number, factor in ((0, 0, 1.0), (1, 2, 1j if split else 0.0), (2, 1, -1.0)):

@@ -1,9 +1,9 @@
 """Frequency responses: solve (K + i omega C - omega^2 M) x = f, never sum modes.
 
-Only blocks that inputs drive and outputs sense are solved, each body by body (`elimination`) and
-at all frequencies at once, in real arithmetic without loss or damping. With constant matrices each
-response is accurate to the last bit or two, also on resonances and near zeros (`block_response`);
-only within a relative 1e-9 of a lossless pole do the last digits of the model's numbers matter.
+Only blocks that inputs drive and outputs sense are solved, each body by body (`elimination`) at all
+frequencies at once, in real arithmetic if nothing is lossy or damped. With constant matrices each
+response is accurate to the last bit or two, also on resonances and near zeros (`block_response`).
+Within a relative 1e-9 of a lossless pole it depends on the last digits of the model's numbers.
 """
 
 from __future__ import annotations
@@ -24,20 +24,12 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float
 
 CHUNK = 1 << 17
-"""Unknowns (coordinates times inputs times frequencies) of a system with terms solved at once."""
+"""Unknowns (coordinates times inputs times frequencies) solved at once with terms in frequency."""
 
 
 @dataclass(frozen=True)
 class Peaks:
-    """Largest magnitude of each response, and its frequency.
-
-    Attributes
-    ----------
-    frequency : (output, input) array
-        Hz.
-    size : (output, input) array
-        Magnitude, SI; infinite at a pole without loss.
-    """
+    """Largest magnitude (SI) of each response, infinite at a lossless pole, and where (Hz)."""
 
     frequency: Float[np.ndarray, "output input"]
     size: Float[np.ndarray, "output input"]
@@ -49,19 +41,16 @@ class Response:
 
     Attributes
     ----------
-    frequency : (f,) array
+    frequency
         Hz.
-    input, output : tuple of str
-        Signals.
-    unit : tuple of tuple of str
+    unit
         Unit of each output over each input, [output][input].
-    value : (f, output, input) complex array
-    blocks : int
+    blocks
         Number of blocks solved.
-    closed_loop : bool
+    closed_loop
         Whether the loops of the design's local control are closed.
-    largest : Peaks or None
-        Peaks within the band, between the frequencies too; None where they were not searched.
+    largest
+        Peaks within the band, also between the frequencies; None if not searched.
     """
 
     frequency: Float[np.ndarray, " frequency"]
@@ -80,26 +69,10 @@ def solve(
     inputs: list[Signal],
     outputs: list[Signal],
 ) -> Response:
-    """Solve for the responses of a system without batch axes.
+    """Solve for the responses of a system without batch axes, at frequencies in Hz; 0 is static.
 
-    Parameters
-    ----------
-    model : LinearSystem
-    frequency : (f,) array
-        Hz; 0 gives the static response.
-    inputs : list of Signal
-        Motions of the support; forces and torques on bodies.
-    outputs : list of Signal
-        Motions.
-
-    Returns
-    -------
-    Response
-
-    Raises
-    ------
-    InputError
-        At a frequency that equals a lossless resonance to the last bit.
+    Inputs are motions of the support, or forces and torques on bodies. Raises `InputError` at a
+    frequency that equals a lossless resonance to the last bit.
     """
     rows = np.array([signals.linear_form(signal, model) for signal in outputs])
     drives = np.array([signals.linear_form(signal, model) for signal in inputs])
@@ -138,26 +111,11 @@ def transfer(
     finite: bool = True,
     ground: list[bool] | None = None,
 ) -> tuple[Complex[np.ndarray, "frequency output input"], int]:
-    """Solve for the transfer matrix (f, o, i) from drives to linear forms of the coordinates.
+    """Solve for the transfer matrix from drives to linear forms of the coordinates (`rows`).
 
-    Also returns the number of blocks solved.
-
-    Parameters
-    ----------
-    model : LinearSystem
-    omega : (f,) array
-        rad/s.
-    drives : (i, N) array
-        Forces as generalised forces, support motions as unit vectors of the support's coordinates.
-    acts : list of bool
-        Whether each drive is a force.
-    rows : (o, N) array
-        Outputs.
-    finite : bool
-        Whether to raise `InputError` at a frequency without finite response; otherwise the
-        response there is NaN or infinite.
-    ground : list of bool, optional
-        Whether each drive is a motion of the ground instead of the support.
+    Also returns the number of blocks solved. `omega` in rad/s. Drives that `acts` marks are
+    generalised forces; others are unit vectors of the support's coordinates, or of the ground's
+    (`ground`). If `finite`, raises `InputError` where a response is not finite.
     """
     if ground is not None and any(ground):
         return _with_ground(model, omega, drives, acts, rows, ground, finite=finite)
@@ -212,7 +170,7 @@ def _with_ground(
     *,
     finite: bool,
 ) -> tuple[Complex[np.ndarray, "frequency output input"], int]:
-    """Solve for the responses to motions of the ground and to other drives, each in its system."""
+    """Solve for the responses to motions of the ground, and to other drives."""
     result = np.zeros((len(omega), len(rows), len(drives)), dtype=complex)
     at_rest = rows.copy()
     at_rest[:, :6] = 0.0  # the support
@@ -234,7 +192,7 @@ def _with_ground(
 def _split_drives(
     drives: Float[np.ndarray, "input coordinate"], acts: list[bool]
 ) -> tuple[Float[np.ndarray, "6 input"], Float[np.ndarray, "coordinate input"]]:
-    """Split drives (i, N) into motions of the support (6, i) and forces (N, i)."""
+    """Split drives into motions of the support and forces."""
     pushes = np.array(acts, dtype=bool)
     return np.where(pushes, 0.0, drives[:, :6].T), np.where(pushes, drives.T, 0.0)
 
@@ -245,7 +203,7 @@ def _solved_blocks(
     moves: Float[np.ndarray, "6 input"],
     forces: Float[np.ndarray, "coordinate input"],
 ) -> list[int]:
-    """List the numbers of the blocks that an input drives and an output senses."""
+    """List the blocks that an input drives and an output senses."""
     sensed, driven = rows.any(0), forces.any(1)
     driven |= model.pulled[:, moves.any(1)].any(1)
     driven_blocks = set(model.member[driven].tolist())

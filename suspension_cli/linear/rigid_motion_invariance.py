@@ -1,18 +1,18 @@
 """Low parts of stiffness and damping that follow from invariance under rigid motion.
 
 No force arises when the support and all bodies move as one in x, y, z or yaw (roll and pitch turn
-the weights). So in each row of the matrix the elements towards the row's own body follow from those
-towards all others:
+the weights). So in each row the elements towards the row's own body follow from those towards all
+others:
 
     K_r,own = -sum over the other bodies m of K_r,m R_m,
 
-with R_m the motion of body m in a unit rigid motion. Rounded elements satisfy this to their last
-digits only, which matter when the support moves slowly: relative motion is then smaller by the
+with R_m the motion of body m in a unit rigid motion. Rounded elements satisfy this only to their
+last digits. These matter when the support moves slowly: relative motion is then smaller by the
 square of its frequency over that of a mode. So the elements towards a row's own body are taken as
-rounded values of this sum, and the low parts lost in rounding are restored here.
+rounded values of this sum, and their low parts are restored here.
 
-(The GTH algorithm for Markov chains is exact for the same reason: Grassmann, Taksar and Heyman,
-Oper. Res. 33, 1107, 1985.)
+(The GTH algorithm for Markov chains uses the same idea: Grassmann, Taksar and Heyman, Oper. Res.
+33, 1107, 1985.)
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 TOGETHER = (0, 1, 2, 5)
 """Rigid motions that cause no force: x, y, z and yaw."""
 ROUNDING = 1e-10
-"""Fraction of its terms up to which the sum over all bodies counts as 0; a larger sum is physics
-(local control, dampers attached elsewhere), not rounding."""
+"""Fraction of its terms up to which the sum over all bodies counts as 0; a larger sum has a cause
+(local control, dampers attached elsewhere)."""
 
 
 def low_parts(
@@ -40,21 +40,12 @@ def low_parts(
     rows: Int[np.ndarray, " row"],
     known: Float[np.ndarray, "coordinate coordinate"] | None = None,
 ) -> tuple[Float[np.ndarray, "row coordinate"], Bool[np.ndarray, " 6"]]:
-    """Compute the low parts of some rows of a matrix, and the rigid motions without force.
-
-    Parameters
-    ----------
-    matrix : (N, N) array
-        Stiffness or damping, real.
-    model : LinearSystem
-    rows : (r,) int array
-    known : (N, N) array, optional
-        Low parts known already; only those towards a row's own body follow from the others.
+    """Compute the low parts of some rows of a real stiffness or damping matrix (N, N).
 
     Returns
     -------
     low : (r, N) array
-        To be added to the rounded elements; about their last digits.
+        To be added to the rounded elements. Those not towards a row's own body are `known`, or 0.
     free : (6,) bool array
         Whether rigid motion along each coordinate of the support causes no force in these rows.
     """
@@ -88,7 +79,7 @@ def _symmetrise(
     derived: Bool[np.ndarray, "row coordinate"],
     rows: Int[np.ndarray, " row"],
 ) -> Float[np.ndarray, "row coordinate"]:
-    """Copy low parts across the diagonal where only one of two elements follows from its row."""
+    """Copy low parts across the diagonal where only one of two was computed."""
     square, known = low[:, rows], derived[:, rows]
     low[:, rows] = np.where(known.T & ~known, square.T, square)
     return low

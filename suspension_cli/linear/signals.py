@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from jaxtyping import Inexact
 
 BETWEEN = "~"
-"""Between the names of two bodies in a signal: ``test~reaction.force_x``."""
+"""Separates the names of two bodies in a signal: ``test~reaction.force_x``."""
 FORCES = tuple(f"force_{dof}" for dof in DOFS[:3]) + tuple(f"torque_{dof}" for dof in DOFS[3:])
 """Names of forces and torques on a body, in the order of its coordinates."""
 
@@ -29,18 +29,17 @@ class Signal:
 
     Attributes
     ----------
-    text : str
+    text
         As the user wrote it.
-    body : str
-    dof : int
+    dof
         Index in `DOFS` of the motion, or of the motion that the force acts along.
-    point : tuple of float
+    point
         From the COM in the body's frame, m.
-    acts : bool
+    acts
         Whether it is a force or torque.
-    against : str
-        A second body, "" for none: the motion is relative to it, the force acts on it with the
-        opposite sign, both at the same point of space.
+    against
+        A second body, "" for none: the motion is relative to it, and the force acts on it with the
+        opposite sign, at the same point of space.
     """
 
     text: str
@@ -52,7 +51,7 @@ class Signal:
 
     @property
     def is_ground(self) -> bool:
-        """True for a motion of the ground beside the support."""
+        """Whether it is a motion of the ground beside the support."""
         return self.body == GROUND
 
     @property
@@ -120,16 +119,7 @@ def parse_output(text: str, known: tuple[str, ...], option: str = "--output") ->
 
 
 def parse(text: str, option: str, bodies: tuple[str, ...]) -> Signal:
-    """Parse the name of a signal.
-
-    Parameters
-    ----------
-    text : str
-    option : str
-        Option to name in error messages.
-    bodies : tuple of str
-        Names of the support, the stages, and the frame if there is one; see `bodies_with_signals`.
-    """
+    """Parse the name of a signal of `bodies_with_signals`; `option` is for error messages."""
     name, at, where = text.partition("@")
     body, _, motion = name.rpartition(".")
     body, pair, against = body.partition(BETWEEN)
@@ -225,7 +215,7 @@ def linear_form(signal: Signal, model: LinearSystem) -> Inexact[np.ndarray, "*ba
 
     A point p of a body that moves by x and turns by t moves by x + t x p; a force at p acts on the
     coordinates by the same form (virtual work). Between two bodies it is the difference of their
-    forms at the point where both are; a support structure takes part with its deflection.
+    forms at one point of space; the support's includes the deflection of its structure.
     """
     if signal.against:
         return _relative_form(signal, model)

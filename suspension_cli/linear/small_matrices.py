@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -30,7 +30,7 @@ def inverse(
 ) -> Inexact[np.ndarray, "size size system"]:
     """Invert matrices (s, s, P) by elimination without pivoting, in closed form for s of 1 and 2.
 
-    Small pivots cost digits: the solutions need a check.
+    Small pivots cost digits, so the solutions need a check.
     """
     if len(matrix) == 1:
         return 1.0 / matrix
@@ -88,13 +88,13 @@ def solve_each(
 
 
 def _apply_to_stack(
-    function: Callable[..., Any],
+    function: Callable[..., np.ndarray],
     matrix: Inexact[np.ndarray, "size size system"],
     *rhs: Inexact[np.ndarray, "size column system"],
 ) -> Inexact[np.ndarray, "size _ system"]:
     """Apply a function of stacks (P, ., .) to arrays (., ., P); NaN where a matrix is singular.
 
-    For one singular matrix LAPACK would reject the whole stack.
+    LAPACK would reject the whole stack for one singular matrix.
     """
     stack, right = np.moveaxis(matrix, -1, 0), [np.moveaxis(part, -1, 0) for part in rhs]
     try:

@@ -12,14 +12,14 @@ are a proper input:
     Cs~ = Cs - Cv M^-1 Ms,    Ks~ = Ks - K M^-1 Ms.
 
 Without damping w is the velocity. Loss angles have no finite state space: the modes of each block
-get viscous damping of the same Q, and `agreement_band` reports over which frequencies the result
-agrees with the direct solution.
+get viscous damping of the same Q. `agreement_band` finds where the result agrees with the direct
+solution.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -33,20 +33,12 @@ if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Int
 
 FAINT = 1e-6
-"""Fraction of an output's largest response below which errors are relative to that fraction."""
+"""Fraction of an output's largest response below which errors are relative to it."""
 
 
 @dataclass(frozen=True)
 class StateSpace:
-    """Linear system in state space.
-
-    Attributes
-    ----------
-    a, b, c, d : (n, n), (n, i), (o, n), (o, i) arrays
-        SI.
-    state, state_unit, input, input_unit, output, output_unit : tuple of str
-        Names and units.
-    """
+    """Linear system in state space, SI, with names and units."""
 
     a: Float[np.ndarray, "state state"]
     b: Float[np.ndarray, "state input"]
@@ -62,11 +54,11 @@ class StateSpace:
     def at(
         self, frequency: Float[np.ndarray, " frequency"]
     ) -> Complex[np.ndarray, "frequency output input"]:
-        """Compute the transfer matrix (f, o, i) by a dense solve at each frequency in Hz.
+        """Compute the transfer matrix by a dense solve at each frequency in Hz.
 
-        States are first scaled by powers of 2 that balance A, as MATLAB does: SI rates are larger
-        than displacements by a factor of omega, which misleads pivoting and costs up to 9 digits
-        far above the modes.
+        States are first scaled by powers of 2 that balance A, as in MATLAB. Unscaled rates are
+        omega times displacements, which misleads pivoting and costs up to 9 digits far above the
+        modes.
         """
         from scipy.linalg import matrix_balance
 
@@ -84,16 +76,7 @@ class StateSpace:
 def build(model: LinearSystem, inputs: list[Signal], outputs: list[Signal]) -> StateSpace:
     """Build the state space from support motions and forces to motions.
 
-    Parameters
-    ----------
-    model : LinearSystem
-        Without batch axes.
-    inputs, outputs : list of Signal
-
-    Returns
-    -------
-    StateSpace
-        Of the blocks that an input drives and an output senses.
+    It covers the blocks that an input drives and an output senses, of a system without batch axes.
     """
     rows = np.array([signals.linear_form(signal, model) for signal in outputs])
     drives = np.array([signals.linear_form(signal, model) for signal in inputs])
@@ -101,7 +84,7 @@ def build(model: LinearSystem, inputs: list[Signal], outputs: list[Signal]) -> S
 
 
 def refuse_ground(inputs: list[Signal]) -> None:
-    """Raise `InputError` for motions of the ground, which have no state space of their own."""
+    """Raise `InputError` for motions of the ground, which are no inputs of a state space."""
     for signal in inputs:
         if signal.is_ground:
             remedy = (
@@ -121,7 +104,7 @@ def assemble(
     *,
     undriven: bool = False,
 ) -> StateSpace:
-    """Build the state space from driving linear forms (i, N) to sensed linear forms (o, N).
+    """Build the state space from driving linear forms to sensed linear forms.
 
     It covers the blocks that are driven and sensed; with `undriven`, all that are sensed.
     """
@@ -192,15 +175,15 @@ def _block(
     forces: Float[np.ndarray, "coordinate input"],
     rows: Float[np.ndarray, "output coordinate"],
 ) -> _Part:
-    """Build the state space of one block: inputs `moves` (6, i), `forces` (N, i), outputs `rows`.
+    """Build the state space of one block: inputs `moves` and `forces`, outputs `rows`.
 
-    Coordinates b without mass that a damper resists (those of a support structure without mass) add
-    the momenta p of that damper as states:
+    Where a damper resists coordinates b without mass (of a massless support structure), its momenta
+    p are states too:
 
         p = U^T (C_ba a + C_bb b + C_bs s),    p' = U^T (f - K_ba a - K_bb b - K_bs s),
 
-    with U the directions that dampers resist; in the other directions the spring forces balance.
-    Both together determine b.
+    with U the directions that dampers resist. In the others the forces of springs balance; both
+    conditions together determine b.
     """
     from scipy.linalg import qr
 
@@ -318,15 +301,11 @@ def equivalent_damping(
     stiffness: Float[np.ndarray, "coordinate coordinate"],
     loss: Float[np.ndarray, "coordinate coordinate"],
 ) -> Float[np.ndarray, "coordinate coordinate"]:
-    """Viscous damping (c, c) that gives each mode of a block the Q of its loss angles.
+    """Viscous damping that gives each mode of a block the Q of its loss angles.
 
-    A mode v of unit modal mass has the loss angle eta = v^T K'' v / omega^2, and
-    C = M (sum over modes of v eta omega v^T) M damps it as much.
-
-    Parameters
-    ----------
-    mass, stiffness, loss : (c, c) arrays
-        M, Re K and K'' = Im K.
+    With M, Re K (`stiffness`) and K'' = Im K (`loss`), a mode v of unit modal mass has the loss
+    angle eta = v^T K'' v / omega^2, and C = M (sum over modes of v eta omega v^T) M damps it as
+    much.
     """
     root = np.linalg.inv(np.linalg.cholesky(mass))
     values, vectors = np.linalg.eigh(root @ stiffness @ root.T)
@@ -336,8 +315,16 @@ def equivalent_damping(
     return mass @ (shapes * rate) @ shapes.T @ mass
 
 
+class TransferMatrix(Protocol):
+    """A system with responses: a state space, or poles and zeros."""
+
+    def at(self, frequency: Array) -> Complex[np.ndarray, "frequency output input"]:
+        """Evaluate the responses (f, o, i) at frequencies (f,) in Hz."""
+        ...
+
+
 def agreement_band(
-    system: Any,
+    system: TransferMatrix,
     model: LinearSystem,
     inputs: list[Signal],
     outputs: list[Signal],
@@ -348,12 +335,9 @@ def agreement_band(
     Parameters
     ----------
     system : object with ``at(frequency)``
-    model : LinearSystem
-    inputs, outputs : list of Signal
-    tolerance : float
-        Largest error relative to each response's magnitude, or to `FAINT` of the same output's
-        largest response to an input of the same unit, as the direct solution of fainter responses
-        loses digits too.
+    tolerance
+        Largest error relative to each response, or to `FAINT` of the output's largest response to
+        an input of the same unit (the direct solution loses digits of fainter ones too).
 
     Returns
     -------

@@ -1,18 +1,17 @@
 """Static condensation of massless coordinates.
 
-A coordinate without inertia and damping follows the others statically: with b the massless
-coordinates and a the others, of the system and of its support,
+Coordinates without inertia and damping, b, follow the others, a (with the support's), statically:
 
     x_b = K_bb^-1 (f_b - K_ba x_a),    (K_aa - K_ab K_bb^-1 K_ba) x_a + ... = f_a - K_ab K_bb^-1 f_b
 
-(Guyan, AIAA J. 3, 380 (1965); exact here). Batches are condensed in doubles (`condense`), a single
-system in double-double, as a blade may be far softer than its wires (`condense_double_double`).
+(Guyan, AIAA J. 3, 380 (1965); exact here). Batches are condensed in doubles (`condense`); a single
+system in double-double (`condense_double_double`), as a blade may be far softer than its wires.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from suspension_cli.linear.double_double import DoubleDouble
 from suspension_cli.linear.small_matrices import solve_each
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Float, Inexact
+    from jaxtyping import Bool, Float, Inexact, Int
 
 
 @dataclass(frozen=True)
@@ -48,12 +47,11 @@ class Condensed:
 
     Attributes
     ----------
-    matrix : (..., c, q + c) array
-        K_aa - K_ab K_bb^-1 K_ba, towards q further coordinates (the support's) and those kept;
-        symmetric in these.
-    compliance : (..., m, m) array
+    matrix
+        K_aa - K_ab K_bb^-1 K_ba, towards further coordinates (the support's) and those kept.
+    compliance
         K_bb^-1; NaN where K_bb is singular.
-    follow : (..., m, q + c) array
+    follow
         K_bb^-1 K_ba: minus the motion of the massless coordinates per motion of the others.
     """
 
@@ -67,8 +65,6 @@ def condense(
 ) -> Condensed:
     """Eliminate the coordinates `light` (n,) of matrices (..., n, q + n), in doubles.
 
-    Examples
-    --------
     Two springs of 1 and 3 N/m in series:
 
     >>> condense(np.array([[3.0, -3.0], [-3.0, 4.0]]), np.array([False, True])).matrix
@@ -93,9 +89,9 @@ def change_basis(
     low: Inexact[np.ndarray, "row 6+row"],
     basis: Float[np.ndarray, "6+row 6+row"],
 ) -> tuple[Inexact[np.ndarray, "row 6+row"], Inexact[np.ndarray, "row 6+row"]]:
-    """Change rows (n, 6 + n) of a matrix and their low parts to new coordinates.
+    """Change rows of a matrix and their low parts to new coordinates.
 
-    Old coordinates = basis (6 + n, 6 + n) @ new.
+    Old coordinates = basis @ new.
     """
     transposed, new_basis = DoubleDouble.of(basis[6:, 6:].T), DoubleDouble.of(basis)
     real, imag = (
@@ -122,17 +118,13 @@ def condense_double_double(
 ) -> tuple[Reduced, Inexact[np.ndarray, "light _"]]:
     """Eliminate the coordinates `light` (n,) of rows of a stiffness (n, 6 + n) in double-double.
 
-    Where a blade is much softer than its wires, nearly all of their stiffness cancels.
-
-    Returns
-    -------
-    reduced : Reduced
-        K_aa - K_ab K_bb^-1 K_ba, (c, 6 + c).
-    follow : (m, 6 + c) array
-        K_bb^-1 K_ba in doubles.
+    Above a blade much softer than its wires nearly all of their stiffness cancels. Returns K_aa -
+    K_ab K_bb^-1 K_ba (c, 6 + c), and in doubles K_bb^-1 K_ba (m, 6 + c).
     """
 
-    def part(rows: Any, columns: Any) -> tuple[DoubleDouble, DoubleDouble]:
+    def part(
+        rows: Int[np.ndarray, " row"], columns: Int[np.ndarray, " column"]
+    ) -> tuple[DoubleDouble, DoubleDouble]:
         where = np.ix_(rows, columns)
         return DoubleDouble(np.real(full)[where], np.real(low)[where]), DoubleDouble(
             np.imag(full)[where], np.imag(low)[where]
@@ -177,10 +169,10 @@ def rounded(
 def static_response(
     stiffness: Reduced, rigid: Float[np.ndarray, "kept 6"], free: Bool[np.ndarray, " 6"]
 ) -> Inexact[np.ndarray, "kept 6"]:
-    """Compute the static response S = -K^-1 K_s (c, 6) to motions of the support.
+    """Compute the static response S = -K^-1 K_s to motions of the support.
 
-    Equal to the `rigid` motion (c, 6) where `free` (6,), as that causes no force; otherwise solved
-    in double-double, not finite where K is singular.
+    It is the `rigid` motion where that causes no force (`free`); otherwise solved in
+    double-double, not finite where K is singular.
     """
     count = len(stiffness.real.high)
     solution = -double_double.solve(
@@ -196,7 +188,7 @@ def residual_coupling(
     low: Inexact[np.ndarray, "kept 6+kept"],
     static: Inexact[np.ndarray, "kept 6"],
 ) -> tuple[Inexact[np.ndarray, "kept 6"], Inexact[np.ndarray, "kept 6"]]:
-    """Compute A_s + A S (c, 6) in double-double, A (c, 6 + c) with its low part."""
+    """Compute A_s + A S in double-double, A with its low part."""
     complete = Reduced(
         DoubleDouble(np.real(matrix), np.real(low)), DoubleDouble(np.imag(matrix), np.imag(low))
     )

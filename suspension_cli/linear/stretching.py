@@ -1,8 +1,8 @@
 """Stretching stiffness of wires, kept separate so that stiff wires cost soft parts no digits.
 
 An elongation e = a . x of a wire stores k (a . x)^2 / 2, so a stiffness is a soft part plus a sum
-of k a a^T. In one double the sum of k and the stiffness of a blade that is 1e10 times softer keeps
-six digits of the blade, and eliminating the blade's tip squares that loss. Two remedies:
+of k a a^T. In one double the sum of k and of a blade's stiffness 1e10 times smaller keeps six
+digits of the latter, and eliminating the blade's tip squares that loss. Two remedies:
 
 - The sum is taken in double-double arithmetic, and the low parts of its elements are kept.
 - The tension of a wire becomes a coordinate (p in m, with the force s p): with  k e = s p  each
@@ -39,11 +39,11 @@ class Stretching:
 
     Attributes
     ----------
-    form, low : (w, N) arrays
+    form, low
         Elongation of each wire per coordinate, and its low part.
-    stiffness : (w,) array
+    stiffness
         N/m.
-    allowed : (N, N) bool array
+    allowed
         Elements of a matrix that the symmetry allows.
     """
 
@@ -53,10 +53,10 @@ class Stretching:
     allowed: Bool[np.ndarray, "coordinate coordinate"]
 
     def added(self, matrix: DoubleDouble, stiffness: Float[np.ndarray, " wire"]) -> DoubleDouble:
-        """Add the sum of k a a^T, for stiffnesses k (w,), to a matrix (N, N), exactly symmetric.
+        """Add the sum of k a a^T, for stiffnesses k, to a matrix, exactly symmetric.
 
-        A wire acts on few coordinates: only products of non-zero elements are formed. Those of the
-        upper triangle are summed layer by layer, each with one product per element of the matrix.
+        A wire acts on few coordinates, so only products of non-zero elements are formed. Those of
+        the upper triangle are summed in layers, each with one product per element of the matrix.
         """
         size = self.form.shape[1]
         some = (self.form != 0) | (self.low != 0)
@@ -88,7 +88,7 @@ class Stretching:
         return matrix + DoubleDouble(*(part + np.triu(part, 1).T for part in upper))
 
     def spread(self, from_new: Float[np.ndarray, "coordinate new"]) -> Stretching:
-        """Change to new coordinates: old = `from_new` (N, N') @ new."""
+        """Change to new coordinates: old = `from_new` @ new."""
         reach = (from_new != 0).astype(float)
         return replace(
             self,
@@ -104,12 +104,12 @@ class Separated:
 
     Attributes
     ----------
-    soft : (p, N, N) array
-        The stiffness if wires kept their lengths, N/m, N and N m; with its losses.
-    form : (p, w, N) array
+    soft
+        Stiffness without the stretching, with its losses; N/m, N and N m.
+    form
         Elongation of each wire per coordinate.
-    stiffness : (p, w) or (w,) array
-        Of the wires, with their losses, N/m: the rest of the stiffness is the sum of k a a^T.
+    stiffness
+        k of the wires, with their losses, N/m: the rest of the stiffness is the sum of k a a^T.
     """
 
     soft: Inexact[np.ndarray, "build coordinate coordinate"]
@@ -120,7 +120,7 @@ class Separated:
 def distinct(
     forms: Float[np.ndarray, "wire coordinate"],
 ) -> tuple[Float[np.ndarray, "row coordinate"], list[list[int]]]:
-    """Find the non-zero forms of (w, N) that differ by more than sign, and the wires of each."""
+    """Find the non-zero forms that differ by more than sign, and the wires of each."""
     size = np.abs(forms).max(1, initial=0.0)
     rows: list[Array] = []
     members: list[list[int]] = []

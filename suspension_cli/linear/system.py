@@ -20,17 +20,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Ground:
-    """Forces that the motion g of the ground beside the support exerts on the coordinates.
-
-    They are -(K + i omega C + sum f_n A_n) g.
+    """Forces -(K + i omega C + sum f_n A_n) g of the motion g of the ground on the coordinates.
 
     Attributes
     ----------
-    stiffness, damping : array
+    stiffness, damping
         K (complex if lossy) and C; 0 in the rows of the support.
-    terms : tuple
-        These stand for the first terms of the system, with the coordinates of the ground in place
-        of the support's.
+    terms
+        They replace the first terms of the system, with the ground's coordinates for the support's.
     """
 
     stiffness: Inexact[np.ndarray, "*#batch coordinate 6"]
@@ -38,7 +35,7 @@ class Ground:
     terms: tuple[Any, ...] = ()
 
     def widened(self, count: int) -> Ground:
-        """With coordinates added at the end that do not feel the ground."""
+        """Append coordinates on which the ground exerts no force."""
         rows = [(0, 0)] * (self.stiffness.ndim - 2) + [(0, count), (0, 0)]
         size = self.stiffness.shape[-2]
         return Ground(
@@ -58,41 +55,40 @@ class LinearSystem:
 
     Attributes
     ----------
-    body : tuple of str
+    body
         Names of the stages.
-    coordinate : tuple of str
+    coordinate
         N names: ``support.x``, ..., ``test.yaw``, ``test.blade1.z``.
-    basis : (N, N) array
+    basis
         The named coordinates (rows) in terms of the system's own (columns).
-    massless : (N,) bool array
+    massless
         Whether each coordinate has no inertia (blade tips without tip mass).
-    mass, stiffness, damping : (..., N, N) arrays
+    mass, stiffness, damping
         SI; exactly symmetric; exactly 0 where a symmetry forbids a coupling. Complex while a design
         is differentiated by complex steps.
-    lossy : (..., N, N) complex array or None
+    lossy
         The stiffness with loss angles, k (1 + i phi); None if nothing is lossy.
-    low : (N, N) array or None
-        Low parts: what rounding to doubles took from the elements of `lossy`, or of `stiffness` if
-        nothing is lossy; None if not known.
-    stretched : Stretching or None
+    low
+        Low parts: rounding errors of the elements of `lossy`, or of `stiffness` if nothing is
+        lossy; None if not known.
+    stretched
         The part of the stiffness from the stretching of wires; None if not known.
-    separated : Separated or None
-        In a batch of builds the stiffness apart from that stretching, and it; None if not known.
-    orientation : (..., n + 1, 3, 3) array or None
+    separated
+        In a batch of builds: that stretching, and the stiffness without it; None if not known.
+    orientation
         Rotation of each body (support first) from its nominal orientation; None if none is rotated.
-    residual : float
+    residual
         Largest unbalanced force in the equilibrium, as a fraction of the weight.
-    wire : tuple of str
+    wire
         Names of the wires (string model).
-    terms : tuple of Term
-        Parts that depend on frequency (beam and violin models): see `frequency_terms`.
-    rigid : (..., N, 6) array or None
-        Rigid motion: the coordinates per unit motion of the support (m, rad) when everything moves
-        with it as one body; 0 for coordinates relative to a body (blade tips, the frame). None if
-        not known.
-    ground : Ground or None
+    terms
+        Parts that depend on frequency (beam and violin models).
+    rigid
+        Coordinates per unit motion of the support (m, rad) when everything moves with it as one
+        body; 0 for coordinates relative to a body (blade tips, the frame). None if not known.
+    ground
         Forces of the motion of the ground beside the support; None if nothing is attached to it.
-        All matrices are then those with the ground at rest.
+        The ground is at rest in all matrices.
     """
 
     body: tuple[str, ...]
@@ -115,7 +111,7 @@ class LinearSystem:
 
     @property
     def driven_by_ground(self) -> LinearSystem:
-        """The system with the motion of the ground in place of that of the support."""
+        """System with the motion of the ground in place of that of the support."""
         if "ground" not in self.prepared:
             assert self.ground is not None
             self.prepared["ground"] = replace_support(self, self.ground)
@@ -123,7 +119,7 @@ class LinearSystem:
 
     @property
     def constant(self) -> LinearSystem:
-        """The system without its terms in frequency."""
+        """System without its terms in frequency."""
         if self.terms and "constant" not in self.prepared:
             self.prepared["constant"] = replace(self, terms=())
         return self.prepared["constant"] if self.terms else self
@@ -144,7 +140,7 @@ class LinearSystem:
 
     @cached_property
     def pulled(self) -> Bool[np.ndarray, "coordinate 6"]:
-        """Whether each motion of the support acts on each coordinate: (N, 6); no batch axes."""
+        """Whether each motion of the support acts on each coordinate; no batch axes."""
         full = self.stiffness if self.lossy is None else self.lossy
         return (full[:, :6] != 0) | (self.damping[:, :6] != 0) | (self.mass[:, :6] != 0)
 
@@ -155,7 +151,7 @@ class LinearSystem:
 
     @cached_property
     def member(self) -> Int[np.ndarray, " coordinate"]:
-        """Block number of each coordinate (N,); -1 for those of the support."""
+        """Block number of each coordinate; -1 for those of the support."""
         result = np.full(self.size, -1)
         for number, group in enumerate(self.blocks):
             result[group] = number
@@ -163,7 +159,7 @@ class LinearSystem:
 
     @cached_property
     def blocks(self) -> tuple[Index, ...]:
-        """Groups of coordinates that do not couple, without the support, by first coordinate.
+        """Groups of coordinates that do not couple, without the support's, by first coordinate.
 
         The connected components of the graph of non-zero matrix elements.
         """
@@ -182,7 +178,7 @@ class LinearSystem:
 
 
 def replace_support(model: LinearSystem, ground: Ground) -> LinearSystem:
-    """Put the motion of the ground in place of that of the support, which stays at rest."""
+    """Replace the motion of the support, which stays at rest, by that of the ground."""
 
     def only(matrix: np.ndarray, columns: np.ndarray | None = None) -> np.ndarray:
         kind = matrix.dtype if columns is None else np.result_type(matrix, columns)

@@ -17,7 +17,7 @@ Spectrum                1, 5     amplitude spectral density of A (not its square
                         3, 7     M x N: coherence of A and B
 ======================  =======  ==============================================================
 
-Subtypes from 4 of spectra begin with their frequencies. From spectra B/A is conj(P_AB)/ASD_A^2.
+Spectra of subtype 4 or more begin with their frequencies. From spectra B/A is conj(P_AB)/ASD_A^2.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
 import numpy as np
@@ -38,9 +38,12 @@ from suspension_cli.design.faults import suggest
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.measurements.columns import Points, check_points
 
+if TYPE_CHECKING:
+    from jaxtyping import Float, Inexact
+
 Pair = tuple[str, str]
 """Channels (input, output)."""
-Trace = tuple[Any, Any, float | None]
+Trace = tuple[np.ndarray, np.ndarray, float | None]
 """Frequencies, values and the number of averages."""
 _KINDS = {
     ("TransferFunction", 0): ("transfer", False),
@@ -56,7 +59,7 @@ _KINDS = {
     ("Spectrum", 3): ("coherence", False),
     ("Spectrum", 7): ("coherence", True),
 }
-"""Content of results by type and subtype, and whether frequencies stand before it."""
+"""Content of results by type and subtype, and whether their frequencies come first."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +79,7 @@ class Dtt:
 
     @property
     def pairs(self) -> list[Pair]:
-        """Channels (input, output) between which the file has transfer functions."""
+        """Channels (input, output) with a transfer function in the file."""
         both = [
             pair
             for a, b in self.cross
@@ -91,12 +94,12 @@ class Dtt:
         Parameters
         ----------
         into, out
-            Names of the channels; None if the file has only one transfer function (to or from it).
+            Names of the channels; None if the other (or the file) determines it.
 
         Raises
         ------
         InputError
-            If there is none, with the channels that there are.
+            If there is none, with the channels of the file.
         """
         pair = self._pair(into, out)
         if pair in self.transfer:
@@ -160,10 +163,7 @@ class Dtt:
 def read(path: Path) -> Dtt:
     """Read all transfer functions, cross spectra and coherences of a DTT file.
 
-    Raises
-    ------
-    InputError
-        If it is not XML of DTT, or a stream is cut off.
+    Raises `InputError` if it is not XML of DTT, or a stream is cut off.
     """
     root = _root(path)
     found = Dtt()
@@ -183,16 +183,19 @@ def read(path: Path) -> Dtt:
             if kind is not None:
                 _add(found, node, parameters, *kind)
         except (KeyError, ValueError, binascii.Error) as error:
-            problem = f"cannot be read ({_words(error)})"
+            problem = f"cannot be read ({_reason(error)})"
             fault = Fault(node.get("Name", ""), problem, "save the measurement in diaggui again")
             raise InputError([fault]) from None
     return found
 
 
 def _add(
-    found: Dtt, node: Any, parameters: Mapping[str, str], kind: str, own_frequencies: bool
+    found: Dtt,
+    node: ElementTree.Element,
+    parameters: Mapping[str, str],
+    kind: str,
+    own_frequencies: bool,
 ) -> None:
-    """Add the traces of one result."""
     count, traces = int(parameters["N"]), int(parameters.get("M", "1"))
     complex_values = kind in ("transfer", "cross")
     frequency, values = _numbers(node, count, traces, own_frequencies, complex_values)
@@ -218,8 +221,12 @@ def _add(
 
 
 def _numbers(
-    node: Any, count: int, traces: int, own_frequencies: bool, complex_values: bool
-) -> tuple[Any, Any]:
+    node: ElementTree.Element,
+    count: int,
+    traces: int,
+    own_frequencies: bool,
+    complex_values: bool,
+) -> tuple[Float[np.ndarray, " frequency"] | None, Inexact[np.ndarray, "trace frequency"]]:
     """Frequencies (N,) or None, and values (M, N) of a stream."""
     stream = node.find("Array/Stream")
     if stream is None:
@@ -232,7 +239,7 @@ def _numbers(
     single, double = (
         (f"{order}c8", f"{order}c16") if complex_values else (f"{order}f4", f"{order}f8")
     )
-    frequency: Any = None
+    frequency: Float[np.ndarray, " frequency"] | None = None
     number = int(node.findtext("Param[@Name='Subtype']") or 0)
     if own_frequencies and node.get("Type") == "TransferFunction" and number in (6, 7):
         frequency = np.frombuffer(data[: 8 * count], f"{order}f8")
@@ -251,7 +258,7 @@ def _numbers(
     return None if frequency is None else frequency.astype(float), values.astype(wide)
 
 
-def _root(path: Path) -> Any:
+def _root(path: Path) -> ElementTree.Element:
     try:
         data = path.read_bytes()
         if data[:2] == b"\x1f\x8b":
@@ -273,5 +280,5 @@ def _root(path: Path) -> Any:
     return root
 
 
-def _words(error: Exception) -> str:
+def _reason(error: Exception) -> str:
     return f"{error} is missing" if isinstance(error, KeyError) else str(error)

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.errors import InputError, format_value
 from suspension_cli.measurements.columns import Columns
 
+if TYPE_CHECKING:
+    from suspension_cli.files.hdf5 import Stored
+
 
 def is_results_file(path: Path) -> bool:
-    """Whether a file has results of pendsus."""
+    """Whether a file holds results of pendsus."""
     import h5py
 
     if not h5py.is_hdf5(path):
@@ -24,21 +27,17 @@ def is_results_file(path: Path) -> bool:
 def read(path: Path) -> Columns:
     """List the one-dimensional datasets of numbers of a file, by their paths.
 
-    Complex numbers are stored as HDF5 compounds of ``r`` and ``i``, as h5py and MATLAB write them.
-    A series with attributes ``x0`` and ``dx``, as gwpy writes a FrequencySeries, gives a column
-    ``frequency`` too, and if it is the only dataset, ``value``.
-
-    Raises
-    ------
-    InputError
-        If the file is not HDF5 or has no such dataset.
+    Complex numbers are compounds of two numbers, as h5py and MATLAB write them. A series with
+    attributes ``x0`` and ``dx``, as gwpy writes a FrequencySeries, also gives a column
+    ``frequency`` and, if it is the only dataset, ``value``. Raises `InputError` if the file is not
+    HDF5 or has no such dataset.
     """
     import h5py
 
     names: list[str] = []
     series: list[tuple[str, float, float]] = []
 
-    def visit(name: str, item: Any) -> None:
+    def visit(name: str, item: Stored) -> None:
         if isinstance(item, h5py.Dataset) and item.size and max(item.shape, default=0) == item.size:
             names.append(name)
             if {"x0", "dx"} <= set(item.attrs):
@@ -61,7 +60,7 @@ def read(path: Path) -> Columns:
         names += ["frequency", "value"] if len(stored) == 1 else ["frequency"]
         stored += [series[0][0]] * (len(names) - len(stored))
 
-    def column(position: int) -> Any:
+    def column(position: int) -> np.ndarray:
         with h5py.File(path, "r") as file:
             values = np.asarray(file[stored[position]]).ravel()
         if names[position] == "frequency" and stored[position] != "frequency":

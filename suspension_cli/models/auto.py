@@ -2,8 +2,8 @@
 
 Three refinements may be neglected: `base.BLADE_TIPS`, `base.BENDING` and `base.MASS`. Their effect
 is estimated from the modes of the simplest model (`estimates`), before any other is built. A
-refinement below the tolerance is neglected; where its estimate is not, it is included, or the
-quantity of interest is computed with and without it if that costs less.
+refinement is neglected if its estimate is below the tolerance. Otherwise it is included or, if that
+costs less, the quantity of interest is computed with and without it.
 """
 
 from __future__ import annotations
@@ -31,15 +31,16 @@ TOLERANCE = 1e-3
 """Relative error that `auto` allows by default."""
 AWAY = 2.0
 """Safety factor on the estimate of bending where bodies do not hang as drawn: bent wires then also
-pull on them, which turns them a little and is not estimated."""
+turn them a little, which is not estimated."""
 CHANGED = 0.1
-"""Relative change of a result by bending above which the modes of straight wires tell little."""
+"""Relative change of a result by bending above which modes on straight wires are a poor basis for
+other estimates."""
 OTHER = 4.0
-"""Safety factor on the estimate of wire mass from these modes."""
+"""Safety factor on the estimate of wire mass from such modes."""
 ZERO = "symmetry makes the response exactly 0"
-"""Why the most complete model is taken, if nothing that it adds changes a response of 0."""
+"""Reason for the most complete model where a response is 0 in it too."""
 NOT_MET = " not met by any model of this analysis"
-"""What follows the tolerance in a reason if the most complete model allowed exceeds it."""
+"""Follows the tolerance in a reason if the most complete model allowed exceeds it."""
 MARGIN = 0.8
 """Fraction of the tolerance that all neglected refinements together may change."""
 
@@ -50,20 +51,20 @@ class Refinement:
 
     Attributes
     ----------
-    name : str
+    name
         `base.BLADE_TIPS`, `base.BENDING` or `base.MASS`.
-    indicator : float
+    indicator
         Estimated relative change; NaN where the design lacks the wires' properties.
-    stage : str
+    stage
         The stage that contributes most.
-    change : float or None
+    change
         The relative change, computed; None where the estimate sufficed.
-    taken : bool
-        Whether the chosen model includes it on its account.
-    what : str
-        The part of the quantity that changes most; "" where nothing was computed.
-    words : str
-        Replaces the number in messages where that is infinite; "" elsewhere.
+    taken
+        Whether the chosen model includes it because of its size.
+    what
+        The part of the quantity that changes most; "" if not computed.
+    words
+        In messages in place of an infinite number; else "".
     """
 
     name: str
@@ -95,7 +96,7 @@ class Decision:
 
     @property
     def physics(self) -> str:
-        """The neglected physics that changes it: "wire bending"; "" if not computed."""
+        """The neglected physics that changes it, such as "wire bending"; "" if not computed."""
         return "" if self._worst is None else self._worst.name
 
     @property
@@ -128,15 +129,13 @@ def decide(
 
     Parameters
     ----------
-    design : Design
-    make : callable
+    make
         From the simplest linear system to the quantity of interest.
-    tolerance : float
-    top : str
+    top
         The most complete model allowed; physics that it omits is neglected, however large.
-    highest : float, optional
+    highest
         The highest frequency of a response, Hz. Where a bound at this frequency requires the most
-        complete model, no other is then built, nor is any refinement weighed.
+        complete model, only that is built.
     """
     base, limit = registry.choose(design), registry.by_name(top)
     build = _Builder(design)
@@ -151,9 +150,11 @@ def decide(
             why = ZERO if make(model).is_zero(model) else why
             return Decision(Choice(limit.name, why, 0.0), model, ())
     quantity, estimate, found = _estimator(build, build(base.model), make)
-    refinements = _series(design, base.model, quantity, build, _room([], tolerance))
+    refinements = _blade_tip_refinement(
+        design, base.model, quantity, build, _remaining_tolerance([], tolerance)
+    )
     for name in (BENDING, MASS):
-        room = _room(refinements, tolerance)
+        room = _remaining_tolerance(refinements, tolerance)
         if name == MASS and 0 < bound <= room:
             refinements.append(Refinement(MASS, bound, "", None, taken=False))
             continue
@@ -163,9 +164,9 @@ def decide(
         if name == MASS and not np.isnan(left.indicator):
             left = replace(left, indicator=quantity.mass_bound(build.wires) or left.indicator)
         refinements.append(
-            _weighed(left, quantity, build, room)
+            _include_if_large(left, quantity, build, room)
             if name not in limit.omits
-            else _sampled(left, quantity, build)
+            else _compute_if_large(left, quantity, build)
         )
     refinements = [replace(item, words=_words(item, found, build)) for item in refinements]
     model = _chosen(refinements) or base.model
@@ -182,23 +183,21 @@ def estimate_error(
 ) -> Decision:
     """Estimate the error of a model that was chosen for another reason.
 
-    Parameters
-    ----------
-    design : Design
-    choice : Choice
-        Its error, and the neglected physics in its reason, are filled in.
-    make : callable
-        From the model's linear system to the quantity of interest.
+    Fills in the `choice`'s error and, in its reason, the neglected physics. `make` leads from the
+    model's linear system to the quantity of interest.
     """
     build, model = _Builder(design), choice.model
     if not model.omits:
         return Decision(replace(choice, error=0.0), build(model), ())
     quantity, estimate, found = _estimator(build, build(model), make)
     refinements = [
-        replace(item, taken=False) for item in _series(design, model, quantity, build, 0.0)
+        replace(item, taken=False)
+        for item in _blade_tip_refinement(design, model, quantity, build, 0.0)
     ]
     refinements += [
-        _sampled(estimate(name), quantity, build) for name in (BENDING, MASS) if name in model.omits
+        _compute_if_large(estimate(name), quantity, build)
+        for name in (BENDING, MASS)
+        if name in model.omits
     ]
     refinements = [replace(item, words=_words(item, found, build)) for item in refinements]
     return Decision(
@@ -215,7 +214,7 @@ def estimate_error(
 def decide_for_thermal_noise(
     design: Design, wanted: str, highest: float, tolerance: float = TOLERANCE
 ) -> Decision:
-    """Choose the model for thermal noise as `for_thermal_noise` does, and build its system."""
+    """Choose the model as `for_thermal_noise` does, and build its system."""
     build = _Builder(design)
     choice = _choose_for_noise(build, wanted, highest, tolerance)
     return Decision(choice, build(choice.model), ())
@@ -226,20 +225,9 @@ def for_thermal_noise(
 ) -> Choice:
     """Choose the model for thermal noise, which must know where along a wire its loss acts.
 
-    Parameters
-    ----------
-    design : Design
-    wanted : str
-        One of `registry.LEVELS`.
-    highest : float
-        The highest frequency of interest, Hz.
-    tolerance : float
-        Relative error that ``auto`` may leave, away from resonances.
-
-    Raises
-    ------
-    InputError
-        If the requested model does not resolve wires, or the design lacks their properties.
+    `wanted` is one of `registry.LEVELS`, `highest` the highest frequency of interest, Hz. ``auto``
+    may leave a relative error `tolerance`, away from resonances. Raises `InputError` if the
+    requested model does not resolve wires, or the design lacks their properties.
     """
     return _choose_for_noise(_Builder(design), wanted, highest, tolerance)
 
@@ -251,10 +239,10 @@ def _choose_for_noise(build: _Builder, wanted: str, highest: float, tolerance: f
         problem = f"the {wanted} model does not know where along a wire its loss acts"
         remedy = f"take {AUTO}, {light.name} or {heavy.name}"
         raise InputError([Fault("--fidelity", problem, remedy, format_value(wanted))])
-    _demand(light, design, "give its material and radius or section, for its loss")
+    _require_valid(light, design, "give its material and radius or section, for its loss")
     if wanted == light.name and heavy.unsuitable(design):
         return Choice(light.name, f"as requested; neglected: {MASS}, of unknown effect")
-    _demand(heavy, design, f"give its material's density, or take --fidelity {light.name}")
+    _require_valid(heavy, design, f"give its material's density, or take --fidelity {light.name}")
     if wanted == heavy.name:
         return Choice(heavy.name, "as requested", 0.0)
     effect = build.wires().effect_on_noise(highest)
@@ -275,7 +263,7 @@ def _choose_for_noise(build: _Builder, wanted: str, highest: float, tolerance: f
     )
 
 
-def _demand(model: Model, design: Design, remedy: str) -> None:
+def _require_valid(model: Model, design: Design, remedy: str) -> None:
     why = model.unsuitable(design)
     if why:
         raise InputError([Fault("stage", why, remedy)])
@@ -284,7 +272,7 @@ def _demand(model: Model, design: Design, remedy: str) -> None:
 def _estimator(
     build: _Builder, system: LinearSystem, make: Callable[[LinearSystem], QuantityOfInterest]
 ) -> tuple[QuantityOfInterest, Callable[[str], Refinement], Modes]:
-    """The quantity of interest, what estimates a (neglected) refinement, and the modes."""
+    """The quantity of interest, the estimate of a (neglected) refinement by name, and the modes."""
     quantity, found = make(system), eigenmodes.solve(system.constant)
     of = Estimates(build.design, found, build.hanging)
 
@@ -298,10 +286,10 @@ def _estimator(
     return quantity, estimate, found
 
 
-def _series(
+def _blade_tip_refinement(
     design: Design, model: Model, quantity: QuantityOfInterest, build: _Builder, room: float
 ) -> list[Refinement]:
-    """Blade tips as coordinates, where a model takes blades in series and that is not exact."""
+    """Blade tips as coordinates, where a model approximates blades as in series with wires."""
     stages = model.approximated_stages(design)
     if not stages:
         return []
@@ -309,35 +297,39 @@ def _series(
     return [Refinement(BLADE_TIPS, 1.0, stages[0], change, not change <= room, what)]
 
 
-def _weighed(
+def _include_if_large(
     left: Refinement,
     quantity: QuantityOfInterest,
     build: _Builder,
     room: float,
 ) -> Refinement:
-    """A refinement, taken if it changes more than the `room` that is left of the tolerance."""
+    """Include a refinement if it changes more than the `room` that is left of the tolerance."""
     if np.isnan(left.indicator) or left.indicator <= room:
         return left
     if left.name not in quantity.computed:
         return replace(left, taken=True)
-    seen = _computed(left, quantity, build)
+    seen = _with_computed_change(left, quantity, build)
     return replace(seen, taken=not seen.estimate <= room)
 
 
-def _sampled(left: Refinement, quantity: QuantityOfInterest, build: _Builder) -> Refinement:
-    """A neglected refinement; its change is computed where it matters, as estimates are coarse."""
-    return _computed(left, quantity, build) if left.indicator > TOLERANCE else left
+def _compute_if_large(
+    left: Refinement, quantity: QuantityOfInterest, build: _Builder
+) -> Refinement:
+    """Compute the change by a neglected refinement where it matters, as estimates are coarse."""
+    return _with_computed_change(left, quantity, build) if left.indicator > TOLERANCE else left
 
 
-def _computed(left: Refinement, quantity: QuantityOfInterest, build: _Builder) -> Refinement:
-    """A refinement with its computed change, without the other refinements."""
+def _with_computed_change(
+    left: Refinement, quantity: QuantityOfInterest, build: _Builder
+) -> Refinement:
+    """Compute the change by a refinement, without the other refinements."""
     refined = registry.cheapest_with(left.name)
     change, what = quantity.change(build(registry.before(refined)), build(refined))
     return replace(left, change=change, what=what)
 
 
-def _room(refinements: list[Refinement], tolerance: float) -> float:
-    """The part of the tolerance that is left for the next refinement, if it is neglected."""
+def _remaining_tolerance(refinements: list[Refinement], tolerance: float) -> float:
+    """The part of the tolerance that is left for neglecting the next refinement."""
     model = _chosen(refinements)
     left = refinements if model is None else _neglected(refinements, model)
     return MARGIN * tolerance - float(np.nansum([item.estimate for item in left]))
@@ -351,7 +343,7 @@ def _chosen(refinements: list[Refinement]) -> Model | None:
 
 
 def _neglected(refinements: list[Refinement], model: Model) -> list[Refinement]:
-    """Refinements that a model omits; it may include more than it was taken for."""
+    """Refinements that a model omits."""
     return [item for item in refinements if item.name in model.omits]
 
 
@@ -383,7 +375,7 @@ class _Builder:
 
 
 def _words(item: Refinement, found: Modes, build: _Builder) -> str:
-    """Words in place of an infinite change, given the modes of the simplest model; "" if finite."""
+    """Words in place of an infinite change, given the simplest model's modes; "" if finite."""
     if (
         item.name == BENDING
         and item.taken
@@ -399,7 +391,7 @@ def _words(item: Refinement, found: Modes, build: _Builder) -> str:
 
 
 def unrestrained_mode(found: Modes, *, unstable: bool) -> str:
-    """Name the mode that is `unstable`, or else free, on straight wires alone; "" if none is."""
+    """Name the mode that straight wires leave `unstable`, or else free; "" if there is none."""
     sign = -1 if unstable else 0
     names = [
         label
@@ -435,7 +427,7 @@ def _clauses(refinements: list[Refinement], quantity: QuantityOfInterest) -> str
 
 
 def _remainder(model: Model, refinements: list[Refinement], limit: str) -> str:
-    """The neglected and the unknown physics, for the end of a reason; "" if there is none."""
+    """Neglected and unknown physics, for the end of a reason; "" if there is none."""
     left = _neglected(refinements, model)
     small = [
         f"{item.name} ({item.words})" if item.words else f"{item.name}, {percent(item.estimate)}"

@@ -1,7 +1,7 @@
 """Protocol of the models: the physics that one omits, where it is valid, its linear system.
 
-A model is one object, listed once in `registry.FILES`. Code outside this folder asks its
-properties, never its name.
+A model is one object, listed in `registry.FILES`. Code outside this folder asks its properties,
+never its name.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     """A number of a closed formula: real, complex, or an array of many designs."""
 
 BLADE_TIPS, BENDING, MASS = "blade tip motion", "wire bending", "wire mass"
-"""Physics that a model may omit: blade tips as coordinates of their own (else blades act in series
-with the stretching of their wires); bending, torsion and frequency-dependent loss of wires; the
-distributed mass of wires."""
+"""Physics that a model may omit: blade tips as coordinates (else blades act in series with the
+stretching of their wires); bending, torsion and frequency-dependent loss of wires; their
+distributed mass."""
 
 
 class Model(ABC):
@@ -35,25 +35,24 @@ class Model(ABC):
 
     Attributes
     ----------
-    name : str
+    name
         As ``--fidelity`` takes it.
-    description : str
-        One line for the user.
-    valid_for : str
+    valid_for
         The geometries that it models, in words.
-    omits : tuple of str
-        Physics that is neglected: of `BLADE_TIPS`, `BENDING`, `MASS`.
-    cost : float
+    omits
+        Of `BLADE_TIPS`, `BENDING`, `MASS`.
+    cost
         Time from a design to its modes, relative to the closed forms (a single pendulum).
-    automatic : bool
+    automatic
         Whether ``auto`` may take it.
-    supports_builds : bool
-        Whether it models imperfect builds, which balance away from the nominal pose; then it has
-        the methods of `string.SceneModel`.
-    supports_derivatives : bool
-        Whether the derivatives of its matrices with respect to a design's numbers are available.
-    exact_derivatives : bool
-        Whether these are exact (one complex step) at any frequency; static ones always are.
+    supports_builds
+        Whether it models imperfect builds, which balance away from the nominal pose, by the methods
+        of `string.SceneModel`.
+    supports_derivatives
+        Whether its matrices can be differentiated with respect to a design's numbers.
+    exact_derivatives
+        Whether these derivatives are exact (by a complex step) at any frequency; static ones always
+        are.
     """
 
     name: ClassVar[str]
@@ -68,12 +67,12 @@ class Model(ABC):
 
     @property
     def bends_wires(self) -> bool:
-        """True if wires bend and twist, so that their losses act where they bend."""
+        """Whether wires bend and twist, so that their losses act where they bend."""
         return BENDING not in self.omits
 
     @property
     def has_wire_mass(self) -> bool:
-        """True if wires have mass, so that there are violin modes and no finite state space."""
+        """Whether wires have mass, so that there are violin modes and no finite state space."""
         return MASS not in self.omits
 
     @abstractmethod
@@ -87,36 +86,23 @@ class Model(ABC):
     def system(self, design: Design) -> LinearSystem:
         """The linear model of a design, with its dampers and its support structure.
 
-        Parameters
-        ----------
-        design : Design
-            One for which the model is valid.
-
-        Raises
-        ------
-        InputError
-            If there is no equilibrium, or a wire is slack in it.
+        Raises `InputError` if there is no equilibrium, or a wire is slack in it.
         """
         return surrounded(self.suspension(design), design)
 
     def refined(
         self, design: Design, built: Mapping[str, LinearSystem], scene: Scene
     ) -> LinearSystem:
-        """`system`, reusing what is known where that saves time.
+        """`system`, from the systems `built` of simpler models, by name, where that saves time.
 
-        Parameters
-        ----------
-        design : Design
-        built : mapping
-            Systems of simpler models, by name.
-        scene : Scene
-            Of the design; with `fibres` where wires have all properties that bending needs.
+        The `scene` is the design's, with `fibres` where wires have all properties that bending
+        needs.
         """
         del built, scene
         return self.system(design)
 
     def approximated_stages(self, design: Design) -> tuple[str, ...]:
-        """Stages of a design that the model approximates, by `BLADE_TIPS` that it omits."""
+        """Stages that the model approximates because it omits `BLADE_TIPS`."""
         del design
         return ()
 
@@ -125,7 +111,7 @@ class Model(ABC):
         del design
 
     def batch(self, designs: Sequence[Design]) -> LinearSystem:
-        """The suspensions of designs of one `batch_key` as one linear model, designs first axis."""
+        """Suspensions of designs of one `batch_key` as one linear model, designs as first axis."""
         (design,) = designs
         return _as_batch(self.suspension(design))
 

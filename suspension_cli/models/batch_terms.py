@@ -1,12 +1,11 @@
 """Frequency-dependent parts of the linear models of many builds at once.
 
-No two wires of imperfect builds are alike, so a model of many builds adds to K + i omega C -
-omega^2 M
+No two wires of imperfect builds are equal, so these models add to K + i omega C - omega^2 M
 
     sum over wires of G (F(omega) - F(0)) G^T,      F(0) without loss,
 
-with the dynamic stiffness F of a wire against the motion of its ends and the forms G of those. The
-stretching stiffness of a wire is not added but replaced (its inverse, see `linear.stretching`).
+with the dynamic stiffness F of a wire against the motion of its ends, and the linear forms G of
+that motion. The stretching stiffness of a wire is replaced (its inverse, see `linear.stretching`).
 """
 
 from __future__ import annotations
@@ -36,8 +35,9 @@ class BatchTerm(Protocol):
         omega: Float[np.ndarray, " build"],
         which: Int[np.ndarray, " build"],
     ) -> None:
-        """Add it to the stiffness (q, N, N) of builds (q,) at a frequency (q,) each, rad/s, in
-        place; or set the compliance (q, w) of wires against stretching, m/N.
+        """Add it in place to the stiffness (q, N, N) of builds, each at its frequency in rad/s.
+
+        Or set the compliance (q, w) of wires against stretching, m/N.
         """
         ...
 
@@ -52,15 +52,14 @@ class WireBatchTerm:
 
     Attributes
     ----------
-    fibre : tuple of Fibre
+    fibre
         The wires in the nominal pose.
-    massive : bool
+    massive
         Whether they have mass.
-    surrounded : Gas or None
-    size : int
+    size
         Number of coordinates N of the scene.
     place, sections, geometry
-        See `elements.compiled_wire.add_dynamic`.
+        See `elements.compiled_wire.WireArrays`.
     basis
         The scene's coordinates in terms of the system's own, if these differ.
     """
@@ -93,10 +92,8 @@ class WireBatchTerm:
             which,
             constant(omega),
             number,
-            self.place,
-            self.sections,
-            self.geometry,
-            *self._losses(values),
+            compiled_wire.WireArrays(self.place, self.sections, self.geometry),
+            compiled_wire.Losses(*self._losses(values)),
             self.massive,
             whole,
             compliance,
@@ -112,7 +109,7 @@ class WireBatchTerm:
         Float[np.ndarray, "wire section 2"],
         Float[np.ndarray, "wire section 4"],
     ]:
-        """Loss angles, thermoelastic coefficients and drag, see `add_dynamic`."""
+        """Loss angles, thermoelastic coefficients and drag, see `compiled_wire.Losses`."""
         wires, most = self.sections.shape[:2]
         angles, slopes = np.zeros((len(omega), wires, most, 6)), np.zeros((wires, most, 2))
         drag, known = np.zeros((wires, most, 4)), {}

@@ -1,14 +1,14 @@
 """Linear model of a suspension whose wires bend and twist, with losses as functions of frequency.
 
-A wire is a beam under tension (`elements.dynamic_wire`), solved exactly. The violin model is the
-same with the mass of the wires (`massive`).
+A wire is a beam under tension (`elements.dynamic_wire`), solved exactly. In the violin model it has
+mass too (`massive`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -41,25 +41,12 @@ if TYPE_CHECKING:
 
 
 def linear_model(scene: Scene, drag: Drag = (), *, massive: bool) -> LinearSystem:
-    """Linear model of small motions of a scene whose wires bend.
+    """Linear model of small motions of a scene whose wires bend, and have mass if `massive`.
 
-    Parameters
-    ----------
-    scene : Scene
-        Without batch axes; `fibres` filled.
-    drag : Drag
-    massive : bool
-        Whether wires have mass (the violin model).
+    The scene has no batch axes, and has `fibres`. The stiffness is static and lossless; `terms` are
+    the rest, functions of frequency.
 
-    Returns
-    -------
-    LinearSystem
-        Its stiffness is static and lossless; `terms` are the rest, functions of frequency.
-
-    Raises
-    ------
-    InputError
-        If there is no equilibrium, or a wire is slack in it.
+    Raises `InputError` if there is no equilibrium, or a wire is slack in it.
     """
     numbering = layout(scene)
     scene, balanced = bending_wires.solve_bending(scene, numbering)
@@ -71,7 +58,7 @@ def linear_model(scene: Scene, drag: Drag = (), *, massive: bool) -> LinearSyste
     terms = [
         *grounded,
         *_wire_terms(scene, numbering, balanced, adapted, massive=massive),
-        *loss_terms(scene, numbering, adapted),
+        *loss_terms(scene, numbering, balanced.pose, adapted),
         *of_springs[len(of_ground) :],
         *gas_terms(scene, numbering, balanced.pose, adapted, drag),
     ]
@@ -141,7 +128,7 @@ def _alike(
 def wire_forms(
     scene: Scene, numbering: Layout, pose: Pose
 ) -> dict[str, Inexact[np.ndarray, "*batch coordinate wire _"]]:
-    """Motion of the ends of every wire with the coordinates, (..., N, w, c) for each of `PARTS`.
+    """Motion of the ends of every wire per coordinate, (..., N, w, c) for each of `PARTS`.
 
     In the axes of the wire as it hangs: e from its upper to its lower end, n_1 its first principal
     plane across e, n_2 = e x n_1. A rotation t of a body turns the wire's end to the slope (t x e)
@@ -165,7 +152,8 @@ def wire_forms(
     turned = tuple(_turning(numbering, body) for body in (wires.upper, wires.lower))
 
     def even_odd(
-        ends: Any, along: Inexact[np.ndarray, "*batch wire 3"]
+        ends: Iterable[Inexact[np.ndarray, "*batch coordinate wire 3"]],
+        along: Inexact[np.ndarray, "*batch wire 3"],
     ) -> tuple[
         Inexact[np.ndarray, "*batch coordinate wire"], Inexact[np.ndarray, "*batch coordinate wire"]
     ]:
@@ -186,7 +174,7 @@ def wire_forms(
 def _turning(
     numbering: Layout, body: Int[np.ndarray, " wire"]
 ) -> Float[np.ndarray, "coordinate wire 3"]:
-    """Rotation (N, w, 3) of the wires' bodies with the coordinates."""
+    """Rotation of the wires' bodies per coordinate."""
     result = np.zeros((numbering.size, len(body), 3))
     for axis in range(3):
         result[6 * body + 3 + axis, np.arange(len(body)), axis] = 1.0
@@ -198,22 +186,9 @@ def linear_models(
 ) -> tuple[LinearSystem, Equilibrium, tuple[BatchTerm, ...]]:
     """Static, lossless linear models of many builds, and their frequency-dependent terms.
 
-    Parameters
-    ----------
-    scene : Scene
-        With one batch axis; `fibres` filled.
-    drag, massive
-        See `linear_model`.
-    split : bool
-        See `string.SceneModel.in_equilibrium`.
-
-    Returns
-    -------
-    LinearSystem
-        With the builds as first axis.
-    Equilibrium
-        Not necessarily converged.
-    terms : tuple of BatchTerm
+    The scene has one batch axis, which comes first in the models, and has `fibres`. Also returns
+    the equilibria, not necessarily converged. `split` as for `string.SceneModel.in_equilibrium`,
+    the rest as for `linear_model`.
     """
     numbering = layout(scene)
     scene, found = bending_wires.solve_bending(scene, numbering)
@@ -221,7 +196,7 @@ def linear_models(
     plain = no_symmetry(numbering)
     of_springs, of_ground = spring_terms(scene, numbering, found.pose, plain)
     lossy = [
-        *loss_terms(scene, numbering, plain),
+        *loss_terms(scene, numbering, found.pose, plain),
         *of_springs[len(of_ground) :],
         *gas_terms(scene, numbering, found.pose, plain, drag),
     ]
@@ -300,7 +275,7 @@ class Beam(string_model.SceneModel):
     def in_equilibrium(
         self, scene: Scene, design: Design, *, split: bool = False
     ) -> tuple[LinearSystem, Equilibrium, tuple[BatchTerm, ...]]:
-        """Builds whose wires bend, each as long and as taut as it is in its own equilibrium."""
+        """Builds whose wires bend, each with its length and tension in its own equilibrium."""
         assert scene.fibres is not None
         drag = _gas_damping(scene.fibres, design)
         return linear_models(scene, drag, massive=self.has_wire_mass, split=split)

@@ -5,9 +5,9 @@ t1 and t2 those in y at the upper and lower end, d the height of the lower ends 
 Omega the angle of the wires from the vertical, sin(Omega) = (t2 - t1) / l.
 
 The paper does not print sideways and roll ("the terms for the other degrees of freedom follow in a
-similar fashion"): they are derived here in the same way, see `sideways_roll`. The paper's tilt is
-positive against the right-hand rule; here it is right-handed, which changes the sign of A12 and
-A21 and no frequency.
+similar fashion"); `sideways_roll` derives them in the same way. The paper's tilt is positive
+against the right-hand rule; the right-handed one here changes the sign of A12 and A21 and no
+frequency.
 """
 
 from __future__ import annotations
@@ -45,15 +45,13 @@ class FourWires:
 
     Attributes
     ----------
-    mass : float
-        kg.
-    inertia : tuple of float
-        IX, IY, IZ in kg m^2.
-    l, s, t1, t2, d : float
+    mass, inertia
+        kg; IX, IY, IZ in kg m^2.
+    l, s, t1, t2, d
         m.
-    k : float
+    k
         Spring constant of one wire, N/m.
-    gravity : float
+    gravity
         m/s^2.
     """
 
@@ -91,10 +89,10 @@ def rotation(p: FourWires) -> Numbers:
 
 
 def longitudinal_tilt(p: FourWires) -> Inexact[np.ndarray, "*batch 2 2"]:
-    """The matrix A of equations 10 to 14 with right-handed pitch: (x, pitch)'' = A (x, pitch);
-    (..., 2, 2), 1/s^2.
+    """Matrix A of equations 10 to 14 with right-handed pitch, (x, pitch)'' = A (x, pitch).
 
-    For d = 0 its diagonal is that of equations 7 and 8 (2 and 3 for vertical wires).
+    (..., 2, 2), 1/s^2. For d = 0 its diagonal is that of equations 7 and 8 (2 and 3 for vertical
+    wires).
     """
     inertia = p.inertia[1]
     over = p.gravity / (p.l * p.cos)
@@ -105,17 +103,18 @@ def longitudinal_tilt(p: FourWires) -> Inexact[np.ndarray, "*batch 2 2"]:
 
 
 def sideways_roll(p: FourWires) -> Inexact[np.ndarray, "*batch 2 2"]:
-    """The matrix A with (y, roll)'' = A (y, roll); (..., 2, 2), 1/s^2.
+    """Matrix A with (y, roll)'' = A (y, roll); (..., 2, 2), 1/s^2.
 
-    A wire at (+-s, +-t2, d) below is lengthened by e and swung by w when the mass moves by y and
-    rolls by p,
+    When the mass moves by y and rolls by p, a wire at (+-s, +-t2, d) below is lengthened by e and
+    swung by w,
 
-        e = +-(sin(Omega) (y - d p) - cos(Omega) t2 p),    w = cos(Omega) (y - d p) + sin(Omega) t2
-        p,
+        e = +-(sin(Omega) (y - d p) - cos(Omega) t2 p),
+        w = cos(Omega) (y - d p) + sin(Omega) t2 p.
 
-    and its tension T = m g / (4 cos(Omega)) works on the second-order lift of its lower end, p^2 (d
-    cos - t2 sin) / 2, so the energy is 4 [k e^2 / 2 + (T / l) w^2 / 2 + T p^2 (d cos - t2 sin) /
-    2].
+    Its tension T = m g / (4 cos(Omega)) works on the second-order lift of its lower end, so the
+    energy is
+
+        4 [k e^2 / 2 + (T / l) w^2 / 2 + T p^2 (d cos - t2 sin) / 2].
     """
     tension = p.mass * p.gravity / (4 * p.cos)
     e = (p.sin, -p.d * p.sin - p.t2 * p.cos)
@@ -203,10 +202,10 @@ def linear_model(design: Design) -> LinearSystem:
 
 
 def _stiffness(p: FourWires, offset: tuple[float, float, float]) -> Inexact[np.ndarray, "12 12"]:
-    """Stiffness (12, 12) of support and body.
+    """Stiffness of support and body.
 
-    The coupling to the support follows from the body's own stiffness: moving support and body
-    as one rigid body costs no elastic energy, and turns the force that the wires exert.
+    The coupling to the support follows from the body's own stiffness: moving both as one rigid body
+    costs no elastic energy, and turns the force that the wires exert.
     """
     masses = np.array([p.mass, p.mass, p.mass, *p.inertia])
     own = np.zeros((6, 6), dtype=np.result_type(float, np.asarray(p.k)))
@@ -222,7 +221,7 @@ def _stiffness(p: FourWires, offset: tuple[float, float, float]) -> Inexact[np.n
 
 
 def _rigid_motion(offset: tuple[float, float, float]) -> Float[np.ndarray, "6 6"]:
-    """Compute the motion of the body when it moves with the support as one rigid body."""
+    """Motion of the body when it moves with the support as one rigid body."""
     result = np.eye(6)
     result[:3, 3:] = -cross_matrix(np.array(offset))
     return result

@@ -1,4 +1,4 @@
-"""Upper estimates of what wire bending and wire mass change, from the modes on strings.
+"""Upper estimates of the changes by wire bending and wire mass, from the modes on strings.
 
 By Rayleigh's principle small additions dK and dM change omega^2 = lambda of the mode v_i of unit
 modal mass by A_ii = v_i^T (dK - lambda_i dM) v_i. Another mode v_j at the distance D = |lambda_i -
@@ -6,33 +6,32 @@ lambda_j| adds at most
 
     2 A_ij^2 / (D + sqrt(D^2 + 4 A_ij^2)),
 
-by which two coupled levels repel each other (Landau and Lifshitz, Quantum Mechanics, section 79).
-The sum of all these over 2 lambda_i is the relative change of the frequency.
+the repulsion of two coupled levels (Landau and Lifshitz, Quantum Mechanics, section 79). The sum of
+all over 2 lambda_i is the relative change of the frequency.
 
 Bending. A clamped wire under tension T acts like a hinge of stiffness sqrt(T EI) at the distance u
 = sqrt(EI / T) from its clamp (Gonzalez and Saulson, J. Acoust. Soc. Am. 96, 207 (1994)), turned by
-the angle between the clamp and the line from end to end. For a wire of length l bent like an S by
-two parallel clamps, which is the stiffer case, the stiffness is exactly
+the angle between the clamp and the chord. For a wire of length l bent like an S by two parallel
+clamps, the stiffer case, the stiffness is exactly
 
     T u t / (1 - 2 u t / l),    t = tanh(l / 2u),
 
-by the deflection of a beam under tension. Torsion has the stiffness (G J + T I_p / A) / l; where
-the design gives it, strings have it already. Where the design gives the effective bending points,
-the remaining stiffness is EI / l (in a ribbon's stiff plane, plus the difference of the two
-hinges). Bending brings loss: a fraction phi of the energy of stretching and twisting, and phi / 2
-of that of hinges, as these go with sqrt(EI).
+from the deflection of a beam under tension. Torsion has the stiffness (G J + T I_p / A) / l; where
+the design gives it, strings have it already. Where the design gives effective bending points, the
+remaining stiffness is EI / l (plus, in a ribbon's stiff plane, the difference of the two hinges).
+The loss is a fraction phi of the energy of stretching and twisting, and phi / 2 of that of hinges,
+which goes with sqrt(EI).
 
-Mass. Wires act on their ends, where their waves meet the bodies, like strings and rods with mass at
-the frequency of the mode; see `wire_mass` for where the ends are. Far below the first violin mode
-they are straight lines with the kinetic energy m (a^2 + a.b + b^2) / 6 for ends that move by a and
-b.
+Mass. Wires act on their ends (placed as in `wire_mass`) like strings and rods with mass at the
+frequency of the mode. Far below the first violin mode they are straight lines with the kinetic
+energy m (a^2 + a.b + b^2) / 6 for ends that move by a and b.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -60,17 +59,17 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 FAR = 0.5
-"""Largest (f / f1)^2 at which the series for responses is valid; above it nothing is estimated."""
+"""Largest (f / f1)^2 at which the series for responses is valid."""
 SMALL = 1e-3
 """Wave number times length below which waves on a wire are negligible."""
 HIGHER = 1.1
-"""Safety factor for what orders beyond the second add."""
+"""Safety factor for orders beyond the second."""
 RANGE = 2 * np.pi * np.geomspace(0.1, 1e4, 6)
 """Angular frequencies at which loss angles are evaluated; the largest is used."""
 
 
 class Estimates:
-    """Relative changes by the wires of each stage (s), for each mode (m); computed when needed.
+    """Relative changes by the wires of each stage (s), for each mode (m).
 
     Attributes
     ----------
@@ -79,8 +78,9 @@ class Estimates:
     """
 
     def __init__(self, design: Design, found: Modes, scene: Scene | None = None) -> None:
-        """Take a design, the modes of a model without bending and mass of wires, and the scene
-        from `expand_with_fibres` and `as_hanging` if it is known already.
+        """Take a design, and its modes without bending and mass of wires.
+
+        The scene is from `expand_with_fibres` and `as_hanging`, if it is known already.
         """
         self._scene = scene = scene or as_hanging(expand_with_fibres(design))
         self._found = found
@@ -95,8 +95,8 @@ class Estimates:
     def bending(self) -> Float[np.ndarray, "mode stage"]:
         """Relative change of the mode's frequency by bending.
 
-        Infinite for a mode without restoring force on strings; NaN where the design lacks the
-        wires' properties (so for all).
+        Infinite for a mode without restoring force on strings; all NaN if the design lacks the
+        wires' properties.
         """
         if not self._made:
             return self._unknown
@@ -104,15 +104,17 @@ class Estimates:
             np.sum([part[:, here] @ part[:, here].T for part in self._motion.bent], axis=0)
             for here in self._groups
         ]
-        return _over(_with_repulsion(stored, self._found) / 2, self._found.omega_squared)
+        return _relative_to_mode(
+            _with_repulsion(stored, self._found) / 2, self._found.omega_squared
+        )
 
     @cached_property
     def loss(self) -> Float[np.ndarray, "mode stage"]:
-        """Imaginary part of the relative change of omega^2 that comes with bending."""
+        """Imaginary part of the relative change of omega^2 by bending."""
         if not self._made:
             return self._unknown
         lost = self._motion.lost()
-        return _over(
+        return _relative_to_mode(
             np.stack([lost[:, here].sum(1) for here in self._groups], axis=1),
             self._found.omega_squared,
         )
@@ -154,17 +156,19 @@ class Estimates:
         return _EndMotion(self._scene, self._found, self._made)
 
 
-def _over(
+def _relative_to_mode(
     energy: Float[np.ndarray, "mode stage"], omega_squared: Float[np.ndarray, " mode"]
 ) -> Float[np.ndarray, "mode stage"]:
-    """Energy (m, s) as a fraction of that of each mode (m,); 0 if both are 0."""
+    """Energy relative to that of each mode; 0 if both are 0."""
     stored = np.abs(omega_squared)[:, None]
     return np.where(
         stored > 0, energy / np.where(stored > 0, stored, 1.0), np.where(energy > 0, np.inf, 0.0)
     )
 
 
-def repulsion(coupling: Any, distance: Any) -> Any:
+def repulsion(
+    coupling: Float[np.ndarray, "*shape"] | float, distance: Float[np.ndarray, "*shape"] | float
+) -> Float[np.ndarray, "*shape"]:
     """Change of one of two coupled levels: 2 A^2 / (D + sqrt(D^2 + 4 A^2)).
 
     >>> float(repulsion(2.0, 3.0))
@@ -178,7 +182,7 @@ def repulsion(coupling: Any, distance: Any) -> Any:
 def _with_repulsion(
     parts: list[Float[np.ndarray, "mode mode"]], found: Modes
 ) -> Float[np.ndarray, "mode stage"]:
-    """Diagonals (m, s) of matrices (m, m), one per stage, raised by the repulsion of modes."""
+    """Diagonals of one matrix per stage, raised by the repulsion of modes."""
     diagonal = np.stack([part.diagonal() for part in parts], axis=1)
     coupling = np.sum(parts, axis=0)
     np.fill_diagonal(coupling, 0.0)
@@ -193,7 +197,7 @@ def _with_repulsion(
 
 
 class _EndMotion:
-    """Motion of the ends of all wires in each mode: (m, w, 3)."""
+    """Motion of the ends of all wires in each mode (m, w, 3)."""
 
     def __init__(self, scene: Scene, found: Modes, made: tuple[Fibre, ...]) -> None:
         wires, count = scene.wires, 6 * len(found.body)
@@ -218,8 +222,8 @@ class _EndMotion:
     def _move_tips(self, scene: Scene, found: Modes) -> None:
         """Add the motion of blade tips to that of upper ends.
 
-        Where blades are in series with wires, the tip is where its stiffness balances the
-        stretching of its wires.
+        Where blades are in series with wires, the tip balances its stiffness and the stretching of
+        its wires.
         """
         wires, blades = scene.wires, scene.blades
         stretched = ((self.move[1] - self.move[0]) * self.along).sum(-1)
@@ -248,7 +252,7 @@ class _EndMotion:
     def lost(self) -> Float[np.ndarray, "mode wire"]:
         """Imaginary part of v^T dK v, by bending, twisting and stretching of all wires."""
         wires, (torsion, sheared) = self.wires, self._torsion
-        angle = np.array(self._each(lambda fibre, tension, _: _angles(fibre, tension))).T
+        angle = np.array(self._per_wire(lambda fibre, tension, _: _angles(fibre, tension))).T
         stretched = (self._chord * self.along).sum(-1) * wires.length
         twist_lost = np.where(
             wires.torsion > 0,
@@ -263,8 +267,8 @@ class _EndMotion:
             lost = lost + angle[0] / 2 * self._hinges[end, plane, :, 0] * turned**2
         return lost
 
-    def _each(self, function: Callable[[Fibre, float, float], T]) -> list[T]:
-        """A function of composition, tension and length of each wire; once for equal wires."""
+    def _per_wire(self, function: Callable[[Fibre, float, float], T]) -> list[T]:
+        """Evaluate a function of composition, tension and length of each wire, once if equal."""
         known: dict[Hashable, T] = {}
         found = []
         numbers = zip(self.wires.tension.tolist(), self.wires.length.tolist(), strict=True)
@@ -286,12 +290,12 @@ class _EndMotion:
     @cached_property
     def _torsion(self) -> Float[np.ndarray, "two wire"]:
         """Stiffness of torsion, and the fraction that is in shear."""
-        return np.array(self._each(lambda fibre, tension, _: _torsion(fibre, tension))).T
+        return np.array(self._per_wire(lambda fibre, tension, _: _torsion(fibre, tension))).T
 
     @cached_property
     def _hinges(self) -> Float[np.ndarray, "end plane wire two"]:
         """Stiffness of ends against turning, and the part of it that strings lack."""
-        found = self._each(
+        found = self._per_wire(
             lambda fibre, tension, length: [
                 [_hinge(fibre, end, plane, tension, length) for plane in (0, 1)] for end in (0, 1)
             ]
@@ -312,7 +316,7 @@ class _EndMotion:
         return found
 
     def inertia(self, here: Bool[np.ndarray, " wire"]) -> Float[np.ndarray, "mode mode"]:
-        """Magnitudes of v_i^T (Z - K) v_j (m, m) by the mass of the wires `here` at omega_i.
+        """Magnitudes of v_i^T (Z - K) v_j by the mass of the wires `here` at omega_i.
 
         Infinite if omega_i is too close to a violin mode.
         """
@@ -324,7 +328,9 @@ class _EndMotion:
     def _wave_forces(self) -> tuple[Float[np.ndarray, "mode wire 12"], ...]:
         """Forces on the ends of all wires by their mass, and the motions of these ends."""
         first, mixed, last, reach = np.array(
-            self._each(lambda fibre, tension, _: (*moments(fibre), hinge_distance(fibre, tension)))
+            self._per_wire(
+                lambda fibre, tension, _: (*moments(fibre), hinge_distance(fibre, tension))
+            )
         ).T
         whole = first + 2 * mixed + last
         mass = np.where(whole > 0, 3 * np.maximum(first, last), 0.0)  # the denser half counts
@@ -351,11 +357,11 @@ def _waves(
     stiffness: Float[np.ndarray, " wire"],
     shorter: Float[np.ndarray, " wire"],
 ) -> tuple[Float[np.ndarray, "mode wire"], Float[np.ndarray, "mode wire"]]:
-    """Stiffness (m, w) that mass adds to strings or rods, for one end and between their ends.
+    """Stiffness that mass adds to strings or rods, for one end and between their ends.
 
     With X = omega sqrt(mass / stiffness), the stiffness times X cot X - 1 and 1 - X / sin X (any
     text on vibrations). A clamped wire vibrates on a length that is less by the fraction `shorter`:
-    the larger magnitude of both counts, NaN where a resonance lies in between.
+    the larger magnitude of both counts; NaN where a resonance lies in between.
     """
     ratio = np.where(stiffness > 0, mass / np.where(stiffness > 0, stiffness, 1.0), 0.0)
     full = omega[:, None] * np.sqrt(ratio)

@@ -1,20 +1,20 @@
 """Force model of a chain of symmetric stages on straight wires, in four uncoupled blocks.
 
-Husman et al., Rev. Sci. Instrum. 71, 2546 (2000), sections 3a and 4. A wire from the upper body
-(arm a) to the lower one (arm b), with unit vector u, tension T and spring constant k, stores for a
-small relative displacement D of its ends
+Husman et al., Rev. Sci. Instrum. 71, 2546 (2000), sections 3a and 4. A wire with unit vector u,
+tension T and spring constant k joins the upper body (arm a) to the lower one (arm b). For a small
+relative displacement D of its ends it stores
 
-    k (u . D)^2 / 2 + (T / l) (|D|^2 - (u . D)^2) / 2 + T u . (second-order displacement of b less
-    that of a).
+    k (u . D)^2 / 2 + (T / l) (|D|^2 - (u . D)^2) / 2
+    + T u . (second-order displacement of b less that of a).
 
 A wire whose torsion is given adds torsion (u . t)^2 / 2 for a rotation t of the lower body less
 that of the upper one. Summed over the wires of a symmetric set, terms odd in x or y cancel, and the
 chain falls into four blocks that do not couple: longitudinal-pitch, transverse-roll, vertical, yaw.
-Blades are the paper's approximation: in series with the stretching of the wires, along the wires.
-That is exact for vertical wires only (the string model has the tips as coordinates). Two wires on
-one blade stretch it together, so the blade counts only in the motions that pull both alike.
+As in the paper, blades are in series with the stretching of the wires and act along them. That is
+exact only for vertical wires (the string model has the tips as coordinates). Two wires on one blade
+stretch it together, so the blade counts only in motions that pull both alike.
 
-Every number may be an array; all functions work on whole batches of chains. No code of the general
+Every number may be an array; all functions work on batches of chains. No code of the general
 assembly is used.
 """
 
@@ -68,22 +68,18 @@ class Stage:
 
     Attributes
     ----------
-    mass : float
-        kg.
-    inertia : tuple of float
-        IX, IY, IZ in kg m^2.
-    count : int
+    mass, inertia
+        kg; IX, IY, IZ in kg m^2.
+    count
         Wires: 1, 2 (at +-t) or 4.
-    l, s_upper, s_lower, t1, t2, d, d_upper : float
+    l, s_upper, s_lower, t1, t2, d, d_upper
         m; the paper's symbols, see `design.schema.WireSet`.
-    k : float
-        Of one wire, N/m.
-    torsion : float
-        Of one wire, N m/rad; 0 if not given.
-    blades : int
+    k, torsion
+        Of one wire, N/m and N m/rad (0 if not given).
+    blades
         0, or the number of blades that carry the wires.
-    blade_stiffness : float
-        Of one blade, N/m.  This, k and torsion may be complex, k (1 + i phi).
+    blade_stiffness
+        Of one blade, N/m. This, k and torsion may be complex, k (1 + i phi).
     """
 
     mass: Numbers
@@ -104,11 +100,8 @@ class Stage:
     def stretching(self, *, together: bool) -> Numbers:
         """Spring constant of one wire with its blade in series, N/m.
 
-        Parameters
-        ----------
-        together : bool
-            Whether the motion stretches the wires that share a blade alike (else their blade stays
-            at rest).
+        `together`: whether the motion stretches the wires that share a blade alike (else the blade
+        stays at rest).
         """
         if self.blades == 0:
             return self.k
@@ -126,13 +119,10 @@ class Chain:
     gravity: Numbers = 9.81
 
 
-def stiffness(chain: Chain) -> dict[str, Inexact[np.ndarray, "*axes"]]:
-    """Stiffness matrices of the four blocks.
+def stiffness(chain: Chain) -> dict[str, Inexact[np.ndarray, "... _ _"]]:
+    """Stiffness matrices (..., c (n + 1), c (n + 1)) of the four blocks: N/m, N, N m.
 
-    Returns
-    -------
-    dict of (..., c (n + 1), c (n + 1)) arrays
-        For c coordinates per body and n stages, the support first: N/m, N, N m.
+    For c coordinates per body and n stages, the support first.
     """
     n = len(chain.stages)
     batch = np.broadcast_shapes(
@@ -239,10 +229,7 @@ def dynamics(chain: Chain) -> dict[str, Inexact[np.ndarray, "*axes"]]:
 
 
 def eigenvalues(chain: Chain) -> dict[str, Inexact[np.ndarray, "*axes"]]:
-    """omega^2 (rad/s)^2 of all modes, ascending in each block, (..., c n); negative if unstable.
-
-    Large one-dimensional batches are solved in chunks.
-    """
+    """omega^2 (rad/s)^2 of all modes, ascending in each block, (..., c n); negative if unstable."""
     sizes = {
         np.shape(v)
         for stage in chain.stages
@@ -310,7 +297,7 @@ def unsuited(design: Design) -> str:
 
 
 def series_is_approximate(design: Design) -> list[str]:
-    """Stages whose blades hold angled wires, where blades in series with wires are approximate."""
+    """Stages with angled wires on blades, which are not exactly in series."""
     found = []
     for stage in design.stage:
         if stage.blades is not None and stage.wires is not None:
@@ -321,7 +308,7 @@ def series_is_approximate(design: Design) -> list[str]:
 
 
 def chain(design: Design, *, lossy: bool = False) -> Chain:
-    """The chain of a design for which `unsuited` is ""; complex spring constants if `lossy`."""
+    """The chain of a suitable design, with complex spring constants if `lossy`."""
     stages = []
     for stage in design.stage:
         assert stage.wires is not None
@@ -401,7 +388,7 @@ def _rows(name: str, bodies: int) -> Int[np.ndarray, " own"]:
 
 
 def _whole(links: Chain, size: int) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
-    """All four blocks in one matrix (..., size, size)."""
+    """All four blocks in one matrix."""
     blocks = stiffness(links)
     result = np.zeros((*blocks["vertical"].shape[:-2], size, size), dtype=blocks["vertical"].dtype)
     for name, matrix in blocks.items():
@@ -411,7 +398,7 @@ def _whole(links: Chain, size: int) -> Inexact[np.ndarray, "*batch coordinate co
 
 
 def _rigid_motion(design: Design) -> Float[np.ndarray, "coordinate 6"]:
-    """Motion (N, 6) of all coordinates when everything moves with the support as one rigid body."""
+    """Motion of all coordinates when everything moves with the support as one rigid body."""
     positions = com_positions(design)
     result = np.concatenate([np.eye(6)] * (len(design.stage) + 1))
     for n, stage in enumerate(design.stage, 1):

@@ -1,7 +1,7 @@
 """Quantities of interest, and their relative change by a refinement of the model.
 
-The change is estimated from the modes of the simplest model, or computed from the linear systems
-with and without the refinement.
+It is estimated from the modes of the simplest model, or computed from the systems with and without
+the refinement.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 SAMPLES = 12
 """Frequencies at which a response is sampled."""
 NEAR = 0.05
-"""Relative distance from a mode within which a response is not sampled: there a shift by delta
-changes it by 2 Q delta."""
+"""Relative distance from a mode within which a response is not sampled: a shift of the mode by
+delta changes it there by 2 Q delta."""
 
 
 class QuantityOfInterest(Protocol):
@@ -39,11 +39,11 @@ class QuantityOfInterest(Protocol):
 
     Attributes
     ----------
-    effect : str
+    effect
         Verb and noun for the change: "shifts the modes".
-    computed : tuple of str
-        Refinements (of `base.BENDING`, `base.MASS`) whose effect is computed where its estimate is
-        not below the tolerance; others are included there.
+    computed
+        Refinements (`base.BENDING`, `base.MASS`) whose effect is computed where its estimate
+        exceeds the tolerance; others are included.
     """
 
     effect: ClassVar[str]
@@ -70,8 +70,8 @@ class QuantityOfInterest(Protocol):
 class Frequencies:
     """The frequencies of all modes of the bodies.
 
-    The modes of beams cost little less than the change that bending makes to them, but violin
-    modes, which are counted one by one, cost far more than what wire mass makes.
+    The modes of the beam model cost as much as computing how bending changes them. Violin modes,
+    counted one by one, cost far more than the change by wire mass.
     """
 
     effect: ClassVar[str] = "shifts the modes"
@@ -84,17 +84,17 @@ class Frequencies:
         return change[change.sum(1).argmax()]
 
     def mass_bound(self, wires: Callable[[], MassiveWires]) -> float:
-        """Return 0, as modes differ by far in what mass changes."""
+        """Return 0: the effect of mass differs too much between modes."""
         del wires
         return 0.0
 
     def is_zero(self, model: LinearSystem) -> bool:
-        """Return False, as the frequencies of a pendulum are not 0."""
+        """Return False: the frequencies of a pendulum are not 0."""
         del model
         return False
 
     def change(self, without: LinearSystem, refined: LinearSystem) -> tuple[float, str]:
-        """Compute that of the mode that changes most; modes are paired by their shapes."""
+        """Compute the change of the mode that changes most; modes are paired by their shapes."""
         new = eigenmodes.solve(refined.constant)
         changes = (
             _loaded(new, refined)
@@ -109,9 +109,8 @@ class Frequencies:
 class Transfer:
     """Responses of outputs to inputs at frequencies (f,) in Hz.
 
-    Beside a resonance, an error is the shift of frequency that it is equal to. Responses of wires
-    with mass cost no more than without: if the estimate is not small, mass is included and nothing
-    is sampled.
+    Beside a resonance an error counts as the equivalent shift of frequency. Wire mass makes
+    responses no slower, so it is included where its estimate is not small.
     """
 
     inputs: list[Signal]
@@ -151,13 +150,13 @@ class Transfer:
     def values(
         self, model: LinearSystem, frequency: Array
     ) -> Complex[np.ndarray, "frequency output input"]:
-        """Solve for the responses (f, o, i) at frequencies (f,) in Hz."""
+        """Solve for the responses at frequencies in Hz."""
         from suspension_cli.linear import response
 
         return response.solve(model, frequency, self.inputs, self.outputs).value
 
     def _touched(self, found: Modes) -> Bool[np.ndarray, " mode"]:
-        """Modes in the blocks of the inputs and outputs: (m,) bool."""
+        """Which modes are in the blocks of the inputs and outputs."""
         places = [
             found.coordinate.index(f"{one.body}.{DOFS[one.dof]}")
             for one in self.signals()
@@ -195,8 +194,7 @@ class Several:
 
     Attributes
     ----------
-    scalars : tuple of Scalar
-    modes : Modes
+    modes
         To which mode numbers refer.
     """
 
@@ -212,12 +210,12 @@ class Several:
         return max(each, key=lambda part: float(np.nansum(part)))
 
     def mass_bound(self, wires: Callable[[], MassiveWires]) -> float:
-        """Return 0, as these may be modes."""
+        """Return 0: the scalars may be modes."""
         del wires
         return 0.0
 
     def is_zero(self, model: LinearSystem) -> bool:
-        """Return False, as these may be modes."""
+        """Return False: the scalars may be modes."""
         del model
         return False
 
@@ -229,7 +227,7 @@ class Several:
         return one.estimate(physics, found, of)
 
     def change(self, without: LinearSystem, refined: LinearSystem) -> tuple[float, str]:
-        """Compute that of the scalar that changes most; modes are paired by their shapes."""
+        """Compute the change of the scalar that changes most; modes are paired by their shapes."""
         new = eigenmodes.solve(refined.constant)
         changes = (
             _loaded(new, refined)
@@ -251,9 +249,10 @@ class Several:
 
 @dataclass(frozen=True)
 class Differentiated(Several):
-    """Several scalar results and their derivatives, which bending may change more than them.
+    """Several scalar results and their derivatives.
 
-    It is therefore included wherever its estimate is not small, as for the modes themselves.
+    Bending may change a derivative more than its result, so it is included where its estimate is
+    not small.
     """
 
     computed: ClassVar[tuple[str, ...]] = (MASS,)
@@ -297,12 +296,13 @@ def _pairs(rows: Modes, columns: Modes, model: LinearSystem) -> Int[np.ndarray, 
 
 
 def _loaded(found: Modes, model: LinearSystem) -> Float[np.ndarray, " mode"]:
-    """Relative change of each frequency by wire mass, at most.
+    """Upper bound on the relative change of each frequency by wire mass.
 
     With the dynamic stiffness Z(omega) of wires with mass, omega^2 of the mode v_i is a root of x =
-    omega_i^2 + A_ii(x), A_ij = v_i^T (Z - K + omega^2 M) v_j. A_ii falls with x but at violin modes
-    (its slope is minus the wires' kinetic energy), so a root lies between omega_i^2 and omega_i^2 +
-    A_ii(omega_i^2). Other modes of the bodies add their repulsion (`estimates.repulsion`).
+    omega_i^2 + A_ii(x), A_ij = v_i^T (Z - K + omega^2 M) v_j. Except at violin modes A_ii falls
+    with x (its slope is minus the wires' kinetic energy), so a root lies between omega_i^2 and
+    omega_i^2 + A_ii(omega_i^2). Other modes of the bodies add their repulsion
+    (`estimates.repulsion`).
     """
     good = found.omega_squared > 0
     omega = np.sqrt(found.omega_squared[good])

@@ -1,7 +1,7 @@
 """The models from the cheapest to the most complete, and which of them a design needs.
 
-Adding a model takes its file and an entry in `FILES`. The models are imported when they are first
-needed: their names, for options and help, cost nothing.
+Adding a model takes its file and an entry in `FILES`. Models are imported when first needed, so
+that options and help can list them at once.
 """
 
 from __future__ import annotations
@@ -43,9 +43,7 @@ NOTHING = "neglected: nothing that pendsus can model"
 
 
 def __getattr__(name: str) -> Any:
-    """`MODELS`, `SCENE_MODELS` (of any geometry, with imperfect builds), `MOST_COMPLETE`, and each
-    model under the name of its object: `STRING`.
-    """
+    """`MODELS`, `SCENE_MODELS` (general, with imperfect builds), `MOST_COMPLETE`, `STRING`, ..."""
     if name == "MODELS":
         return _models()
     if name == "MOST_COMPLETE":
@@ -79,12 +77,12 @@ class Choice:
 
     Attributes
     ----------
-    level : str
+    level
         Name of the model.
-    reason : str
+    reason
         Why, then (after a semicolon) what is neglected, for the user.
-    error : float
-        Estimated relative error of the quantity of interest; NaN where none was estimated.
+    error
+        Estimated relative error of the quantity of interest; NaN if none was estimated.
     """
 
     level: str
@@ -126,7 +124,7 @@ def by_name(name: str) -> Model:
 
 
 def scene_model(name: str) -> SceneModel:
-    """The model of a name that supports imperfect builds; a KeyError if it does not."""
+    """The model of a name that supports imperfect builds; KeyError if it does not."""
     return _scene_models()[name]
 
 
@@ -149,19 +147,12 @@ def adds(refined: Model, simple: Model) -> str:
 
 
 def choose(design: Design, wanted: str = AUTO) -> Choice:
-    """The simplest model that is valid for a design, or the requested one.
+    """The simplest model that is valid for a design, or the one `wanted` (of `LEVELS`).
 
-    Parameters
-    ----------
-    design : Design
-    wanted : str
-        One of `LEVELS`; ``auto`` looks at the structure of the design alone (`auto.decide` takes
-        the quantity of interest into account too).
+    ``auto`` looks only at the structure of the design; `auto.decide` also at the quantity of
+    interest.
 
-    Raises
-    ------
-    InputError
-        If the requested model is not valid for the design.
+    Raises `InputError` if the requested model is not valid for the design.
     """
     if wanted == AUTO:
         return _simplest(design)

@@ -14,7 +14,7 @@ import numpy as np
 
 from suspension_cli.design.schema import Design
 from suspension_cli.elements import spring, string
-from suspension_cli.elements.registry import ELEMENTS
+from suspension_cli.elements.registry import elements_of, uncompiled
 from suspension_cli.equilibrium.energy import gradient_and_stiffness
 from suspension_cli.equilibrium.hinges import hinge_rigidities, to_hinges
 from suspension_cli.equilibrium.nominal import expand
@@ -47,30 +47,19 @@ def linear_model(
     split: bool = True,
     wire_inertia: bool = True,
 ) -> LinearSystem:
-    """Linear model of small motions about the equilibrium of a scene on strings.
+    """Linear model of small motions about the equilibrium of a scene on strings, any batch axes.
 
     Parameters
     ----------
-    scene : Scene
-        With any batch axes.
-    balanced : Equilibrium, optional
-        From `equilibrium.solve`, if it is known already.
-    split : bool
-        Whether to use mirror symmetries. Without them, the result for one scene of a batch does
-        not depend on the others.
-    wire_inertia : bool
-        Whether the mass of wires that have weight moves as straight lines between their ends.
+    balanced
+        From `equilibrium.solve`, if known.
+    split
+        Whether to use symmetry-adapted coordinates, in which couplings that a mirror symmetry
+        forbids are exactly 0. Without them, a scene's result is independent of others in a batch.
+    wire_inertia
+        Whether wires that have weight also have mass, moving as straight lines between their ends.
 
-    Returns
-    -------
-    LinearSystem
-        If split, in symmetry-adapted coordinates, so that couplings that a symmetry forbids are
-        exactly 0.
-
-    Raises
-    ------
-    InputError
-        If there is no equilibrium, or a wire is slack in it.
+    Raises `InputError` if there is no equilibrium, or a wire is slack in it.
     """
     numbering = layout(scene)
     if balanced is None:
@@ -132,8 +121,8 @@ def linear_model(
 class GroundCouplings:
     """Matrices (..., N, N) between the ground and all coordinates.
 
-    A scene attaches the springs and dampers on the ground to the support. These are their elements
-    in the six rows and columns of the support, which belong to the ground.
+    A scene attaches springs and dampers on the ground to the support. These are their elements in
+    the support's six rows and columns, which belong to the ground.
     """
 
     stiffness: Float[np.ndarray, "*batch coordinate coordinate"]
@@ -142,7 +131,7 @@ class GroundCouplings:
 
 
 def ground_couplings(scene: Scene, numbering: Layout, pose: Pose) -> GroundCouplings:
-    """Compute the matrices between the ground and all coordinates."""
+    """Compute the couplings between the ground and all coordinates."""
     springs, which = scene.springs, np.flatnonzero(scene.springs.grounded)
     some = {
         name: getattr(springs, name)[which] for name in ("upper", "lower", "loss", "grounded")
@@ -163,7 +152,7 @@ def ground_couplings(scene: Scene, numbering: Layout, pose: Pose) -> GroundCoupl
         return result
 
     return GroundCouplings(
-        between(spring.stiffness_matrix),
+        between(lambda some, *at: gradient_and_stiffness(some, *at, elements=[spring.ELEMENT])[1]),
         between(spring.damping_matrix),
         between(spring.loss_matrix),
     )
@@ -175,7 +164,7 @@ def without_ground(
 ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
     """Take the coupling to the ground out of the rows and columns of the support.
 
-    What rounding leaves where nothing else acts on the support becomes exactly 0.
+    Rounding residues where nothing else acts on the support become exactly 0.
     """
     result = matrix - coupling
     nothing = (coupling != 0) & (np.abs(result) <= 16 * np.finfo(float).eps * np.abs(coupling))
@@ -185,7 +174,7 @@ def without_ground(
 def _on_ground(
     model: LinearSystem, coupling: GroundCouplings, adapted: Symmetry, terms: tuple[Term, ...]
 ) -> LinearSystem:
-    """Attach the springs on the ground to the ground, no longer to the support beside it."""
+    """Move the springs on the ground from the support to the ground."""
     stiffness, damping, loss = (
         adapted.apply(part) for part in (coupling.stiffness, coupling.damping, coupling.loss)
     )
@@ -245,13 +234,17 @@ def _separated(
     Float[np.ndarray, "*batch coordinate coordinate"],
     Float[np.ndarray, "*batch coordinate coordinate"] | None,
 ]:
-    """The stiffness of a batch apart from the stretching of wires, the whole of it, and the mass.
+    """The stiffness of a batch without the stretching of wires, the whole stiffness, and the mass.
 
-    The mass is None where tips of blades, or bars, have some.
+    The mass is None where parts other than bodies may have mass.
     """
-    from suspension_cli.equilibrium import compiled  # takes half a second
+    if uncompiled(scene):
+        soft, form = separated_stiffness.soft_part(scene, numbering, pose)
+        stiffness, mass = gradient_and_stiffness(scene, numbering, pose)[1], None
+    else:
+        from suspension_cli.equilibrium import compiled  # takes half a second
 
-    soft, form, stiffness, mass = compiled.tangent(scene, numbering, pose)
+        soft, form, stiffness, mass = compiled.tangent(scene, numbering, pose)
     separated = Separated(adapted.apply(soft), adapted.forms(form), scene.wires.stiffness)
     more = scene.blades.tip_mass.any() or scene.wires.mass.any() or scene.bars.label
     return separated, adapted.apply(stiffness), None if more else mass
@@ -265,7 +258,7 @@ def _loss(
 ]:
     """The imaginary part of the stiffness, and its rounding error (None if not known).
 
-    Of a batch of builds, the part without the stretching of wires.
+    For a batch of builds, without the stretching of wires.
     """
     if stretched is None and not _is_compiled(scene):
         return adapted.apply(loss_matrix(scene, numbering, pose)), None
@@ -280,27 +273,27 @@ def _loss(
 def mass_matrix(
     scene: Scene, numbering: Layout, pose: Pose, *, wire_inertia: bool = True
 ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
-    """Mass matrix (..., N, N), with or without that of wires that have weight."""
+    """Mass matrix, with or without that of wires that have weight."""
     if not wire_inertia:
         scene = replace(scene, wires=replace(scene.wires, mass=np.zeros_like(scene.wires.mass)))
-    return _sum_over(scene, numbering, pose, [element.mass for element in ELEMENTS])
+    return _sum_over(scene, numbering, pose, [item.mass for item in elements_of(scene)])
 
 
 def damping_matrix(
     scene: Scene, numbering: Layout, pose: Pose
 ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
     """Viscous damping (..., N, N) of all elements, or (N, N) without any."""
-    return _sum_over(scene, numbering, pose, [element.damping for element in ELEMENTS])
+    return _sum_over(scene, numbering, pose, [item.damping for item in elements_of(scene)])
 
 
 def loss_matrix(
     scene: Scene, numbering: Layout, pose: Pose, *, stretching: bool = True
 ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
-    """Imaginary part (..., N, N) of the stiffness: each elastic constant times its loss angle.
+    """Imaginary part of the stiffness: each elastic constant times its loss angle.
 
-    With or without the stretching of wires. Tension times geometry is not lossy.
+    Geometric stiffness (tension) is not lossy.
     """
-    lossy = [item.loss for item in ELEMENTS if stretching or item is not string.ELEMENT]
+    lossy = [item.loss for item in elements_of(scene) if stretching or item is not string.ELEMENT]
     return _sum_over(scene, numbering, pose, lossy)
 
 
@@ -347,7 +340,7 @@ class SceneModel(Model):
         return scene
 
     def same_equilibrium(self, design: Design) -> SceneModel | None:
-        """The simpler model that differs in wire mass alone, in the same equilibria; or None."""
+        """The simpler model that differs only in wire mass, with the same equilibria; or None."""
         del design
 
     @abstractmethod
@@ -356,24 +349,10 @@ class SceneModel(Model):
     ) -> tuple[LinearSystem, Equilibrium, tuple[BatchTerm, ...]]:
         """Linear models of builds about their equilibria, on a rigid support without dampers.
 
-        Parameters
-        ----------
-        scene : Scene
-            From `completed`, with the builds as its one batch axis.
-        design : Design
-            The design of all, for what the scene does not say.
-        split : bool
-            Whether to use the mirror symmetries that all builds share. Without them, the result
-            for one build does not depend on the others.
-
-        Returns
-        -------
-        LinearSystem
-            With the builds as first axis.
-        Equilibrium
-            Not necessarily converged.
-        terms : tuple of BatchTerm
-            The parts that depend on frequency.
+        The `scene` is from `completed`, with the builds as its one batch axis, which comes first in
+        the linear models. Also returns the equilibria, not necessarily converged, and the parts
+        that depend on frequency. If `split`, the mirror symmetries that all builds share are used;
+        otherwise the result for one build is independent of the others.
         """
 
 

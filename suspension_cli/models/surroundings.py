@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
     from jaxtyping import Inexact
+    from numpy.typing import ArrayLike
 
 
 def surrounded(model: LinearSystem, design: Design) -> LinearSystem:
@@ -27,8 +28,7 @@ def surrounded(model: LinearSystem, design: Design) -> LinearSystem:
 def with_dampers(model: LinearSystem, design: Design) -> LinearSystem:
     """Add `[stage.damping]`: forces -c v, for the velocity v of a COM relative to another body.
 
-    The other body (or the support) is extended rigidly to that COM, so that a rigid motion of
-    everything is not damped.
+    The other body (or the support) extends rigidly to that COM, so that rigid motion is not damped.
     """
     if all(stage.damping is None for stage in design.stage):
         return model
@@ -53,9 +53,9 @@ def with_dampers(model: LinearSystem, design: Design) -> LinearSystem:
 def with_frame(model: LinearSystem, design: Design) -> LinearSystem:
     """Add `[support]`: the suspension point moves with the ground and by its own deflection.
 
-    ``support.x`` stays the input, now the motion of the ground; ``frame.x`` is the deflection, in
-    every direction that has a stiffness. Husman et al. (2000), section 4c: their frame "still
-    couples with the pendulum".
+    ``support.x`` becomes the motion of the ground; ``frame.x`` is the deflection, in every
+    direction that has a stiffness. Husman et al. (2000), section 4c: their frame "still couples
+    with the pendulum".
     """
     support = design.support
     if support is None:
@@ -73,7 +73,7 @@ def with_frame(model: LinearSystem, design: Design) -> LinearSystem:
     }
 
     def widened(
-        matrix: Inexact[np.ndarray, "*batch coordinate coordinate"], diagonal: Any
+        matrix: Inexact[np.ndarray, "*batch coordinate coordinate"], diagonal: ArrayLike
     ) -> Inexact[np.ndarray, "*batch wide wide"]:
         wide = (spread.T @ matrix @ spread).astype(
             np.result_type(matrix, np.asarray(diagonal), float)
@@ -138,7 +138,7 @@ def _spreading(size: int, moving: list[int]) -> Array:
 
 
 def surroundings_key(design: Design) -> tuple[str, ...]:
-    """Support structure, dampers and their positions, equal for all designs of one batch."""
+    """Support structure, dampers and their positions, which designs of one batch share."""
     dampers = tuple(stage.damping for stage in design.stage)
     if all(own is None for own in dampers):
         return (repr(design.support),)

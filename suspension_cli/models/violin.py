@@ -28,18 +28,18 @@ class Violin(Beam):
     def refined(
         self, design: Design, built: Mapping[str, LinearSystem], scene: Scene
     ) -> LinearSystem:
-        """The system, from that of the beam model where it is there."""
+        """The system, from that of the beam model if that is `built`."""
         same = self.same_equilibrium(design)
         simpler = None if same is None else built.get(same.name)
         return super().refined(design, built, scene) if simpler is None else with_wire_mass(simpler)
 
     def same_equilibrium(self, design: Design) -> Beam | None:
-        """The beam model; None with the weight of wires, with which it has their inertia too."""
+        """The beam model; None if wires have weight, as it then has their inertia too."""
         return None if design.constants.wire_weight else BEAM
 
 
 def with_wire_mass(model: LinearSystem) -> LinearSystem:
-    """A linear model of bending wires with the mass of its wires switched on."""
+    """Switch on the mass of wires in a linear model of bending wires."""
     terms = (
         replace(term, strand=replace(term.strand, massive=True))
         if isinstance(term, WireTerm)

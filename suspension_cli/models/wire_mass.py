@@ -1,19 +1,19 @@
 """Upper estimates of what wire mass changes, without solving for modes; first violin modes.
 
-Inertia. A wire whose ends move by a and b is a straight line in between, with the kinetic energy m
-(a^2 + a.b + b^2) / 6 (any text on finite elements; `moments` for one of several sections). With the
-mass matrices M of the bodies and W of such wires, a frequency of the bodies falls by a fraction
-between 0 and beta / 2, where beta is the largest eigenvalue of M^-1 W (Rayleigh's principle),
-whatever the mode. Off resonance, the response of each stage goes with 1 / M, so that of n stages
-changes by up to n beta. A clamped wire turns about a hinge at u = sqrt(EI / T) from its clamp
-(Gonzalez and Saulson, J. Acoust. Soc. Am. 96, 207 (1994)), so its ends are taken there; u is at
-most 0.16 l, as for a beam without tension (whose mass matrix has 13/35, 11/210 and 1/105).
+Inertia. Far below its violin modes a wire whose ends move by a and b is a straight line, with the
+kinetic energy m (a^2 + a.b + b^2) / 6 (any text on finite elements; `moments` for one of several
+sections). With the mass matrices M of the bodies and W of such wires, a frequency of the bodies
+falls by a fraction between 0 and beta / 2, where beta is the largest eigenvalue of M^-1 W
+(Rayleigh's principle). Off resonance, the response of each stage goes with 1 / M, so that of n
+stages changes by up to n beta. A clamped wire turns about a hinge at u = sqrt(EI / T) from its
+clamp (Gonzalez and Saulson, J. Acoust. Soc. Am. 96, 207 (1994)), so its ends are taken there; u is
+at most 0.16 l, as for a beam without tension (whose mass matrix has 13/35, 11/210 and 1/105).
 
-Waves. Held above and moved by x below at omega, the slope of a string is k x / sin(k L) at the
-upper end and k x cos(k L) / sin(k L) at the lower one, with k L = pi f / f1 and f1 = sqrt(T / mu) /
-(2 L) its first violin mode (any text on vibrations). Its force on the far end is k L / sin(k L)
-times that of a massless wire, so a response changes by X^2 / 6, X = k L. Loss acts where the wire
-bends, at its ends, and goes with the square of the slope there:
+Waves. Let the upper end of a string of length L rest and its lower end move by x at omega. Its
+slope is k x / sin(k L) at the upper end and k x cos(k L) / sin(k L) at the lower one, with k L = pi
+f / f1 and f1 = sqrt(T / mu) / (2 L) its first violin mode (any text on vibrations). Its force on
+the far end is k L / sin(k L) times that of a massless wire, so a response changes by X^2 / 6, X = k
+L. Loss acts at the ends, where the wire bends, and goes with the square of the slope there:
 
     upper: (x/L)^2 (1 + X^2/3 + ...),    lower: (x/L)^2 (1 - 2 X^2/3 + ...).
 
@@ -43,7 +43,7 @@ VALID = 0.5
 FORCE = np.pi**2 / 6
 """Relative change of the force of a wire on its far end, over (f/f1)^2."""
 NOISE = np.pi**2 / 3
-"""Largest relative change of the amplitude of a wire's thermal noise, over (f/f1)^2."""
+"""Largest relative change of a wire's thermal noise (amplitude), over (f/f1)^2."""
 HINGE = 0.16
 """Largest distance from a clamp to the point about which the wire turns, over its length."""
 
@@ -54,15 +54,15 @@ class MassEffect:
 
     Attributes
     ----------
-    inertia : float
-        Effect of the wires' inertia on responses: the number of stages times the largest ratio of
-        the wires' kinetic energy to that of the bodies.
-    waves : float
+    inertia
+        Effect of the wires' inertia: the number of stages times the largest ratio of the wires'
+        kinetic energy to that of the bodies.
+    waves
         Effect of waves on the wires, all stages together; infinite near violin modes.
-    highest, lowest : float
+    highest, lowest
         That frequency and the lowest first violin mode, Hz.
-    wire : str
-        The wire that has it; "" if none has one.
+    wire
+        The wire that has this mode; "" if none has one.
     """
 
     inertia: float
@@ -104,7 +104,7 @@ def expand_with_fibres(design: Design) -> Scene:
 def as_hanging(scene: Scene) -> Scene:
     """Give wires the lengths, tensions and directions at which they hang as strings.
 
-    Nothing changes where the nominal pose is the drawn one, or where strings do not hang.
+    Nothing changes where the pose is as drawn, or where strings do not hang.
     """
     if scene.fibres is None or not scene.solves_pose:
         return scene
@@ -123,12 +123,11 @@ class MassiveWires:
 
     Attributes
     ----------
-    label : tuple of str
     lower : (w,) int array
         Number of the body that hangs on each.
     first : (w,) array
         First violin modes, Hz.
-    inertia : float
+    inertia
         Relative change of responses by the inertia of all wires, at most.
     """
 
@@ -163,10 +162,7 @@ class MassiveWires:
 
 
 def massive_wires(scene: Scene) -> MassiveWires:
-    """Compute what the effects of wire mass depend on, at any frequency.
-
-    The scene is `as_hanging` and has `fibres`.
-    """
+    """Compute what the effects of wire mass depend on; scene from `as_hanging`, with `fibres`."""
     assert scene.fibres is not None
     made = scene.fibres.wire
     lower, tension = scene.wires.lower, scene.wires.tension
@@ -180,7 +176,7 @@ def massive_wires(scene: Scene) -> MassiveWires:
 def _largest_load(scene: Scene, made: tuple[Fibre, ...]) -> float:
     """Largest ratio of the wires' kinetic energy to that of bodies and blade tips.
 
-    The upper end of a wire on a blade whose tip has no mass follows the lower end up and down.
+    On a blade whose tip has no mass, a wire's upper end follows the lower one up and down.
     """
     bodies, blades, wires = scene.bodies, scene.blades, scene.wires
     count = 6 * len(bodies.name)
@@ -219,7 +215,7 @@ def _largest_load(scene: Scene, made: tuple[Fibre, ...]) -> float:
 
 
 def hinge_distance(fibre: Fibre, tension: float) -> float:
-    """Distance from the ends that the design gives to the points where a wire bends, m."""
+    """Distance from a wire's ends as designed to the points where it bends, m."""
     if fibre.effective:
         return 0.0
     rigidity = max(max(section.rigidity) for section in (fibre.sections[0], fibre.sections[-1]))
@@ -242,7 +238,7 @@ def moments(fibre: Fibre) -> tuple[float, float, float]:
 
 
 def _points(size: int, body: Index, arm: Array) -> Array:
-    """Motions (w, 3, size) of points (w) of bodies with the coordinates."""
+    """Motions of points of bodies per coordinate, (w, 3, size)."""
     result = np.zeros((len(body), 3, size))
     wire, along = np.arange(len(body))[:, None], np.arange(3)
     result[wire, along, 6 * body[:, None] + along] = 1.0
@@ -256,7 +252,7 @@ def _percent(value: float) -> str:
 
 
 def first_violin_of(fibre: Fibre, tension: float) -> float:
-    """First violin mode of one wire as a string, sqrt(T / m_w / l) / 2 in Hz; 0 if it is slack."""
+    """First violin mode of one wire as a string, sqrt(T / m_w / l) / 2, Hz; 0 if it is slack."""
     mass, length = (
         sum(s.mass * s.length for s in fibre.sections),
         sum(s.length for s in fibre.sections),

@@ -1,17 +1,18 @@
 """Scene: every body, wire, blade and spring of a suspension as arrays.
 
 The models `string`, `beam` and `violin` start from a scene. Its topology (which wire joins which
-bodies) is fixed; its numbers may carry batch axes in front, shown as ``...`` below, so that a
-million imperfect builds are one scene. Body 0 is the support, body n the n-th stage. Points are in
-the frame of their body, from its centre of mass; in the nominal pose all frames are parallel to
-x, y, z.
+bodies) is fixed. Its numbers may have batch axes in front, shown as ``...`` below: a million
+imperfect builds are one scene. Body 0 is the support, body n the n-th stage. Points are in the
+frame of their body, from its centre of mass; in the nominal pose all frames are parallel to x, y,
+z.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from suspension_cli.scene.composition import Fibres
 from suspension_cli.scene.gravity import Field
 
 if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
     from jaxtyping import Bool, Float, Inexact, Int
 
 
@@ -53,8 +55,7 @@ class Bodies:
 class Wires:
     """Straight elastic wires.
 
-    At length L a wire pulls with ``tension + stiffness (L - length)``; it resists twisting if the
-    design gives it a torsional stiffness.
+    At length L a wire pulls with ``tension + stiffness (L - length)``.
 
     Attributes
     ----------
@@ -75,12 +76,12 @@ class Wires:
     stiffness
         N/m.
     torsion
-        Torsional stiffness that the design gives, N m/rad; 0 if it gives none.
+        Given torsional stiffness, N m/rad; 0 if none.
     loss
-        Loss angle of the stretching, and of a torsion that is given, rad.
+        Loss angle of the stretching, and of a given torsion, rad.
     mass
-        Moments m_uu, m_ul, m_ll of the mass that counts (see `elements.weight`), kg; 0 of wires
-        without weight.
+        Moments m_uu, m_ul, m_ll of the mass (see `elements.weight`), kg; 0 for wires without
+        weight.
     """
 
     label: tuple[str, ...]
@@ -90,8 +91,8 @@ class Wires:
     upper_point: Inexact[np.ndarray, "... wire 3"] = field(metadata=inner(2, "upper"))
     lower_point: Inexact[np.ndarray, "... wire 3"] = field(metadata=inner(2, "lower"))
     span: Inexact[np.ndarray, "... wire 3"] = field(metadata=inner(2))
-    length: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1))
-    tension: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1))
+    length: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1, computed=True))
+    tension: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1, computed=True))
     stiffness: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1))
     torsion: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1))
     loss: Inexact[np.ndarray, " wire"]
@@ -100,14 +101,14 @@ class Wires:
 
 @dataclass(frozen=True)
 class Blades:
-    """Cantilever blades: springs along the axes of their body between it and a tip.
+    """Cantilever blades: springs between a body and a tip, along the body's axes.
 
     Attributes
     ----------
     body
         The body (or support) on which the blade is clamped.
     axes
-        Along which axes the tip moves; the others are rigid.
+        Axes along which the tip moves; others are rigid.
     tip
         Nominal position of the tip, m.
     stiffness
@@ -125,14 +126,14 @@ class Blades:
     axes: Bool[np.ndarray, "blade 3"]
     tip: Inexact[np.ndarray, "... blade 3"] = field(metadata=inner(2, "body"))
     stiffness: Inexact[np.ndarray, "... blade 3"] = field(metadata=inner(2))
-    load: Inexact[np.ndarray, "... blade 3"] = field(metadata=inner(2))
+    load: Inexact[np.ndarray, "... blade 3"] = field(metadata=inner(2, vector=True, computed=True))
     tip_mass: Inexact[np.ndarray, "... blade"] = field(metadata=inner(1))
     loss: Float[np.ndarray, " blade"]
 
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Complex stiffness of a spring along its axes against frequency, over its static stiffness.
+    """Complex stiffness of a spring against frequency, over its static stiffness.
 
     Linear in the logarithm of frequency, constant outside the table.
 
@@ -153,7 +154,7 @@ class Spectrum:
 
 @dataclass(frozen=True)
 class Springs:
-    """Linear springs between coincident points of two bodies, in the frame of the upper one.
+    """Linear springs between coincident points of two bodies, in the upper one's frame.
 
     Attributes
     ----------
@@ -166,7 +167,7 @@ class Springs:
     loss
         Loss angle, rad; 0 where `spectrum` gives it.
     grounded
-        Whether the upper end is on the ground beside the support (the upper body is then 0).
+        Whether the upper end is on the ground (the upper body is then 0).
     spectrum
         Of each spring whose stiffness depends on frequency; `stiffness` is then diagonal.
     """
@@ -176,9 +177,9 @@ class Springs:
     lower: Int[np.ndarray, " spring"]
     upper_point: Inexact[np.ndarray, "... spring 3"] = field(metadata=inner(2, "upper"))
     lower_point: Inexact[np.ndarray, "... spring 3"] = field(metadata=inner(2, "lower"))
-    stiffness: Inexact[np.ndarray, "... spring 6 6"] = field(metadata=inner(3))
-    damping: Inexact[np.ndarray, "... spring 6 6"] = field(metadata=inner(3))
-    preload: Inexact[np.ndarray, "... spring 6"] = field(metadata=inner(2))
+    stiffness: Inexact[np.ndarray, "... spring 6 6"] = field(metadata=inner(3, vector=True))
+    damping: Inexact[np.ndarray, "... spring 6 6"] = field(metadata=inner(3, vector=True))
+    preload: Inexact[np.ndarray, "... spring 6"] = field(metadata=inner(2, vector=True))
     loss: Inexact[np.ndarray, " spring"]
     grounded: Bool[np.ndarray, " spring"]
     spectrum: tuple[Spectrum | None, ...]
@@ -213,7 +214,7 @@ class Bars:
     """Inertia of bars between points of two bodies: legs, blades.
 
     A bar has the kinetic energy first v_1^2 / 2 + mixed v_1 . v_2 + second v_2^2 / 2 of the
-    velocities of its two ends, and so the weights g (first + mixed) and g (mixed + second) there.
+    velocities of its ends, and so the weights g (first + mixed) and g (mixed + second) there.
 
     Attributes
     ----------
@@ -240,9 +241,13 @@ class Bars:
         return self.inertia[..., [0, 2]] + self.inertia[..., [1]]
 
 
+Part = TypeVar("Part", bound="DataclassInstance")
+"""Bodies, wires or parts of another kind: a dataclass of arrays."""
+
+
 @dataclass(frozen=True)
 class Flex:
-    """Static stiffness of wires against bending and twisting, or against twisting alone.
+    """Static stiffness of wires against bending and twisting, or twisting alone.
 
     Attributes
     ----------
@@ -272,20 +277,24 @@ class Scene:
     gravity
         Strength of gravity at the suspension point, m/s^2.
     struts
-        Legs of inverted pendulums along their length: straight elastic bars from the foot (upper)
-        to the top (lower), with the tension of wires that push (negative).
+        Legs of inverted pendulums, as wires of negative tension from the foot (upper) to the top
+        (lower).
     bars
         Inertia and weight of legs, and of blades that couple a filter and its keystone.
     drawn
-        Of an imperfect scene, the same without imperfections, in balance in its nominal pose.
+        For an imperfect scene, that without imperfections, in balance in its nominal pose.
     fibres
-        Composition of wires and blades, where wires bend (`beam`, `violin`); None for strings.
+        Composition of wires and blades for `beam` and `violin`; None for strings.
     flex
         Stiffness of the wires against bending and twisting.
+    added
+        Arrays of further elements between two bodies, by the name of the element: dataclasses like
+        `Springs`, with at least `label`, and the numbers `upper` < `lower` of the bodies (0 for the
+        support, and for what is fixed in space).
     field
         Gravity that is not a uniform pull along -z.
     solves_pose : bool
-        Whether wires have natural lengths, so that the nominal pose is not the drawn one.
+        Whether wires have natural lengths, so that the pose is not the drawn one.
     """
 
     name: str
@@ -299,13 +308,20 @@ class Scene:
     drawn: Scene | None = None
     fibres: Fibres | None = None
     flex: Flex | None = None
+    added: Mapping[str, Any] = field(default_factory=dict)
     field: Field | None = None
     solves_pose: bool = False
 
     @property
     def parts(self) -> dict[str, Any]:
-        """Bodies, wires, blades, springs, struts and bars by the name of their field."""
-        return {name: getattr(self, name) for name in PARTS}
+        """Bodies, wires, blades, ... by the name of their field, and what is `added`."""
+        return {name: getattr(self, name) for name in PARTS} | dict(self.added)
+
+    def with_parts(self, parts: Mapping[str, Any]) -> Scene:
+        """Replace some of its parts, by their names."""
+        own = {name: part for name, part in parts.items() if name not in self.added}
+        added = {name: parts.get(name, part) for name, part in self.added.items()}
+        return replace(self, added=added, **own)
 
     @cached_property
     def batch(self) -> tuple[int, ...]:
@@ -318,8 +334,8 @@ class Scene:
         return shapes.pop() if len(shapes) == 1 else np.broadcast_shapes(*shapes)
 
     @cached_property
-    def kind(self) -> Any:
-        """Type of the numbers: complex while a derivative is taken by a complex step."""
+    def kind(self) -> np.dtype:
+        """Type of the numbers: complex for a complex-step derivative."""
         return np.result_type(
             float,
             self.gravity,

@@ -26,7 +26,7 @@ class Axis:
 
     @property
     def displayed_unit(self) -> tuple[str, float]:
-        """Unit in which people read the values, and the factor to it."""
+        """Unit in which the values are displayed, and the factor to it."""
         return displayed_unit(self.name, float(np.max(np.abs(self.values))))
 
 
@@ -51,7 +51,7 @@ class Product:
         return tuple(scale_name(axis.name) for axis in self.axes)
 
     def values(self, start: int, stop: int) -> dict[str, Float[np.ndarray, " stop-start"]]:
-        """Return the values of every parameter at points start to stop - 1."""
+        """Values of every parameter at points start to stop - 1."""
         chosen = np.unravel_index(np.arange(start, stop), self.shape)
         return {
             axis.name: np.array(axis.values)[pick]
@@ -60,7 +60,7 @@ class Product:
 
 
 def ends_and_middle(axes: tuple[Axis, ...]) -> tuple[Axis, ...]:
-    """Reduce axes to the corners and middles of a grid; of those after the third, the middle alone.
+    """Reduce axes to the corners and middles of a grid; those after the third to their middle.
 
     >>> ends_and_middle((Axis("k", (1.0, 2.0, 3.0, 4.0, 5.0)),))
     (Axis(name='k', values=(1.0, 3.0, 5.0)),)
@@ -82,7 +82,7 @@ def ends_and_middle_points(axes: tuple[Axis, ...]) -> Int[np.ndarray, " point"]:
 
 
 def _chosen(axes: tuple[Axis, ...]) -> list[list[int]]:
-    """Choose the first, middle and last value of each axis; the middle of those after the third."""
+    """Choose the first, middle and last value of each axis; after the third axis, the middle."""
     last = [len(axis.values) - 1 for axis in axes]
     middle = [len(axis.values) // 2 for axis in axes]
     return [
@@ -92,7 +92,7 @@ def _chosen(axes: tuple[Axis, ...]) -> list[list[int]]:
 
 
 def of_option(error: InputError, option: str, axis: Axis, value: float) -> InputError:
-    """Attribute faults of the design with one value of an axis to the option that gave it."""
+    """Attribute faults of a design at a value of an axis to the option that gave it."""
     found = []
     for fault in error.faults:
         if fault.key.startswith("--") and fault.key != "--set":
@@ -114,5 +114,5 @@ def of_option(error: InputError, option: str, axis: Axis, value: float) -> Input
 
 
 def scale_name(axis: str) -> str:
-    """Return the name of the dataset with the values of an axis."""
+    """Name of the dataset with the values of an axis."""
     return f"axis {axis}".replace("/", "_")

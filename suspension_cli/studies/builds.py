@@ -1,7 +1,7 @@
 """Equilibrium, linear model and response of many imperfect builds of one design at once.
 
-All functions work on arrays over the builds; the result for one build does not depend on which
-others are computed with it, to the last bit.
+All functions work on arrays over the builds. The result for one build is the same to the last bit
+whichever others are computed with it.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ STATUS = (
 NOTHING = complex(np.nan, np.nan)
 """Response of a build that failed."""
 SYSTEMS = 4096
-"""Largest number of systems (builds times frequencies) solved at once, if there are no more builds;
-a quarter of that where wires bend, which takes more memory."""
+"""Largest number of systems (builds times frequencies) solved at once, but never less than all
+builds at one frequency; a quarter of that where wires bend, which takes more memory."""
 
 
 @dataclass(frozen=True)
@@ -76,10 +76,8 @@ class Builds:
     ----------
     model
         With the builds as first axis; valid for builds with status `GOOD`.
-    status
-        uint8.
     wire
-        The first slack wire, or -1 (int16).
+        The first slack wire, or -1.
     residual
         Largest residual force, relative to the weight.
     mirrors
@@ -103,9 +101,9 @@ class Builds:
     def static(self) -> Float[np.ndarray, "build body 6"]:
         """Static displacements (x, y, z, m) and rotation vectors (rad) of bodies as drawn.
 
-        The displacement is that of the point of a body where its COM is as drawn: where an
-        imperfection moves the COM by c in a body that turns by R, u - (R - 1) c with u that of the
-        COM.
+        The displacement is that of the point of a body where its COM is as drawn. Where an
+        imperfection moves the COM by c in a body that turns by R, that is u - (R - 1) c, with u the
+        displacement of the COM.
         """
         scene, pose = self.scene, self.pose
         assert scene is not None and pose is not None
@@ -130,17 +128,10 @@ def balance(
 ) -> Builds:
     """Balance every scene of a batch of one design, and build its linear model.
 
-    Parameters
-    ----------
-    scene
-        With one batch axis.
-    level
-        Name of a model that supports builds (`registry.SCENE_MODELS`).
-    allow_unstable
-        Whether an unstable equilibrium has status `GOOD`.
-    split
-        Whether to use mirror symmetries that all scenes share: then the result for one scene
-        depends on the others, unless all have the same symmetries.
+    The scene has one batch axis; `level` is a model that supports builds (`registry.SCENE_MODELS`).
+    If `allow_unstable`, an unstable equilibrium has status `GOOD`. If `split`, mirror symmetries
+    that all scenes share are used; the result for one scene then depends on the others, unless all
+    have equal symmetries.
     """
     physics = registry.scene_model(level)
     scene = physics.completed(scene, design)
@@ -160,14 +151,14 @@ def balance(
 
 
 def restricted(found: Builds, which: Int[np.ndarray, " some"]) -> Builds:
-    """Builds of which only some are solved; the others count as failed."""
+    """Mark builds other than `which` as failed, so that they are not solved."""
     status = np.full_like(found.status, IMPOSSIBLE)
     status[which] = found.status[which]
     return replace(found, status=status)
 
 
 def with_wire_mass(found: Builds) -> Builds:
-    """Builds on bending wires with the mass of their wires switched on (not its weight)."""
+    """Switch on the mass (not the weight) of wires that bend."""
     terms = (
         replace(term, massive=True) if isinstance(term, WireBatchTerm) else term
         for term in found.terms
@@ -176,7 +167,7 @@ def with_wire_mass(found: Builds) -> Builds:
 
 
 def oriented(model: LinearSystem, found: Equilibrium) -> LinearSystem:
-    """A linear model with the rotations of its bodies, even if none of the batch is turned."""
+    """Give a linear model the rotations of its bodies, even if none of the batch is turned."""
     return (
         model if model.orientation is not None else replace(model, orientation=found.pose.rotation)
     )
@@ -187,7 +178,7 @@ def _unstable(
 ) -> Bool[np.ndarray, " build"]:
     """Find builds with an unstable mode.
 
-    The pivots of the last step to an equilibrium tell most that are stable, unless the support
+    The pivots of the last step to an equilibrium identify most stable ones, unless the support
     structure moves too.
     """
     unclear = np.ones(model.batch, dtype=bool)
@@ -220,7 +211,7 @@ def transfer(
     inputs: list[Signal],
     outputs: list[Signal],
 ) -> Complex[np.ndarray, "build frequency output input"]:
-    """Responses of all builds at frequencies in Hz: NaN where one failed, 0 by symmetry."""
+    """Responses of all builds at frequencies in Hz; NaN where one failed, 0 by symmetry."""
     ground = np.array([signal.is_ground for signal in inputs])
     if ground.any() and not ground.all():
         parts = [
@@ -253,7 +244,7 @@ def transfer(
 
 
 def driven_by_ground(builds: Builds) -> Builds:
-    """Builds with the motion of the ground in place of that of the support."""
+    """Replace the motion of the support by that of the ground."""
     ground = builds.model.ground
     assert ground is not None
     others = np.eye(builds.model.size)
@@ -265,7 +256,7 @@ def driven_by_ground(builds: Builds) -> Builds:
 def forbidden(
     mirrors: Bool[np.ndarray, "*batch 2"], out: Signal, into: Signal
 ) -> Bool[np.ndarray, "*batch"]:
-    """Builds in which two signals have opposite parity under a mirror, so no response."""
+    """Find builds in which two signals have opposite parity under a mirror, so no response."""
     result = np.zeros(mirrors.shape[:-1], dtype=bool)
     for axis, parity in enumerate((PARITY_X, PARITY_Y)):
         on_plane = out.point[axis] == 0 and into.point[axis] == 0

@@ -20,17 +20,9 @@ PATIENCE = 5.0
 
 @contextlib.contextmanager
 def connected(scheduler: str) -> Iterator[Client]:
-    """Connect to a Dask scheduler that answers and has workers.
+    """Connect to a Dask scheduler that answers and has workers, such as ``tcp://host:8786``.
 
-    Parameters
-    ----------
-    scheduler
-        Address: ``tcp://host:8786``.
-
-    Raises
-    ------
-    InputError
-        If Dask is missing, the scheduler does not answer, or it has no workers.
+    Raises `InputError` if Dask is missing, the scheduler does not answer, or it has no workers.
     """
     try:
         from distributed import Client, comm  # pyright: ignore[reportMissingImports]
@@ -72,18 +64,12 @@ def connected(scheduler: str) -> Iterator[Client]:
 def on_cluster(
     job: Job, ranges: list[tuple[int, int]], client: Client
 ) -> Generator[tuple[tuple[int, int], ColumnValues], None, None]:
-    """Compute ranges of a job on the workers of a cluster; results come as they are ready.
+    """Compute ranges (start, stop) of a job on a cluster; yield results as they are ready.
 
-    Parameters
-    ----------
-    job
-        Sent to the workers once.
-    ranges : list of (start, stop)
+    The job is sent to the workers once.
 
-    Raises
-    ------
-    PendsusError
-        If the connection to the scheduler is lost, or workers are killed repeatedly.
+    Raises `PendsusError` if the connection to the scheduler is lost, or workers are killed
+    repeatedly.
     """
     from concurrent.futures import CancelledError
 
@@ -91,7 +77,7 @@ def on_cluster(
     from distributed.comm import CommClosedError  # pyright: ignore
 
     try:
-        yield from _computed(job, ranges, client)
+        yield from _compute_ranges(job, ranges, client)
     except (CancelledError, CommClosedError) as error:
         raise PendsusError(
             f"the connection to the scheduler was lost ({str(error).splitlines()[0]}); restart it"
@@ -104,7 +90,7 @@ def on_cluster(
         ) from None
 
 
-def _computed(
+def _compute_ranges(
     job: Job, ranges: list[tuple[int, int]], client: Client
 ) -> Iterator[tuple[tuple[int, int], ColumnValues]]:
     from distributed import as_completed  # pyright: ignore[reportMissingImports]

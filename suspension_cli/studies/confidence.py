@@ -10,23 +10,16 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
 
 LEVEL = 0.95
-"""Probability with which an interval contains the value that it is for."""
+"""Probability that an interval contains the true value."""
 
 
 def wilson_interval(count: int, builds: int) -> tuple[float, float]:
-    """Estimate the confidence interval of a fraction, from independent builds.
+    """Estimate the confidence interval of a fraction: `count` of so many independent builds.
 
     The fractions p for which the observed one is within z sqrt(p (1 - p)/n) of p (Wilson, J. Am.
     Stat. Assoc. 22, 209 (1927)).
 
-    Parameters
-    ----------
-    count, builds
-        Builds that count, of how many.
-
-    Examples
-    --------
-    >>> [round(end, 4) for end in wilson_interval(0, 100)]
+    >>> [round(float(end), 4) for end in wilson_interval(0, 100)]
     [0.0, 0.037]
     """
     from scipy.special import ndtri
@@ -47,8 +40,8 @@ def replicate_interval(
 ) -> tuple[float, float]:
     """Estimate the confidence interval of a fraction from independent replicates.
 
-    Student's t of the fractions of the replicates; where they are all 0 or all 1, that of
-    independent builds, which is wider.
+    Student's t of the replicates' fractions; where all are 0 or 1, the wider interval of
+    independent builds.
     """
     from scipy.special import stdtrit
 

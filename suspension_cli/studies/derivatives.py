@@ -7,21 +7,20 @@ theorem), and
 
     dK/dp = d/dh Im K(q + ih dq/dp, p + ih)   for h -> 0,
 
-one complex step (see `parameters`) through the code that computes K itself; M, C and the losses
-likewise. Newton's iterations are not differentiated.
+one complex step (see `parameters`) through the code that computes K; M, C and the losses likewise.
+Newton's iterations are not differentiated.
 
 In the beam model K also depends on the bending stiffness S of the wires, which follows from their
-tensions and lengths in equilibrium. The change of the pose then changes S, and S the pose: a few
-more steps with both, each smaller by the ratio of the forces of bending to the weight, settle them.
-The losses of wires that bend are functions of frequency and not of these matrices
-(`studies.differences` has them).
+tensions and lengths in equilibrium. The pose changes S, and S the pose. A few more steps with both
+converge, each smaller by the ratio of bending forces to the weight. The losses of wires that bend
+depend on frequency and are not in these matrices (`studies.differences` has them).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -42,16 +41,16 @@ from suspension_cli.models import string as string_model
 from suspension_cli.models.loss_terms import lossless
 from suspension_cli.models.surroundings import surrounded, with_frame
 from suspension_cli.scene.pose import Layout, Pose, displace, layout, nominal_pose
-from suspension_cli.scene.scene import Scene
+from suspension_cli.scene.scene import Part, Scene
 from suspension_cli.studies.parameters import STEP, stepped
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Inexact
 
 CONVERGED = 1e-11
-"""Relative change of the derivative of a pose at which it is final, where wires bend."""
+"""Relative change at which the derivative of a pose has converged, where wires bend."""
 PASSES = 12
-"""Most steps of that derivative."""
+"""Largest number of steps to that derivative."""
 MOVED = 1e-7
 """Residual force (relative to the weight, per relative change of a number) above which that number
 cannot change alone."""
@@ -59,17 +58,17 @@ cannot change alone."""
 
 @dataclass(frozen=True)
 class Linear:
-    """A linear model, or its derivative, in the named coordinates, with those of the support.
+    """Matrices of a linear model, or their derivatives, in the named coordinates.
 
     Attributes
     ----------
-    mass, stiffness, damping, loss : array
-        SI; `loss` is the imaginary part of the stiffness.
-    orientation : array
+    mass, stiffness, damping, loss
+        SI, with the support's coordinates; `loss` is the imaginary part of the stiffness.
+    orientation
         Of each body, the support first.
     scene
         The scene of the model, with a complex step where this is a derivative.
-    beside : array or None
+    ground_columns
         Columns of stiffness, damping and loss for the motion of the ground beside the support.
     """
 
@@ -79,14 +78,16 @@ class Linear:
     loss: Inexact[np.ndarray, "coordinate coordinate"]
     orientation: Inexact[np.ndarray, "1+body 3 3"]
     scene: Scene
-    beside: Float[np.ndarray, "3 coordinate 6"] | None = field(default=None, kw_only=True)
+    ground_columns: Float[np.ndarray, "3 coordinate 6"] | None = field(default=None, kw_only=True)
 
     @property
     def driven_by_ground(self) -> Linear:
         """With the motion of the ground in the support's columns, without its rows."""
-        assert self.beside is not None
+        assert self.ground_columns is not None
         parts = {}
-        for name, columns in zip(("stiffness", "damping", "loss"), self.beside, strict=True):
+        for name, columns in zip(
+            ("stiffness", "damping", "loss"), self.ground_columns, strict=True
+        ):
             matrix = getattr(self, name).copy()
             matrix[:, :6] = columns
             parts[name] = matrix
@@ -96,8 +97,8 @@ class Linear:
 
     @cached_property
     def mirrors(self) -> Bool[np.ndarray, " axis"]:
-        """Symmetry (2,) under mirroring x and y; of a derivative, whether the change keeps it."""
-        return is_mirror_symmetric(_enlarged(self.scene))
+        """Symmetry under mirroring x and y; of a derivative, whether the change keeps it."""
+        return is_mirror_symmetric(_scale_steps(self.scene))
 
     def dynamic(
         self, omega: Float[np.ndarray, "*frequency"] | float
@@ -117,16 +118,14 @@ class Linear:
 
 @dataclass(frozen=True)
 class Differentiable:
-    """A design in its equilibrium, with all that its derivatives need.
+    """A design in its equilibrium, with what its derivatives need.
 
     Attributes
     ----------
-    stiffness : array
+    stiffness
         Of the suspension alone, without dampers and a compliant support.
-    model
-        The complete model, without symmetry-adapted coordinates.
-    linear
-        Its matrices.
+    model, linear
+        The complete model, without symmetry-adapted coordinates, and its matrices.
     bends
         Whether wires bend; `scene` then has their bending stiffness in equilibrium.
     turned
@@ -156,17 +155,9 @@ class Differentiable:
 
 
 def prepared(design: Design, level: str = registry.STRING.name) -> Differentiable:
-    """Find the equilibrium of a design, and the static matrices there.
+    """Find the equilibrium of a design, and the static matrices there, in a differentiable model.
 
-    Parameters
-    ----------
-    level
-        Name of a model that supports derivatives.
-
-    Raises
-    ------
-    InputError
-        If there is none, or a wire is slack in it.
+    Raises `InputError` if there is no equilibrium, or a wire is slack in it.
     """
     physics = registry.scene_model(level)
     scene = physics.completed(expand(design), design)
@@ -193,18 +184,9 @@ def prepared(design: Design, level: str = registry.STRING.name) -> Differentiabl
 
 
 def of(base: Differentiable, name: str) -> Linear | None:
-    """Differentiate all matrices with respect to one number.
+    """Differentiate all matrices with respect to one number by dotted path, per its SI unit.
 
-    Parameters
-    ----------
-    name
-        Dotted path, see `parameters.every`.
-
-    Returns
-    -------
-    Linear or None
-        Per SI unit of the number; None if it cannot change alone: the suspension would not balance
-        in its nominal pose.
+    None if it cannot change alone: the suspension would not balance in its nominal pose.
     """
     return along(base, {name: 1.0})
 
@@ -216,16 +198,18 @@ def along(base: Differentiable, rates: dict[str, float]) -> Linear | None:
 
 
 def linear(base: Differentiable, now: Moved) -> Linear:
-    """Differentiate all matrices along a step that was made."""
+    """Differentiate all matrices along a complex step."""
     whole = _linear(now.design, now.scene, base.numbering, now.pose, now.stiffness)
     parts = (whole.mass, whole.stiffness, whole.damping, whole.loss, whole.orientation)
-    beside = None if whole.beside is None else np.imag(whole.beside) / STEP
-    return Linear(*(np.imag(part) / STEP for part in parts), scene=now.scene, beside=beside)
+    ground_columns = None if whole.ground_columns is None else np.imag(whole.ground_columns) / STEP
+    return Linear(
+        *(np.imag(part) / STEP for part in parts), scene=now.scene, ground_columns=ground_columns
+    )
 
 
 @dataclass(frozen=True)
 class Moved:
-    """A design, its equilibrium and its stiffness after a complex step of some of its numbers.
+    """A design, its equilibrium and its stiffness after a complex step of some numbers.
 
     Each number has `STEP` i times its rate added; imaginary parts over `STEP` are derivatives.
     """
@@ -237,7 +221,7 @@ class Moved:
 
 
 def moved(base: Differentiable, rates: dict[str, float]) -> Moved | None:
-    """Step numbers of a design into the complex plane, each at its rate, and its equilibrium.
+    """Take a complex step of numbers of a design, each at its rate, and of its equilibrium.
 
     None if the suspension would not balance in its nominal pose.
     """
@@ -252,10 +236,10 @@ def moved(base: Differentiable, rates: dict[str, float]) -> Moved | None:
     scene = registry.STRING.completed(scene, design)
     gradient, stiffness = gradient_and_stiffness(scene, base.numbering, base.pose)
     pose = base.pose
-    if _searched(base):
+    if _solves_for_pose(base):
         free = slice(6, None)
         change = np.zeros(base.numbering.size)
-        change[free] = -_solved(base.stiffness[free, free], np.imag(gradient[free]) / STEP)
+        change[free] = -_solve_scaled(base.stiffness[free, free], np.imag(gradient[free]) / STEP)
         if change.any():
             pose = displace(base.numbering, pose, 1j * STEP * change)
             stiffness = gradient_and_stiffness(scene, base.numbering, pose)[1]
@@ -263,7 +247,7 @@ def moved(base: Differentiable, rates: dict[str, float]) -> Moved | None:
 
 
 def _moved_bending(base: Differentiable, design: Design, scene: Scene) -> Moved:
-    """Step the equilibrium of wires that bend: the pose and their bending stiffness together."""
+    """Take the step of an equilibrium of wires that bend: pose and bending stiffness together."""
     scene = lossless(registry.BEAM.completed(scene, design))
     scene, _ = clamps.to_clamps(scene)
     pose, free = base.pose, slice(6, None)
@@ -275,9 +259,9 @@ def _moved_bending(base: Differentiable, design: Design, scene: Scene) -> Moved:
         scene = bending.with_bending(scene, now.tension, now.length)
         gradient, stiffness = gradient_and_stiffness(scene, base.numbering, pose)
         rest = np.imag(gradient[free]) / STEP
-        if not (base.turned or _searched(base) or np.abs(rest).max() > balanced):
+        if not (base.turned or _solves_for_pose(base) or np.abs(rest).max() > balanced):
             break
-        step = -_solved(base.stiffness[free, free], rest)
+        step = -_solve_scaled(base.stiffness[free, free], rest)
         if np.abs(step).max() <= CONVERGED * np.abs(change).max():
             break
         change[free] += step
@@ -285,10 +269,10 @@ def _moved_bending(base: Differentiable, design: Design, scene: Scene) -> Moved:
     return Moved(design, scene, pose, stiffness)
 
 
-def _enlarged(scene: Scene) -> Scene:
+def _scale_steps(scene: Scene) -> Scene:
     """Scale complex steps of a scene to derivatives, for comparisons that allow for rounding."""
 
-    def grown(part: Any) -> Any:
+    def grown(part: Part) -> Part:
         steps = {
             name: value.real + 1j * (value.imag / STEP)
             for name, value in vars(part).items()
@@ -296,19 +280,20 @@ def _enlarged(scene: Scene) -> Scene:
         }
         return replace(part, **steps)
 
-    return replace(scene, **{name: grown(part) for name, part in scene.parts.items()})
+    return scene.with_parts({name: grown(part) for name, part in scene.parts.items()})
 
 
-def _searched(base: Differentiable) -> bool:
+def _solves_for_pose(base: Differentiable) -> bool:
     """Whether the pose was solved for, and so depends on the design's numbers."""
-    return base.scene.drawn is not None or solves_pose(base.design)
+    scene = base.scene
+    return scene.drawn is not None or bool(scene.added) or solves_pose(base.design)
 
 
 def _unbalanced(base: Differentiable, scene: Scene, design: Design) -> bool:
     """Whether a suspension that balances in its nominal pose no longer does after the step."""
-    if gives_natural_lengths(design) or scene.field is not None:
+    if gives_natural_lengths(design) or scene.field is not None or scene.added:
         return False
-    drawn = scene.drawn or scene  # straight wires: the loads of blades are those without bending
+    drawn = scene.drawn or scene  # straight wires: blades are loaded as without bending
     gradient = gradient_and_stiffness(drawn, base.numbering, nominal_pose(drawn))[0]
     # the loads of blades may differ from those in the nominal pose
     bodies = slice(6, 6 + 6 * len(drawn.bodies.name))
@@ -316,7 +301,7 @@ def _unbalanced(base: Differentiable, scene: Scene, design: Design) -> bool:
     return bool(left > MOVED * float(base.scene.weight))
 
 
-def _solved(
+def _solve_scaled(
     matrix: Float[np.ndarray, "coordinate coordinate"], right: Float[np.ndarray, " coordinate"]
 ) -> Float[np.ndarray, " coordinate"]:
     """Solve K x = f in scaled coordinates; the shortest solution where K is singular."""
@@ -343,7 +328,7 @@ def _linear(
         stiffness=stiffness,
         damping=string_model.damping_matrix(scene, numbering, pose),
     )
-    loss, beside = string_model.loss_matrix(scene, numbering, pose), None
+    loss, ground_columns = string_model.loss_matrix(scene, numbering, pose), None
     if scene.springs.grounded.any():
         ground = string_model.ground_couplings(scene, numbering, pose)
         without = string_model.without_ground
@@ -353,15 +338,23 @@ def _linear(
             damping=without(plain.damping, ground.damping),
         )
         loss = without(loss, ground.loss)
-        beside = np.stack([ground.stiffness, ground.damping, ground.loss])[..., :6]
-        beside[:, :6] = 0.0
+        ground_columns = np.stack([ground.stiffness, ground.damping, ground.loss])[..., :6]
+        ground_columns[:, :6] = 0.0
     whole = surrounded(plain, design)
     if design.support is not None:
         loss = with_frame(replace(plain, stiffness=loss), _lossy_frame(design)).stiffness
     turned = pose.rotation + np.zeros((len(body) + 1, 3, 3))
-    if beside is not None:
-        beside = np.pad(beside, ((0, 0), (0, whole.size - numbering.size), (0, 0)))
-    return Linear(whole.mass, whole.stiffness, whole.damping, loss, turned, scene, beside=beside)
+    if ground_columns is not None:
+        ground_columns = np.pad(ground_columns, ((0, 0), (0, whole.size - numbering.size), (0, 0)))
+    return Linear(
+        whole.mass,
+        whole.stiffness,
+        whole.damping,
+        loss,
+        turned,
+        scene,
+        ground_columns=ground_columns,
+    )
 
 
 def _lossy_frame(design: Design) -> Design:

@@ -1,14 +1,14 @@
 """Derivatives of a design's matrices with respect to its numbers, by differences.
 
-They serve matrices that depend on frequency: in the beam model losses are complex functions, so a
-complex step (`derivatives`) differentiates the static matrices alone. Each number is moved by h and
-2h either way, and each matrix A has
+They serve matrices that depend on frequency: losses of the beam model are complex, so a complex
+step (`derivatives`) differentiates only the static matrices. Each number is moved by h and 2h
+either way, and each matrix A has
 
     dA/dp = (8 (A(p + h) - A(p - h)) - (A(p + 2h) - A(p - 2h))) / 12h + O(h^4),
 
 a central difference with one step of Richardson's (Phil. Trans. R. Soc. A 210, 307 (1911)).
-Matrices change smoothly where modes cross, part or are degenerate, and on resonances; derivatives
-of modes and responses follow from those of the matrices.
+Matrices are smooth also on resonances and where modes cross or are degenerate; derivatives of modes
+and responses follow from theirs.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Int
 
 STEP = 1e-3
-"""Step, relative to a number or to the change of it that would change a matrix by its own size:
+"""Step, relative to a number or to the change that would change a matrix by its own size:
 truncation errors go with its fourth power, rounding errors with its inverse."""
 FREE = 1e-7
 """Root of a diagonal element, relative to the largest, below which it is a rounding error."""
@@ -49,21 +49,21 @@ class DispersiveLinear(Linear):
 
     Attributes
     ----------
-    dispersive : array
+    dispersive
         Frequency-dependent part of the stiffness at each of the requested frequencies.
-    kept : array
+    kept
         See `mirrors`.
-    beside_dispersive : array or None
-        The same for the motion of the ground beside the support.
+    ground_dispersive
+        Likewise for the motion of the ground beside the support.
     """
 
     dispersive: Complex[np.ndarray, "frequency coordinate coordinate"]
     kept: Bool[np.ndarray, " 2"]
-    beside_dispersive: Complex[np.ndarray, "frequency coordinate 6"] | None = None
+    ground_dispersive: Complex[np.ndarray, "frequency coordinate 6"] | None = None
 
     @cached_property
     def mirrors(self) -> Bool[np.ndarray, " 2"]:
-        """Whether mirroring x and y changes nothing, clamps and materials of wires included."""
+        """Whether mirroring x and y changes nothing, including clamps and materials of wires."""
         return self.kept
 
     @property
@@ -72,17 +72,17 @@ class DispersiveLinear(Linear):
         return super().matters or bool(self.dispersive.any())
 
     def at(self, number: int) -> DispersiveLinear:
-        """Return the matrices at one of the frequencies."""
-        more, beside = self.dispersive[number], self.beside
-        if beside is not None:
-            assert self.beside_dispersive is not None
-            own = self.beside_dispersive[number]
-            beside = beside + np.stack([own.real, 0 * own.real, own.imag])
+        """Matrices at one of the frequencies."""
+        more, ground_columns = self.dispersive[number], self.ground_columns
+        if ground_columns is not None:
+            assert self.ground_dispersive is not None
+            own = self.ground_dispersive[number]
+            ground_columns = ground_columns + np.stack([own.real, 0 * own.real, own.imag])
         return replace(
             self,
             stiffness=self.stiffness + more.real,
             loss=self.loss + more.imag,
-            beside=beside,
+            ground_columns=ground_columns,
         )
 
 
@@ -91,8 +91,8 @@ def changes(
 ) -> tuple[Differentiable, Mapping[str, Linear | None]]:
     """Differentiate the matrices of a design, exactly where the model can.
 
-    Static matrices are differentiated exactly in all models, those at frequencies `omega` only
-    where they do not depend on frequency. See `derived`; `level` is the name of a model that
+    Static matrices are differentiated exactly in all models; those at frequencies `omega` only
+    where they do not depend on frequency, else as by `derived`. `level` is the name of a model that
     supports builds.
     """
     tables = any(link.table is not None for link in design.link)
@@ -103,7 +103,7 @@ def changes(
 
 
 def at(linear: Linear, number: int) -> Linear:
-    """Return the matrices at a requested frequency; those of exact derivatives are constant."""
+    """Matrices at a requested frequency; those of exact derivatives are constant."""
     return linear.at(number) if isinstance(linear, DispersiveLinear) else linear
 
 
@@ -113,27 +113,19 @@ def derived(
     level: str = registry.BEAM.name,
     omega: Sequence[float] = (),
 ) -> tuple[Differentiable, dict[str, DispersiveLinear | None]]:
-    """Differentiate the matrices of a design by differences.
+    """Differentiate the matrices of a design at frequencies `omega` (rad/s) by differences.
 
-    Parameters
-    ----------
-    level
-        Name of a model that supports builds.
-    omega
-        Frequencies at which matrices are evaluated, rad/s.
+    `level` is the name of a model that supports builds.
 
     Returns
     -------
     Differentiable
-        Of the string model, but for `linear`, which is a `DispersiveLinear`.
+        Of the string model, except `linear`, which is a `DispersiveLinear`.
     changes : dict
-        By name; None for a number that cannot change alone: the suspension would not balance in
-        its nominal pose.
+        By name; None for a number that cannot change alone: the suspension would not balance in its
+        nominal pose.
 
-    Raises
-    ------
-    InputError
-        If there is no equilibrium, or a wire is slack in it.
+    Raises `InputError` if there is no equilibrium, or a wire is slack in it.
     """
     base, steps = derivatives.prepared(design), dict[str, float | None]()
     rates = {item.name: item.rates for item in numbers}
@@ -145,7 +137,7 @@ def derived(
     moves = [
         (name, step, node) for name, step in steps.items() if step is not None for node in NODES
     ]
-    solved = _solved(
+    solved = _solve_designs(
         [design, *(_moved(design, rates[name], node * step) for name, step, node in moves)],
         np.array(omega, dtype=float),
         base.scene,
@@ -194,19 +186,19 @@ def _scale(linear: Linear, change: Linear, value: float) -> float:
     )
 
 
-def _solved(
+def _solve_designs(
     designs: list[Design], omega: Float[np.ndarray, " frequency"], scene: Scene, level: str
 ) -> list[DispersiveLinear | None]:
     """Compute the matrices of each design in its equilibrium; None where it has none."""
     result: list[DispersiveLinear | None] = [None] * len(designs)
     for places, scenes, design in variants.alike(designs, level):
         found = builds.balance(stack.stack_scenes(scenes), design, level=level, allow_unstable=True)
-        for place, one in zip(places, _each(found, omega, scene), strict=True):
+        for place, one in zip(places, _solve_builds(found, omega, scene), strict=True):
             result[place] = one
     return result
 
 
-def _each(
+def _solve_builds(
     found: Builds, omega: Float[np.ndarray, " frequency"], scene: Scene
 ) -> list[DispersiveLinear | None]:
     """Compute the matrices of each build of a batch."""
@@ -215,7 +207,9 @@ def _each(
     each, every = np.tile(omega, count), np.repeat(np.arange(count), len(omega))
     dispersive = further_stiffness(model, found.terms, every, each)
     dispersive = dispersive.reshape(count, len(omega), size, size)
-    beside, beside_dispersive = _beside(found, every, each, (count, len(omega), size))
+    ground_columns, ground_dispersive = _ground_columns(
+        found, every, each, (count, len(omega), size)
+    )
     mass, stiffness, damping = (
         np.broadcast_to(matrix, (count, size, size))
         for matrix in (model.mass, model.stiffness, model.damping)
@@ -237,8 +231,8 @@ def _each(
             scene,
             dispersive[n],
             found.mirrors[n],
-            None if beside_dispersive is None else beside_dispersive[n],
-            beside=None if beside is None else beside[n],
+            None if ground_dispersive is None else ground_dispersive[n],
+            ground_columns=None if ground_columns is None else ground_columns[n],
         )
         if good[n]
         else None
@@ -246,7 +240,7 @@ def _each(
     ]
 
 
-def _beside(
+def _ground_columns(
     found: Builds,
     every: Int[np.ndarray, " system"],
     each: Float[np.ndarray, " system"],
@@ -280,8 +274,8 @@ def _difference(around: list[DispersiveLinear | None], step: float) -> Dispersiv
         name: slope(name)
         for name in ("mass", "stiffness", "damping", "loss", "orientation", "dispersive")
     }
-    if near.beside is not None:
-        moving |= {name: slope(name) for name in ("beside", "beside_dispersive")}
+    if near.ground_columns is not None:
+        moving |= {name: slope(name) for name in ("ground_columns", "ground_dispersive")}
     return replace(
         near, **moving, kept=np.all([one.kept for one in (before, near, after, far)], axis=0)
     )

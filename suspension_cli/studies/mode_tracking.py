@@ -1,14 +1,13 @@
 """Modes followed over a grid of designs by their shapes, through crossings.
 
-From the nominal design to the nearest grid point, and from there to the neighbours of points
-already visited, each mode becomes the one that overlaps it most (`linear.mode_pairing`).
-Points without modes are bypassed; beyond a gap the nearest visited point is used instead.
+From the nominal design to the nearest grid point, and on to the neighbours of points already
+visited, each mode becomes the one that overlaps it most (`linear.mode_pairing`). Points without
+modes are bypassed; beyond a gap the nearest visited point is used.
 
-Where two modes that couple come close, their shapes pass through all mixtures: on a fine grid each
-would turn into the other, step by step, however weak the coupling. While modes are closer than
-`CLOSE` they are therefore compared with the shape they had before: tilt is tilt again beyond a near
-crossing, and lines jump by less than `CLOSE`. Modes that stay farther apart turn into each other on
-unbroken lines.
+Where two modes that couple come close, their shapes mix: on a fine grid each would turn into the
+other, step by step, however weak the coupling. So modes closer than `CLOSE` are compared with the
+shape they had before. Pitch is then pitch again beyond a near crossing, and lines jump by less than
+`CLOSE`. Modes that stay farther apart turn into each other on unbroken lines.
 """
 
 from __future__ import annotations
@@ -38,18 +37,8 @@ def follow(
 ) -> tuple[Int[np.ndarray, "*grid mode"], Float[np.ndarray, "*grid mode"]]:
     """Find which mode of every grid point each mode of the nominal design has become.
 
-    Parameters
-    ----------
-    omega_squared : array
-        In ascending order at each point.
-    shapes : array or dataset
-        As in `linear.batch_modes`.
-    good : array
-        Points that have modes.
-    start
-        The point nearest to the nominal design.
-    nominal : array
-        Shapes of the nominal design.
+    `omega_squared` and `shapes` are as in `linear.batch_modes`; points without modes are not
+    `good`. The point `start` is nearest to the nominal design, whose shapes are `nominal`.
 
     Returns
     -------
@@ -112,7 +101,7 @@ def _neighbours(here: tuple[int, ...], left: Bool[np.ndarray, "*grid"]) -> list[
 def _nearest(
     left: Bool[np.ndarray, "*grid"], start: tuple[int, ...], reached: list[tuple[int, ...]]
 ) -> tuple[tuple[int, ...], tuple[int, ...] | None]:
-    """Find the next point to visit, at the start or across a gap, and one to follow modes from."""
+    """Find the next point to visit, and one to follow modes from (None at the start)."""
     points = np.argwhere(left)
     if not reached:
         return tuple(points[np.abs(points - np.array(start)).sum(1).argmin()].tolist()), None

@@ -1,4 +1,4 @@
-"""Changes in which builders think: a millimetre, a milliradian, or one per cent."""
+"""Changes of a practical size: a millimetre, a milliradian, or one per cent."""
 
 from __future__ import annotations
 
@@ -9,26 +9,17 @@ CROSS_SECTION = ("radius", "width", "thickness", "surface_depth", "diameter")
 WIRES = ("wires", "wire", "sections", "section")
 """Tables in which a radius is that of a wire; elsewhere it is that of a body."""
 STEPS = {unit: (1 / factor, name) for unit, (name, factor) in DISPLAYED.items() if unit != "Pa"}
-"""Step of a length or an angle (SI), by its unit, and the step's name."""
+"""Step of a length or an angle, by SI unit, and the step's name."""
 
 
 def natural_step(path: str, value: float) -> tuple[float, str]:
-    """Choose the step of a number of a design, in its own unit, and name it.
+    """Choose the step of a number of a design (by dotted path), in SI, and name it.
 
-    1 mm of a length and 1 mrad of an angle; 1 % of everything else, including the thickness of
+    1 mm for a length and 1 mrad for an angle; 1 % for everything else, including the thickness of
     wires and blades, and loss angles.
 
-    Parameters
-    ----------
-    path
-        Dotted path.
-    value
-        SI.
-
-    Examples
-    --------
-    >>> natural_step("stage.test.wires.d", 0.001), natural_step("stage.test.body.mass", 5.6)
-    ((0.001, 'mm'), (0.056, '%'))
+    >>> natural_step("stage.test.wires.d", 0.001), natural_step("stage.test.body.mass", 5.0)
+    ((0.001, 'mm'), (0.05, '%'))
     """
     keys = path.split(".")
     # after the name of a stage or material

@@ -1,8 +1,8 @@
 """The numbers of a design by dotted path, and designs with one of them changed or made complex.
 
-A function of real numbers that is analytic takes f(p + ih) = f(p) + ih f'(p) + O(h^2); with h =
-1e-30 the imaginary part is the derivative to rounding, as nothing is subtracted (Squire and Trapp,
-SIAM Review 40, 110 (1998)). The code that computes matrices from a design so differentiates them.
+An analytic function of real numbers takes f(p + ih) = f(p) + ih f'(p) + O(h^2). With h = 1e-30 the
+imaginary part gives the derivative to rounding, as nothing is subtracted (Squire and Trapp, SIAM
+Review 40, 110 (1998)). So the code that computes matrices also differentiates them.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ design may hold."""
 OTHER_TABLES = ("design", "analysis", "control", "tolerance")
 """Tables that do not describe the suspension itself."""
 NOT_CONTINUOUS = ("count", "steps", "temperature", "profile", "real", "imaginary", "static")
-"""Keys whose numbers cannot change a little, do not matter to any model, or are tables of links
-(which have a factor)."""
+"""Keys of numbers that are not varied: integers, temperatures, profiles of wires, and tables of
+links (which have a factor)."""
 TABLE_FREQUENCY = re.compile(r"link\.[^.]+\.table\.frequency\.")
-"""Frequencies of such a table."""
+"""Frequencies of a link's table."""
 TWIST = "poisson_ratio"
-"""The number that matters where wires twist alone."""
+"""Matters only where wires twist."""
 
 
 @dataclass(frozen=True)
@@ -59,12 +59,8 @@ class Parameter:
 def every(text: str, level: str = registry.STRING.name) -> tuple[Parameter, ...]:
     """List every number of a design that can change a little, with implied gravity and moduli.
 
-    Parameters
-    ----------
-    text
-        The design as TOML.
-    level
-        Name of a model; where wires bend, the materials of all wires matter, Poisson's ratio too.
+    `text` is the design as TOML. In a model (`level`) where wires bend, the materials of all wires
+    matter, including Poisson's ratio.
     """
     design, raw = reader.parse(text), tomllib.loads(text)
     bends = registry.by_name(level).bends_wires
@@ -89,7 +85,7 @@ def every(text: str, level: str = registry.STRING.name) -> tuple[Parameter, ...]
 
 
 def _bent(design: Design) -> set[str]:
-    """Materials of the wires of a model in which they bend."""
+    """Materials of the wires, where these bend."""
     wires = (wire for stage in design.stage for wire in stage.wire_tables)
     pieces = (piece for wire in wires for piece in stretches(wire, 1.0))
     return {piece.material for piece in pieces if piece.material is not None}
@@ -105,12 +101,12 @@ def _used(design: Design) -> set[str]:
 
 
 def stepped(design: Design, name: str, rate: float = 1.0) -> Design:
-    """A design with `STEP` i, times a rate, added to one of its numbers."""
+    """Add `STEP` i, times a rate, to one number of a design."""
     return shifted(design, name, STEP * rate * 1j)
 
 
 def shifted(design: Design, name: str, by: complex) -> Design:
-    """A design with a constant added to one of its numbers, without the reader's checks."""
+    """Add a constant to one number of a design, without the reader's checks."""
     keys = name.split(".")
 
     def add(number: complex) -> complex:

@@ -24,7 +24,7 @@ def relative_change(
 def largest_relative_change(
     old: Float[np.ndarray, " build"], new: Float[np.ndarray, " build"]
 ) -> float:
-    """Compute the largest change of a frequency or magnitude over its new value; NaN is none."""
+    """Compute the largest change of a frequency or magnitude over its new value, without NaN."""
     with np.errstate(all="ignore"):
         changes = np.abs(old - new) / new
     return float(np.where(np.isnan(changes), 0.0, changes).max(initial=0.0))

@@ -28,9 +28,9 @@ class Slope:
 
     Attributes
     ----------
-    outputs : list of (value, row, adjoint)
-        Complex value y, linear form r, a.
-    state : array
+    outputs
+        Complex value y, linear form r and adjoint a of each.
+    state
         All coordinates for a unit input.
     signals
         The outputs, then the input.
@@ -62,12 +62,12 @@ class Slope:
         state = np.zeros(len(matrix), dtype=complex)
         state[:6] = 0.0 if item.input.acts else drive[:6]
         force = drive[6:] if item.input.acts else 0.0
-        state[own] = _solved(matrix[own, own], force - matrix[own, :6] @ state[:6])
+        state[own] = _solve_scaled(matrix[own, own], force - matrix[own, :6] @ state[:6])
         rows = [base.row(signal) for signal in watched]
         for row in rows if ground else ():
             row[:6] = 0.0  # the support is at rest
         outputs = [
-            (complex(value), row, _solved(matrix[own, own].T, row[6:]))
+            (complex(value), row, _solve_scaled(matrix[own, own].T, row[6:]))
             for value, row in zip(exact, rows, strict=True)
         ]
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -96,7 +96,7 @@ class Slope:
         return float(abs(slope) if value == 0 else (np.conj(value) * slope).real / abs(value))
 
 
-def _solved(
+def _solve_scaled(
     matrix: Complex[np.ndarray, "coordinate coordinate"], right: Inexact[np.ndarray, " coordinate"]
 ) -> Complex[np.ndarray, " coordinate"]:
     """Solve in scaled coordinates."""

@@ -5,8 +5,8 @@ the responses by
 
     dH = -Y^T dA X + dC X + Y^T dB,    A X = B,  A^T Y = C^T,
 
-so one factorisation per frequency serves all responses and all numbers. The matrices are solved in
-double precision as they are: to some 1e-9, far below the noise of measurements (`linear.response`
+so one factorisation per frequency serves all responses and all numbers. The solutions, in plain
+double precision, are accurate to some 1e-9, far below the noise of measurements (`linear.response`
 has the last digits).
 
 Modes may be damped beyond the losses of the design: `damping` of mode k adds i omega omega_k
@@ -107,7 +107,7 @@ class Plant:
         Int[np.ndarray, " element"],
         Float[np.ndarray, "element function"],
     ]:
-        """Rows and columns (e,) of elements that depend on frequency, weights (e, n) in them."""
+        """Rows and columns of elements that depend on frequency; weights of functions in them."""
         to_named = np.linalg.inv(self.system.basis)
         matrices = np.concatenate(
             [to_named.T @ np.asarray(term.all_matrices) @ to_named for term in self.system.terms]
@@ -123,16 +123,9 @@ class Plant:
         damping: Float[np.ndarray, " mode"] | None = None,
         stiffening: Float[np.ndarray, " mode"] | None = None,
     ) -> Responses:
-        """Solve for all responses, with the adjoint solutions that derivatives need.
+        """Solve for all responses at frequencies in Hz, with the adjoint solutions for derivatives.
 
-        Parameters
-        ----------
-        frequency : array
-            Hz.
-        damping : array, optional
-            Added damping 1/Q of each mode.
-        stiffening : array, optional
-            Relative change of omega^2 of each mode alone.
+        `damping` is an added 1/Q, `stiffening` a relative change of omega^2, of each mode.
         """
         omega = 2 * np.pi * np.asarray(frequency, dtype=float)
         size = self.base.model.size
@@ -183,17 +176,17 @@ class Plant:
 
 @dataclass(frozen=True)
 class Responses:
-    """Responses of outputs to inputs, with all that their derivatives need.
+    """Responses of outputs to inputs, with what their derivatives need.
 
     Attributes
     ----------
-    omega : array
+    omega
         rad/s.
-    rows : array
+    rows
         Linear forms of the outputs.
-    state : array
+    state
         All coordinates for unit inputs.
-    adjoint : array
+    adjoint
         Solutions of the transposed equations for the outputs.
     """
 

@@ -1,11 +1,11 @@
 """Run a sweep: points in chunks, on processes or a Dask cluster, with results straight to disk.
 
-A job computes any range of its points alone and gives the same bits whatever the range, so chunk
-size, number of workers and engine do not matter. The HDF5 datasets are allocated in full when the
-file is made and a chunk is written in place, so that a killed run leaves a valid file
-(``NAME.h5.part``) and a journal of the finished points (``NAME.h5.journal``), from which
-``resume`` continues. When all points are done the file gets its name and the journal is deleted.
-The journal is locked during a run, so that two runs never write one file.
+A job computes any range of its points independently, with the same bits, so chunk size, number of
+workers and engine do not matter. The HDF5 datasets are allocated in full when the file is made, and
+chunks are written in place. A killed run leaves a valid file (``NAME.h5.part``) and a journal of
+the finished points (``NAME.h5.journal``), from which ``resume`` continues. When all points are done
+the file gets its name and the journal is deleted. The journal is locked during a run, so that two
+runs never write one file.
 """
 
 from __future__ import annotations
@@ -44,8 +44,6 @@ class Plan:
         Address of a Dask scheduler instead.
     chunk
         Number of points computed at once.
-    resume
-        Whether to continue an interrupted run.
     progress
         Called with (points done, total points, points per second).
     """
@@ -68,16 +66,9 @@ def run(
 ) -> None:
     """Compute all points of a job into one HDF5 file.
 
-    Parameters
-    ----------
-    path
-        Of the finished file.
-    group
-        Name of the group with the columns.
-    fill
-        Writes the rest of the group (axes, names) when the file is made.
-    after
-        Given the path of the unfinished file, fills the columns that need all points.
+    The finished file is `path`; its group has the columns. When the file is made, `fill` writes the
+    rest of the group (axes, names). Given the path of the unfinished file, `after` fills the
+    columns that need all points.
     """
     chunk = max(UNIT, plan.chunk // UNIT * UNIT)
     with _connected(plan) as client, opened(job, path, group, origin, plan.resume, fill) as store:

@@ -1,10 +1,9 @@
-"""Points of the unit cube from which builds are drawn: random or low-discrepancy, and the blocks
-that Sobol indices need.
+"""Points of the unit cube from which builds are drawn: random, low-discrepancy, or in blocks.
 
 Random numbers are counter-based (Philox; Salmon et al., Proc. SC11 (2011)). Low-discrepancy points
 are those of `REPLICATES` independently scrambled Sobol sequences (Owen, J. Complexity 14, 466
-(1998)), whose scatter gives the error of a mean. The point of a build depends on nothing but its
-number, so builds can be drawn in any chunks.
+(1998)), whose scatter gives the error of a mean. Sobol indices need blocks of points. The point of
+a build depends only on its number, so builds can be drawn in any chunks.
 """
 
 from __future__ import annotations
@@ -70,11 +69,11 @@ class SamplePoints:
         return min(self.blocks, 2) * self.rows
 
     def replicate(self, build: Int[np.ndarray, " build"]) -> Int[np.ndarray, " build"]:
-        """Return the replicate, from 0 to `REPLICATES` - 1, of builds by number."""
+        """Replicate, from 0 to `REPLICATES` - 1, of builds by number."""
         return (build % self.rows) * REPLICATES // self.rows
 
     def of(self, start: int, stop: int, width: int) -> Float[np.ndarray, "stop-start width"]:
-        """Return the points, in [0, 1), of builds start to stop - 1."""
+        """Points, in [0, 1), of builds start to stop - 1."""
         pieces = [
             self._of_block(block, first, last, width)
             for block, first, last in _split(start, stop, self.rows)
@@ -84,7 +83,7 @@ class SamplePoints:
     def _of_block(
         self, block: int, start: int, stop: int, width: int
     ) -> Float[np.ndarray, "stop-start width"]:
-        """Return the points of some rows of one matrix."""
+        """Points of some rows of one matrix."""
         both = self._sequence(start, stop, width * min(self.blocks, 2))
         if block < 2:
             return both[:, block * width : (block + 1) * width]
@@ -102,7 +101,7 @@ class SamplePoints:
 
 
 def largest_count(wanted: int, method: str, groups: int = 0) -> int:
-    """Return the most builds, up to `wanted`, that a method can use; 0 if there is none.
+    """The most builds, up to `wanted`, that a method can use; 0 if there is none.
 
     Sobol sequences take `REPLICATES` times a power of two; Sobol indices of k groups take that for
     each of k + 2 matrices, with either method.
@@ -117,15 +116,15 @@ def largest_count(wanted: int, method: str, groups: int = 0) -> int:
 
 
 def smallest_count(groups: int = 0) -> int:
-    """Return the fewest builds of Sobol sequences, or of the Sobol indices of k groups."""
+    """The fewest builds of Sobol sequences, or of the Sobol indices of k groups."""
     return REPLICATES * ((groups + 2) * LEAST_ROWS if groups else LEAST)
 
 
 def uniforms(seed: int, start: int, stop: int, width: int) -> Float[np.ndarray, "stop-start width"]:
     """Draw uniform numbers in [0, 1) of builds start to stop - 1.
 
-    Each build takes a whole number of Philox blocks (four numbers each), so its numbers depend on
-    nothing but seed and build.
+    Each build takes whole Philox blocks of four numbers, so its numbers depend only on seed and
+    build.
     """
     blocks = -(-width // 4)
     stream = np.random.Philox(key=seed)
@@ -136,7 +135,7 @@ def uniforms(seed: int, start: int, stop: int, width: int) -> Float[np.ndarray, 
 def scrambled_sobol(
     seed: int, replicate: int, start: int, stop: int, width: int
 ) -> Float[np.ndarray, "stop-start width"]:
-    """Return points start to stop - 1 of one scrambled Sobol sequence.
+    """Points start to stop - 1 of one scrambled Sobol sequence.
 
     They are in the middle of the intervals that their binary digits stand for.
     """

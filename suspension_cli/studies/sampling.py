@@ -1,5 +1,4 @@
-"""Random imperfections of builds, from the `[tolerance]` table: which numbers scatter, how, and how
-they get into a scene.
+"""Random imperfections of builds from the `[tolerance]` table, and their effect on a scene.
 
 Random numbers are counter-based (Philox; Salmon et al., Proc. SC11 (2011)): build n takes the n-th
 row of one stream of uniform numbers, whichever builds are drawn with it.
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
     from jaxtyping import Float
 
 SMALLEST = 1e-3
-"""Factors (on k, mass, ...) are kept above this: a normal distribution has tails."""
+"""Smallest factor (on k, mass, ...): a normal distribution has tails."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +43,7 @@ class ScatteredNumber:
     hold
         For wires.
     group
-        Name of the tolerance that the number has with others: ``test wires length``.
+        Name of the tolerance that numbers share: ``test wires length``.
     """
 
     label: str
@@ -64,10 +63,7 @@ class ScatteredNumber:
 def factors(design: Design, scene: Scene) -> tuple[ScatteredNumber, ...]:
     """List the numbers that a design's `[tolerance]` table lets scatter, in a fixed order.
 
-    Raises
-    ------
-    InputError
-        If there is no such table.
+    Raises `InputError` if there is no such table.
     """
     given = design.tolerance
     if given is None:
@@ -116,11 +112,7 @@ def deviations(
 ) -> Float[np.ndarray, "build factor"]:
     """Compute the deviations of every number from nominal, m or fractions.
 
-    Parameters
-    ----------
-    u : array
-        Points of the unit cube, see `sample_points`; normal deviations are their inverse
-        distribution function.
+    Normal deviations are the inverse distribution function at points `u` (see `sample_points`).
     """
     from scipy.special import ndtr, ndtri
 
@@ -132,8 +124,8 @@ def deviations(
             continue
         sigma = spread.normal or 0.0
         tail = ndtr(-spread.truncate / sigma) if spread.truncate and sigma else 0.0
-        # the middle of the interval that a 53-bit number stands for; the last one rounds to 1,
-        # whose deviation is infinite
+        # the middle of the interval of a 53-bit number; the last one rounds to 1, whose deviation
+        # is infinite
         middle = np.minimum(u[:, n] + 2.0**-54, 1 - 2.0**-53)
         result[:, n] = sigma * ndtri(tail + (1 - 2 * tail) * middle)
         if spread.truncate:

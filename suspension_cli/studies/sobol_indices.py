@@ -13,16 +13,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SobolIndices:
-    """Sobol indices of q results with respect to k groups of numbers.
+    """Sobol indices of results with respect to groups of numbers; NaN where a result does not vary.
 
     Attributes
     ----------
-    first : array
+    first
         Fraction of the variance that each group causes alone.
-    total : array
+    total
         Fraction that it causes alone or together with others.
-    first_error, total_error : array
-        Standard errors. NaN where a result does not vary.
+    first_error, total_error
+        Standard errors.
     """
 
     first: Float[np.ndarray, "group result"]
@@ -34,22 +34,13 @@ class SobolIndices:
 def sobol_indices(
     values: Float[np.ndarray, "group+2 sample result"], replicate: Int[np.ndarray, " sample"]
 ) -> SobolIndices:
-    """Estimate Sobol indices from the results of A, B and A with columns from B.
+    """Estimate Sobol indices from the results by block, see `sample_points.SamplePoints`.
 
     V_i = <f(B) (f(A_B^i) - f(A))> (Saltelli et al., Comput. Phys. Commun. 181, 259 (2010), table 2
     b) and V_Ti = <(f(A) - f(A_B^i))^2>/2 (Jansen, Comput. Phys. Commun. 117, 35 (1999)), over the
     variance of f in A and B; f less its mean, which only reduces the scatter. Rows in which one of
     the three failed (NaN) are left out. Errors are from the scatter of the replicates.
 
-    Parameters
-    ----------
-    values : array
-        Results by block, see `sample_points.SamplePoints`.
-    replicate : array
-        Batch of each row.
-
-    Examples
-    --------
     >>> a, b = np.random.default_rng(1).random((2, 4096, 1))
     >>> found = sobol_indices(np.stack([a, b, b]), np.arange(4096) // 512)
     >>> found.first.round(1), found.total.round(1)

@@ -1,7 +1,7 @@
 """The HDF5 file that a sweep fills, and the journal of its finished points.
 
-Every dataset is allocated in full when the file is made, and written in place; the journal lists
-the points whose results are safely on disk, so that a run killed at any moment can be resumed.
+Every dataset is allocated in full when the file is made, and written in place. The journal lists
+the points whose results are safely on disk, so that a killed run can be resumed.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ After = Callable[[Path], None]
 
 
 class Job(Protocol):
-    """A sweep's points. It must be picklable, with results that do not depend on their grouping."""
+    """A sweep's points. It is picklable, with results that do not depend on their grouping."""
 
     @property
     def count(self) -> int:
@@ -157,9 +157,9 @@ def opened(
             record = os.open(_journal(path), os.O_RDWR | os.O_CREAT, 0o666)
             stack.callback(os.close, record)
             _lock(record, path)
-            done = _resumed(job, path, group, origin, record, fill) if resume else None
+            done = _resume(job, path, group, origin, record, fill) if resume else None
             if done is None:
-                done = _begun(job, path, group, origin, record, fill)
+                done = _begin(job, path, group, origin, record, fill)
             handle = os.open(_part(path), os.O_RDWR)
             stack.callback(os.close, handle)
         store = Store(
@@ -198,7 +198,7 @@ ANEW = "start anew without --resume"
 """Remedy for an unfinished file that cannot be resumed."""
 
 
-def _resumed(
+def _resume(
     job: Job, path: Path, group: str, origin: Provenance, record: int, fill: Fill
 ) -> Int[np.ndarray, " unit"] | None:
     """Read the journal of an interrupted run; None if there is nothing to resume."""
@@ -210,17 +210,16 @@ def _resumed(
         raise InputError.of(
             "--resume", f"{_part(path).name} belongs to another design or sweep", remedy
         )
-    problem = _unlike(job, _part(path), group, origin, fill)
+    problem = _explain_mismatch(job, _part(path), group, origin, fill)
     if problem:
         raise InputError.of("--resume", f"{_part(path).name} {problem}", ANEW)
     return np.frombuffer(head[JOURNAL_HEAD:], dtype=np.uint8).copy()
 
 
-def _unlike(job: Job, part: Path, group: str, origin: Provenance, fill: Fill) -> str:
-    """Return why an unfinished file with this job's journal is not its file; "" if it is.
+def _explain_mismatch(job: Job, part: Path, group: str, origin: Provenance, fill: Fill) -> str:
+    """Why an unfinished file with this job's journal is not its file; "" if it is.
 
-    Everything is compared with the file that the job would begin, but of columns only the place and
-    size.
+    Everything is compared with the file that the job would begin; of columns only place and size.
     """
     if not part.is_file():
         return "is no regular file"
@@ -236,7 +235,7 @@ def _unlike(job: Job, part: Path, group: str, origin: Provenance, fill: Fill) ->
             names = [
                 name
                 for name in ("format", "format_version", "pendsus_version", "design", "fidelity")
-                if not _same(file.attrs, expected.attrs, name)
+                if not _has_same_attribute(file.attrs, expected.attrs, name)
             ]
             home, drawn = file.get(group, {}), expected[group]
             grids = [name for name in job.scales if name in drawn]
@@ -248,7 +247,7 @@ def _unlike(job: Job, part: Path, group: str, origin: Provenance, fill: Fill) ->
             names += [
                 column.name
                 for column in job.columns
-                if not _whole(home.get(column.name), column, job.shape, part)
+                if not _is_complete(home.get(column.name), column, job.shape, part)
             ]
     except Exception as error:  # HDF5 raises many types for other files
         return "is no sound HDF5 file" + (
@@ -257,11 +256,13 @@ def _unlike(job: Job, part: Path, group: str, origin: Provenance, fill: Fill) ->
     return f"is of another run, or was changed since ({names[0]})" if names else ""
 
 
-def _same(found: h5py.AttributeManager, expected: h5py.AttributeManager, name: str) -> bool:
+def _has_same_attribute(
+    found: h5py.AttributeManager, expected: h5py.AttributeManager, name: str
+) -> bool:
     return name in found and bool(found[name] == expected[name])
 
 
-def _whole(found: Stored, column: Column, shape: tuple[int, ...], part: Path) -> bool:
+def _is_complete(found: Stored, column: Column, shape: tuple[int, ...], part: Path) -> bool:
     """Whether a column has its place, type and size in the file."""
     if (
         not isinstance(found, h5py.Dataset)
@@ -275,7 +276,7 @@ def _whole(found: Stored, column: Column, shape: tuple[int, ...], part: Path) ->
     )
 
 
-def _begun(
+def _begin(
     job: Job, path: Path, group: str, origin: Provenance, record: int, fill: Fill
 ) -> Int[np.ndarray, " unit"]:
     """Make a new file with its journal; an older journal is emptied first."""
@@ -302,7 +303,7 @@ def _digest(job: Job, origin: Provenance) -> bytes:
 
 
 def _create(job: Job, part: Path, group: str, origin: Provenance, fill: Fill) -> None:
-    """Allocate the whole file: every dataset contiguous and in its final place."""
+    """Allocate the whole file, with every dataset contiguous and in its final place."""
     try:
         part.touch()
         _allocate(part, _estimate(job))  # HDF5 crashes where it cannot write

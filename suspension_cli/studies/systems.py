@@ -22,17 +22,17 @@ if TYPE_CHECKING:
 class Systems:
     """K + i omega C - omega^2 M of builds, massless undamped coordinates (blade tips) eliminated.
 
-    Otherwise LU loses digits: the error of the vertical motion of an imperfect triple at 50 Hz is
+    With them LU loses digits: the error of the vertical motion of an imperfect triple at 50 Hz is
     4e-11 with them and 1e-14 without.
 
     Attributes
     ----------
-    keep, drop : array
+    keep, drop
         Coordinates of the model without the support's; bodies from the top down, blades with the
         stage that hangs on them.
-    stiffness, mass, damping : array
+    stiffness, mass, damping
         With respect to the support's coordinates and their own.
-    yielding, follow : array
+    yielding, follow
         K_bb^-1 of the eliminated coordinates b, and K_bb^-1 times their stiffness against the rest.
     """
 
@@ -50,7 +50,7 @@ class Systems:
         which: Int[np.ndarray, " system"],
         dispersive: Complex[np.ndarray, "system coordinate coordinate"] | None = None,
     ) -> Systems:
-        """Set up the systems of some builds, with an added stiffness if wires are dispersive."""
+        """Set up the systems of some builds, with an added `dispersive` stiffness."""
         owner, known = (
             [name.split(".", 1)[0] for name in model.coordinate],
             (SUPPORT, FRAME, *model.body),
@@ -87,7 +87,7 @@ class Systems:
     ) -> Inexact[np.ndarray, "system frequency coordinate input"]:
         """Solve for the coordinates, in the model's order, for motions of the support and forces.
 
-        The frequencies are (f,) for all builds, or (p, f).
+        The frequencies, rad/s, are (f,) for all builds, or (p, f).
         """
         dynamic = self.stiffness[:, None] - (omega**2)[..., None, None] * self.mass[:, None]
         if self.damping.any():
@@ -121,20 +121,10 @@ def respond(
     moves: Float[np.ndarray, "every 6 input"],
     forces: Float[np.ndarray, "every coordinate input"],
 ) -> Inexact[np.ndarray, "build frequency coordinate input"]:
-    """Solve for the coordinates of some builds for motions of the support and forces on bodies.
+    """Solve for the coordinates of builds `which` for motions of the support and forces on bodies.
 
-    Parameters
-    ----------
-    model
-        Of p builds.
-    terms
-        Its frequency-dependent parts.
-    which : array
-        Builds.
-    omega : array
-        rad/s.
-    moves, forces : array
-        Of all builds of the model.
+    `terms` are the frequency-dependent parts of the model; `omega` in rad/s; `moves` and `forces`
+    are those of all builds of the model.
     """
     every, each = np.repeat(which, len(omega)), np.tile(omega, len(which))
     added, compliance = _terms(model, terms, every, each)
@@ -162,7 +152,7 @@ def _terms(
 ) -> tuple[
     Complex[np.ndarray, "system coordinate coordinate"] | None, Inexact[np.ndarray, "system wire"]
 ]:
-    """Compute the further stiffness of builds at a frequency each, and the compliance of wires."""
+    """Compute the further stiffness of builds, each at a frequency, and the compliance of wires."""
     compliance: np.ndarray = np.zeros((len(which), 0))
     if model.separated is not None:
         stiffness = np.broadcast_to(model.separated.stiffness, (*model.batch, len(model.wire)))
@@ -182,16 +172,9 @@ def further_stiffness(
     which: Int[np.ndarray, " system"],
     omega: Float[np.ndarray, " system"],
 ) -> Complex[np.ndarray, "system coordinate coordinate"]:
-    """Compute the frequency-dependent parts of builds at a frequency each, with the stretching.
+    """Compute the frequency-dependent parts of builds, each at a frequency in rad/s.
 
-    Parameters
-    ----------
-    model
-        Of p builds.
-    which : array
-        Builds.
-    omega : array
-        rad/s.
+    They include the stretching of wires.
     """
     added, compliance = _terms(model, terms, which, omega)
     if added is None:
@@ -213,7 +196,7 @@ def _respond_compiled(
     moves: Float[np.ndarray, "every 6 input"],
     forces: Float[np.ndarray, "every coordinate input"],
 ) -> tuple[Inexact[np.ndarray, "system coordinate input"], Bool[np.ndarray, " system"]]:
-    """Solve for the coordinates of systems by compiled loops; also, whether these could."""
+    """Solve for the coordinates of systems by compiled loops; also, where these could."""
     from suspension_cli.compiled import constant  # takes half a second
     from suspension_cli.linear import compiled
 
@@ -226,6 +209,19 @@ def _respond_compiled(
     kind = complex if lossy else float
     batch, size = model.batch, model.size
     whole, none = (*batch, size, size), np.zeros((0, size, size))
+    matrices = compiled.Matrices(
+        soft=constant(np.real(separated.soft)),
+        mass=constant(model.mass, whole),
+        loss=constant(np.imag(separated.soft) if np.iscomplexobj(separated.soft) else none),
+        damping=constant(model.damping, whole) if damped.any() else constant(none),
+        form=constant(separated.form),
+    )
+    systems = compiled.Systems(
+        which,
+        constant(omega),
+        constant(none.astype(kind) if added is None else added),
+        constant(compliance.astype(kind, copy=False)),
+    )
     result = np.empty((len(which), size - 6, moves.shape[-1]), dtype=kind)
     good = np.empty(len(which), dtype=bool)
     compiled.respond(
@@ -234,15 +230,8 @@ def _respond_compiled(
         # the factors of heavy tips on nearly rigid wires have few digits
         1 if light[6 * len(model.body) :].all() else 2,
         1j if lossy else 0.0,
-        which,
-        constant(omega),
-        constant(np.real(separated.soft)),
-        constant(model.mass, whole),
-        constant(np.imag(separated.soft) if np.iscomplexobj(separated.soft) else none),
-        constant(model.damping, whole) if damped.any() else constant(none),
-        constant(none.astype(kind) if added is None else added),
-        constant(separated.form),
-        constant(compliance.astype(kind, copy=False)),
+        matrices,
+        systems,
         constant(moves),
         constant(forces),
         result,

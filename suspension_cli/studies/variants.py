@@ -1,7 +1,7 @@
 """Designs that differ in a few numbers, as batches of balanced linear models.
 
-Every design passes the reader's checks on its own; equilibria, matrices and all that follows from
-them are then computed for arrays of designs of one topology.
+Every design passes the reader's checks. Equilibria, matrices and what follows from them are
+computed for arrays of designs of one topology.
 """
 
 from __future__ import annotations
@@ -41,14 +41,9 @@ def scenes(
 ) -> Iterator[tuple[Scene, Design, Int[np.ndarray, " place"]]]:
     """Expand the designs given by values at dotted paths, in batches of one topology.
 
-    Designs of a batch differ in nothing but the arrays of their scenes.
-
-    Parameters
-    ----------
-    text
-        The design as TOML.
-    level
-        Name of a model that supports builds; `SceneModel.wire_properties` are the same in a batch.
+    Designs of a batch differ only in the arrays of their scenes. `text` is the design as TOML,
+    `level` the name of a model that supports builds; `SceneModel.wire_properties` are the same in a
+    batch.
 
     Yields
     ------
@@ -60,7 +55,7 @@ def scenes(
         Numbers of the points. Points with an invalid design are in no batch.
     """
     rows, pick = np.unique(np.stack(list(values.values()), axis=1), axis=0, return_inverse=True)
-    designs = (_valid(text, dict(zip(values, row, strict=True))) for row in rows)
+    designs = (_parse_if_valid(text, dict(zip(values, row, strict=True))) for row in rows)
     for numbers, members, design in alike(designs, level):
         place = np.full(len(rows), -1)
         place[numbers] = np.arange(len(members))
@@ -69,7 +64,7 @@ def scenes(
         yield stack.stack_scenes(members, number[here]), design, here
 
 
-def _valid(text: str, values: dict[str, float]) -> Design | None:
+def _parse_if_valid(text: str, values: dict[str, float]) -> Design | None:
     """Parse a design with these numbers; None if it is invalid."""
     try:
         return overridden(text, values)
@@ -80,15 +75,10 @@ def _valid(text: str, values: dict[str, float]) -> Design | None:
 def alike(
     designs: Iterable[Design | None], level: str
 ) -> Iterator[tuple[list[int], list[Scene], Design]]:
-    """Group designs that differ in nothing but the arrays of their scenes.
+    """Group designs that differ only in the arrays of their scenes.
 
-    Yields
-    ------
-    numbers : list of int
-        Places of the designs of a group; those without a scene are left out.
-    scenes : list of Scene
-    design : Design
-        One of them.
+    Yields their places, their scenes and one design of each group; designs without a scene are left
+    out.
     """
     model = registry.scene_model(level)
     kinds: dict[Hashable, list[tuple[int, Scene, Design]]] = {}
@@ -112,21 +102,9 @@ def balanced(
 ) -> Iterator[tuple[Builds, Int[np.ndarray, " place"]]]:
     """Balance the designs given by values at dotted paths, and build their linear models.
 
-    Parameters
-    ----------
-    text, values
-        See `scenes`.
-    level
-        Name of a model.
-    allow_unstable
-        Whether an unstable equilibrium has status `builds.GOOD`.
-
-    Yields
-    ------
-    Builds
-        With the points as first axis of the linear model; mirror symmetries are used.
-    here : array
-        Numbers of the points.
+    Yields builds, with the points as first axis of the linear model, and the numbers of the points.
+    Mirror symmetries are used. Arguments as of `scenes`, but any model; if `allow_unstable`, an
+    unstable equilibrium has status `builds.GOOD`.
     """
     model = registry.by_name(level)
     if not model.supports_builds:
@@ -152,7 +130,7 @@ def _balanced_designs(
     """Build batches of symmetric designs of one key; their nominal pose is the equilibrium."""
     kinds: dict[Hashable, list[tuple[int, Design]]] = {}
     for n, row in enumerate(np.stack(list(values.values()), axis=1)):
-        design = _valid(text, dict(zip(values, row, strict=True)))
+        design = _parse_if_valid(text, dict(zip(values, row, strict=True)))
         if design is None or model.unsuitable(design):
             continue
         key = model.batch_key(design)

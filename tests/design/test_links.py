@@ -90,6 +90,10 @@ def _faults(text: str) -> str:
             LINK + TABLE.replace("[[1.0, 2.0]]", "[[1.0, 2.0, 3.0]]"),
             "has an axis without exactly 2 values",
         ),
+        (
+            LINK + TABLE.replace("[[1.0, 2.0]]", "[[1.0], [2.0]]"),
+            "has 1 elements; give one number per frequency, at least 2",
+        ),
         (LINK + TABLE.replace("[[1.0, 2.0]]", "[[0.0, 2.0]]"), "static stiffness along x is 0"),
         (LINK + '[link.table]\nfile = "a.csv"\n', "is read only with a design file"),
         (DAMPER, "damper.d: none of damping, eddy_current; give exactly one"),

@@ -56,7 +56,7 @@ def fill(group: h5py.Group, damped: LocalControl) -> None:
 def load(group: Stored) -> LocalControl:
     """Read the local control of a design from a group."""
     loop = tuple(group["loop"].asstr()[:])
-    rows = {name: group[_dataset(name)][:] for name in UNITS if _dataset(name) in group}
+    rows = {name: group[_dataset(name)][:] for name in UNITS}
     peak = None
     if "sensitivity_peak" in group.attrs:
         peak = SensitivityPeak(

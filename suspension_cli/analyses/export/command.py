@@ -121,8 +121,8 @@ class ExportAnalysis(Analysis):
         made: Exported = result.data
         system = made.system
         return (
-            f"{result.choice.line}\n{len(system.state)} states,"
-            f" {len(system.input)} inputs, {len(system.output)} outputs; {agreement(made)}\n"
+            f"{result.choice.line}\nstates: {len(system.state)}, inputs: {len(system.input)},"
+            f" outputs: {len(system.output)}; {agreement(made)}\n"
             f"(worst {made.worst:.1e}, up to 100 times the highest mode)"
         )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import zip_longest
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from suspension_cli.linear.connected_groups import connected_groups
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex
 
 
 @dataclass(frozen=True)
@@ -23,7 +26,7 @@ class ZeroPoleGain:
     poles: Array
     gain: Array
 
-    def at(self, frequency: Array) -> Any:
+    def at(self, frequency: Array) -> Complex[np.ndarray, "frequency output input"]:
         """Evaluate the transfer matrix (f, o, i) at frequencies (f,) in Hz."""
         s = 2j * np.pi * np.asarray(frequency)
         result = np.empty((len(s), *self.gain.shape), dtype=complex)
@@ -42,12 +45,12 @@ class Exported:
 
     Attributes
     ----------
-    band : tuple of float or None
+    band
         Frequencies in Hz between which it agrees with the direct solution to `tolerance`, relative;
-        None if there are no two neighbouring ones.
-    worst : float
+        None if no two neighbouring ones do.
+    worst
         Largest relative error at the frequencies compared.
-    tried : tuple of float
+    tried
         Lowest and highest frequency compared, Hz: 1/100 of the lowest mode's and 100 times the
         highest one's.
     """
@@ -80,14 +83,8 @@ def build(
 ) -> Exported:
     """Build the system from inputs to outputs, with its band of agreement.
 
-    Parameters
-    ----------
-    model : LinearSystem
-        With constant matrices.
-    direct : LinearSystem, optional
-        Model of the direct solution to compare with; `model` by default.
-    zpk : bool
-        Compute the zero-pole-gain form too, and compare this one.
+    The `model` has constant matrices; the direct solution to compare with is that of `direct`, or
+    by default of `model`. If `zpk`, the zero-pole-gain form is also computed, and compared.
     """
     system = statespace.build(model, inputs, outputs)
     form = compute_zero_pole_gain(system) if zpk else None
@@ -101,9 +98,9 @@ def build(
 def compute_zero_pole_gain(system: statespace.StateSpace) -> ZeroPoleGain:
     """Compute zeros, poles and gain of every input-output pair.
 
-    Poles are eigenvalues of A; zeros are the finite generalised eigenvalues of [[A, b], [c, d]]
-    (Emami-Naeini and Van Dooren, Automatica 18, 415 (1982)), of which there are as many as the
-    relative degree leaves; the gain is the first non-zero Markov parameter.
+    Poles are eigenvalues of A. Zeros are the finite generalised eigenvalues of [[A, b], [c, d]]
+    (Emami-Naeini and Van Dooren, Automatica 18, 415 (1982)); their number is that of poles less the
+    relative degree. The gain is the first non-zero Markov parameter.
     """
     gain = np.zeros_like(system.d, dtype=float)
     zeros, poles = np.empty(gain.shape, dtype=object), np.empty(gain.shape, dtype=object)
@@ -131,7 +128,7 @@ def restrict_states(system: statespace.StateSpace, o: int, i: int) -> tuple[Arra
 def _leading(a: Array, b: Array, c: Array, d: float, beyond: int = 0) -> tuple[int, float]:
     """Relative degree k above `beyond`, and its Markov parameter c A^(k-1) b.
 
-    The first one that exceeds its rounding errors; 0, 0.0 if there is none.
+    The first that exceeds its rounding errors; 0, 0.0 if there is none.
     """
     if d != 0:
         return 0, d
@@ -144,10 +141,10 @@ def _leading(a: Array, b: Array, c: Array, d: float, beyond: int = 0) -> tuple[i
     return 0, 0.0
 
 
-def _zeros(a: Array, b: Array, c: Array, d: float, degree: int) -> Any:
-    """Finite eigenvalues (n - degree,) of the pencil [[A, b], [c, d]], rad/s.
+def _zeros(a: Array, b: Array, c: Array, d: float, degree: int) -> Complex[np.ndarray, " zero"]:
+    """Finite eigenvalues (n - degree,) of [[A, b], [c, d]], rad/s.
 
-    The pencil is balanced first, with b and c scaled to the norm of A.
+    The matrix is balanced first, with b and c scaled to the norm of A.
     """
     from scipy.linalg import eig, matrix_balance
 

@@ -70,7 +70,7 @@ def load(group: Stored) -> Fit:
         for name in ("experiment", "parameter", "label", "design", "fitted_design")
     )
     attrs = group.attrs
-    scale = float(attrs.get("sigma_scale", 1.0))
+    scale = float(attrs["sigma_scale"])
     exchange = None
     if "exchange_labels" in attrs:
         first, second = map(str, attrs["exchange_labels"])

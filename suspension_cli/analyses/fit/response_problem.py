@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -96,7 +96,7 @@ class ResponseProblem:
     _plants: dict[bytes, Plant] = field(default_factory=dict)
     _predictions: dict[bytes, Prediction] = field(default_factory=dict)
 
-    def changed(self, **changes: Any) -> ResponseProblem:
+    def changed(self, **changes: object) -> ResponseProblem:
         """Replace channels, numbers or modes; keep the plants solved before."""
         return replace(self, **changes, _predictions={})
 
@@ -290,7 +290,7 @@ class ResponseProblem:
         return pair_by_overlap((self.nominal.modes.shape @ plant.modal_forces.T) ** 2)
 
 
-def _drop_oldest(store: dict[bytes, Any], most: int) -> None:
+def _drop_oldest(store: dict[bytes, Plant] | dict[bytes, Prediction], most: int) -> None:
     """Delete the oldest entries until there are fewer than `most`."""
     while len(store) >= most:
         del store[next(iter(store))]

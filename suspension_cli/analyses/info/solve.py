@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from suspension_cli.analyses.analysis import Document, Log, Report, Settings, as
 if TYPE_CHECKING:
     from suspension_cli.design.reader import Source
     from suspension_cli.linear.eigenmodes import Modes
+    from suspension_cli.linear.system import LinearSystem
     from suspension_cli.models.auto import Refinement
     from suspension_cli.models.estimates import Estimates
     from suspension_cli.models.quantity_of_interest import Transfer
@@ -33,11 +35,11 @@ class Info(Report):
     estimates : Estimates
         Changes of every mode by wire bending and wire mass, per stage.
     modes : Modes
-        Those of the simplest model that is valid.
+        Those of the simplest valid model.
     choices : dict
         The model of every quantity, its estimated error and why it was chosen.
     refinements : dict
-        Of every quantity but thermal noise: the refinements that were weighed.
+        Of every quantity except thermal noise, the refinements that were considered.
     """
 
     source: Source
@@ -120,14 +122,7 @@ class Info(Report):
 
 
 def solve(source: Source, setting: Settings, log: Log) -> Info:
-    """Choose the models of a design.
-
-    Parameters
-    ----------
-    source : Source
-    setting : dict
-        Values of the options of ``pendsus info``.
-    log : Log
+    """Choose the models of a design, with the options of ``pendsus info``.
 
     Raises
     ------
@@ -147,7 +142,7 @@ def solve(source: Source, setting: Settings, log: Log) -> Info:
     frequency = np.array(parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0))
     output = setting["output"] or f"{design.stage[-1].name}.x"
 
-    def transfer(model: Any) -> Transfer:
+    def transfer(model: LinearSystem) -> Transfer:
         known = signals.bodies_with_signals(model)
         return Transfer(
             [signals.parse_input(setting["drive"], known)],
@@ -173,7 +168,7 @@ def solve(source: Source, setting: Settings, log: Log) -> Info:
     return Info(source, tolerance, found, modes, choices, refinements)
 
 
-def _named(values: Any, infinite: str) -> list[float | str]:
+def _named(values: Iterable[float], infinite: str) -> list[float | str]:
     """Replace numbers that are not finite by words."""
     return [
         "unknown" if math.isnan(value) else infinite if math.isinf(value) else value

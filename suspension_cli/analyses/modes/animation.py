@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FRAMES = 24
-"""Frames of one period, an even number: the way back shows those of the way there."""
+"""Frames of one period; even, as the second half repeats those of the first in reverse."""
 DURATION = 50
 """Time that a frame is shown, ms; a whole number of hundredths of a second, as GIF needs."""
 COLOURS = 64
@@ -44,21 +44,10 @@ ALL = "all"
 
 
 def parse(modes: Modes, text: str, option: str = "--animate") -> list[int]:
-    """Parse numbers (from 1) and labels of modes, separated by commas; ``all`` for every one.
+    """Parse numbers (from 1) and labels of modes, separated by commas, or ``all``.
 
-    Returns
-    -------
-    list of int
-        Numbers from 0.
-
-    Raises
-    ------
-    InputError
-        If there is no such mode, or it is one of wires alone, whose shape is not drawn.
-
-    Examples
-    --------
-    ``parse(modes, "1,test pitch")``
+    Returns numbers from 0. Raises `InputError` if there is no such mode, or it is one of wires
+    alone, whose shape is not drawn.
     """
     drawn = np.flatnonzero(modes.order == 0).tolist()
     found: list[int] = []
@@ -85,7 +74,7 @@ def parse(modes: Modes, text: str, option: str = "--animate") -> list[int]:
 
 
 def animate(modes: Modes, number: int, design: Design, scene: Scene) -> bytes:
-    """Draw one period of a mode, as the picture of all modes shows it at its largest.
+    """Draw one period of a mode, with the largest displacement as in the picture of all modes.
 
     Returns a GIF that repeats without end: displacements go with cos(2 pi n / `FRAMES`).
     """
@@ -140,7 +129,7 @@ def _pixels(figure: Figure) -> Array:
 
 
 def _gif(frames: list[Array]) -> bytes:
-    """Encode frames (height, width, 3), there and back, with one palette as GIF that repeats."""
+    """Encode frames, there and back, with one palette, as a GIF that repeats."""
     several = Image.fromarray(np.concatenate(frames)).quantize(COLOURS, dither=Image.Dither.NONE)
     palette = np.array(several.getpalette()).reshape(-1, 3)
     palette[np.abs(palette - 255).sum(1).argmin()] = 255  # the paper

@@ -207,7 +207,7 @@ def _animated(modes: Modes, setting: Settings) -> list[int]:
 
 
 def _warn_of_series(run: Run, choice: Choice, modes: Modes) -> None:
-    """Warn of the error by blades in series with angled wires, if it exceeds the tolerance."""
+    """Warn if blades in series with angled wires cause an error above the tolerance."""
     from suspension_cli.analyses.modes.series_error import estimate_series_error
 
     if not choice.model.approximated_stages(run.design):
@@ -222,7 +222,7 @@ def _warn_of_series(run: Run, choice: Choice, modes: Modes) -> None:
 
 
 def _solve(run: Run) -> tuple[Choice, LinearSystem, Modes, Modes]:
-    """Return the choice of model, its system, the modes without damping, and with all losses.
+    """The choice of model, its system, the modes without damping, and with all losses.
 
     With wire mass both are the modes with all losses.
     """
@@ -285,7 +285,7 @@ def _admit(run: Run, number: int, top: float, cause: str) -> None:
 
 
 def _family(labels: list[str], body: str, dof: str, order: int) -> str:
-    """Name modes of wires of nearly one frequency: by their label, or by their body and order."""
+    """Name wire modes of nearly one frequency by their common label, or by body and order."""
     if len(set(labels)) == 1:
         return labels[0]
     return f"{body} {'violin' if dof.startswith('violin') else dof} {order}"

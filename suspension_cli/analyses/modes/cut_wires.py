@@ -1,9 +1,9 @@
 """Wires with mass, cut in two: the dynamic stiffness of a suspension, and the shapes of its modes.
 
-Every wire is cut at a point of no symmetry, whose motion becomes six more coordinates: then a
+Every wire is cut at a point of no symmetry, whose motion becomes six more coordinates. Then a
 violin mode that moves no body has a shape too, and no stiffness function is near its pole at a
 mode. The dynamic stiffness of this larger system is singular at a mode; its null vector is the
-shape. The tensions of the pieces are coordinates of the larger system too (`linear.stretching`).
+shape. The tensions of the pieces are coordinates too (`linear.stretching`).
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,11 +28,12 @@ if TYPE_CHECKING:
     from jaxtyping import Float, Inexact
 
 CUT = (3 - 5**0.5) / 2
-"""Fraction of a wire above the cut: the golden section is far from all nodes of low order."""
+"""Fraction of a wire above the cut: the golden section is far from nodes of low order."""
 DEGENERATE = 1e-10
 """Relative difference of frequencies below which modes are one degenerate group."""
 ASIDE = np.array([0.97, 1.0, 1.03])
-"""Multiples of a mode's frequency: beside it, for the scale of coordinates, and at it."""
+"""Multiples of a mode's frequency at which matrices are evaluated: at it, and beside it for the
+scale of coordinates."""
 NUMBERS = 8_000_000
 """Most elements of the matrices that are evaluated at once, 64 MB."""
 
@@ -43,11 +44,11 @@ class CutWires:
 
     Attributes
     ----------
-    pieces : tuple of two TautWire
+    pieces
         Upper and lower piece.
     ends : dict of (w, 3 p, A) arrays
         For each part, the motion of the points (upper, cut, lower; p coordinates each) of every
-        wire as linear forms of the coordinates of the larger system.
+        wire as linear forms of the larger system's coordinates.
     """
 
     stage: str
@@ -58,13 +59,13 @@ class CutWires:
     def piece_ends(
         self, part: str
     ) -> tuple[Float[np.ndarray, "wire end coordinate"], Float[np.ndarray, "wire end coordinate"]]:
-        """Motion of the ends of the upper and of the lower piece: (w, 2 p, A) each."""
+        """Motion of the ends of the upper and of the lower piece, (w, 2 p, A) each."""
         p = COORDINATES[part] // 2
         return self.ends[part][:, : 2 * p], self.ends[part][:, p:]
 
 
 def cut_all(model: LinearSystem) -> tuple[list[CutWires], int]:
-    """Cut every wire in two; with the size A of the larger system.
+    """Cut every wire in two; also return the size A of the larger system.
 
     Its coordinates are the model's, then those of every cut.
     """
@@ -132,7 +133,7 @@ def dynamic_stiffness(
 ) -> Inexact[np.ndarray, "frequency all all"]:
     """Dynamic stiffness (m, A + t, A + t) of the larger system and the tensions of its pieces.
 
-    At omega (m,), rad/s. Where omega is complex, with dampers, and with loss angles if `lossy`.
+    At omega (m,), rad/s. Complex omega includes dampers, and loss angles if `lossy`.
     """
     constant = np.real(frequency_dependent.stiffness_without_stretching(model)).copy()
     for term in model.terms:
@@ -176,22 +177,22 @@ def _tensions(
 ]:
     """Stiffness with the tensions of one piece of every wire as coordinates (`linear.stretching`).
 
-    Between the tensions and the other coordinates, of the tensions, and what remains of stretching,
-    on the even motion of the ends.
+    Returns the stiffness between tensions and other coordinates, that of the tensions, and the rest
+    of stretching, on the even motion of the ends.
     """
     even, odd = np.moveaxis(np.linalg.inv(joined_sections.ENDS[1]) @ ends, 1, 0)
     mixed = stiffness[0, 1] / stiffness[1, 1]
     scale = float(cut.whole.tension) / sum(section.length for section in wire.fibre.sections)
     across = scale * (odd + even * mixed[:, None, None])
-    beside = stiffness[0, 0] - mixed * stiffness[0, 1]
-    return across, -(scale**2) / stiffness[1, 1], beside[:, None, None] * (even.T @ even)
+    remainder = stiffness[0, 0] - mixed * stiffness[0, 1]
+    return across, -(scale**2) / stiffness[1, 1], remainder[:, None, None] * (even.T @ even)
 
 
 def _assemble(
     ends: Float[np.ndarray, "wire end coordinate"],
     stiffness: Inexact[np.ndarray, "end end frequency"],
 ) -> Inexact[np.ndarray, "frequency coordinate coordinate"]:
-    """Sum of E^T F E (m, A, A) over wires, of E (w, a, A) and F (a, a, m)."""
+    """Sum of E^T F E over wires, of `ends` E and `stiffness` F."""
     rows = np.einsum("abm,wbA->mwaA", stiffness, ends)
     count, width = ends.shape[0] * ends.shape[1], ends.shape[2]
     return np.swapaxes(ends.reshape(count, width), 0, 1) @ rows.reshape(len(rows), count, width)
@@ -217,7 +218,7 @@ def solve_shapes(
         matrices = dynamic_stiffness(model, wires, size, (centre[:, None] * ASIDE).ravel())
         matrices = matrices[:, 6:, 6:].reshape(len(some), len(ASIDE), whole - 6, whole - 6)
         for group, (below, matrix, above) in zip(some, matrices, strict=True):
-            # a coordinate that resonates alone has no stiffness at its mode, so the scale is taken
+            # a coordinate that resonates alone has no stiffness at its mode, so scales are taken
             # beside it
             beside = np.maximum(np.abs(np.diag(below)), np.abs(np.diag(above)))[None]
             across = np.abs(matrix[None, size - 6 :, : size - 6])
@@ -236,7 +237,7 @@ def piece_motions(
     cut: CutWires, shapes: Float[np.ndarray, "mode coordinate"]
 ) -> list[dict[str, Float[np.ndarray, "_ wire mode"]]]:
     """Even and odd motion (c, w, m) of both pieces of every wire in shapes (m, A), by part."""
-    pieces: list[dict[str, Any]] = [{}, {}]
+    pieces: list[dict[str, Float[np.ndarray, "_ wire mode"]]] = [{}, {}]
     for part in PARTS:
         back = np.linalg.inv(joined_sections.ENDS[COORDINATES[part] // 2])
         for piece, ends in zip(pieces, cut.piece_ends(part), strict=True):

@@ -1,7 +1,7 @@
 """Modes with dampers and losses of any size, as poles of a suspension.
 
 A pole s = sigma + i omega has a shape x with Z(s) x = 0, Z the dynamic stiffness (`modal_basis`).
-Weakly damped modes are followed from the undamped ones (`weak_damping`), the others start from a
+Weakly damped modes are followed from the undamped ones (`weak_damping`); the others start from a
 quadratic eigenvalue problem (`strong_damping`).
 
 A pole that oscillates has the frequency |s| / 2 pi and Q = Im s / (-2 Re s), which is pi times the
@@ -12,7 +12,7 @@ x = 0, Q = 1 / (2 tan(atan(phi) / 2)), 10.025 for phi = 0.1.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -46,8 +46,8 @@ class Poles:
 def find_poles(basis: Basis) -> Poles:
     """Find all poles of a system in the basis of its undamped modes.
 
-    A rigid mode has one pole, 0; an unstable mode its growing one, not the decaying one at about
-    the opposite value.
+    A rigid mode has one pole, 0. Of an unstable mode only the growing pole counts, not the decaying
+    one at about the opposite value.
     """
     n = len(basis.stiffness)
     values, motions = [np.zeros(0, dtype=complex)], [np.zeros((0, n), dtype=complex)]
@@ -81,19 +81,10 @@ def _split_coupled(basis: Basis) -> list[Int[np.ndarray, " _"]]:
 
 
 def solve(model: LinearSystem, found: Modes) -> Modes:
-    """Solve for modes with dampers and losses of any size, from the undamped modes.
+    """Solve for modes with dampers and losses of any size, from the undamped modes `found`.
 
-    Parameters
-    ----------
-    model : LinearSystem
-        Without batch axes and without wire mass.
-    found : Modes
-        Its undamped modes (`linear.eigenmodes.solve`).
-
-    Returns
-    -------
-    Modes
-        Those that do not oscillate first: unstable, rigid, then overdamped by decay rate.
+    For a system without batch axes and wire mass. Modes that do not oscillate are first: unstable,
+    rigid, then overdamped by decay rate.
     """
     shapes = np.pad(found.shape, ((0, 0), (6, 0))) @ model.basis
     values, motions, plain = [], [], np.ones(len(shapes), dtype=bool)
@@ -121,7 +112,7 @@ def _build_basis(
     squared: Float[np.ndarray, " mode"],
     shapes: Float[np.ndarray, "mode own"],
 ) -> tuple[Basis, Float[np.ndarray, "all own"]]:
-    """Transform a block to its modes (m, c) and massless directions; with the basis (n, c)."""
+    """Transform a block to its modes and massless directions; also return the basis."""
     light = group[model.massless[group]]
     own, directions = np.linalg.eigh(model.stiffness[np.ix_(light, light)])
     added = np.zeros((len(light), len(group)))
@@ -150,7 +141,7 @@ def _decouple(
     shapes: Float[np.ndarray, "mode own"],
     stiffness: Float[np.ndarray, "own own"],
 ) -> Float[np.ndarray, "mode own"]:
-    """Decouple shapes (m, c) of modes that are nearly degenerate in omega^2.
+    """Decouple shapes of modes that are nearly degenerate in omega^2.
 
     `eigenmodes.solve` gives combinations that move few coordinates, which the stiffness couples.
     """
@@ -165,7 +156,7 @@ def _decouple(
 
 
 def damping_matrix(model: LinearSystem) -> Float[np.ndarray, "coordinate coordinate"]:
-    """Damping matrix C (N, N) of dampers and of gas around bodies, N s/m."""
+    """Damping matrix C of dampers and of gas around bodies, N s/m."""
     return model.damping + sum(
         (term.matrix for term in model.terms if isinstance(term, LossTerm) and not term.elastic),
         np.zeros(model.damping.shape),
@@ -173,7 +164,7 @@ def damping_matrix(model: LinearSystem) -> Float[np.ndarray, "coordinate coordin
 
 
 def _mark_lossy(basis: Basis) -> Bool[np.ndarray, " coordinate"]:
-    """Mark the coordinates (n,) of a basis that losses act on.
+    """Mark the coordinates of a basis that losses act on.
 
     On rigid modes only dampers act; massless coordinates always count.
     """
@@ -216,7 +207,7 @@ def _recompute_decay(
 def _parts(
     motion: Complex[np.ndarray, "pole coordinate"],
 ) -> tuple[Float[np.ndarray, "pole coordinate"], Float[np.ndarray, "pole coordinate"]]:
-    """Real and imaginary part: quadratic forms x^H A x of real A are the sum of those of both."""
+    """Real and imaginary part: x^H A x with real A is the sum of its values for both."""
     return np.real(motion), np.imag(motion)
 
 
@@ -228,7 +219,7 @@ def _build_modes(
     motion: Complex[np.ndarray, "pole coordinate"],
     elastic: Float[np.ndarray, " pole"],
 ) -> Modes:
-    """Build the modes, ascending, from the undamped ones to keep (`plain`) and from poles."""
+    """Build the modes, ascending, from poles and the undamped modes to keep (`plain`)."""
     oscillates = np.imag(value) > 0
     decay = np.where(np.abs(value) > 0, np.maximum(-np.real(value), 0.0), 0.0)
     squared = np.where(
@@ -268,11 +259,11 @@ def mean_energies(
     return energy[:, :bodies], energy[:, bodies:]
 
 
-def merge_modes(found: Modes, kept: Bool[np.ndarray, " mode"], new: dict[str, Any]) -> Modes:
-    """Merge some of the modes found with new ones, by omega^2, then by decay if overdamped.
+def merge_modes(found: Modes, kept: Bool[np.ndarray, " mode"], new: dict[str, np.ndarray]) -> Modes:
+    """Merge kept modes with new ones, by omega^2, then by decay if overdamped.
 
-    `new` has attributes of `Modes` with one entry per new mode. Modes of one frequency keep
-    their order.
+    `new` has attributes of `Modes` with one entry per new mode. Modes of one frequency keep their
+    order.
     """
     both = {
         name: np.concatenate([getattr(found, name)[kept], values]) for name, values in new.items()
@@ -287,7 +278,7 @@ def merge_modes(found: Modes, kept: Bool[np.ndarray, " mode"], new: dict[str, An
 
 
 def quality_factor(value: Complex[np.ndarray, " pole"]) -> Float[np.ndarray, " pole"]:
-    """Q (p,) of poles: Im s / (-2 Re s); infinite without decay, 0 where nothing oscillates."""
+    """Q of poles: Im s / (-2 Re s); infinite without decay, 0 where nothing oscillates."""
     decays = np.real(value) < 0
     return np.where(decays, np.imag(value) / (-2 * np.where(decays, np.real(value), -1.0)), np.inf)
 
@@ -295,7 +286,7 @@ def quality_factor(value: Complex[np.ndarray, " pole"]) -> Float[np.ndarray, " p
 def real_shapes(
     motion: Complex[np.ndarray, "pole coordinate"],
 ) -> Float[np.ndarray, "pole coordinate"]:
-    """Real shapes (p, N): complex ones at the phase of largest displacement, of the same norm."""
+    """Real shapes: complex ones at the phase of largest displacement, of the same norm."""
     turn = np.angle((motion**2).sum(1)) / 2
     shape = (motion * np.exp(-1j * turn)[:, None]).real
     size, whole = np.sqrt((shape**2).sum(1)), np.sqrt((np.abs(motion) ** 2).sum(1))

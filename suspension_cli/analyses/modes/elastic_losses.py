@@ -1,16 +1,16 @@
 """Stiffness that loss angles add, in a basis of modes, at many frequencies.
 
 L(omega) = L_0 + sum over n of f_n(omega) A_n, where the f_n of hundreds of wires are nearly linear
-combinations of a few functions. Singular vectors u_r of the values f_n(omega_j) at the modes give
-these: L = L_0 + sum over r of c_r(omega) B_r, c_r = sum of u_rn f_n, B_r = sum of u_rn A_n, to
-rounding. Frequencies at which that fails are evaluated from all f_n.
+combinations of a few functions. These follow from singular vectors u_r of the values f_n(omega_j)
+at the modes: to rounding, L = L_0 + sum over r of c_r(omega) B_r, c_r = sum of u_rn f_n, B_r = sum
+of u_rn A_n. Where that fails, all f_n are used.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -33,11 +33,11 @@ class ElasticLosses:
 
     Parameters
     ----------
-    constant : (n, n) complex array
+    constant
         X^T L_0 X.
-    omega : (m,) array
+    omega
         Frequencies of the modes, rad/s.
-    parts : sequence of (Term, (k, n, n) array)
+    parts
         Terms in frequency, and X^T A_n X of each of their functions, see `transform`.
     """
 
@@ -64,10 +64,10 @@ class ElasticLosses:
     def at(
         self, omega: Float[np.ndarray, " frequency"], place: Index
     ) -> Complex[np.ndarray, "frequency some some"]:
-        """Elements (f, k, k) between the coordinates `place` (k,) at frequencies (f,), rad/s."""
+        """Elements between the coordinates `place` at frequencies in rad/s."""
         values, combined = self._coefficients(omega)
         constant, matrices = self._within(place, combined=combined)
-        result: Any = np.empty((len(omega), *constant.shape), dtype=complex)
+        result = np.empty((len(omega), *constant.shape), dtype=complex)
         flat = matrices.reshape(len(matrices), constant.size)
         result.real = (np.real(values).T @ flat).reshape(result.shape) + np.real(constant)
         result.imag = (np.imag(values).T @ flat).reshape(result.shape) + np.imag(constant)
@@ -76,7 +76,7 @@ class ElasticLosses:
     def diagonal(
         self, omega: Float[np.ndarray, " frequency"], place: Index
     ) -> Complex[np.ndarray, "frequency some"]:
-        """Diagonal elements (f, k) at frequencies (f,)."""
+        """Diagonal elements at frequencies."""
         values, combined = self._coefficients(omega)
         constant, matrices = self._within(place, combined=combined)
         return constant.diagonal() + values.T @ np.diagonal(matrices, axis1=1, axis2=2)
@@ -87,13 +87,13 @@ class ElasticLosses:
         place: Index,
         row: Int[np.ndarray, " frequency"],
     ) -> Complex[np.ndarray, "frequency some"]:
-        """One `row` (f,) of `place` at each frequency (f,): (f, k)."""
+        """One `row` of `place` at each frequency."""
         values, combined = self._coefficients(omega)
         constant, matrices = self._within(place, combined=combined)
         return constant[row] + np.einsum("nf,nfk->fk", values, matrices[:, row])
 
     def _within(self, place: Index, *, combined: bool) -> tuple[Array, Array]:
-        """L_0 (k, k) and the matrices (n, k, k) between some coordinates."""
+        """L_0 and the matrices between some coordinates."""
         key = (np.asarray(place).tobytes(), combined)
         if key not in self._restricted:
             matrices = self._combination[2] if combined else self._matrices
@@ -104,7 +104,7 @@ class ElasticLosses:
     def _functions(
         self, omega: Float[np.ndarray, " frequency"]
     ) -> Inexact[np.ndarray, "function frequency"]:
-        """All f_n (n, f)."""
+        """All f_n."""
         return np.concatenate(
             [
                 np.zeros((0, len(omega)), dtype=complex),
@@ -147,7 +147,7 @@ def transform(
     moves: Float[np.ndarray, "coordinate own"],
     group: Int[np.ndarray, " own"],
 ) -> Float[np.ndarray, "function coordinate coordinate"]:
-    """Matrices between motions: X^T A_n X, from the coordinates that a term acts on."""
+    """Matrices X^T A_n X between motions, from the coordinates that a term acts on."""
     acts_on = np.flatnonzero((matrices != 0).any((0, 1))[group])
     own = group[acts_on]
     return moves[:, acts_on] @ matrices[:, own[:, None], own] @ moves[:, acts_on].T

@@ -7,7 +7,7 @@ import numpy as np
 
 from suspension_cli.conventions import DOFS
 from suspension_cli.files.hdf5 import Stored, add_dataset, add_scale
-from suspension_cli.linear.eigenmodes import Modes, decay_rates
+from suspension_cli.linear.eigenmodes import Modes
 
 
 def fill(group: h5py.Group, modes: Modes) -> None:
@@ -37,20 +37,19 @@ def fill(group: h5py.Group, modes: Modes) -> None:
 
 def load(group: Stored) -> Modes:
     """Read the modes of one design from a group."""
-    count = len(group["q"])
-    squared, q = group["omega_squared"][:], group["q"][:]
+    some = "wire" in group
     return Modes(
         body=tuple(group["body"].asstr()[:]),
         coordinate=tuple(group["coordinate"].asstr()[:]),
-        omega_squared=squared,
+        omega_squared=group["omega_squared"][:],
         shape=group["shape"][:],
         energy=group["energy"][:],
         tip_energy=group["tip_energy"][:],
         block=group["block"][:],
-        q=q,
-        dilution=group["dilution"][:] if "dilution" in group else np.full(count, np.nan),
-        wire=tuple(group["wire"].asstr()[:]) if "wire" in group else (),
-        wire_energy=group["wire_energy"][:] if "wire_energy" in group else np.zeros((count, 0)),
-        order=group["order"][:] if "order" in group else np.zeros(count, dtype=np.intp),
-        decay_rate=group["decay_rate"][:] if "decay_rate" in group else decay_rates(squared, q),
+        q=group["q"][:],
+        dilution=group["dilution"][:],
+        wire=tuple(group["wire"].asstr()[:]) if some else (),
+        wire_energy=group["wire_energy"][:] if some else np.zeros((len(group["q"]), 0)),
+        order=group["order"][:],
+        decay_rate=group["decay_rate"][:],
     )

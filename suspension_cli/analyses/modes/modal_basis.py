@@ -7,12 +7,12 @@ oscillation, so L(0) = 0.
 In the basis of the undamped modes (omega_j, x_j, of unit modal mass) and of the massless directions
 e_j of unit stiffness,
 
-    (k_j + s^2 m_j) y_j + sum over k of G_jk(s) y_k = 0,      G = X^T (s C + L) X,    k_j =
-    omega_j^2 or 1,    m_j = 1 or 0,
+    (k_j + s^2 m_j) y_j + sum over k of G_jk(s) y_k = 0,
+    G = X^T (s C + L) X,    k_j = omega_j^2 or 1,    m_j = 1 or 0,
 
 which is exact, as the basis is complete. The stiffness is diagonal in it, so that of a stiff wire
-adds no rounding error to the loss of a soft mode. With S the modes that losses couple strongly (one
-alone, or several close together) and the others R eliminated,
+adds no rounding error to the loss of a soft mode. Let S be the modes that losses couple strongly
+(one alone, or several close together). With the others, R, eliminated,
 
     -s^2 = an eigenvalue of  k_S + G_SS - G_SR (k_R + s^2 m_R + G_RR)^-1 G_RS,
 
@@ -32,14 +32,14 @@ if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Inexact, Int
 
 ROUNDING = 1e-10
-"""Coupling of two modes by losses, over their own losses, that is a rounding error: it would mix
-modes of one frequency."""
+"""Coupling of two modes by losses, over their own losses, that is a rounding error; it would mix
+modes of equal frequency."""
 STEPS = 30
 """Most steps of any iteration."""
 FEW = 30
 """Number of equations up to which elimination is as fast as iteration."""
 EXACT = np.finfo(float).eps / 8
-"""Relative change at which the solution of linear equations by iteration is exact in doubles."""
+"""Relative change at which an iterative solution of linear equations is exact in doubles."""
 CONVERGED = 4 * np.finfo(float).eps
 """Relative change at which an iteration ends."""
 
@@ -50,13 +50,13 @@ class Basis:
 
     Attributes
     ----------
-    stiffness, inertia : (n,) arrays
+    stiffness, inertia
         k_j and m_j: omega_j^2 and 1 of a mode, 1 (or -1) and 0 of a massless direction.
-    viscous : (n, n) array
+    viscous
         X^T C X, 1/s.
-    place : (n,) int array
+    place
         Numbers of these coordinates among those of `elastic`.
-    elastic : ElasticLosses
+    elastic
         X^T L(omega) X.
     """
 
@@ -69,7 +69,7 @@ class Basis:
     def losses(
         self, s: Inexact[np.ndarray, " frequency"]
     ) -> Complex[np.ndarray, "frequency coordinate coordinate"]:
-        """G (m, n, n) at s (m,), rad/s; without loss angles where s is real."""
+        """G at s, rad/s; without loss angles where s is real."""
         s = np.asarray(s, dtype=complex)
         oscillates = np.imag(s) > 0
         if self.elastic.is_constant and oscillates.all() and len(s) and not self.viscous.any():
@@ -83,7 +83,7 @@ class Basis:
     def own_losses(
         self, s: Complex[np.ndarray, " frequency"]
     ) -> Complex[np.ndarray, "frequency coordinate"]:
-        """G_kk (m, n) at s (m,), rad/s, of oscillating motion."""
+        """G_kk at s, rad/s, of oscillating motion."""
         return s[:, None] * self.viscous.diagonal() + self.elastic.diagonal(np.imag(s), self.place)
 
     def loss_rows(
@@ -91,7 +91,7 @@ class Basis:
     ) -> tuple[
         Complex[np.ndarray, "frequency coordinate"], Complex[np.ndarray, "frequency coordinate"]
     ]:
-        """One `row` (m,) of G at each s (m,), (m, n), and `own_losses`; s as there."""
+        """One `row` of G at each s, and `own_losses`; s as there."""
         own = self.own_losses(s)
         result = s[:, None] * self.viscous[row] + self.elastic.rows(np.imag(s), self.place, row)
         size = np.sqrt(np.abs(own))
@@ -101,7 +101,7 @@ class Basis:
     def _without_rounding(
         self, losses: Complex[np.ndarray, "frequency coordinate coordinate"]
     ) -> Complex[np.ndarray, "frequency coordinate coordinate"]:
-        """Set elements (m, n, n) that are rounding errors to 0, in place."""
+        """Set elements that are rounding errors to 0, in place."""
         size = np.abs(np.diagonal(losses, axis1=1, axis2=2))
         square = np.real(losses) ** 2  # faster than the magnitude
         square += np.imag(losses) ** 2
@@ -150,10 +150,10 @@ def _solve_far(
     losses: Complex[np.ndarray, "other other"],
     right: Complex[np.ndarray, "other group"],
 ) -> Complex[np.ndarray, "other group"]:
-    """Solve for (r, g) the equations of modes far from resonance, which losses couple little.
+    """Solve the equations of modes far from resonance, which losses couple little.
 
-    The given `diagonal` (r,) replaces that of the losses (r, r), which are changed. Jacobi's
-    iteration, which takes far fewer operations than elimination; that if it does not converge.
+    The given `diagonal` replaces that of the losses, which are changed. Jacobi's iteration takes
+    far fewer operations than elimination, which is used where the former does not converge.
     """
     np.fill_diagonal(losses, 0.0)
     if len(diagonal) > FEW:

@@ -61,7 +61,7 @@ design, or few."""
 
 @dataclass(frozen=True)
 class Panel:
-    """Contents of one panel: a mode (from 0), displaced, and the bounds (2,) of its picture, m."""
+    """Contents of one panel: a mode (from 0), displaced, and the bounds of its picture, m."""
 
     number: int
     view: View
@@ -81,10 +81,9 @@ class Page:
 
 @dataclass(frozen=True)
 class Frame:
-    """Common scale of all pictures of a figure: largest width and height of any, m.
+    """Common scale of all pictures of a figure: largest width and height, m.
 
-    `high` is the upper bound of the pictures in side and face view, m: their supports stand at
-    one height.
+    `high` is the upper bound of the pictures in side and face view, m, where their supports are.
     """
 
     width: float
@@ -95,11 +94,11 @@ class Frame:
 def draw_pages(modes: Modes, design: Design, scene: Scene, subtitle: str) -> list[Page]:
     """Draw the modes of a suspension, ascending, on figures of a page's width.
 
-    There is one panel per mode, for the lowest `MOST` (modes of wires alone are in
-    `quality_picture`): the suspension at rest (grey) and displaced, in the view that shows most
-    of the motion. The more kinetic energy a body has, the stronger its stage's colour. More
-    than `PAGE` modes are split by kind (`KINDS`), and those of one kind into figures of about
-    equal numbers.
+    There is one panel for each of the lowest `MOST` modes (modes of wires alone are in
+    `quality_picture`). It shows the suspension at rest (grey) and displaced, in the view that shows
+    most of the motion. The more kinetic energy a body has, the stronger its stage's colour. More
+    than `PAGE` modes are split by kind (`KINDS`), and those of one kind into figures of about equal
+    numbers.
     """
     bodily = np.flatnonzero(modes.order == 0).tolist()
     numbers = bodily[:MOST]
@@ -142,7 +141,7 @@ def _figure(
     title: tuple[str, str],
     note: str,
 ) -> Figure:
-    """Draw panels on a figure of a page's width, and of its height at most."""
+    """Draw panels on a figure of a page's width, and at most its height."""
     rows = -(-len(panels) // ACROSS)
     across = -(-len(panels) // rows)
     width = (style.PAGE_WIDTH - GAP) / across
@@ -199,7 +198,7 @@ def draw_panel(
 def choose_view(modes: Modes, number: int, above: View) -> View:
     """Choose the view that shows most of a mode's kinetic energy.
 
-    Vertical motion shows in both the side and the face view.
+    Vertical motion shows in the side and in the face view.
     """
     energy: dict[str, float] = dict.fromkeys(DOFS, 0.0)
     for coordinate, fraction in zip(modes.place, modes.fractions[number], strict=True):
@@ -275,8 +274,8 @@ def draw_shape(
 ) -> None:
     """Draw the suspension at rest and displaced, at the scale and height of the frame.
 
-    `corner` and `size` are as of `draw_panel`. Bodies have `colours`, the stronger the more
-    energy of the mode they have; wires are `thick` points wide.
+    `corner` and `size` are as of `draw_panel`. The more energy a body has, the stronger its colour;
+    wires are `thick` points wide.
     """
     scale = min((size[0] - 0.05) / frame.width, (size[1] - 0.06) / frame.height)
     high = float(panel.high[1]) if panel.view.normal == 2 else frame.high
@@ -313,7 +312,7 @@ def _draw_crosses(
 ) -> None:
     """Draw a cross through each displaced body, and in a circle a mark on the rim.
 
-    They show rotations; `_draw_references` shows where the marks are at rest.
+    They show rotations; `_draw_references` shows the marks at rest.
     """
     for n, (body, colour) in enumerate(zip(sketch.outlines, colours, strict=True), 1):
         for axis in range(3):
@@ -330,7 +329,7 @@ def _draw_crosses(
 
 
 def _draw_references(canvas: Canvas, view: View, rest: Sketch) -> None:
-    """Draw, in every circle, the radius to the place of the mark on its rim at rest."""
+    """Draw, in every circle, the radius to the mark on its rim at rest."""
     for n, body in enumerate(rest.outlines, 1):
         if body.axis == view.normal:
             line = np.stack([np.zeros(3), _rim(body, view)])

@@ -1,7 +1,7 @@
-"""Poles of strongly damped modes, overdamped ones too.
+"""Poles of strongly damped modes, including overdamped ones.
 
 They start from the eigenvalues of the quadratic problem s^2 M + s C + K (Tisseur and Meerbergen,
-SIAM Review 43, 235 (2001)) and are refined in the equation of the mode that moves most, with all
+SIAM Review 43, 235 (2001)). They are refined in the equation of the mode that moves most, with all
 other modes eliminated (`modal_basis`).
 """
 
@@ -16,6 +16,9 @@ from suspension_cli.analyses.modes.modal_basis import CONVERGED, STEPS, Basis, c
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Inexact, Int
+
+    Dynamic = Callable[[Complex[np.ndarray, " pole"], bool], Complex[np.ndarray, "pole row column"]]
+    """Dynamic stiffness (m, A + t, A + t) at s (m,), rad/s, with or without loss angles."""
 
 NOISE = 1e-9
 """Relative change below which an iteration that no longer improves has ended."""
@@ -67,7 +70,7 @@ def solve_strong(
 def _solve_quadratic(
     basis: Basis, loss: Inexact[np.ndarray, "coordinate coordinate"]
 ) -> tuple[Inexact[np.ndarray, " pole"], Complex[np.ndarray, "pole coordinate"]]:
-    """Poles and shapes of the quadratic eigenvalue problem with a constant loss L (n, n).
+    """Poles and shapes of the quadratic eigenvalue problem with a constant loss L.
 
     Those with Im s >= 0; with a loss, Im s > 0.
     """
@@ -108,7 +111,7 @@ def _solve_undamped(
 
 
 def _mark_rigid(basis: Basis, values: Inexact[np.ndarray, " pole"]) -> Bool[np.ndarray, " pole"]:
-    """Mark the poles (p,) that are 0 but for rounding.
+    """Mark the poles that are 0 but for rounding.
 
     Two per rigid mode, less one per combination of rigid modes that a damper acts on.
     """
@@ -128,7 +131,7 @@ def _mark_rigid(basis: Basis, values: Inexact[np.ndarray, " pole"]) -> Bool[np.n
 
 
 def _mark_counterparts(values: Inexact[np.ndarray, " pole"]) -> Bool[np.ndarray, " pole"]:
-    """Mark the real poles (p,) that are decaying counterparts of growing ones."""
+    """Mark the real poles that are decaying counterparts of growing ones."""
     out = np.zeros(len(values), dtype=bool)
     real = np.imag(values) == 0
     for growing in np.flatnonzero(real & (np.real(values) > 0)):
@@ -146,7 +149,7 @@ def _refine_in_basis(
     if not np.abs(motion[lead[0]]) > 0 or start == 0:
         return start, motion
 
-    def equation(s: complex) -> tuple[complex, Any]:
+    def equation(s: complex) -> tuple[complex, Complex[np.ndarray, " coordinate"]]:
         matrix, follow, others = condense(basis, lead, s, basis.losses(np.array([s]))[0])
         moving = np.zeros(len(motion), dtype=complex)
         moving[lead], moving[others] = 1.0, follow[:, 0]
@@ -169,7 +172,7 @@ def _refine_in_basis(
 
 
 def refine_poles(
-    dynamic: Callable[[Any, bool], Any],
+    dynamic: Dynamic,
     start: Complex[np.ndarray, " pole"],
     motion: Complex[np.ndarray, "pole coordinate"] | None,
 ) -> Complex[np.ndarray, " pole"]:
@@ -177,18 +180,14 @@ def refine_poles(
 
     Parameters
     ----------
-    dynamic : callable
+    dynamic
         Z (m, A + t, A + t) at s (m,), with or without loss angles; the support's six coordinates
-        first, forces that serve as coordinates last.
+        first, tensions that serve as coordinates last.
     start
-        rad/s; real for motions that do not oscillate, all or none.
+        rad/s; all or none real, for motions that do not oscillate. Returned where the iteration
+        leaves its neighbourhood.
     motion
         Approximate shapes, used for b; None excites all coordinates alike.
-
-    Returns
-    -------
-    array
-        rad/s; the start where the iteration leaves its neighbourhood.
     """
     result = start.copy()
     for first in range(0, len(start), AT_ONCE):
@@ -198,7 +197,7 @@ def refine_poles(
 
 
 def _refine_some(
-    dynamic: Callable[[Any, bool], Any],
+    dynamic: Dynamic,
     start: Complex[np.ndarray, " pole"],
     motion: Complex[np.ndarray, "pole coordinate"] | None,
 ) -> Complex[np.ndarray, " pole"]:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Int
 
 LIGHT = 0.02
-"""Fraction of omega^2 up to which losses change the equation of a light mode, whose pole is
+"""Fraction of omega^2 up to which losses change the equation of a light mode: one whose pole is
 followed from the undamped one."""
 WIDE = 0.3
 """Largest relative difference of omega^2 of modes that are followed together."""
@@ -36,7 +36,7 @@ MEMORY = 4_000_000
 def group_modes(
     basis: Basis,
 ) -> tuple[list[Int[np.ndarray, " _"]], Bool[np.ndarray, " coordinate"]]:
-    """Group modes that losses couple strongly; which modes are light, bool (n,)."""
+    """Group modes that losses couple strongly; also return which modes are light."""
     massive = np.flatnonzero(basis.inertia > 0)
     n = len(basis.stiffness)
     start = np.where(basis.inertia > 0, 1j * np.sqrt(np.maximum(basis.stiffness, 0.0)), 0.0)
@@ -66,7 +66,7 @@ def follow_poles(
 ) -> tuple[Complex[np.ndarray, " pole"], Complex[np.ndarray, "pole coordinate"]]:
     """Follow the poles and shapes of groups of light modes from the undamped ones.
 
-    Pole by pole, with losses evaluated for all of them together.
+    Poles are iterated one by one, with losses evaluated for all together.
     """
     group = [own for own in groups for _ in own]
     member = np.array([k for own in groups for k in range(len(own))], dtype=np.intp)

@@ -1,14 +1,13 @@
 """Modes of a suspension whose wires have mass: pendulum, bounce and violin modes in one list.
 
-`linear.mode_count` finds all frequencies. Shapes, which give kinetic energies, Q and dilution,
-follow from the suspension with its wires cut in two (`cut_wires`).
+`linear.mode_count` finds all frequencies. Shapes, from which kinetic energies, Q and dilution
+follow, come from the suspension with its wires cut in two (`cut_wires`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,57 +25,40 @@ from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
-    from jaxtyping import Float, Int
+    from jaxtyping import Complex, Float, Int
+
+    from suspension_cli.analyses.modes.strong_damping import Dynamic
 
 SLOWEST = 1e-4
 """Fraction of the lowest static frequency below which modes are not searched for."""
 LOSSY = 1e-4
-"""Decay rate over frequency above which poles are refined in the full system; below, its
-rounding errors exceed the correction."""
+"""Decay rate over frequency above which poles are refined in the full system; below, rounding
+errors exceed the correction."""
 TOGETHER = 512
 """Largest number of modes whose losses are solved together."""
 NEIGHBOURS = 100.0
 """Difference of omega^2 of two modes, over the sum of their losses, up to which losses may couple
 them."""
 CLOSE = 0.02
-"""Relative difference of omega^2 up to which the coupling of two modes by losses is computed, from
-the shape of the sum of both at the frequency between them; a piece of a wire may resonate there if
-they lie farther apart."""
+"""Relative difference of omega^2 up to which the coupling of two modes by losses is computed. It
+follows from the sum of both shapes at the frequency between them; if they lie farther apart, a
+piece of a wire may resonate there."""
 STEP = 1e-20
 """Relative complex step in frequency, for derivatives of stiffnesses."""
 NAMES = {"bend-1": "violin-x", "bend-2": "violin-y", "stretch": "stretch", "twist": "twist"}
 """Names of the parts of a wire's motion in `Modes.wire`."""
-Dynamic = Callable[[Any, bool], Any]
-"""Dynamic stiffness (m, A + t, A + t) at s (m,), rad/s, with or without loss angles."""
 
 
 def solve(
     model: LinearSystem, highest: float, *, damping: bool = False, progress: Progress = silent
 ) -> Modes:
-    """Solve for all modes up to a frequency.
+    """Solve for all modes of the violin model up to a frequency (Hz).
 
-    Parameters
-    ----------
-    model : LinearSystem
-        Of the violin model.
-    highest : float
-        Hz.
-    damping : bool
-        Solve for modes with all losses (see `modes.damped`); else for undamped modes, with Q to
-        first order in the losses.
-    progress : callable
-        Called with (steps done, steps in all, steps per second), first while frequencies are
-        bisected, then while shapes are solved for.
-
-    Returns
-    -------
-    Modes
-        Modes that do not oscillate first; for undamped modes, these neglect wire mass.
-
-    Raises
-    ------
-    InputError
-        If no mode lies below `highest`.
+    If `damping`, with all losses (see `modes.damped`); else for undamped modes, with Q to first
+    order in the losses. Modes that do not oscillate are first; for undamped modes these neglect
+    wire mass. `progress` is called with (steps done, total steps, steps per second), while
+    frequencies are bisected, then while shapes are solved for. Raises `InputError` if no mode lies
+    below `highest`.
     """
     static = eigenmodes.solve(model.constant)
     omega = mode_count.frequencies(model, 2 * np.pi * highest, _lowest_frequency(static), progress)
@@ -113,7 +95,9 @@ def solve(
     if not damping or not np.isfinite(found.q).any():
         return _prepend_static(found, static)
 
-    def dynamic(s: Any, lossy: bool) -> Any:
+    def dynamic(
+        s: Complex[np.ndarray, " pole"], lossy: bool
+    ) -> Complex[np.ndarray, "pole row column"]:
         return cut_wires.dynamic_stiffness(model, wires, size, -1j * s, lossy=lossy)
 
     return _prepend_static(
@@ -153,8 +137,8 @@ def _kinetic_energies(
 ]:
     """Twice the kinetic energy over omega^2 of shapes.
 
-    In all, of each coordinate of bodies and blade tips, and of each part of the motion of each kind
-    of wire.
+    The total, that of each coordinate of bodies and blade tips, and of each part of the motion of
+    each kind of wire.
     """
     own = shapes[:, : model.size]
     total = quality.quadratic_form(model.mass, own)
@@ -167,7 +151,7 @@ def _kinetic_energies(
             moving = replace(wire, lossy=False).at(omega * (1 + 1j * STEP))
             for part in PARTS:
                 # omega dF/domega = 2 omega^2 dF/d(omega^2)
-                slope = moving.stiffness(part).imag / STEP
+                slope = np.imag(moving.stiffness(part)) / STEP
                 own[part] -= np.einsum(
                     "awm,abm,bwm->m", motion[part], slope, motion[part], optimize=True
                 ) / (2 * omega**2)
@@ -178,7 +162,7 @@ def _kinetic_energies(
 def _sum_by_name(
     kinds: list[tuple[CutWires, str, Float[np.ndarray, " mode"]]], total: Float[np.ndarray, " mode"]
 ) -> tuple[Float[np.ndarray, "mode motion"], tuple[str, ...]]:
-    """Sum energies by stage and part of the motion of wires: (m, k), and their names (k).
+    """Sum energies by stage and part of the motion of wires; also return their names.
 
     Motions without energy in any mode are left out.
     """
@@ -193,9 +177,9 @@ def _sum_by_name(
 def _half_waves(
     found: Modes, kinds: list[tuple[CutWires, str, Float[np.ndarray, " mode"]]]
 ) -> Int[np.ndarray, " mode"]:
-    """Number of half waves (m,) along the wires of each wire mode; 0 of other modes.
+    """Number of half waves along the wires of each wire mode; 0 of other modes.
 
-    That of the nearest resonance between fixed ends, of the kind of wire that moves most.
+    It is that of the nearest resonance between fixed ends, of the kind of wire that moves most.
     """
     result = np.zeros(len(found.q), dtype=np.intp)
     home, omega = found.home, np.sqrt(found.omega_squared)
@@ -245,16 +229,16 @@ def _refine_overdamped(static: Modes, dynamic: Dynamic) -> Modes:
 
 def _build_basis(
     model: LinearSystem,
-    moved: list[tuple[TautWire, dict[str, Any]]],
+    moved: list[tuple[TautWire, dict[str, Float[np.ndarray, "... mode"]]]],
     omega: Float[np.ndarray, " mode"],
     shapes: Float[np.ndarray, "mode coordinate"],
     lost: Float[np.ndarray, " mode"],
 ) -> Basis:
-    """Transform the system to its modes (m, A) of unit modal mass, with losses `lost` (m,).
+    """Transform the system to its modes of unit modal mass, with losses `lost`, (rad/s)^2.
 
-    `lost` is in (rad/s)^2. Coupling by loss angles is kept for modes close together; for others it
-    would shift omega^2 by only its square over their difference of omega^2, and where that is much,
-    the poles are refined in the full system anyway.
+    Coupling by loss angles is kept only for modes close together. For others it would shift omega^2
+    by its square over their difference of omega^2; where that is much, poles are refined in the
+    full system anyway.
     """
     own = shapes[:, : model.size]
     viscous = own @ damped.damping_matrix(model) @ own.T
@@ -286,7 +270,7 @@ def _build_basis(
 
 
 def _split_modes(omega: Float[np.ndarray, " mode"]) -> list[slice]:
-    """Split consecutive modes (m,) at wide gaps into parts that are solved together."""
+    """Split consecutive modes at wide gaps into parts that are solved together."""
     result, start = [], 0
     while len(omega) - start > TOGETHER:
         last = np.arange(start + TOGETHER // 2, start + TOGETHER)
@@ -299,7 +283,7 @@ def _split_modes(omega: Float[np.ndarray, " mode"]) -> list[slice]:
 def _solve_damped(
     found: Modes,
     model: LinearSystem,
-    moved: list[tuple[TautWire, dict[str, Any]]],
+    moved: list[tuple[TautWire, dict[str, Float[np.ndarray, "... mode"]]]],
     shapes: Float[np.ndarray, "mode coordinate"],
     lost: Float[np.ndarray, " mode"],
     dynamic: Dynamic,

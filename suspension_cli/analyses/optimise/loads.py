@@ -99,7 +99,7 @@ def _strength(design: Design, names: set[str]) -> complex:
     return min(known, key=np.real)
 
 
-def stress(design: Design, scene: Scene, pose: Pose, part: Part) -> Any:
+def stress(design: Design, scene: Scene, pose: Pose, part: Part) -> complex:
     """Compute the stress of a part over its tensile strength in a pose; NaN if unknown."""
     stage = next(item for item in design.stage if item.name == part.stage)
     whole, single = _tables(stage, part.blade)
@@ -121,7 +121,7 @@ def stress(design: Design, scene: Scene, pose: Pose, part: Part) -> Any:
     )
 
 
-def depth(scene: Scene, pose: Pose, stage: str) -> Any:
+def depth(scene: Scene, pose: Pose, stage: str) -> complex:
     """Compute the depth of the COM of a stage below the suspension point, m."""
     n = scene.bodies.name.index(stage) + 1
     return -(scene.bodies.position[n, 2] + pose.shift[n, 2])

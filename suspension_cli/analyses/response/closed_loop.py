@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from suspension_cli.models import registry
 from suspension_cli.models.quantity_of_interest import Transfer
 
 if TYPE_CHECKING:
+    from jaxtyping import Complex
+
     from suspension_cli.analyses.analysis import Log
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.poles import Poles
@@ -33,15 +35,17 @@ class ClosedTransfer(Transfer):
     loops: list[Signal]
 
     def signals(self) -> list[Signal]:
-        """List the signals whose blocks matter: also sensors and actuators."""
+        """List the signals whose blocks matter, including sensors and actuators."""
         return [*super().signals(), *self.loops]
 
     def is_zero(self, model: LinearSystem) -> bool:
-        """Return False, as loops may link any input to any output."""
+        """Return False: loops may link any input to any output."""
         del model
         return False
 
-    def values(self, model: LinearSystem, frequency: Array) -> Any:
+    def values(
+        self, model: LinearSystem, frequency: Array
+    ) -> Complex[np.ndarray, "frequency output input"]:
         """Solve for the responses (f, o, i) at frequencies (f,) in Hz."""
         plant, at = control.build_plant(self.design, model), np.asarray(frequency)
         return control.solve_responses(plant, at, self.inputs, self.outputs).value
@@ -50,10 +54,7 @@ class ClosedTransfer(Transfer):
 def close(request: Transfer, design: Design, model: LinearSystem) -> ClosedTransfer:
     """Close the loops of a design around a request.
 
-    Raises
-    ------
-    InputError
-        If the design has no loops.
+    Raises `InputError` if the design has no loops.
     """
     plant = control.build_plant(design, model)
     return ClosedTransfer(**vars(request), design=design, loops=[*plant.sensor, *plant.actuator])
@@ -75,12 +76,9 @@ def solve(request: ClosedTransfer, model: LinearSystem) -> Response:
 def find_stable_poles(
     design: Design, model: LinearSystem, kind: Model, allow_unstable: bool, log: Log
 ) -> Poles:
-    """Find the closed-loop poles, of wires without mass where the kind of model has wire mass.
+    """Find the closed-loop poles, on wires without mass.
 
-    Raises
-    ------
-    InputError
-        If a pole grows and that is not allowed.
+    Raises `InputError` if a pole grows and that is not allowed.
     """
     massless = registry.BEAM.system(design) if kind.has_wire_mass else model
     found = damp.find_poles(design, massless).closed

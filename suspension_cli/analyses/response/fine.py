@@ -1,10 +1,9 @@
-"""Responses between the points of a grid, for drawing alone: resonances and zeros to their tips."""
+"""Responses between the points of a grid, for drawing: resonances and zeros to their tips."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
     from suspension_cli.analyses.analysis import Result
+    from suspension_cli.drawing.added_points import Solve
     from suspension_cli.linear.system import LinearSystem
 
 MANY = 8
@@ -25,9 +25,8 @@ MANY = 8
 def refine(result: Result) -> Response:
     """Add the frequencies at which resonances and zeros are resolved to a response.
 
-    The values at the added frequencies are those of the result's model, built from its design, so
-    that a results file is enough. A design that gives no model any more leaves the response as
-    it is.
+    Values there are those of the result's model, built from its design, so that a results file is
+    enough. If that fails, the response stays as it is.
     """
     data: Response = result.data
     if len(data.frequency) < 8 or data.frequency[0] <= 0 or (np.diff(data.frequency) <= 0).any():
@@ -42,8 +41,8 @@ def refine(result: Result) -> Response:
     return replace(data, frequency=frequency, value=value)
 
 
-def _solver(result: Result, model: LinearSystem) -> tuple[Callable[[Array], Any], Array]:
-    """Return a function of frequencies (f,) in Hz to values (f, o, i), and modes in Hz."""
+def _solver(result: Result, model: LinearSystem) -> tuple[Solve, Array]:
+    """A function of frequencies (f,) in Hz to values (f, o, i), and modes in Hz."""
     data: Response = result.data
     known = signals.bodies_with_signals(model)
     inputs = [signals.parse_input(text, known) for text in data.input]

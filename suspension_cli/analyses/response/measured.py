@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.signal import find_peaks
@@ -35,6 +35,8 @@ from suspension_cli.measurements.transfer_function import MeasuredResponse
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
+    from jaxtyping import Bool, Complex, Int
+
     from suspension_cli.analyses.response.closed_loop import ClosedTransfer
 
 PROMINENCE = 2.0
@@ -54,7 +56,7 @@ UNITS = {1e3: "mm", 1e6: "um", 1e9: "nm", 1e-3: "km"}
 class Item:
     """A measured transfer function with the tables that say how it was measured.
 
-    `table` is one of `tables`. `file` is that of the measurements; "" for a bare file of data.
+    `table` is one of `tables`; `file` is theirs, or "" for a bare file of data.
     """
 
     tables: Measured
@@ -81,22 +83,22 @@ class Comparison:
     """
 
     data: MeasuredResponse
-    predicted: Any
+    predicted: Complex[np.ndarray, " point"]
     curve_frequency: Array
-    curve: Any
+    curve: Complex[np.ndarray, " frequency"]
     peak: Array
     pole: Array
     mode: tuple[str, ...]
 
     @property
-    def ratio(self) -> Any:
+    def ratio(self) -> Complex[np.ndarray, " point"]:
         """Measured over predicted value, (f,) complex."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return self.data.value / self.predicted
 
     @property
-    def clear(self) -> Any:
-        """Whether the uncertainty of each point is below `NOISY` of its value, (f,); or none is."""
+    def clear(self) -> Bool[np.ndarray, " point"]:
+        """Whether the uncertainty of each point is below `NOISY` of its value; all if none is."""
         with np.errstate(invalid="ignore"):
             clear = ~(self.data.uncertainty > NOISY * np.abs(self.data.value))
         return np.isfinite(self.ratio) & (clear | ~clear.any())
@@ -109,7 +111,7 @@ class Comparison:
 
     @property
     def extreme(self) -> tuple[float, float]:
-        """Magnitude of the clear ratio that is farthest from 1 (logarithm), and its frequency."""
+        """Magnitude of the clear ratio farthest from 1 (in its logarithm), and its frequency."""
         size = np.abs(self.ratio)
         with np.errstate(divide="ignore"):
             far = np.where(self.clear, np.abs(np.log(size)), -1.0)
@@ -144,15 +146,9 @@ def read_files(
 ) -> tuple[Item, ...]:
     """Read files of measurements (TOML) and bare files of data.
 
-    Parameters
-    ----------
-    inputs, outputs : sequences of str
-        Signals that a bare file relates; one of each.
+    A bare file relates the one signal in `inputs` to the one in `outputs`.
 
-    Raises
-    ------
-    InputError
-        With the first faulty file.
+    Raises `InputError` with the first faulty file.
     """
     items: list[Item] = []
     for file in files:
@@ -197,7 +193,7 @@ def signals(
 
 
 def check_signals(items: Sequence[Item], known: tuple[str, ...]) -> None:
-    """Raise `InputError`, in the file of measurements, if a signal is none of the design."""
+    """Raise `InputError`, in the file of measurements, for a signal that the design lacks."""
     for item in items:
         sides = (parse_input, "input signal"), (parse_output, "output signal")
         for (parse, key), names in zip(sides, signals_of(item.tables), strict=True):
@@ -212,7 +208,7 @@ def check_signals(items: Sequence[Item], known: tuple[str, ...]) -> None:
 
 
 def default_grid(items: Sequence[Item]) -> Array:
-    """Return 2000 frequencies that cover all measurements and a little more, Hz."""
+    """2000 frequencies that cover all measurements and a little more, Hz."""
     above = [item.data.frequency[item.data.frequency > 0] for item in items]
     low = min((float(f[0]) for f in above if len(f)), default=0.1)
     high = max((float(f[-1]) for f in above if len(f)), default=100.0)
@@ -223,12 +219,12 @@ def compare(
     model: LinearSystem,
     items: Sequence[Item],
     found: Response,
-    closed: tuple[ClosedTransfer, Any] | None = None,
+    closed: tuple[ClosedTransfer, Array] | None = None,
 ) -> tuple[Comparison, ...]:
     """Compare measured transfer functions with the responses of a model.
 
-    `found` are the responses of all signals on a grid. `closed` is, with the loops closed, what
-    solves them and the frequencies of the closed-loop poles, Hz.
+    `found` are the responses of all signals on a grid. For closed loops, `closed` solves them, and
+    has the frequencies of the poles, Hz.
     """
     known = bodies_with_signals(model)
     plain = replace(model, terms=())  # with dampers, whose effect on poles losses do not have
@@ -300,9 +296,7 @@ def resonances(data: MeasuredResponse) -> Array:
 
 
 def _refined(data: MeasuredResponse, top: int) -> float:
-    """Frequency of the pole fitted around a maximum; the maximum if it is not between its
-    neighbours.
-    """
+    """Frequency of the pole fitted around a maximum; the maximum if it is beyond the neighbours."""
     near = slice(max(top - 2, 0), top + 3)
     f, h = data.frequency[near], data.value[near]
     centre, scale = data.frequency[top], np.abs(data.value[top])
@@ -316,7 +310,7 @@ def _refined(data: MeasuredResponse, top: int) -> float:
 
 def _contributing(
     model: LinearSystem, modes: eigenmodes.Modes, item: Item, into: list[Signal], out: list[Signal]
-) -> Any:
+) -> Int[np.ndarray, " contributing"]:
     """Numbers of the oscillating modes that contribute to a measured transfer function.
 
     A mode v contributes (s v)(v f)/omega^2 to the static response of an output s to a force f;

@@ -1,14 +1,14 @@
 """Peaks of frequency responses, however narrow, between the points of a grid.
 
 Around every mode and every local maximum on the grid, the interval that contains the peak is
-narrowed to rounding. A response that still varies within it has a pole without loss there and is
-infinite.
+narrowed to rounding. A response that still varies within it has a pole without loss there: its peak
+is infinite.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,7 +19,10 @@ from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array
 
-Solve = Callable[[Array], Any]
+if TYPE_CHECKING:
+    from jaxtyping import Float, Inexact
+
+Solve = Callable[[Array], "Inexact[np.ndarray, 'frequency output input']"]
 """Responses (f, o, i) at frequencies (f,) in Hz."""
 
 POINTS = 17
@@ -87,10 +90,12 @@ def _brackets(found: Array, frequency: Array, size: Array) -> tuple[Array, Array
     return low[high > low], high[high > low]
 
 
-def _magnitudes(solve: Solve, at: Array) -> Any:
+def _magnitudes(
+    solve: Solve, at: Float[np.ndarray, "bracket point"]
+) -> Float[np.ndarray, "bracket point output input"] | None:
     """Magnitudes (n, points, o, i) at frequencies (n, points), Hz.
 
-    Taken beside an infinite one; None if those are infinite as well.
+    Taken beside an infinite one; None if those are infinite too.
     """
     for factor in (1.0, 1.0 + 1e-14, 1.0 - 1e-14):
         try:

@@ -37,15 +37,7 @@ THICK = 0.45
 
 @dataclass(frozen=True)
 class Shapes:
-    """Shapes of two modes at points of a grid around a crossing.
-
-    Attributes
-    ----------
-    modes
-        At each point, ascending.
-    rest
-        The suspension of each point at rest.
-    """
+    """Shapes of two modes, ascending, at points around a crossing, and sketches at rest."""
 
     crossing: Crossing
     modes: tuple[Modes, ...]
@@ -55,7 +47,7 @@ class Shapes:
 def solve_shapes(
     source: reader.Source, path: str, level: str, crossings: Sequence[Crossing]
 ) -> list[Shapes]:
-    """Solve for the modes before, at and after the crossings where modes mix, `MOST` at most."""
+    """Solve for the modes before, at and after the first `MOST` crossings where modes mix."""
     found = []
     for one in [one for one in crossings if one.is_avoided and one.around][:MOST]:
         designs = [reader.replaced(source, {path: point.at}).design for point in one.around]
@@ -71,15 +63,7 @@ def solve_shapes(
 class Strip:
     """Row of small pictures: one mode before, at and after a crossing, then the other.
 
-    Parameters
-    ----------
-    width
-        Of the row, in.
-
-    Attributes
-    ----------
-    height
-        With captions, in.
+    `width` and `height` (with captions) are in inches.
     """
 
     def __init__(self, shapes: Shapes, width: float) -> None:
@@ -153,7 +137,7 @@ def _panels(shapes: Shapes, which: int, view: View) -> list[picture.Panel]:
 
 
 def _momentum(scene: Scene, motion: Array) -> Array:
-    """Momentum (N,) of the bodies of a scene in their motion (N,), about their principal axes."""
+    """Momentum of the bodies of a scene in their motion, about their principal axes."""
     bodies = scene.bodies
     inertia = np.diagonal(bodies.inertia, axis1=-2, axis2=-1)
     mass = np.concatenate([np.repeat(bodies.mass[:, None], 3, axis=1), inertia], axis=1)

@@ -21,15 +21,7 @@ MIXED = 0.05
 
 @dataclass(frozen=True)
 class Point:
-    """Point of a grid near a crossing.
-
-    Attributes
-    ----------
-    at
-        Value of the parameter, SI.
-    rank
-        Numbers of the two modes among all, ascending, from 0.
-    """
+    """Point of a grid near a crossing: the parameter (SI), and the two modes' numbers from 0."""
 
     at: float
     rank: tuple[int, int]
@@ -45,10 +37,8 @@ class Crossing:
         Value of the parameter, SI.
     frequency
         Mean of the two, Hz.
-    modes
-        Labels of the two.
     mixing
-        Fraction of the other mode's motion, as far from there, in each one's motion at that point.
+        Fraction of each one's motion there that is the other's motion far away.
     around
         Points of the grid before, at and after it.
     """
@@ -65,7 +55,7 @@ class Crossing:
         return max(self.mixing) > MIXED
 
     def __str__(self) -> str:
-        """Say which modes meet, and the shapes of the first where they mix."""
+        """Say which modes meet, and how the first is composed where they mix."""
         first, second = self.modes
         if not self.is_avoided:
             return f"{first} crosses {second}, unmixed"

@@ -54,8 +54,8 @@ class SweepResult:
     status
         See `solve.STATUS`.
     overlap
-        Smallest overlap of shapes by which a mode among the results was followed from one point
-        to the next; 1 without modes.
+        Smallest overlap of shapes by which a mode among the results was followed from one point to
+        the next; 1 without modes.
     """
 
     axes: tuple[Axis, ...]
@@ -78,7 +78,7 @@ class SweepResult:
     def change(self) -> Float[np.ndarray, " result"]:
         """Relative change of each result over the grid, largest over smallest less 1.
 
-        0 where a result has no value; the largest value itself where the smallest is 0.
+        0 where a result has no value; the largest value where the smallest is 0.
         """
         flat = self.value.reshape(-1, len(self.result))
         low, high = np.fmin.reduce(flat, axis=0), np.fmax.reduce(flat, axis=0)
@@ -100,7 +100,7 @@ def nominal_parameters(job: ParameterSweep) -> tuple[float, ...]:
 
 
 def nearest_point(job: ParameterSweep) -> tuple[int, ...]:
-    """Find the grid point nearest to the nominal design, 0 along axes without a nominal value."""
+    """Find the grid point nearest to the nominal design; 0 along axes without a nominal value."""
     return tuple(
         0 if np.isnan(at) else int(np.abs(np.array(axis.values) - at).argmin())
         for axis, at in zip(job.axes, nominal_parameters(job), strict=True)
@@ -134,7 +134,7 @@ def _home(job: ParameterSweep, item: Scalar) -> str:
 
 
 def nominal_results(job: ParameterSweep, model: LinearSystem) -> Float[np.ndarray, " result"]:
-    """Evaluate the results of the nominal design, a system with its frequency-dependent terms."""
+    """Evaluate the results of the nominal design; `model` has its frequency-dependent terms."""
     return np.array(
         [
             job.nominal.frequency[item.number]
@@ -157,7 +157,7 @@ def _magnitude(model: LinearSystem, item: Ratio) -> float:
 
 
 def complete(part: Path, job: ParameterSweep) -> None:
-    """Track modes over the grid of a file with all points computed, and fill in the results."""
+    """Track modes over the grid of a file with all points, and fill in the results."""
     with h5py.File(part, "r+") as file:
         group: Stored = file["sweep"]
         squared = rank = None

@@ -45,16 +45,11 @@ class _Points:
 
 
 def result_change(job: ParameterSweep) -> Callable[[Model, Model], tuple[float, str]]:
-    """Return the change of a sweep's results, as `model_choice.for_builds` takes it.
+    """The change of a sweep's results, as `model_choice.for_builds` takes it.
 
-    Results are compared at the corners and middles of the grid, modes paired by their shapes. The
-    effect of wire mass on the frequencies of modes is estimated. The change is infinite where a
-    point has an equilibrium in only one of the models.
-
-    Parameters
-    ----------
-    job
-        In the simplest model.
+    Results are compared at the corners and middles of the grid, with modes paired by their shapes;
+    the change of mode frequencies by wire mass is estimated. The change is infinite where a point
+    has an equilibrium in only one of the models. The `job` is in the simplest model.
     """
     sample = replace(job, axes=ends_and_middle(job.axes))
     modes = tuple(item for item in job.results if isinstance(item, Mode))
@@ -102,9 +97,10 @@ def _shifts(
 ) -> list[tuple[float, str]]:
     """Find the largest changes of frequencies at each point; infinite where a sign changes.
 
-    A mode of one model is paired with that of the other whose shape overlaps it most at this point,
-    or in the nominal design: the smaller change of the two, as shapes mix where frequencies meet.
-    `nominal` are the nominal shapes of the simplest model, in which modes are numbered.
+    A mode of one model is paired with the mode of the other whose shape overlaps it most, at this
+    point or in the nominal design. The smaller change of the two counts, as shapes mix where
+    frequencies meet. `nominal` are the nominal shapes of the simplest model, in which modes are
+    numbered.
     """
     changes = []
     start_old, start_new = _pair(nominal, old.nominal), _pair(nominal, new.nominal)

@@ -37,10 +37,6 @@ class ParameterSweep(Product):
         The design as TOML.
     axes
         Parameters, named by dotted paths, with their values in SI.
-    level
-        Name of the model.
-    results
-        Quantities computed at every point.
     allow_unstable
         Whether responses about an unstable equilibrium count as valid.
     """
@@ -107,7 +103,7 @@ class ParameterSweep(Product):
     def _model(self) -> LinearSystem:
         """Nominal system, without the frequency-dependent terms.
 
-        Modes and coordinates do not need these, and they cannot be pickled.
+        Modes and coordinates do not need these terms, which cannot be pickled.
         """
         return replace(registry.by_name(self.level).system(reader.parse(self.text)), terms=())
 
@@ -169,7 +165,7 @@ def has_modes(status: Int[np.ndarray, "*build"]) -> Bool[np.ndarray, "*build"]:
 
 
 def select_models(model: LinearSystem, which: Bool[np.ndarray, " build"]) -> LinearSystem:
-    """Select the models of a batch by a mask `which`, without their losses."""
+    """Select the models of a batch by a mask, without their losses."""
     count = len(which)
 
     def cut(matrix: np.ndarray) -> np.ndarray:
@@ -205,7 +201,7 @@ def divide(
 
 
 def blank_values(column: Column, count: int) -> np.ndarray:
-    """Make the values of a column for `count` points that are invalid or not yet computed."""
+    """Values of a column for `count` points that are invalid or not yet computed."""
     blank = {"u1": builds.IMPOSSIBLE, "i2": -1, "c16": builds.NOTHING}.get(column.dtype, np.nan)
     return np.full((count, *column.shape), blank, dtype=column.dtype)
 
@@ -233,16 +229,9 @@ def evaluate_results(
 ) -> Float[np.ndarray, "*point result"]:
     """Evaluate results: frequencies in Hz and magnitudes of responses in SI units.
 
-    NaN for an unstable mode.
-
-    Parameters
-    ----------
-    omega_squared
-        In ascending order, (rad/s)^2.
-    rank
-        Position in `omega_squared` of each nominal mode; -1 where there is none.
-    response
-        Responses among the results, in their order.
+    NaN for an unstable mode. `omega_squared`, (rad/s)^2, is ascending, and `rank` the position
+    there of each nominal mode, or -1. `response` are the responses among the results, in their
+    order.
     """
     columns, responses = [], 0
     for result in results:

@@ -6,9 +6,9 @@ let W be the mean power dissipated. Then
 
     S(omega) = 8 k T W / (F^2 omega^2),    W = (omega / 2) x^H Im(Z) x  with  Z x = F r,
 
-one-sided, in m^2/Hz. Im(Z) is a sum over lossy parts j, each with its own temperature, and
-x^H Im(Z_j) x a sum of squares, in which nothing cancels. The imaginary part of the susceptibility
-r . Z^-1 r, in contrast, loses the digits of a high Q.
+one-sided, in m^2/Hz. Im(Z) is a sum over lossy parts j, each with its own temperature, and x^H
+Im(Z_j) x a sum of squares, in which nothing cancels. The imaginary part of the susceptibility r .
+Z^-1 r, in contrast, loses the digits of a high Q.
 """
 
 from __future__ import annotations
@@ -44,18 +44,16 @@ class Thermal:
 
     Attributes
     ----------
-    frequency : (f,) array
+    frequency
         Hz.
-    output : str
-        The observed motion.
-    unit : str
+    unit
         Of the motion: m or rad.
-    source : tuple of str
+    source
         Sources of dissipation: ``test.bending-upper`` and so on, the strongest (over all
         frequencies) first.
-    density : (s, f) array
+    density
         One-sided power spectral density by source, unit^2/Hz.
-    tilt : float
+    tilt
         Angle (rad) by which the observed direction rises above x.
     """
 
@@ -68,12 +66,12 @@ class Thermal:
 
     @property
     def amplitude(self) -> Float[np.ndarray, " frequency"]:
-        """Amplitude spectral density (f,) of the sum, unit/sqrt(Hz)."""
+        """Amplitude spectral density of the sum, unit/sqrt(Hz)."""
         return np.sqrt(self.density.sum(0))
 
     @property
     def parts(self) -> dict[str, Float[np.ndarray, " frequency"]]:
-        """Amplitude spectral density (f,) by source, unit/sqrt(Hz)."""
+        """Amplitude spectral density by source, unit/sqrt(Hz)."""
         return {name: np.sqrt(row) for name, row in zip(self.source, self.density, strict=True)}
 
 
@@ -84,36 +82,17 @@ def solve(
     signal: Signal,
     temperature: float,
 ) -> Thermal:
-    """Compute the thermal noise of a linear form of the coordinates.
+    """Compute the thermal noise of a linear form (`row`) of the coordinates, at frequencies in Hz.
 
-    Parameters
-    ----------
-    frequency : (f,) array
-        Hz, above 0.
-    row : (N,) array
-        The linear form; the support is at rest.
-    signal : Signal
-        Its name and unit.
-    temperature : float
-        Of dampers and of the support's loss, K; other sources have their own.
+    The frequencies are above 0. Only sources that contribute are listed; without loss there are
+    none. The support is at rest. `signal` gives name and unit, `temperature` (K) is that of dampers
+    and of the support's loss; other sources have their own. Raises `InputError` at a resonance
+    without loss, and if a part gives power back (a spring or damper whose matrix is not positive).
 
-    Returns
-    -------
-    Thermal
-        With the sources that contribute; without loss there are none.
-
-    Raises
-    ------
-    InputError
-        At a resonance without loss, and if a part gives power back (a spring or damper whose matrix
-        is not positive).
-
-    Examples
-    --------
     >>> from suspension_cli.design import reader
     >>> from suspension_cli.models import registry
     >>> model = registry.BEAM.system(reader.parse(reader.template("single", "single")))
-    >>> signal, row = observed(model, "test.x")
+    >>> signal, row = parse_motion(model, "test.x")
     >>> noise = solve(model, np.array([10.0]), row, signal, 290.0)
     >>> noise.unit, noise.density.shape[1]
     ('m', 1)
@@ -168,7 +147,7 @@ def _gather(
 
 
 def sort_sources(densities: dict[str, Float[np.ndarray, " frequency"]]) -> list[str]:
-    """Sort sources by the mean logarithm of their densities (f,), the strongest first."""
+    """Sort sources by the mean logarithm of their densities, the strongest first."""
     return sorted(densities, key=lambda name: -float(np.log(densities[name].clip(1e-300)).mean()))
 
 
@@ -192,19 +171,10 @@ def _check_powers(
 def compute_dissipation(
     there: EvaluatedBlock, motion: Inexact[np.ndarray, "coordinate frequency"], temperature: float
 ) -> dict[tuple[str, float], Float[np.ndarray, " frequency"]]:
-    """Compute x^H Im(Z) x (f,) of motions x (c, f) of a block by source, the support at rest.
+    """Compute x^H Im(Z) x of motions x of a block, the support at rest.
 
-    Parameters
-    ----------
-    there : EvaluatedBlock
-        The block at frequencies (f,).
-    temperature : float
-        Of dampers and of the support's loss, K.
-
-    Returns
-    -------
-    dict
-        Keys are the name of a source and its temperature (K).
+    The keys of the result are the name of a source and its temperature (K). `temperature` is that
+    of dampers and of the support's loss, K.
     """
     result: dict[tuple[str, float], Array] = {}
     block = there.block
@@ -228,9 +198,10 @@ def compute_from_susceptibility(
     row: Float[np.ndarray, " coordinate"],
     temperature: float,
 ) -> Float[np.ndarray, " frequency"]:
-    """Thermal noise from the susceptibility, -(4 k T / omega) Im(r . Z^-1 r): (f,), unit^2/Hz.
+    """Thermal noise from the susceptibility, -(4 k T / omega) Im(r . Z^-1 r), unit^2/Hz.
 
-    For checks of `solve`: loses the digits of a high Q, and has one temperature (K) for all parts.
+    For checks of `solve`: it loses the digits of a high Q, and has one temperature (K) for all
+    parts.
     """
     omega = 2 * np.pi * np.asarray(frequency, dtype=float)
     total = np.zeros(len(omega))
@@ -245,7 +216,7 @@ def compute_from_susceptibility(
 def parse_motion(
     model: LinearSystem, text: str, tilt: float = 0.0
 ) -> tuple[Signal, Float[np.ndarray, " coordinate"]]:
-    """Parse a motion; with its linear form (N,).
+    """Parse a motion; also return its linear form.
 
     A motion along x is taken along a beam that rises by `tilt` (rad) instead.
     """

@@ -38,7 +38,7 @@ from suspension_cli.studies.confidence import (
     standard_error,
     wilson_interval,
 )
-from suspension_cli.studies.sample_points import RANDOM, SOBOL, SamplePoints
+from suspension_cli.studies.sample_points import SOBOL, SamplePoints
 from suspension_cli.studies.sobol_indices import SobolIndices, sobol_indices
 
 if TYPE_CHECKING:
@@ -139,8 +139,8 @@ def reconstruct_job(group: Stored, text: str, level: str) -> RandomBuilds:
         seed,
         question,
         level=level,
-        method=str(group.attrs.get("sampling", RANDOM)),
-        with_indices=bool(group.attrs.get("sobol_indices", False)),
+        method=str(group.attrs["sampling"]),
+        with_indices=bool(group.attrs["sobol_indices"]),
     )
     if "requirement" not in group:
         return job
@@ -157,7 +157,7 @@ def summarise_group(group: Stored, job: RandomBuilds, limit: float) -> Summary:
     view = _View(group, job, rows)
     kept = view.kept
     modes = view.spread(job.names.every_mode())
-    static = view.spread(job.names.every_static() if "static" in group else ())
+    static = view.spread(job.names.every_static())
     required = tuple(dict.fromkeys(item.quantity for item in job.requirements))
     with np.errstate(all="ignore"):
         sample = np.where(nominal.frequency > 0, modes.sample / nominal.frequency - 1, 0.0)

@@ -13,6 +13,7 @@ from suspension_cli.linear.system import LinearSystem
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Inexact, Int
+    from mpmath.ctx_mp import MPContext
 
 DIGITS = 50
 Number = Any
@@ -21,7 +22,7 @@ Matrix = list[list[Number]]
 
 
 @cache
-def context() -> Any:
+def context() -> MPContext:
     """Return the mpmath context of `DIGITS` digits."""
     import mpmath
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -15,6 +15,8 @@ from suspension_cli.conventions import DOFS
 from suspension_cli.errors import Fault, InputError, format_value
 
 if TYPE_CHECKING:
+    from types import ModuleType
+
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.xcouple.file import Coupling
@@ -73,7 +75,7 @@ class CouplingAnalysis(Analysis):
     )
 
     def swept_names(self) -> tuple[str, ...]:
-        """Return the imperfections, whose grids may stand in `[analysis.xcouple]`."""
+        """Imperfections, whose grids may stand in `[analysis.xcouple]`."""
         from suspension_cli.analyses.xcouple.solve import PARAMETERS
 
         return tuple(PARAMETERS)
@@ -256,7 +258,7 @@ class MatrixAnalysis(Analysis):
             ]
         return "\n".join(lines)
 
-    def _stored(self) -> Any:
+    def _stored(self) -> ModuleType:
         """Import the file of responses, of which the matrix is one."""
         from suspension_cli.analyses.response import file
 
@@ -272,14 +274,14 @@ class MatrixAnalysis(Analysis):
 
 
 def _is_longitudinal(data: Coupling) -> bool:
-    """Whether the coupling is that of the vertical motion to the longitudinal one."""
+    """Whether the coupling is that of vertical to longitudinal motion."""
     return data.over.partition("@")[0].endswith(".x") and data.under.partition("@")[0].endswith(
         ".z"
     )
 
 
 def _limit(design: Design) -> float:
-    """Limit on the coupling: of the design's `[analysis.tolerance]`, or the default there."""
+    """Limit on the coupling: that of the design's `[analysis.tolerance]`, or its default."""
     from suspension_cli.analyses import registry, settings
 
     analysis = registry.get("tolerance")
@@ -350,7 +352,7 @@ def _is_number(text: str) -> bool:
 
 
 def _warn_of_faint(run: Run, requested: CouplingRequest, answer: Coupling) -> None:
-    """Warn where couplings are so small that rounding of the attachments' coordinates shows."""
+    """Warn of couplings so small that rounding of the attachments' coordinates shows."""
     import numpy as np
 
     from suspension_cli.analyses.xcouple.solve import ROUNDING
@@ -367,7 +369,7 @@ def _warn_of_faint(run: Run, requested: CouplingRequest, answer: Coupling) -> No
 def _all_motions(
     known: tuple[str, ...], question: CouplingRequest, setting: Settings
 ) -> tuple[Transfer, str]:
-    """Return the request for all motions of support and observed point, and that point."""
+    """The request for all motions of support and observed point, and that point."""
     import numpy as np
 
     from suspension_cli.linear import signals

@@ -24,8 +24,6 @@ class Coupling:
 
     Attributes
     ----------
-    axes
-        Imperfections and their values.
     frequency
         Hz.
     ratio
@@ -34,8 +32,6 @@ class Coupling:
         See `builds.STATUS`.
     wire, hold
         Label of the imperfect wire, and what is kept when it changes.
-    input, over, under
-        Names of the signals.
     """
 
     axes: tuple[Axis, ...]

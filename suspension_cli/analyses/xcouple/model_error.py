@@ -35,13 +35,13 @@ WHAT = "couplings"
 
 
 def coupling_change(job: Sweep, tolerance: float) -> Callable[[Model, Model], tuple[float, str]]:
-    """Return the change of a sweep's couplings, as `model_choice.for_builds` takes it.
+    """The change of a sweep's couplings, as `model_choice.for_builds` takes it.
 
     Couplings are compared at the corners and middles of the swept space, relative to the largest
-    of these; the change is infinite where a build has an equilibrium in only one of the models.
-    They are compared in size, as a sweep at one frequency has no axis along which a resonance could
-    be seen to move. A resonance that a build between the compared ones meets is not seen: there the
-    estimate is that of the frequency at which the coupling is right.
+    there; the change is infinite where a build has an equilibrium in only one of the models. Only
+    their sizes are compared: a sweep at one frequency has no axis along which a shifted resonance
+    would show. A resonance that is met only between the compared builds is not seen; the estimate
+    then holds at the frequencies compared.
     """
     frequency = job.question.frequency
     count = min(FREQUENCIES, len(frequency))
@@ -98,7 +98,7 @@ def coupling_change(job: Sweep, tolerance: float) -> Callable[[Model, Model], tu
 def _bending(scene: Scene) -> float:
     """Largest stiffness of a wire's bending, relative to that of its tension.
 
-    That of a clamp, sqrt(T EI) / T l; between effective bending points EI / l remains of it.
+    For a clamp sqrt(T EI) / T l; between effective bending points EI / l remains of it.
     """
     wires, made = scene.wires, scene.fibres
     assert made is not None

@@ -1,6 +1,4 @@
-"""Options of a cross-coupling as a `CouplingRequest`: imperfect wire and body, signals,
-frequencies.
-"""
+"""Options of a cross-coupling as a `CouplingRequest`."""
 
 from __future__ import annotations
 
@@ -14,20 +12,11 @@ from suspension_cli.linear.system import LinearSystem
 
 
 def parse_request(model: LinearSystem, setting: Settings) -> CouplingRequest:
-    """Interpret the options of a cross-coupling.
+    """Interpret the options of a cross-coupling: imperfect wire and body, signals, frequencies.
 
-    Parameters
-    ----------
-    model
-        Any model of the design, for the names of wires and bodies.
-    setting
-        Values of the options ``wire``, ``body``, ``observe``, ``hold``, ``drive``, ``over``,
-        ``under`` and ``frequency``.
+    Any `model` of the design knows the names of wires and bodies.
 
-    Raises
-    ------
-    InputError
-        If an option names no wire, stage or signal.
+    Raises `InputError` if an option names no wire, stage or signal.
     """
     known, labels = signals.bodies_with_signals(model), list(model.wire)
     wire = setting.get("wire") or next(

@@ -77,10 +77,8 @@ class Sweep(Product):
         Imperfections (see `PARAMETERS`) or dotted paths, and their values.
     allow_unstable
         Whether a build with an unstable equilibrium counts as valid.
-    level
-        Name of a model that supports imperfect builds.
-    balanced : dict
-        All builds in equilibrium, by the name of the model, where these are known already.
+    balanced
+        All builds in equilibrium, by the name of the model, if known.
     """
 
     text: str
@@ -166,7 +164,7 @@ class Sweep(Product):
 
     @property
     def has_one_design(self) -> bool:
-        """Whether imperfections alone are swept, no numbers of the design."""
+        """Whether only imperfections are swept, no numbers of the design."""
         return all(axis.name in PARAMETERS for axis in self.axes)
 
     @cached_property
@@ -181,21 +179,16 @@ class Sweep(Product):
 
 
 def quotient_unit(out: Signal, into: Signal) -> str:
-    """Name the unit of the ratio of two signals, ``m/(N m)``."""
+    """Unit of the ratio of two signals, ``m/(N m)``."""
     return "1" if out.unit == into.unit else f"{out.unit}/{into.unit}".replace("/N m", "/(N m)")
 
 
 def impose(
     scene: Scene, values: dict[str, Float[np.ndarray, " build"]], question: CouplingRequest
 ) -> Scene:
-    """Impose swept imperfections on a scene.
+    """Impose swept imperfections, by name (see `PARAMETERS`), on a scene.
 
-    Parameters
-    ----------
-    scene
-        Without batch axes, or with the builds along its first axis.
-    values
-        Values by name of the imperfection, see `PARAMETERS`.
+    The scene has no batch axes, or the builds along its first axis.
     """
     for part, number in (("wire", question.wire), ("body", question.body)):
         amounts: dict[str, np.ndarray] = {}
@@ -215,7 +208,7 @@ def impose(
 
 
 def _part(name: str) -> str:
-    """Name the part of a swept parameter, ``wire`` or ``body``; "" for a dotted path."""
+    """Part of a swept parameter, ``wire`` or ``body``; "" for a dotted path."""
     return PARAMETERS[name][0].part if name in PARAMETERS else ""
 
 
@@ -226,13 +219,13 @@ def compute_coupling(
     allow_unstable: bool = False,
     level: str = registry.STRING.name,
 ) -> ColumnValues:
-    """Compute the coupling of builds along one batch axis of a scene: `Sweep.columns`."""
+    """Compute the coupling (`Sweep.columns`) of builds along one batch axis of a scene."""
     found = builds.balance(scene, design, level=level, allow_unstable=allow_unstable)
     return couplings(found, question)
 
 
 def couplings(found: Builds, question: CouplingRequest) -> ColumnValues:
-    """Compute the coupling of balanced builds: `Sweep.columns`."""
+    """Compute the coupling (`Sweep.columns`) of balanced builds."""
     outputs = builds.transfer(
         found, np.array(question.frequency), [question.input], [question.over, question.under]
     )[..., 0]

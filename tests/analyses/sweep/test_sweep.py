@@ -429,6 +429,24 @@ def test_pictures_and_the_table(tmp_path):
         assert png.read_bytes() == before
 
 
+def test_maps_name_the_value_of_a_third_parameter_and_label_contours_inside():
+    vary = {
+        "stage.test.wires.t1": (0.05, 0.12),
+        "stage.test.wires.l": (0.3, 0.4),
+        "constants.gravity": (9.0, 10.0),
+    }
+    swept = sus.sweep(sus.read(SINGLE), vary=vary, result=["6"], model="force")
+    figure = swept.plot()
+    figure.canvas.draw()
+    assert "constants.gravity = 9 m/s^2" in figure.texts[1].get_text()
+    axes = figure.axes[0]
+    labels = [text for text in axes.texts if text.get_visible()]
+    assert labels
+    for label in labels:
+        inner = label.get_window_extent()
+        assert axes.bbox.x0 <= inner.x0 and inner.x1 <= axes.bbox.x1, label.get_text()
+
+
 def test_defaults_come_from_the_design(tmp_path):
     raw = edited(
         tomllib.loads(SINGLE.read_text()),

@@ -1,0 +1,24 @@
+"""Examples in docstrings give the results that they show."""
+
+import doctest
+import importlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import suspension_cli
+
+PACKAGE = Path(suspension_cli.__file__).parent
+MODULES = [
+    ".".join(file.relative_to(PACKAGE.parent).with_suffix("").parts)
+    for file in sorted(PACKAGE.rglob("*.py"))
+    if file.name != "api.py" and ">>> " in file.read_text()  # tests/test_api.py has that
+]
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_examples(name):
+    found = doctest.testmod(importlib.import_module(name), extraglobs={"np": np})
+    assert found.attempted
+    assert not found.failed
