@@ -42,7 +42,7 @@ def parse_grid(
     """
     remedy = "write start:stop:count[:log|lin], numbers with commas, or one number"
     try:
-        values = _range(text, default) if ":" in text else [float(part) for part in text.split(",")]
+        values = _range(text, default) if ":" in text else [_number(p) for p in text.split(",")]
     except (ValueError, OverflowError) as error:
         raise InputError(
             [Fault(option, f"is not a grid ({error})", remedy, format_value(text))]
@@ -63,18 +63,26 @@ def _range(text: str, default: str) -> list[float]:
     start, stop, number, *spacing = parts
     if len(spacing) > 1 or (spacing and spacing[0] not in ("lin", "log")):
         raise ValueError("the spacing must be lin or log")
-    first, last, count = float(start), float(stop), int(number)
-    if not 1 <= count <= MAX_POINTS:
-        raise ValueError(f"the count must be from 1 to {MAX_POINTS}")
+    first, last = _number(start), _number(stop)
+    if not number.strip().isdecimal() or not 1 <= int(number) <= MAX_POINTS:
+        raise ValueError(f"the count must be an integer from 1 to {MAX_POINTS}")
+    count = int(number)
     if count == 1:
         return [first]
     steps = range(count)
     if (spacing or [default])[0] == "lin":
         return [first + (last - first) * n / (count - 1) for n in steps[:-1]] + [last]
     if first <= 0 or last <= 0:
-        raise ValueError("a log grid needs positive ends")
+        raise ValueError("a log grid needs ends above 0")
     ratio = math.log(last / first)
     return [first * math.exp(ratio * n / (count - 1)) for n in steps[:-1]] + [last]
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(f"{text.strip()!r} is no number") from None
 
 
 def decade_points(frequency: Float[np.ndarray, " frequency"]) -> list[int]:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses.options import TOLERANCE
+from suspension_cli.design.plausibility import RAISE
 
 if TYPE_CHECKING:
     from suspension_cli.analyses.analysis import Log
@@ -265,12 +266,12 @@ def stable_system(
 
     name = source.design.design.name
     system = choice.model.system(source.design) if system is None else system
-    log.detail(f"{name}: {choice.line}; balanced to {system.residual:.0e} of the weight")
+    log.detail(f"{name}: {choice.line}; residual force {system.residual:.0e} of the weight")
     found = eigenmodes.solve(system.constant)
     if not found.stable:
         worst = f"{found.label[0]} grows at {found.growth_rate[0]:.4g} 1/s"
         if not allow_unstable:
-            way = "make it stable (raise d, for example),"
+            way = f"{RAISE},"
             if bends and not choice.model.bends_wires and _stable_with_bending(source.design):
                 way = "take --fidelity beam, whose wires stabilize it by bending,"
             problem, remedy = (
@@ -278,7 +279,7 @@ def stable_system(
                 f"{way} or give --allow-unstable",
             )
             raise InputError([Fault("stage", problem, remedy)])
-        log.warn(f"{name} is unstable: {worst}")
+        log.warn(f"{name} is unstable: {worst}; {RAISE}")
     near_limits.warn(source.design, system, found, log)
     return system
 

@@ -12,7 +12,7 @@ import click
 from suspension_cli.models.registry import AUTO, LEVELS
 
 TOLERANCE = 1e-3
-"""Relative error that `auto` may leave, as `models.auto.TOLERANCE`."""
+"""Copy of `models.auto.TOLERANCE`."""
 
 
 class Finite(click.FloatRange):
@@ -139,7 +139,7 @@ OUT = option(
     show_default=True,
     metavar="DIR",
     callback=_demand_folder,
-    help="Folder for the files that are written.",
+    help="Folder for the written files.",
     group=FILES,
 )
 BESIDE = option(
@@ -163,7 +163,7 @@ PLOT = option(
     "--plot/--no-plot",
     "plot",
     default=None,
-    help="Draw the PNG or not.  [default: --plot, with --json --no-plot]",
+    help="Draw pictures or not.  [default: --plot; with --json: --no-plot]",
     group=FILES,
 )
 NO_PICTURE = option(
@@ -171,7 +171,7 @@ NO_PICTURE = option(
     "plot",
     default=False,
     hidden=True,
-    help="Accepted, as scripts give it to every analysis, where there is no picture.",
+    help="Accepted without effect, as scripts give it to every analysis.",
     group=FILES,
 )
 FORMAT = option(
@@ -187,7 +187,7 @@ CSV = option(
     "--csv",
     "as_csv",
     is_flag=True,
-    help="Write the numbers as CSV, too: a row per frequency, mode or point.",
+    help="Also write the numbers as CSV: a row per frequency, mode or point.",
     group=FILES,
 )
 QUIET = option("-q", "--quiet", is_flag=True, help="Print only warnings on stderr.", group=FILES)
@@ -205,7 +205,7 @@ ACCURACY = option(
     type=Finite(1e-12, 1.0),
     default=TOLERANCE,
     show_default=True,
-    help="Relative error that --fidelity auto may leave.",
+    help="Largest relative error of the result that --fidelity auto accepts.",
     group=MODEL,
 )
 ALLOW_UNSTABLE = option(
@@ -220,7 +220,7 @@ RESULTS = option(
     metavar="NAME",
     help=(
         "A mode by its label or number, a response OUTPUT/INPUT:HZ, a coupling OVER/UNDER/INPUT:HZ"
-        " (repeatable).  [default: modes, every mode]"
+        " (repeatable).  [default: modes, which stands for every mode]"
     ),
 )
 COUPLING = (
@@ -236,7 +236,7 @@ COUPLING = (
         "--observe",
         metavar="STAGE@X,Y,Z",
         help=(
-            "The point observed: its motion along x over that along z."
+            "Observed point; the coupling is its motion along x over that along z."
             "  [default: last stage, 1 mm below its COM]"
         ),
     ),
@@ -265,7 +265,7 @@ SWEEP = (
         type=click.IntRange(1, 1_000_000),
         default=512,
         show_default=True,
-        help="Builds computed at once.",
+        help="Number of builds or points computed at once.",
         group=BATCH,
     ),
     option("--resume", is_flag=True, help="Continue an interrupted run.", group=BATCH),
@@ -288,7 +288,7 @@ INFO = (
         metavar="SIGNAL",
         help="Output of the response and of the thermal noise.  [default: x of the last stage]",
     ),
-    frequencies("0.1:100:2000", "Frequencies of both, Hz."),
+    frequencies("0.1:100:2000", "Frequencies of the response and the noise, Hz."),
     ACCURACY,
     OVERRIDES,
     AS_JSON_ONLY,
@@ -299,7 +299,7 @@ REPORT = (
         "--sections",
         metavar="NAME,...",
         help=(
-            "Only these sections: drawing, numbers, check, modes, response, coupling, thermal,"
+            "Sections to include: drawing, numbers, check, modes, response, coupling, thermal,"
             " budget, tolerance, damping.  [default: all that the design has]"
         ),
     ),
@@ -310,7 +310,7 @@ REPORT = (
         type=click.IntRange(100, 1_000_000),
         default=1000,
         show_default=True,
-        help="Number of random builds, if no results file has the tolerances of this design.",
+        help="Number of random builds, unless a results file has the tolerances of this design.",
     ),
     FIDELITY,
     ACCURACY,

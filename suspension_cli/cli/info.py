@@ -14,9 +14,9 @@ from suspension_cli.cli.runner import Command
 def command(
     ctx: click.Context, design: str, overrides: tuple[str, ...], as_json: bool, **_: object
 ) -> None:
-    """Estimate how complete a model a design needs, and the model that `auto` takes.
+    """Estimate the physics that a design needs, and name the model that `auto` takes.
 
-    For the modes, for one response and for its thermal noise. Writes nothing.
+    Prints both for the modes, one response and its thermal noise. Writes no file.
 
     Example: pendsus info my.toml --output test.pitch
     """

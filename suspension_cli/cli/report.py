@@ -37,9 +37,9 @@ def command(
     """Write one HTML file of DESIGN with all its analyses: DIR/NAME-report.html.
 
     It has the drawing, checks, modes, responses, couplings, noises, tolerances and damping loops,
-    and how to compute each again. It opens without network in any browser, and prints. Options of
-    each analysis are those of the design's [analysis] tables. A section that cannot be computed
-    says why.
+    and the command of each. Any browser opens and prints it, without network. Options of each
+    analysis are those of the design's [analysis] tables. A section that cannot be computed says
+    why.
 
     Example: pendsus report my.toml
     """

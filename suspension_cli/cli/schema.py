@@ -9,7 +9,7 @@ import click
 @click.option(
     "--measured",
     is_flag=True,
-    help="Print that of files of measurements (docs/measurements.md).",
+    help="Print the schema of files of measurements (docs/measurements.md).",
 )
 def command(measured: bool) -> None:
     """Print the JSON Schema of the design file, for editors that complete and check TOML."""

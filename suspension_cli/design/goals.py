@@ -132,6 +132,9 @@ def read(file: str | Path, text: str | None = None) -> Goals:
     """Read and check a file of goals, or its text if given; raises `InputError` with all faults."""
     raw = reader.read_toml(file, text)
     with attribute_faults_to(str(file)):
+        if "stage" in raw:
+            problem = "is a design, not a file of goals"
+            raise InputError.of("", problem, "name a TOML file with [[goal]] and [[free]]")
         goals = faults.convert(raw, Goals)
         found = [
             *(

@@ -36,6 +36,8 @@ from suspension_cli.design.schema import Body, Design, Material, NoiseSpectrum, 
 from suspension_cli.design.wires import Blade, BladeSet, Profile, Wire, WireSet, cross_sections
 from suspension_cli.errors import Fault, format_key, format_value
 
+RAISE = "attach the wires higher above the COM (raise d)"
+"""What to do about most unstable equilibria."""
 OSMIUM = 22_600.0
 """kg/m^3; nothing is denser."""
 AIR = 1.2

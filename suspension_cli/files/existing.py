@@ -65,5 +65,5 @@ def replacing(path: Path, text: str, say: Callable[[str], None]) -> Iterator[Non
     before = read_design(path)
     yield
     replaced = before is not None and before != text
-    note = ", in place of the result of another design of this name"
-    say(f"wrote {path}{note + ' (--out or design.name keeps both)' if replaced else ''}")
+    note = " (replaced the result of another design of this name; to keep both, give --out)"
+    say(f"wrote {path}{note if replaced else ''}")

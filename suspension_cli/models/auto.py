@@ -251,13 +251,13 @@ def _choose_for_noise(build: _Builder, wanted: str, highest: float, tolerance: f
     size = percent(effect.error) if np.isfinite(effect.error) else "without bound"
     if wanted == light.name:
         return Choice(
-            light.name, f"as requested; neglected: {MASS}, {size}, {effect.where}", effect.error
+            light.name, f"as requested; neglected: {MASS}, {size}: {effect.where}", effect.error
         )
     if effect.error > tolerance:
-        return Choice(heavy.name, f"{MASS} matters, {effect.where}", 0.0)
+        return Choice(heavy.name, f"{MASS} matters: {effect.where}", 0.0)
     return Choice(
         light.name,
-        f"losses along wires matter; neglected: {MASS}, {size}, {effect.where} (tolerance"
+        f"losses along wires matter; neglected: {MASS}, {size}: {effect.where} (tolerance"
         f" {100 * tolerance:g} %)",
         effect.error,
     )
@@ -408,8 +408,8 @@ def unrestrained_mode(found: Modes, *, unstable: bool) -> str:
 
 
 def percent(value: float) -> str:
-    """A relative change in per cent, to one digit: "0.01 %"."""
-    return f"{float(f'{100 * value:.1g}'):g} %"
+    """A relative change in per cent, to one digit: "0.01 %"; rounding errors are "0 %"."""
+    return f"{0 if value < 1e-15 else float(f'{100 * value:.1g}'):g} %"
 
 
 def _clauses(refinements: list[Refinement], quantity: QuantityOfInterest) -> str:

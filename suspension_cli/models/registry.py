@@ -38,6 +38,8 @@ has the name of the file in capitals."""
 AUTO = "auto"
 LEVELS = (AUTO, *FILES)
 """Values of ``--fidelity``."""
+NOTHING = "neglected: nothing that pendsus can model"
+"""What follows a model with all physics."""
 
 
 def __getattr__(name: str) -> Any:
@@ -95,8 +97,11 @@ class Choice:
     @property
     def line(self) -> str:
         """The choice in one line: ``model: beam (as requested); neglected: wire mass, 0.01 %``."""
-        why, semicolon, rest = self.reason.partition("; ")
-        return f"model: {self.level} ({why}){semicolon}{rest}"
+        why, _, rest = self.reason.partition("; ")
+        if not rest:
+            omitted = " and ".join(self.model.omits) if self.error != 0 else ""
+            rest = f"neglected: {omitted}, of unknown effect" if omitted else NOTHING
+        return f"model: {self.level} ({why}); {rest}"
 
     @property
     def neglected(self) -> str:

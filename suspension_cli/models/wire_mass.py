@@ -80,10 +80,11 @@ class MassEffect:
     def where(self) -> str:
         """The larger of the two causes, in words."""
         if self.inertia > self.waves:
-            return f"as the inertia of wires is up to {_percent(self.inertia)} of that of bodies"
+            size = _percent(self.inertia)
+            return f"the kinetic energy of wires is up to {size} of that of bodies"
         return (
-            f"as {self.highest:.4g} Hz is {_percent(self.highest / self.lowest)} of the lowest"
-            f" first violin mode ({self.lowest:.4g} Hz, wire {self.wire})"
+            f"the highest frequency is {self.highest:.4g} Hz, the lowest violin mode"
+            f" {self.lowest:.4g} Hz, wire {self.wire}"
         )
 
 

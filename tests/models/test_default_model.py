@@ -78,7 +78,7 @@ def test_a_fit_that_ends_where_wires_bend_goes_on_there(tmp_path):
     data = written(tmp_path, {"mode": rows, "parameter": [free]}, "measured.toml")
     done = run("fit", file, data, *thin, "--json", "--out", tmp_path)
     assert done.exit_code == 0, done.stderr
-    assert "fitted again from these numbers, which need the beam model" in done.stderr
+    assert "fitted again, as the fitted numbers need the beam model" in done.stderr
     found = strict_json(done.stdout)
     assert found["fidelity"] == fidelity == "beam"
     assert found["parameters"][0]["value"] == pytest.approx(true, rel=1e-6)

@@ -76,7 +76,7 @@ def test_physics_between_models():
 @pytest.mark.parametrize(
     ("reason", "line"),
     [
-        ("as requested", "model: beam (as requested)"),
+        ("as requested", "model: beam (as requested); neglected: wire mass, of unknown effect"),
         (
             "as requested; neglected: wire mass, 0.01 %",
             "model: beam (as requested); neglected: wire mass, 0.01 %",
@@ -108,6 +108,15 @@ def test_names_of_models_stay_in_their_folder():
         and NAMES.search(path.read_text().replace('"string": (str', ""))
     ]
     assert found == []
+
+
+@pytest.mark.parametrize("level", registry.FILES)
+def test_every_line_says_what_is_neglected(level):
+    """Also where nothing was estimated, and where nothing is neglected."""
+    line = Choice(level, "as requested").line
+    omitted = " and ".join(registry.by_name(level).omits)
+    said = f"neglected: {omitted}, of unknown effect" if omitted else registry.NOTHING
+    assert line == f"model: {level} (as requested); {said}"
 
 
 def test_the_reason_names_what_matters_and_what_does_not():

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from suspension_cli.scene.arrays import Array
 
 GROUND = "nhnm"
-"""Ground of a noisy site: what is met there is met anywhere."""
+"""Ground of a noisy site: a requirement that is met there is met anywhere."""
 PETERSON = ("nlnm", "nhnm")
 HIGHEST = 10.0
 """Highest frequency of Peterson's models, Hz."""
@@ -46,9 +46,9 @@ HIGHEST = 10.0
 class BudgetAnalysis(Analysis):
     """Compute the motion of the mirror by cause, with cumulative RMS.
 
-    The causes are the motions of the support, noise of sensors and actuators of the design's loops,
-    and thermal noise; all act with the loops closed. Points are added to the grid of frequencies
-    around resonances, which the RMS needs. Writes DIR/NAME-budget.h5 and .png.
+    The causes are motions of the support, noise of sensors and actuators of the design's loops, and
+    thermal noise; the loops are closed. For the RMS, points around resonances are added to the
+    frequencies. Writes DIR/NAME-budget.h5 and .png.
 
     Example: pendsus budget my.toml --ground nlnm --ground z=site.csv --requirement goal.csv
     """
@@ -64,7 +64,7 @@ class BudgetAnalysis(Analysis):
             show_default=True,
             metavar="[COORDINATES=]SOURCE",
             help=(
-                "Motion of the support: nlnm or nhnm (quiet and noisy ground), aligo-isi (a"
+                "Motion of the support: nlnm (quiet ground), nhnm (noisy ground), aligo-isi (a"
                 " platform), a CSV file, or none; x,y=SOURCE for some coordinates (repeatable)."
             ),
         ),
@@ -72,14 +72,14 @@ class BudgetAnalysis(Analysis):
             "--isolation",
             multiple=True,
             metavar="[COORDINATES=]FILE",
-            help="CSV of a platform's transmissibility, which multiplies the ground (repeatable).",
+            help="CSV of a platform's transmissibility, a factor on the ground (repeatable).",
         ),
         option(
             "--requirement",
             "requirements",
             multiple=True,
             metavar="[SIGNAL=]FILE",
-            help="CSV of the required spectrum of an output, the first by default (repeatable).",
+            help="CSV of the required spectrum of an output, by default the first (repeatable).",
         ),
         options.frequencies("0.01:100:2000"),
         options.ACCURACY,
@@ -108,7 +108,7 @@ class BudgetAnalysis(Analysis):
         temperature = run.design.constants.temperature if warm else None
         noises = Noises(plant, parsed, motions, temperature)
         if not noises.cause:
-            raise _error("--ground", "leaves no cause of motion", "give a ground, or a loss")
+            raise _error("--ground", "leaves no cause of motion", "give a ground, or loss angles")
         for note in notes:
             run.log.warn(note)
         added = ":" in setting["frequency"]
@@ -116,7 +116,7 @@ class BudgetAnalysis(Analysis):
         for one in found:
             if np.isinf(one.rms).any():
                 run.log.warn(
-                    f"{one.output}: its RMS is infinite, as a resonance without loss is driven;"
+                    f"{one.output}: the RMS is infinite, as a resonance without loss is driven;"
                     " give loss angles or dampers"
                 )
         return Result(self, run.source, choice, found, command=run.command)
@@ -159,7 +159,7 @@ class BudgetAnalysis(Analysis):
             lines.append(tables.render(columns, rows))
             none = [one.cause[n] for n in order if not one.density[n].any()]
             if none:
-                lines.append(f"  no motion from {', '.join(none)}")
+                lines.append(f"  no contribution of {', '.join(none)}")
             if one.requirement is not None:
                 lines.append(f"  {describe_requirement(one.requirement)}")
         return "\n".join(lines)
@@ -173,18 +173,16 @@ class BudgetAnalysis(Analysis):
 
 
 def _sources(one: Budget) -> dict[str, str]:
-    """Where the motion of the support is from, by coordinate."""
     pairs = zip(one.cause, one.source, strict=True)
     return {cause.partition(".")[2]: source for cause, source in pairs if source}
 
 
 def _rms(value: float) -> float | str:
-    """An RMS as it is printed."""
     return "infinite" if value == math.inf else float(value)
 
 
 def _document(one: Budget) -> Document:
-    """One output as JSON, but for its frequencies."""
+    """Return one output as JSON, without its frequencies."""
     pairs = [*zip(one.cause, one.square, one.square_velocity, strict=True)]
     result: Document = {
         "output": one.output,
@@ -211,7 +209,7 @@ def _document(one: Budget) -> Document:
 
 
 def describe_requirement(found: Requirement) -> str:
-    """Describe in one line whether a requirement is met, with the margin and where."""
+    """Describe in one line whether a requirement is met, with its margin."""
     name = escape_unprintable(Path(found.name).name)
     if found.met:
         size = f"{found.margin:.3g}" if math.isfinite(found.margin) else "infinite"
@@ -228,7 +226,7 @@ def describe_requirement(found: Requirement) -> str:
 
 
 def describe_ground(names: dict[str, str], highest: float) -> str:
-    """Describe the motion of the support in one line, up to a frequency in Hz."""
+    """Describe the motion of the support up to a frequency in Hz."""
     sources: dict[str, list[str]] = {}
     for dof, name in names.items():
         sources.setdefault(name, []).append(dof)
@@ -236,12 +234,12 @@ def describe_ground(names: dict[str, str], highest: float) -> str:
         f"{escape_unprintable(name)} along {', '.join(dofs)}" for name, dofs in sources.items()
     )
     if highest > HIGHEST and any(name in source for name in PETERSON for source in sources):
-        text += f" (above {HIGHEST:g} Hz, where it ends, with its acceleration at {HIGHEST:g} Hz)"
+        text += f" (known to {HIGHEST:g} Hz; above, with its acceleration at {HIGHEST:g} Hz)"
     return text or "none"
 
 
 def _ground(setting: Settings, folder: Path) -> tuple[dict[str, Motion], Array, list[str]]:
-    """Return the motions of the support, the grid within the range of all of them, and warnings."""
+    """Return the motions of the support, the grid within their ranges, and warnings."""
     import numpy as np
 
     from suspension_cli.analyses.budget import ground
@@ -270,7 +268,6 @@ def _ground(setting: Settings, folder: Path) -> tuple[dict[str, Motion], Array, 
 def _requirements(
     given: Sequence[str], outputs: Sequence[str], folder: Path, grid: Array
 ) -> dict[int, Table]:
-    """Return the tables of required spectra by number of the output."""
     from suspension_cli.analyses.budget import ground, solve, table
 
     result: dict[int, Table] = {}
@@ -297,7 +294,7 @@ def _requirements(
 def _model(
     run: Run, grid: Array, outputs: Sequence[str], notes: list[str]
 ) -> tuple[Choice, LinearSystem, bool]:
-    """Choose the model; whether it knows the thermal noise too. Warnings are added to `notes`."""
+    """Choose the model; tell whether it has thermal noise. Warnings are added to `notes`."""
     from suspension_cli.analyses import model_choice
     from suspension_cli.analyses.check import warnings
     from suspension_cli.analyses.check.lossless import find_lossless
@@ -340,7 +337,7 @@ def _model(
 def _closed(
     run: Run, choice: Choice, model: LinearSystem, highest: float
 ) -> tuple[Plant, Complex[np.ndarray, " pole"]]:
-    """Return the model with its loops, and its poles in rad/s, which must not grow."""
+    """Return the model with its loops, and its stable poles in rad/s."""
     import numpy as np
 
     from suspension_cli.analyses.budget import resonances

@@ -12,7 +12,7 @@ ASD = "SI/sqrt(Hz), see unit"
 
 
 def fill(group: h5py.Group, budgets: list[Budget]) -> None:
-    """Write the budgets of several motions into a group."""
+    """Write budgets into a group."""
     first = budgets[0]
     frequency = add_scale(group, "frequency", first.frequency, "Hz")
     output = add_scale(group, "output", [one.output for one in budgets], "name")
@@ -49,7 +49,7 @@ def _fill_requirement(group: h5py.Group, required: Requirement) -> None:
 
 
 def load(group: Stored) -> list[Budget]:
-    """Read the budget of each motion from a group."""
+    """Read budgets from a group."""
     cause = tuple(str(name) for name in group["cause"].asstr()[:])
     outputs = zip(group["output"].asstr()[:], group["unit"].asstr()[:], strict=True)
     return [

@@ -1,16 +1,16 @@
-"""Motion of the support: models of ground noise, a platform's motion, tables of the user.
+"""Motion of the support: models of ground noise, a platform, tables of the user.
 
-Peterson's new low noise model and new high noise model (J. Peterson, Observations and modeling of
-seismic background noise, U.S. Geological Survey Open-File Report 93-322 (1993), Tables 3 and 4) are
-the lower and upper bound of the spectra of a world-wide network of seismic stations. The power
-spectral density of acceleration in dB relative to 1 (m/s^2)^2/Hz is A + B log10(T) for periods T
-from 0.1 s to 10^5 s; the amplitude of displacement follows by (2 pi f)^-2. Above 10 Hz the models
-say nothing; the acceleration at 10 Hz is continued there, so that displacement falls as f^-2.
+Peterson's new low and high noise models (J. Peterson, Observations and modeling of seismic
+background noise, U.S. Geological Survey Open-File Report 93-322 (1993), Tables 3 and 4) bound the
+spectra of a world-wide network of seismic stations. The power spectral density of acceleration in
+dB relative to 1 (m/s^2)^2/Hz is A + B log10(T) for periods T from 0.1 s to 10^5 s; the amplitude of
+displacement follows by (2 pi f)^-2. Above 10 Hz, where the models end, the acceleration at 10 Hz is
+used, so that displacement falls as f^-2.
 
-The platform `aligo-isi` is the in-vacuum active platform that carries the quadruple suspensions of
-Advanced LIGO, as the noise budget program gwinc has it (`seismic_BSC_ISI` in `gwinc/noise/
-seismic.py`, "rough seismic noise spectra on aLIGO BSC ISI table"), from 0.01 to 300 Hz. Between its
-points gwinc uses cubic polynomials, here lines are straight in a log-log plot.
+The platform `aligo-isi` is the in-vacuum active platform of Advanced LIGO's quadruple suspensions,
+from 0.01 to 300 Hz, as in the noise budget program gwinc (`seismic_BSC_ISI` in `gwinc/noise/
+seismic.py`, "rough seismic noise spectra on aLIGO BSC ISI table"). Between its points gwinc uses
+cubic polynomials; here lines are straight in a log-log plot.
 """
 
 from __future__ import annotations
@@ -96,8 +96,6 @@ class Motion:
 
     Attributes
     ----------
-    name : str
-        Of the model or file.
     low, high : float
         Range of frequencies, Hz.
     corner : (n,) array
@@ -118,8 +116,6 @@ def compute_peterson(model: Array, frequency: Array) -> Array:
 
     Above 10 Hz it is that at 10 Hz.
 
-    Examples
-    --------
     >>> float(round(compute_peterson(NLNM, np.array([0.2]))[0], 1))
     -141.1
     """
@@ -147,7 +143,6 @@ def _of_table(name: str, at: Array, value: Array) -> Motion:
 
 
 def _shipped(name: str) -> dict[str, Motion]:
-    """The motions of a shipped model by coordinate."""
     if name == "aligo-isi":
         at, along, about = ISI.T
         return {dof: _of_table(name, at, along if dof in TRANSLATIONS else about) for dof in DOFS}
@@ -160,17 +155,17 @@ SHIPPED = ("nlnm", "nhnm", "aligo-isi")
 
 
 def parse(given: Sequence[str], isolation: Sequence[str], folder: Path) -> dict[str, Motion]:
-    """Parse the motions of the support by coordinate, those that are given.
+    """Parse the given motions of the support by coordinate.
 
     Parameters
     ----------
     given : sequence of str
-        ``SOURCE`` or ``COORDINATES=SOURCE``; later ones replace earlier ones. A source is the name
-        of a shipped model, a file, or ``none``.
+        ``SOURCE`` or ``COORDINATES=SOURCE``; later ones replace earlier ones. A source is a shipped
+        model, a file, or ``none``.
     isolation : sequence of str
         Tables of a platform's transmissibility, likewise; each multiplies the motion.
     folder : Path
-        Of the design, where files are looked for that are not in the current one.
+        Folder of the design, searched for files after the current one.
     """
     motions: dict[str, Motion] = {}
     for text in given:
@@ -200,7 +195,6 @@ def parse(given: Sequence[str], isolation: Sequence[str], folder: Path) -> dict[
 
 
 def _isolated(motion: Motion, platform: Motion) -> Motion:
-    """Motion of a platform of some transmissibility."""
     return replace(
         motion,
         name=f"{motion.name} x {platform.name}",
@@ -212,7 +206,7 @@ def _isolated(motion: Motion, platform: Motion) -> Motion:
 
 
 def _split(text: str, option: str) -> tuple[list[str], str]:
-    """Split ``x,y=SOURCE`` into its coordinates (none if not given) and the source."""
+    """Split ``x,y=SOURCE`` into coordinates ([] if not given) and source."""
     names, equals, source = text.partition("=")
     if not equals:
         return [], text.strip()
@@ -227,18 +221,13 @@ def _split(text: str, option: str) -> tuple[list[str], str]:
 
 
 def find(source: str, folder: Path, option: str, known: Sequence[str] = ()) -> Path:
-    """Find a file in the current folder or in that of the design.
-
-    Raises
-    ------
-    InputError
-        If there is none.
-    """
+    """Find a file in the current folder or in that of the design; raises `InputError`."""
     for path in (Path(source), folder / source):
         if path.is_file():
             return path
     problem = "is no file" + (f" and no shipped model ({', '.join(known)})" if known else "")
-    remedy = suggest(source, list(known)) if known else "name a CSV file"
+    close = suggest(source, list(known))
+    remedy = close if "did you mean" in close else "name a CSV file" + " or a model" * bool(known)
     raise InputError([Fault(option, problem, remedy, format_value(source))])
 
 
@@ -250,9 +239,9 @@ def _read(
     option: str,
     known: tuple[str, ...],
 ) -> tuple[Array, dict[str, Array]]:
-    """Read a file: frequencies, and a column by coordinate.
+    """Read frequencies, and a column by coordinate, from a file.
 
-    A single column that names no coordinate is for those `wanted`, or for `every` one.
+    A single column without a coordinate is for those `wanted`, or for `every` one.
     """
     found: Table = table.read(find(source, folder, option, known))
     names = list(found.column)

@@ -5,14 +5,14 @@ parts do too: with u = -H S x at the actuators P,
 
     (Z + P H S) x = F,    S_FF = (4 k T / omega) Im(Z)
 
-(Callen and Welton, Phys. Rev. 83, 34 (1951)): the loops change how the suspension moves, not the
-forces of its parts, and are themselves cold. The power spectral density of a motion r . x is
+(Callen and Welton, Phys. Rev. 83, 34 (1951)): loops change the motion of the suspension, not the
+thermal forces of its parts, and have none of their own. The power spectral density of r . x is
 
     y^H S_FF y    with    (Z + S^T H P^T) y = r,
 
-the motion under a force on r of the system with sensors and actuators exchanged. It is a sum of
-squares over all lossy parts, in which nothing cancels. By the matrix inversion lemma, with the
-open-loop motions g_r = Z^-1 r and g_S = Z^-1 S^T,
+the motion under a force on r with sensors and actuators exchanged. It is a sum of squares over all
+lossy parts, without cancellation. By the matrix inversion lemma, with the open-loop motions
+g_r = Z^-1 r and g_S = Z^-1 S^T,
 
     y = g_r - g_S H q,    (1 + P^T g_S H) q = P^T g_r.
 """
@@ -41,10 +41,10 @@ THERMAL = "thermal"
 
 @dataclass(frozen=True)
 class Noises:
-    """All causes that move a suspension with its loops, of which there may be none.
+    """Causes that move a suspension with or without loops.
 
-    `motion` is that of the support by coordinate. `temperature` is that of dampers and of the
-    support's loss, K; None leaves thermal noise out.
+    `motion` is that of the support by coordinate. `temperature` (K) is that of dampers and of the
+    support's loss; None leaves thermal noise out.
     """
 
     plant: Plant
@@ -65,7 +65,7 @@ class Noises:
 
     @property
     def source(self) -> tuple[str, ...]:
-        """Name of the model or file of each cause (c); "" for what the design gives."""
+        """Name of the model or file of each cause (c); "" for those in the design."""
         names = [motion.name for motion in self.motion.values()]
         return (*names, *[""] * (len(self.cause) - len(names)))
 
@@ -94,10 +94,10 @@ class Noises:
 
 
 def compute_thermal(plant: Plant, frequency: Array, rows: Array, temperature: float) -> Array:
-    """Thermal noise (o, f) of linear forms (o, N) of the coordinates, loops closed; unit^2/Hz.
+    """Thermal noise (o, f) of linear forms (o, N) in the coordinates, loops closed; unit^2/Hz.
 
-    The support is at rest. `temperature` (K) is that of dampers and of the support's loss;
-    other sources have their own.
+    The support is at rest. `temperature` (K) is that of dampers and of the support's loss; other
+    sources have their own.
     """
     omega, count = 2 * np.pi * np.asarray(frequency), len(rows)
     forms = np.concatenate([rows, plant.sensed])

@@ -32,17 +32,17 @@ HEIGHT = 2.4
 LIMIT = "#cc0000"
 """Colour of requirements."""
 FAINT = 1e-3
-"""Fraction of the sum that a cause must reach somewhere to be drawn."""
+"""Fraction of the sum below which a cause is not drawn."""
 ROOM = (10.0, 3.0)
 """Factors of room below the lowest sum and above the highest."""
 DECADES = 22
 """Largest number of decades in a panel."""
 MOST = 99.0
-"""Part of the mean square, per cent, from which one cause is named alone."""
+"""Part of the mean square, per cent, from which a cause makes "nearly all" of it."""
 
 
 def draw(budgets: list[Budget], title: str) -> Figure:
-    """Draw one panel per output, below a sentence that says what it shows."""
+    """Draw a panel per output, below a sentence on it."""
     with house_style():
         colours = _colours(budgets)
         lines = [_lines(one, colours) for one in budgets]
@@ -78,14 +78,12 @@ def _wrapped(text: str) -> str:
 
 
 def _name_faint(one: Budget) -> str:
-    """Name the causes that are not drawn."""
     drawn = _drawn(one)
     faint = ", ".join(name for name in one.cause if name not in drawn)
     return f"not drawn, below {FAINT:g} of the sum everywhere: {faint}" if faint else ""
 
 
 def _lines(one: Budget, colours: dict[str, tuple[str, LineStyleType]]) -> list[Line]:
-    """List the lines of a panel."""
     at = one.frequency
     lines: list[Line] = [("all", INK, {"linewidth": 2.0}, at, one.amplitude)]
     for name in _drawn(one):
@@ -101,7 +99,7 @@ def _lines(one: Budget, colours: dict[str, tuple[str, LineStyleType]]) -> list[L
 
 
 def write_message(one: Budget) -> str:
-    """Write in one sentence what a panel shows: the RMS, its cause, the requirement."""
+    """Describe a panel in one sentence: RMS, its main cause, requirement."""
     square, rms = one.square[:, 0], one.rms[0]
     if np.isfinite(rms) and rms > 0:
         by = int(square.argmax())
@@ -123,7 +121,7 @@ def write_message(one: Budget) -> str:
 
 
 def _colours(budgets: list[Budget]) -> dict[str, tuple[str, LineStyleType]]:
-    """Choose a colour and line style for each cause, the same in all panels."""
+    """Choose a colour and line style for each cause."""
     drawn = dict.fromkeys(name for one in budgets for name in _drawn(one))
     styles: tuple[LineStyleType, ...] = ("-", (0, (4, 1.6)), (0, (1, 1.4)))
     return {
@@ -133,7 +131,6 @@ def _colours(budgets: list[Budget]) -> dict[str, tuple[str, LineStyleType]]:
 
 
 def _drawn(one: Budget) -> list[str]:
-    """Causes that come near the sum somewhere."""
     total = one.amplitude
     return [name for name, part in one.parts.items() if (part > FAINT * total).any()]
 
@@ -153,7 +150,7 @@ def _panel(axes: Axes, one: Budget, lines: list[Line]) -> None:
 
 
 def _limits(one: Budget) -> tuple[float, float]:
-    """Limits of the y axis: the range of the sum and the RMS, with room for parts."""
+    """Limits of the y axis: the range of sum and RMS, with room for parts."""
     total = one.amplitude
     rms = one.rms[np.isfinite(one.rms)]
     top = max(total.max(), rms.max(initial=0.0)) * ROOM[1]

@@ -1,4 +1,4 @@
-"""Poles of a suspension with its loops closed, around which spectra have narrow peaks."""
+"""Poles of a suspension with its loops closed, where spectra have narrow peaks."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     from suspension_cli.design.schema import Design
 
 MOST = 2000
-"""Largest number of wire modes whose widths are computed."""
+"""Most wire modes whose widths are computed."""
 
 
 def build_plant(design: Design, model: LinearSystem) -> Plant:
-    """Build the plant of a design's loops, of which there may be none."""
+    """Build the plant of a design with or without loops."""
     if design.control is not None:
         return control.build_plant(design, model)
     none = np.zeros((0, model.size))
@@ -38,7 +38,7 @@ def find_stable_poles(design: Design, model: LinearSystem) -> Complex[np.ndarray
     Raises
     ------
     InputError
-        If one grows: then no motion is stationary.
+        If one grows, as no motion is stationary then.
     """
     known = signals.bodies_with_signals(model)
     every = [signals.parse_output(f"{body}.{dof}", known) for body in model.body for dof in DOFS]

@@ -5,9 +5,8 @@ velocity the integral of (2 pi f)^2 S; cumulative from the highest frequency f_m
 
     RMS(f)^2 = integral of S from f to f_max.
 
-Between the points of the grid spectra are power laws, straight lines in a log-log plot. Points are
-added around each resonance, and wherever the rule for an interval and its neighbour as one differs
-by more than `ACCURACY` of the integral above.
+Between the points of the grid spectra are power laws. Points are added around each resonance, and
+where the estimated error of an interval exceeds `ACCURACY` of the integral above its lower end.
 """
 
 from __future__ import annotations
@@ -28,17 +27,17 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float
 
 ACCURACY = 3e-5
-"""Estimated error of an interval, relative to the integral from its lower end up, that is left."""
+"""Largest estimated error of an interval over the integral from its lower end up."""
 NARROWEST = 1e-13
-"""Relative width of an interval that is not halved any more: enough for a Q of about 1e11."""
+"""Relative width at which intervals are not halved any more: enough for a Q of about 1e11."""
 FRACTIONS = (0.5, 0.45, 0.56, 0.41)
-"""Where an interval is divided: not at a frequency at which the motion is infinite."""
+"""Points that divide an interval, tried in turn where the motion is infinite."""
 EQUAL = 1e-6
 """Logarithm of a ratio below which two values are equal."""
 DISTINCT = 1e-12
 """Relative distance below which two frequencies are one."""
 ROUNDS = 60
-"""Largest number of times that intervals are halved."""
+"""Most halvings of an interval."""
 STEEP = 1e6
 """Rise of a power spectral density, within a millionth of a frequency, at a pole without loss."""
 RANGE = 0.05
@@ -49,10 +48,10 @@ STEP = 1.0
 
 @dataclass(frozen=True)
 class Requirement:
-    """A required amplitude spectral density (unit/sqrt(Hz)), and what is left to it.
+    """A required amplitude spectral density (unit/sqrt(Hz)), and the margin to it.
 
-    `margin` is the smallest ratio of the requirement to the motion where both are known, `at`
-    its frequency, and `exceeded` are the intervals in which the motion is above, Hz.
+    `margin` is the smallest ratio of requirement to motion, `at` its frequency, and `exceeded` are
+    intervals in which the motion is above the requirement, Hz.
     """
 
     name: str
@@ -64,7 +63,7 @@ class Requirement:
 
     @property
     def met(self) -> bool:
-        """Whether the motion is nowhere above it."""
+        """Whether the motion nowhere exceeds it."""
         return self.margin >= 1
 
     @property
@@ -81,18 +80,16 @@ class Budget:
     ----------
     frequency : (f,) array
         Hz, ascending.
-    output : str
-        The observed motion.
-    unit : str
-        Of the motion: m or rad.
+    output, unit : str
+        Observed motion, and m or rad.
     cause : tuple of str
         ``ground.x``, ``sensor.LOOP``, ``actuator.LOOP``, ``thermal``.
     source : tuple of str
-        Name of the model or file of each cause; "" for what the design gives.
+        Name of the model or file of each cause; "" for those in the design.
     density : (c, f) array
         One-sided power spectral density by cause, unit^2/Hz.
     square, square_velocity : (c, f) arrays
-        Mean square from each frequency up, by cause: unit^2 and (unit/s)^2; infinite where a
+        Mean squares from each frequency up by cause, unit^2 and (unit/s)^2; infinite where a
         resonance without loss is driven.
     """
 
@@ -144,9 +141,9 @@ def solve(
     resonance : (p,) complex array
         Poles, rad/s; points are added around them.
     requirements : dict
-        Tables of required amplitude spectral densities by number of the output.
+        Required amplitude spectral densities by number of the output.
     added : bool
-        Whether the spectra list the added points too.
+        Whether the spectra include the added points.
     """
     decades = 10.0 ** np.arange(np.ceil(np.log10(grid[0])), np.log10(grid[-1]))
     corners = [motion.corner for motion in noises.motion.values()]
@@ -185,7 +182,7 @@ def solve(
 def _join(
     grid: Float[np.ndarray, " frequency"], more: Float[np.ndarray, " point"]
 ) -> Float[np.ndarray, " joined"]:
-    """Join a grid and further points within it, but for those next to others."""
+    """Join a grid and further points within it that are `DISTINCT` from others."""
     points = np.unique(more[(more > grid[0]) & (more < grid[-1])])
     points = points[np.diff(points, prepend=-np.inf) > DISTINCT * points]
     after = np.searchsorted(grid, points)
@@ -213,7 +210,7 @@ def points_around(resonance: Complex[np.ndarray, " pole"]) -> Float[np.ndarray, 
         if not 0 < width < RANGE * centre:
             continue
         steps = int(np.arcsinh(RANGE * centre / width) / STEP) + 1
-        # half a step aside, so that a resonance without loss is no point
+        # half a step aside, as the motion may be infinite at the resonance
         found.append(centre + width * np.sinh(STEP * (np.arange(-steps, steps) + 0.5)))
     return np.concatenate(found)
 
@@ -248,7 +245,7 @@ def refine(
         weighted = np.stack([total, total * (2 * np.pi * grid) ** 2])
         area = _areas(low, high, weighted[..., :-1], weighted[..., 1:])
         above = np.cumsum(area[..., ::-1], axis=-1)[..., ::-1]
-        # a pair of intervals as one has four times the error of both
+        # two intervals taken as one have four times the error
         pair = _areas(grid[:-2], grid[2:], weighted[..., :-2], weighted[..., 2:])
         error = np.abs(pair - area[..., :-1] - area[..., 1:]) / 3
         around = np.zeros_like(area)
@@ -263,7 +260,7 @@ def refine(
         middle, new = _bisect(density, low[at], high[at])
         value = np.insert(value, at + 1, new, axis=-1)
         grid = np.insert(grid, at + 1, middle)
-    # beside a pole without loss even the narrowest intervals still matter
+    # beside a pole without loss even the narrowest intervals matter
     return grid, value, grid[: len(narrow)][narrow]
 
 
@@ -272,7 +269,7 @@ def _bisect(
     low: Float[np.ndarray, " interval"],
     high: Float[np.ndarray, " interval"],
 ) -> tuple[Float[np.ndarray, " interval"], Float[np.ndarray, "output cause interval"]]:
-    """Points within intervals, with the densities there; beside poles without loss."""
+    """Divide intervals; return the points and densities, beside poles without loss."""
     for fraction in FRACTIONS:
         middle = low + (high - low) * fraction
         try:
@@ -300,10 +297,10 @@ def _areas(
     first: Float[np.ndarray, "*batch interval"],
     last: Float[np.ndarray, "*batch interval"],
 ) -> Float[np.ndarray, "*batch interval"]:
-    """Integrals (..., n) over intervals, given the values at their ends.
+    """Integrate over intervals, given the values at their ends.
 
-    Between the ends S is a power law: the integral of f S over ln f is the width in ln f times the
-    logarithmic mean of f S, (b - a) / ln(b / a). Next to a 0, S is a straight line.
+    S is a power law, so the integral of f S over ln f is the width in ln f times the logarithmic
+    mean of f S, (b - a) / ln(b / a). Next to a 0, S is linear.
     """
     a, b, width = low * first, high * last, np.log(high / low)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -343,5 +340,5 @@ def compare(
 
 
 def overlaps(grid: Float[np.ndarray, " frequency"], required: Table) -> bool:
-    """Whether a table has frequencies in common with the range of a grid."""
+    """Whether a table overlaps the range of a grid."""
     return bool(required.frequency[0] <= grid[-1] and required.frequency[-1] >= grid[0])

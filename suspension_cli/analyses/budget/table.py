@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Table:
-    """Columns against frequency (Hz, ascending, above 0), none negative.
+    """Columns of values, at least 0, against frequency (Hz, ascending, above 0).
 
-    The only column of a file without names has the name "".
+    The only column of a file without names is "".
     """
 
     file: str
@@ -31,10 +31,9 @@ class Table:
 
 
 def read(path: Path) -> Table:
-    """Read a table: frequency in Hz, then one or more columns, with or without headings.
+    """Read a table: frequency in Hz, then one or more columns (format: `measurements.text`).
 
-    Headings are optional where there are two columns; what follows one in brackets (a unit) is
-    ignored. The format of text is that of `measurements.text`.
+    Headings are optional for two columns; brackets in a heading (a unit) are ignored.
 
     Raises
     ------
@@ -70,7 +69,7 @@ def read(path: Path) -> Table:
 
 
 def _check(rows: Inexact[np.ndarray, "line column"], columns: Columns) -> None:
-    """Raise `InputError` for the first line (of n) whose frequency or values are at fault."""
+    """Raise `InputError` for the first line whose frequency or values are at fault."""
     finite = np.isfinite(rows).all(1) & ~np.iscomplex(rows).any(1)
     real = np.real(rows)
     frequency, ascending = real[:, 0], np.diff(real[:, 0], prepend=-np.inf) > 0
@@ -97,10 +96,7 @@ def _check(rows: Inexact[np.ndarray, "line column"], columns: Columns) -> None:
 
 
 def interpolate(frequency: Array, at: Array, value: Array) -> Array:
-    """Interpolate a spectrum (n,) at frequencies (f,): straight lines in a log-log plot.
-
-    Next to a value of 0 the lines are straight in a linear plot.
-    """
+    """Interpolate a spectrum (n,) at frequencies (f,) by power laws, linearly next to a 0."""
     with np.errstate(divide="ignore", invalid="ignore"):
         log = np.exp(np.interp(np.log(frequency), np.log(at), np.log(value)))
     straight = np.interp(frequency, at, value)

@@ -1,1 +1,1 @@
-"""Statics, limits of validity and plausibility of designs, for `pendsus check` and warnings."""
+"""Statics, limits of validity and plausibility of designs."""

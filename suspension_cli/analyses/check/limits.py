@@ -1,6 +1,6 @@
-"""Limits of validity: modes that lose digits, bodies close to tipping over, nearly slack wires.
+"""Limits of validity: rounding errors of modes, bodies close to tipping over, nearly slack wires.
 
-`results/stability.md` shows where each of them matters.
+`results/stability.md` shows where each matters.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array
 
 DIGITS = 1e-4
-"""Relative error of a frequency above which to warn."""
+"""Relative error of a frequency above which there is a warning."""
 TIPPING = 1e-4
-"""m; lowering of the wires that makes a body unstable, below which to warn."""
+"""Lowering of the wires that makes a body unstable, m, below which there is a warning."""
 SLACK = 0.01
 """Fraction of the mean tension of its stage below which a wire is about to go slack."""
 BALANCE = 1e-6
-"""Residual of an equilibrium over the weight above which to warn."""
+"""Residual of an equilibrium over the weight above which there is a warning."""
 
 
 @dataclass(frozen=True)
@@ -44,12 +44,12 @@ class Limits:
     Attributes
     ----------
     digits : NearLimit or None
-        The mode with the largest rounding error from the stiffness matrix, over its frequency.
+        The mode with the largest rounding error from the stiffness matrix, relative to its
+        frequency.
     tipping : NearLimit or None
-        The mode closest to instability, and by how much (m) lowering the lower ends of all wires on
-        their bodies makes it unstable.
+        The mode closest to instability, and the `compute_tipping_height` of it.
     slack : NearLimit or None
-        The wire with the smallest tension, as a fraction of the mean of its stage.
+        The wire with the smallest tension over the mean of its stage.
     balance : float
         Residual of the equilibrium over the weight if above `BALANCE`, else 0.
     """
@@ -61,10 +61,7 @@ class Limits:
 
 
 def find_limits(design: Design, model: LinearSystem, found: Modes) -> Limits:
-    """Find the limits that a design is near.
-
-    `model` is that of the modes; the beam model for modes of the violin model.
-    """
+    """Find the limits that a design is near; `model` is the beam model for violin modes."""
     bodily = (found.order == 0) & (found.omega_squared != 0)
     with np.errstate(divide="ignore"):
         error = graded_eigenvalues.relative_error_bound(model, found.omega_squared, found.shape)
@@ -87,10 +84,10 @@ def find_limits(design: Design, model: LinearSystem, found: Modes) -> Limits:
 def compute_tipping_height(design: Design, found: Modes) -> Array:
     """Lowering (m,) of the wires' lower ends on all bodies that makes each mode unstable, m.
 
-    Infinite for modes that do not depend on it. Lowering by h reduces the stiffness of
-    each body against roll and pitch by W h, W being the weight that it carries: the gravity terms
-    of equations 10 to 14 of Husman et al. (2000). A mode of unit modal mass is unstable at h sum of
-    W (roll^2 + pitch^2) = omega^2.
+    Infinite for modes that do not depend on it. Lowering by h reduces the stiffness of each body
+    against roll and pitch by W h, with the weight W that it carries (gravity terms of equations 10
+    to 14 of Husman et al. (2000)). A mode of unit modal mass is unstable at
+    h sum of W (roll^2 + pitch^2) = omega^2.
     """
     load = carried_weights(expand(design))
     turns = found.shape[:, : 6 * len(found.body)].reshape(len(found.shape), -1, 6)[:, :, 3:5]
@@ -113,7 +110,7 @@ def find_slackest(design: Design, carried: statics.Statics) -> NearLimit | None:
 
 
 def _slackest_of(design: Design) -> NearLimit | None:
-    """Find the wire of `find_slackest` by statics, where tensions of a stage may differ."""
+    """Find the slackest wire, if tensions of a stage may differ."""
     if not design.perturbation and not any(stage.wire for stage in design.stage):
         return None
     try:

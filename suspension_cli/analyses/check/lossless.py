@@ -17,7 +17,7 @@ from suspension_cli.models import registry
 from suspension_cli.scene.links import link_loss
 
 BENDING = tuple(model.name for model in registry.MODELS if model.bends_wires)
-"""Names of the models in which wires bend, with the losses of their materials."""
+"""Models in which wires bend, with the losses of their materials."""
 
 
 @dataclass(frozen=True)
@@ -28,11 +28,11 @@ class Lossless:
     ----------
     part : str
         ``test.wires``, ``upper.blades``, ``marionette.springs``, ``support``; a single wire
-        (``bench.3``) or blade where others of its stage have loss.
+        (``bench.3``) or blade if others of its stage have loss.
     material : tuple of str
-        Its materials without bulk loss; empty where the design names none.
+        Its materials without bulk loss; empty if the design names none.
     bending : tuple of str
-        Names of its losses that act where it bends alone; empty where nothing dissipates.
+        Its losses that act only in bending; empty if nothing dissipates.
     """
 
     part: str
@@ -41,10 +41,10 @@ class Lossless:
 
 
 def find_lossless(design: Design, level: str) -> list[Lossless]:
-    """Find the parts of a design without bulk loss, from top to bottom, in the model `level`.
+    """Find the parts of a design without bulk loss in the model `level`, from top to bottom.
 
-    Models in which wires bend use all losses of materials; others only constant loss angles
-    given in the design.
+    Models in which wires bend use all losses of materials, others only constant loss angles given
+    in the design.
     """
     found: list[Lossless] = []
     frame = design.support
@@ -71,7 +71,7 @@ def find_lossless(design: Design, level: str) -> list[Lossless]:
 
 
 def _check_link(design: Design, link: Link, level: str) -> Iterator[Lossless]:
-    """Check whether a link without damping has bulk loss, by the materials of its wires."""
+    """Yield a link without damping if it has no bulk loss."""
     label, strands = f"{link.name}.link", link.strands
     if link.loss_angle is not None or strands is None:
         if not link.loss_angle:
@@ -86,7 +86,7 @@ def _check_link(design: Design, link: Link, level: str) -> Iterator[Lossless]:
 def _merge_parts(
     stage: Stage, word: str, names: list[str], lacking: Sequence[Lossless | None]
 ) -> Iterator[Lossless]:
-    """Parts of one kind of a stage, as one where all lack the same."""
+    """Merge parts of one kind of a stage if all lack the same."""
     first = lacking[0] if lacking else None
     if first is not None and all(one == first for one in lacking):
         yield replace(first, part=f"{stage.name}.{word}")
@@ -97,7 +97,7 @@ def _merge_parts(
 
 
 def _check_wire(design: Design, wire: WireSet | Wire, level: str) -> Lossless | None:
-    """A wire (its name left empty) if it has no bulk loss."""
+    """Return a wire, without its name, if it has no bulk loss."""
     given = {wire.material, *(piece.material for piece in wire.sections or ())}
     names = tuple(sorted(name for name in given if name is not None))
     if not registry.by_name(level).bends_wires:
@@ -114,7 +114,7 @@ def _check_wire(design: Design, wire: WireSet | Wire, level: str) -> Lossless | 
 
 
 def _check_blade(design: Design, blade: BladeSet | Blade, level: str) -> Lossless | None:
-    """A blade (its name left empty) if it has no bulk loss."""
+    """Return a blade, without its name, if it has no bulk loss."""
     name = blade_material(blade)
     given = () if name is None else (name,)
     if not registry.by_name(level).bends_wires:
@@ -145,7 +145,7 @@ def _bulk(losses: tuple[Mechanism, ...]) -> bool:
 
 
 def _in_bending(losses: tuple[Mechanism, ...]) -> tuple[str, ...]:
-    """Names of the losses that act in bending alone."""
+    """Names of the losses that act only in bending."""
     return tuple(own.name for own in losses if not own.uniform and own.acts_unstrained)
 
 

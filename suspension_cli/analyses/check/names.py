@@ -1,6 +1,6 @@
-"""Unknown names in `[analysis]` tables and in tables that a single analysis reads.
+"""Unknown names in `[analysis]` tables and in tables of a single analysis.
 
-These are warnings: only the command that uses a name refuses it.
+They are warnings, as only the command that uses a name refuses it.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ NO_TABLE = "does not lead to a table of the design"
 def find_unknown_names(
     design: Design, found: Modes | None, paths: Callable[[str], bool]
 ) -> list[ImplausibleNumber]:
-    """Find names in a design that nothing in it has.
+    """Find unknown names in a design.
 
-    Labels of modes are checked if modes are `found`. `paths` is whether a dotted path leads to
-    a table of the design.
+    Labels of modes are checked if modes are `found`. `paths` tells whether a dotted path leads to a
+    table of the design.
     """
     stages = tuple(stage.name for stage in design.stage)
     frame = (FRAME,) if design.support is not None else ()
@@ -65,7 +65,6 @@ def _check_name(
     paths: Callable[[str], bool],
     found: Modes | None,
 ) -> list[ImplausibleNumber]:
-    """Check one name in an `[analysis]` table."""
     known, stages, wires = names
     if key in ("input", "output", "over", "under", "impulse"):
         return _collect_faults(lambda: signals.parse(text, where, known))
@@ -91,7 +90,7 @@ def _check_name(
 def _collect_faults(
     parse: Callable[[], object], text: str | None = None
 ) -> list[ImplausibleNumber]:
-    """Faults that parsing a name raises, as warnings, with `text` as their value if given."""
+    """Return the faults of parsing a name as warnings, with `text` as their value if given."""
     try:
         parse()
     except InputError as error:

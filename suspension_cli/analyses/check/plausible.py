@@ -1,4 +1,4 @@
-"""Implausible loads and instability of a design; `design.plausibility` checks its numbers alone."""
+"""Implausible loads and instability of a design (`design.plausibility` checks its numbers)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from suspension_cli.analyses.check.statics import (
     list_wire_tables,
 )
 from suspension_cli.design import plausibility
-from suspension_cli.design.plausibility import ImplausibleNumber, suggest_unit
+from suspension_cli.design.plausibility import RAISE, ImplausibleNumber, suggest_unit
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.linear import eigenmodes
@@ -27,18 +27,17 @@ from suspension_cli.models import auto
 from suspension_cli.models.quantity_of_interest import Frequencies
 
 STRAIN = 0.03
-"""Largest plausible strain of a wire: steel breaks at 1 %, pristine silica at 5 %, and wires are
-used well below that."""
+"""Largest plausible strain of a wire: steel breaks at 1 %, pristine silica at 5 %."""
 SAG = 5.0
 """Largest plausible sag of a blade, m."""
 
 
 LINK_SAG = 0.05
-"""Largest sag of a link under its weight, relative to its length, for small deflections."""
+"""Largest sag of a link over its length that is a small deflection."""
 LINK_PENDULUM = 0.3
-"""Weight over length of a link, relative to its stiffness, above which that is uncertain."""
+"""Weight over length of a link, relative to its stiffness, that makes that uncertain."""
 LINK_WEIGHT = 1e-3
-"""Weight of a link, relative to the tensions of all wires, that matters."""
+"""Weight of a link over the tensions of all wires that matters."""
 
 
 def find_implausible_loads(design: Design, statics: Statics) -> list[ImplausibleNumber]:
@@ -58,20 +57,20 @@ def find_implausible_loads(design: Design, statics: Statics) -> list[Implausible
 
 
 def hangs_freely(link: LinkLoad) -> bool:
-    """Whether a link would sag so far that its sag as a small deflection means nothing."""
+    """Whether a link sags too far for a small deflection."""
     return link.sag is not None and link.length is not None and link.sag > LINK_SAG * link.length
 
 
 def _check_link(link: LinkLoad, carried: Statics) -> Iterator[ImplausibleNumber]:
-    """Report a link that hangs more than it springs, or weighs much."""
+    """Report a link whose weight changes its shape, its stiffness or the loads of wires."""
     if link.weight is None or link.length is None or link.sag is None:
         return
     key = f"link.{link.label}.strands"
     if hangs_freely(link):
         problem = (
-            f"its weight, which is left out, would bend it by {100 * link.sag / link.length:.2g} %"
-            " of its length, so that it hangs freely: its stiffness is that of the unloaded shape,"
-            " which it then does not have"
+            "under its weight, which the models leave out, it would sag by"
+            f" {100 * link.sag / link.length:.2g} % of its length; the stiffness used is that of"
+            " its shape without weight"
         )
         remedy = (
             'give the shape in which it hangs, for example "catenary", or a stiffness measured in'
@@ -81,15 +80,15 @@ def _check_link(link: LinkLoad, carried: Statics) -> Iterator[ImplausibleNumber]
     pendulum, least = link.weight / link.length, min(link.stiffness)
     if pendulum > LINK_PENDULUM * least:
         problem = (
-            f"its weight stiffens it by some {pendulum:.2g} N/m, which is left out, beside"
-            f" {least:.2g} N/m of the wires"
+            f"its weight adds some {pendulum:.2g} N/m, which the models leave out, to the"
+            f" {least:.2g} N/m of its wires"
         )
         remedy = "take its stiffness as an order of magnitude, or give one that was measured"
         yield ImplausibleNumber(Fault(key, problem, remedy))
     bodies = [wire.tension for wire in carried.wires]
     if bodies and link.weight > LINK_WEIGHT * sum(bodies):
         problem = f"weighs {link.weight:.3g} N, which the models leave out"
-        remedy = "give half of it to the mass of each of its bodies"
+        remedy = "add half of its mass to each of its bodies"
         yield ImplausibleNumber(Fault(key, problem, remedy))
 
 
@@ -177,9 +176,9 @@ def _check_sag(stage: Stage, blades: list[BladeLoad], path: str) -> Iterator[Imp
 
 
 def solve_stability(design: Design) -> tuple[str, Modes] | tuple[None, None]:
-    """Solve for the modes of the static stiffness, in the model that `auto` chooses for them.
+    """Solve for the modes of the static stiffness in the model that `auto` chooses.
 
-    Returns the name of the model, and the modes; None if the model cannot be built.
+    Returns the name of the model and the modes; None if the model cannot be built.
     """
     try:
         with np.errstate(all="ignore"):
@@ -195,14 +194,14 @@ def find_instability(level: str, found: Modes) -> list[ImplausibleNumber]:
         return []
     worst = f"{found.label[0]} grows at {found.growth_rate[0]:.4g} 1/s"
     problem = f"the equilibrium is unstable in the {level} model: {worst}"
-    remedy = "attach the wires higher above the COM (raise d), or stiffen the flexures of legs"
+    remedy = f"{RAISE}, or stiffen the flexures of legs"
     return [ImplausibleNumber(Fault("stage", problem, remedy))]
 
 
 def find_serious(design: Design) -> list[ImplausibleNumber]:
-    """Find what makes results meaningless: serious implausible numbers and loads.
+    """Find implausible numbers and loads that make results meaningless.
 
-    Loads are skipped for a design without equilibrium.
+    A design without equilibrium has no loads.
     """
     found = plausibility.find_implausible(design)
     with contextlib.suppress(InputError):

@@ -1,4 +1,4 @@
-"""Measured profiles of fibres: what reducing them to sections changes."""
+"""Errors by the reduction of measured profiles of fibres to sections."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ if TYPE_CHECKING:
     from jaxtyping import Float
 
 ELEMENTS = 6000
-"""Elements of the unreduced fibre, and twice as many: their error goes with the square."""
+"""Elements of the unreduced fibre; a second mesh has twice as many."""
 
 
 @dataclass(frozen=True)
 class ReducedProfile:
-    """One measured profile and its sections: their numbers and the relative changes of stiffness.
+    """A measured profile and its sections: their numbers, and relative changes of stiffness.
 
-    The change in bending is the largest one of the static stiffness (displacement and rotation
-    of either end). `allowed` is what the design allows.
+    The change in bending is the largest of the static stiffness (displacement and rotation of
+    either end). `allowed` is the error that the design allows.
     """
 
     wire: str
@@ -42,7 +42,7 @@ class ReducedProfile:
 
     @property
     def line(self) -> str:
-        """The reduction in a line."""
+        """Describe the reduction in a line."""
         worst = max(self.stretching_change, self.bending_change)
         verdict = "within" if worst <= self.allowed else "ABOVE"
         return (
@@ -92,7 +92,7 @@ def solve(design: Design, statics: Statics) -> list[ReducedProfile]:
 
 
 def _tables(design: Design) -> list[tuple[str, WireSet | Wire, int]]:
-    """Name, table and number of the (first) wire of every table."""
+    """Name, table and number of the first wire of every table."""
     result: list[tuple[str, WireSet | Wire, int]] = []
     first = 0
     for stage in design.stage:
@@ -111,7 +111,7 @@ def _converged(
     modulus: float,
     tension: float,
 ) -> Float[np.ndarray, "3 3"]:
-    """Static stiffness from two meshes, extrapolated (Richardson)."""
+    """Static stiffness extrapolated from two meshes (Richardson), of second order."""
     coarse, fine = (bending_stiffness(z, d, modulus, tension, n * ELEMENTS) for n in (1, 2))
     return fine + (fine - coarse) / 3
 
@@ -125,8 +125,8 @@ def bending_stiffness(
 ) -> Float[np.ndarray, "3 3"]:
     """Static stiffness (3, 3) of a fibre against the slopes of its ends and the shift of one.
 
-    By linear finite elements of the slope f = w', for which E I f'' - T f = const is of second
-    order; the mean of f is given by the shift. Unlike elements of w this loses no digits.
+    Linear finite elements of the slope f = w', with (E I f')' - T f = const and the mean of f given
+    by the shift. Unlike elements of w they lose no digits.
 
     Parameters
     ----------
@@ -134,8 +134,6 @@ def bending_stiffness(
         Places and diameters, linear in between, m.
     modulus, tension : float
         Pa and N.
-    count : int
-        Number of elements.
     """
     from scipy.linalg import solve_banded
 

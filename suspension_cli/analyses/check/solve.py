@@ -1,4 +1,4 @@
-"""Validity and plausibility of a design, and the loads of its wires and blades."""
+"""Validity and plausibility of a design, and loads of its wires and blades."""
 
 from __future__ import annotations
 
@@ -19,25 +19,23 @@ if TYPE_CHECKING:
     from suspension_cli.models.registry import Choice
 
 MANY_WIRES = 40
-"""Number of wires above which equal wires of a stage share a row of the table."""
+"""Number of wires above which equal wires of a stage share a row."""
 MANY_BODIES = 12
-"""Number of bodies above which only the lowest points of three are printed."""
+"""Number of bodies above which only three lowest points are printed."""
 
 
 @dataclass(frozen=True, repr=False)
 class Check(Report):
-    """A valid design: what its wires and blades carry, and what is implausible.
+    """A valid design: loads of its wires and blades, and implausible numbers.
 
     Attributes
     ----------
     choice : Choice
-        The simplest model that is valid for it.
-    statics : Statics
-        Loads of wires and blades, pose and lowest points of bodies.
+        The simplest valid model.
     stable, stability_model : bool, str or None
-        Whether it is stable, and in which model; None where that could not be computed.
+        Whether it is stable, and in which model; None if not computed.
     weights : WireWeights or None
-        Weight of the wires; None where no density is known.
+        Weight of the wires; None if no density is known.
     profiles : list of ReducedProfile
         Measured profiles of fibres.
     """
@@ -101,7 +99,7 @@ class Check(Report):
         }
 
     def _wire_details(self) -> Document:
-        """Weight of wires where it is included, and measured profiles where there are any."""
+        """Weight of wires if it is included, and measured profiles if there are any."""
         result: Document = {}
         own = self.weights
         if own is not None and own.included:
@@ -121,7 +119,8 @@ class Check(Report):
         found, count = self.statics, len(self.warnings)
         verdict = "good" if not count else f"{count} warning{'s' * (count > 1)}"
         lines = [
-            f"{escape_unprintable(self.source.file) or self.name}: {verdict}; {self.choice.line}"
+            f"{escape_unprintable(self.source.file) or self.name}: {verdict}; simplest valid model:"
+            f" {self.choice.level} ({self.choice.reason})"
         ]
         if found.wires:
             rows = [(w.label, w.tension, 1e3 * w.stretch, *_strength(w)) for w in found.wires]
@@ -144,8 +143,8 @@ class Check(Report):
                     f"  {body.name} hangs ({shift}) mm and ({turn}) mrad from its nominal pose"
                 )
         lines += [
-            f"  link {link.label} is known from {link.table[0]:g} to {link.table[1]:g} Hz, constant"
-            " outside"
+            f"  the table of link {link.label} covers {link.table[0]:g} to {link.table[1]:g} Hz;"
+            " outside, its stiffness is constant"
             for link in found.links
             if link.table is not None
         ]
@@ -159,7 +158,7 @@ class Check(Report):
         if self.stable is not None:
             word = "stable" if self.stable else "UNSTABLE"
             lines.append(f"  {word} in the {self.stability_model} model")
-        lines.append(f"  balanced to {found.residual:.0e} of the weight")
+        lines.append(f"  largest residual force: {found.residual:.0e} of the weight")
         return "\n".join(lines)
 
 
@@ -193,7 +192,7 @@ def solve(source: Source) -> Check:
     found = plausibility.find_implausible(design)
     try:
         choice, loads = registry.choose(design), statics.solve(design)
-    except InputError as error:  # it may be one of these numbers that keeps it from balancing
+    except InputError as error:  # implausible numbers may be the reason
         raise InputError([*error.faults, *(item.fault for item in found)], source.file) from None
     found += plausible.find_implausible_loads(design, loads)
     found += towers.find_implausible_towers(design, loads.legs, loads.filters)
@@ -204,8 +203,7 @@ def solve(source: Source) -> Check:
         stable = bool(modes.stable)
     near = limits.find_slackest(design, loads)
     if near is not None:
-        remedy = "move its ends, or give it its share of the load"
-        fault = Fault("", warnings.describe_slack(near), remedy)
+        fault = Fault("", warnings.describe_slack(near), warnings.SHARE)
         found.append(plausibility.ImplausibleNumber(fault))
     raw = tomllib.loads(source.text)
     found += names.find_unknown_names(design, modes, lambda path: value_at(raw, path) is not None)
@@ -222,7 +220,7 @@ def _stressed(part: Stress) -> Document:
 
 
 def _strength(part: Stress) -> tuple[float | None, float | None]:
-    """Return the stress in MPa and its fraction of the strength in %; None where unknown."""
+    """Stress in MPa and its fraction of the strength in %; None where unknown."""
     return (
         None if part.stress is None else part.stress / 1e6,
         None if part.fraction is None else 100 * part.fraction,
@@ -230,7 +228,7 @@ def _strength(part: Stress) -> tuple[float | None, float | None]:
 
 
 def _link_table(links: tuple[LinkLoad, ...]) -> str:
-    """Table of links and dampers: stiffness or damping along x, y, z, and sag."""
+    """Format links and dampers: stiffness or damping along x, y, z, and sag."""
     from suspension_cli.analyses.check.plausible import hangs_freely
 
     heads = {"link": "", "between": "", "x\nN/m": ".4g", "y\nN/m": ".4g", "z\nN/m": ".4g"}
@@ -257,14 +255,14 @@ def _link_table(links: tuple[LinkLoad, ...]) -> str:
 
 
 def _milli(vector: tuple[float, ...]) -> str:
-    """Write components in thousandths, without the sign of what is rounded to 0."""
+    """Write components in thousandths, without minus signs of zeros."""
     return ", ".join(f"{round(1e3 * value, 4) + 0.0:.4f}" for value in vector)
 
 
 def _merge_equal(
     rows: list[tuple[str, float, float, float | None, float | None]],
 ) -> list[tuple[str, float, float, float | None, float | None]]:
-    """Merge rows of wires of one stage that are equal as printed: ``test.1 to 4``."""
+    """Merge rows of a stage's wires that are equal as printed: ``test.1 to 4``."""
     result, last = [], None
     for label, *values in rows:
         stage, _, number = label.rpartition(".")

@@ -27,14 +27,14 @@ class Stress:
     Attributes
     ----------
     stress : float or None
-        Largest, at the thinnest section of a wire or the base of a blade, Pa; None where the
-        geometry is not known.
+        Largest, at the thinnest section of a wire or the base of a blade, Pa; None if the geometry
+        is unknown.
     strength : float or None
-        Tensile strength of `material`, Pa; None where no strength is known.
+        Tensile strength of `material`, Pa; None if unknown.
     fraction : float or None
         Largest ratio of stress to strength of all sections.
     material : str
-        Material of that section; "" where none is named.
+        Material of that section; "" if none is named.
     """
 
     label: str
@@ -55,7 +55,7 @@ class WireLoad(Stress):
 
 @dataclass(frozen=True)
 class BladeLoad(Stress):
-    """Load of one blade: vertical force at its tip (N), deflection of its tip under it (m)."""
+    """Load of one blade: vertical force at its tip (N), and deflection of the tip (m)."""
 
     load: float
     sag: float
@@ -72,7 +72,7 @@ class BodyPose:
 
 @dataclass(frozen=True)
 class Lowest:
-    """Lowest point of a stage: its z (m) from the suspension point, and what lies there."""
+    """Lowest point of a stage: z (m) from the suspension point, and the part there."""
 
     name: str
     z: float
@@ -86,15 +86,15 @@ class LinkLoad:
     Attributes
     ----------
     stiffness, damping : (float, float, float)
-        Of the displacements x, y, z at its point, N/m and N s/m.
+        Along x, y, z at its point, N/m and N s/m.
     length : float or None
         Of one wire of a link given by its geometry, m.
     weight : float or None
-        Of all its wires, N; the models leave it out.
+        Of all its wires, N, which the models leave out.
     sag : float or None
         Largest descent of a wire under its weight, as a small deflection, m.
     table : (float, float) or None
-        Lowest and highest frequency of a table of stiffness, Hz.
+        Lowest and highest frequency of its table of stiffness, Hz.
     """
 
     label: str
@@ -109,7 +109,7 @@ class LinkLoad:
 
 @dataclass(frozen=True)
 class Statics:
-    """Statics of one design; `top` is z of the highest end of a wire, m."""
+    """Statics of a design; `top` is z of the highest end of a wire, m."""
 
     wires: tuple[WireLoad, ...]
     blades: tuple[BladeLoad, ...]
@@ -123,17 +123,17 @@ class Statics:
 
     @property
     def height(self) -> float:
-        """From the highest to the lowest point, m."""
+        """Height from the lowest to the highest point, m."""
         return self.top - min(stage.z for stage in self.lowest)
 
 
 def solve(design: Design) -> Statics:
-    """Solve the equilibrium of a design for its loads.
+    """Solve for the loads of a design in equilibrium.
 
     Raises
     ------
     InputError
-        If it cannot balance or a wire is slack.
+        If it cannot balance, or a wire is slack.
     """
     scene = expand(design)
     balanced = balance(scene)
@@ -200,7 +200,7 @@ def _links(design: Design, scene: Scene) -> Iterator[LinkLoad]:
 
 
 def _upper_weights(scene: Scene) -> list[float]:
-    """Tension at the upper end of each wire beyond that of the wire, by its own weight, N."""
+    """Excess of tension at the upper end of each wire by its own weight, N."""
     wires = scene.wires
     weight = scene.gravity * (wires.mass[:, 0] + wires.mass[:, 1])
     return (weight * -wires.span[:, 2] / wires.length).tolist()
@@ -220,7 +220,7 @@ def _wire_load(
     length: float,
     weight: float,
 ) -> WireLoad:
-    """Load of a wire; strength counts where the stress comes nearest to it.
+    """Load of a wire, with the strength of the section that is nearest to breaking.
 
     `weight` (N) adds to the tension at its upper end.
     """
@@ -263,8 +263,8 @@ def _blade_load(
 ) -> BladeLoad:
     """Load of a blade of length L, base width b and thickness h.
 
-    The largest stress under F, at its base, is 6 F L / (b h^2): beam theory, the moment F L over
-    the section modulus b h^2 / 6.
+    The largest stress under F, at its base, is moment F L over section modulus b h^2 / 6:
+    6 F L / (b h^2).
     """
     shape, sag = table.geometry, load / stiffness
     if shape is None:
@@ -291,7 +291,6 @@ def _end_heights(scene: Scene, balanced: Equilibrium) -> list[list[float]]:
 def _find_lowest(
     body: Body, n: int, scene: Scene, balanced: Equilibrium, ends: list[float]
 ) -> Lowest:
-    """Find the lowest point of a body and of the wires' ends on it."""
     z = float(scene.bodies.position[n, 2] + balanced.pose.shift[n, 2])
     points = [(z, "centre of mass"), *((end, "wires") for end in ends)]
     if body.shape is not None:
@@ -301,7 +300,7 @@ def _find_lowest(
 
 
 def _half_height(body: Body, up: np.ndarray) -> float:
-    """Half the extent (m) of a shape along `up`, a unit vector in its own axes."""
+    """Half the extent (m) of a shape along a unit vector `up` in its own axes."""
     if body.shape == "box":
         return float(np.abs(up) @ np.array(body.size) / 2)
     assert body.radius is not None and body.length is not None

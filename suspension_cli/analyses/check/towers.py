@@ -22,11 +22,11 @@ from suspension_cli.errors import Fault, format_value
 from suspension_cli.scene.scene import Scene
 
 TIPPING = 1e-3
-"""Margin of an inverted pendulum to its tipping load, as a fraction of the load, below which to
-warn."""
+"""Margin of an inverted pendulum to its tipping load, over the load, below which there is a
+warning."""
 WORKING_RANGE = 5e-3
 """Largest plausible displacement of a keystone from its working point, m: blades are soft within
-some millimetres."""
+millimetres."""
 
 
 LEG_KEYS = {
@@ -64,22 +64,22 @@ class LegLoad:
     Attributes
     ----------
     thrust : list of float
-        Of each leg in equilibrium, at its top, N.
+        At the top of each leg in equilibrium, N.
     load, critical : float
-        Weight that stands on the legs, and that at which they tip over, N.
+        Weight on the legs, and that at which they tip over, N.
     flexure : float
         Bending stiffness at the foot of one leg, N m/rad.
     stiffness, elastic : float
         Lateral stiffness of all legs with the load, and of the flexures alone, N/m.
     frequency : float or None
-        With everything that hangs moving along, Hz; None if it tips over.
+        With all that hangs moving rigidly along, Hz; None if it tips over.
     tilt : float or None
-        Displacement of the stage as the ground tilts about the height of the feet, m/rad.
+        Displacement of the stage per tilt of the ground about the height of the feet, m/rad.
     saturation : float
-        Fraction of the ground's motion that passes by the inertia of the legs at high frequency,
-        with everything that hangs moving along.
+        Fraction of the ground's motion that the inertia of the legs passes on at high frequency,
+        with all that hangs moving rigidly along.
     dilution : float
-        Loss of the mode over that of the flexures.
+        `stiffness` over `elastic`.
     """
 
     stage: str
@@ -106,18 +106,16 @@ class FilterLoad:
 
     Attributes
     ----------
-    stage : str
-        Name of the stage with the filter.
     carried, load : float
         Weight on the blades, and that for which they are set, N.
     stiffness : float
         N/m.
     frequency : float
-        With the load rigid, Hz.
+        With a rigid load, Hz.
     sag : float
-        Displacement of the keystone below its point, m.
+        Displacement of the keystone below its working point, m.
     saturation : float
-        Fraction of the filter's motion that reaches the keystone at high frequency, load rigid.
+        Fraction of the filter's motion that reaches a rigid load at high frequency.
     thermal_force : float
         Change of the blades' force with temperature, N/K.
     thermal_shift : float
@@ -136,7 +134,7 @@ class FilterLoad:
 
 
 def leg_loads(design: Design, scene: Scene, balanced: Equilibrium) -> tuple[LegLoad, ...]:
-    """Loads of all inverted pendulums in an equilibrium."""
+    """Compute the loads of inverted pendulums in an equilibrium."""
     if not scene.struts.label:
         return ()
     thrust = -string.state(string.with_struts(scene), balanced.pose).tension
@@ -172,7 +170,7 @@ def leg_loads(design: Design, scene: Scene, balanced: Equilibrium) -> tuple[LegL
 
 
 def filter_loads(design: Design, scene: Scene, balanced: Equilibrium) -> tuple[FilterLoad, ...]:
-    """Working points of all filters in an equilibrium."""
+    """Compute the working points of filters in an equilibrium."""
     found = []
     stages = {stage.name: stage for stage in design.stage}
     for number, stage in enumerate(design.stage, 1):
@@ -208,7 +206,7 @@ def filter_loads(design: Design, scene: Scene, balanced: Equilibrium) -> tuple[F
 
 
 def documents(legs: tuple[LegLoad, ...], filters: tuple[FilterLoad, ...]) -> Document:
-    """JSON lists of inverted pendulums and filters, where there are any."""
+    """Return JSON lists of inverted pendulums and filters, if there are any."""
     return {
         name: [{key: getattr(one, field) for field, key in keys.items()} for one in found]
         for name, keys, found in (
@@ -220,7 +218,7 @@ def documents(legs: tuple[LegLoad, ...], filters: tuple[FilterLoad, ...]) -> Doc
 
 
 def lines(legs: tuple[LegLoad, ...], filters: tuple[FilterLoad, ...]) -> list[str]:
-    """Tables of inverted pendulums and filters, where there are any."""
+    """Return tables of inverted pendulums and filters, if there are any."""
     found = []
     if legs:
         heads = {
@@ -269,7 +267,7 @@ def lines(legs: tuple[LegLoad, ...], filters: tuple[FilterLoad, ...]) -> list[st
 def find_implausible_towers(
     design: Design, legs: tuple[LegLoad, ...], filters: tuple[FilterLoad, ...]
 ) -> Iterator[ImplausibleNumber]:
-    """Report inverted pendulums near tipping and filters away from their working point."""
+    """Report inverted pendulums near tipping, and filters off their working point."""
     stages = {stage.name: stage for stage in design.stage}
     for leg in legs:
         if leg.margin >= TIPPING:
@@ -285,7 +283,7 @@ def find_implausible_towers(
         table = stages[leg.stage].inverted_pendulum
         assert table is not None
         least = leg.flexure + (leg.load - leg.critical) * table.length / len(leg.thrust)
-        remedy = f"take off load, or give flexures well above {least:.6g} N m/rad"
+        remedy = f"reduce the load, or give flexures well above {least:.6g} N m/rad"
         yield ImplausibleNumber(Fault(key, state, remedy))
     for own in filters:
         if abs(own.sag) <= WORKING_RANGE:

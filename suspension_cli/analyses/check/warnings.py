@@ -16,10 +16,12 @@ if TYPE_CHECKING:
 
 MOST_PARTS = 10
 """Most parts that a warning lists."""
+SHARE = "move its ends, or give it its share of the load"
+"""What to do about a wire that is about to go slack."""
 
 
 def warn_implausible(design: Design, log: Log) -> None:
-    """Warn of implausible numbers that make results meaningless; `pendsus check` lists all."""
+    """Warn of implausible numbers that make results meaningless."""
     from suspension_cli.analyses.check import plausible
 
     for item in plausible.find_serious(design):
@@ -52,7 +54,7 @@ def warn_of_tables(design: Design, frequency: Array, log: Log) -> None:
         if min(frequency) < low or max(frequency) > high:
             log.warn(
                 f"{design.design.name}: the table of link {link.name} covers {low:g} to {high:g}"
-                " Hz; outside, its stiffness is taken as constant: extend the table if that matters"
+                " Hz; outside, its stiffness is taken as constant; extend the table if that matters"
             )
 
 
@@ -62,7 +64,7 @@ def describe_limits(near: Limits) -> list[str]:
     if near.digits is not None:
         lines.append(
             f"stiff wires leave soft modes few digits: the frequency of {near.digits.name} has a"
-            f" relative error of up to {near.digits.value:.1e}"
+            f" relative error of up to {near.digits.value:.1e}; check the stiffest wires"
         )
     if near.tipping is not None:
         lines.append(
@@ -70,17 +72,17 @@ def describe_limits(near: Limits) -> list[str]:
             f" {1e3 * near.tipping.value:.2g} mm lower makes it unstable; raise d"
         )
     if near.slack is not None:
-        lines.append(describe_slack(near.slack))
+        lines.append(f"{describe_slack(near.slack)}; {SHARE}")
     if near.balance:
         lines.append(
             f"the equilibrium has a residual of {near.balance:.0e} of the weight, from rounding of"
-            " the lengths of its stiffest wires"
+            " the lengths of its stiffest wires; check their stiffness"
         )
     return lines
 
 
 def describe_slack(near: NearLimit) -> str:
-    """Describe a wire about to go slack in one line."""
+    """Describe a wire about to go slack."""
     return (
         f"wire {near.name} is about to go slack: it carries {100 * near.value:.2g} % of the mean"
         " tension of its stage"
@@ -88,10 +90,7 @@ def describe_slack(near: NearLimit) -> str:
 
 
 def describe_lossless(found: list[Lossless], level: str) -> list[str]:
-    """Describe parts without loss in the model `level`.
-
-    One line for parts without any loss, one for parts that only lose energy where they bend.
-    """
+    """Describe parts without loss in the model `level`, and parts with loss only in bending."""
     from suspension_cli.models import registry
 
     lines = []
@@ -117,17 +116,14 @@ def describe_lossless(found: list[Lossless], level: str) -> list[str]:
 
 
 def _remedy(found: list[Lossless]) -> str:
-    """Name the keys that give a loss to parts without."""
+    """Name the keys that give these parts a loss."""
     made = sorted({f"materials.{name}.loss_angle" for one in found for name in one.material})
     others = [one.part for one in found if not one.material]
     return "give " + " and ".join(made + ([f"loss_angle of {', '.join(others)}"] if others else []))
 
 
 def _parts(found: list[Lossless]) -> str:
-    """List parts with their materials: ``upper.blades, test.wires (steel302)``.
-
-    At most `MOST_PARTS`, and the number of the others.
-    """
+    """List at most `MOST_PARTS` parts with materials: ``upper.blades, test.wires (steel302)``."""
     shown = found if len(found) <= MOST_PARTS else found[: MOST_PARTS - 1]
     listed = ", ".join(
         one.part + (f" ({', '.join(one.material)})" if one.material else "") for one in shown

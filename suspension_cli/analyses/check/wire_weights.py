@@ -1,4 +1,4 @@
-"""Weight of wires beside their tension: sag, softening, and the error of straight wires."""
+"""Weight of wires: sag, softening, and the error of straight wires."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.nominal import expand
 
 NOTED = 4e-3
-"""Weight over tension above which `check` notes that a design leaves it out: frequencies of
+"""Weight over tension above which `check` notes that a design leaves it out; frequencies of
 pendulums change by up to a quarter of it."""
 
 
@@ -25,10 +25,8 @@ class WireWeights:
         Whether the design includes it.
     total : float
         N.
-    ratio : float
-        Largest weight over tension.
-    wire : str
-        The wire that has it.
+    ratio, wire : float, str
+        Largest weight over tension, and its wire.
     sag : float
         Largest distance of a wire from the straight line between its ends, m: w l / (8 T) for the
         part w of its weight across it (Irvine, Cable Structures, MIT Press (1981), section 1.2).
@@ -51,18 +49,18 @@ class WireWeights:
 
     @property
     def line(self) -> str:
-        """The weight in a line; "" where it is left out and small."""
+        """Describe the weight in a line; "" if it is left out and small."""
         if not self.included:
             if self.ratio < NOTED:
                 return ""
             return (
-                f"wires weigh up to {self.ratio:.2%} of their tension ({self.wire}), which"
-                " constants.wire_weight = true includes"
+                f"wires weigh up to {100 * self.ratio:.2g} % of their tension ({self.wire});"
+                " constants.wire_weight = true includes this"
             )
         sag = f"largest sag {1e3 * self.sag:.3g} mm"
         return (
-            f"wires weigh {self.total:.4g} N, up to {self.ratio:.2g} of their tension"
-            f" ({self.wire}); {sag}; straight wires leave an error of {self.error:.0e}"
+            f"wires weigh {self.total:.4g} N, up to {100 * self.ratio:.2g} % of their tension"
+            f" ({self.wire}); {sag}; the error by straight wires is {100 * self.error:.1g} %"
         )
 
 

@@ -24,8 +24,8 @@ class CompareAnalysis(Analysis):
     Each ITEM is a design (.toml), a results file (.h5) of modes, response or thermal, or a
     measurement (.toml with [[transfer_function]] or [[mode]], .csv, DTT .xml, HDF5). Prints the
     numbers in which the designs differ, their modes paired by shape, and the ratios of responses
-    and noises to those of the first design or result. Designs are computed with control loops
-    open. Writes DIR/NAME-and-NAME-compare.h5 and .png.
+    and noises to those of the first design or result. Control loops of designs are open. Writes
+    DIR/NAME-and-NAME-compare.h5 and .png.
 
     Example: pendsus compare my.toml new.toml --input support.x --output test.x
     """
@@ -67,7 +67,7 @@ class CompareAnalysis(Analysis):
         return Result(self, run.source, choice, found, command=run.command)
 
     def document(self, result: Result) -> Document:
-        """Return changes of the designs, paired modes, and curves with their ratios."""
+        """Return changed numbers, paired modes, and curves with ratios."""
         found: Comparison = result.data
         kinds = zip(found.name, found.kind, found.model, strict=True)
         document: Document = {
@@ -96,13 +96,15 @@ class CompareAnalysis(Analysis):
         }
 
     def text(self, result: Result) -> str:
-        """Return what differs between the designs, the paired modes and the ratios."""
+        """Return models, changed numbers, paired modes and ratios."""
         from suspension_cli.analyses.compare import text
+        from suspension_cli.models.registry import NOTHING
 
-        return text.describe(result.data)
+        left = result.choice.neglected or (NOTHING if result.choice.error == 0 else "")
+        return text.describe(result.data, left)
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
-        """Draw the changes of modes, and every response and noise with its ratio."""
+        """Draw changes of modes, and responses and noises with their ratios."""
         from suspension_cli.analyses.compare import picture
 
         found: Comparison = result.data
@@ -115,7 +117,7 @@ class CompareAnalysis(Analysis):
         return figures
 
     def path(self, result: Result, folder: Path) -> Path:
-        """Return the path of the results file, named after the first two items."""
+        """Path of the results file, named after the first two items."""
         names = [re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("-") for name in result.data.name]
         more = f"-and-{len(names) - 2}-more" if len(names) > 2 else ""
         return folder / f"{names[0]}-and-{names[1]}{more}-{self.stem}.h5"

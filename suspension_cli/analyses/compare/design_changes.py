@@ -1,4 +1,4 @@
-"""Differences between two designs, number by number, with units that a builder uses."""
+"""Differences between two designs, number by number, in usual units."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MISSING = "not given"
 
 @dataclass(frozen=True)
 class Change:
-    """One key that differs, and its values with units; ``"not given"`` where it is missing."""
+    """A key that differs, and its values with units; ``"not given"`` where missing."""
 
     path: str
     before: str
@@ -24,22 +24,13 @@ class Change:
 
     @property
     def words(self) -> str:
-        """The path without what every path has: ``test wires d``."""
+        """Short path: ``test wires d``."""
         return " ".join(part for part in self.path.split(".") if part != "stage").replace("_", " ")
 
 
 def find_changes(before: str, after: str) -> list[Change]:
-    """List the keys in which two designs differ, in the order of the first, then of the second.
+    """List the keys in which two designs (TOML) differ; a stage in only one of them is one change.
 
-    A stage that only one has is one change.
-
-    Parameters
-    ----------
-    before, after : str
-        Designs as TOML.
-
-    Examples
-    --------
     >>> find_changes("constants.gravity = 9.81", "constants.gravity = 9.8")
     [Change(path='constants.gravity', before='9.81 m/s^2', after='9.8 m/s^2')]
     """
@@ -54,7 +45,7 @@ def find_changes(before: str, after: str) -> list[Change]:
 
 
 def _with_whole_stages(document: Document, common: set[str]) -> dict[str, object]:
-    """Collect values by dotted path; of a stage that the other design lacks, its name alone."""
+    """Collect values by dotted path, but only names of stages that the other design lacks."""
     alone = [s["name"] for s in document.get("stage", ()) if s["name"] not in common]
     shared = [s for s in document.get("stage", ()) if s["name"] in common]
     values = dict(_values(document | {"stage": shared}))
@@ -62,7 +53,7 @@ def _with_whole_stages(document: Document, common: set[str]) -> dict[str, object
 
 
 def _values(document: Document, path: str = "") -> Iterator[tuple[str, object]]:
-    """List dotted paths and values; members of lists of tables by their name or number."""
+    """List dotted paths and values; tables in lists by name or number."""
     for key, value in document.items():
         if path or key not in OTHER_TABLES:
             yield from _below(f"{path}.{key}" if path else key, value)

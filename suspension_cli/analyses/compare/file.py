@@ -13,7 +13,7 @@ SHORT = ("frequency", "value", "uncertainty", "ratio_frequency", "ratio")
 
 
 def fill(group: h5py.Group, found: Comparison) -> None:
-    """Write a comparison into a group; each curve has a group of its own."""
+    """Write a comparison into a group, with a group per curve."""
     item = add_scale(group, "item", list(found.name), "name")
     for name in ("kind", "model"):
         add_dataset(group, name, list(getattr(found, name)), "name", item)

@@ -1,4 +1,4 @@
-"""Curves of a comparison between their points, for drawing alone."""
+"""Curves of a comparison between their points, for drawing."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from suspension_cli.analyses.compare.solve import Curve, Overlay
 
 
 def refine(overlay: Overlay) -> list[Curve]:
-    """Add the frequencies at which resonances and zeros are resolved to computed curves.
+    """Add frequencies that resolve resonances and zeros to computed curves.
 
-    Ratios are those of the refined curves, interpolated. Measured and stored curves are as given.
+    Ratios are those of the refined curves, interpolated. Other curves are unchanged.
     """
     drawn = [_refined(overlay, curve) for curve in overlay.curves]
     first = drawn[0]
@@ -42,7 +42,7 @@ def _refined(overlay: Overlay, curve: Curve) -> Curve:
 
 
 def _with_ratio(curve: Curve, first: Curve) -> Curve:
-    """Replace the ratio of a curve to the first by that of the two between all points."""
+    """Recompute the ratio of a curve to the first at the points of both."""
     at = np.union1d(curve.frequency, first.frequency)
     ends = [(one.frequency[0], one.frequency[-1]) for one in (curve, first)]
     at = at[(at >= max(low for low, _ in ends)) & (at <= min(high for _, high in ends))]

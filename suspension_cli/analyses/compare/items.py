@@ -18,17 +18,16 @@ if TYPE_CHECKING:
     Given = str | Path | Result | Source
 
 COMPARED = ("modes", "response", "thermal")
-"""Results whose contents are compared."""
+"""Results that can be compared."""
 RESULT, MEASUREMENT = (".h5", ".hdf5"), (".csv", ".txt", ".dat", ".xml", ".h5", ".hdf5")
 """Endings of results files, and of files of measured data."""
 
 
 @dataclass(frozen=True)
 class Item:
-    """One of the things that are compared.
+    """A design to be analysed (`run`), a result or a measurement.
 
-    `name` is the heading of its column. A result has a `source` too; a `run` is a design that
-    is yet to be analysed.
+    `name` heads its column; a result has a `source`, too.
     """
 
     name: str
@@ -45,22 +44,22 @@ class Item:
 
 
 def read(ask: Callable[..., Run], given: Sequence[Given]) -> list[Item]:
-    """Read everything that is compared, and give it names of its own.
+    """Read all items, and give them different names.
 
     Parameters
     ----------
     ask : callable
-        Reads one design, as `Analysis.read` has it.
+        Reads one design, see `Analysis.read`.
     given : sequence
-        Paths of files; results and designs of the Python API, too.
+        Paths of files, or results and designs of the Python API.
 
     Raises
     ------
     InputError
-        If fewer than two are given, none has a design, or a file is none of these.
+        If there are fewer than two items, none has a design, or a file is of another kind.
     """
     if len(given) < 2:
-        problem = "at least two things are needed to compare"
+        problem = "compare needs at least two items"
         remedy = "name designs (.toml), results (.h5) or measurements (.toml, .csv, .xml, .h5)"
         raise InputError([Fault("", problem, remedy)])
     items = [_read(ask, one) for one in given]
@@ -98,7 +97,7 @@ def _read(ask: Callable[..., Run], given: Given) -> Item:
 
 
 def _calibrated(tables: Measured, path: Path) -> list[MeasuredResponse]:
-    """Read transfer functions, and convert readings and drives to signals of the design."""
+    """Read transfer functions, converted from readings and drives to signals of the design."""
     from suspension_cli.measurements.prediction import channel_weights, find_transducer
     from suspension_cli.measurements.read import read_all
 
@@ -147,7 +146,7 @@ def _of_result(result: Result) -> Item:
 
 
 def _with_own_names(items: list[Item], given: Sequence[Given]) -> list[Item]:
-    """Name things of equal name after their files, then by numbers."""
+    """Name items of equal name after their files, then by numbers."""
 
     def name(n: int, item: Item) -> str:
         if [other.name for other in items].count(item.name) == 1:
@@ -165,12 +164,12 @@ def _with_own_names(items: list[Item], given: Sequence[Given]) -> list[Item]:
 
 
 def resolve_signals(item: Item, inputs: Sequence[str], outputs: Sequence[str]) -> Item:
-    """Name the signals of data without names after those of the command.
+    """Give data without names the signals of the command.
 
     Raises
     ------
     InputError
-        If a file does not say what it measured, and the command does not either.
+        If neither a file nor the command names its signals.
     """
     if all(_is_signal(one.input) and _is_signal(one.output) for one in item.responses):
         return item
@@ -183,5 +182,5 @@ def resolve_signals(item: Item, inputs: Sequence[str], outputs: Sequence[str]) -
 
 
 def _is_signal(name: str) -> bool:
-    """Whether a name is that of a signal and not of a channel (``H1:SUS-...``), or missing."""
+    """Whether a name is that of a signal, not of a channel (``H1:SUS-...``) or empty."""
     return "." in name and ":" not in name

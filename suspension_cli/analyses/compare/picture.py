@@ -1,4 +1,4 @@
-"""Pictures of a comparison: modes by their change, responses and noises with their ratio."""
+"""Pictures of a comparison: changes of modes, responses and noises with ratios."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ MARKERS = ("o", "D", "s", "^", "v")
 
 
 def draw_modes(found: Comparison, modes: PairedModes) -> Figure:
-    """Draw the change of every mode's frequency from the first item to the others, in %."""
+    """Draw changes of mode frequencies from the first item to the others, in %."""
     shown = np.flatnonzero(np.isfinite(modes.frequency).sum(1) > 1)
     labels, frequency = [modes.label[n] for n in shown], modes.frequency[shown]
     base = np.isfinite(frequency).argmax(1)
@@ -84,7 +84,7 @@ def _modes_title(
 
 
 def draw_overlay(found: Comparison, overlay: Overlay) -> Figure:
-    """Draw magnitudes (and phases of responses) over each other, and their ratio below."""
+    """Draw magnitudes (of responses also phases), and ratios below."""
     response, compared = overlay.kind == "response", len(overlay.curves) > 1
     drawn = refine(overlay)
     with house_style():
@@ -126,7 +126,7 @@ def draw_overlay(found: Comparison, overlay: Overlay) -> Figure:
 
 
 def _limit(axes: Axes, drawn: list[Curve], colours: list[str]) -> None:
-    """Limit an axis to what lies beside infinite peaks, which get arrows."""
+    """Limit an axis to the values beside infinite peaks, which get arrows."""
     levels, endless = [], []
     for curve, colour in zip(drawn, colours, strict=True):
         size = np.where(curve.value == 0, np.nan, np.abs(curve.value))
@@ -141,14 +141,13 @@ def _limit(axes: Axes, drawn: list[Curve], colours: list[str]) -> None:
 
 
 def _look(found: Comparison, curve: Curve) -> LineLook:
-    """Dashes of a computed curve, points of a measured one."""
     if found.kind[curve.item] == "measurement":
         return {"linestyle": "none", "marker": ".", "markersize": 3}
     return {"linestyle": curves.DASHES[curve.item % len(curves.DASHES)]}
 
 
 def _finish_ratios(axes: Axes, found: Comparison, overlay: Overlay) -> None:
-    """Label the panel of ratios, with a logarithmic axis where they differ much."""
+    """Label the panel of ratios; its axis is logarithmic if they differ much."""
     axes.set_ylabel("ratio")
     axes.set_title(
         f"relative to {single_line(found.name[overlay.curves[0].item], 60)}",

@@ -34,16 +34,15 @@ if TYPE_CHECKING:
 _Quantity = tuple[str, str, str]
 """Kind ("response" or "noise"), output, and input ("" of a noise)."""
 LEAST_OVERLAP = 0.1
-"""Overlap of two shapes below which modes are not taken for the same."""
+"""Overlap of two shapes below which modes are not paired."""
 
 
 @dataclass(frozen=True)
 class PairedModes:
-    """Modes of several designs and measurements, the same mode in one row.
+    """Modes of several items, a row per mode.
 
-    Frequencies (Hz) and quality factors are NaN where an item has no such mode (or it is
-    unstable). `overlap` is that of the shape with that of the first design; NaN where there is
-    none.
+    Frequencies (Hz) and quality factors are NaN where an item has no such mode, or it is unstable.
+    `overlap` is that of the shape with that of the first design; NaN without shape.
     """
 
     label: tuple[str, ...]
@@ -54,10 +53,10 @@ class PairedModes:
 
 @dataclass(frozen=True)
 class Curve:
-    """One response, or amplitude spectral density of a noise, and its ratio to the reference.
+    """A response, or amplitude spectral density of a noise, and its ratio to the reference.
 
-    `item` is the number of the item, from 0. Uncertainties are those of measured real and
-    imaginary parts; NaN where unknown. The ratio of the reference is empty.
+    `item` is the number of the item, from 0. Uncertainties are those of measured real and imaginary
+    parts; NaN where unknown. The ratio of the reference is empty.
     """
 
     item: int
@@ -72,8 +71,8 @@ class Curve:
 class Overlay:
     """Curves of one quantity; the first is the reference.
 
-    A noise has no input. `source` are the results behind the curves by item, to draw these
-    between their points; empty for stored comparisons.
+    A noise has no input. `source` are the results of the curves by item, to draw these between
+    their points; empty for stored comparisons.
     """
 
     kind: str
@@ -85,16 +84,16 @@ class Overlay:
 
     @property
     def name(self) -> str:
-        """Name for tables and pictures: ``test.x / support.x``."""
+        """Name: ``test.x / support.x``."""
         return f"{self.output} / {self.input}" if self.input else f"noise of {self.output}"
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Differences between designs, results and measurements.
+    """Differences between items.
 
-    Each item has a name, a kind ("design", "result" or "measurement"), a model ("" for
-    measurements) and the keys in which its design differs from the first design.
+    Each has a name, a kind ("design", "result" or "measurement"), a model ("" for measurements) and
+    the keys in which its design differs from the first design.
     """
 
     name: tuple[str, ...]
@@ -106,7 +105,7 @@ class Comparison:
 
 
 class _Silent(Log):
-    """Nothing but warnings, each once."""
+    """Log that prints only warnings, each once."""
 
     def __init__(self, log: Log) -> None:
         self.log, self.seen = log, set[str]()
@@ -118,11 +117,11 @@ class _Silent(Log):
 
 
 def solve(items: Sequence[Item], run: Run) -> tuple[Comparison, Choice]:
-    """Analyse the designs among the items, and compare all.
+    """Analyse the designs among the items, and compare all items.
 
-    Modes are compared where designs or measured modes are given; responses and noises where a
-    result or a measurement has them or the setting asks for them. All designs are computed with one
-    model, the most complete that one of them needs.
+    Modes are compared if designs or measured modes are given, responses and noises if a result, a
+    measurement or the setting names them. All designs have the most complete model that one of them
+    needs.
 
     Returns
     -------
@@ -162,7 +161,7 @@ def _most_complete(choices: Sequence[Choice]) -> str:
 
 
 def _common_choice(models: Sequence[str], choices: Sequence[Choice]) -> Choice:
-    """Name all models, with the largest of their errors and what is neglected there."""
+    """Name all models, with the largest error and the physics neglected there."""
     reason, error = "as the designs need it", np.nan
     if choices:
         worst = max(choices, key=lambda one: np.inf if np.isnan(one.error) else one.error)
@@ -173,7 +172,7 @@ def _common_choice(models: Sequence[str], choices: Sequence[Choice]) -> Choice:
 def _results(
     name: str, items: Sequence[Item], run: Run, choices: list[list[Choice]], **given: object
 ) -> dict[int, Result]:
-    """Run an analysis for every design, all with the most complete model that one needs."""
+    """Run an analysis for all designs with the most complete model that one needs."""
     from suspension_cli.models import registry as known
 
     def one(item: Item, level: str) -> Result:
@@ -212,9 +211,9 @@ def _modes(items: Sequence[Item], run: Run, choices: list[list[Choice]]) -> Pair
 
 
 def pair_modes(found: dict[int, tuple[Modes, Design]], items: Sequence[Item]) -> PairedModes:
-    """Pair the modes of designs by shape, and measured ones by label or frequency.
+    """Pair the modes of designs by shape, and measured modes by label or frequency.
 
-    `found` are the modes and the design of each item that has one.
+    `found` are the modes and the design of each item with a design.
     """
     (reference, (base, _)), *others = found.items()
     shapes = {n: _Bodies(modes, design) for n, (modes, design) in found.items()}
@@ -249,14 +248,14 @@ def pair_modes(found: dict[int, tuple[Modes, Design]], items: Sequence[Item]) ->
     for n, item in enumerate(items):
         for mode in item.modes:
             table.frequency[_measured_row(table, mode, n, reference, base), n] = mode.frequency
-    # by the first finite frequency; unstable modes have none
+    # by the first frequency; unstable modes have none
     first = [next((f for f in row if np.isfinite(f)), -np.inf) for row in table.frequency]
     order = np.argsort(first, kind="stable")
     return PairedModes(tuple(labels[i] for i in order), *values[:, order])
 
 
 def _measured_row(table: PairedModes, mode: Mode, n: int, reference: int, base: Modes) -> int:
-    """Find the row of a measured mode: of its label, else the nearest in frequency that is free."""
+    """Find the row of a measured mode, by label, else the free row nearest in frequency."""
     free = np.isnan(table.frequency[:, n])
     labelled = np.array([label == mode.label for label in table.label]) & free
     if mode.dof and not mode.label:
@@ -270,7 +269,7 @@ def _measured_row(table: PairedModes, mode: Mode, n: int, reference: int, base: 
 
 
 class _Bodies:
-    """Shapes of modes in the motion of bodies, of unit norm where only bodies move."""
+    """Shapes of modes in the motion of bodies, of unit norm if only bodies move."""
 
     def __init__(self, modes: Modes, design: Design) -> None:
         bodies = expand(design).bodies
@@ -283,7 +282,7 @@ class _Bodies:
             self.shape[:, b, 3:] = part[:, 3:] @ root
 
     def overlap(self, other: _Bodies) -> Float[np.ndarray, "mode other"]:
-        """Compute overlaps in bodies of the same name, or in order if none has the same name."""
+        """Compute overlaps in bodies of the same name, or of the same number if there is none."""
         common = [name for name in self.names if name in other.names]
         if common:
             mine = [self.names.index(name) for name in common]
@@ -299,7 +298,7 @@ class _Bodies:
 def _collect_curves(
     items: Sequence[Item],
 ) -> tuple[dict[_Quantity, dict[int, Curve]], dict[_Quantity, str]]:
-    """Collect the curves of measurements and results by quantity and item, and their units."""
+    """Collect the curves of measurements and results by quantity and item, and units."""
     data: dict[_Quantity, dict[int, Curve]] = {}
     units: dict[_Quantity, str] = {}
     for n, item in enumerate(items):
@@ -372,9 +371,9 @@ def _option_named(option: str) -> Iterator[None]:
 
 
 def _grid(items: Sequence[Item], curves: dict[int, Curve], run: Run) -> str:
-    """List the frequencies at which designs are computed: those of all data.
+    """List the frequencies of all data, at which designs are computed.
 
-    Where the data are measured, the picture needs the grid of the command between them.
+    Measured data are drawn with curves on the grid of the command between them.
     """
     points = [curve.frequency for curve in curves.values()]
     if all(items[n].kind == "measurement" for n in curves):
@@ -385,7 +384,7 @@ def _grid(items: Sequence[Item], curves: dict[int, Curve], run: Run) -> str:
 
 
 def _with_ratios(items: Sequence[Item], curves: dict[int, Curve]) -> tuple[Curve, ...]:
-    """Order curves, first the reference: the first design or result that has the quantity."""
+    """Order curves; the first, of a design or result if there is one, is the reference."""
     order = sorted(curves, key=lambda n: (items[n].kind == "measurement", n))
     reference = curves[order[0]]
     return (
@@ -395,7 +394,7 @@ def _with_ratios(items: Sequence[Item], curves: dict[int, Curve]) -> tuple[Curve
 
 
 def _ratio(curve: Curve, reference: Curve) -> dict[str, np.ndarray]:
-    """Compute the ratio at the frequencies that both have; if few, interpolate the reference."""
+    """Compute the ratio at common frequencies; if these are few, interpolate the reference."""
     common, mine, theirs = np.intersect1d(curve.frequency, reference.frequency, return_indices=True)
     if 2 * len(common) >= min(len(curve.frequency), len(reference.frequency)):
         frequency, value, below = common, curve.value[mine], reference.value[theirs]
@@ -412,7 +411,7 @@ def _ratio(curve: Curve, reference: Curve) -> dict[str, np.ndarray]:
 def _interpolate(
     frequency: Float[np.ndarray, " point"], curve: Curve
 ) -> Complex[np.ndarray, " point"]:
-    """Interpolate the logarithm of magnitude, and the phase, in the logarithm of frequency."""
+    """Interpolate ln magnitude, and phase, over ln frequency."""
     with np.errstate(divide="ignore"):
         x, at = np.log(curve.frequency), np.log(frequency)
         size = np.interp(at, x, np.log(np.abs(curve.value)))

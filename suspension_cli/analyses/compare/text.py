@@ -1,4 +1,4 @@
-"""Text of a comparison: changed numbers, paired modes, ratios of curves."""
+"""Text of a comparison."""
 
 from __future__ import annotations
 
@@ -8,18 +8,16 @@ from suspension_cli.analyses import tables
 from suspension_cli.analyses.compare.solve import Comparison, Overlay, PairedModes
 
 MIXED = 0.9
-"""Overlap of two shapes below which the table says that the shape differs."""
+"""Overlap of two shapes below which the table notes a difference."""
 MANY = 20
-"""Changes of a design that are printed."""
+"""Most printed changes of a design."""
 
 
-def describe(found: Comparison) -> str:
-    """Return what differs between the designs, the paired modes and the ratios."""
+def describe(found: Comparison, neglected: str = "") -> str:
+    """Return the models and what they neglect, changed numbers, paired modes and ratios."""
     kinds = zip(found.name, found.kind, found.model, strict=True)
-    lines = [
-        "; ".join(f"{n}: {k}" + (f", {m} model" if m else "") for n, k, m in kinds),
-        *_changes(found),
-    ]
+    items = [f"{n}: {k}" + (f", {m} model" if m else "") for n, k, m in kinds]
+    lines = ["; ".join([*items, neglected] if neglected else items), *_changes(found)]
     if found.modes is not None:
         lines += ["", *_table(found, found.modes)]
     for overlay in found.overlay:

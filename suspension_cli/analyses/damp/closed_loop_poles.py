@@ -1,27 +1,25 @@
-"""Closed-loop poles refined with frequency-dependent losses, accurate in their decay rates.
+"""Closed-loop poles with frequency-dependent losses, accurate in their decay rates.
 
-With filters x_f' = A_f x_f + B_f y, u = -(C_f x_f + D_f y), and losses at the frequency Im s of the
-pole, a pole s is a root of
+With filters x_f' = A_f x_f + B_f y, u = -(C_f x_f + D_f y), and losses at the frequency Im s, a
+pole s is a root of
 
     [ K + i K''(Im s) + s C + s^2 M + P D_f S    P C_f    ] [ x   ]
     [ -B_f S                                     s - A_f  ] [ x_f ] = T(s) v = 0,
 
-which Newton's method finds from the poles of the state space, where losses are constant matrices
+found by Newton's method from the poles of the state space, whose losses are constant matrices
 (inverse iteration, s - (w^T v)/(w^T y) with T y = T' v; Ruhe, SIAM J. Numer. Anal. 10, 674 (1973)).
 Loss angles do not act on a pole that does not oscillate. A delay T of a loop multiplies its C_f and
-D_f, or its velocity damper, by exp(-s T); state spaces approximate it, T(s) has it exactly. A
-closed loop with a delay has infinitely many poles, of which those near poles of the state space are
-found.
+D_f, or its velocity damper, by exp(-s T): exactly in T(s), approximately in state spaces. Of the
+infinitely many poles of a closed loop with delay, those near poles of the state space are found.
 
-The real part of such a root carries the rounding error of the stiffness, which hides a Q of 1e10.
-The shape x of a pole s = sigma + i omega, Z(s) x = 0, also satisfies x^H Z x = 0, whose imaginary
-part gives the decay from dissipation and feedback alone,
+The rounding error of the stiffness in the real part of such a root hides a Q of 1e10. The shape x
+of a pole s = sigma + i omega also satisfies x^H Z(s) x = 0, whose imaginary part gives the decay
+from dissipation and feedback alone,
 
     -2 sigma omega x^H M x = x^H K'' x + omega x^H C x + Im(sum over loops of H(s) (x^H push) (sense
     x)),
 
-as M, K and C are symmetric: the stiffness drops out, and the relative error of sigma is about that
-of x.
+as M, K and C are symmetric. The relative error of sigma is then about that of x.
 """
 
 from __future__ import annotations
@@ -46,36 +44,29 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Int
 
 SLOW = 1e-3
-"""Decay rate over frequency below which it is computed from the dissipation."""
+"""Decay rate over frequency up to which it is computed from the dissipation."""
 NEWTON = 30
-"""Most steps of Newton's method; about 4 are enough."""
+"""Most steps of Newton's method (usually 4)."""
 CONVERGED = 1e-13
-"""Relative step at which Newton's method ends; it also ends where steps no longer shrink."""
+"""Relative step at which Newton's method ends, if steps do not stop shrinking before."""
 UNCHANGED = 1e-10
 """Relative change of a frequency up to which its losses are not evaluated again."""
 RENEWALS = 20
-"""Most evaluations of the losses per pole; two are enough."""
+"""Most evaluations of the losses per pole (usually 2)."""
 STEPS = 4
 """Steps of inverse iteration for a shape."""
 NEAR = 1e-9
-"""Change of a pole over its frequency that may be a rounding error."""
+"""Relative change of a pole that may be a rounding error."""
 FAR = 50.0
-"""Decay within a delay, nepers, beyond which poles are not followed."""
+"""Decay within a delay, nepers, beyond which poles are given up."""
 SAME = 1e-8
-"""Relative distance of two roots that are one."""
+"""Relative distance up to which two roots are one."""
 ASIDE = 1e-12
-"""Relative distance from a pole at which its shape is solved for: at the pole Z is singular."""
+"""Relative distance from a pole where its shape is solved for, as Z is singular at the pole."""
 
 
 def refine(found: Poles, plant: Plant) -> Poles:
-    """Refine the closed-loop poles of a state space on the plant with frequency-dependent losses.
-
-    Parameters
-    ----------
-    found
-        Poles (p,) of the state space, whose losses may be approximated by constant matrices.
-    plant
-        With the model's own losses.
+    """Refine the poles of a closed-loop state space on the plant with its own losses.
 
     Returns
     -------
@@ -112,7 +103,7 @@ def refine(found: Poles, plant: Plant) -> Poles:
         if len(slow):
             shapes = np.array([_solve_shape(solved[n][0], block, solved[n][1]) for n in slow])
             decay = _compute_decays(roots[slow], block, shapes.T)
-            # a larger change: two poles at one frequency, whose shapes mix
+            # a larger change is of two poles at one frequency, whose shapes mix
             alone = np.abs(decay - np.real(roots[slow])) <= NEAR * np.abs(roots[slow])
             values[here[slow[alone]]] = decay[alone] + 1j * np.imag(roots[slow[alone]])
     order = np.argsort(np.abs(values), kind="stable")
@@ -125,7 +116,7 @@ def _first_of_each(
     roots: Complex[np.ndarray, " pole"],
     converged: Bool[np.ndarray, " pole"],
 ) -> Bool[np.ndarray, " pole"]:
-    """Mark one start, the nearest, of those that have converged to each root."""
+    """Mark the nearest of the starts that converged to each root."""
     own = np.zeros(len(starts), dtype=bool)
     for n in np.argsort(np.abs(roots - starts) / np.abs(starts).clip(1e-300)):
         again = np.abs(roots[own] - roots[n]) <= SAME * np.abs(roots[n])
@@ -150,12 +141,12 @@ def _find_block(state: str, known: dict[str, int], groups: Sequence[Index]) -> i
 
 @dataclass(frozen=True)
 class _Block:
-    """A block: coordinates uncoupled from all others, with the loops that act on them.
+    """Coordinates that couple to no others, with the loops that act on them.
 
     Attributes
     ----------
     plant
-        These loops alone, with `sensed` and `pushed` (l, c).
+        Only these loops, with `sensed` and `pushed` (l, c).
     mass, stiffness, damping, lossy
         M, K, C and the K'' of constant loss angles.
     terms
@@ -167,7 +158,7 @@ class _Block:
     delays
         s.
     delayed_dampers
-        N s/m or N m s/rad; 0 for all other loops.
+        N s/m or N m s/rad; 0 for other loops.
     """
 
     plant: Plant
@@ -215,7 +206,7 @@ class _Block:
     def dispersive(
         self, omega: Float[np.ndarray, " pole"]
     ) -> Complex[np.ndarray, "pole coordinate coordinate"]:
-        """i K'' of all losses at frequencies, rad/s; 0 at 0, without oscillation."""
+        """i K'' of all losses at frequencies, rad/s; 0 at frequency 0."""
         result = np.zeros((len(omega), *self.mass.shape), dtype=complex)
         moving = omega > 0
         result[moving] = 1j * self.lossy
@@ -247,9 +238,9 @@ def _delayed_damper(loop: Loop) -> float:
 def _find_root(
     start: complex, block: _Block, lossy: Complex[np.ndarray, "coordinate coordinate"]
 ) -> tuple[complex, Complex[np.ndarray, "coordinate coordinate"], bool]:
-    """Find a root of T(s) near a start, with the losses there, from those at the start.
+    """Find a root of T(s) near a start, and the losses there, from the losses at the start.
 
-    The start itself, and False, where Newton's method does not converge.
+    Returns the start and False if Newton's method does not converge.
     """
     if start == 0:  # a free coordinate
         return start, lossy, True
@@ -267,7 +258,7 @@ def _find_root(
 def _iterate_newton(
     s: complex, block: _Block, lossy: Complex[np.ndarray, "coordinate coordinate"]
 ) -> complex:
-    """Find a root of T(s) with given losses by Newton's method; NaN without convergence."""
+    """Find a root of T(s) with given losses by Newton's method; NaN if it does not converge."""
     a, b, c, d = block.filters
     size, count = len(block.mass), len(block.mass) + len(a)
     pushed, sensed = block.plant.pushed, block.plant.sensed
@@ -314,7 +305,7 @@ def _iterate_newton(
 def _equilibrate(
     matrix: Complex[np.ndarray, "row column"],
 ) -> tuple[Float[np.ndarray, " row"], Float[np.ndarray, " column"]]:
-    """Compute factors of rows and columns that bring their largest elements near 1."""
+    """Compute factors of rows and columns that make their largest elements about 1."""
     size = np.abs(matrix)
     row, column = np.ones(len(size)), np.ones(len(size))
     for _ in range(3):
@@ -349,7 +340,6 @@ def _solve_shape(
 def _filter_responses(
     s: Complex[np.ndarray, " pole"], block: _Block
 ) -> Complex[np.ndarray, "loop pole"]:
-    """Evaluate H of all loops at complex s, rad/s."""
     return np.array(
         [control.evaluate_filter(loop, s / (2j * np.pi)) for loop in block.plant.loops],
         dtype=complex,

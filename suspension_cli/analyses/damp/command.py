@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 class DampAnalysis(Analysis):
     """Close the loops of the design's [control] table.
 
-    Prints poles with their Q, and margins of gain, phase and delay, of each loop and of all at
-    once. Draws poles, loop gains (Bode and Nichols charts), and the impulse response and sensor
-    noise of one motion. An unstable closed loop is reported first, with its growth rate; it has no
-    margins. Writes DIR/NAME-damp.h5 and .png.
+    Prints closed-loop poles with their Q, the margins of gain, phase and delay of each loop, and
+    those of all loops at once. Draws poles, loop gains (Bode and Nichols charts), and the impulse
+    response and sensor noise of one motion. An unstable closed loop is reported with its growth
+    rate; it has no margins. Writes DIR/NAME-damp.h5 and .png.
 
     Example: pendsus damp configs/triple-damped.toml
     """
@@ -186,7 +186,7 @@ class DampAnalysis(Analysis):
         columns = {"closed-loop pole\nHz": "#.5g", "Q": ".4g", "largest in": ""}
         lines += [result.choice.line, "", tables.render(columns, rows), ""]
         if answer.margin is None:
-            return "\n".join([*lines, "  An unstable loop has no margins."])
+            return "\n".join([*lines, "  An unstable closed loop has no margins."])
         rows = []
         for loop, m in zip(answer.loop, answer.margin, strict=True):
             limits = ((m.gain_up, m.gain_up_db), (m.gain_down, m.gain_down_db))
@@ -208,7 +208,7 @@ class DampAnalysis(Analysis):
             "gain margin": "",
             " at\nHz": "",
             "delay margin\nms": ".3g",
-            "nearest to -1": ".3g",
+            "smallest |1+L|": ".3g",
         }
         return "\n".join([*lines, tables.render(columns, rows), *_all_at_once(answer)])
 
@@ -220,7 +220,6 @@ class DampAnalysis(Analysis):
 
 
 def _all_at_once(answer: LocalControl) -> list[str]:
-    """Return a sentence on the margin of all loops at once."""
     peak = answer.sensitivity
     if peak is None or len(answer.loop) < 2:
         return []
@@ -232,7 +231,8 @@ def _all_at_once(answer: LocalControl) -> list[str]:
         "",
         f"  All loops at once: largest singular value of the sensitivity {peak.size:.4g} at"
         f" {peak.frequency:.4g} Hz;",
-        f"  stable for any gains {gains}, or phases within +-{peak.phase:.0f} degrees.",
+        f"  stable if each gain changes by any factor {gains}, or each phase by less than"
+        f" {peak.phase:.0f} degrees.",
     ]
 
 

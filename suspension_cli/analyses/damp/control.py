@@ -1,11 +1,9 @@
 """Closed-loop responses of local control.
 
 Each loop applies u = -H(f) (y + n) with its sensor's motion y and noise n. A sensor with
-``reference = "support"`` measures the motion of the body relative to the support structure, taken
-as rigid up to the sensor, and the actuator pushes against this structure. Closed-loop responses
-follow from the open-loop ones, which are solved directly: x = G_e e + G_u u,
-u = -(1 + H G_yu)^-1 H (G_ye e + n). Poles follow from the state space (`control_statespace`)
-and are refined in `closed_loop_poles`.
+``reference = "support"`` measures motion relative to the support structure, taken as rigid up to
+the sensor; its actuator pushes against this structure. Closed-loop responses follow from the
+open-loop ones, which are solved directly: x = G_e e + G_u u, u = -(1 + H G_yu)^-1 H (G_ye e + n).
 """
 
 from __future__ import annotations
@@ -31,7 +29,7 @@ if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Inexact
 
 BESIDE = (0.0, 1e-15, -1e-15, 3e-15, -3e-15, 1e-14, -1e-14)
-"""Relative steps, tried in turn, away from a frequency at which the response is infinite."""
+"""Relative steps, tried in turn, from a frequency where the response is infinite."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +39,7 @@ class Plant:
     Attributes
     ----------
     sensed, pushed
-        Sensed motions and actuator forces as linear forms of the coordinates.
+        Sensed motions and actuator forces as linear forms in the coordinates.
     """
 
     model: LinearSystem
@@ -52,7 +50,7 @@ class Plant:
     pushed: Float[np.ndarray, "loop coordinate"]
 
     def with_loops(self, keep: list[int]) -> Plant:
-        """Select some of the loops, by number."""
+        """Select loops by number."""
         return Plant(
             self.model,
             tuple(self.loops[n] for n in keep),
@@ -116,10 +114,7 @@ def _relative_form(
     positions: dict[str, tuple[float, float, float]],
     reference: str,
 ) -> Float[np.ndarray, " coordinate"]:
-    """Compute the linear form of a signal, relative to its reference.
-
-    A frame moves with the structure.
-    """
+    """Linear form of a signal relative to its reference; frames move with the structure."""
     row = signals.linear_form(signal, model)
     if reference != "support" or signal.against:
         return row
@@ -139,10 +134,7 @@ def _relative_form(
 def evaluate_filter(
     loop: Loop, frequency: Inexact[np.ndarray, "*frequency"] | complex
 ) -> Complex[np.ndarray, "*frequency"]:
-    """Evaluate a loop's factor from motion to -force at frequencies in Hz.
-
-    Filter, sensor response and delay; N/m or N m/rad.
-    """
+    """Evaluate H of a loop (filter, sensor, delay) at frequencies in Hz; N/m or N m/rad."""
     f = 1j * np.asarray(frequency)
     if loop.damper is not None and is_velocity_damper(loop):
         return loop.damper * 2 * np.pi * f
@@ -160,7 +152,7 @@ def evaluate_noise(
 ) -> Float[np.ndarray, " frequency"]:
     """Evaluate the sensor noise of a loop, as motion, at frequencies in Hz.
 
-    Flat; flat with a corner below which the power rises as 1/f; or interpolated on logarithmic
+    It is flat, or flat with power rising as 1/f below a corner, or interpolated on logarithmic
     axes.
     """
     noise, frequency = loop.sensor_noise, np.asarray(frequency, dtype=float)
@@ -175,7 +167,7 @@ def evaluate_noise(
 
 @dataclass(frozen=True)
 class ClosedLoopResponse:
-    """Closed-loop responses, sensor noise and loop gains.
+    """Closed-loop responses, noise at the outputs, and loop gains.
 
     Attributes
     ----------
@@ -183,14 +175,12 @@ class ClosedLoopResponse:
         Hz.
     value
         Outputs over external inputs.
-    noise
-        Amplitude spectral density at each output from each sensor's noise, m/sqrt(Hz) or
-        rad/sqrt(Hz).
-    actuator_noise
-        Of the noise of each actuator, added to the force that the loop commands.
+    noise, actuator_noise
+        Amplitude spectral densities at each output from the noise of each sensor and actuator,
+        m/sqrt(Hz) or rad/sqrt(Hz).
     loop_gain
-        H G of each loop broken at its actuator, the others closed; a closed-loop pole on the
-        imaginary axis has 1 + H G = 0.
+        H G of each loop broken at its actuator, the others closed; -1 at a closed-loop pole on the
+        imaginary axis.
     """
 
     frequency: Float[np.ndarray, " frequency"]
@@ -206,7 +196,7 @@ def solve_responses(
     inputs: list[Signal],
     outputs: list[Signal],
 ) -> ClosedLoopResponse:
-    """Solve for closed-loop responses, noise of sensors and actuators at the outputs, loop gains.
+    """Solve for closed-loop responses, noise at the outputs, and loop gains.
 
     Parameters
     ----------
@@ -243,9 +233,9 @@ def solve_responses(
 def compute_loop_gains(
     plant: Plant, frequency: Float[np.ndarray, " frequency"]
 ) -> Complex[np.ndarray, "frequency loop"]:
-    """Compute the gain of each loop with the others closed, at frequencies in Hz.
+    """Compute the gain of each loop, broken at its actuator with the others closed.
 
-    Each loop is broken at its actuator. At a resonance without loss the gain is taken beside it.
+    Frequencies are in Hz; at a resonance without loss the gain is taken beside it.
     """
     return _from_open_loop(plant, frequency, _loop_gains, (len(plant.loops),))
 
@@ -253,10 +243,7 @@ def compute_loop_gains(
 def compute_sensitivity(
     plant: Plant, frequency: Float[np.ndarray, " frequency"]
 ) -> Complex[np.ndarray, "frequency loop loop"]:
-    """Compute the sensitivity S = (1 + H G)^-1 at the actuators, all loops broken there.
-
-    From disturbances at the actuators to their total forces, SI.
-    """
+    """Compute the sensitivity S = (1 + H G)^-1 from disturbances at actuators to total forces."""
     count = len(plant.loops)
     return _from_open_loop(
         plant,
@@ -272,7 +259,7 @@ def _from_open_loop(
     compute: Callable[[np.ndarray, np.ndarray], np.ndarray],
     shape: tuple[int, ...],
 ) -> Complex[np.ndarray, "frequency ..."]:
-    """Compute values of a shape from H (f, l) and G (f, l, l), beside resonances without loss."""
+    """Compute values of a shape from H (f, l) and G (f, l, l), both beside lossless resonances."""
     result = np.full((len(frequency), *shape), np.nan, dtype=complex)
     left = np.arange(len(frequency))
     with np.errstate(all="ignore"):
@@ -305,7 +292,7 @@ def evaluate_filters(
 def _loop_gains(
     h: Inexact[np.ndarray, "frequency loop"], g: Complex[np.ndarray, "frequency loop loop"]
 ) -> Complex[np.ndarray, "frequency loop"]:
-    """Compute the gain of each loop, the others closed, from H and the open-loop G."""
+    """Gain of each loop, the others closed, from H and the open-loop G."""
     count = h.shape[1]
     result = np.zeros(h.shape, dtype=complex)
     for k in range(count):

@@ -1,4 +1,4 @@
-"""State spaces of local control: the mechanics with its loops closed, and filters with delays."""
+"""State spaces of local control: closed loops, filters and delays."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Realisation = tuple[Array, Array, Array, Array]
 """State space A, B, C, D of real matrices."""
 
 PADE = 8
-"""Order of Pade's approximation of a delay T in state spaces: right to 5e-4 up to omega T = 8."""
+"""Order of Pade's approximation of a delay T; its error is 5e-4 up to omega T = 8."""
 DELAY = "delay"
 """Word in the names of states that approximate a delay."""
 
@@ -35,7 +35,7 @@ def build_closed_loop(
 ) -> statespace.StateSpace:
     """Build the closed-loop state space: states of the mechanics, then of the filters.
 
-    Without inputs it contains every observed block, driven or not, and so all their poles.
+    Without inputs it has all poles of the observed blocks.
     """
     model = plant.model
     drives, rows = (
@@ -46,7 +46,7 @@ def build_closed_loop(
 
 
 def build_broken_loop(plant: Plant, n: int) -> statespace.StateSpace:
-    """Build the state space from the actuator of loop n to its sensor, the other loops closed."""
+    """Build the state space from actuator to sensor of loop n, the other loops closed."""
     others = plant.with_loops([k for k in range(len(plant.loops)) if k != n])
     return _close_loops(
         others, plant.pushed[[n]], [plant.actuator[n]], plant.sensed[[n]], [plant.sensor[n]]
@@ -56,7 +56,7 @@ def build_broken_loop(plant: Plant, n: int) -> statespace.StateSpace:
 def _close_loops(
     plant: Plant, drives: Array, inputs: list[Signal], rows: Array, outputs: list[Signal]
 ) -> statespace.StateSpace:
-    """Build the closed-loop state space between linear forms of drives (i, N) and rows (o, N)."""
+    """Build the closed-loop state space between drives (i, N) and rows (o, N)."""
     rows, drives = np.concatenate([rows, plant.sensed]), np.concatenate([drives, plant.pushed])
     bare = statespace.assemble(
         _add_dampers(plant),
@@ -71,7 +71,7 @@ def _close_loops(
     names, units = list(bare.state), list(bare.state_unit)
     for n, loop in enumerate(plant.loops):
         if not is_velocity_damper(loop):
-            # states of the filter, then those that approximate its delay
+            # states of the filter, then of its delay
             realised = realise_filter(loop)
             delayed = realise_delayed_filter(loop) if loop.delay else realised
             a, b, c, d = _feed_back(a, b, c, d, i + n, o + n, delayed)
@@ -94,7 +94,7 @@ def _close_loops(
 
 
 def _add_dampers(plant: Plant) -> LinearSystem:
-    """Add velocity dampers to the damping matrix, which need not stay symmetric."""
+    """Add velocity dampers to the damping matrix, which may become asymmetric."""
     damping = plant.model.damping.copy()
     for loop, sensed, pushed in zip(plant.loops, plant.sensed, plant.pushed, strict=True):
         if loop.damper is not None and is_velocity_damper(loop):
@@ -103,9 +103,9 @@ def _add_dampers(plant: Plant) -> LinearSystem:
 
 
 def realise_filter(loop: Loop) -> Realisation:
-    """Realise filter and sensor of a loop, without its delay, as a state space A, B, C, D (rad/s).
+    """Realise filter and sensor of a loop without delay as A, B, C, D (rad/s).
 
-    Empty for a delayed damper, which has no state space of its own.
+    Empty for a damper, whose gain grows with frequency.
     """
     from scipy.signal import zpk2ss
 
@@ -120,10 +120,9 @@ def realise_filter(loop: Loop) -> Realisation:
 
 
 def realise_delayed_filter(loop: Loop) -> Realisation:
-    """Realise the filter of a loop with its delay, approximated by Pade's fraction.
+    """Realise the filter of a loop with its delay as Pade's fraction of order `PADE` over `PADE`.
 
-    Of order `PADE` over `PADE`; for a damper, whose gain grows with frequency, of order `PADE` - 1
-    over `PADE`.
+    For a damper, whose gain grows with frequency, the order is `PADE` - 1 over `PADE`.
     """
     made = loop_filters.controller_and_sensor(loop)
     if len(made.zeros) > len(made.poles):  # a damper
@@ -141,9 +140,9 @@ def realise_delayed_filter(loop: Loop) -> Realisation:
 
 @cache
 def _pade_roots(m: int, n: int) -> tuple[Complex[np.ndarray, " m"], Complex[np.ndarray, " n"]]:
-    """Compute the zeros and poles of Pade's approximation of exp(-x), of order m over n.
+    """Zeros and poles of Pade's approximation of exp(-x), of order m over n.
 
-    Source: Golub and Van Loan, Matrix Computations, 4th ed., section 9.3.1.
+    Golub and Van Loan, Matrix Computations, 4th ed., section 9.3.1.
     """
     over, under = (
         [
@@ -161,14 +160,14 @@ def _realise_sections(
     gain: float,
     delay: float,
 ) -> Realisation:
-    """Realise a delay as a chain of sections of second order with states of similar size.
+    """Realise a delay as sections of second order with states of similar size.
 
     Parameters
     ----------
     zeros, poles
         rad/s; an even number of poles.
     gain
-        Value of the response at 0, or of its slope if there is a zero at 0.
+        Response at 0, or its slope if there is a zero at 0.
     delay
         s.
     """
@@ -184,7 +183,7 @@ def _realise_sections(
         sc = np.array([[(b2 - b0 * a2) / a2, (b1 - b0 * a1) / w]])
         a = np.block([[a, np.zeros((len(a), 2))], [sb @ c, sa]])
         b, c, d = np.concatenate([b, sb @ d]), np.concatenate([b0 * c, sc], axis=1), b0 * d
-    # normalise at 0, or the slope there
+    # normalise the response at 0, or its slope
     at_zero = (d - c @ np.linalg.solve(a, b))[0, 0]
     if (zeros == 0).any():
         at_zero = -(c @ np.linalg.solve(a, np.linalg.solve(a, b)))[0, 0]
@@ -202,8 +201,8 @@ def _feed_back(
 ) -> Realisation:
     """Close the loop u = -H y from output `out` to input `into` of a state space.
 
-    With y = C x + D e + d u (d is 0 unless the actuator pushes a massless coordinate) and H in
-    state space, u = -(1 + D_H d)^-1 (C_H x_H + D_H (C x + D e)).
+    With y = C x + D e + d u (d is 0 unless the actuator pushes a massless coordinate),
+    u = -(1 + D_H d)^-1 (C_H x_H + D_H (C x + D e)).
     """
     fa, fb, fc, fd = filtered
     push, see, see_e, direct = b[:, [into]], c[[out]], d[[out]], d[out, into]

@@ -26,7 +26,7 @@ UNITS = {
 
 
 def fill(group: h5py.Group, damped: LocalControl) -> None:
-    """Write the local control of one design into a group."""
+    """Write the local control of a design into a group."""
     group.attrs["output"] = damped.output
     group.attrs["drive"] = damped.drive
     group.attrs["stable"] = damped.stable
@@ -54,7 +54,7 @@ def fill(group: h5py.Group, damped: LocalControl) -> None:
 
 
 def load(group: Stored) -> LocalControl:
-    """Read the local control of one design from a group."""
+    """Read the local control of a design from a group."""
     loop = tuple(group["loop"].asstr()[:])
     rows = {name: group[_dataset(name)][:] for name in UNITS}
     peak = None
@@ -85,5 +85,4 @@ def load(group: Stored) -> LocalControl:
 
 
 def _dataset(name: str) -> str:
-    """Name of the dataset of a field of `Margins`."""
     return f"{name}_margin" if name in ("phase", "delay") else name

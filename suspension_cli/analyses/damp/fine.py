@@ -1,4 +1,4 @@
-"""Loop gains between the points of a grid, for drawing alone: resonances to their tips."""
+"""Loop gains between the points of a grid, to draw resonances completely."""
 
 from __future__ import annotations
 
@@ -20,16 +20,9 @@ if TYPE_CHECKING:
 def refine_gains(
     result: Result,
 ) -> tuple[Float[np.ndarray, " frequency"], Complex[np.ndarray, "frequency loop"]]:
-    """Add the frequencies at which resonances are resolved to the loop gains of a result.
+    """Add frequencies that resolve resonances to the loop gains of a result.
 
-    The gains there are those of the result's model, built from its design.
-
-    Returns
-    -------
-    frequency : array
-        Hz.
-    gain : array
-        Of each loop, the others closed.
+    Returns frequencies (Hz) and gains of each loop, the others closed, of the result's model.
     """
     damped: LocalControl = result.data
     grid = damped.frequency

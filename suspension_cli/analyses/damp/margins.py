@@ -1,12 +1,12 @@
 """Gain, phase and modulus margins of loops, on an adaptive frequency grid.
 
 A loop gain L scaled by a real kappa has a closed-loop pole at i omega where 1 + kappa L(i omega) =
-0, so gain margins are -1/L where L is real and negative; phase margins are read where |L| is 1
-(Astrom and Murray, Feedback Systems, 2nd ed., section 10.3). Around a resonance of quality factor Q
-the curve L(i omega) runs through a circle within 1/Q of its frequency, which a fixed grid misses.
-From given frequencies (poles, zeros, ...) the grid is refined until L and 1 + L change little
-between neighbours; crossings of the real axis and of the unit circle, and the points closest to -1,
-are then found to rounding.
+0, so gain margins are -1/L where L is real and negative. Phase margins are those where |L| is 1
+(Astrom and Murray, Feedback Systems, 2nd ed., section 10.3). Near a resonance of quality factor Q,
+L runs through a circle within 1/Q of its frequency, which a fixed grid misses. The grid is refined
+from given frequencies (poles, zeros, ...) until L and 1 + L change little between neighbours. The
+crossings of the real axis and of the unit circle, and the points closest to -1, are then found to
+rounding.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ Gain = Callable[[Array], np.ndarray]
 STEP = 0.5
 """Largest change of log L and log(1 + L) between neighbours."""
 QUARTERS = np.array([0.25, 0.5, 0.75])
-"""Where an interval is divided, on a log scale."""
+"""Points that divide an interval, on a log scale."""
 CLOSEST = 1e-14
-"""Relative width of the narrowest interval: a change within it is a pole or zero without loss."""
+"""Relative width of the narrowest interval; a change within is a pole or zero without loss."""
 BEYOND = 1e3
-"""Factor by which the grid extends beyond the outermost given frequencies."""
+"""Factor by which the grid extends beyond the given frequencies."""
 FOUND = 1e-12
-"""Value of the measure at which a crossing is found."""
+"""Measure at which the search for a crossing ends."""
 ROUNDING = 4 * np.finfo(float).eps
-"""Relative distance of frequencies that count as different."""
+"""Least relative distance of different frequencies."""
 EIGHTHS = np.arange(1, 8) / 8
-"""Where the interval around a minimum is divided: many points at once cost little more than one."""
+"""Points that divide the interval around a minimum; many at once cost little more than one."""
 NARROWINGS = 10
-"""Most steps, each to a quarter: 4^-10 is 1e-6, and the error of the minimum its square."""
+"""Most steps, each to a quarter of the interval: to 1e-6; the minimum's error is its square."""
 FLAT = 1e-13
 """Relative rise from a minimum to the ends of its interval at which the search ends."""
 
@@ -52,21 +52,19 @@ class Margins:
 
     Attributes
     ----------
-    phase
-        Phase margin, degrees: the smallest of all unity-gain frequencies; inf if there is none.
-    phase_frequency
-        Its unity-gain frequency, Hz; NaN if there is none.
+    phase, phase_frequency
+        Phase margin, degrees: the smallest of all unity-gain frequencies; and that frequency, Hz.
+        Inf and NaN without unity gain.
     gain_up, gain_down
         Gain margins: factors by which the gain may grow or shrink before a pole reaches the
         imaginary axis; inf and 0 without limit.
     distance
         Modulus margin: smallest |1 + L|.
     gain_up_frequency, gain_down_frequency
-        Where that pole reaches the axis, Hz; NaN without limit.
-    delay
-        Delay margin, s: smallest delay that brings a pole to the imaginary axis; inf if none does.
-    delay_frequency
-        Frequency of that pole, Hz; NaN if there is none.
+        Frequencies of these poles, Hz; NaN without limit.
+    delay, delay_frequency
+        Delay margin, s: smallest delay that brings a pole to the imaginary axis; and its frequency,
+        Hz. Inf and NaN without limit.
     """
 
     phase: float
@@ -107,12 +105,12 @@ def compute_margins(
     gain
         Loop gains L (f, l) at frequencies (f,) in Hz.
     frequency
-        Hz, at which the gains may have poles and zeros, and a width to either side of each.
+        Hz, of poles and zeros of the gains, and a width to either side of each.
     static
-        Real gains at 0 Hz, infinite where the gain there is not real. A loop with L < 0, scaled by
-        -1/L, has a pole at 0.
+        Real gains at 0 Hz, infinite where not real. A loop with L < 0, scaled by -1/L, has a pole
+        at 0.
     faint
-        Size of gains below which the grid is not refined. A delay turns them without end.
+        Gain below which the grid is not refined, as a delay turns small gains without end.
 
     Examples
     --------
@@ -166,21 +164,9 @@ def compute_margins(
 def refine_grid(
     gain: Gain, frequency: Float[np.ndarray, " given"], *, faint: float = 0.0
 ) -> tuple[Float[np.ndarray, " frequency"], Complex[np.ndarray, "frequency loop"]]:
-    """Refine frequencies until gains change little between neighbours.
+    """Refine frequencies (Hz) until gains not below `faint` change little between neighbours.
 
-    Parameters
-    ----------
-    frequency
-        Hz.
-    faint
-        Gains below this size are not refined.
-
-    Returns
-    -------
-    frequency : array
-        Hz, ascending.
-    value : array
-        Gains there.
+    Returns ascending frequencies, Hz, and gains.
     """
     known = np.unique(frequency[frequency > 0])
     known = np.concatenate([[known[0] / BEYOND], known, [known[-1] * BEYOND]])
@@ -201,14 +187,14 @@ def refine_grid(
 
 
 def _size(value: Complex[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
-    """Compute the modulus, above 0 for its logarithm."""
+    """Modulus, not 0, for its logarithm."""
     return np.maximum(np.abs(value), np.finfo(float).tiny)
 
 
 def _change(
     value: Complex[np.ndarray, "frequency loop"],
 ) -> Float[np.ndarray, "frequency-1 loop"]:
-    """Compute the modulus of the logarithm of the ratio of neighbours."""
+    """Modulus of the logarithm of the ratio of neighbours."""
     return np.hypot(np.diff(np.log(_size(value)), axis=0), np.angle(value[1:] * value[:-1].conj()))
 
 
@@ -219,10 +205,9 @@ def _find_crossings(
     measure: Callable[[np.ndarray], np.ndarray],
     counts: Callable[[np.ndarray], np.ndarray],
 ) -> tuple[list[Float[np.ndarray, " _"]], list[Complex[np.ndarray, " _"]]]:
-    """Find where a measure of each loop's gain is 0: frequencies and gains per loop.
+    """Find the zeros of a measure of each loop's gain: frequencies and gains per loop.
 
-    Points count where `counts` is true of the gain. An interval across which the curve jumps (a
-    pole or zero without loss) is not a crossing.
+    Gains for which `counts` is false are left out, and so are jumps (poles or zeros without loss).
     """
     level, good = measure(value), counts(value)
     crossed = (
@@ -237,7 +222,7 @@ def _find_crossings(
             args=(loop,),
             tolerances={"xatol": 0.0, "xrtol": ROUNDING, "fatol": FOUND, "frtol": 0.0},
         )
-        # interpolate: between these frequencies the circle of a Q of 1e9 still turns by 1e-7
+        # interpolate, as between these frequencies the circle of a Q of 1e9 turns by 1e-7
         (low, high), (at_low, at_high) = root.bracket, root.f_bracket
         low_value, high_value = (_evaluate_each(gain, end, loop) for end in (low, high))
         change = np.where(at_low == at_high, 1.0, at_low - at_high)
@@ -251,7 +236,6 @@ def _find_crossings(
 def _evaluate_each(
     gain: Gain, frequency: Float[np.ndarray, " point"], loop: Int[np.ndarray, " point"]
 ) -> Complex[np.ndarray, " point"]:
-    """Evaluate the gain of one loop at each frequency."""
     return gain(frequency)[np.arange(len(frequency)), loop]
 
 
@@ -261,12 +245,12 @@ def search_smallest(
     distance: Float[np.ndarray, "frequency function"],
     change: Float[np.ndarray, "frequency-1 function"],
 ) -> tuple[Float[np.ndarray, " function"], Float[np.ndarray, " function"]]:
-    """Find the smallest of positive functions by dividing intervals around local minima.
+    """Find the minimum of each positive function by dividing intervals around local minima.
 
     Parameters
     ----------
     evaluate
-        Values (c,) at frequencies (c,) in Hz, of the functions of these numbers (c,).
+        From frequencies (c,) in Hz and numbers of functions (c,) to values (c,).
     frequency
         Hz, ascending.
     distance
@@ -277,7 +261,7 @@ def search_smallest(
     Returns
     -------
     smallest, where : array
-        Values and their frequencies, Hz.
+        Minima and their frequencies, Hz.
     """
     smallest, place = distance.min(0), frequency[distance.argmin(0)]
     # lower bound of the curve between the neighbours
@@ -304,7 +288,7 @@ def search_smallest(
         values = np.column_stack([edge[:, :1], found, edge[:, 1:]])
         beside = np.concatenate([best, best + 2], axis=1)
         ends, edge = (np.take_along_axis(each, beside, 1) for each in (points, values))
-        # left: minima that may be lower than the lowest known, by more than rounding
+        # keep minima that may be lower than the lowest known, by more than rounding
         rise = np.abs(edge - value[:, None]).max(1)
         kept = (value - rise <= smallest[loop]) & (rise > FLAT * value)
         ends, edge, loop = ends[kept], edge[kept], loop[kept]

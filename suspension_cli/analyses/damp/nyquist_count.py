@@ -1,11 +1,10 @@
 """Number of growing closed-loop poles by the argument principle, delays exact.
 
-State spaces only approximate a delay, so poles found from them may not be all. D = det(1 + H G) has
-the closed-loop poles as zeros and the open-loop ones as poles. Far above all of them D is 1, so
-along i omega, from 0+ to infinity, its phase grows by pi/2 (P0 - Z0) + pi (P - Z), with P poles and
-Z zeros in the right half plane and P0 - Z0 more poles than zeros at 0, where |D| rises with that
-power of 1 / omega (Nyquist's criterion; Astrom and Murray, Feedback Systems, 2nd ed.,
-section 10.2).
+State spaces approximate a delay, so poles found from them may be incomplete. D = det(1 + H G) has
+the closed-loop poles as zeros and the open-loop ones as poles, and is 1 far above all of them. From
+i 0+ to i infinity its phase grows by pi/2 (P0 - Z0) + pi (P - Z), with P poles and Z zeros in the
+right half plane and P0 - Z0 more poles than zeros at 0, where |D| rises with that power of
+1 / omega (Nyquist's criterion; Astrom and Murray, Feedback Systems, 2nd ed., section 10.2).
 """
 
 from __future__ import annotations
@@ -23,29 +22,23 @@ from suspension_cli.linear.poles import Poles
 FAINT = 1e-6
 """Distance of D from 1 below which its phase is not followed."""
 LITTLE = 1e-10
-"""Decay rate that is added to all open-loop poles, over the smallest modulus of a pole."""
+"""Decay rate added to all open-loop poles, over the smallest modulus of a pole."""
 NEAR = 1e-8
-"""Real part of a pole over its modulus below which its side of the axis is not certain; also the
-relative distance of a pole that no loop moves."""
+"""Real part of a pole over its modulus below which its sign is uncertain; also the relative shift
+below which no loop moves a pole."""
 
 
 def check_stable(plant: Plant, closed: Poles, opened: Poles) -> None:
-    """Check that no pole grows where none was found.
-
-    Raises
-    ------
-    InputError
-        If growing poles are missing.
-    """
+    """Raise `InputError` if a closed loop without known growing poles has some."""
     counted = count_growing(plant, closed, opened)
     if counted:
-        problem = f"{counted} poles of the closed loop grow that could not be found"
+        problem = f"{counted} poles of the closed loop grow, but their frequencies were not found"
         remedy = "shorten the delays, or lower the gain where they turn the phase"
         raise InputError([Fault("control", problem, remedy)])
 
 
 def count_growing(plant: Plant, closed: Poles, opened: Poles) -> int | None:
-    """Count closed-loop poles in the right half plane, both of a pair; None if not certain."""
+    """Count closed-loop poles in the right half plane, both of a pair; None if uncertain."""
     every = np.concatenate([closed.value, opened.value])
     every = every[np.abs(every) > 0]
     moved = closed.value[np.abs(closed.value) > 0]
@@ -53,7 +46,7 @@ def count_growing(plant: Plant, closed: Poles, opened: Poles) -> int | None:
     moved = moved[apart > NEAR * np.abs(moved)]  # others are no zeros of D
     if (np.abs(np.real(moved)) <= NEAR * np.abs(moved)).any():
         return None
-    # a little damping moves open-loop poles without loss off the path
+    # a little damping moves lossless open-loop poles off the path
     model, rate = plant.model, LITTLE * np.abs(every).min()
     plant = replace(plant, model=replace(model, damping=model.damping + 2 * rate * model.mass))
     filters = [loop_filters.controller_and_sensor(loop) for loop in plant.loops]

@@ -1,4 +1,4 @@
-"""Figure of local control: poles, impulse response, sensor noise, loop gains and Nichols chart."""
+"""Figure of local control."""
 
 from __future__ import annotations
 
@@ -34,17 +34,17 @@ if TYPE_CHECKING:
     from matplotlib.typing import LineStyleType
 
 LEFT, WIDE, TALL, APART = 0.72, 3.1, 1.45, 2.08
-"""Left margin, size of panels, and distance of one from the next, in."""
+"""Left margin, size and distance of panels, in."""
 OPEN = "#9aa1a8"
 """Colour of the open loop."""
 ALIKE, SIMILAR = 0.08, 0.35
-"""Relative distances in frequency and in rate of poles drawn as one, with their number."""
+"""Relative distances in frequency and in rate up to which poles are drawn as one."""
 SHOWN = 3
-"""Largest number of loops whose gains are drawn: the most critical ones."""
+"""Number of loops whose gains are drawn: the most critical ones."""
 STRIP = 0.14
 """Height above the poles for labels of Q, as a fraction of the panel."""
 NEAR = 40.0
-"""Gains drawn in the Nichols chart, dB to both sides of 1."""
+"""Range of gains in the Nichols chart, dB to both sides of 1."""
 DECADES = 12
 """Largest number of decades of sensor noise."""
 DASHES: tuple[LineStyleType, ...] = (
@@ -55,20 +55,18 @@ DASHES: tuple[LineStyleType, ...] = (
     (0, (8, 1.5)),
     (0, (2, 2)),
 )
-"""Line styles of the loops, so that one on top of another does not hide it."""
+"""Line styles of the loops, to see one under another."""
 
 
 COUNT_SHIFTS = np.array(
     [(9, 4), (-9, 4), (9, -5), (-9, -5), (0, 9), (0, -9), (13, 9), (-13, 9), (13, -10), (-13, -10),
      (0, 17), (0, -17), (18, 0), (-18, 0), (18, 16), (-18, 16), (18, -16), (-18, -16)], float
 )  # fmt: skip
-"""Places of a number of poles from its mark, points, best first."""
+"""Offsets of the count of poles from its mark, points, best first."""
 
 
 @dataclass(frozen=True)
 class _Line:
-    """Gain of a loop, its colour and dashes, and its margins."""
-
     name: str
     gain: Complex[np.ndarray, " frequency"]
     look: tuple[str, LineStyleType]
@@ -85,15 +83,10 @@ def draw(
     gains: tuple[Float[np.ndarray, " frequency"], Complex[np.ndarray, "frequency loop"]]
     | None = None,
 ) -> Figure:
-    """Draw the figure of `pendsus damp`.
+    """Draw the figure of `pendsus damp`; `title` names design and model.
 
-    Parameters
-    ----------
-    title
-        Names of the design and the model.
-    gains
-        Frequencies (f,) in Hz and loop gains (f, l) with resonances resolved; without, those of
-        `damped`.
+    `gains` are frequencies (f,) in Hz and loop gains (f, l) with resonances resolved; by default
+    those of `damped`.
     """
     frequency, gain = gains or (damped.frequency, damped.gain)
     looks = _looks(damped.loop)
@@ -116,12 +109,12 @@ def draw(
         _draw_noise(noise, damped, looks)
         _draw_phases(phase, frequency, lines)
         _draw_nichols(nichols, frequency, lines)
-        curves.write_heading(figure, _say(damped), title)
+        curves.write_heading(figure, _heading_text(damped), title)
         return figure
 
 
-def _say(damped: LocalControl) -> str:
-    """Say whether the closed loop is stable, and otherwise what grows fastest."""
+def _heading_text(damped: LocalControl) -> str:
+    """Write the heading: whether the closed loop is stable, or what grows fastest."""
     if damped.stable:
         return "Local control: closed loop stable"
     rate = damped.closed.growth_rate
@@ -133,7 +126,7 @@ def _say(damped: LocalControl) -> str:
 def find_critical(
     gain: Inexact[np.ndarray, "frequency loop"], first: Sequence[bool]
 ) -> Int[np.ndarray, " critical"]:
-    """Find the loops whose gains (f, l) come nearest to -1, and `first` (l) of all.
+    """Find the loops marked in `first` (l), then those whose gains (f, l) come nearest to -1.
 
     >>> find_critical(np.array([[-0.9, 0.1, -0.5, -0.8]]), [False, True, False, False]).tolist()
     [0, 1, 3]
@@ -143,7 +136,7 @@ def find_critical(
 
 
 def _looks(loops: Sequence[str]) -> list[tuple[str, LineStyleType]]:
-    """Colour and dashes of each loop: the colour of its motion if all are named after one."""
+    """Colour and dashes of each loop; the colour of its motion if all are named after motions."""
     colours = (
         [DOF_COLOUR[name] for name in loops]
         if all(name in DOF_COLOUR for name in loops)
@@ -157,7 +150,7 @@ def _name(axes: Axes, text: str) -> None:
 
 
 def _draw_poles(axes: Axes, damped: LocalControl) -> None:
-    """Draw the complex plane: decay rates on both sides of 0, frequencies logarithmic."""
+    """Draw poles by rate (symmetric log) and frequency (log)."""
     both = (damped.open, damped.closed)
     real = np.concatenate([_rates(poles) for poles in both])
     sizes = np.abs(real[real != 0])
@@ -220,7 +213,7 @@ def _write_counts(
     counts: Sequence[tuple[float, float, str, str]],
     poles: Sequence[tuple[float, float, int]],
 ) -> None:
-    """Write the numbers of poles at one place beside it, clear of others and of all marks."""
+    """Write counts of poles beside their marks, clear of other counts and marks."""
     pixel = 72 / axes.figure.dpi
 
     def place(points: Sequence[tuple[float, float]]) -> Float[np.ndarray, "point 2"]:
@@ -246,7 +239,7 @@ def _write_counts(
 
 
 def _distance(apart: Float[np.ndarray, "point 2"], size: tuple[float, float]) -> float:
-    """Smallest of distances (k, 2), in units of the least ones across and up; at most 9."""
+    """Smallest of distances (k, 2) in units of `size`; at most 9."""
     return float(np.abs(apart / size).max(1).min(initial=9.0)) if len(apart) else 9.0
 
 
@@ -257,7 +250,7 @@ def _rates(poles: Poles) -> Float[np.ndarray, " pole"]:
 
 
 def _group(poles: Poles) -> list[tuple[float, float, int]]:
-    """Rates (1/s) and frequencies (Hz) of the poles, those alike as one with their number."""
+    """Rates (1/s), frequencies (Hz) and counts of poles, similar ones as one."""
     found: list[list[float]] = []
     for rate, at in zip(_rates(poles), poles.frequency, strict=True):
         if at <= 0:
@@ -273,7 +266,7 @@ def _group(poles: Poles) -> list[tuple[float, float, int]]:
 
 
 def _draw_q(axes: Axes, least: float, high: float) -> None:
-    """Draw lines of constant Q, labelled in a strip above the poles where there is room."""
+    """Draw lines of constant Q, labelled above the poles where there is room."""
     (low, top), free = axes.get_ylim(), -np.inf
     pixel = axes.figure.dpi / 72
     for power in range(0, 12, 2):
@@ -334,7 +327,6 @@ def _draw_gains(
 def _draw_phases(
     axes: Axes, frequency: Float[np.ndarray, " frequency"], lines: Sequence[_Line]
 ) -> None:
-    """Draw unwrapped phases, with a dot at each phase margin."""
     phases = [curves.unwrap_phase(line.gain) for line in lines]
     title = "phase of the loop gain; dots: phase margins"
     _draw_over_frequency(axes, frequency, phases, lines, title)
@@ -378,7 +370,7 @@ def _label_lines(
 def _draw_nichols(
     axes: Axes, frequency: Float[np.ndarray, " frequency"], lines: Sequence[_Line]
 ) -> None:
-    """Draw loop gains against phases from -270 to 90 degrees, with -1 and the margins."""
+    """Draw loop gains against phases from -270 to 90 degrees, with margins."""
     turn = np.linspace(0, 2 * np.pi, 181)[1:-1]
     circle = -1 + 0.5 * np.exp(1j * turn)
     phase = (np.degrees(np.angle(circle)) + 270) % 360 - 270
@@ -433,7 +425,7 @@ def _mark_exits(
     size: Float[np.ndarray, " frequency"],
     colour: str,
 ) -> None:
-    """Mark with arrowheads where a curve leaves the chart upwards or downwards."""
+    """Mark with arrowheads where a curve leaves the chart."""
     for edge, marker in ((NEAR, "^"), (-NEAR, "v")):
         crossed = np.flatnonzero((size[:-1] - edge) * (size[1:] - edge) < 0)
         crossed = crossed[np.abs(phase[crossed] + 90) < 180]

@@ -1,16 +1,16 @@
 """Margin of all loops at once: the largest singular value of their sensitivity.
 
-With all loops broken at their actuators, S = (1 + H G)^-1 takes a disturbance at the actuators to
-their total forces. If max over frequency of the largest singular value of S is M, all loops stay
+With all loops broken at their actuators, S = (1 + H G)^-1 takes disturbances at the actuators to
+total forces. With M, the maximum over frequency of the largest singular value of S, all loops stay
 stable while each gain is multiplied by a factor of its own between 1 / (1 + 1/M) and 1 / (1 - 1/M),
 or each phase shifted by less than 2 arcsin(1 / (2 M)) (Lehtomaki, Sandell and Athans, IEEE Trans.
 Autom. Control 26, 75 (1981)).
 
-Forces and torques have no common unit, so the singular values of S itself depend on the units.
-Scaled to D S D^-1 with a positive diagonal D, which leaves these bounds valid, they do not. D is
-chosen at each frequency for the smallest sum of squares, with rows and columns of equal norm
-(Osborne, J. ACM 7, 338 (1960)); for two coupled loops that gives the smallest possible singular
-value, the structured singular value of Doyle (IEE Proc. D 129, 242 (1982)).
+As forces and torques have no common unit, the singular values of S depend on the units. Those of
+D S D^-1 with a positive diagonal D do not, and the bounds stay valid. At each frequency D is chosen
+for the smallest sum of squares, with rows and columns of equal norm (Osborne, J. ACM 7, 338
+(1960)); for two coupled loops that gives the smallest possible singular value, the structured
+singular value of Doyle (IEE Proc. D 129, 242 (1982)).
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Inexact
 
 SWEEPS = 200
-"""Most sweeps of balancing; about 5 are enough."""
+"""Most sweeps of balancing (usually 5)."""
 FAINT = 1e-3
-"""Distance of S from 1 below which it cannot have its peak and its grid is not refined."""
+"""Distance of S from 1 below which the grid is not refined, as the peak is elsewhere."""
 NOTHING = 1e-9
 """Excess of M over 1 that may be the error of the search."""
 BALANCED = 1e-14
@@ -53,17 +53,17 @@ class SensitivityPeak:
 
     @property
     def gain_up(self) -> float:
-        """Factor by which all gains may rise together or each alone; inf without limit."""
+        """Factor by which gains may rise, each or all; inf without limit."""
         return 1 / (1 - 1 / self.size) if self.size > 1 + NOTHING else np.inf
 
     @property
     def gain_down(self) -> float:
-        """Factor by which all gains may fall together or each alone."""
+        """Factor by which gains may fall, each or all."""
         return 1 / (1 + 1 / self.size)
 
     @property
     def phase(self) -> float:
-        """Phase by which all loops may be shifted together or each alone, degrees."""
+        """Shift of phase that loops tolerate, each or all, degrees."""
         return float(np.degrees(2 * np.arcsin(min(1 / (2 * self.size), 1.0))))
 
 
@@ -72,7 +72,7 @@ def balance(
 ) -> Complex[np.ndarray, "frequency loop loop"]:
     """Scale matrices to D A D^-1 whose off-diagonal rows and columns have equal norms.
 
-    Elements that no other balances, which D can make as small as one likes, become 0.
+    Elements that no other balances become 0, as D can make them arbitrarily small.
     """
     matrix = np.array(matrix, dtype=complex)
     count = matrix.shape[-1]
@@ -96,14 +96,9 @@ def balance(
 
 
 def find_peak(plant: Plant, frequency: Float[np.ndarray, " given"]) -> SensitivityPeak:
-    """Find the largest singular value of the scaled sensitivity over all frequencies.
+    """Find the largest singular value of the scaled sensitivity of stable closed loops.
 
-    Parameters
-    ----------
-    plant
-        Whose closed loops are stable.
-    frequency
-        Hz, as of `margins.compute_margins`.
+    `frequency` (Hz) is that of `margins.compute_margins`.
     """
 
     def largest(sensitivity: np.ndarray) -> np.ndarray:

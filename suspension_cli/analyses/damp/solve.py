@@ -31,11 +31,11 @@ if TYPE_CHECKING:
     from jaxtyping import Complex, Float
 
 STILL = 1e-6
-"""Fraction of the lowest frequency of a pole or zero at which gains are static, to 1e-12."""
+"""Frequency over the lowest of poles and zeros at which gains are static to 1e-12."""
 FAINT = 1e-6
-"""Loop gain below which delays are not followed; no gain margin above its inverse is reported."""
+"""Loop gain below which grids of loops with delay end; its inverse is the largest gain margin."""
 REAL = 1e-3
-"""Imaginary over real part up to which a static loop gain counts as real."""
+"""Imaginary over real part up to which a static loop gain is real."""
 
 
 @dataclass(frozen=True)
@@ -47,15 +47,15 @@ class LocalControl:
     loop
         Names of the loops (l).
     open, closed
-        With its own losses alone, and with all loops closed; rad/s.
+        Poles with all loops open and closed, rad/s.
     margin
         Of each loop, the others closed; None if the closed loop is unstable.
     output, drive
-        The observed motion, and the signal that gets the impulse.
+        Observed motion, and signal that gets the impulse.
     time
         s.
     impulse, undamped
-        Response of the output to a unit impulse, with the loops closed and open; SI.
+        Responses of the output to a unit impulse with loops closed and open, SI.
     frequency
         Hz.
     noise
@@ -97,23 +97,17 @@ def solve(
 ) -> LocalControl:
     """Compute the closed-loop behaviour of a design with local control.
 
-    Poles, margins, loop gains and noise use the losses of the model; impulse responses approximate
-    them by constant matrices (`with_constant_loss`).
+    Impulse responses approximate losses by constant matrices (`with_constant_loss`); all else has
+    the losses of the model, which must be one without wire mass.
 
     Parameters
     ----------
-    design
-        With a `[control]` table.
-    model
-        Without wire mass.
     output, drive
-        Signals: a motion, and the force (or motion of the support) that gets a unit impulse.
+        Observed motion, and force (or motion of the support) that gets a unit impulse.
     frequency
-        For noise and loop gains, Hz.
-    duration
+        Of noise and loop gains, Hz.
+    duration, samples
         Of the impulse response, s.
-    samples
-        Of the impulse response.
     """
     found = find_poles(design, model)
     plant, constant, closed, opened = found.plant, found.constant, found.closed, found.open
@@ -122,7 +116,7 @@ def solve(
     driven = signals.parse_input(drive, known, "--impulse")
     answer = control.solve_responses(plant, frequency, [driven], [observed])
     corners = find_corner_frequencies(constant, closed)
-    # a delay turns the gain at high frequencies without end; there it cannot matter
+    # a delay turns the gain at high frequencies without end, where it does not matter
     faint = FAINT if any(loop.delay for loop in plant.loops) else 0.0
     margin = peak = None
     if closed.stable:
@@ -153,14 +147,9 @@ def solve(
 
 @dataclass(frozen=True)
 class FoundPoles:
-    """Plants of a design and their poles.
+    """Poles of a design with loops closed and open, rad/s.
 
-    Attributes
-    ----------
-    plant, constant
-        With the losses of the model, and with these as constant matrices.
-    closed, open
-        With all loops closed, and with all open; rad/s.
+    The losses of `plant` are those of the model, those of `constant` constant matrices.
     """
 
     plant: Plant
@@ -194,7 +183,7 @@ def find_poles(design: Design, model: LinearSystem) -> FoundPoles:
 
 
 def describe_growth(closed: Poles) -> tuple[str, str]:
-    """Describe the pole that grows fastest: where it is, and a remedy."""
+    """Describe the pole that grows fastest, and a remedy."""
     worst = int(closed.growth_rate.argmax())
     others = int((closed.growth_rate > 0).sum()) - 1
     more = f" (and {others} more)" if others else ""
@@ -207,17 +196,10 @@ def describe_growth(closed: Poles) -> tuple[str, str]:
 
 
 def find_corner_frequencies(plant: Plant, closed: Poles) -> Float[np.ndarray, " frequency"]:
-    """Find frequencies in Hz where loop gains L have poles or zeros, or 1 + L has zeros.
+    """Find frequencies (Hz) of poles and zeros of loop gains L, and of zeros of 1 + L.
 
-    Each comes with its width to either side. They are the poles and zeros of the mechanics of each
-    loop (the other loops closed), those of its filter, and the closed-loop poles.
-
-    Parameters
-    ----------
-    plant
-        With constant matrices.
-    closed
-        With all loops closed.
+    They are poles and zeros of the mechanics of each loop (the others closed) and of its filter,
+    and closed-loop poles, all with their widths to either side. `plant` has constant matrices.
     """
     found = [closed.value / (2 * np.pi)]
     for n, loop in enumerate(plant.loops):
@@ -233,10 +215,7 @@ def find_corner_frequencies(plant: Plant, closed: Poles) -> Float[np.ndarray, " 
 
 
 def _static_gains(plant: Plant, lowest: float) -> Float[np.ndarray, " loop"]:
-    """Loop gains far below the lowest pole and zero (Hz); infinite where they are not real.
-
-    Loss angles do not act there and are left out.
-    """
+    """Loop gains far below the lowest pole and zero (Hz), without loss angles; inf if not real."""
     lossless = replace(plant, model=replace(plant.model, terms=(), lossy=None))
     found = control.compute_loop_gains(lossless, np.array([STILL * lowest]))[0]
     real, imag = np.real(found), np.imag(found)

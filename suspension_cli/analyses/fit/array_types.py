@@ -1,4 +1,4 @@
-"""Types of arrays in annotations of a fit, by what their axes count."""
+"""Array types of a fit, named by their axes."""
 
 import numpy as np
 from jaxtyping import Float, Int

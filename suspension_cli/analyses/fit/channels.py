@@ -1,8 +1,8 @@
-"""Readings of sensors per drive of actuators: matrices of channels, with nuisance parameters.
+"""Readings of sensors per drive of actuators, with nuisance parameters.
 
-A sensor reads g exp(-i omega tau) (signal + sum of m_j other_j), and an actuator that is driven by
-1 exerts as much of its force. With the responses H of signals, the readings per drive are
-P = S H A, where S and A are the matrices of sensors and actuators.
+A sensor reads g exp(-i omega tau) (signal + sum of m_j other_j). An actuator exerts the same
+combination of forces per unit of drive. With the responses H of the signals, the readings per drive
+are P = S H A, where S and A are the matrices of sensors and actuators.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from suspension_cli.analyses.fit.array_types import Frequencies
 
 TABLES = ("sensor", "actuator")
-"""Names of both sides in files of measurements."""
+"""Their tables in files of measurements."""
 GAIN, DELAY, MIX = "gain", "delay", "mix"
 
 
@@ -48,7 +48,7 @@ class Nuisance:
     sigma
         Standard deviation of the prior around 0.
     other
-        Signal that the channel contains beside its own.
+        A signal in the channel beside its own.
     """
 
     side: int
@@ -71,12 +71,10 @@ class Channels:
     Attributes
     ----------
     transducer
-        Sensors, then actuators, by name. A signal of the design that the file measures directly is
-        a transducer of its own name.
+        Sensors, then actuators, by name. A signal that is measured directly has a transducer of its
+        own name.
     signal
-        Signals that sensors and actuators contain.
-    function
-        The measured functions.
+        Signals in sensors and in actuators.
     """
 
     transducer: tuple[dict[str, Transducer], dict[str, Transducer]]
@@ -85,7 +83,7 @@ class Channels:
 
     @cached_property
     def nuisances(self) -> tuple[Nuisance, ...]:
-        """Unknown properties that the file of measurements gives an uncertainty."""
+        """Properties with an uncertainty in the file of measurements."""
         found = []
         for side, items in enumerate(self.transducer):
             for name, item in items.items():
@@ -101,7 +99,7 @@ class Channels:
 
     @cached_property
     def grids(self) -> tuple[tuple[Array, tuple[int, ...]], ...]:
-        """Frequencies that functions share, Hz, and the numbers of these functions."""
+        """Each grid of frequencies, Hz, and the numbers of the functions on it."""
         groups: dict[bytes, list[int]] = {}
         for n, item in enumerate(self.function):
             groups.setdefault(np.asarray(item.frequency, dtype=float).tobytes(), []).append(n)
@@ -111,11 +109,11 @@ class Channels:
         )
 
     def names(self, side: int) -> tuple[str, ...]:
-        """List the names of the sensors (side 0) or the actuators (1)."""
+        """Names of the sensors (side 0) or the actuators (1)."""
         return tuple(self.transducer[side])
 
     def pair(self, n: int) -> tuple[int, int]:
-        """Return the numbers of the sensor and the actuator of a function."""
+        """Numbers of the sensor and the actuator of a function."""
         item = self.function[n]
         return self.names(0).index(item.output), self.names(1).index(item.input)
 
@@ -126,7 +124,7 @@ class Channels:
         return replace(self, transducer=(both[0], both[1]))
 
     def with_exchange(self, side: int, first: str, second: str) -> Channels:
-        """Exchange what two sensors or two actuators are connected to: signal and mix."""
+        """Exchange signal and mix of two sensors or two actuators."""
         items = self.transducer[side]
         a, b = items[first], items[second]
         one = self.with_transducer(side, first, signal=b.signal, mix=b.mix)
@@ -138,10 +136,7 @@ class Channels:
         tuple[Float[np.ndarray, "sensor output"], Complex[np.ndarray, "sensor frequency"]],
         tuple[Float[np.ndarray, "actuator input"], Complex[np.ndarray, "actuator frequency"]],
     ]:
-        """Compute the signals that each channel contains, and its factor.
-
-        For the sensors and for the actuators.
-        """
+        """Compute the signals in each channel and its factor, for sensors and actuators."""
         found = []
         for side, items in enumerate(self.transducer):
             texts = [signal.text for signal in self.signal[side]]
@@ -261,7 +256,7 @@ def _parse(
     where: str,
     also: str = "",
 ) -> Signal | None:
-    """Parse a signal; if it is none, add the fault with another remedy to those known."""
+    """Parse a signal; if it is none, add a fault to `bad`."""
     try:
         return (signals.parse_output, signals.parse_input)[side](text, known)
     except InputError as error:

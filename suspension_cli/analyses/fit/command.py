@@ -1,4 +1,4 @@
-"""`pendsus fit`: numbers of designs learned from measured modes and transfer functions."""
+"""`pendsus fit`: fit of designs to measured modes and transfer functions."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ if TYPE_CHECKING:
 
 
 REFITS = 2
-"""Most fits from the fitted numbers, on a more complete model that these need."""
+"""Most repetitions with a more complete model that the fitted numbers need."""
 
 
 class FitAnalysis(Analysis):
     """Fit numbers of designs to measured mode frequencies and transfer functions.
 
-    MEASURED is a TOML file that lists modes with uncertainties, or files of transfer functions, and
-    the free numbers of DESIGN. To fit modes of several designs together, leave DESIGN out: MEASURED
-    names them, and which free numbers they have in common. Writes DIR/NAME-fit.h5 and .png, and
-    each fitted design as DIR/NAME-fitted.toml; NAME is the design's, or the stem of MEASURED and
-    the experiment's.
+    MEASURED is a TOML file. It lists the free numbers of DESIGN, and modes with uncertainties or
+    files of transfer functions. To fit modes of several designs together, leave DESIGN out:
+    MEASURED names the designs, and the free numbers that they share. Writes DIR/NAME-fit.h5 and
+    .png, and each fitted design as DIR/NAME-fitted.toml. NAME is that of the design; for several
+    designs it is the stem of MEASURED, followed by the experiment's name for fitted designs.
 
     Example: pendsus fit my.toml measured.toml
     """
@@ -54,8 +54,8 @@ class FitAnalysis(Analysis):
             default=1,
             show_default=True,
             help=(
-                "Number of searches; all but the first start from random numbers, and the best is"
-                " kept."
+                "Number of searches, of which the best is kept. All but the first start from random"
+                " numbers."
             ),
         ),
         option(
@@ -75,17 +75,17 @@ class FitAnalysis(Analysis):
             "--explain/--no-explain",
             default=True,
             show_default=True,
-            help="Rank single changes and the next measurements (transfer functions).",
+            help=(
+                "With transfer functions, also rank single changes of the design, and measurements"
+                " to make next."
+            ),
         ),
         options.ACCURACY,
         *options.WRITING,
     )
 
     def read(self, ask: Callable[..., Run], files: Settings) -> Sequence[Run]:
-        """Read the measurements, and all designs that were measured, for one run.
-
-        Options come from the first design, where defaults stand in the designs.
-        """
+        """Read the measurements and all designs; the first design gives default options."""
         from suspension_cli.design import measured, reader
         from suspension_cli.measurements import read as read_measured
 
@@ -114,8 +114,8 @@ class FitAnalysis(Analysis):
         designs = [one.source.file for one in runs]
         if not given.parameter:
             run.log.say(
-                "no [[parameter]]: all numbers of the design that building leaves open are free,"
-                " with default priors"
+                "no [[parameter]] is given: lengths, masses and stiffnesses of the design are free,"
+                " with priors of usual building errors"
             )
         sources = [one.source for one in runs]
         wanted, tolerance = run.setting["fidelity"], run.setting["tolerance"]
@@ -129,9 +129,11 @@ class FitAnalysis(Analysis):
                 break
             more = common_model.worst(needed)
             if refits == REFITS:
-                run.log.warn(f"the fitted numbers need another model; rerun with {more.line}")
+                run.log.warn(
+                    f"the fitted numbers need another model; rerun with --fidelity {more.level}"
+                )
                 break
-            run.log.say(f"fitted again from these numbers, which need the {more.level} model")
+            run.log.say(f"fitted again, as the fitted numbers need the {more.level} model")
             decisions, begin, refits = needed, found.value, refits + 1
         choice = common_model.worst(decisions)
         for source, decision in zip(sources, decisions, strict=True):
@@ -151,9 +153,9 @@ class FitAnalysis(Analysis):
         return Result(self, run.source, choice, data, extra, command=run.command)
 
     def document(self, result: Result) -> Document:
-        """Return what was learned and how modes lie.
+        """Return fitted numbers and modes.
 
-        Null stands for an uncertainty that is infinite or that of a number at its bound.
+        The uncertainty of a number is null if it is infinite or the number is at its bound.
         """
         found: Fit = result.data
         files = result.extra.get("designs", [None] * len(found.experiment))
@@ -179,7 +181,7 @@ class FitAnalysis(Analysis):
         return document
 
     def text(self, result: Result) -> str:
-        """Return what was learned, how modes lie, and what the data cannot tell apart."""
+        """Return fitted numbers, modes, and combinations that the data determine."""
         found: Fit = result.data
         lines = [result.choice.line, ""]
         if first := report.first_lines(found):
@@ -196,7 +198,7 @@ class FitAnalysis(Analysis):
         return "\n".join([*lines, *report.search_ends(found)])
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
-        """Draw modes before and after, and what was learned."""
+        """Draw modes before and after, and fitted numbers."""
         from suspension_cli.analyses.fit import picture
         from suspension_cli.drawing import style
 
@@ -238,7 +240,7 @@ class FitAnalysis(Analysis):
 
 
 def _weighted(functions: list[MeasuredResponse], relative: float | None) -> list[MeasuredResponse]:
-    """Give values without an uncertainty a relative one."""
+    """Give a relative uncertainty to values that have none."""
     import numpy as np
 
     if relative is None:
@@ -253,7 +255,6 @@ def _weighted(functions: list[MeasuredResponse], relative: float | None) -> list
 
 
 def _fit(run: Run, level: str, begin: Array | None, bar: Progress) -> Fit:
-    """Fit to modes, or to transfer functions (and modes)."""
     from suspension_cli.analyses.fit import solve as fit
 
     sources = [one.source for one in run.inputs["runs"]]
@@ -270,10 +271,10 @@ def _fit(run: Run, level: str, begin: Array | None, bar: Progress) -> Fit:
 def _designs(
     ask: Callable[..., Run], designs: Sequence[str], file: str, given: Measured
 ) -> list[Run]:
-    """Read the designs that were measured; faults of all are reported at once."""
+    """Read the measured designs; report the faults of all at once."""
     if given.experiment is None:
         if len(designs) != 1:
-            problem = f"of one design, but {len(designs)} are given"
+            problem = f"needs exactly one design, but {len(designs)} are given"
             remedy = "write pendsus fit DESIGN MEASURED, or name designs in [[experiment]]"
             raise InputError([Fault("mode", problem, remedy)], file)
         return [ask(designs[0])]
@@ -296,10 +297,7 @@ def _designs(
 def _of_measured(
     error: InputError, number: int, own: tuple[str, ...], file: str, without: Callable[[], Run]
 ) -> InputError:
-    """Attribute faults of an experiment's overrides to the file of measurements.
-
-    Those that are there without its overrides too are of the command line or the design.
-    """
+    """Attribute faults that only an experiment's overrides cause to the file of measurements."""
     theirs = {format_value(text) for text in own}
     if any(fault.value in theirs for fault in error.faults):
         try:
@@ -322,9 +320,9 @@ def _checked(
     found: Fit,
     before: list[Decision],
 ) -> tuple[list[Decision], list[Decision] | None]:
-    """Estimate the error of the model of a fit with the fitted numbers.
+    """Estimate the error of a fit's model with the fitted numbers.
 
-    Returns the decisions for this model, and those for a more complete one if it is needed.
+    Returns the decisions for it, and those for a more complete model if one is needed.
     """
     from suspension_cli.analyses.fit import common_model
     from suspension_cli.design import reader
@@ -341,7 +339,7 @@ def _checked(
             return needed, None
         kept = common_model.keep([decision.choice for decision in before], fitted, measured)
         return kept, needed if MODELS.index(other) > MODELS.index(model) else None
-    except InputError:  # a simpler model has no equilibrium with these numbers
+    except InputError:  # a simpler model has no equilibrium here
         return before, None
 
 
@@ -354,15 +352,16 @@ def _warn(found: Fit, choice: Choice, log: Log) -> None:
 
     for label, bound in zip(found.parameters, found.at_bound, strict=True):
         if bound:
-            log.warn(f"{label} ends at its bound")
+            log.warn(f"{label} ends at its bound, so it has no uncertainty; widen the bound")
     for name, fitted in zip(found.experiment, found.design, strict=True):
         design = reader.parse(fitted)
         warnings.warn_implausible(design, log)
         states = eigenmodes.solve(registry.by_name(choice.level).system(design))
         if not states.stable:
             log.warn(
-                f"{name} as fitted is unstable on {choice.level}: {states.label[0]} grows at"
-                f" {states.growth_rate[0]:.4g} 1/s"
+                f"the fitted design {name} is unstable in the {choice.level} model:"
+                f" {states.label[0]} grows at {states.growth_rate[0]:.4g} 1/s; give bounds or"
+                " priors to the numbers that make it so"
             )
 
 

@@ -23,12 +23,7 @@ def choose(
 ) -> list[Decision]:
     """Choose the cheapest model that is accurate enough for every design of a fit.
 
-    Where the model that one design needs is not valid for another, it is not taken.
-
-    Returns
-    -------
-    list of Decision
-        For each design, all with the same model.
+    All designs get the same model. A model that is not valid for one of them is not taken.
     """
     requests = _requests(measured)
     found: list[Decision] = []
@@ -56,7 +51,7 @@ def choose(
 def keep(
     choices: Sequence[Choice], sources: Sequence[Source], measured: Measured
 ) -> list[Decision]:
-    """Estimate the errors of models that were chosen before, for other values of the numbers."""
+    """Estimate the errors of models chosen before, for new values of the numbers."""
     return [
         auto.estimate_error(
             source.design, Choice(choice.level, choice.reason.partition("; ")[0]), request
@@ -66,7 +61,7 @@ def keep(
 
 
 def worst(decisions: Sequence[Decision]) -> Choice:
-    """Return the choice with the largest error."""
+    """Choice with the largest error."""
     choices = [decision.choice for decision in decisions]
     return max(choices, key=lambda choice: -1.0 if math.isnan(choice.error) else choice.error)
 
@@ -76,7 +71,7 @@ def _requests(measured: Measured) -> list[Callable[[LinearSystem], Differentiate
 
 
 def _request(labels: set[str | None]) -> Callable[[LinearSystem], Differentiated]:
-    """Request the modes of these labels; all if some have none."""
+    """Request the modes of these labels, or all if a mode has no label."""
 
     def request(system: LinearSystem) -> Differentiated:
         found = eigenmodes.solve(dataclasses.replace(system, terms=()))

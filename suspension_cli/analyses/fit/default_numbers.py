@@ -1,7 +1,7 @@
-"""Numbers of a design that are free in a fit of transfer functions that names none.
+"""Numbers of a design that are free in a fit of transfer functions if the user names none.
 
-Their priors are what careful building and bought materials leave open: a millimetre in the heights
-of wires' ends and in lengths, a few per cent in blades.
+Their priors are usual errors of careful building and of bought materials: a millimetre in lengths
+and in the heights of wires' ends, a few per cent in blades.
 """
 
 from __future__ import annotations
@@ -44,8 +44,6 @@ TABLES = ("stage", "perturbation", "materials")
 def choose(text: str, level: str = registry.STRING.name) -> list[Free]:
     """List the free numbers of a design, with priors around its values.
 
-    Examples
-    --------
     >>> [item.name for item in choose(text)]  # doctest: +SKIP
     ['stage.test.body.mass', 'stage.test.body.inertia.1', ..., 'materials.steel302.youngs_modulus']
     """

@@ -30,13 +30,13 @@ if TYPE_CHECKING:
     from suspension_cli.analyses.fit.array_types import ModeValues, Numbers
 
 FORBIDDEN = 1e6
-"""Cost, in the assignment of modes, of one that a measurement cannot belong to; others cost the
-square of a logarithm of frequencies."""
+"""Cost of assigning a measurement to a mode that it cannot belong to; others cost the square of
+ln(measured / computed)."""
 
 
 def unbalanced(name: str) -> InputError:
-    """Return the error of a number that no other one follows."""
-    problem = "changing it alone unbalances the suspension"
+    """Return the error of a number whose change alone unbalances a design."""
+    problem = "a change of this number alone unbalances the suspension"
     return InputError([Fault(f"parameter {name}", problem, "fit another number")])
 
 
@@ -48,12 +48,8 @@ class Experiment:
     ----------
     text
         The design as TOML.
-    mode
-        The measurements.
-    free
-        Dotted paths of the free numbers.
-    start
-        Their values where the search starts, SI.
+    free, start
+        Dotted paths of the free numbers, and their starting values, SI.
     where
         Prefix of the key paths of the modes in errors.
     file
@@ -86,7 +82,7 @@ class Experiment:
 
     @cached_property
     def nominal_modes(self) -> eigenmodes.Modes:
-        """Modes of the design where the search starts; measurements refer to their labels."""
+        """Modes of `nominal_system`; measurements refer to their labels."""
         return eigenmodes.solve(replace(self.nominal_system, terms=()))
 
     @cached_property
@@ -96,7 +92,7 @@ class Experiment:
 
     @cached_property
     def shape(self) -> Float[np.ndarray, "mode coordinate"]:
-        """Mass-normalised shapes of the nominal modes, with which others are paired."""
+        """Mass-normalised shapes of the nominal modes."""
         return batch_modes.solve_one(self.nominal_system).shape[0]
 
     @property
@@ -125,9 +121,9 @@ class Experiment:
         return reader.convert(self.document(x))
 
     def evaluate(self, x: Numbers) -> tuple[ModeValues, Float[np.ndarray, "mode number"]]:
-        """Solve for all frequencies, Hz, and their derivatives; both are cached.
+        """Solve for all frequencies, Hz (NaN: unstable), and their derivatives.
 
-        Modes are in the order of `nominal_modes`; NaN for an unstable mode.
+        Modes are in the order of `nominal_modes`. Results are cached.
         """
         key = np.asarray(x, dtype=float).tobytes()
         if key not in self.cache:
@@ -153,10 +149,7 @@ class Experiment:
     def predict(
         self, x: Numbers
     ) -> tuple[Float[np.ndarray, " measured"], Float[np.ndarray, "measured number"]]:
-        """Model frequencies of the measured modes, Hz, and their derivatives.
-
-        Both are 0 for an unstable mode.
-        """
+        """Frequencies of the measured modes, Hz, and their derivatives; 0 for an unstable mode."""
         if not self.mode:
             return np.zeros(0), np.zeros((0, len(self.free)))
         (frequency, slope), places = self.evaluate(x), self.assign_modes(x)
@@ -165,8 +158,8 @@ class Experiment:
     def assign_modes(self, x: Numbers) -> list[int]:
         """Assign a mode to each measurement.
 
-        Labelled measurements take their modes; the others share the remaining modes such that
-        the sum of squared logarithms of measured over computed frequencies is smallest.
+        Measurements without a label share the modes left by the others such that the sum of
+        ln(measured / computed)^2 is smallest.
         """
         from scipy.optimize import linear_sum_assignment
 
@@ -199,7 +192,7 @@ class Experiment:
                 found = named_results.parse([item.label], self.nominal_modes, (), where)
                 numbers = [one.number for one in found if isinstance(one, named_results.Mode)]
                 if len(numbers) != 1 or numbers[0] in assigned.values():
-                    problem = "does not name exactly one mode, or repeats one"
+                    problem = "does not name exactly one mode, or names that of another measurement"
                     remedy = f"list labels with pendsus modes --fidelity {self.level}"
                     raise InputError([Fault(where, problem, remedy, format_value(item.label))])
                 assigned[n] = numbers[0]
@@ -211,7 +204,7 @@ class Experiment:
             return Fault(
                 f"{self.where}mode",
                 f"the design has only {count} modes, fewer than were measured",
-                "remove measurements",
+                "remove measurements of other modes",
             )
         return Fault(
             f"{self.where}mode.{n + 1}.dof",

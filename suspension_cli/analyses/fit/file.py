@@ -98,7 +98,7 @@ def load(group: Stored) -> Fit:
 
 
 def format_uncertainty(found: Fit, n: int) -> str:
-    """Standard deviation of number n, to print after its value, or why there is none."""
+    """Format the standard deviation of number n, or say why there is none."""
     if found.at_bound[n]:
         return " at its bound"
     sigma = found.scale * found.sigma[n]
@@ -108,7 +108,7 @@ def format_uncertainty(found: Fit, n: int) -> str:
 def save_design(
     path: Path, found: Fit, number: int, file: str, measured: str, command: str
 ) -> None:
-    """Write the fitted design of an experiment (from 0), headed by its origin."""
+    """Write the fitted design of an experiment (from 0), headed by comments on its origin."""
     others = ", ".join(name for n, name in enumerate(found.experiment) if n != number)
     together = f" together with {others}" if others else ""
     head = [f"{file}, fitted to {measured}{together} by pendsus {__version__}:"]

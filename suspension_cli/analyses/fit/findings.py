@@ -1,4 +1,4 @@
-"""Findings of a fit of transfer functions: numbers determined, likely changes, what to measure.
+"""Findings of a fit of transfer functions: determined numbers, single changes, next measurements.
 
 All follow from the information matrix J^T J of the weighted residuals at the end of the fit, with
 the nuisance parameters eliminated (Schur's complement).
@@ -36,20 +36,20 @@ if TYPE_CHECKING:
     )
 
 WEAK = 10.0
-"""Factor on priors (and on a tenth of numbers without) in statements on what the data determine."""
+"""Factor on the standard deviations of priors (a tenth of a number without) to weaken them."""
 KNOWN = 0.3
 """Standard deviation over that of the prior below which a number is determined by the data."""
 UNKNOWN = 0.8
-"""Standard deviation over that of the prior above which the data say nothing of a number."""
+"""The same ratio above which the data do not determine a number."""
 TOGETHER = 0.2
-"""Standard deviation of a combination over that of its best known member, below which only the
+"""Standard deviation of a combination over the smallest of its members' below which only the
 combination is determined."""
 COMBINED = 8
-"""Most numbers that are searched for combinations of three."""
+"""Numbers that are searched for combinations of three."""
 REFITTED = 5
-"""Single changes that are fitted."""
+"""Most single changes that are fitted."""
 WORTH = 0.02
-"""Part of the decrease of chi^2 that a single change must make, to first order, to be fitted."""
+"""Fraction of the fit's decrease of chi^2 that a single change must reach to be fitted."""
 GAIN = 0.05
 """Relative calibration error of a candidate measurement."""
 RELATIVE = 0.02
@@ -59,23 +59,23 @@ PER_BAND = 24
 BANDS = tuple(0.1 * 10 ** (n / 3) for n in range(7))
 """Edges of the bands of candidate measurements, Hz."""
 ZERO = 1e-8
-"""Size of a response, relative to others of its drive and sensor, that is a rounding error."""
+"""Size of a response over others of its drive and sensor below which it is a rounding error."""
 LEAST = 8
-"""Least known numbers among which one is sought that a measurement improves."""
+"""Number of the least known numbers for which measurements are sought."""
 IMPROVES = 0.7
-"""Factor on its standard deviation that counts as an improvement."""
+"""Factor on a standard deviation below which a measurement is an improvement."""
 LISTED = 6
-"""Candidates that are reported."""
+"""Most candidates that are reported."""
 
 
 def information(problem: ResponseProblem, z: Unknowns) -> UnknownMatrix:
-    """Compute the information of all data and priors on the unknowns over their `scale`."""
+    """Compute the information of data and priors on the unknowns over their `scale`."""
     slope = problem.jacobian(z) * problem.scale
     return slope.T @ slope
 
 
 def covariance(problem: ResponseProblem, z: Unknowns) -> UnknownMatrix:
-    """Compute the covariance of the unknowns; infinite where nothing determines a number."""
+    """Compute the covariance of the unknowns; infinite if not determined, NaN at a bound."""
     whole = information(problem, z)
     root = np.sqrt(np.where(np.diag(whole) > 0, np.diag(whole), 1.0))
     values, vectors = np.linalg.eigh(whole / np.outer(root, root))
@@ -102,7 +102,7 @@ def data_information(problem: ResponseProblem, z: Unknowns) -> NumberMatrix:
 
 @dataclass(frozen=True)
 class NumberName:
-    """How a number is printed: its name, its unit, and the factor to that unit."""
+    """Printed name and unit of a number, and the factor from SI to that unit."""
 
     name: str
     unit: str
@@ -114,7 +114,7 @@ class NumberName:
 
 
 def change_unit(name: str, value: float) -> tuple[str, float]:
-    """Choose the unit in which a change of a number is printed, and the factor to it from SI.
+    """Choose the printed unit of a change of a number, and the factor to it from SI.
 
     >>> change_unit("stage.test.wires.d", 0.001), change_unit("stage.test.body.mass", 40.0)
     (('mm', 1000.0), ('%', 2.5))
@@ -136,7 +136,7 @@ def short(name: str) -> str:
 
 
 def describe(problem: ResponseProblem, z: Unknowns, names: Sequence[str]) -> tuple[str, ...]:
-    """Say what the data determine and what they do not, one sentence per statement."""
+    """Say which numbers the data determine, one statement per line."""
     p = problem.numbers
     if not p:
         return ()
@@ -168,7 +168,7 @@ def describe(problem: ResponseProblem, z: Unknowns, names: Sequence[str]) -> tup
         )
     if rest:
         lines.append(
-            "not determined by these data, known only from priors or the design: "
+            "not determined by these data, so their values are from priors or the design: "
             + ", ".join(numbers[n].name for n in rest)
         )
     return tuple(lines)
@@ -180,7 +180,7 @@ def combinations(
     value: Numbers,
     numbers: list[NumberName],
 ) -> tuple[list[str], set[int]]:
-    """Sentences on combinations of two or three numbers that alone are determined."""
+    """Find combinations of two or three numbers of which only the combination is determined."""
     sigma = np.sqrt(np.diag(spread))
     bad = [n for n in range(len(scale)) if sigma[n] > KNOWN * scale[n]]
     lines: list[str] = []
@@ -242,16 +242,17 @@ def _listed(names: list[str]) -> str:
 def single_changes(
     found: Solution, text: str, measured: Measured, file: str, start: Unknowns
 ) -> tuple[float, tuple[SingleChange, ...]]:
-    """Fit the measurements with one number of the design at a time; the best first.
+    """Fit the measurements with one number of the design at a time.
 
-    Every number of the design is rated by the chi^2 that a change of it alone would leave where
-    the fit ended, to first order; those that leave least are fitted.
+    Numbers are ranked by the chi^2 that a change of one alone leaves, to first order around the end
+    of the fit; the best are fitted.
 
     Returns
     -------
     float
-        chi^2 of the design as it is, with only the nuisance parameters fitted.
+        chi^2 of the design as given, with only the nuisance parameters fitted.
     tuple of SingleChange
+        Best first.
     """
     problem, p = found.problem, found.problem.numbers
     free = problem.base.experiment[0].free
@@ -339,7 +340,7 @@ def _refit(
 
 
 def least_known(problem: ResponseProblem, spread: UnknownMatrix) -> list[int]:
-    """List the numbers whose standard deviations are largest for their scale, worst first."""
+    """List the numbers with the largest standard deviations over their `scale`, worst first."""
     p = problem.numbers
     ratio = np.sqrt(np.diag(spread)[:p]) / problem.scale[:p]
     ratio = np.where(np.isnan(ratio), -1.0, ratio)
@@ -349,13 +350,11 @@ def least_known(problem: ResponseProblem, spread: UnknownMatrix) -> list[int]:
 def next_measurements(
     found: Solution, numbers: Sequence[int]
 ) -> tuple[int | None, tuple[Candidate, ...]]:
-    """Rate every drive, sensor and band by how well it would determine a number, best first.
+    """Find the drives, sensors and bands that would determine a number best.
 
-    Of the numbers that are known least the first is taken that a measurement would improve by
-    `IMPROVES`, else the one that it would improve most.
-
-    All candidates have the relative noise that the measured functions have in the median, and an
-    unknown calibration.
+    The number is the first of `numbers` that a measurement improves by `IMPROVES`, else the one
+    that it improves most. Candidates have the median relative noise of the measured functions, and
+    a calibration error of `GAIN`.
     """
     problem, z, p = found.problem, found.z, found.problem.numbers
     now = problem.predict(z)
@@ -419,7 +418,7 @@ def next_measurements(
 
 
 def _every_signal(plant: Plant) -> tuple[list[Signal], list[Signal]]:
-    """All drives of the support and the stages, and all motions of the stages."""
+    """All drives of support and stages, and all motions of stages."""
     known, body = signals.bodies_with_signals(plant.system), plant.system.body
     drives = [f"{SUPPORT}.{dof}" for dof in DOFS]
     drives += [f"{name}.{force}" for name in body for force in signals.FORCES]
@@ -433,7 +432,7 @@ def _every_signal(plant: Plant) -> tuple[list[Signal], list[Signal]]:
 def _best(
     result: list[tuple[np.ndarray, str, str, int]], chosen: int, scale: float
 ) -> tuple[Candidate, ...]:
-    """The best candidates for one number, each drive and sensor once."""
+    """Best candidates for one number, each drive and sensor once."""
     best: list[Candidate] = []
     pairs = set[tuple[str, str]]()
     for variance, drive, sensor, band in sorted(result, key=lambda item: float(item[0][chosen])):
@@ -445,5 +444,5 @@ def _best(
 
 
 def _shrink(norm: float) -> float:
-    """Compute c with (1 - c g g^T)^2 = (1 + g g^T)^-1: whitens rows with an unknown gain."""
+    """Compute c with (1 - c g g^T)^2 = (1 + g g^T)^-1, which whitens rows of unknown gain."""
     return (1 - 1 / np.sqrt(1 + norm)) / norm if norm else 0.0

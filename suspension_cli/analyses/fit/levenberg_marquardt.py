@@ -1,7 +1,7 @@
 """Bounded least squares for many residuals and few unknowns.
 
-Levenberg's and Marquardt's damped Gauss-Newton steps (Marquardt, J. SIAM 11, 431 (1963)), from the
-normal equations of scaled unknowns; unknowns at a bound against which they push stay there.
+Damped Gauss-Newton steps (Marquardt, J. SIAM 11, 431 (1963)) from the normal equations of scaled
+unknowns. An unknown at a bound stays there while its gradient points outwards.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ def minimise(
     Parameters
     ----------
     residual, jacobian
-        Of the unknowns (P,): residuals (r,), and their derivatives (r, P). An `InputError` of
-        `residual` makes the search take a smaller step.
+        From the unknowns (P,) to residuals (r,) and their derivatives (r, P). After an `InputError`
+        of `residual` the step is shortened.
     tolerance, relative
-        Expected decrease of the sum of squares, and relative to it, below which the search ends.
+        Decrease of the sum of squares, absolute and relative, below which the search ends.
     steps
         Most Gauss-Newton steps.
     """

@@ -1,4 +1,4 @@
-"""Figure of a fit: residuals of modes before and after, and fitted numbers in their own units."""
+"""Figure of a fit: residuals of modes before and after, and fitted numbers."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ if TYPE_CHECKING:
     from jaxtyping import Float, Int
 
 PLAIN_POWERS = range(-3, 3)
-"""Powers of ten of numbers that are written without an exponent."""
+"""Powers of ten that are written without an exponent."""
 MANY = 9999.5
-"""Numbers whose axis has few labels."""
+"""Largest number on an axis above which it has fewer labels."""
 INTERVAL = 1.959964
-"""Half the width of a 95 % interval of a normal distribution, standard deviations."""
+"""Half width of a 95 % interval of a normal distribution, standard deviations."""
 FAR = 8.0
-"""Residual, in standard deviations, beyond which the axis of residuals is logarithmic."""
+"""Residual (standard deviations) beyond which their axis is logarithmic."""
 BEFORE, AFTER = PALETTE[1], PALETTE[0]
 """Colours of the design as given and as fitted."""
 ROW, NUMBER, LINE = 0.17, 0.57, 0.15
@@ -43,15 +43,15 @@ ROW, NUMBER, LINE = 0.17, 0.57, 0.15
 PLACES, WIDE = (0.22, 2.46), 1.88
 """Left edges and width of the axes of numbers, in."""
 TOP = 0.85
-"""Place of the residuals below the upper edge, in."""
+"""Top of the residuals below the upper edge, in."""
 LONGEST, WHO = 32, 14
-"""Longest names of modes and of experiments beside the residuals."""
+"""Longest names of modes and of experiments, characters."""
 LETTER = 0.058
 """Width of a letter, in."""
 
 
 LARGE = 999_999.5
-"""Numbers written with a power of ten."""
+"""Number from which ticks have a power of ten."""
 
 
 def draw(found: Fit, title: str) -> Figure:
@@ -70,7 +70,7 @@ def draw(found: Fit, title: str) -> Figure:
         _draw_residuals(axes, names, residuals, f"(model − {known}) / uncertainty")
         _name_experiments(figure, axes, who, starts)
         _draw_numbers(figure, found, places, below)
-        curves.write_heading(figure, _say(found), title)
+        curves.write_heading(figure, _heading_text(found), title)
         verdict = rf"$\chi^2$ = {found.chi_squared:.4g} for {found.freedom} degrees of freedom"
         if found.misfit:
             verdict += f"; bars widened {found.scale:.3g} times"
@@ -84,8 +84,8 @@ def draw(found: Fit, title: str) -> Figure:
         return figure
 
 
-def _say(found: Fit) -> str:
-    """Say how many numbers were fitted to what, and if they do not explain it."""
+def _heading_text(found: Fit) -> str:
+    """Write the heading: counts of numbers and data, and a misfit."""
     several = f" in {len(found.experiment)} experiments" if len(found.experiment) > 1 else ""
     modes = [_count(len(found.label), "mode") + several] if found.label else []
     functions = len(found.responses.function) if found.responses else 0
@@ -95,7 +95,7 @@ def _say(found: Fit) -> str:
 
 
 def _places(found: Fit, top: float) -> tuple[list[tuple[float, float]], float]:
-    """Places (left, top) of the axes of numbers in two columns, and the foot, in."""
+    """Corners (left, top) of the axes of numbers in two columns, and the foot, in."""
     count = len(found.name)
     high = NUMBER + (0.0 if found.shared.all() else LINE)
     rows = -(-count // len(PLACES))
@@ -110,10 +110,10 @@ def _count(count: int, thing: str) -> str:
 def _residuals(
     found: Fit,
 ) -> tuple[list[str], Float[np.ndarray, "row 2"], Int[np.ndarray, " experiment"]]:
-    """Labels (k), residuals (k, 2) before and after, and the first of each of several experiments.
+    """Labels (k), residuals (k, 2) before and after, and the first row of each experiment.
 
-    In standard deviations, of modes; or of the resonances of measured transfer functions, which
-    are read off the peaks for comparison and are not what is fitted.
+    Residuals are those of modes, in standard deviations; else those of resonances read off the
+    peaks of transfer functions, which are not fitted themselves.
     """
     if found.label or found.responses is None:
         off = np.stack([found.before, found.after], axis=1) - found.measured[:, None]
@@ -135,7 +135,6 @@ def _residuals(
 def _draw_residuals(
     axes: Axes, names: list[str], residuals: Float[np.ndarray, "row 2"], label: str
 ) -> None:
-    """Draw every residual before and after the fit."""
     rows = np.arange(len(names))
     axes.axvspan(-INTERVAL, INTERVAL, color=PALE, alpha=0.45, linewidth=0, label="95 %")
     axes.axvline(0.0, color=NOTE, linewidth=0.5)
@@ -179,7 +178,7 @@ def _draw_residuals(
 def _name_experiments(
     figure: Figure, axes: Axes, who: list[str], starts: Int[np.ndarray, " experiment"]
 ) -> None:
-    """Write the name of each experiment beside its first row, and part it from the last."""
+    """Write the name of each experiment beside its first row, under a line."""
     box = axes.get_position()
     margin = (0.1 / curves.COLUMN - box.x0) / box.width
     for n, (name, start) in enumerate(zip(who, starts, strict=True)):
@@ -195,7 +194,7 @@ def _name_experiments(
 def _draw_numbers(
     figure: Figure, found: Fit, places: list[tuple[float, float]], top: float
 ) -> None:
-    """Draw each fitted number on an axis of its own: start, value and 95 % interval."""
+    """Draw start, value and 95 % interval of each number on an axis of its own."""
     if places:
         write_text(figure, 0.1, top - 0.2, "Fitted numbers; bars: 95 %", 8, bold=True)
     joint = not found.shared.all()
@@ -237,14 +236,14 @@ def _draw_numbers(
 
 
 def _write_tick(value: float) -> str:
-    """Write a number with six digits; with a power of ten where it is very small or large."""
+    """Write a number with six digits, and a power of ten if it is very small or large."""
     if value == 0 or 1e-4 <= abs(value) < LARGE:
         return f"{value:.6g}".replace("-", "−")
     return curves.write_plainly(value)
 
 
 def format_with_sigma(value: float, sigma: float) -> str:
-    """Format a number with its uncertainty to two significant digits of that.
+    """Format a number with its uncertainty to two digits.
 
     >>> format_with_sigma(1.2345, 0.012)
     '1.234 ± 0.012'

@@ -1,4 +1,4 @@
-"""Text and JSON of what a fit learned: numbers, modes, misfit, and what stays undetermined."""
+"""Text and JSON of a fit: numbers, modes, misfit, undetermined combinations."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from suspension_cli.analyses.fit.solve import Fit
 
 SAME = 1e-3
-"""Relative difference of chi^2 below which two searches ended at the same place."""
+"""Relative difference of chi^2 below which two searches found the same minimum."""
 
 LARGEST = 6
 """Numbers of a combination that are printed."""
@@ -63,9 +63,7 @@ def exchanged_labels(found: Fit) -> Document | None:
 
 
 def _misfit(found: Fit) -> list[str]:
-    """Return lines on how far model and measurements disagree, and what would mend it; none if they
-    agree.
-    """
+    """Return lines on the size of a misfit and its remedy; none if there is none."""
     if not found.misfit:
         return []
     lines = [
@@ -75,13 +73,13 @@ def _misfit(found: Fit) -> list[str]:
     ]
     if found.responses is not None:
         lines.append(
-            "neither an exchanged channel nor a sign mends it: free more numbers, give sensors and"
-            " actuators gain_uncertainty or mix_uncertainty, or check uncertainties"
+            "no exchange or sign of channels removes the misfit: free more numbers, give sensors"
+            " and actuators gain_uncertainty or mix_uncertainty, or check uncertainties"
         )
     elif found.exchange is None:
         lines.append(
-            "no exchange of two labels mends it: free more numbers, or check designs, labels and"
-            " uncertainties"
+            "no exchange of two labels removes the misfit: free more numbers, or check designs,"
+            " labels and uncertainties"
         )
     else:
         first, second = found.exchange.labels
@@ -91,8 +89,8 @@ def _misfit(found: Fit) -> list[str]:
             else ""
         )
         lines.append(
-            f'are two labels exchanged? with "{first}" and "{second}" the other way round{where}'
-            f" chi^2 is {found.exchange.chi_squared:.4g}"
+            f'two labels may be exchanged: with "{first}" and "{second}" exchanged{where}, chi^2 is'
+            f" {found.exchange.chi_squared:.4g}"
         )
     return lines
 
@@ -100,12 +98,20 @@ def _misfit(found: Fit) -> list[str]:
 def numbers(found: Fit) -> str:
     """Return a table of the numbers."""
     from suspension_cli.analyses.fit.file import format_uncertainty
+    from suspension_cli.design.path_units import unit_of
 
     rows = [
-        (name, found.start[n], found.value[n], format_uncertainty(found, n).strip(", "))
-        for n, name in enumerate(found.parameters)
+        (
+            label,
+            unit_of(found.name[n]),
+            found.start[n],
+            found.value[n],
+            format_uncertainty(found, n).strip(", "),
+        )
+        for n, label in enumerate(found.parameters)
     ]
-    return tables.render({"number": "", "start": "#.6g", "fitted": "#.6g", "uncertainty": ""}, rows)
+    columns = {"number": "", "unit": "", "start": "#.6g", "fitted": "#.6g", "uncertainty": ""}
+    return tables.render(columns, rows)
 
 
 def residuals(found: Fit) -> str:
@@ -123,7 +129,7 @@ def residuals(found: Fit) -> str:
 
 
 def first_lines(found: Fit) -> list[str]:
-    """Return lines on a misfit, and on channels that are not what the file says."""
+    """Return lines on a misfit and on wrong channels."""
     lines = _misfit(found)
     if found.responses is not None:
         from suspension_cli.analyses.fit import response_text
@@ -133,7 +139,7 @@ def first_lines(found: Fit) -> list[str]:
 
 
 def search_ends(found: Fit) -> list[str]:
-    """Return chi^2, and where searches ended."""
+    """Return chi^2, and the ends of several searches."""
     lines = [f"chi^2 {found.chi_squared:.4g} for {found.freedom} degrees of freedom"]
     if len(found.ends) > 1:
         same = int((found.ends <= (1 + SAME) * found.ends[0]).sum())
@@ -143,14 +149,11 @@ def search_ends(found: Fit) -> list[str]:
 
 
 def known_combinations(found: Fit) -> list[str]:
-    """Return chi^2, and which combinations the modes determine how well."""
+    """Return chi^2, and the uncertainties of combinations of numbers."""
     lines = [
         *search_ends(found),
         "",
-        (
-            "what the modes alone determine, from best to worst known combination of relative"
-            " changes:"
-        ),
+        "uncertainties of combinations of relative changes, from the modes without priors:",
     ]
     for value, row in zip(found.singular, found.direction, strict=True):
         largest = sorted(zip(row, found.parameters, strict=True), key=lambda item: -abs(item[0]))[
@@ -158,12 +161,12 @@ def known_combinations(found: Fit) -> list[str]:
         ]
         parts = " ".join(f"{part:+.2f} {name}" for part, name in largest if abs(part) >= 0.05)
         lines.append(
-            f"  {f'to {100 / value:.2g} %' if value > 1e-9 * found.singular[0] else 'not at all'}:"
+            f"  {f'{100 / value:.2g} %' if value > 1e-9 * found.singular[0] else 'undetermined'}:"
             f" {parts}"
         )
     if len(found.singular) < len(found.name):
         lines.append(
-            f"  and {len(found.name) - len(found.singular)} not at all: there are more numbers than"
-            " modes"
+            f"  {len(found.name) - len(found.singular)} more are not determined, as there are more"
+            " numbers than modes"
         )
     return lines

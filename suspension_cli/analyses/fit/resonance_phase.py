@@ -1,9 +1,8 @@
-"""First phase of a fit: measured resonances and the modes of the design they belong to.
+"""First phase of a fit: assignment of measured resonances to modes.
 
-A resonance that is 1 % off leaves no useful gradient in the difference of two transfer functions:
-both peaks are narrower than that. So the peaks of every measured function are found first and
-assigned to the modes that the design has there, by frequency and size of the residue; then the
-numbers of the design are fitted to these frequencies alone.
+Where a resonance is 1 % off, the difference of two transfer functions has no useful gradient, as
+peaks are narrower than that. Peaks of every measured function are therefore first assigned to modes
+by frequency and residue, and the numbers of the design fitted to these frequencies alone.
 """
 
 from __future__ import annotations
@@ -24,9 +23,9 @@ if TYPE_CHECKING:
 FAR = 0.2
 """Largest ln of measured over computed frequency of a peak that may belong to a mode."""
 FARTHEST = 0.9
-"""Largest ln of their ratio if neither has another partner nearby."""
+"""Largest ln of their ratio if neither has a nearer partner."""
 EXPECTED = 0.5
-"""Size of a resonance, as for `FAINT`, from which a peak is expected."""
+"""Size of a resonance (see `FAINT`) from which a peak is expected."""
 ROUGH = 0.02
 """Relative uncertainty of a frequency that was assigned over such a distance."""
 CLOSE = 1e-4
@@ -34,15 +33,15 @@ CLOSE = 1e-4
 NEAR = 0.03
 """Typical error of a computed frequency."""
 FAINT = 0.02
-"""Size of a resonance, relative to the rest of the function there at a Q of 100, below which no
-peak is expected."""
+"""Height of a resonance of Q 100 over the rest of the function there, below which no peak is
+expected."""
 AGREES = 0.01
 """Relative difference of frequencies within which peaks of several functions are one resonance."""
 ROUNDS = ((0.02, 1.0), (5e-3, 0.3), (1e-3, 0.1), (1e-4, 0.03), (1e-4, 0.01))
-"""Smallest relative uncertainty of a resonance in each round of assigning and fitting, and the
-error from which it loses weight, as it may belong to another mode."""
+"""Per round of assignment and fit: smallest relative uncertainty of a resonance, and the error
+above which it loses weight, as it may belong to another mode."""
 LOOSE = 0.1
-"""Standard deviation, relative to a number, that stands for a missing prior in this phase."""
+"""Standard deviation, relative to a number, in place of a missing prior."""
 
 
 @dataclass(frozen=True)
@@ -52,13 +51,13 @@ class Resonances:
     Attributes
     ----------
     mode
-        Mode of the design at the start.
+        Number in the design at the start.
     frequency, sigma
         Hz.
     damping
         1/Q.
     functions
-        Number of measured functions that have it.
+        Number of measured functions with this resonance.
     """
 
     mode: ModeIndex
@@ -69,7 +68,7 @@ class Resonances:
 
 
 def assign(problem: ResponseProblem, z: Unknowns) -> Resonances:
-    """Assign the peaks of all functions to modes, and combine those of one mode."""
+    """Assign peaks of all functions to modes, and average those of one mode."""
     from scipy.optimize import linear_sum_assignment
 
     now = problem.predict(z)
@@ -136,7 +135,7 @@ def _center(several: list[Peak]) -> float:
 
 
 def search(problem: ResponseProblem, z: Unknowns) -> tuple[Unknowns, Resonances]:
-    """Fit the numbers of the design to the resonances, and take their widths as dampings."""
+    """Fit the numbers to the resonances; dampings follow from their widths."""
     p = problem.numbers
     center, width = problem.prior[0][:p].copy(), problem.prior[1][:p].copy()
     loose = ~np.isfinite(width)
@@ -175,7 +174,7 @@ def _fit(
     measured: tuple[ModeIndex, ModeValues, ModeValues],
     prior: tuple[Numbers, Numbers],
 ) -> Numbers:
-    """Fit numbers to logarithms of frequencies: modes, values and standard deviations."""
+    """Fit numbers to `measured`: modes, ln frequencies and standard deviations of these."""
     (modes, target, sigma), (center, width), p = measured, prior, len(x)
 
     def residual(v: Array) -> Array:

@@ -1,10 +1,10 @@
 """Resonances of measured transfer functions: frequency, width and residue of each peak.
 
-Around a peak a function of one resonance is a rational function,
+Around a peak the function is
 
     H (w0^2 - w^2 + i w b) = N(w),   N = n0 + n1 s + n2 s^2,   s = (w^2 - wp^2) / wp^2,
 
-with the frequency wp of the peak and other resonances in n1 and n2. It is linear in w0^2, b and N;
+with the peak's frequency wp and other resonances in n1 and n2. It is linear in w0^2, b and N;
 weights are divided by the modulus of the last denominator (Sanathanan and Koerner, IEEE Trans.
 Autom. Control 8, 56 (1963)).
 """
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from suspension_cli.analyses.fit.array_types import Frequencies
 
 PROMINENCE = 0.6
-"""Height of a peak in ln |H| above the saddles beside it, below which it is none."""
+"""Least height of a peak in ln |H| above the saddles beside it."""
 NOISE = 5.0
-"""Least height of a peak above these saddles, in standard deviations of ln |H|."""
+"""The same in standard deviations of ln |H|."""
 WINDOW = 0.06
-"""Relative distance of the frequencies around a peak that its fit uses."""
+"""Relative half width of the band around a peak that its fit uses."""
 POINTS = 7
 """Fewest frequencies of a fit."""
 PASSES = 6
@@ -81,7 +81,7 @@ def find_peaks(
 def _maxima(
     level: Frequencies,
 ) -> tuple[Int[np.ndarray, " maximum"], Float[np.ndarray, " maximum"]]:
-    """Find the local maxima that are high enough, and their heights above their saddles."""
+    """Find local maxima and their heights above their saddles."""
     inner = (level[1:-1] > level[:-2]) & (level[1:-1] >= level[2:])
     places, heights = [], []
     for place in np.flatnonzero(inner) + 1:
@@ -140,5 +140,5 @@ def _fit(
 
 
 def stack_parts(rows: Inexact[np.ndarray, "row ..."]) -> Float[np.ndarray, "2*row ..."]:
-    """Stack real parts over imaginary parts, so that complex equations become real ones."""
+    """Stack real parts over imaginary parts, to make complex equations real."""
     return np.concatenate([np.real(rows), np.imag(rows)])

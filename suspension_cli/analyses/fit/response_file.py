@@ -18,7 +18,7 @@ RESONANCE = ("measured", "sigma", "before", "after", "q", "functions")
 
 
 def fill(group: h5py.Group, found: ResponseFit) -> None:
-    """Write measured transfer functions and what was found."""
+    """Write a fit of transfer functions."""
     function = add_scale(group, "function", list(found.function), "name")
     for name in ("input", "output"):
         add_dataset(group, name, list(getattr(found, name)), "name", function)

@@ -1,11 +1,10 @@
 """Fit of a design to measured transfer functions, alone or together with measured modes.
 
-1. Channels that are exchanged, inverted or scaled are found (`wrong_channels`), as no numbers of a
-   design make up for them.
+1. Exchanged, inverted or scaled channels are found (`wrong_channels`).
 2. The numbers are fitted to the resonances (`resonance_phase`).
-3. Everything is fitted to the complex values (`response_problem`): chi^2 in the strict sense.
-4. In a misfit, every exchange and sign is tried again with the fitted numbers, and modes that are
-   far more lossy than others have frequencies of their own: something may rub.
+3. All unknowns are fitted to the complex values (`response_problem`), which gives chi^2.
+4. In a misfit, every exchange and sign is tried with the fitted numbers, and the frequencies of
+   modes far more lossy than others are freed, as something may rub.
 """
 
 from __future__ import annotations
@@ -31,27 +30,25 @@ if TYPE_CHECKING:
     from suspension_cli.analyses.fit.array_types import UnknownMatrix, Unknowns
 
 LOSSY = 3.0
-"""Damping of a mode, over that which a quarter of the modes have, from which something may rub."""
+"""Damping of a mode over the lower quartile of all from which something may rub."""
 SURE = 5.0
-"""Standard deviations of a change of omega^2 from which it is reported."""
+"""Least change of omega^2 that is reported, standard deviations."""
 ROUNDS = 3
 """Most corrections after a fit."""
 STEPS, QUICK = 40, 10
-"""Most Gauss-Newton steps of a fit, and of one that is only to rank a number."""
+"""Most Gauss-Newton steps of a fit, and of one that only ranks a number."""
 
 
 @dataclass(frozen=True)
 class SingleChange:
-    """Fit with one number of the design alone (and the nuisance parameters) free.
+    """Fit with one number of the design free, and the nuisance parameters.
 
     Attributes
     ----------
     name
         Dotted path of the number.
     start, change
-        Value in the design, and the change from it, SI.
-    chi_squared
-        Of the fit.
+        Value in the design and its change, SI.
     """
 
     name: str
@@ -62,16 +59,9 @@ class SingleChange:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A measurement that would tell more about the least known number.
+    """A measurement (input and output signals, band in Hz) that would determine a number better.
 
-    Attributes
-    ----------
-    input, output
-        Signals.
-    band
-        Hz.
-    sigma
-        Standard deviation of that number with this measurement.
+    `sigma` is the standard deviation of that number with this measurement.
     """
 
     input: str
@@ -82,7 +72,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class ResponseFit:
-    """Measured transfer functions and what a fit to them found.
+    """Measured transfer functions and a fit to them.
 
     Attributes
     ----------
@@ -91,27 +81,27 @@ class ResponseFit:
     of
         Function of each point.
     frequency, uncertainty, measured, before, after
-        Hz, and readings per drive, as measured and as predicted before and after the fit.
+        Hz, and readings per drive as measured, and as predicted before and after the fit.
     nuisance
         Fitted properties of sensors and actuators: keys, values (relative for gains, s for
-        delays), their standard deviations and those of their priors.
+        delays), and standard deviations after the fit and of the priors.
     mode, resonance
-        Modes with a measured resonance: measured frequency, its standard deviation, before, after
-        (Hz), measured Q, number of functions that have it.
+        Modes with a measured resonance: frequency as measured, its standard deviation, before and
+        after (Hz), measured Q, number of functions with it.
     corrections
-        Channels that are not what the file says.
+        Wrong channels.
     stiffened
-        Modes that are stiffer than the design explains: label, relative excess of frequency, Q.
+        Modes stiffer than the design explains: label, relative excess of frequency, Q.
     chi_squared_before
         chi^2 of the design as given, with the nuisance parameters fitted.
     changes
-        The single numbers that explain most, best first.
+        Single changes that explain most, best first.
     sentences
-        What is determined and what is not.
+        Determined and undetermined numbers.
     least
-        The number that is known least; "" if none is free.
+        A number that is known least; "" if none is free.
     candidates
-        Measurements that would tell most about it, best first.
+        Measurements that would determine it best, best first.
     """
 
     function: tuple[str, ...]
@@ -151,15 +141,7 @@ class ResponseFit:
 
 @dataclass(frozen=True)
 class Solution:
-    """End of a search.
-
-    Attributes
-    ----------
-    problem
-        With corrected channels.
-    z
-        The unknowns.
-    """
+    """End of a search: the problem with corrected channels, and its unknowns z."""
 
     problem: ResponseProblem
     z: Unknowns
@@ -181,7 +163,7 @@ class Solution:
 
 
 def solve(problem: ResponseProblem, start: Unknowns | None = None) -> Solution:
-    """Fit the unknowns of a problem; wrong channels are found and corrected."""
+    """Fit the unknowns of a problem, and correct wrong channels."""
     z = problem.start if start is None else start
     corrections, channels = wrong_channels.guess(problem, z)
     now = problem.changed(channels=channels) if corrections else problem
@@ -207,7 +189,7 @@ def solve(problem: ResponseProblem, start: Unknowns | None = None) -> Solution:
 
 
 def _free_rubbing(found: Solution) -> Solution:
-    """Free the frequencies of modes that are far more lossy than others, if that mends a misfit."""
+    """Free the frequencies of modes far more lossy than others, if that removes a misfit."""
     matched = found.matched
     if len(matched.mode) < 3:
         return found
@@ -222,7 +204,7 @@ def _free_rubbing(found: Solution) -> Solution:
 
 
 def stiffened(found: Solution, spread: UnknownMatrix) -> tuple[tuple[str, float, float], ...]:
-    """Find the modes that are stiffer than the design explains: label, excess of frequency, Q."""
+    """Find modes stiffer than the design explains: label, excess of frequency, Q."""
     problem, names = found.problem, labels(found.problem)
     first = len(found.z) - len(problem.stiff)
     damping = dict(zip(problem.damped.tolist(), problem.added(found.z)[0], strict=True))
@@ -235,7 +217,7 @@ def stiffened(found: Solution, spread: UnknownMatrix) -> tuple[tuple[str, float,
 
 
 def onto(old: ResponseProblem, new: ResponseProblem, z: Unknowns) -> Float[np.ndarray, " more"]:
-    """Convert the values of the unknowns to a problem with more unknowns, which begin at 0."""
+    """Convert values of the unknowns to a problem with more unknowns, which begin at 0."""
     values = {
         (item.side, item.channel, item.kind, item.other): value
         for item, value in old.nuisance_values(z).items()
@@ -260,7 +242,7 @@ def _merge(corrections: list[Correction], new: Correction) -> list[Correction]:
 
 
 def _rated(found: Solution, corrections: list[Correction]) -> tuple[Correction, ...]:
-    """Give each correction the chi^2 that the fitted numbers have without it."""
+    """Rate each correction by chi^2 of the fitted numbers without it."""
     rated = []
     for one in corrections:
         channels = one.undo(found.problem.channels)
@@ -272,8 +254,8 @@ def _rated(found: Solution, corrections: list[Correction]) -> tuple[Correction, 
 def refine(problem: ResponseProblem, z: Unknowns, *, quick: bool = False) -> Solution:
     """Fit to the resonances, then to the complex values.
 
-    In a misfit the search starts again without the former; a quick fit takes fewer steps and does
-    not.
+    In a misfit the search is repeated without the first. A `quick` fit takes fewer steps and is not
+    repeated.
     """
     begin, matched = resonance_phase.search(problem, z)
     end, chi_squared = _descend(problem, begin, QUICK if quick else STEPS)
@@ -286,7 +268,6 @@ def refine(problem: ResponseProblem, z: Unknowns, *, quick: bool = False) -> Sol
 
 
 def _descend(problem: ResponseProblem, z: Unknowns, steps: int) -> tuple[Unknowns, float]:
-    """Minimise chi^2 from some values."""
     return levenberg_marquardt.minimise(
         problem.residual,
         problem.jacobian,
@@ -309,7 +290,7 @@ def collect(
     covariance: UnknownMatrix,
     **findings: Any,
 ) -> ResponseFit:
-    """Collect what a fit from `start` found; `findings` are further attributes of the result."""
+    """Collect the result of a fit from `start`; `findings` are further attributes."""
     problem, p = found.problem, found.problem.numbers
     functions = problem.channels.function
     q = slice(p, p + len(problem.nuisances))

@@ -1,4 +1,4 @@
-"""Figure of a fit of transfer functions: the functions that fit worst, before and after."""
+"""Figure of the measured transfer functions that fit worst."""
 
 from __future__ import annotations
 
@@ -18,21 +18,15 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
 
 SHOWN = 6
-"""Functions that are drawn."""
+"""Most functions that are drawn."""
 POINTS = 1000
 """Frequencies at which a model is drawn."""
 EXACT, ENOUGH = 1e-9, 1e-6
-"""Relative error at which a rational interpolation ends, and which it may have."""
+"""Relative errors of a rational interpolation: aim, and largest accepted."""
 
 
 def draw(found: ResponseFit, title: str, units: Sequence[str] = ()) -> Figure:
-    """Draw magnitudes as measured, before and after the fit, and residuals.
-
-    Parameters
-    ----------
-    units
-        Of the functions, ``m/V``.
-    """
+    """Draw magnitudes (in `units`: ``m/V``) measured, before and after the fit, and residuals."""
     ratio = found.chi_squared / np.maximum(found.points, 1)
     order = np.argsort(-ratio, kind="stable")[:SHOWN]
     rows = len(order)
@@ -102,11 +96,11 @@ def _draw_one(top: Axes, below: Axes, found: ResponseFit, n: int, ratio: float) 
 def interpolate(
     frequency: Float[np.ndarray, " frequency"], value: Complex[np.ndarray, " frequency"]
 ) -> tuple[Float[np.ndarray, " finer"], Complex[np.ndarray, " finer"]]:
-    """Interpolate a computed response by a rational function, so that its peaks are round.
+    """Interpolate a computed response by a rational function, to draw its peaks between points.
 
-    A response is a rational function but for slow factors of delays and losses, so that the AAA
-    algorithm (Nakatsukasa, Sete and Trefethen, SIAM J. Sci. Comput. 40, A1494 (2018)) finds the
-    poles between the points. Where it does not, the points are returned.
+    A response is a rational function but for slow factors of delays and losses. The AAA algorithm
+    (Nakatsukasa, Sete and Trefethen, SIAM J. Sci. Comput. 40, A1494 (2018)) finds its poles; if it
+    fails, the points are returned.
 
     Examples
     --------

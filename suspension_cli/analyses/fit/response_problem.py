@@ -1,10 +1,10 @@
 """Least-squares problem of a design and its measured transfer functions.
 
-Unknowns are, in this order: the free numbers of the design, the nuisance parameters of sensors and
-actuators, for every mode in the measured band the logarithm of an added damping 1/Q (losses of a
-suspension in air are rarely known), and for some modes a relative change of omega^2 that no number
-of the design makes (something rubs). Residuals are real and imaginary parts of measured less
-predicted values over their standard deviations, measured modes, and priors.
+Unknowns z are, in this order: the free numbers of the design; the nuisance parameters of sensors
+and actuators; the logarithm of an added damping 1/Q of every mode in the measured band, as losses
+in air are rarely known; a relative change of omega^2 of modes where something may rub. Residuals,
+over their standard deviations, are real and imaginary parts of predicted less measured values,
+measured modes, and priors.
 """
 
 from __future__ import annotations
@@ -37,15 +37,15 @@ if TYPE_CHECKING:
 DAMPING = 1e-3
 """Prior median of the added damping 1/Q of a mode."""
 DAMPING_SIGMA = 2.5
-"""Standard deviation of the logarithm of that prior: a factor of 12 either way."""
+"""Standard deviation of its logarithm: a factor of 12 either way."""
 STIFFENING_SIGMA = 0.1
-"""Prior standard deviation of a relative change of omega^2 of one mode alone."""
+"""Prior standard deviation of a relative change of omega^2 of a mode."""
 BEYOND = 1.5
-"""Factor beyond the measured band up to which modes have an added damping."""
+"""Factor by which the band of modes with added damping exceeds the measured one."""
 STEP = 1e-4
 """Relative step of differences for numbers that change only frequency-dependent losses."""
 SHARED_PLANTS = 12
-"""Plants that problems that follow from one another keep for each other."""
+"""Most plants kept by problems made from one another."""
 
 
 @dataclass(frozen=True)
@@ -54,14 +54,12 @@ class Prediction:
 
     Attributes
     ----------
-    plant
-        The design with these values.
     order
-        Its mode for each mode of the design at the start.
+        Mode of `plant` for each mode of the design at the start.
     response
-        Of all signals, for each grid of frequencies.
+        Of all signals, per grid of frequencies.
     reading
-        One per measured function.
+        Per measured function.
     """
 
     plant: Plant
@@ -72,24 +70,20 @@ class Prediction:
 
 @dataclass
 class ResponseProblem:
-    """A design, its measured functions and what is unknown.
+    """A design, its measured functions and the unknowns.
 
     Attributes
     ----------
     base
-        Free numbers, measured modes and priors; one experiment.
-    channels
-        Sensors, actuators and measured functions.
+        Free numbers, measured modes and priors of one experiment.
     level
         Name of a model that supports derivatives.
     nominal
-        The design where the search starts, in whose order modes are numbered.
+        The design where the search starts, whose order of modes numbers them.
     peaks
         Resonances of each measured function.
-    damped
-        Modes with an added damping.
-    stiff
-        Modes with a change of omega^2 of their own.
+    damped, stiff
+        Modes with an added damping, and with a change of omega^2.
     """
 
     base: Problem
@@ -103,7 +97,7 @@ class ResponseProblem:
     _predictions: dict[bytes, Prediction] = field(default_factory=dict)
 
     def changed(self, **changes: object) -> ResponseProblem:
-        """Replace channels, numbers or modes; the plants of designs solved before are kept."""
+        """Replace channels, numbers or modes; keep the plants solved before."""
         return replace(self, **changes, _predictions={})
 
     @property
@@ -155,7 +149,7 @@ class ResponseProblem:
 
     @cached_property
     def scale(self) -> Unknowns:
-        """Typical size of a change of each unknown, to scale steps of the search."""
+        """Typical change of each unknown: standard deviation of its prior, else a tenth of it."""
         sigma = self.prior[1]
         size = np.abs(self.start) * 0.1
         return np.where(np.isfinite(sigma), sigma, np.where(size > 0, size, 1e-3))
@@ -183,7 +177,7 @@ class ResponseProblem:
         return dict(zip(self.nuisances, own.tolist(), strict=True))
 
     def predict(self, z: Unknowns) -> Prediction:
-        """Predict the readings of all measured functions; the last two are cached."""
+        """Predict the readings of all measured functions; the last two results are cached."""
         key = z.tobytes()
         if key not in self._predictions:
             _drop_oldest(self._predictions, 2)
@@ -239,7 +233,7 @@ class ResponseProblem:
         return result
 
     def _add_losses(self, z: Unknowns, result: list[np.ndarray]) -> None:
-        """Differentiate by numbers that act on losses as functions of frequency, by differences."""
+        """Differentiate by numbers of frequency-dependent losses, with central differences."""
         for n, name in enumerate(self.base.experiment[0].free):
             if not set(name.split(".")) & {*response_matrix.LOSSES}:
                 continue
@@ -251,10 +245,7 @@ class ResponseProblem:
                 one[:, n] = (high - low) / (2 * step)
 
     def residual(self, z: Unknowns) -> Float[np.ndarray, " residual"]:
-        """All residuals: functions, modes and priors of numbers, priors of the other unknowns.
-
-        Of each function the real parts, then the imaginary parts.
-        """
+        """Residuals of functions (real parts, imaginary parts of each), modes and priors."""
         pairs = zip(self.predict(z).reading, self.channels.function, strict=True)
         rows = [stack_parts((reading - item.value) / item.uncertainty) for reading, item in pairs]
         target = self.base.experiment[0]
@@ -279,15 +270,12 @@ class ResponseProblem:
         return np.concatenate(rows)
 
     def frequencies(self, z: Unknowns) -> ModeValues:
-        """Frequencies of the modes in the order of the start, Hz.
-
-        Without changes of omega^2 that the design does not explain.
-        """
+        """Frequencies of the design's modes in the order of the start, Hz, without `stiff`."""
         plant = self._plant(z[: self.numbers])
         return plant.modes.frequency[self._order(plant)]
 
     def frequency_slopes(self, z: Unknowns) -> Float[np.ndarray, "mode number"]:
-        """Derivatives of `frequencies` by the numbers of the design."""
+        """Differentiate `frequencies` by the numbers of the design."""
         plant = self._plant(z[: self.numbers])
         order = self._order(plant)
         slope = np.zeros((len(order), self.numbers))
@@ -303,7 +291,7 @@ class ResponseProblem:
 
 
 def _drop_oldest(store: dict[bytes, Plant] | dict[bytes, Prediction], most: int) -> None:
-    """Make room for one more entry."""
+    """Delete the oldest entries until there are fewer than `most`."""
     while len(store) >= most:
         del store[next(iter(store))]
 

@@ -1,4 +1,4 @@
-"""Findings of a fit of transfer functions in words and as JSON."""
+"""Text and JSON of a fit of transfer functions."""
 
 from __future__ import annotations
 
@@ -16,34 +16,36 @@ from suspension_cli.analyses.fit.response_fit import Candidate, ResponseFit, Sin
 from suspension_cli.analyses.fit.solve import Fit
 
 NUISANCES = 12
-"""Sensors' and actuators' properties that are printed: those furthest from their priors."""
+"""Most nuisance parameters that are printed: those farthest from their priors."""
 FUNCTIONS = 8
-"""Functions that are printed: those that fit worst."""
+"""Most functions that are printed: those that fit worst."""
 
 
 def corrections(found: ResponseFit) -> list[str]:
-    """Lines on channels and modes that no geometry explains, with what they do to chi^2."""
+    """Describe channels and modes that no geometry explains, with their effect on chi^2."""
     lines = []
     for one in found.corrections:
         wrong = "CHANNEL: " if one.known else ""
         without = (
-            f"; chi^2 without this: {one.chi_squared:.4g}" if math.isfinite(one.chi_squared) else ""
+            f" (without this chi^2 is {one.chi_squared:.4g})"
+            if math.isfinite(one.chi_squared)
+            else ""
         )
-        lines.append(f"{wrong}{one.text}; the fit assumes so{without}")
+        lines.append(f"{wrong}{one.text}; the fit includes this{without}")
     if found.stiffened:
         parts = ", ".join(
             f"{name} (frequency +{100 * excess:.2g} %, Q {q:.3g})"
             for name, excess, q in found.stiffened
         )
         lines.append(
-            f"RUBBING? too stiff and too lossy at once, which no number of the design explains:"
-            f" {parts}; look for a wire, a cable or a stop that touches"
+            "RUBBING? these modes are both stiffer and more lossy than any number of the design"
+            f" explains: {parts}; look for a wire, a cable or a stop that touches"
         )
     return lines
 
 
 def report(found: Fit) -> list[str]:
-    """Sections of the text on transfer functions."""
+    """Return the sections of the text."""
     responses = found.responses
     assert responses is not None
     parts = [_resonances(responses), _functions(responses)]
@@ -112,11 +114,11 @@ def _nuisances(found: ResponseFit) -> str:
     heads = ("change", "+-", "expected +-", "unit", "sensor or actuator")
     columns: dict[str, str] = dict.fromkeys(heads, "")
     text = tables.render(columns, rows)
-    return text + (f"\nand {left} more, nearer to what was expected" if left else "")
+    return text + (f"\nand {left} more, nearer to their expected values" if left else "")
 
 
 def nuisance_unit(name: str) -> tuple[str, float]:
-    """Unit in which a property of a sensor or an actuator is printed, and the factor to it.
+    """Printed unit of a property of a sensor or an actuator, and the factor to it.
 
     >>> nuisance_unit("sensor.osem-x.gain")
     ('%', 100.0)
@@ -138,13 +140,13 @@ def _explanations(found: Fit, responses: ResponseFit) -> list[str]:
         return []
     if not responses.changes or before < found.chi_squared + 4 * len(found.name):
         return [
-            f"The design as given explains the measurements: chi^2 {before:.4g} with only sensors,"
-            f" actuators and losses fitted, {found.chi_squared:.4g} with all numbers and their"
-            " priors"
+            f"The design as given explains the measurements: chi^2 is {before:.4g} with only"
+            f" sensors, actuators and losses fitted, {found.chi_squared:.4g} with all numbers and"
+            " their priors"
         ]
     lines = [
-        "Single changes that explain most (sensors, actuators and losses fitted), against"
-        f" chi^2 {found.chi_squared:.4g} with all numbers and their priors:"
+        "Single changes that explain most, with sensors, actuators and losses fitted; chi^2 with"
+        f" all numbers and their priors is {found.chi_squared:.4g}:"
     ]
     for one in responses.changes:
         text = describe_change(one)
@@ -168,7 +170,7 @@ def _next(found: Fit, responses: ResponseFit) -> list[str]:
 
 
 def describe_candidate(one: Candidate) -> str:
-    """A measurement in words: drive, sensor and band."""
+    """Describe a measurement: drive, sensor and band."""
     return f"drive {one.input}, sense {one.output}, {one.band[0]:.2g} to {one.band[1]:.2g} Hz"
 
 

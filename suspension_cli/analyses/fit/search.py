@@ -1,7 +1,7 @@
 """Nonlinear least squares for numbers that several measured designs share.
 
-Bounded trust regions (Branch, Coleman and Li, SIAM J. Sci. Comput. 21, 1 (1999)), with exact
-derivatives. Numbers with positive lower bounds are searched on a logarithmic scale.
+Bounded trust regions (Branch, Coleman and Li, SIAM J. Sci. Comput. 21, 1 (1999)) with exact
+derivatives; numbers with positive lower bounds on a logarithmic scale.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Problem:
     start, low, high
         Starting values and bounds, SI.
     prior, prior_sigma
-        Earlier knowledge and its standard deviation, infinite where there is none.
+        Prior value and its standard deviation, infinite where there is none.
     """
 
     experiment: list[Experiment]
@@ -56,7 +56,7 @@ class Problem:
     prior_sigma: Numbers
 
     def predict(self, x: Numbers) -> tuple[ModeValues, Float[np.ndarray, "mode number"]]:
-        """Solve for the frequencies of all measured modes, Hz, and their derivatives."""
+        """Compute the frequencies of all measured modes, Hz, and their derivatives."""
         rows, slopes = [], []
         for item, own in zip(self.experiment, self.shared.T, strict=True):
             frequency, slope = item.predict(x[own])
@@ -74,7 +74,7 @@ class Problem:
     def weighted(
         self, x: Numbers
     ) -> tuple[Float[np.ndarray, " row"], Float[np.ndarray, "row number"]]:
-        """Compute residuals over standard deviations, modes then priors, and derivatives."""
+        """Compute weighted residuals, of modes then priors, and their derivatives."""
         frequency, slope = self.predict(x)
         target, sigma = (
             np.concatenate([getattr(item, name) for item in self.experiment])
@@ -109,8 +109,11 @@ def build_problem(
     outside = np.flatnonzero(~((low <= start) & (start <= high)))
     if len(outside):
         n = int(outside[0])
-        problem = f"the design's value {start[n]:g} lies outside the bounds"
-        raise InputError([Fault(f"parameter.{n + 1}", problem, "give a start within them")])
+        problem = (
+            f"the design's value {start[n]:g} lies outside the bounds {low[n]:g} to {high[n]:g}"
+        )
+        remedy = "give a start between them, or widen them"
+        raise InputError([Fault(f"parameter.{n + 1}", problem, remedy)])
     experiments = [
         Experiment(
             text,
@@ -139,7 +142,7 @@ def _start(
     shared: Bool[np.ndarray, "number experiment"],
     level: str,
 ) -> Numbers:
-    """Choose starting values: those requested, else those of the designs, else the priors."""
+    """Choose starting values: requested ones, else those of the designs, else the priors."""
     known = [{item.name: item.value for item in parameters.every(text, level)} for text in texts]
     found, bad = [], []
     for n, (item, own) in enumerate(zip(measured.parameter, shared, strict=True), 1):
@@ -155,9 +158,9 @@ def _start(
             table, name = next((table, name) for table, name in mine if item.name not in table)
             problem = f"the design{f' of {name}' if name else ''} gives no such number"
             if any(item.name in other for other, _ in mine):
-                remedy = "list only experiments whose designs give it; or "
+                remedy = "list only experiments whose designs give it, or "
             else:
-                remedy = suggest(item.name, list(table)) + "; or "
+                remedy = suggest(item.name, list(table)) + " or "
         elif item.start is None and len(given) > 1:
             problem = "has different values in the designs that share it"
         if problem:
@@ -189,10 +192,10 @@ def _check_starts(
 def starts(
     problem: Problem, count: int, seed: int, begin: Numbers | None = None
 ) -> Iterator[Numbers]:
-    """Yield starting values: first `begin` (by default the given ones), then random ones.
+    """Yield starting values: `begin` or else the given ones, then random ones.
 
-    Numbers with a prior are drawn from it, others evenly between their bounds (evenly in the
-    logarithm where bounds are positive); numbers without either keep their starting value.
+    Numbers with a prior are drawn from it, others evenly between their bounds (in the logarithm if
+    these are positive). Numbers without either keep their starting value.
     """
     yield problem.start if begin is None else begin
     random = np.random.default_rng(seed)
@@ -233,7 +236,7 @@ def least_squares(problem: Problem, start: Numbers) -> tuple[Numbers, float]:
     def residual(u: Array) -> Array:
         try:
             return problem.weighted(number(u))[0]
-        except InputError:  # an invalid design makes the search take a smaller step
+        except InputError:  # after an invalid design the step is shortened
             return np.full(count, np.inf)
 
     def jacobian(u: Array) -> Array:

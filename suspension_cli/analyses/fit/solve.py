@@ -5,10 +5,9 @@ The fit minimises
     chi^2 = sum of ((f - measured) / uncertainty)^2 over the modes of all experiments
           + sum of ((p - prior) / uncertainty)^2 over the numbers with priors
 
-within bounds (`search`); modes without a label are assigned anew at every step. The covariance is
-the inverse of J^T J at the minimum, where J are the derivatives of the weighted residuals. The
-singular values of the modes' rows of J, for relative changes of the numbers, show which
-combinations the data determine.
+within bounds (`search`); modes without a label are assigned again at every step. The covariance is
+(J^T J)^-1 at the minimum, with the derivatives J of the weighted residuals. The singular values of
+the modes' rows of J, for relative changes of the numbers, show which combinations are determined.
 """
 
 from __future__ import annotations
@@ -52,7 +51,7 @@ if TYPE_CHECKING:
     )
 
 SIGNIFICANCE = 1e-3
-"""Probability of a chi^2 this large by chance, below which a fit is a misfit."""
+"""Probability of a chi^2 this large by chance below which a fit is a misfit."""
 UNDETERMINED = 1e-10
 """Singular value relative to the largest, below which the data do not determine a combination."""
 
@@ -64,36 +63,34 @@ class Fit:
     Attributes
     ----------
     experiment
-        Names of the experiments; for a single design, the name of the design.
-    name
-        Dotted paths of the fitted numbers; several experiments may share one.
-    shared
-        Whether a number belongs to an experiment.
+        Names of the experiments; that of the design if there is one.
+    name, shared
+        Dotted paths of the fitted numbers, and the experiments to which each belongs.
     start, value, sigma
-        Values before and after the fit, and standard deviations (infinite where the data do not
-        determine a number, NaN at a bound), SI. `sigma` and `covariance` assume the given
-        uncertainties of the measurements; multiply them by `scale` (and its square) in a misfit.
+        Values before and after the fit, and standard deviations (infinite where not determined,
+        NaN at a bound), SI. `sigma` and `covariance` follow from the given uncertainties; in a
+        misfit, multiply them by `scale` and by its square.
     of, label
         Experiment of each measured mode, from 0, and its label.
     measured, uncertainty, before, after
         Frequencies, Hz; NaN for an unstable mode.
     chi_squared, freedom
-        Sum over modes and priors; and modes and priors less numbers that are not at a bound.
+        Sum over modes and priors; and their number less that of numbers not at a bound.
     singular, direction
-        Singular values of the derivatives of the weighted mode frequencies, for relative changes
-        of the numbers: 1/singular is the relative uncertainty of the combination of these.
+        Singular values of the derivatives of the weighted mode frequencies by relative changes of
+        the numbers; 1/singular is the relative uncertainty of the combination `direction`.
     design, design_before
-        The fitted designs and those before as TOML.
+        Designs after and before the fit as TOML.
     ends
-        chi^2 at the end of the search from each start, ascending; the first is that of this fit.
+        chi^2 at the end of each search, ascending; the first is that of this fit.
     exchange
-        In a misfit, the two labels that fit better exchanged.
+        In a misfit, two labels that fit better exchanged.
     measurements
-        Text of the file of measured modes.
+        Text of the file of measurements.
     title
-        Title of the design, or of the measurements where there are several designs.
+        Title of the design, or of the measurements of several designs.
     responses
-        Measured transfer functions; None if modes alone were measured.
+        Fit of transfer functions; None if only modes were measured.
     """
 
     experiment: tuple[str, ...]
@@ -131,9 +128,9 @@ class Fit:
 
     @property
     def scale(self) -> float:
-        """Factor on `sigma`: the root of chi^2 per degree of freedom in a misfit, else 1.
+        """Factor on `sigma` (Birge, Phys. Rev. 40, 207 (1932)).
 
-        Birge, Phys. Rev. 40, 207 (1932).
+        The root of chi^2 per degree of freedom in a misfit, else 1.
         """
         return float(np.sqrt(self.chi_squared / self.freedom)) if self.misfit else 1.0
 
@@ -144,7 +141,7 @@ class Fit:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Names of the numbers, followed by their experiments where these are not all."""
+        """Names of the numbers, followed by their experiments unless these are all."""
         whose = [", ".join(np.array(self.experiment)[row]) for row in self.shared]
         return tuple(
             name if row.all() else f"{name} ({who})"
@@ -153,7 +150,7 @@ class Fit:
 
     @property
     def modes(self) -> tuple[str, ...]:
-        """Labels of the measured modes, preceded by the experiment where there are several."""
+        """Labels of the measured modes, preceded by the experiment if there are several."""
         if len(self.experiment) == 1:
             return self.label
         return tuple(
@@ -183,18 +180,18 @@ def solve(
     level
         Name of a model that supports derivatives, ``string`` or ``beam``.
     starts, seed
-        Number of searches, all but the first from random numbers, and the seed of these; the best
-        fit is returned.
+        Number of searches, of which the best is returned, and the seed of the random numbers where
+        all but the first start.
     begin
-        Where the first search begins instead of at the starting values, to whose modes labels
-        refer.
+        Where the first search begins. Labels still refer to the modes at the starting values, which
+        are the default.
     tell
         Called with (done, all, rate per second) after each search.
 
     Raises
     ------
     InputError
-        If a design has no such number or mode; it names no file if the measurements are wrong.
+        If a design has no such number or mode. It names no file if the measurements are at fault.
     """
     files = files or [""] * len(texts)
     problem = search.build_problem(texts, measured, files, level)
@@ -235,7 +232,7 @@ def solve(
 
 
 def _reporting(starts: Iterator[Numbers], count: int, tell: Progress | None) -> Iterator[Numbers]:
-    """Yield starting values, and report the progress when the next ones are wanted."""
+    """Yield starting values; report the progress after each search."""
     started = time.monotonic()
     for n, start in enumerate(starts, 1):
         yield start
@@ -256,7 +253,7 @@ def solve_responses(
     explain: bool = True,
     tell: Progress | None = None,
 ) -> Fit:
-    """Fit numbers of one design to measured transfer functions, and to modes if there are any.
+    """Fit numbers of one design to measured transfer functions, and to any measured modes.
 
     Parameters
     ----------
@@ -339,10 +336,10 @@ def _check_uncertainties(functions: Sequence[MeasuredResponse]) -> None:
 def _collect(
     problem: Problem, measured: Measured, value: Numbers, covariance: NumberMatrix, **rest: Any
 ) -> Fit:
-    """Collect the result of a fit: the fitted numbers, designs and modes, and what else is given.
+    """Collect the result of a fit; `rest` are further attributes.
 
-    Numbers at a bound have NaN in the covariance. Combinations get the sign that makes their
-    largest coefficient positive.
+    Numbers at a bound have NaN in the covariance. The largest coefficient of a combination is made
+    positive.
     """
     every = problem.experiment
     own = [value[here] for here in problem.shared.T]

@@ -1,7 +1,7 @@
-"""Search for two labels of measured modes whose exchange turns a misfit into a fit.
+"""Search for two labels of measured modes whose exchange removes a misfit.
 
-Every pair of labels of one experiment is ranked by chi^2 at the start and at the end of the fit,
-without a search; the best few are fitted again.
+Pairs of labels of one experiment are ranked by chi^2 at the start and at the end of the fit; the
+best few are fitted again.
 """
 
 from __future__ import annotations
@@ -22,22 +22,14 @@ if TYPE_CHECKING:
     from suspension_cli.analyses.fit.array_types import Numbers
 
 MAX_REFITS = 3
-"""Exchanges that are fitted again."""
+"""Most exchanges that are fitted again."""
 WORTH_REPORTING = 0.1
-"""Fraction of chi^2 to which an exchange must reduce it to be reported."""
+"""Fraction of chi^2 below which an exchange is reported."""
 
 
 @dataclass(frozen=True)
 class Exchange:
-    """Two labels of measured modes that fit better exchanged.
-
-    Attributes
-    ----------
-    experiment
-        Number of the experiment, from 0.
-    chi_squared
-        chi^2 of the fit with these labels exchanged.
-    """
+    """Two labels of an experiment (from 0) that fit better exchanged, and chi^2 of that fit."""
 
     experiment: int
     labels: tuple[str, str]
@@ -55,7 +47,7 @@ def find_exchange(
 ) -> Exchange | None:
     """Find the exchange of two labels that reduces chi^2 most; None if none does enough.
 
-    The fit ended at the numbers `end` with `chi_squared`.
+    `end` and `chi_squared` are those of the fit.
     """
     candidates = sorted(_candidates(problem, measured, end), key=lambda item: item[0])
     found = []
@@ -77,7 +69,7 @@ def _candidates(
 ) -> list[tuple[float, int, int, int]]:
     """Estimate the change of chi^2 by each exchange: (change, experiment, first mode, second mode).
 
-    The change is the smaller of those at the start and at the end of the fit.
+    It is the smaller of those at the start and at the end of the fit.
     """
     found = []
     for e, (item, own) in enumerate(zip(problem.experiment, problem.shared.T, strict=True)):

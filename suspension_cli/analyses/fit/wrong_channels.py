@@ -1,10 +1,9 @@
-"""Channels that are not what the file of measurements says: exchanged, of other sign, scaled.
+"""Channels that the file of measurements describes wrongly: exchanged, inverted, scaled.
 
-Measured and computed functions are compared before any fit, in ways that resonances at wrong
-frequencies hardly change: magnitudes as logarithms that are averaged over `SMOOTH` of the
-frequency, with heavily damped modes in the model; signs by the phase between both, which is wrong
-only between a measured and a computed resonance. After a fit, chi^2 of every alternative is
-computed with the fitted numbers.
+Before a fit, measured and computed functions are compared in two ways that resonances at wrong
+frequencies hardly affect: ln magnitudes, averaged over `SMOOTH` and with heavily damped modes in
+the model; and the phase between both, which is wrong only between a measured resonance and the
+computed one. After a fit, chi^2 of every alternative is computed with the fitted numbers.
 """
 
 from __future__ import annotations
@@ -27,21 +26,21 @@ if TYPE_CHECKING:
 SIGN, EXCHANGE, FACTOR = "sign", "exchange", "factor"
 MOST_EXCHANGES = 4
 SMOOTH = 0.08
-"""Standard deviation of ln frequency over which magnitudes are averaged."""
+"""Standard deviation of the average of magnitudes over ln frequency."""
 POINTS = 48
 """Frequencies at which averaged magnitudes are compared."""
 HEAVY = 1 / 20
 """Added damping 1/Q of all modes of the model in that comparison."""
 LARGEST = 3.0
-"""Difference of ln of magnitudes from which more does not count."""
+"""Largest difference of ln magnitudes that counts."""
 EXCHANGED = 0.25
-"""Mean decrease of that difference, per function, from which an exchange is assumed."""
+"""Mean decrease of this difference per function from which an exchange is assumed."""
 SCALED = 0.4
-"""ln of a factor from which it is assumed before a fit."""
+"""ln of the least factor that is assumed before a fit."""
 FACTOR_KNOWN = 0.5
-"""Relative uncertainty of a gain that is off by a factor: its calibration says nothing."""
+"""Relative uncertainty of a gain that is off by a factor."""
 AGREEMENT = 0.3
-"""Mean cosine of the phase between measured and computed values that counts as an agreement."""
+"""Least mean cosine of the phase between measured and computed values for an agreement."""
 KNOWN_FACTORS = (
     (1e6, "micro against SI units"),
     (1e3, "milli against SI units"),
@@ -53,16 +52,16 @@ KNOWN_FACTORS = (
     (2.0, "2: peak to peak, or one of two coils"),
     (math.sqrt(2), "the root of 2: peak against rms"),
 )
-"""Factors that calibrations are often wrong by."""
+"""Usual errors of calibrations."""
 NEAR_FACTOR = 0.06
-"""ln of a ratio to one of these within which it is named."""
+"""Difference of ln to one of these up to which it is named."""
 BETTER = 0.5
-"""Fraction of chi^2 to which a change must reduce it after a fit to be made."""
+"""Fraction of chi^2 below which a change is made after a fit."""
 
 
 @dataclass(frozen=True)
 class Correction:
-    """A change of what a channel is, which the data require.
+    """A change of a channel that the data require.
 
     Attributes
     ----------
@@ -75,8 +74,7 @@ class Correction:
     factor
         On the gain; 1 for an exchange.
     known
-        Whether the file of measurements claims otherwise (a sign it calls unknown is found, not
-        wrong).
+        Whether the file of measurements says otherwise; False for a sign that it leaves open.
     also
         Another channel whose change explains the data as well; "" if there is none.
     chi_squared
@@ -92,7 +90,7 @@ class Correction:
     chi_squared: float = math.nan
 
     def apply(self, channels: Channels) -> Channels:
-        """Make this change."""
+        """Make the change."""
         if self.kind == EXCHANGE:
             return channels.with_exchange(self.side, *self.channel)
         name = self.channel[0]
@@ -103,7 +101,7 @@ class Correction:
         return channels.with_transducer(self.side, name, **change)
 
     def undo(self, channels: Channels) -> Channels:
-        """Undo this change."""
+        """Undo the change."""
         if self.kind == EXCHANGE:
             return self.apply(channels)
         item = channels.transducer[self.side][self.channel[0]]
@@ -121,18 +119,19 @@ class Correction:
         if self.kind == SIGN:
             verb = "is wrong" if self.known else "is negative"
             return f"the sign of {table} {name}{other} {verb}"
-        return f"the gain of {table} {name}{other} is {name_factor(self.factor)} times as large"
+        size = name_factor(self.factor)
+        return f"the gain of {table} {name}{other} is {size} times the one given"
 
 
 def name_factor(factor: float) -> str:
-    """Name a factor, with its usual cause if it has one.
+    """Name a factor and its usual cause.
 
     >>> name_factor(3.15)
     '3.15 (the root of 10: a missing calibration, or 10 dB)'
     """
     text = f"{factor:.3g}"
     for value, name in KNOWN_FACTORS:
-        for known, form in ((value, name), (1 / value, f"1 / {value:.4g}, inverse of {name}")):
+        for known, form in ((value, name), (1 / value, f"inverse of {name}")):
             if abs(math.log(abs(factor) / known)) < NEAR_FACTOR:
                 return f"{text} ({form})"
     return text
@@ -159,16 +158,16 @@ def guess(problem: ResponseProblem, z: Unknowns) -> tuple[list[Correction], Chan
 
 @dataclass(frozen=True)
 class _Comparison:
-    """Measured functions beside the computed ones of all pairs of channels.
+    """Measured functions beside those computed for all pairs of channels.
 
     Attributes
     ----------
     measured
         Averaged ln magnitudes of the functions.
     computed
-        The same of every pair of channels, at the frequencies of each function.
+        The same for every pair of channels, at the frequencies of each function.
     agreement
-        Mean cosine of the phase between the measured and the computed function.
+        Mean cosine of the phase between measured and computed functions.
     """
 
     channels: Channels
@@ -210,7 +209,7 @@ class _Comparison:
         return _Comparison(channels, pairs, measured, computed, agreement)
 
     def exchange(self) -> Correction | None:
-        """Two channels of one side that fit best exchanged; None if none does much better."""
+        """Find the two channels of one side that fit best exchanged; None if no exchange helps."""
         gains = []
         for side in (0, 1):
             names = self.channels.names(side)
@@ -233,7 +232,7 @@ class _Comparison:
         return Correction(EXCHANGE, side, (first, second), also=also)
 
     def factors(self) -> list[Correction]:
-        """Channels whose magnitudes are off by a factor throughout."""
+        """Find channels whose magnitudes are off by a constant factor."""
         own = np.array([self.computed[n, a, b] for n, (a, b) in enumerate(self.pairs)])
         off = np.median(self.measured - own, axis=1)
         off[np.abs(self.measured - own).max(1) == 0] = 0.0
@@ -261,7 +260,7 @@ class _Comparison:
         return found
 
     def signs(self) -> list[Correction]:
-        """Channels of other sign: as few as explain the signs of all functions."""
+        """Find the fewest inverted channels that explain the signs of all functions."""
         left = np.where(np.abs(self.agreement) > AGREEMENT, self.agreement, 0.0)
         found: list[Correction] = []
         for _ in range(len(self.channels.names(0)) + len(self.channels.names(1))):
@@ -285,7 +284,7 @@ class _Comparison:
         return found
 
     def _also(self, side: int, functions: Bool[np.ndarray, " function"]) -> str:
-        """Name the channel of the other side that is in the same functions alone; "" if none is."""
+        """Name the channel of the other side that only these functions have; "" if none is."""
         others = {self.pairs[n][1 - side] for n in np.flatnonzero(functions)}
         if len(others) != 1:
             return ""
@@ -298,7 +297,7 @@ class _Comparison:
 
 
 def _averaging(frequency: Frequencies) -> Float[np.ndarray, "place frequency"]:
-    """Compute the weights of Gaussian averages over ln frequency at `POINTS` frequencies."""
+    """Weights of Gaussian averages over ln frequency at `POINTS` frequencies."""
     place = np.log(frequency)
     centers = np.linspace(place[0], place[-1], POINTS)
     width = max(SMOOTH, float(place[-1] - place[0]) / POINTS / 2)
@@ -308,10 +307,7 @@ def _averaging(frequency: Frequencies) -> Float[np.ndarray, "place frequency"]:
 
 
 def alternatives(problem: ResponseProblem, z: Unknowns) -> list[Correction]:
-    """Changes of one channel, or exchanges of two, with their chi^2 at the values z, best first.
-
-    `chi_squared` is that with the change.
-    """
+    """Rate changes of one channel and exchanges of two by chi^2 with each at z, best first."""
     channels, now, found = problem.channels, problem.predict(z), []
     values = problem.nuisance_values(z)
 

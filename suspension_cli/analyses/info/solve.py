@@ -104,7 +104,8 @@ class Info(Report):
                 {"stage": ""} | dict.fromkeys(change, ".1e") | {"first violin mode\nHz": ".4g"}
             )
             lines += [
-                "Largest estimated relative change of a mode frequency, per stage and refinement:",
+                "Estimated largest relative change of a mode's frequency by the bending and the"
+                " mass of each stage's wires:",
                 tables.render(columns, rows),
             ]
         else:

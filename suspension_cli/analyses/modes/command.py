@@ -40,11 +40,11 @@ class ModesAnalysis(Analysis):
     equilibrium is reported with its growth rates; a rigid mode (a body free to spin on one wire)
     has frequency 0; an overdamped mode has a decay rate and no frequency.
 
-    With --max-frequency (or --fidelity violin, then up to 1 kHz) the wires have mass: all violin
-    modes are listed with the others. On beam and violin every mode has its Q and its dilution
-    factor.
+    With --max-frequency (or --fidelity violin, then up to 1 kHz) the wires have mass, and violin
+    modes are listed, too. The beam and violin models also give the dilution factor of a mode: its
+    energy over the energy in lossy parts.
 
-    With --animate modes also move: DIR/NAME-modes-3.gif shows one period of mode 3.
+    With --animate modes are also drawn in motion: DIR/NAME-modes-3.gif is one period of mode 3.
 
     Examples: pendsus modes my.toml --max-frequency 500, pendsus modes my.toml --animate 3
     """
@@ -56,7 +56,7 @@ class ModesAnalysis(Analysis):
             "--max-frequency",
             type=options.Finite(1e-6, 1e6),
             metavar="HZ",
-            help="List all modes up to here; with auto and violin, violin modes too.",
+            help="Highest frequency of the modes listed; auto and violin include violin modes.",
         ),
         option(
             "--all",
@@ -86,6 +86,7 @@ class ModesAnalysis(Analysis):
 
         from suspension_cli.analyses.check import warnings
         from suspension_cli.analyses.check.lossless import find_lossless
+        from suspension_cli.design.plausibility import RAISE
 
         choice, model, undamped, modes = _solve(run)
         _animated(modes, run.setting)  # refuse unknown modes before anything is written
@@ -100,7 +101,7 @@ class ModesAnalysis(Analysis):
                 run.log.warn(f"{run.name}: {line}")
         for label, rate in zip(modes.label, modes.growth_rate, strict=True):
             if rate > 0:
-                run.log.warn(f"{run.name} is unstable: {label} grows at {rate:.4g} 1/s")
+                run.log.warn(f"{run.name} is unstable: {label} grows at {rate:.4g} 1/s; {RAISE}")
         extra = {"without_loss": [part.part for part in lossless]}
         return Result(self, run.source, choice, modes, extra, command=run.command)
 
@@ -165,7 +166,10 @@ class ModesAnalysis(Analysis):
         columns = {"#": "d", "frequency\nHz": "#.5g"}
         columns |= {"Q": ".4g"} if lossy else {}
         columns |= {"dilution": ".4g"} if diluted else {}
-        columns |= {"top mass\n%": ".1f", "mode, by fraction of kinetic energy": ""}
+        what = "mode, by fraction of kinetic energy"
+        if any(";" in row[-1] for row in rows):
+            what += "; why damping at the top mass fails"
+        columns |= {"top mass\n%": ".1f", what: ""}
         title = result.title + (f"  [{result.name}]" if result.title != result.name else "")
         return "\n".join([title, result.choice.line, "", tables.render(columns, rows)])
 
@@ -211,9 +215,9 @@ def _warn_of_series(run: Run, choice: Choice, modes: Modes) -> None:
     apart = estimate_series_error(run.design, modes)
     if apart is not None and abs(apart.relative) > options.TOLERANCE:
         run.log.warn(
-            f"{run.name}: blades under angled wires are taken in series with them:"
-            f" {apart.label} {apart.quick:.4g} Hz is {apart.general:.4g} Hz with --fidelity string"
-            f" ({100 * apart.relative:+.2g} %)"
+            f"{run.name}: the {choice.level} model takes blades in series with angled wires, which"
+            f" shifts {apart.label} by {100 * apart.relative:+.2g} %, from {apart.general:.4g} to"
+            f" {apart.quick:.4g} Hz; rerun with --fidelity string"
         )
 
 
@@ -250,9 +254,9 @@ def _solve(run: Run) -> tuple[Choice, LinearSystem, Modes, Modes]:
         # one without it
         at = int(np.nanargmax(still.frequency))
         top = float(still.frequency[at])
-        cause = f"the highest mode of the bodies without them ({still.label[at]})"
+        cause = f"that of {still.label[at]}, the highest mode without wire mass"
     else:
-        top, cause = highest or HIGHEST, "--max-frequency" if highest else "where none is given"
+        top, cause = highest or HIGHEST, "--max-frequency" if highest else "by default"
         choice = registry.Choice(choice.level, f"all modes up to {top:g} Hz", 0.0)
     _admit(run, wire_modes.count_modes(model, top), top, cause)
     with run.log.progress() as bar:
@@ -262,14 +266,19 @@ def _solve(run: Run) -> tuple[Choice, LinearSystem, Modes, Modes]:
 
 def _admit(run: Run, number: int, top: float, cause: str) -> None:
     """Report the number of modes if there are many; refuse more than `MOST` without --all."""
+    from suspension_cli.analyses.check import plausible
+
     if number > MOST and not run.setting["every"]:
         problem = (
-            f"wires with mass have {number:,} modes up to {top:.4g} Hz ({cause}), and more than"
-            f" {MOST:,} take long"
+            f"wires with mass have {number:,} modes up to {top:.4g} Hz ({cause}); more than"
+            f" {MOST:,} take minutes"
         )
         remedy = (
-            "check the design's numbers, give a lower --max-frequency, or --all to have them all"
+            "check lengths and radii of wires (m), give a lower --max-frequency, or --all to"
+            " compute all"
         )
+        if causes := plausible.find_serious(run.design):
+            remedy = f"probable cause: {causes[0].line}"
         raise InputError([Fault("", problem, remedy)])
     if number > MANY:
         run.log.say(f"{run.name}: {number:,} modes up to {top:.4g} Hz")

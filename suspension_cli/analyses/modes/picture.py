@@ -102,6 +102,8 @@ def draw_pages(modes: Modes, design: Design, scene: Scene, subtitle: str) -> lis
     """
     bodily = np.flatnonzero(modes.order == 0).tolist()
     numbers = bodily[:MOST]
+    if not numbers:
+        return []
     note = f"The lowest {MOST} of {len(bodily)} modes. " if len(bodily) > MOST else ""
     with style.house_style():
         rest = sketch_at_rest(design, scene)

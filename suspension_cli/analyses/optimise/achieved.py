@@ -1,7 +1,6 @@
-"""Quantities of goals computed by the ordinary analyses, independently of the search.
+"""Quantities of goals, computed as in `pendsus modes`, `response` and `check`.
 
-Modes are solved as in `pendsus modes`, responses as in `pendsus response`, tensions as in `pendsus
-check`.
+They are independent of the search.
 """
 
 from __future__ import annotations
@@ -50,10 +49,10 @@ class Achieved:
     value : array
         In the units of the quantities; NaN for a mode that is unstable or cannot be followed.
     place : array
-        Number of the mode that each refers to, from 0; -1 for other quantities.
+        Number of the mode of each, from 0; -1 for other quantities.
     modes : Modes
     ranked : list of int arrays
-        Numbers of the modes of each family, in ascending order of frequency.
+        Numbers of the modes of each family, ascending in frequency.
     """
 
     value: Float[np.ndarray, " quantity"]
@@ -80,8 +79,8 @@ def evaluate(
         Mode families of the starting design.
     models : Models
     follow : callable
-        Maps modes and their system to the number of the mode that each mode of the starting design
-        has become, -1 where this is unknown.
+        From modes and their system to the number among these of each mode of the starting design;
+        -1 where unknown.
     """
     design = reader.parse(text)
     model = models.modes.model.system(design)
@@ -102,7 +101,6 @@ def evaluate(
 
 
 def _response(design: Design, item: OfResponse, level: str) -> float:
-    """Magnitude of a response, SI."""
     model = registry.by_name(level).system(with_imperfections(design, item.perturbation))
     outputs = [item.ratio.over] + ([] if item.ratio.under is None else [item.ratio.under])
     found = response.solve(model, np.array([item.ratio.frequency]), [item.ratio.input], outputs)
@@ -111,7 +109,7 @@ def _response(design: Design, item: OfResponse, level: str) -> float:
 
 
 def _stress(design: Design, part: Part) -> float:
-    """Stress of a wire or blade in equilibrium, as a fraction of its tensile strength."""
+    """Stress of a wire or blade in equilibrium over its tensile strength."""
     if part.blade:
         scene = expand(design)
         return loads.stress(design, scene, equilibrium.solve(scene).pose, part).real

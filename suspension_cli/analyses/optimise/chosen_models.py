@@ -20,27 +20,20 @@ from suspension_cli.models.registry import Choice
 
 @dataclass(frozen=True)
 class Models:
-    """Models that modes and responses are computed with.
-
-    Attributes
-    ----------
-    modes : Choice
-    responses : dict
-        By response.
-    """
+    """Models of all modes, and of each response."""
 
     modes: Choice
     responses: dict[OfResponse, Choice] = field(default_factory=dict)
 
     def of(self, item: Quantity) -> str:
-        """Name of the model of a quantity; stresses and heights are those of straight wires."""
+        """Name of the model of a quantity (not of stresses and heights: straight wires)."""
         if isinstance(item, OfResponse):
             return self.responses[item].level
         return self.modes.level
 
     @property
     def levels(self) -> list[str]:
-        """Names of all models, the modes' first."""
+        """Names of all models, that of the modes first."""
         return [choice.level for choice in (self.modes, *self.responses.values())]
 
 
@@ -62,7 +55,7 @@ def choose(
     tolerance : float
         Relative error that ``auto`` may leave.
     least : Models, optional
-        Models that are accurate enough at other designs; no cheaper ones are taken.
+        Cheapest models to take, as other designs need them.
 
     Raises
     ------

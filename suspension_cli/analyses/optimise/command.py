@@ -1,4 +1,4 @@
-"""`pendsus optimise`: numbers of a design chosen so that it meets goals."""
+"""`pendsus optimise`: numbers of a design that meet goals."""
 
 from __future__ import annotations
 
@@ -29,10 +29,9 @@ if TYPE_CHECKING:
     from suspension_cli.design.goals import Goals
 
 STARTS, SEED = 6, 1
-"""As `optimise.solve` has them, which is not imported just to print help."""
+"""Copies of those in `optimise.solve`, whose import would delay the help."""
 NEAREST = 3
-"""Limits of each goal that are printed where all are met and none is active: those with the least
-margin."""
+"""Printed limits of a goal that is met: those with the least margin."""
 
 
 class OptimiseAnalysis(Analysis):
@@ -40,7 +39,7 @@ class OptimiseAnalysis(Analysis):
 
     GOALS is a TOML file that lists goals, and the free numbers with bounds. Writes the design as
     DIR/NAME-optimised.toml, and DIR/NAME-optimise.h5 and .png. The written design is checked
-    against every goal by the ordinary analyses; exit code 1 if a limit is not met.
+    against every goal as by modes, response and check. The exit code is 1 if a limit is not met.
 
     Example: pendsus optimise my.toml goals.toml
     """
@@ -53,7 +52,7 @@ class OptimiseAnalysis(Analysis):
             type=click.IntRange(1, 64),
             default=STARTS,
             show_default=True,
-            help="Designs to search from; the first is the design itself.",
+            help="Number of designs from which searches start; the first is the design itself.",
         ),
         option(
             "--seed",
@@ -76,7 +75,7 @@ class OptimiseAnalysis(Analysis):
         return [replace(run, inputs=inputs)]
 
     def solve(self, run: Run) -> Result:
-        """Search for a design, and check it by the ordinary analyses."""
+        """Search for a design, and check it."""
         from suspension_cli.analyses.optimise import solve as optimise
         from suspension_cli.errors import InputError
         from suspension_cli.models.registry import Choice
@@ -96,14 +95,14 @@ class OptimiseAnalysis(Analysis):
             except InputError as error:
                 ours = error.faults[0].key.split(".")[0] in ("goal", "free", "equal")
                 raise error.in_file(file if ours else run.source.file) from None
-        run.log.detail(f"searched and checked on {found.fidelity}: {found.reason}")
-        _warn(found, run.log)
         choice = Choice(found.fidelity, found.reason, found.error)
+        run.log.detail(f"search and check of {run.name}: {choice.line}")
+        _warn(found, run.log)
         data = replace(found, goals=run.inputs["text"])
         return Result(self, run.source, choice, data, {"goals_file": file}, command=run.command)
 
     def document(self, result: Result) -> Document:
-        """Return numbers, limits, quantities and modes; null for what there is none of."""
+        """Return numbers, limits, quantities and modes; null where there is none."""
         found: Optimum = result.data
         return {
             "checked_on": found.fidelity,
@@ -129,16 +128,19 @@ class OptimiseAnalysis(Analysis):
         }
 
     def text(self, result: Result) -> str:
-        """Return what changed, what each goal got, and where the starts arrived."""
+        """Return changed numbers, limits of each goal, and the ends of the searches."""
+        from suspension_cli.design.path_units import unit_of
+
         found: Optimum = result.data
         numbers = found.numbers
         places = ("at its lower bound", "", "at its upper bound")
         remarks = (
-            f"{'follows ' * bool(tied)}{places[int(bound) + 1]}"
+            f"{'dependent ' * bool(tied)}{places[int(bound) + 1]}"
             for tied, bound in zip(numbers.tied, numbers.bound, strict=True)
         )
-        rows = zip(numbers.name, numbers.before, numbers.after, remarks, strict=True)
-        columns = {"number": "", "before": "#.6g", "after": "#.6g", "": ""}
+        units = map(unit_of, numbers.name)
+        rows = zip(numbers.name, units, numbers.before, numbers.after, remarks, strict=True)
+        columns = {"number": "", "unit": "", "before": "#.6g", "after": "#.6g", "": ""}
         lines = [result.choice.line, "", tables.render(columns, rows), ""]
         names = [goal.name or goal.kind for goal in _goals(found).goal]
         for name in dict.fromkeys(names):
@@ -162,7 +164,7 @@ class OptimiseAnalysis(Analysis):
         return {"": style.name_neglected(drawn, result.choice)}
 
     def others(self, result: Result, path: Path) -> list[Path]:
-        """Write the design found as NAME-optimised.toml."""
+        """Write the optimised design as NAME-optimised.toml."""
         from suspension_cli.analyses.optimise import file as stored
 
         made = path.with_name(f"{result.name}-optimised.toml")
@@ -176,17 +178,17 @@ class OptimiseAnalysis(Analysis):
 
 
 def _warn(found: Optimum, log: Log) -> None:
-    """Warn of goals that cannot be judged, and of a design that is unstable or not final."""
+    """Warn of unknown quantities, of couplings that are 0, and of an unstable design."""
     from suspension_cli.analyses.check import warnings
     from suspension_cli.design import reader
 
     warnings.warn_implausible(reader.parse(found.design), log)
     for what in found.unknown:
-        log.warn(f"not known, so not met: {what}")
+        log.warn(f"unknown, and so not met: {what}")
     for name, value in zip(found.quantities.name, found.quantities.after, strict=True):
         if value == 0:
             log.warn(
-                f"{name} is 0: the design's symmetry forbids it whatever its numbers are; give the"
+                f"{name} is 0 by the symmetry of the design, whatever its numbers are; give the"
                 " goal a perturbation"
             )
     unstable = [
@@ -196,13 +198,12 @@ def _warn(found: Optimum, log: Log) -> None:
     ]
     if unstable:
         log.warn(
-            f"the design found is unstable: {', '.join(unstable)}; no goal forbids it but a band of"
+            f"the design found is unstable: {', '.join(unstable)}; add a goal of kind band for"
             " these modes"
         )
 
 
 def _goals(found: Optimum) -> Goals:
-    """Read the goals from their text."""
     from suspension_cli.design import goals
 
     return goals.read("", found.goals)
@@ -266,7 +267,7 @@ def _modes(found: Optimum) -> list[Document]:
 
 
 def _goal(found: Optimum, numbers: list[int], name: str) -> list[str]:
-    """Format the goals of one name: limits not met or active, or those with the least margin."""
+    """Format goals of one name: limits not met, active, or with the least margin."""
     limits, quantities = found.limits, found.quantities
     mine = [n for n, goal in enumerate(limits.goal) if goal in numbers]
     if not mine:
@@ -285,29 +286,28 @@ def _goal(found: Optimum, numbers: list[int], name: str) -> list[str]:
             if limits.other[n] < 0
             else ""
         )
-        room = [_percent(limits.room[n])] if math.isfinite(limits.room[n]) else []
+        room = [f"margin {_percent(limits.room[n])}"] if math.isfinite(limits.room[n]) else []
         lines.append(
             f"         {limits.name[n]}: {_size(limits.value[n])}{was}"
             f" ({', '.join([*room, *([state] if state else [])])})"
         )
     if len(shown) < len(mine):
-        lines.append(f"         and {len(mine) - len(shown)} with more room")
+        lines.append(f"         and {len(mine) - len(shown)} with larger margins")
     return lines
 
 
 def _size(value: float) -> str:
-    """Format a value, "none" for a mode that is unstable or has no counterpart."""
+    """Format a value; "none" for a mode that is unstable or unknown."""
     return f"{value:.4g}" if math.isfinite(value) else "none"
 
 
 def _percent(value: float) -> str:
-    """Format the room in %, without a minus before a zero."""
+    """Format a margin in %, without a minus before a zero."""
     percent = 100 * value
     return f"{percent:+.0f} %" if abs(percent) >= 10 else f"{round(percent, 2) + 0.0:+.2f} %"
 
 
 def _verdict(found: Optimum) -> str:
-    """Format the number of limits, of those not met and of those unknown."""
     count, missed, unknown = (
         len(found.limits.name),
         int((~found.limits.met).sum()),
@@ -318,21 +318,24 @@ def _verdict(found: Optimum) -> str:
     )
     said += [f"{unknown} NOT KNOWN"] if unknown else []
     return ", ".join(
-        [f"{count or 'no'} limit{'' if count == 1 else 's'}", *said, f"checked on {found.fidelity}"]
+        [
+            f"{count or 'no'} limit{'' if count == 1 else 's'}",
+            *said,
+            f"checked with the {found.fidelity} model",
+        ]
     )
 
 
 def _starts(found: Optimum) -> list[str]:
-    """Format the number of starts that reached each design."""
     place, kept = found.starts.place, found.starts.after <= 1e-8
     if len(place) == 1:
         return []
-    text = f"{int((place == 1).sum())} of {len(place)} starts arrived at this design"
+    text = f"{int((place == 1).sum())} of {len(place)} searches ended at this design"
     if not kept[place == 1].any():
-        return [text + ", and none keeps to all limits"]
+        return [text + "; no search met all limits"]
     others, failed = int(((place > 1) & kept).sum()), int((~kept).sum())
-    text += f", {others} at others that keep to all limits" if others else ""
-    return [text + (f", {failed} at none that does" if failed else "")]
+    text += f", {others} at others that meet all limits" if others else ""
+    return [text + (f", {failed} met not all limits" if failed else "")]
 
 
 ANALYSIS = OptimiseAnalysis()

@@ -1,15 +1,14 @@
 """Constrained search for free numbers: first the smallest violation of limits, then the objective.
 
 Sequential quadratic programming (SLSQP; Kraft, DFVLR-FB 88-28 (1988)) with exact derivatives, in
-fractions u in [0, 1] of the ranges between the bounds. All limits are logarithmic margins
-c(u) >= 0, one per mode, which makes them smooth. First
+fractions u in [0, 1] of the ranges between the bounds. Limits are logarithmic margins c(u) >= 0,
+one per mode so that they are smooth. First
 
     minimise s    subject to    c(u) + s >= 0,  -s <= e(u) <= s,  s >= 0,
 
-where s is the largest violation and e are equalities; then, from there, minimise the objective
-subject to c >= 0 and e = 0. The bounds apply throughout, including the bounds b(u) >= 0 of
-dependent numbers. Where there is no valid design (a wire shorter than its span, a slack wire) the
-search gets values far worse than the previous ones, so that it takes a smaller step.
+with the largest violation s and equalities e; from there, minimise the objective subject to c >= 0
+and e = 0. Bounds always apply, also those of dependent numbers, b(u) >= 0. For an invalid design (a
+slack wire, say) the search gets values far worse than the last ones, and shortens its step.
 """
 
 from __future__ import annotations
@@ -32,20 +31,20 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
 
 MAX_ITERATIONS = 100
-"""Iterations of each of the two searches at most."""
+"""Most iterations of each of the two searches."""
 PRECISION = 1e-10
 """Change of the minimised function at which a search ends."""
 FEASIBLE = 1e-8
-"""Violation up to which a point satisfies all limits, including the margin of the goals."""
+"""Largest violation of a point that satisfies all limits with the margin of the goals."""
 ACTIVE = 1e-5
 """Margin below which a limit is active."""
 PENALTY = 10.0
-"""Added to the values of the last valid design where there is none."""
+"""Change for the worse of all values at an invalid design."""
 
 
 @dataclass(frozen=True)
 class Point:
-    """A design that the search has evaluated.
+    """An evaluated design.
 
     Attributes
     ----------
@@ -54,10 +53,10 @@ class Point:
     log : array
         Logarithms of the quantities.
     violation : float
-        Largest violation of a limit, as a logarithm.
+        Largest violation of a limit (logarithm).
     objective : float
     outside : float
-        Largest excess of a dependent number over its bounds, relative to the bound.
+        Largest excess of a dependent number over a bound, relative to that.
     """
 
     fraction: Float[np.ndarray, " number"]
@@ -73,7 +72,7 @@ class Point:
 
     @property
     def rank(self) -> tuple[float, float, float]:
-        """Sort key, smallest is best: excess over bounds, then violation, then objective."""
+        """Sort key (smallest is best): excess over bounds, violation, objective."""
         beyond = self.outside if self.outside > FEASIBLE else 0.0
         return (
             (beyond, self.violation, 0.0)
@@ -90,16 +89,16 @@ class ActiveSet:
     ----------
     active : array
     multiplier : array
-        Multipliers of the limits: decrease of the objective (of the largest violation, where
-        limits are violated) per unit of margin given up.
+        Decrease of the objective per unit by which the margin of a limit may shrink (of the largest
+        violation, where limits are violated).
     bound : array
         -1 at the lower bound, 1 at the upper one, 0 between them.
     bound_multiplier : array
-        Multipliers of the bounds, per range between the bounds.
+        Multipliers of the bounds, per range between them.
     tied_multiplier : array
-        Multipliers of the bounds of dependent numbers, see `Freed.ties`.
+        Multipliers of the bounds of dependent numbers, see `FreeDesign.ties`.
     stationarity : float
-        Norm of the objective's gradient that the multipliers do not balance, relative to its norm.
+        Norm of the gradient that the multipliers do not balance, over that of the whole gradient.
     """
 
     active: Bool[np.ndarray, " limit"]
@@ -112,7 +111,7 @@ class ActiveSet:
 
 @dataclass
 class Search:
-    """Constrained search for one design, with a cache of evaluated points.
+    """Constrained search for one design.
 
     Attributes
     ----------
@@ -123,7 +122,7 @@ class Search:
     best : Point or None
         Best point of the current search.
     pairs : tuple of Limit
-        Limits between neighbouring modes that have to lie apart.
+        Separations of neighbouring modes.
     """
 
     values: Evaluator
@@ -149,11 +148,11 @@ class Search:
 
     @property
     def limits(self) -> tuple[Limit, ...]:
-        """Limits of the goals, then those between neighbouring modes that have to lie apart."""
+        """Limits of the goals, then the separations of neighbouring modes."""
         return (*self.requirements.limits, *self.pairs)
 
     def order(self, log: Float[np.ndarray, " quantity"]) -> tuple[Limit, ...]:
-        """Limits between modes that have to lie apart, neighbours at the logarithms."""
+        """Separations of the modes that are neighbours at the logarithms of the quantities."""
         found = []
         for goal, places, value, hertz in self.requirements.separations:
             ranked = sorted(places, key=lambda n: log[n])
@@ -186,7 +185,7 @@ class Search:
         Float[np.ndarray, " equality"],
         Float[np.ndarray, "equality number"],
     ]:
-        """Compute margins less the margin of the goals, their slopes, equalities and theirs."""
+        """Compute margins less that of the goals, their slopes, equalities and their slopes."""
         size = len(self.begin)
         parts: dict[bool, list[tuple[float, Float[np.ndarray, " number"] | float]]] = {
             False: [],
@@ -203,7 +202,7 @@ class Search:
     def within(
         self, fraction: Float[np.ndarray, " number"]
     ) -> tuple[Float[np.ndarray, " row"], Float[np.ndarray, "row number"]]:
-        """Compute the relative margins of dependent numbers within their bounds, and slopes."""
+        """Compute relative distances of dependent numbers from their bounds, and slopes."""
         rows, sides = self.freed.ties()
         number = self.freed.numbers(fraction)
         return rows @ number + sides, rows * self.freed.rate(number)
@@ -221,7 +220,7 @@ class Search:
 
     @property
     def maximises_margin(self) -> bool:
-        """Whether the smallest margin is the objective."""
+        """Whether the objective is the smallest margin."""
         return self.goals.prefer == "margin" and not self.requirements.terms
 
     def point(self, fraction: Float[np.ndarray, " number"]) -> Point | None:
@@ -244,7 +243,7 @@ class Search:
         return found
 
     def run(self, fraction: Float[np.ndarray, " number"]) -> Point | None:
-        """Search from fractions; return the best point, None for an invalid start."""
+        """Search from fractions; return the best point, or None for an invalid start."""
         self.best, now = None, self.value(fraction)
         if now is None:
             return None
@@ -261,12 +260,12 @@ class Search:
         """Minimise the violation (phase 1), or the objective subject to the limits (phase 2)."""
         from scipy.optimize import minimize
 
-        # s, the violation common to all limits, is one more variable
+        # the largest violation s is one more variable
         extra = phase == 1 or self.maximises_margin
         last: list[tuple[float, Array, Array, Array, Array, Array]] = []
 
         def evaluate(x: Array) -> tuple[float, Array, Array, Array, Array, Array]:
-            """Return objective, gradient, c, slopes, e, slopes; with a penalty if invalid."""
+            """Return objective, gradient, c, slopes, e, slopes; worse by `PENALTY` if invalid."""
             u = np.clip(x[: len(fraction)], 0.0, 1.0)
             now = self.value(u)
             if now is None:
@@ -334,9 +333,9 @@ class Search:
         )
 
     def active_set(self, point: Point) -> ActiveSet:
-        """Find active limits and bounds and their multipliers by non-negative least squares.
+        """Find active limits and bounds, with multipliers by non-negative least squares.
 
-        The multipliers satisfy the conditions of Karush, Kuhn and Tucker as well as possible.
+        The multipliers meet the conditions of Karush, Kuhn and Tucker as well as possible.
         """
         from scipy.optimize import nnls
 
@@ -347,7 +346,7 @@ class Search:
         side = np.where(
             point.fraction <= FEASIBLE, -1, np.where(point.fraction >= 1 - FEASIBLE, 1, 0)
         )
-        # minimising the largest violation: the multipliers of the margins add up to 1
+        # where s is minimised, the multipliers of the margins add up to 1
         most = self.maximises_margin or point.violation > FEASIBLE
         reach = 0.0
         if most:
@@ -400,10 +399,7 @@ def margin(
     log: Float[np.ndarray, " quantity"],
     slope: Float[np.ndarray, "quantity number"] | None = None,
 ) -> tuple[float, Float[np.ndarray, " number"] | float]:
-    """Compute the margin of a limit and its slope.
-
-    For an equality, the logarithm of value over limit.
-    """
+    """Compute the margin of a limit (of an equality: ln of value over limit) and its slope."""
     y, dy = log[limit.quantity], 0.0 if slope is None else slope[limit.quantity]
     if limit.other >= 0:
         z, dz = log[limit.other], 0.0 if slope is None else slope[limit.other]
@@ -416,6 +412,6 @@ def margin(
 
 
 def signed_margin(limit: Limit, log: Float[np.ndarray, " quantity"]) -> float:
-    """Compute the margin of a limit for logarithms; minus the deviation for an equality."""
+    """Compute the margin of a limit; of an equality minus the absolute deviation."""
     value, _ = margin(limit, log)
     return -abs(value) if limit.sense == "equals" else value

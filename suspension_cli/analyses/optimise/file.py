@@ -28,7 +28,7 @@ PARTS: dict[str, tuple[str, type]] = {
     "modes": ("mode", ModeTable),
     "starts": ("start", Starts),
 }
-"""Parts of a result: scale, which is also the first word of the datasets, and type."""
+"""Parts of a result: scale, whose name starts those of the datasets, and type."""
 TEXTS = ("name", "label", "sense", "unit")
 """Fields that are text."""
 UNITS = {
@@ -97,7 +97,7 @@ def load(group: Stored) -> Optimum:
 
 
 def save_design(path: Path, found: Optimum, file: str, goals: str, command: str) -> None:
-    """Write the optimised design, headed by its origin and the limits that it does not meet."""
+    """Write the optimised design, headed by comments on its origin and limits not met."""
     limits, numbers = found.limits, found.numbers
     head = [f"{file}, optimised for {goals} by pendsus {__version__}:", f"  {command}"]
     head.append(

@@ -1,4 +1,4 @@
-"""A design as a function of its free numbers, on which other numbers may depend."""
+"""A design as a function of its free numbers and of those that depend on them."""
 
 from __future__ import annotations
 
@@ -23,20 +23,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class FreeDesign:
-    """A design, its free numbers and the numbers that depend on these.
+    """A design with free and dependent numbers.
 
     Attributes
     ----------
     text : str
         The design as TOML, with the starting values.
-    free : tuple of Free
-        Free numbers, with their bounds.
     equal : tuple of Equal
         Dependent numbers, linear in free and fixed ones.
     start : array
         Starting values of the free numbers, SI.
     fixed : dict of float
-        Fixed numbers that others depend on, by dotted path, SI.
+        Fixed numbers on which others depend, by dotted path, SI.
     """
 
     text: str
@@ -56,11 +54,11 @@ class FreeDesign:
         for n, item in enumerate(goals.free, 1):
             value = item.start if item.start is not None else known.get(item.name)
             if item.name not in known:
-                remedy = suggest(item.name, list(known)) + "; add it with --set if it is left out"
+                remedy = suggest(item.name, list(known)) + " or add it to the design (--set)"
                 faults.append(
                     Fault(
                         f"free.{n}.name",
-                        "is no number that the design gives",
+                        "the design gives no such number",
                         remedy,
                         format_value(item.name),
                     )
@@ -69,8 +67,9 @@ class FreeDesign:
                 faults.append(
                     Fault(
                         f"free.{n}",
-                        f"the design's value {value:g} lies outside the bounds",
-                        "give a start within them",
+                        f"the design's value {value:g} lies outside the bounds"
+                        f" {item.lower:g} to {item.upper:g}",
+                        "give a start between them, or widen them",
                     )
                 )
             start.append(value)
@@ -84,7 +83,7 @@ class FreeDesign:
                 faults += [
                     Fault(
                         key,
-                        "is no number that the design gives",
+                        "the design gives no such number",
                         suggest(name, list(known)),
                         format_value(name),
                     )
@@ -128,7 +127,7 @@ class FreeDesign:
         return np.array([item.scale == "log" for item in self.free])
 
     def numbers(self, fraction: Float[np.ndarray, " number"]) -> Float[np.ndarray, " number"]:
-        """Compute free numbers from fractions of the ranges from the lower to the upper bounds."""
+        """Compute free numbers from fractions of the ranges between their bounds."""
         low, high = self.lower, self.upper
         with np.errstate(invalid="ignore", divide="ignore"):
             found = np.where(
@@ -141,7 +140,7 @@ class FreeDesign:
         return np.clip(found, low, high)
 
     def fractions(self, number: Float[np.ndarray, " number"]) -> Float[np.ndarray, " number"]:
-        """Compute the fractions of the ranges between the bounds; the inverse of `numbers`."""
+        """Compute the inverse of `numbers`."""
         low, high = self.lower, self.upper
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.where(
@@ -151,7 +150,7 @@ class FreeDesign:
             )
 
     def rate(self, number: Float[np.ndarray, " number"]) -> Float[np.ndarray, " number"]:
-        """Differentiate `numbers` by the fractions, at free numbers."""
+        """Differentiate `numbers` by the fractions."""
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.where(
                 self._log, number * np.log(np.abs(self.upper / self.lower)), self.upper - self.lower
@@ -179,9 +178,9 @@ class FreeDesign:
         ]
 
     def ties(self) -> tuple[Float[np.ndarray, "tied number"], Float[np.ndarray, " tied"]]:
-        """Bounds of dependent numbers as A (b, p) and b (b,), with A x + b >= 0.
+        """Bounds of dependent numbers as A and b, with A x + b >= 0 for free numbers x.
 
-        x are the free numbers (p,); rows are relative to the bounds.
+        Rows are relative to the bounds.
         """
         rows, sides = [], []
         for item in self.equal:

@@ -1,10 +1,9 @@
 """Stress of wires and blades as a fraction of their strength, and depth of bodies.
 
-The stress of a wire under tension T is T/A at its smallest cross-section A. A cantilever of length
-L, width b at its base and thickness h with the load F at its tip has its largest bending stress at
-the base: moment F L over section modulus b h^2/6, so 6 F L/(b h^2) for any taper (any text on
-beams; Torrie, PhD thesis, University of Glasgow (2001), for these blades). All functions accept
-complex numbers, for derivatives by complex steps.
+The stress of a wire under tension T is T/A at its smallest cross-section A. That of a blade is the
+bending stress at its base, moment F L over section modulus b h^2/6: 6 F L/(b h^2) for load F at the
+tip, length L, width b at the base, thickness h and any taper (Torrie, PhD thesis, University of
+Glasgow (2001)). All functions accept complex numbers, for derivatives by complex steps.
 """
 
 from __future__ import annotations
@@ -25,21 +24,14 @@ from suspension_cli.scene.scene import Scene
 
 @dataclass(frozen=True)
 class Part:
-    """A wire or blade; one represents all of a perfect symmetric set.
+    """A wire or blade; one stands for all of a perfect symmetric set.
 
     Attributes
     ----------
-    stage : str
-    blade : bool
-        Whether it is a blade.
-    member : int
-        Number in the stage, from 0.
-    place : int
-        Number in the scene, from 0.
-    label : str
-        Name to print.
+    member, place : int
+        Number in the stage and in the scene, from 0.
     missing : str
-        Key that the design must give for the stress to be known; "" if it is known.
+        Key that the design lacks to give the stress; "" if none.
     """
 
     stage: str
@@ -72,7 +64,7 @@ def parts(design: Design) -> list[Part]:
 
 
 def _tables(stage: Stage, blade: bool) -> tuple[Any, list[Any]]:
-    """Return the symmetric set of a stage, and its single wires or blades."""
+    """Symmetric set of a stage, and its single wires or blades."""
     return (stage.blades, stage.blade) if blade else (stage.wires, stage.wire)
 
 
@@ -98,7 +90,6 @@ def _unknown_strength(design: Design, names: set[str], key: str) -> str:
 
 
 def _materials(wire: WireSet | Wire) -> set[str]:
-    """Name the materials of a wire and its sections."""
     named = [wire.material, *(piece.material for piece in wire.sections or ())]
     return {name for name in named if name}
 
@@ -109,16 +100,7 @@ def _strength(design: Design, names: set[str]) -> complex:
 
 
 def stress(design: Design, scene: Scene, pose: Pose, part: Part) -> complex:
-    """Compute the stress of a part as a fraction of its tensile strength, NaN if that is unknown.
-
-    Parameters
-    ----------
-    design : Design
-    scene : Scene
-    pose : Pose
-        Equilibrium of the design.
-    part : Part
-    """
+    """Compute the stress of a part over its tensile strength in a pose; NaN if unknown."""
     stage = next(item for item in design.stage if item.name == part.stage)
     whole, single = _tables(stage, part.blade)
     table, n = whole or single[part.member], part.place

@@ -4,14 +4,14 @@ A mode is (K(lambda) - lambda M) v = 0 with lambda = omega^2. If a number of the
 
     (K - lambda M) dv - T v dlambda = -(dK - lambda dM) v,      T = M - dK/dlambda,
 
-with v T dv = 0, as shapes have any size here (Nelson, AIAA Journal 14, 1201 (1976), where K is
-constant). Modes of one symmetry do not share a frequency, so this is solved in the block of the
-mode. The fraction of its kinetic energy in the top mass is
+with v T dv = 0, as the size of v is arbitrary (Nelson, AIAA Journal 14, 1201 (1976), for constant
+K). This is solved in the mode's block, as modes of one symmetry do not share a frequency. The
+fraction of kinetic energy in the top mass is
 
     s = (v D v / v E v) (v M v / v T v)
 
-with D and E the blocks of M of the top mass and of all bodies; v T v is the energy of the bodies
-and of the wires together.
+with the blocks D and E of M of the top mass and of all bodies; v T v is the energy of bodies and
+wires.
 """
 
 from __future__ import annotations
@@ -30,19 +30,19 @@ if TYPE_CHECKING:
     from jaxtyping import Float
 
 APART = 0.01
-"""Step of omega^2, relative, between the frequencies at which K is evaluated around a mode."""
+"""Relative step of omega^2 between the frequencies around a mode at which K is evaluated."""
 NODES = APART * np.array([-2, -1, 1, 2])
-"""Distances in omega^2 of these frequencies from the mode, relative."""
+"""Relative distances of omega^2 of these frequencies from that of the mode."""
 
 
 def frequencies_around(squared: float) -> Float[np.ndarray, " 4"]:
-    """Frequencies, rad/s, at which `Stiffness` needs the matrices; 0 for an unstable mode."""
+    """Frequencies, rad/s, at which `Stiffness.of` needs matrices; 0 for an unstable mode."""
     return np.sqrt(np.maximum(squared * (1 + NODES), 0.0))
 
 
 @dataclass(frozen=True)
 class Stiffness:
-    """Stiffness of a model at a mode, and its first two derivatives by omega^2."""
+    """Stiffness at a mode, and its first two derivatives by omega^2."""
 
     value: Array
     first: Array | float = 0.0
@@ -68,12 +68,7 @@ class Stiffness:
 class ModeDerivatives:
     """Derivatives of one mode by the free numbers.
 
-    Attributes
-    ----------
-    squared : (p,) array
-        Of omega^2.
-    fraction : (p,) array
-        Of the logarithm of the fraction of kinetic energy in the top mass.
+    `squared` are those of omega^2, `fraction` those of ln of the energy fraction in the top mass.
     """
 
     squared: Float[np.ndarray, " number"]
@@ -94,7 +89,7 @@ def differentiate(
     ----------
     model : LinearSystem
     block : int
-        Number of the block of the mode.
+        Number of the mode's block.
     shape : array
         In the named coordinates.
     squared : float
@@ -125,7 +120,7 @@ def differentiate(
     ]
 
     def logarithm_rates(of: Array, changed: list[Array]) -> Array:
-        """Derivatives of the logarithm of v A v."""
+        """Derivatives of ln(v A v)."""
         products = [
             2 * move @ of @ shape + shape @ change @ shape
             for move, change in zip(moved.T, changed, strict=True)
@@ -144,7 +139,7 @@ def differentiate(
 
 
 def _blocks(shape: tuple[int, ...], count: int) -> Float[np.ndarray, "coordinate coordinate"]:
-    """Ones in the blocks of the first bodies of a mass matrix; for several, on the diagonal too."""
+    """Ones in the blocks of the first bodies of a mass matrix; of several also on its diagonal."""
     body = np.arange(shape[0]) // 6
     result = (body[:, None] == body) & (body < count)
     return (result | (count > 1) & np.eye(*shape, dtype=bool)).astype(float)

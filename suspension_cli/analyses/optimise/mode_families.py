@@ -2,9 +2,9 @@
 
 Mirror symmetries split motions into families that do not couple: longitudinal with pitch,
 transverse with roll, vertical, yaw. Within a family, frequencies generally do not cross (von
-Neumann and Wigner, Phys. Z. 30, 467 (1929)), so that its rank there identifies a mode in any
-design, whatever its shape, and its frequency changes smoothly. A mode that is identified by its
-label is followed by shape along the straight line between the two designs (`mode_tracking`).
+Neumann and Wigner, Phys. Z. 30, 467 (1929)), so that the rank of a mode identifies it in any
+design, and its frequency changes smoothly. A mode with a label is followed by shape along the
+straight line between two designs (`mode_tracking`).
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
 
 HIGHEST = 1.05
-"""Frequency up to which modes of the bodies on massive wires are searched for, over the highest on
-massless wires; wire mass lowers frequencies, except next to a violin mode."""
+"""Highest frequency of the search for modes of bodies with wire mass, over the highest without;
+wire mass lowers frequencies, except next to a violin mode."""
 PATH_STEPS = 24
-"""Steps on the line from one design to another at which shapes are compared."""
+"""Steps between two designs at which shapes are compared."""
 
 
 @dataclass(frozen=True)
@@ -76,9 +76,9 @@ class Families:
         )
 
     def ranked(self, energy: Float[np.ndarray, "mode body 6"]) -> list[Int[np.ndarray, " _"]]:
-        """List the numbers of the modes of each family, in ascending order of frequency.
+        """List the numbers of the modes of each family, ascending in frequency.
 
-        Families keep their numbers of modes where imperfections mix them.
+        Where imperfections mix families, each keeps its number of modes.
         """
         energy_by_family = _family_energy(self.member, energy)
         own = energy_by_family.argmax(1)
@@ -92,17 +92,17 @@ class Families:
 def _family_energy(
     member: Int[np.ndarray, " 6"], energy: Float[np.ndarray, "mode body 6"]
 ) -> Float[np.ndarray, "mode family"]:
-    """Compute the fraction of the kinetic energy of each mode in each family."""
+    """Fraction of the kinetic energy of each mode in each family."""
     return energy.sum(-2) @ np.eye(int(member.max()) + 1)[member]
 
 
 def has_wire_mass(model: LinearSystem) -> bool:
-    """Whether wires of a system have mass, so that its modes include violin modes."""
+    """Whether wires have mass, so that modes include violin modes."""
     return any(isinstance(term, WireTerm) and term.strand.massive for term in model.terms)
 
 
 def solve_modes(model: LinearSystem) -> Modes:
-    """Solve for the modes of the bodies: of massive wires, those most like the modes without."""
+    """Solve for the modes of the bodies; with wire mass, those most like the modes without."""
     static = eigenmodes.solve(model.constant)
     if not has_wire_mass(model):
         return static
@@ -116,7 +116,7 @@ def solve_modes(model: LinearSystem) -> Modes:
 def energy_fractions(
     found: batch_modes.Spectrum, bodies: int
 ) -> Float[np.ndarray, "build mode body 6"]:
-    """Compute the fractions of kinetic energy of a batch, by mode, body and motion."""
+    """Fractions of kinetic energy of a batch, by mode, body and motion."""
     squares = found.shape[..., : 6 * bodies] ** 2
     return squares.reshape(*squares.shape[:-1], bodies, 6)
 
@@ -130,20 +130,20 @@ def follow_modes(
     model: LinearSystem,
     level: str,
 ) -> Int[np.ndarray, " mode"]:
-    """Follow the modes of a design to another one, along the straight line between the two.
+    """Follow the modes of a design along the straight line to another.
 
     Parameters
     ----------
     text : str
-        Either design as TOML, for all numbers that do not change.
+        Either design as TOML.
     start, end : dict of float
-        The numbers that change, by dotted path, at both ends.
+        Numbers that change, by dotted path, at both ends.
     nominal : array
         Shapes at the start, as in `batch_modes.Spectrum`.
     found : Modes
         Modes at the end.
     model : LinearSystem
-        The design at the end.
+        Linear system at the end.
     level : str
         Name of a model that supports builds.
 

@@ -1,10 +1,10 @@
 """Logarithms of quantities of a design and their derivatives by its free numbers.
 
-Each quantity is that of its model, losses and wire mass included. The matrices are differentiated
-exactly where they do not depend on frequency (`studies.derivatives`), else by differences of the
-fourth order (`studies.differences`). Derivatives of modes: `mode_derivatives`; of responses:
-`response_derivatives`; of stresses and heights, which are those of straight wires: one complex step
-with the change of the equilibrium (`derivatives.moved`).
+Quantities include losses and wire mass if their model does. Matrices are differentiated exactly
+where they do not depend on frequency (`studies.derivatives`), else by differences of fourth order
+(`studies.differences`); modes as in `mode_derivatives`, responses as in `response_derivatives`.
+Stresses and heights, of straight wires, take one complex step with the change of the equilibrium
+(`derivatives.moved`).
 """
 
 from __future__ import annotations
@@ -61,12 +61,12 @@ if TYPE_CHECKING:
 
 Change = TypeVar("Change")
 TINY = 1e-30
-"""Smallest energy fraction or response; it replaces 0, which has no logarithm."""
+"""Smallest energy fraction or response, in place of 0, which has no logarithm."""
 LINEAR_BELOW = 0.1
-"""Fraction of the lowest limit of a frequency below which its logarithm is continued linearly in
-omega^2, to unstable modes."""
+"""Frequency, over the lowest limit on it, below which its logarithm continues linearly in omega^2,
+to unstable modes."""
 LINEAR_BELOW_HZ = 1e-3
-"""Frequency below which the logarithm is continued linearly for a mode without limits, Hz."""
+"""The same for a mode without limits, Hz."""
 
 
 @dataclass(frozen=True)
@@ -79,15 +79,7 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class Evaluator:
-    """Quantities of a design as a function of its free numbers.
-
-    Attributes
-    ----------
-    freed : FreeDesign
-    requirements : Requirements
-    families : Families
-    models : Models
-    """
+    """Quantities of a design as functions of its free numbers."""
 
     freed: FreeDesign
     requirements: Requirements
@@ -119,10 +111,7 @@ class Evaluator:
         return result
 
     def at(self, number: Float[np.ndarray, " number"]) -> Evaluation:
-        """Evaluate logarithms and derivatives for free numbers.
-
-        Raises `InputError` if the design is invalid.
-        """
+        """Evaluate logarithms and derivatives; raises `InputError` if the design is invalid."""
         design, quantities = self.freed.design(number), self.requirements.quantities
         directions = self.freed.directions(number)
         log, slope = np.empty(len(quantities)), np.zeros((len(quantities), len(directions)))
@@ -173,22 +162,22 @@ class Evaluator:
         model: LinearSystem,
         number: Float[np.ndarray, " number"],
     ) -> dict[int, int]:
-        """Find the modes that some quantities refer to, by the number of the quantity."""
+        """Find the modes of some quantities, by the number of the quantity."""
         chosen = [self.requirements.quantities[n] for n in some]
         places = find_places(
             chosen, self.families.ranked(found.energy), lambda: self.follow(found, model, number)
         )
         if min(places) < 0:
-            problem = "modes cannot be followed to this design"
-            raise InputError([Fault("goal", problem, "name them by dof")])
+            problem = "modes named by label cannot be followed to this design"
+            raise InputError([Fault("goal", problem, "name them by dof instead")])
         return dict(zip(some, places, strict=True))
 
     def follow(
         self, found: Modes, model: LinearSystem, number: Float[np.ndarray, " number"]
     ) -> Int[np.ndarray, " mode"]:
-        """Find the modes that those of the starting design become; -1 for unknown ones.
+        """Find the number among `found` of each mode of the starting design; -1 if unknown.
 
-        `found` are the modes of the design with the free numbers, `model` its linear system.
+        `found` are the modes with the free numbers, `model` the linear system.
         """
         start, end = self.freed.values(self.freed.start), self.freed.values(number)
         return mode_families.follow_modes(
@@ -198,10 +187,10 @@ class Evaluator:
     def batch(
         self, numbers: Float[np.ndarray, "start number"]
     ) -> Float[np.ndarray, "start quantity"]:
-        """Compute the logarithms for a batch of free numbers; NaN for invalid designs.
+        """Approximate logarithms for a batch of free numbers; NaN for invalid designs.
 
-        Approximate, to choose starts: modes that are followed by shape are those that overlap
-        most with the modes of the starting design, and loads are those of the nominal pose.
+        Modes with a label are those that overlap most with the modes of the starting design; loads
+        are those of the nominal pose.
         """
         columns = [self.freed.values(number) for number in numbers]
         values = {name: np.array([one[name] for one in columns]) for name in columns[0]}
@@ -219,7 +208,7 @@ class Evaluator:
     def _of_batch(
         self, found: Builds, good: Bool[np.ndarray, " point"], some: list[int]
     ) -> Float[np.ndarray, "build some"]:
-        """Compute the logarithms of some quantities of the valid designs of a batch."""
+        """Logarithms of some quantities of the valid designs of a batch."""
         quantities = [self.requirements.quantities[n] for n in some]
         result = np.zeros((int(good.sum()), len(some)))
         solved = batch_modes.solve(select_models(found.model, good))
@@ -263,7 +252,7 @@ class Evaluator:
 
 @dataclass(frozen=True)
 class _Modes:
-    """Modes of a design, and its matrices and their changes at the frequencies `_around` them."""
+    """Modes of a design, with matrices and their changes at the frequencies `_around` them."""
 
     model: LinearSystem
     found: Modes
@@ -274,7 +263,7 @@ class _Modes:
     def evaluate(
         self, place: int, floor: float, *, fraction: bool
     ) -> tuple[float, Float[np.ndarray, " number"]]:
-        """Compute the logarithm of a frequency or an energy fraction, and its derivatives."""
+        """Logarithm of a frequency or an energy fraction, and its derivatives."""
         squared, rates = self.found.omega_squared[place], self._derivatives(place)
         if not fraction:
             value, slope = _of_square(squared, rates.squared, floor)
@@ -305,7 +294,7 @@ class _Modes:
 
 
 def _around(model: LinearSystem, found: Modes, places: Iterable[int]) -> list[float]:
-    """Frequencies, rad/s, at which derivatives of modes need matrices; none without wire mass."""
+    """Frequencies, rad/s, at which derivatives of modes need matrices; [] without wire mass."""
     if not has_wire_mass(model):
         return []
     squared = found.omega_squared[sorted(set(places))]
@@ -313,10 +302,10 @@ def _around(model: LinearSystem, found: Modes, places: Iterable[int]) -> list[fl
 
 
 def _demanded(name: str, change: Change | None) -> Change:
-    """Raise `InputError` if a number cannot change alone."""
+    """Return the change by a number; raise `InputError` if it cannot change alone."""
     if change is None:
-        problem = "changing it unbalances the nominal suspension"
-        remedy = "let other numbers change with it by [[equal]]"
+        problem = "a change of this number alone unbalances the suspension in its nominal pose"
+        remedy = "let other numbers depend on it by [[equal]]"
         raise InputError([Fault(f"free.{name}", problem, remedy)])
     return change
 
@@ -324,7 +313,7 @@ def _demanded(name: str, change: Change | None) -> Change:
 def find_places(
     quantities: Sequence[Quantity], ranked: list[Index], follow: Callable[[], Index]
 ) -> list[int]:
-    """Find the modes that quantities refer to; -1 for unknown modes and other quantities."""
+    """Find the modes of quantities; -1 for unknown modes and other quantities."""
     modes = [item for item in quantities if isinstance(item, OfMode)]
     followed = follow() if any(item.number >= 0 for item in modes) else np.zeros(0, dtype=int)
 
@@ -340,13 +329,12 @@ def find_places(
 
 
 def _of_square(squared: float, rate: Array | float, floor: float) -> tuple[float, Array | float]:
-    """Compute the log of the frequency (Hz) of an omega^2, linear below `floor`, and its rate."""
+    """Logarithm of the frequency (Hz) of omega^2, linear below `floor`, and its rate."""
     size = max(squared, floor)
     return np.log(size) / 2 - np.log(2 * np.pi) + (squared - size) / (2 * floor), rate / (2 * size)
 
 
 def _load(item: Quantity, design: Design, scene: Scene, pose: Pose) -> complex:
-    """Stress or height of a design in a pose."""
     if isinstance(item, OfPart):
         return loads.stress(design, scene, pose, item.part)
     assert isinstance(item, OfDepth)

@@ -1,4 +1,4 @@
-"""Result of `pendsus optimise` as plain arrays: numbers, quantities, limits, modes, starts."""
+"""Result of `pendsus optimise` as plain arrays."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Numbers:
-    """Numbers that changed: the free ones, then the dependent ones.
+    """Free numbers, then dependent ones.
 
     Attributes
     ----------
@@ -26,8 +26,8 @@ class Numbers:
     bound : array
         -1 at the lower bound, 1 at the upper one, 0 between them.
     multiplier : array
-        Decrease of the objective per relaxation of the bound, in units of the range between the
-        bounds; NaN for a dependent number with only one bound.
+        Decrease of the objective per shift of the bound outwards, in units of the range between
+        the bounds; NaN for a dependent number with only one bound.
     """
 
     name: tuple[str, ...]
@@ -48,14 +48,13 @@ class Quantities:
     ----------
     name, unit : tuple of str
     before, after : arrays
-        Values by the ordinary analyses; NaN for an unstable mode.
+        Values of `achieved`; NaN for an unstable mode.
     searched : array
         Values in the search.
     mode : array
-        Number of the mode of the optimised design that each refers to, from 0; -1 for others.
+        Number of the mode in the optimised design, from 0; -1 for other quantities.
     weight : array
-        Weight in the objective: positive for quantities to minimise, negative for those to
-        maximise, 0 for others.
+        Weight in the objective: positive to minimise, negative to maximise, 0 for others.
     """
 
     name: tuple[str, ...]
@@ -78,18 +77,18 @@ class Limits:
     goal : array
         Number of the goal in its file, from 1.
     quantity, other : array
-        Number of the quantity, and of the one that it has to lie apart from (-1: none).
+        Number of the quantity, and of the one below it in a separation (-1: none).
     sense : tuple of str
         ``at_least``, ``at_most`` or ``equals``.
     asked, value : arrays
         Limit and value; ratios or differences of separations.
     margin : array
-        Logarithm of value over limit, or of limit over value, negative if the limit is not met;
-        minus the absolute value for an equality.
+        ln of value over limit, or of limit over value, negative if not met; minus the absolute
+        value for an equality.
     met, active : array
         Active limits constrain the optimum.
     multiplier : array
-        Decrease of the objective per unit of margin given up.
+        Decrease of the objective per unit by which the margin may shrink.
     """
 
     name: tuple[str, ...]
@@ -106,9 +105,9 @@ class Limits:
 
     @property
     def room(self) -> Float[np.ndarray, " limit"]:
-        """Distance of each value from its limit relative to the limit, negative if it is not met.
+        """Relative distance of each value from its limit, negative if not met.
 
-        Never positive for an equality.
+        Of an equality it is never positive.
         """
         away = self.value / self.asked - 1
         sense = np.array(self.sense, dtype=str)
@@ -127,14 +126,12 @@ class ModeTable:
     ----------
     name : tuple of str
         Family and rank, ``longitudinal-pitch 1``.
-    label : tuple of str
-        Label in the optimised design, as in `pendsus modes`.
+    label, number : tuple of str, array
+        Label and number (from 0) in the optimised design.
     before, after : arrays
         Frequencies, Hz; NaN for an unstable mode.
     fraction_before, fraction_after : arrays
         Fraction of the kinetic energy in the top mass.
-    number : array
-        Number among the modes of the optimised design, from 0.
     """
 
     name: tuple[str, ...]
@@ -148,7 +145,7 @@ class ModeTable:
 
 @dataclass(frozen=True)
 class Starts:
-    """Starts of the search, the first is the given design.
+    """Starts of the search; the first is the given design.
 
     Attributes
     ----------
@@ -156,7 +153,7 @@ class Starts:
         Largest violation of a limit (logarithm); NaN for an invalid design.
     objective : array
     place : array
-        Number of the design that each start led to, from 1, equal for equal designs; 0 if none.
+        Number of the design reached, from 1, equal for equal designs; 0 if none.
     """
 
     before: Float[np.ndarray, " start"]
@@ -171,17 +168,14 @@ class Optimum:
 
     Attributes
     ----------
-    numbers, quantities, limits, modes, starts
     unknown : tuple of str
-        Requested quantities that are unknown, and what the design would have to give.
+        Requested quantities that are unknown, and the keys that the design lacks.
     objective : str
         Description of the function that was minimised.
     stationarity : float
-        Norm of the objective's gradient that the multipliers do not balance, relative to its norm.
-    fidelity, reason : str
-        Model of the modes in search and check, and why.
-    error : float
-        Estimated relative error of that model.
+        See `ActiveSet`.
+    fidelity, reason, error : str, str, float
+        Model of the modes in search and check, why, and its estimated relative error.
     design : str
         The optimised design as TOML.
     goals : str

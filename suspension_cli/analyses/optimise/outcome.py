@@ -1,4 +1,4 @@
-"""Result of an optimisation, from the search and the checks by the ordinary analyses."""
+"""Result of an optimisation, from the search and its check."""
 
 from __future__ import annotations
 
@@ -29,24 +29,20 @@ if TYPE_CHECKING:
     from jaxtyping import Float
 
 EQUAL = 1e-6
-"""Relative deviation up to which an equality counts as met."""
+"""Relative deviation up to which an equality is met."""
 
 
 def summarise(
     search: Search, best: Point, drawn: Achieved, made: Achieved, choice: Choice, starts: Starts
 ) -> Optimum:
-    """Assemble the result of a search.
+    """Assemble the result of a search from its best point.
 
     Parameters
     ----------
-    search : Search
-    best : Point
-        The best point that it found.
     drawn, made : Achieved
         Quantities of the starting and of the optimised design.
     choice : Choice
         The model of the modes.
-    starts : Starts
     """
     freed, requirements = search.freed, search.requirements
     active = search.active_set(best)
@@ -127,10 +123,7 @@ def _numbers(freed: FreeDesign, number: Float[np.ndarray, " number"], active: Ac
 
 
 def _dependent_multipliers(freed: FreeDesign, active: ActiveSet) -> Float[np.ndarray, " tied"]:
-    """Multipliers of the bounds of dependent numbers, per range between them.
-
-    NaN for a number with only one bound.
-    """
+    """Multipliers of the bounds of dependent numbers per range between them; NaN with one bound."""
     found, parts = np.zeros(len(freed.equal)), iter(active.tied_multiplier)
     for n, item in enumerate(freed.equal):
         span = np.nan if item.lower is None or item.upper is None else item.upper - item.lower
@@ -141,7 +134,7 @@ def _dependent_multipliers(freed: FreeDesign, active: ActiveSet) -> Float[np.nda
 
 
 def _limits(search: Search, made: Achieved, active: ActiveSet) -> Limits:
-    """Compare all limits with the optimised design, whose order of modes sets the separations."""
+    """Compare limits, and separations of its neighbouring modes, with the optimised design."""
     with np.errstate(invalid="ignore", divide="ignore"):
         log = np.log(made.value)
     before = {limit: n for n, limit in enumerate(search.limits)}
@@ -189,7 +182,7 @@ def _named(limit: Limit, requirements: Requirements) -> str:
 
 
 def _titled(item: Quantity) -> str:
-    """Unique name of a quantity: a mode has a frequency and an energy fraction."""
+    """Unique name of a quantity, as a mode has a frequency and an energy fraction."""
     return item.text + (" from the top mass" if isinstance(item, OfMode) and item.fraction else "")
 
 

@@ -35,29 +35,22 @@ BAND = "#dcefe8"
 ROW = 0.17
 """Height of a row, inches."""
 BETWEEN = 0.68
-"""Height between panels, for labels, in."""
+"""Height between panels, in."""
 WIDTH = 4.5
 """Width of the figure, in."""
 ASIDE = 0.17
-"""Shift of markers up before and down after, so that equal values are both seen, rows."""
+"""Shift of markers before (up) and after (down), rows."""
 MET = 1e-4
-"""Margin below a limit that counts as rounding, %."""
+"""Violation of a limit that may be rounding, %."""
 SIGN = {"at_most": "≤", "at_least": "≥", "equals": "="}
 MAX_ROOM = 100.0
 """Distance from a limit in % at which bars are cut off."""
 MIN_FRACTION = 1e-4
-"""Fraction of the kinetic energy at which the axis starts; smaller ones are drawn on its edge."""
+"""Least fraction of the kinetic energy on the axis; smaller ones are drawn on its edge."""
 
 
 def draw(found: Optimum, title: str) -> Figure:
-    """Draw the figure of `pendsus optimise`.
-
-    Parameters
-    ----------
-    found : Optimum
-    title : str
-        Names of the design and the model.
-    """
+    """Draw the figure of `pendsus optimise`; `title` names design and model."""
     with house_style():
         others = _other_limits(found)
         modes, numbers, margins = (
@@ -79,13 +72,13 @@ def draw(found: Optimum, title: str) -> Figure:
             _write_above(figure, top, "Other limits: margin before and after")
         met, count = int(found.limits.met.sum()), len(found.limits.name)
         unknown = f", {len(found.unknown)} unknown" if found.unknown else ""
-        said = f"Optimised: {met} of {count} limits met{_say_before(found)}{unknown}"
+        said = f"Optimised: {met} of {count} limits met{_met_before(found)}{unknown}"
         curves.write_heading(figure, said, title)
         return figure
 
 
-def _say_before(found: Optimum) -> str:
-    """Say how many limits the original design missed, where all are simple ones."""
+def _met_before(found: Optimum) -> str:
+    """Say how many limits the original design met, if none is an equality or separation."""
     margins = np.array([_margin_before(found, n) for n in range(len(found.limits.name))])
     if "equals" in found.limits.sense or not np.isfinite(margins).all():
         return ""
@@ -93,7 +86,6 @@ def _say_before(found: Optimum) -> str:
 
 
 def _draw_key(figure: Figure, axes: Axes) -> None:
-    """Draw the key of all panels below the heading."""
     figure.legend(
         handles=axes.get_legend_handles_labels()[0],
         loc="upper left",
@@ -123,7 +115,7 @@ def _rows(axes: Axes, names: list[str]) -> Int[np.ndarray, " row"]:
 
 
 def _limits_of_row(found: Optimum, row: int, unit: str) -> list[int]:
-    """Numbers of the limits on one quantity of the mode of a row, `unit` selects which."""
+    """Numbers of the limits on the quantity with this unit of the mode of a row."""
     mode, units = found.quantities.mode, found.quantities.unit
     mine = [
         n
@@ -185,7 +177,7 @@ def _join(
     after: Float[np.ndarray, " row"],
     rows: Int[np.ndarray, " row"],
 ) -> None:
-    """Draw a line from each value before to that after, below it."""
+    """Draw lines from values before to values after."""
     ends = np.stack([np.stack([before, rows - ASIDE], 1), np.stack([after, rows + ASIDE], 1)], 1)
     axes.add_collection(
         LineCollection([*ends], colors=NOTE, linewidths=0.6, zorder=2, clip_on=False)
@@ -193,7 +185,7 @@ def _join(
 
 
 def _missed(found: Optimum, unit: str) -> tuple[Bool[np.ndarray, " row"], Bool[np.ndarray, " row"]]:
-    """Whether the mode of each row misses a limit, before and after."""
+    """Whether the mode of each row misses a limit before, and after."""
     mine = [_limits_of_row(found, row, unit) for row in range(len(found.modes.name))]
     before = [any(_margin_before(found, n) < -MET for n in own) for own in mine]
     return np.array(before), np.array([any(not found.limits.met[n] for n in own) for own in mine])
@@ -206,7 +198,7 @@ def _mark(
     rows: Int[np.ndarray, " row"],
     missed: tuple[Bool[np.ndarray, " row"], Bool[np.ndarray, " row"]],
 ) -> None:
-    """Mark values before and after, those that miss a limit in red, not clipped at an edge."""
+    """Mark values before and after, in red where they miss a limit."""
     for values, wrong, shift, name, look in (
         (before, missed[0], -ASIDE, "before", {"marker": "o", "markersize": 4, "mfc": "white"}),
         (after, missed[1], ASIDE, "after", {"marker": "D", "markersize": 3.4}),
@@ -295,7 +287,6 @@ def _draw_numbers(axes: Axes, found: Optimum) -> None:
 
 
 def _describe_change(path: str, before: float, after: float) -> str:
-    """Name of a number, shortened, and its values before and after."""
     _, factor = displayed_unit(path, after)
     values = f"{factor * before:.3g} → {factor * after:.3g}".replace("-", "−")
     name = path.removeprefix("stage.").replace(".geometry.", ".")
@@ -347,7 +338,7 @@ def _draw_margins(axes: Axes, found: Optimum, which: list[int]) -> None:
 
 
 def _margin_before(found: Optimum, number: int) -> float:
-    """Margin of the original design from a limit, in % of it; NaN for a separation of modes."""
+    """Margin of the original design, % of a limit; NaN for a separation."""
     limits = found.limits
     if limits.other[number] >= 0:
         return np.nan
@@ -358,7 +349,7 @@ def _margin_before(found: Optimum, number: int) -> float:
 
 
 def _name_limit(found: Optimum, number: int) -> str:
-    """Name a limit with its size and unit; a stress in % of that at which it breaks."""
+    """Name a limit with its size and unit; stresses in % of breaking stress."""
     limits, quantities = found.limits, found.quantities
     if limits.other[number] >= 0:
         return single_line(limits.name[number].replace("<=", "≤").replace(">=", "≥"), 40)

@@ -1,6 +1,6 @@
-"""Goals as limits on and weights of positive quantities of a design.
+"""Goals as limits on, and weights of, positive quantities of a design.
 
-The margin of a limit is logarithmic, ln(value/limit) for a lower one: 0.01 means 1 %.
+The margin of a lower limit is ln(value/limit): 0.01 means 1 %.
 """
 
 from __future__ import annotations
@@ -28,13 +28,12 @@ class OfMode:
 
     Attributes
     ----------
-    text, unit : str
     fraction : bool
         Whether it is the energy fraction.
     family, rank : int
-        Family of the mode and its rank there, from 0; -1 if it is followed by shape.
+        Family of the mode and rank there, from 0; -1 if it is followed by shape.
     number : int
-        Number among the modes of the starting design, from 0; -1 if family and rank identify it.
+        Number in the starting design, from 0; -1 if family and rank identify the mode.
     """
 
     text: str
@@ -47,7 +46,7 @@ class OfMode:
 
 @dataclass(frozen=True)
 class OfResponse:
-    """Magnitude of a response, or of a ratio of two, of a design with some imperfections."""
+    """Magnitude of a response, or of a ratio of two, of a design with imperfections."""
 
     text: str
     unit: str
@@ -57,7 +56,7 @@ class OfResponse:
 
 @dataclass(frozen=True)
 class OfPart:
-    """Stress of a wire or blade, as a fraction of its tensile strength."""
+    """Stress of a wire or blade over its tensile strength."""
 
     text: str
     unit: str
@@ -87,10 +86,8 @@ class Limit:
 
     Attributes
     ----------
-    goal : int
-        Number of the goal, from 0.
-    quantity : int
-        Number of the quantity, from 0.
+    goal, quantity : int
+        Their numbers, from 0.
     other : int
         Number of the lower mode of a separation; else -1.
     sense : str
@@ -111,7 +108,7 @@ class Limit:
 
 @dataclass(frozen=True)
 class ObjectiveTerm:
-    """Weighted logarithm of a quantity in the objective, which is minimised."""
+    """Weighted logarithm of a quantity in the objective."""
 
     goal: int
     quantity: int
@@ -124,13 +121,10 @@ class Requirements:
 
     Attributes
     ----------
-    quantities : tuple of Quantity
-    limits : tuple of Limit
     separations : tuple of (goal, modes, value, hertz)
-        Sets of modes that have to lie apart; neighbours depend on the design.
-    terms : tuple of ObjectiveTerm
+        Sets of modes to be kept apart; neighbours depend on the design.
     unknown : tuple of (str, str)
-        Requested stresses that are unknown, and the keys that would have to be given.
+        Requested stresses that are unknown, and the keys that the design lacks.
     """
 
     quantities: tuple[Quantity, ...]
@@ -156,7 +150,7 @@ def interpret(
     design : Design
         The starting design.
     found : Modes
-        Its modes; goals refer to their labels.
+        Its modes, to whose labels goals refer.
     families : Families
     known : tuple of str
         Names of the bodies, see `signals.bodies_with_signals`.
@@ -200,7 +194,7 @@ def interpret(
         faults.append(
             Fault(
                 "goal",
-                "no goal refers to a quantity that is known for this design",
+                "no goal names a quantity that is known for this design",
                 f"give {next(iter(unknown))[1]}",
             )
         )
@@ -291,7 +285,7 @@ def _of_modes(goal: Goal, key: str, found: Modes, families: Families, level: str
 
 
 def _of_parts(goal: Goal, key: str, design: Design) -> tuple[list[Quantity], list[tuple[str, str]]]:
-    """Stresses of the named wires and blades, or of all; and those that are unknown."""
+    """Known stresses of the named wires and blades, or of all; and the unknown ones."""
     every = loads.parts(design)
     chosen, faults = [], []
     for blade, names in enumerate((goal.wires, goal.blades)):

@@ -1,11 +1,10 @@
 """Optimisation of the numbers of a design to meet goals.
 
-Starts are the design itself and the best of a Sobol sequence between the bounds, which is computed
-as one batch. Modes and responses are searched for (`constrained_search`) on the cheapest models
-that are accurate enough at the start, any of string, beam and violin. Where the result needs a
-dearer one, the search continues from there on that: no quantity changes its model more than twice.
-The result is written as TOML, read back, and every goal is checked by the ordinary analyses
-(`achieved`).
+Searches (`constrained_search`) start from the design itself and from the best designs of a Sobol
+sequence between the bounds. They use the cheapest of the string, beam and violin models that is
+accurate enough at the start. Where the result needs a more complete model, the search continues
+with that, at most twice per quantity. The result is written as TOML, read back, and every goal is
+checked (`achieved`).
 """
 
 from __future__ import annotations
@@ -44,11 +43,11 @@ if TYPE_CHECKING:
     from jaxtyping import Float
 
 STARTS, SEED = 6, 1
-"""Number of starts, and seed of those besides the design itself."""
+"""Number of starts, and seed of all but the first."""
 SAMPLES = 64
-"""Designs between the bounds that starts are chosen from."""
+"""Designs between the bounds from which starts are chosen."""
 SAME = 1e-2
-"""Distance, in fractions of the ranges between the bounds, within which designs count as equal."""
+"""Largest distance of equal designs, in fractions of the ranges between the bounds."""
 
 
 def solve(
@@ -71,7 +70,7 @@ def solve(
     level : str
         Model of search and check, or ``auto``.
     starts, seed : int
-        Number of starts, and seed of those besides the design itself.
+        Number of starts, and seed of all but the first, which is the design itself.
     tolerance : float
         Relative error that ``auto`` may leave.
     report : callable, optional
@@ -80,8 +79,8 @@ def solve(
     Raises
     ------
     InputError
-        If the design lacks a number or quantity of the goals, or no design was found whose
-        dependent numbers lie within their bounds.
+        If the design lacks a number or quantity of the goals, or if dependent numbers lie outside
+        their bounds in all designs found.
     """
     freed = FreeDesign.of(text, goals)
     search = _search(freed, goals, choose(freed.design(freed.start), (), level, tolerance))
@@ -93,12 +92,12 @@ def solve(
     if best.outside > FEASIBLE:
         raise InputError(_bound_faults(freed, freed.values(freed.numbers(best.fraction))))
     models = _needed(search, best.fraction, level, tolerance)
-    while models.levels != search.values.models.levels:  # each time of dearer models
-        dearer = _search(freed, goals, models)
-        found = dearer.run(best.fraction)
+    while models.levels != search.values.models.levels:  # models become more complete
+        better = _search(freed, goals, models)
+        found = better.run(best.fraction)
         if found is None:
             break
-        search, best = dearer, found
+        search, best = better, found
         models = _needed(search, best.fraction, level, tolerance)
     drawn, made = (_achieved(search, one) for one in (search.begin, best.fraction))
     return summarise(search, best, drawn, made, models.modes, _starts(points, before))
@@ -107,19 +106,18 @@ def solve(
 def _needed(
     search: Search, fraction: Float[np.ndarray, " number"], level: str, tolerance: float
 ) -> Models:
-    """Choose the models that a design needs, none cheaper than those of the search."""
+    """Choose the models that a design needs, none simpler than those of the search."""
     freed, values = search.freed, search.values
     design = freed.design(freed.numbers(fraction))
     return choose(design, values.requirements.quantities, level, tolerance, values.models)
 
 
 def _search(freed: FreeDesign, goals: Goals, models: Models) -> Search:
-    """Set up the search on some models; responses without one get that of the modes."""
     return Search(_values(freed, goals, models), goals)
 
 
 def _values(freed: FreeDesign, goals: Goals, models: Models) -> Evaluator:
-    """Quantities and requirements of the starting design."""
+    """Set up quantities and requirements at the starting design."""
     design = freed.design(freed.start)
     for n, goal in enumerate(goals.goal, 1):
         imperfect = with_imperfections(design, tuple(goal.perturbation or ()))
@@ -135,7 +133,7 @@ def _values(freed: FreeDesign, goals: Goals, models: Models) -> Evaluator:
 
 
 def _check_start(values: Evaluator) -> None:
-    """Raise `InputError` with the quantities that the starting design has no value of."""
+    """Raise `InputError` with the quantities that are not finite in the starting design."""
     log = values.at(values.freed.start).log  # raises if the design is invalid
     problem = "has no finite value in the starting design"
     remedy = "divide by a response that does not vanish"
@@ -149,7 +147,6 @@ def _check_start(values: Evaluator) -> None:
 
 
 def _bound_faults(freed: FreeDesign, value: dict[str, float]) -> list[Fault]:
-    """List the bounds that dependent numbers violate."""
     remedy = "widen its bounds, or those of the numbers that it depends on"
     found = []
     for n, item in enumerate(freed.equal, 1):
@@ -180,7 +177,7 @@ def _search_all(
 
 
 def _choose_starts(search: Search, count: int, seed: int) -> list[Float[np.ndarray, " number"]]:
-    """Choose the designs of a Sobol sequence between the bounds that violate limits least."""
+    """Choose the designs of a Sobol sequence that violate limits least."""
     from scipy.stats import qmc
 
     if count < 1:
@@ -200,12 +197,11 @@ def _choose_starts(search: Search, count: int, seed: int) -> list[Float[np.ndarr
 
 
 def _all_limits(search: Search, log: Float[np.ndarray, " quantity"]) -> tuple[Limit, ...]:
-    """List the limits of the goals, then of separations between modes at the logarithms."""
+    """Limits of the goals, then separations of the modes that are neighbours at `log`."""
     return (*search.requirements.limits, *search.order(log))
 
 
 def _achieved(search: Search, fraction: Float[np.ndarray, " number"]) -> Achieved:
-    """Compute the quantities of a design by the ordinary analyses."""
     values, number = search.values, search.freed.numbers(fraction)
     return achieved.evaluate(
         search.freed.toml(number),
@@ -217,7 +213,7 @@ def _achieved(search: Search, fraction: Float[np.ndarray, " number"]) -> Achieve
 
 
 def _starts(points: list[Point | None], before: list[float]) -> Starts:
-    """Number the designs that starts led to from the best, equal ones alike."""
+    """Number the designs reached, the best first, equal ones alike."""
     place = np.zeros(len(points), dtype=np.int16)
     seen: list[Point] = []
     arrived = [(point.rank, n, point) for n, point in enumerate(points) if point is not None]

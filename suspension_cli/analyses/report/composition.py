@@ -1,4 +1,4 @@
-"""State of a report while it is composed: the request, and the analyses that its sections run."""
+"""State of a report during its composition."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ BUILDS = 1000
 
 
 class Omitted(Exception):
-    """Raised by a section that does not apply to a design; the text says why."""
+    """Raised by a section that does not apply, with the reason."""
 
 
 @dataclass(frozen=True)
@@ -35,17 +35,17 @@ class Request:
     sections : tuple of str
         Names of sections; empty for all.
     inputs, outputs : tuple of str
-        Signals of the responses; empty for those that `sections.response` chooses.
+        Signals of the responses; empty for the choice of `sections.response`.
     builds : int
-        Imperfect builds of the tolerances.
+        Random builds of the tolerances.
     fidelity : str
         Model of all analyses.
     tolerance : float
         Relative error that ``auto`` may leave.
     overrides : tuple of str
-        Overrides that the source contains already, for the commands that are listed.
+        Overrides in the source, for the listed commands.
     folder : Path or None
-        Folder in which results files of earlier runs are looked for.
+        Folder with results files of earlier runs.
     """
 
     sections: tuple[str, ...] = ()
@@ -59,7 +59,7 @@ class Request:
 
 
 class Warnings(Log):
-    """Log that keeps the warnings of one section, and passes each new one on."""
+    """Log that keeps the warnings of a section, and passes new ones on."""
 
     def __init__(self, outer: Log) -> None:
         self.outer = outer
@@ -92,7 +92,7 @@ class Warnings(Log):
 
 @dataclass(frozen=True)
 class Part:
-    """One analysis of a report, for the table "Provenance": its section, command line and model."""
+    """An analysis of a report: its section, command line and model."""
 
     title: str
     command: str
@@ -101,10 +101,10 @@ class Part:
 
 @dataclass
 class Composition:
-    """State of a report while it is composed.
+    """State of a report during its composition.
 
-    `scene` is the design without imperfections, `folder` for the files of analyses that write
-    while they compute, and `title` that of the current section.
+    `scene` is the design without imperfections, `folder` is for analyses that write files, and
+    `title` is that of the current section.
     """
 
     source: Source
@@ -116,7 +116,7 @@ class Composition:
     title: str = ""
 
     def list(self, command: str, choice: Choice | None = None) -> None:
-        """List an analysis of the current section among the parts."""
+        """Add an analysis of the current section to the parts."""
         self.parts.append(Part(self.title, command, choice))
 
     def command(self, name: str, *options: str) -> str:
@@ -129,11 +129,11 @@ class Composition:
 
     @property
     def file(self) -> str:
-        """File of the design in command lines: the user's if there is one."""
+        """File of the design in command lines."""
         return self.source.file or f"{self.source.design.design.name}.toml"
 
     def run(self, name: str, *options: str, **given: object) -> Result:
-        """Run an analysis; the report lists its settings as words of a command line (`options`)."""
+        """Run an analysis, and list it with its settings as words of a command line (`options`)."""
         analysis, request = registry.get(name), self.request
         names = {param.name for param in analysis.parameters}
         for key in ("fidelity", "tolerance"):
@@ -151,7 +151,7 @@ class Composition:
         return result
 
     def answer(self, result: Result) -> str:
-        """Return what the command of a result prints, as HTML."""
+        """Return the printed text of a result as HTML."""
         with tables.collecting() as found:
             answer = str(result)
         first, _, rest = answer.partition("\n")

@@ -1,7 +1,6 @@
 """HTML of a report: text, tables, pictures and the page around them.
 
-Plain string functions: the page has no layout that a template language would shorten. Everything
-is in the file: pictures are `data:` addresses, the style sheet is inline, and there is no script.
+The page is one file: pictures are `data:` addresses, the style sheet is inline, there is no script.
 """
 
 from __future__ import annotations
@@ -25,9 +24,9 @@ LARGEST = 1_500_000
 INCH = 96
 """Pixels of a style sheet per inch."""
 NUMBER = re.compile(r"([-+]?)([\d,]+)(\.\d*)?(?:e([-+]\d+))?")
-"""A formatted number: sign, digits before the point, from the point on, exponent."""
+"""A formatted number: sign, digits, decimals with the point, exponent."""
 LONGEST = 9
-"""Exponent below which a number is written without it in a column where others have none."""
+"""Exponent below which a number is written out in a column where others have none."""
 
 
 def text(value: object) -> str:
@@ -48,10 +47,9 @@ def paragraph(content: str, kind: str = "") -> str:
 
 
 def prose(answer: str, found: Sequence[Table], model: str = "") -> str:
-    """Return what a command prints as HTML, with the line of the model set apart.
+    """Convert the printed text of a command, made within `tables.collecting`, to HTML.
 
-    `answer` is text that was made within `tables.collecting`, `found` the tables collected
-    then.
+    `found` are the collected tables; the line of the model has a style of its own.
     """
     parts: list[str] = []
     for block in re.split(r"\n\s*\n", answer):
@@ -70,13 +68,13 @@ def prose(answer: str, found: Sequence[Table], model: str = "") -> str:
 
 
 def _lines(lines: Sequence[str]) -> str:
-    """Return lines of text as one paragraph; a line that ends with a semicolon goes on."""
+    """Return lines of text as one paragraph; lines that end with a semicolon are joined."""
     joined = "".join(text(line) + (" " if line[-1] == ";" else "<br>") for line in lines)
     return paragraph(joined.removesuffix("<br>")) if joined else ""
 
 
 def table(content: Table, caption: str = "") -> str:
-    """Return a table: numbers are aligned on the point, text on the left."""
+    """Return a table: numbers aligned on the point, text on the left."""
     heads, columns = [], []
     for head, form, cells in zip(
         content.columns, content.columns.values(), content.cells, strict=True
@@ -96,15 +94,15 @@ def table(content: Table, caption: str = "") -> str:
 
 
 def _glued(cell: str) -> str:
-    """Escape text in which `tables.GLUE` stands for a space at which no line breaks."""
+    """Escape text, with no-break spaces for `tables.GLUE`."""
     return "\u00a0".join(map(text, cell.split(tables.GLUE)))
 
 
 def _aligned(cells: Sequence[str]) -> list[str]:
-    """Return numbers as HTML, aligned on the point: what follows it has one width in all.
+    """Return numbers as HTML, aligned on the point by decimals of equal width.
 
-    Where only some have exponents, all are written without them if that needs few digits; otherwise
-    all are aligned on the right.
+    If only some have exponents, all are written out if that takes few digits, else all are aligned
+    on the right.
     """
     parts = [NUMBER.fullmatch(cell) for cell in cells]
     powers = [int(part[4]) for part in parts if part and part[4]]
@@ -151,9 +149,9 @@ def number(value: float, digits: int = 3) -> str:
 
 
 def picture(figure: Figure, caption: str, alternative: str) -> str:
-    """Return a picture with its caption (HTML), embedded as SVG, or as PNG if that is too large.
+    """Return a picture with its caption (HTML), as SVG, or as PNG if that is too large.
 
-    `alternative` is plain text that replaces the picture where it cannot be seen.
+    `alternative` is plain text for readers who cannot see the picture.
     """
     from suspension_cli.drawing.style import encode
 
@@ -169,7 +167,7 @@ def picture(figure: Figure, caption: str, alternative: str) -> str:
 
 
 def section(name: str, title: str, content: str) -> str:
-    """Return a section under its heading, which the table of contents links to."""
+    """Return a section under its heading."""
     return f'<section id="{text(name)}">\n<h2>{text(title)}</h2>\n{content}</section>\n'
 
 

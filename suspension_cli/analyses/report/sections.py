@@ -1,4 +1,4 @@
-"""Sections of a report: each runs an analysis and writes captions with its main numbers."""
+"""Sections of a report: each runs an analysis and captions its pictures."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from suspension_cli.design.wires import Wire, WireSet
 
 FLOW = (("x", ("x", "pitch")), ("y", ("y", "roll")), ("z", ("z",)), ("yaw", ("yaw",)))
-"""Motions of the support, and of the last stage, whose responses are shown by default."""
+"""Motions of the support and of the last stage in the default responses."""
 
 Build = Callable[[Composition], Iterator[str]]
 """Yields the HTML of a section, part by part."""
@@ -91,7 +91,6 @@ def _symbol(text: str) -> str:
 
 
 def _materials(report: Composition) -> Iterator[str]:
-    """Table of the materials and diameters of wires."""
     rows = []
     for stage in report.source.design.stage:
         for part in (stage.wires, *stage.wire):
@@ -104,7 +103,7 @@ def _materials(report: Composition) -> Iterator[str]:
 
 
 def _diameter(part: WireSet | Wire) -> float | str | None:
-    """Diameter in µm, as a range where it varies; the sizes of another cross-section."""
+    """Diameter in µm, or its range; the sizes of another cross-section."""
     if part.radius is not None:
         return 2e6 * part.radius
     for shape in cross_sections(part):
@@ -152,8 +151,8 @@ def modes(report: Composition) -> Iterator[str]:
                 f" ({found.label[high]})"
             )
         caption = (
-            f"{kind}{html.text(span)}: at rest in grey, displaced in the colours of the stages;"
-            " exaggerated."
+            f"{kind}{html.text(span)}: at rest in grey, displaced in the colours of the stages,"
+            " with exaggerated motion."
         )
         yield html.picture(page.figure, caption, f"{kind}, drawn")
     if found.wire:
@@ -264,7 +263,7 @@ def budget(report: Composition) -> Iterator[str]:
 
 
 def tolerance(report: Composition) -> Iterator[str]:
-    """Statistics of imperfect builds, from a results file of this design or computed."""
+    """Statistics of random builds, from a results file of this design or computed."""
     if report.source.design.tolerance is None:
         raise Omitted("Left out, as the design has no [tolerance] table.")
     result = _stored(report, "tolerance")
@@ -289,13 +288,13 @@ def tolerance(report: Composition) -> Iterator[str]:
         )
     yield report.pictures(
         result,
-        f"Of {one.good:,} imperfect builds, {100 * met:.3g} % (95 % confidence:"
+        f"Of {one.good:,} random builds, {100 * met:.3g} % (95 % confidence:"
         f" {100 * low:.3g} to {100 * high:.3g} %) {what}.",
     )
 
 
 def _stored(report: Composition, name: str) -> Any:
-    """Return a result of the same design from an earlier run; None if there is none."""
+    """Return a result of an earlier run of this design; None if there is none."""
     from suspension_cli.analyses import registry
     from suspension_cli.files.existing import read_design
     from suspension_cli.files.hdf5 import open_results
@@ -344,7 +343,7 @@ def damping(report: Composition) -> Iterator[str]:
 
 
 def provenance(report: Composition) -> list[str]:
-    """Return the last sections: the command and model of each part, and the design file."""
+    """Return the last sections: command and model of each part, and the design file."""
     body = ""
     for part in report.parts:
         model = left = ""
@@ -401,4 +400,4 @@ SECTIONS: dict[str, tuple[str, Build]] = {
     "tolerance": ("Tolerances", tolerance),
     "damping": ("Damping loops", damping),
 }
-"""Titles of sections and what builds them, in order, by the names that `--sections` takes."""
+"""Titles and functions of sections, in order, by the names of `--sections`."""

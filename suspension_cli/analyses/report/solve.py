@@ -1,4 +1,4 @@
-"""Composition of a report: its sections in order, each with the results of an analysis."""
+"""Composition of a report from its sections."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 UNSTABLE = ", or give --allow-unstable"
-"""End of messages that recommend an option which `report` does not have."""
+"""End of messages that recommend an option that `report` lacks."""
 
 
 def compose(source: Source, request: Request, log: Log) -> str:
@@ -57,7 +57,7 @@ def compose(source: Source, request: Request, log: Log) -> str:
 
 
 def _content(report: Composition, build: Build) -> str:
-    """Return the contents of a section: results, warnings, or why there are none."""
+    """Return the contents of a section: warnings, and results or why there are none."""
     content = []
     try:
         content += build(report)
@@ -74,13 +74,7 @@ def _content(report: Composition, build: Build) -> str:
 
 
 def parse_sections(names: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the names of sections, in the order of a report; all if none are given.
-
-    Raises
-    ------
-    InputError
-        If one does not exist.
-    """
+    """Return the names of sections in order, or all if none are given; raises `InputError`."""
     from suspension_cli.design.faults import suggest
 
     for name in names:
@@ -92,7 +86,6 @@ def parse_sections(names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _check_signals(source: Source, request: Request) -> None:
-    """Raise `InputError` for signals that do not exist."""
     if not request.inputs and not request.outputs:
         return
     from suspension_cli.linear import signals

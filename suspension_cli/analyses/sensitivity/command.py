@@ -15,14 +15,14 @@ if TYPE_CHECKING:
 ACROSS = 8
 """Columns of one table."""
 LEAST = 0.0005
-"""Change in % below which a row is left out of a table."""
+"""Change in % below which a row is left out."""
 
 
 class SensitivityAnalysis(Analysis):
     """Compute the effect of every number of a design on modes, responses and couplings.
 
-    Lengths are changed by 1 mm, angles by 1 mrad, all else by 1 %. The effects are first
-    derivatives, and include the change of the equilibrium. The model is chosen by their error,
+    Effects are those of 1 mm for lengths, 1 mrad for angles and 1 % for all else. They are first
+    derivatives that include the change of the equilibrium. The model is chosen by their error,
     relative to the largest effect on each result. Writes DIR/NAME-sensitivity.h5 and .png.
 
     Example: pendsus sensitivity my.toml --result "test longitudinal"
@@ -67,13 +67,13 @@ class SensitivityAnalysis(Analysis):
         fixed = [name for name, free in zip(found.parameter, found.free, strict=True) if not free]
         if fixed:
             run.log.say(
-                "cannot change alone, as the suspension would not balance as it is drawn:"
-                f" {', '.join(fixed)}"
+                f"no effect is given of {', '.join(fixed)}: a change of one of these alone"
+                " unbalances the suspension in its nominal pose"
             )
         return Result(self, source, choice, found, command=run.command)
 
     def document(self, result: Result) -> Document:
-        """Return derivatives, parameters first; null where there is no derivative."""
+        """Return derivatives, parameters first; null where there is none."""
         found: Sensitivity = result.data
         numbers = [
             {"name": n, "value": float(v), "free": bool(f), "step": float(s), "step_unit": u}
@@ -109,7 +109,8 @@ class SensitivityAnalysis(Analysis):
         lines = [
             result.choice.line,
             "",
-            "change of each result, in % (if it is 0: in its own unit), per 1 mm, 1 mrad or 1 %:",
+            "change of each result by 1 mm, 1 mrad or 1 % of each number, in % of the result (in"
+            " its unit if it is 0):",
         ]
         for start in range(0, len(found.result), across):
             here = range(start, min(start + across, len(found.result)))
@@ -153,7 +154,6 @@ class SensitivityAnalysis(Analysis):
 
 
 def _unit(found: Sensitivity, number: int) -> str:
-    """Unit in which the change of a result is given."""
     own = found.unit[number]
     return "%" if found.nominal[number] else "" if own == "1" else own
 

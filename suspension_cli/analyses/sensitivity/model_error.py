@@ -1,4 +1,4 @@
-"""Error of the derivatives of results on one model, against those on a more complete one."""
+"""Error of derivatives in one model, against those in a more complete one."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ if TYPE_CHECKING:
     from jaxtyping import Float
 
 STEEPER = 10.0
-"""Largest relative error of a derivative, over the estimated error of the result: 2 to 4 on the
-shipped chains, 3 to 10 on single stages on thick wires. Within it, errors are computed."""
+"""Largest relative error of a derivative over the estimated error of the result: 2 to 4 for the
+shipped chains, 3 to 10 for single stages on thick wires. Up to this bound, errors are computed."""
 
 
 @dataclass(frozen=True)
 class Derivatives(Differentiated):
-    """Derivatives of several results, in the design of a text.
+    """Derivatives of several results.
 
     The error is the largest change of a derivative, per mm, mrad or %, over the largest derivative
     of the same result.
@@ -45,7 +45,7 @@ class Derivatives(Differentiated):
         return STEEPER * super()._estimate(item, physics, found, of)
 
     def change(self, without: LinearSystem, refined: LinearSystem) -> tuple[float, str]:
-        """Compute the largest error of the derivatives in a model, and the result that has it."""
+        """Compute the largest error of the derivatives in a model, and its result."""
         levels = [_level(model) for model in (without, refined)]
         if levels[0] == levels[1]:  # a model without derivatives
             return super().change(without, refined)
@@ -59,7 +59,7 @@ class Derivatives(Differentiated):
         return float(error[most]), f"the derivatives of {self.scalars[most].text}"
 
     def _per_step(self, level: str) -> dict[str, Float[np.ndarray, " result"]]:
-        """Changes of the results by number, with modes paired by their shapes."""
+        """Changes of the results by number, with modes paired by shape."""
         model, found = solve_nominal(self.text, level)
         count = 6 * len(model.body)
         mass = model.mass[6 : 6 + count, 6 : 6 + count]
@@ -73,7 +73,7 @@ class Derivatives(Differentiated):
 
 
 def request(text: str, results: Sequence[str]) -> Callable[[LinearSystem], Derivatives]:
-    """Return the derivatives of named results as quantity of interest."""
+    """Return the quantity of interest: derivatives of named results."""
     named = model_choice.named_results(tuple(results))
 
     def of(system: LinearSystem) -> Derivatives:
@@ -84,7 +84,7 @@ def request(text: str, results: Sequence[str]) -> Callable[[LinearSystem], Deriv
 
 
 def _level(model: LinearSystem) -> str:
-    """Name of the model with derivatives of a linear system."""
+    """Name of the model of a linear system, if it has derivatives."""
     if has_wire_mass(model):
         return registry.VIOLIN.name
     bends = any(isinstance(term, WireTerm) for term in model.terms)

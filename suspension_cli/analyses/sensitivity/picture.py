@@ -1,4 +1,4 @@
-"""Figure of sensitivities: a coloured table of the numbers of a design that matter most."""
+"""Figure of sensitivities: a coloured table of the numbers that matter most."""
 
 from __future__ import annotations
 
@@ -34,35 +34,29 @@ if TYPE_CHECKING:
     from suspension_cli.design.schema import Perturbation
 
 LEAST = 0.005
-"""Change in % below which a cell stays empty; rows with only such cells are left out."""
+"""Change in % below which a cell is empty; empty rows are left out."""
 LARGEST = 100.0
 """Change in % at which the colour scale ends."""
 MAX_ROWS, MAX_COLUMNS = 24, 18
-"""Largest number of numbers and of results shown."""
+"""Most numbers and results shown."""
 CELL = 0.11, 0.15
-"""Width of a cell if there are many, and its height, in."""
+"""Least width of a cell, and its height, in."""
 MAX_WIDTH = 1.98
 """Width of the table, in."""
 NAMES, CHANGES = 1.62, 0.86
-"""Width of the names of numbers left of the table, and of the largest changes right of it, in."""
+"""Widths of the names left of the table, and of the largest changes right of it, in."""
 MAX_NAME = 27
-"""Characters of the name of a number."""
+"""Longest name of a number, characters."""
 LETTER = 0.058
-"""Height of a letter of the names of results above the table, in."""
+"""Length of a letter of the names of results above the table, in."""
 FOOT = 0.85
 """Height of the colour scale below the table, in."""
 
 
 def draw(found: Sensitivity, title: str, perturbations: Sequence[Perturbation] = ()) -> Figure:
-    """Draw the figure of `pendsus sensitivity`.
+    """Draw the figure of `pendsus sensitivity`; `title` names design and model.
 
-    Parameters
-    ----------
-    found : Sensitivity
-    title : str
-        Names of the design and the model.
-    perturbations : sequence of Perturbation
-        Of the design.
+    `perturbations` are those of the design.
     """
     with house_style():
         change, relative = np.nan_to_num(found.per_step), found.nominal != 0
@@ -103,7 +97,7 @@ def draw(found: Sensitivity, title: str, perturbations: Sequence[Perturbation] =
 
 
 def name_number(path: str, perturbations: Sequence[Perturbation] = ()) -> str:
-    """Name a number without its table; an imperfection by its wire or body and in words.
+    """Name a number without its table, an imperfection by its wire or body and in words.
 
     >>> from suspension_cli.design.schema import Perturbation
     >>> name_number("perturbation.1.lower_offset.3", [Perturbation(wire="test.4")])
@@ -131,7 +125,7 @@ def _draw_table(
     rows: list[int],
     columns: Int[np.ndarray, " column"],
 ) -> AxesImage:
-    """Draw the coloured cells and label rows and columns; return the image."""
+    """Draw cells and labels; return the image."""
     relative = found.nominal[columns] != 0
     cells = change[np.ix_(rows, columns.tolist())]
     shown = np.where(relative & (np.abs(cells) >= LEAST), cells, np.nan)
@@ -184,7 +178,6 @@ def _draw_table(
 
 
 def _label_scale(bar: Colorbar, top: float) -> None:
-    """Label the colour scale at powers of ten."""
     ticks = [tick for tick in (-100, -10, -1, -0.1, 0, 0.1, 1, 10, 100) if abs(tick) <= top]
     # 10 beside 100 has no room
     bar.set_ticks(
@@ -201,7 +194,6 @@ def _label_scale(bar: Colorbar, top: float) -> None:
 
 
 def _notes(found: Sensitivity, rest: Array, columns: int) -> list[str]:
-    """Sum up in words what the table leaves out."""
     notes = [f"empty: less than {LEAST:g} %"]
     if len(rest):
         notes.append(f"{len(rest)} more numbers change no result by more than {rest[0]:.2g} %")

@@ -1,11 +1,11 @@
 """First derivatives of modes, responses and couplings with respect to the numbers of a design.
 
-They are exact, given the derivatives of the matrices. For a mode K v = lambda M v with v M v = 1:
+Given the derivatives of the matrices they are exact. For a mode K v = lambda M v with v M v = 1:
 
     dlambda = v (dK - lambda dM) v
 
-(Rayleigh), also with massless coordinates. For modes V that share a lambda, the derivatives are the
-eigenvalues of V (dK - lambda dM) V^T, and its eigenvectors are the modes that split off (Lancaster,
+(Rayleigh), also with massless coordinates. For modes V of one lambda, the derivatives are the
+eigenvalues of V (dK - lambda dM) V^T, whose eigenvectors give the modes that split off (Lancaster,
 Numer. Math. 6, 377 (1964)).
 """
 
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
 
 TOGETHER = 16
-"""Numbers whose changes of the matrices are in memory at once."""
+"""Numbers whose changes of matrices are in memory at once."""
 
 
 @dataclass(frozen=True)
@@ -50,15 +50,15 @@ class Sensitivity:
     value : (p,) array
         Their values, SI.
     free : (p,) bool array
-        Whether each can change alone; changing another one unbalances the nominal suspension.
+        Whether each can change alone, without unbalancing the nominal suspension.
     result, unit : tuple of str
         Names and units of the results, see `scalars`.
     nominal : (r,) array
         Results of the unchanged design.
     derivative : (p, r) array
         Unit of the result over that of the parameter; NaN where undefined (an unstable or rigid
-        mode, a number that cannot change alone). A magnitude of 0 grows by this much for a change
-        of either sign.
+        mode, a number that cannot change alone). A magnitude of 0 grows with either sign of the
+        change.
     """
 
     parameter: tuple[str, ...]
@@ -71,10 +71,7 @@ class Sensitivity:
 
     @property
     def one_percent(self) -> Float[np.ndarray, "parameter result"]:
-        """Change of each result for 1 % of each number, (p, r).
-
-        In % of the result, or in the unit of the result where that is 0.
-        """
+        """Change of each result by 1 % of each number, in % of it, or in its unit where it is 0."""
         return self._change(self.value / 100)
 
     @property
@@ -84,12 +81,12 @@ class Sensitivity:
 
     @property
     def step(self) -> Float[np.ndarray, " parameter"]:
-        """Size of the step of each number, (p,), SI."""
+        """Step of each number, SI."""
         return np.array([size for size, _ in self._steps])
 
     @property
     def per_step(self) -> Float[np.ndarray, "parameter result"]:
-        """Change of each result for a step of each number, (p, r), as `one_percent`."""
+        """Change of each result by a step of each number, in the units of `one_percent`."""
         return self._change(self.step)
 
     @property
@@ -102,7 +99,6 @@ class Sensitivity:
     def _change(
         self, step: Float[np.ndarray, " parameter"]
     ) -> Float[np.ndarray, "parameter result"]:
-        """Change of each result, in % or, where it is 0, in its unit, for steps (p,)."""
         with np.errstate(invalid="ignore", divide="ignore"):
             change = self.derivative * step[:, None]
             return np.where(
@@ -123,7 +119,7 @@ def solve_nominal(text: str, level: str) -> tuple[LinearSystem, Modes]:
 def solve(text: str, results: tuple[Scalar, ...], level: str = registry.STRING.name) -> Sensitivity:
     """Differentiate results with respect to every number of a design.
 
-    The last ones are kept, as the choice of the model computes them, too.
+    The last results are cached, as the choice of the model computes them, too.
 
     Parameters
     ----------
@@ -183,24 +179,20 @@ def solve(text: str, results: tuple[Scalar, ...], level: str = registry.STRING.n
 def differentiate_frequencies(
     found: Modes, change: Linear, first: int = 0
 ) -> Float[np.ndarray, " mode"]:
-    """Differentiate the frequency of every mode, (m,), Hz per unit of the parameter.
-
-    NaN for rigid and unstable modes.
+    """Differentiate the frequency of every mode, Hz per unit; NaN for rigid and unstable modes.
 
     Parameters
     ----------
     found : Modes
         Of unit modal mass, that of the wires included.
     change : Linear
-        Derivative of the matrices with respect to the parameter.
+        Derivative of the matrices.
     first : int
-        Number, among the frequencies of a `DispersiveLinear`, of that of the first mode; those of
-        the others follow.
+        Number of the first mode among the frequencies of a `DispersiveLinear`; the others follow.
     """
     squared, mass = found.omega_squared, change.mass[6:, 6:]
 
     def stiffness(number: int) -> Array:
-        """Change of the stiffness at a mode."""
         own = isinstance(change, DispersiveLinear) and len(change.dispersive) > first
         return (differences.at(change, first + number) if own else change).stiffness[6:, 6:]
 
@@ -215,6 +207,6 @@ def differentiate_frequencies(
 
 
 def _degenerate(squared: Float[np.ndarray, " mode"]) -> list[Int[np.ndarray, " group"]]:
-    """Indices of the modes of each common omega^2."""
+    """Indices of modes of equal omega^2."""
     close = np.diff(squared) <= DEGENERATE * np.abs(squared[1:])
     return np.split(np.arange(len(squared)), np.flatnonzero(~close) + 1)

@@ -105,11 +105,15 @@ class SweepAnalysis(Analysis):
         )
         found: SweepResult = result.data
         for reason, count in found.failures.items():
-            run.log.warn(f"{count} of {job.count} points: {reason}")
+            run.log.warn(
+                f"{count} of {job.count} points have no result: {reason}; narrow the range of"
+                " --vary"
+            )
         if found.overlap < ALIKE:
             run.log.warn(
-                "a mode changes its shape from one point to the next (overlap"
-                f" {found.overlap:.2f}), so which is which is a guess there; take a finer grid"
+                "the shapes of a mode at two neighbouring points have an overlap of only"
+                f" {found.overlap:.2f} (1: equal), so modes may be mixed up there; take a finer"
+                " grid"
             )
         return result
 

@@ -28,9 +28,10 @@ if TYPE_CHECKING:
 class ToleranceAnalysis(Analysis):
     """Compute the scatter of modes and cross-coupling over random builds, and its causes.
 
-    The builds follow the design's [tolerance] table. Prints quantiles of mode frequencies, of the
-    static pose of every stage and of the cross-coupling, the fraction of builds that meet each
-    requirement, and which imperfections matter most. Writes DIR/NAME-tolerance.h5 and .png.
+    The design's [tolerance] table describes the builds. Prints quantiles of mode frequencies, of
+    the static pose of every stage and of the cross-coupling; the yield (fraction of builds that
+    meet a requirement); and the imperfections that matter most. Writes DIR/NAME-tolerance.h5 and
+    .png.
 
     Example: pendsus tolerance configs/triple-tolerance.toml --builds 1000
     """
@@ -64,7 +65,7 @@ class ToleranceAnalysis(Analysis):
             multiple=True,
             metavar="TEXT",
             help=(
-                "A requirement on builds, besides those of the design: 'test pitch in 0.5:0.7',"
+                "A requirement beside those of the design: 'test pitch in 0.5:0.7',"
                 " 'coupling < 1e-3', 'test static pitch < 2e-3'; Hz, m, rad (repeatable)."
             ),
         ),
@@ -74,8 +75,8 @@ class ToleranceAnalysis(Analysis):
             default="random",
             show_default=True,
             help=(
-                "Independent builds, or 8 scrambled Sobol sequences: smaller statistical errors"
-                " with as many builds."
+                "Independent builds, or 8 scrambled Sobol sequences, whose statistical errors are"
+                " smaller."
             ),
         ),
         option(
@@ -83,7 +84,7 @@ class ToleranceAnalysis(Analysis):
             is_flag=True,
             help=(
                 "Print Sobol indices: the fraction of the variance of every result that each of"
-                " the k tolerances causes. Takes (k + 2) N of --builds, N a power of two."
+                " the k tolerances causes. Uses (k + 2) N of the --builds, with N a power of two."
             ),
         ),
         *options.COUPLING,
@@ -116,7 +117,7 @@ class ToleranceAnalysis(Analysis):
         options_given = tuple(setting["require"])
         job = job.requiring(quantities.with_responses(run.design, options_given, job.names))
         job.check()
-        run.log.detail(f"{len(job.factors)} numbers scatter")
+        run.log.detail(f"{len(job.factors)} numbers of the design vary between builds")
         choice = model_choice.for_builds(
             source,
             setting["fidelity"],
@@ -138,7 +139,9 @@ class ToleranceAnalysis(Analysis):
         )
         summary: Summary = result.data
         for reason, count in summary.failures.items():
-            run.log.warn(f"{count} of {summary.builds} builds failed: {reason}")
+            run.log.warn(
+                f"{count} of {summary.builds} builds failed: {reason}; they meet no requirement"
+            )
         return result
 
     def parse_results(
@@ -152,19 +155,19 @@ class ToleranceAnalysis(Analysis):
             yield partial(names.parse, item.quantity, f"tolerance.require.{n}.quantity", {})
 
     def document(self, result: Result) -> Document:
-        """Return statistics of every mode, of the coupling and of statics, and yields."""
+        """Return statistics of modes, coupling and statics, and yields."""
         from suspension_cli.analyses.tolerance import report
 
         return report.document(result.data)
 
     def text(self, result: Result) -> str:
-        """Return tables of modes, statics and yields, and what matters."""
+        """Return tables of modes, statics and yields, and their causes."""
         from suspension_cli.analyses.tolerance import report
 
         return f"{result.choice.line}\n{report.text(result.data)}"
 
     def load(self, file: h5py.File) -> Summary:
-        """Sum up the group `tolerance`."""
+        """Read the statistics of the group `tolerance`."""
         from suspension_cli.analyses.tolerance import file as stored
 
         group: Stored = file["tolerance"]
@@ -172,7 +175,7 @@ class ToleranceAnalysis(Analysis):
         return stored.summarise_group(group, job, float(group.attrs["limit"]))
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
-        """Draw required quantities with limits and yields, causes, and what else varies."""
+        """Draw required quantities, causes, and other quantities that vary."""
         from suspension_cli.analyses.tolerance import picture
         from suspension_cli.drawing.style import name_neglected
 
@@ -181,7 +184,7 @@ class ToleranceAnalysis(Analysis):
 
 
 def _of_possible_count(job: RandomBuilds, log: Log) -> RandomBuilds:
-    """A job of as many builds as its sampling can use, and a line that says how many."""
+    """Limit a job to the builds that its sampling can use, and report their number."""
     from suspension_cli.studies import sample_points
 
     groups = len(job.groups) if job.with_indices else 0
@@ -201,12 +204,12 @@ def _of_possible_count(job: RandomBuilds, log: Log) -> RandomBuilds:
     if groups:
         log.say(
             f"Sobol indices of {groups} tolerances: ({groups} + 2) x {rows:,} ="
-            f" {count:,} builds, as each of the {groups + 2} sets has a power of two"
+            f" {count:,} builds, as the size of each of the {groups + 2} sets is a power of two"
         )
     elif job.method == sample_points.SOBOL:
         log.say(
-            f"Sobol sampling: {replicates} x {rows // replicates:,} = {count:,} builds, as each"
-            f" of the {replicates} sequences has a power of two"
+            f"Sobol sampling: {replicates} x {rows // replicates:,} = {count:,} builds, as the"
+            f" length of each of the {replicates} sequences is a power of two"
         )
     return job
 

@@ -45,11 +45,11 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Int
 
 MAX_POINTS = 4000
-"""Builds, and points of the cumulative curve, that figures show at most."""
+"""Most builds, and points of the cumulative curve, in figures."""
 
 
 def fill(group: h5py.Group, job: RandomBuilds, limit: float) -> None:
-    """Write everything but the columns: names, numbers that vary, room for statistics."""
+    """Write names and numbers that vary, and empty datasets for statistics."""
     nominal = job.nominal
     mode = add_scale(group, "mode", np.arange(1, len(nominal.omega_squared) + 1), "1")
     add_dataset(group, "mode_label", nominal.label, "name", mode)
@@ -79,7 +79,7 @@ def fill(group: h5py.Group, job: RandomBuilds, limit: float) -> None:
         result = add_scale(group, "result", [one.name for one in indexed(job)], "name")
         for name in ("first", "total", "first_error", "total_error"):
             _add_empty(group, f"sobol_{name}", "1", tolerance, result)
-    # as text: seeds reach 2^64 - 1, which not every HDF5 tool can read as a number
+    # as text, since not every HDF5 tool can read seeds up to 2^64 - 1 as numbers
     group.attrs["seed"] = str(job.seed)
     group.attrs["limit"] = limit
     group.attrs["sampling"] = job.method
@@ -95,7 +95,7 @@ def _add_empty(group: h5py.Group, name: str, units: str, *axes: h5py.Dataset) ->
 
 
 def complete(path: Path, job: RandomBuilds, limit: float) -> None:
-    """Write the statistics into a file that has all its builds."""
+    """Write the statistics into a file with all builds."""
     with h5py.File(path, "r+") as file:
         group: Stored = file["tolerance"]
         found = summarise_group(group, job, limit)
@@ -116,7 +116,7 @@ def complete(path: Path, job: RandomBuilds, limit: float) -> None:
 
 
 def indexed(job: RandomBuilds) -> tuple[Quantity, ...]:
-    """Quantities that have Sobol indices: modes, the coupling, statics and those required."""
+    """Quantities with Sobol indices: modes, coupling, statics and those required."""
     names = job.names
     coupling = names.parse("coupling", "", {})
     required = [item.quantity for item in job.requirements]
@@ -124,7 +124,7 @@ def indexed(job: RandomBuilds) -> tuple[Quantity, ...]:
 
 
 def reconstruct_job(group: Stored, text: str, level: str) -> RandomBuilds:
-    """Reconstruct the job of a group from the text of its design and the name of its model."""
+    """Reconstruct the job of a group from its design and the name of its model."""
     known = (SUPPORT, *(stage.name for stage in parse_design(text).stage), FRAME, GROUND)
     drive, over, under = (
         signals.parse(str(group.attrs[name]), name, known) for name in ("input", "over", "under")
@@ -150,7 +150,7 @@ def reconstruct_job(group: Stored, text: str, level: str) -> RandomBuilds:
 
 
 def summarise_group(group: Stored, job: RandomBuilds, limit: float) -> Summary:
-    """Compute the statistics of a group, with one column of results in memory at a time."""
+    """Compute the statistics of a group, one column of results at a time."""
     points, nominal = job.points, job.nominal
     status = group["status"][:]
     rows = slice(0, points.independent)
@@ -221,7 +221,7 @@ def summarise_group(group: Stored, job: RandomBuilds, limit: float) -> Summary:
 
 
 class _View:
-    """The independent builds of a group, and the deviations of those that are ranked."""
+    """Independent builds of a group, and deviations of those with rank correlations."""
 
     def __init__(self, group: Stored, job: RandomBuilds, rows: slice) -> None:
         self.group, self.rows, self.points = group, rows, job.points
@@ -262,7 +262,7 @@ class _View:
 def _yields(
     group: Stored, requirements: tuple[Requirement, ...], points: SamplePoints
 ) -> tuple[tuple[Yield, ...], Yield | None]:
-    """Estimate the fractions of independent builds that meet each requirement, and all."""
+    """Estimate the yields of each requirement and of all together."""
     rows = slice(0, points.independent)
     every = np.ones(points.independent, dtype=bool)
     found = []
@@ -281,14 +281,14 @@ def _yield_of(name: str, met: Bool[np.ndarray, " build"], points: SamplePoints) 
 def _interval(
     met: Bool[np.ndarray, " build"], points: SamplePoints, build: Int[np.ndarray, " build"]
 ) -> tuple[float, float]:
-    """Estimate the confidence interval of the fraction of builds, given by number, that count."""
+    """Estimate the confidence interval of the fraction `met` of builds given by number."""
     if points.method == SOBOL:
         return replicate_interval(met, points.replicate(build))
     return wilson_interval(int(met.sum()), len(met))
 
 
 def _indices(group: Stored, points: SamplePoints, quantities: tuple[Quantity, ...]) -> SobolIndices:
-    """Estimate the Sobol indices of quantities, one of them in memory at a time."""
+    """Estimate the Sobol indices of quantities, one at a time."""
     replicate = points.replicate(np.arange(points.rows))
     found = [
         sobol_indices(one.read(group).reshape(points.blocks, points.rows, 1), replicate)

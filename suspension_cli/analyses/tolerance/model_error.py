@@ -1,4 +1,4 @@
-"""Change of the results of random builds from one model to another, computed for some of them."""
+"""Change of the results of random builds from one model to another, computed for a few builds."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from suspension_cli.studies.builds import ColumnValues
 from suspension_cli.studies.relative_change import largest_relative_change, relative_change
 
 SEARCHED = 1000
-"""Number of first builds from which the extreme ones are taken."""
+"""First builds from which the extreme ones are taken."""
 EXTREME = 15
-"""Number of extreme builds, those that deviate most, at which models are compared."""
+"""Number of builds with the largest deviations, at which models are compared."""
 NO_BUILD = "no extreme build has an equilibrium"
 ONE_MODEL_ONLY = "some builds have an equilibrium in only one of the models"
 
 
 @dataclass(frozen=True)
 class _Extremes(RandomBuilds):
-    """The nominal build and the extreme ones of a job."""
+    """The nominal build and the extreme builds of a job."""
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -36,7 +36,7 @@ class _Extremes(RandomBuilds):
         return (1 + min(EXTREME, self.count),)
 
     def deviations(self, start: int, stop: int) -> Array:
-        """Deviations (p, factors) of builds start to stop - 1; none of the first."""
+        """Deviations (p, factors) of builds start to stop - 1; 0 for the nominal build."""
         every = super().deviations(0, min(SEARCHED, self.count))
         scale = every.std(0)
         size = (every / np.where(scale > 0, scale, 1.0) ** 2 * every).sum(1)
@@ -45,12 +45,12 @@ class _Extremes(RandomBuilds):
 
 
 def build_change(job: RandomBuilds) -> Callable[[Model, Model], tuple[float, str]]:
-    """Return the change of the results of random builds, as `model_choice.for_builds` takes it.
+    """Return the change of the results of random builds, for `model_choice.for_builds`.
 
-    Frequencies, couplings and statics of the nominal build and of extreme ones are compared;
-    couplings and responses relative to the largest of these, statics to the largest displacement
-    or rotation. The effect of wire mass on frequencies is estimated for the
-    nominal build. The change is infinite where a build has an equilibrium in one model alone.
+    Frequencies, couplings and statics of the nominal and of extreme builds are compared; couplings
+    and responses relative to the largest of them, statics to the largest displacement or rotation.
+    The effect of wire mass on frequencies is estimated for the nominal build. The change is
+    infinite if a build has an equilibrium in only one model.
     """
 
     @cache

@@ -1,4 +1,4 @@
-"""Figure of builds: required quantities with limits and yields, causes, and what else varies."""
+"""Figure of builds: required quantities with yields, causes, and other quantities that vary."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 MET, MISSED, CAUSE = PALETTE[0], PALETTE[1], PALETTE[2]
 WIDTH, LEFT = 4.5, 0.62
-"""Width of the figure and of the margin left of histograms, in."""
+"""Width of the figure, and of the margin left of histograms, in."""
 NAMES = 1.62
 """Width of the margin left of rows, in."""
 TALL, ROW = 0.95, 0.155
@@ -42,20 +42,20 @@ TALL, ROW = 0.95, 0.155
 LINE = 0.15
 """Height of a line of text above a panel, in."""
 BELOW = 0.42
-"""Height of the tick labels and the label below a panel, in."""
+"""Height of the labels below a panel, in."""
 GAP = 0.13
-"""Distance of one panel's label from the next panel's text, in."""
+"""Distance from a panel's label to the next panel's text, in."""
 MAX_BARS = 8
 """Largest number of rank correlations or Sobol indices shown."""
 MAX_ROWS = 6
 """Largest number of modes, and of statics of one unit, shown."""
 LITTLE = 0.1
-"""Spread relative to the largest, below which a mode or static is summed up in words."""
+"""Spread over the largest below which a mode or static is not drawn."""
 BINS = 40
 ROOM = 0.5
-"""Largest room beside a histogram for limits, as a fraction of its width."""
+"""Largest room for limits beside a histogram, over its width."""
 NEGLIGIBLE = {"Hz": 1e-3, "m": 1e-7, "rad": 1e-7}
-"""Range (% for frequencies, m, rad) of the statics and modes that are not drawn."""
+"""Ranges (% for frequencies, m, rad) of modes and statics that are not drawn."""
 
 Panel = tuple[float, float, list[str], Callable[[Axes], None]]
 """Height (in), left margin (in), lines of text above, and the function that draws."""
@@ -98,7 +98,6 @@ def draw(summary: Summary, title: str) -> Figure:
 
 
 def _draw_key(figure: Figure) -> None:
-    """Draw the key of the histograms below the heading."""
     figure.legend(
         handles=[
             Patch(color=MET, label="within limits"),
@@ -119,7 +118,7 @@ def _draw_key(figure: Figure) -> None:
 
 
 def _requirements(summary: Summary) -> list[Panel]:
-    """Make a panel of each quantity with requirements, and of the coupling."""
+    """Make panels of quantities with requirements, and of the coupling."""
     required, panels = summary.required, []
     numbers = list(dict.fromkeys(summary.required_place))
     for number in numbers:
@@ -139,7 +138,7 @@ def _requirements(summary: Summary) -> list[Panel]:
     limits, lines = [summary.limits[n] for n in own], [_describe(summary, n) for n in own]
     marks = []
     if not own:
-        # without any requirement it is one; next to others it is for comparison
+        # without requirements this limit is one, else it is for comparison
         (marks if numbers else limits).append((-np.inf, summary.limit, True))
         lines.append(
             ("for comparison: " if numbers else "")
@@ -153,7 +152,6 @@ def _requirements(summary: Summary) -> list[Panel]:
 
 
 def _describe(summary: Summary, number: int) -> str:
-    """Yield of a requirement, with its 95 % confidence interval, and its name."""
     one = summary.yields[number]
     return (
         f"{100 * one.fraction:.3g} % ({100 * one.low:.3g} to {100 * one.high:.3g}): {one.name}"
@@ -171,8 +169,7 @@ def _histogram(
 ) -> Callable[[Axes], None]:
     """Return a function that draws the distribution of a quantity and its limits.
 
-    Limits are least and largest value, and whether they are of the magnitude; marks are limits
-    that are no requirements.
+    Limits are least and largest value, and whether of the magnitude; `marks` are no requirements.
     """
 
     def paint(axes: Axes) -> None:
@@ -210,7 +207,7 @@ def _draw_bins(
     *,
     logarithmic: bool,
 ) -> None:
-    """Draw a histogram, its builds beyond the limits on top, and leave room for near limits."""
+    """Draw a histogram, with builds beyond limits on top and room for near limits."""
     scale = np.log10 if logarithmic else np.asarray
     first, last = (float(scale(edge)) for edge in np.quantile(values, (0.005, 0.995)))
     room = ROOM * (last - first)
@@ -255,7 +252,7 @@ def _rows(axes: Axes, labels: list[str]) -> Int[np.ndarray, " row"]:
 
 
 def _causes(summary: Summary) -> list[Panel]:
-    """Make the panel of the coupling's significant rank correlations or of its Sobol indices."""
+    """Make the panel of the coupling's significant rank correlations or Sobol indices."""
     if summary.indices is not None:
         return _indices(summary)
     every = strongest(summary.signed_rank, len(summary.factor), summary.significant)
@@ -327,7 +324,7 @@ def _short(static: Spread, which: list[int]) -> list[str]:
 def _spreads(
     heading: str, names: list[str], quantiles: Array, kind: str, label: str, unit: str
 ) -> list[Panel]:
-    """Make a panel of the quantiles that vary most, largest first, the others in words."""
+    """Make a panel of the quantities that vary most, largest first; count the others."""
     reach = np.nan_to_num(quantiles[:, QUANTILES.index(0.95)] - quantiles[:, QUANTILES.index(0.05)])
     order = np.argsort(-reach, kind="stable")
     least = max(NEGLIGIBLE[kind], LITTLE * float(reach.max(initial=0.0)))

@@ -1,10 +1,9 @@
-"""Results of builds by name, requirements on them, and how both are written.
+"""Results of builds and requirements on them, by name.
 
 A quantity is the frequency of a mode (by label or number), ``coupling`` (the magnitude of the
 analysis' cross-coupling at its last frequency), a static displacement or rotation such as ``test
-static pitch``, or the magnitude of a response or coupling by its own name
-(`linear.named_results`). A requirement is ``QUANTITY in LEAST:LARGEST``, ``QUANTITY < LIMIT`` or
-``QUANTITY > LIMIT``, the last two of the magnitude.
+static pitch``, or the magnitude of a named response (`linear.named_results`). A requirement is
+``QUANTITY in LEAST:LARGEST``, or ``QUANTITY < LIMIT`` or ``QUANTITY > LIMIT`` for magnitudes.
 """
 
 from __future__ import annotations
@@ -46,13 +45,11 @@ class Quantity:
     Attributes
     ----------
     unit
-        SI; Hz of modes.
-    column
-        Dataset with its values.
-    place
-        Where they are in a row of the dataset.
+        SI; Hz for modes.
+    column, place
+        Dataset with the values, and their place in a row.
     ratio
-        Of a response or coupling by its own name.
+        Of a named response or coupling.
     """
 
     name: str
@@ -63,13 +60,13 @@ class Quantity:
 
     @property
     def shown(self) -> tuple[str, float]:
-        """Unit in which it is shown, and its number per SI unit."""
+        """Printed unit, and the factor from SI to it."""
         if self.column != "static":
             return self.unit, 1
         return DISPLAYED.get(self.unit, (self.unit, 1.0))
 
     def read(self, group: Stored, rows: slice = slice(None)) -> Float[np.ndarray, " build"]:
-        """Read its values in builds; magnitudes of complex ones, NaN where a build failed."""
+        """Read the values in builds; magnitudes if complex, NaN where a build failed."""
         values = group[self.column][(rows, *self.place)]
         return np.abs(values) if np.iscomplexobj(values) else values
 
@@ -81,9 +78,9 @@ class Requirement:
     Attributes
     ----------
     low, high
-        Least and largest value, SI; infinite where there is no limit.
+        Least and largest value, SI; infinite without limit.
     magnitude
-        Whether the magnitude must be below `high` or above `low`, and not at it.
+        Whether the limit is on the magnitude, which must not equal it.
     """
 
     quantity: Quantity
@@ -93,7 +90,7 @@ class Requirement:
 
     @property
     def text(self) -> str:
-        """The requirement as ``--require`` takes it, exact to the last digit."""
+        """Text for ``--require``, exact to the last digit."""
         name, low, high = self.quantity.name, self.low, self.high
         if not self.magnitude:
             return f"{name} in {low!r}:{high!r}"
@@ -101,7 +98,7 @@ class Requirement:
 
     @property
     def shown(self) -> str:
-        """The requirement as people read it."""
+        """Text to print, in usual units."""
         unit, per = self.quantity.shown
         low, high, name = self.low * per, self.high * per, self.quantity.name
         end = f" {unit}" if unit != "1" else ""
@@ -115,7 +112,7 @@ class Requirement:
         )
 
     def is_met(self, values: Float[np.ndarray, " build"]) -> Bool[np.ndarray, " build"]:
-        """Whether builds meet it, by their values; those that failed do not."""
+        """Whether builds with these values meet it; failed builds (NaN) do not."""
         if self.magnitude:
             size = np.abs(values)
             return (size > self.low) & (size < self.high)
@@ -159,7 +156,7 @@ class Names:
         key
             Key or option to name in error messages.
         ratios
-            Places of responses by their own names; new ones are added.
+            Places of named responses; new ones are added.
         """
         text = " ".join(text.split())
         plain = {item.name: item for item in self.every_static()}
@@ -192,10 +189,7 @@ class Names:
 def with_responses(
     design: Design, options: tuple[str, ...], names: Names
 ) -> tuple[Requirement, ...]:
-    """Parse the requirements on responses by their own names alone, which no model changes.
-
-    Faults are left to `requirements`.
-    """
+    """Parse only the requirements on named responses, which no model changes; ignore faults."""
     some = [item for item in _calls(design, options, names) if "/" in item[0]]
     found: list[Requirement] = []
     for _, call in some:
@@ -227,7 +221,7 @@ def requirements(design: Design, options: tuple[str, ...], names: Names) -> tupl
 def _calls(
     design: Design, options: tuple[str, ...], names: Names
 ) -> list[tuple[str, Callable[[], Requirement]]]:
-    """Texts of requirements, and calls that parse them."""
+    """List the texts of requirements with functions that parse them."""
     ratios: dict[Ratio, int] = {}
     given = design.tolerance.require if design.tolerance else []
     calls: list[tuple[str, Callable[[], Requirement]]] = []
@@ -268,7 +262,7 @@ def parse(
         low, high = numbers
         if not low < high:
             raise refused(
-                "is a reversed or empty band, so that no build is in it",
+                "is a reversed or empty band",
                 "give LEAST:LARGEST",
             )
     else:

@@ -1,4 +1,4 @@
-"""Statistics of builds as a JSON document and as text."""
+"""Text and JSON of the statistics of builds."""
 
 from __future__ import annotations
 
@@ -88,12 +88,12 @@ def _yield(one: Yield) -> Document:
 
 
 def text(summary: Summary) -> str:
-    """Return the tables that the command prints, without the line of the model."""
+    """Return the printed tables, without the line of the model."""
     lines = [f"{summary.good:,} of {summary.builds:,} builds hang on taut wires"]
     if summary.independent < summary.builds:
         lines.append(
-            f"statistics are those of {summary.independent:,} independent builds; the others serve"
-            " the Sobol indices"
+            f"statistics are those of {summary.independent:,} independent builds; the others are"
+            " for the Sobol indices"
         )
     lines += ["", _modes(summary), "", *_coupling(summary), "", *_statics(summary)]
     if summary.joint is not None:
@@ -103,7 +103,7 @@ def text(summary: Summary) -> str:
         ]
         columns = {"yield\n%": ".2f", "95 % confidence\n%": " ", "requirement": ""}
         lines += ["", tables.render(columns, rows)]
-        lines += _what_matters(summary.required, summary)
+        lines += _required_causes(summary.required, summary)
     if summary.indices is not None:
         lines += ["", *_indices(summary)]
     return "\n".join(lines)
@@ -152,12 +152,12 @@ def _statics(summary: Summary) -> Iterator[str]:
     if not rows:
         return
     columns = dict.fromkeys(("mean", "error\nof mean", "std", "5 %", "95 %"), "#.3g")
-    columns |= {"unit": "", "displacement from the pose as drawn": "", "depends most on": ""}
+    columns |= {"unit": "", "displacement from the nominal pose": "", "depends most on": ""}
     yield tables.render(columns, rows)
 
 
-def _what_matters(required: Spread, summary: Summary) -> Iterator[str]:
-    """Lines with the numbers that move required quantities, if not among the modes."""
+def _required_causes(required: Spread, summary: Summary) -> Iterator[str]:
+    """Describe the causes of required quantities other than modes and coupling."""
     for n, name in enumerate(required.name):
         unit, per = DISPLAYED.get(required.unit[n], (required.unit[n], 1.0))
         end = "" if unit == "1" else unit
@@ -167,7 +167,7 @@ def _what_matters(required: Spread, summary: Summary) -> Iterator[str]:
 
 
 def _causes(summary: Summary, rank: Array, slope: Array, unit: str, count: int) -> str:
-    """Numbers with the strongest significant correlations, and the change that each causes."""
+    """List numbers with the strongest significant correlations, and the change by each."""
     found = []
     for n in strongest(rank, count, summary.significant):
         own = summary.factor_unit[n]
@@ -178,13 +178,12 @@ def _causes(summary: Summary, rank: Array, slope: Array, unit: str, count: int) 
 
 
 def _indices(summary: Summary) -> Iterator[str]:
-    """Tables of total and first-order indices of the results of interest."""
     assert summary.indices is not None
     wanted = ["coupling", *summary.required.name]
     places = [summary.indexed.index(name) for name in dict.fromkeys(wanted)]
     yield (
-        "Sobol indices: fraction of the variance that a tolerance causes with others (total) or"
-        " alone (first)"
+        "Sobol indices: fraction of the variance that a tolerance causes alone (first), or alone"
+        " and together with others (total)"
     )
     for place in places:
         total, first = summary.indices.total[:, place], summary.indices.first[:, place]

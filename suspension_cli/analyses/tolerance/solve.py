@@ -33,23 +33,21 @@ if TYPE_CHECKING:
     from jaxtyping import Float, Int
 
 
-# Jobs of one design, which differ in model or requirements, share what follows from its text.
+# Jobs of one design that differ in model or requirements share these results.
 @lru_cache(maxsize=4)
 def _parse(text: str) -> Design:
-    """Parsed design."""
     return reader.parse(text)
 
 
 @lru_cache(maxsize=4)
 def _expand(text: str) -> Scene:
-    """Scene without random imperfections."""
     return expand(_parse(text))
 
 
 @lru_cache(maxsize=8)
 def _solve_nominal(text: str, level: str) -> tuple[eigenmodes.Modes, Array, Index]:
     """Nominal modes, their mass-normalised shapes (m, c), and the coordinates (c,) of these."""
-    # symmetry blocks give the degenerate nominal modes stable labels
+    # symmetry blocks keep the labels of degenerate modes
     model, design = registry.by_name(level), _parse(text)
     found = eigenmodes.solve(model.system(design))
     plain = surrounded(
@@ -71,20 +69,18 @@ class RandomBuilds:
         The design as TOML, with its `[tolerance]` table.
     count
         Number of builds.
-    seed
-        Seed of the random numbers.
     question
-        The cross-coupling to compute; its wire and body are ignored.
+        The cross-coupling; its wire and body are ignored.
     allow_unstable
-        Whether a build with an unstable equilibrium counts as valid.
+        Whether builds with an unstable equilibrium are valid.
     level
         Name of a model that supports imperfect builds.
     requirements
-        Those whose responses by name are computed too.
+        Their named responses are also computed.
     method
         Sampling, see `studies.sample_points`.
     with_indices
-        Whether the builds are those from which Sobol indices follow.
+        Whether builds are drawn for Sobol indices.
     """
 
     text: str
@@ -99,24 +95,24 @@ class RandomBuilds:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Number of builds, the only axis."""
+        """Number of builds."""
         return (self.count,)
 
     @property
     def scales(self) -> tuple[str, ...]:
-        """Name of the dataset that numbers the builds."""
+        """Name of the dataset of build numbers."""
         return ("build",)
 
     @property
     def identity(self) -> str:
-        """Text that differs between different jobs of one design."""
+        """Text that identifies a job of one design."""
         fields = (self.count, self.seed, self.question, self.allow_unstable, self.level)
         further = (self.requirements, self.method, self.with_indices)
         return repr((*fields, *further))
 
     @property
     def columns(self) -> tuple[Column, ...]:
-        """Datasets of the file: frequencies, couplings, statics and status of each build."""
+        """Datasets of the file."""
         ratio = quotient_unit(self.question.over, self.question.under)
         bodies, named = len(self.scene.bodies.name), len(self.ratios)
         response = Column("response", "c16", (named,), "SI, see response_unit", ("response_name",))
@@ -148,7 +144,7 @@ class RandomBuilds:
 
     @property
     def ratios(self) -> tuple[Ratio, ...]:
-        """Responses and couplings by their own names that requirements limit."""
+        """Named responses and couplings that requirements limit."""
         found = [item.quantity.ratio for item in self.requirements]
         return tuple(dict.fromkeys(ratio for ratio in found if ratio is not None))
 
@@ -159,7 +155,7 @@ class RandomBuilds:
 
     @cached_property
     def points(self) -> SamplePoints:
-        """Points of the unit cube that the deviations are drawn from."""
+        """Points of the unit cube from which deviations follow."""
         groups = [self.groups.index(factor.group) for factor in self.factors]
         return SamplePoints(
             self.method, self.seed, self.count, tuple(groups) if self.with_indices else ()
@@ -167,17 +163,17 @@ class RandomBuilds:
 
     @property
     def nominal(self) -> eigenmodes.Modes:
-        """Modes of the design without random deviations, but with its own perturbations."""
+        """Modes without random deviations, but with the design's own perturbations."""
         return _solve_nominal(self.text, self.level)[0]
 
     @cached_property
     def names(self) -> Names:
-        """Names that quantities of the builds may have."""
+        """Possible names of quantities."""
         known = signals.bodies_with_signals(registry.STRING.system(self.design))
         return Names(self.nominal, self.scene.bodies.name, known)
 
     def requiring(self, requirements: tuple[Requirement, ...]) -> RandomBuilds:
-        """The job with requirements."""
+        """Return the job with requirements."""
         return replace(self, requirements=requirements)
 
     def check(self) -> None:
@@ -225,9 +221,9 @@ def follow_modes(
     Parameters
     ----------
     shapes
-        Nominal modes in coordinates scaled by the root of the mass matrix: orthonormal.
+        Mass-normalised nominal modes, orthonormal.
     keep
-        Coordinates with inertia, which the shapes refer to.
+        Their coordinates, which have inertia.
     """
     from suspension_cli.linear import compiled  # takes half a second
 

@@ -15,24 +15,16 @@ if TYPE_CHECKING:
 QUANTILES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
 """Quantiles that are reported."""
 RANKED = 20_000
-"""Number of first builds that rank correlations are computed from, with an error below 0.01."""
+"""Number of first builds for rank correlations, whose error is then below 0.01."""
 SIGNIFICANT = 3.0
-"""Smallest correlation that is shown, in standard deviations, 1/sqrt(N), of that of N builds of
-uncorrelated numbers."""
+"""Least significant correlation, in standard deviations 1/sqrt(N) of N uncorrelated builds."""
 
 
 @dataclass(frozen=True)
 class Yield:
-    """Fraction of builds that meet a requirement, or all.
+    """Fraction of builds that meet a requirement, or all; failed builds do not.
 
-    Attributes
-    ----------
-    name
-        The requirement.
-    fraction
-        Builds without equilibrium count as not meeting it.
-    low, high
-        Ends of the 95 % confidence interval.
+    `low` and `high` are the ends of the 95 % confidence interval.
     """
 
     name: str
@@ -42,14 +34,14 @@ class Yield:
 
     @property
     def percent(self) -> str:
-        """The fraction and its interval in words."""
+        """Fraction and interval as text."""
         low, high = 100 * self.low, 100 * self.high
         return f"{100 * self.fraction:.4g} % (95 % confidence: {low:.3g} to {high:.3g} %)"
 
 
 @dataclass(frozen=True)
 class Spread:
-    """Distribution of some results over the builds: r results, f numbers that vary.
+    """Distribution of results over the builds.
 
     Attributes
     ----------
@@ -58,9 +50,9 @@ class Spread:
     quantiles
         At `QUANTILES`.
     rank
-        Rank correlations with the deviations of the numbers.
+        Rank correlations with the deviations of numbers.
     slope
-        Change per unit of each deviation: that of the least-squares line.
+        Change per unit of each deviation (least squares).
     sample
         Values of some builds, for figures.
     """
@@ -78,21 +70,21 @@ class Spread:
 
 @dataclass(frozen=True)
 class Summary:
-    """Statistics of a set of random builds: m modes, f numbers that vary.
+    """Statistics of random builds.
 
     Attributes
     ----------
     builds, good
         Number of builds, and of those with an equilibrium on taut wires.
     independent
-        Number of first builds that statistics are of: all, but with Sobol indices two blocks.
+        Number of first builds in the statistics: all, or two blocks of those for Sobol indices.
     failures
         Number of builds by reason of failure.
     label, nominal
         Labels and frequencies (Hz) of the nominal modes.
     mean, mean_error, spread, quantiles
-        Mean of each frequency over the builds, its standard error, standard deviation, and
-        quantiles at `QUANTILES`, Hz.
+        Mean of each frequency, its standard error, standard deviation, and quantiles at
+        `QUANTILES`, Hz.
     mode_rank, mode_slope
         Rank correlation of each frequency with each deviation, and its change, Hz per unit.
     sample
@@ -100,30 +92,29 @@ class Summary:
     ratio, frequency, limit
         Name of the cross-coupling, ``test.x / test.z``, its frequency in Hz, and its limit.
     under, under_interval
-        Fraction of the good builds with |ratio| below the limit, and its 95 % confidence interval.
+        Fraction of good builds with |ratio| below the limit, and its 95 % confidence interval.
     ratio_quantiles, ratio_sorted
-        Of |ratio|: quantiles, and ascending values of good builds, thinned to a few thousand.
+        Quantiles of |ratio|, and ascending values of some good builds.
     factor, factor_unit
-        Names of the numbers that vary, and the units of their deviations.
+        Numbers that vary, and units of their deviations.
     ratio_rank
         Rank correlation of |ratio| with the absolute value of each deviation.
     signed_rank, signed_slope
-        Rank correlation of the ratio with its sign, see `signed`, with each deviation, and its
-        change per unit of that (least squares).
+        Rank correlation of the `signed` ratio with each deviation, and its change per unit of that
+        (least squares).
     ranked
-        Number of builds that correlations are of.
+        Number of builds in the correlations.
     static, required
         Displacements (m) and rotations (rad) of the stages, and quantities with requirements.
-    limits
-        Of each requirement: least and largest value, and whether of the magnitude.
-    required_place
-        Number of the quantity of each requirement in `required`.
+    limits, required_place
+        Of each requirement: least value, largest value and whether of the magnitude; and the number
+        of its quantity in `required`.
     yields, joint
         Of each requirement, and of all together.
-    seed, sampling
-        Seed of the random numbers, and ``random`` or ``sobol``.
+    sampling
+        ``random`` or ``sobol``.
     group, indexed, indices
-        Names of the tolerances and of the results of the Sobol indices, and these.
+        Names of tolerances and of results with Sobol indices, and these.
     """
 
     builds: int
@@ -166,23 +157,21 @@ class Summary:
 
     @property
     def significant(self) -> float:
-        """Smallest rank correlation that is shown, 3/sqrt(N) of N builds."""
+        """Least significant rank correlation, 3/sqrt(N) of N builds."""
         return SIGNIFICANT / np.sqrt(self.ranked) if self.ranked else np.inf
 
 
 def rank_correlation(
     a: Float[np.ndarray, "build first"], b: Float[np.ndarray, "build second"]
 ) -> Float[np.ndarray, "first second"]:
-    """Spearman's rank correlations (n, m) of the columns of a (p, n) and of b (p, m).
-
-    Those of a constant column are 0.
+    """Spearman's rank correlations of the columns of a and b; 0 for a constant column.
 
     >>> rank_correlation(np.array([[1.0], [2.0], [4.0]]), np.array([[3.0], [2.0], [0.0]]))
     array([[-1.]])
     """
     if not len(a):
         return np.zeros((a.shape[1], b.shape[1]))
-    from scipy.stats import rankdata  # spearmanr ranks each column apart, and tests significance
+    from scipy.stats import rankdata  # spearmanr is slower, as it tests significance
 
     both = np.hstack([a, b])
     varies = both.max(0) > both.min(0)
@@ -194,9 +183,9 @@ def rank_correlation(
 
 
 def signed(ratio: Complex[np.ndarray, " build"]) -> Float[np.ndarray, " build"]:
-    """Real numbers (p,) that stand for complex ones: parts along the phase in which most vary.
+    """Parts of complex numbers along the phase in which they vary most.
 
-    Small imperfections add up with their signs, which magnitudes hide. A real ratio is kept.
+    Small imperfections add up with their signs, which magnitudes hide. Real ratios are unchanged.
 
     >>> signed(np.array([2.0, -1.0, 0.5]) * (1 + 0j))
     array([ 2. , -1. ,  0.5])
@@ -210,7 +199,7 @@ def signed(ratio: Complex[np.ndarray, " build"]) -> Float[np.ndarray, " build"]:
 def slopes(
     a: Float[np.ndarray, "build first"], b: Float[np.ndarray, "build second"]
 ) -> Float[np.ndarray, "first second"]:
-    """Slopes (n, m) of the least-squares lines of the columns of a (p, n) over those of b (p, m).
+    """Slopes of the least-squares lines of the columns of a over those of b.
 
     >>> slopes(np.array([[1.0], [3.0], [5.0]]), np.array([[0.0], [1.0], [2.0]]))
     array([[2.]])
@@ -225,13 +214,13 @@ def slopes(
 def leading(
     correlation: Float[np.ndarray, " factors"], names: tuple[str, ...], count: int = 5
 ) -> list[tuple[str, float]]:
-    """List names and values of the `count` strongest correlations, strongest first."""
+    """List names and values of the strongest correlations, strongest first."""
     return [(names[n], float(correlation[n])) for n in strongest(correlation, count)]
 
 
 def strongest(
     correlation: Float[np.ndarray, " factors"], count: int, least: float = 0.0
 ) -> list[int]:
-    """Numbers of the `count` strongest correlations above a least size, strongest first."""
+    """Numbers of the strongest correlations above a least size, strongest first."""
     order = np.argsort(-np.abs(correlation), kind="stable")[:count]
     return [int(n) for n in order if abs(correlation[n]) > least]

@@ -29,16 +29,16 @@ if TYPE_CHECKING:
     from suspension_cli.design.schema import Design
 
 NAMES = ("modes", "response", "thermal", "coupling", "equilibrium")
-"""As `comparisons.QUANTITIES`, which is not imported just to print help."""
+"""Copy of `comparisons.QUANTITIES`, whose import would delay the help."""
 REPEAT = 7
 
 
 class TradeoffAnalysis(Analysis):
     """Measure speed and accuracy of every model and every method, for one design.
 
-    Models are compared with the most complete one that is valid, methods with 50-digit arithmetic
-    on the same model. Times are processor times on one thread, measured in turns. Prints one line
-    per question: what is fastest and accurate enough; with -v all times and errors. Writes
+    Models are compared with the most complete valid one, methods with 50-digit arithmetic in the
+    same model. Times are processor times, measured in turns. Prints for each question the fastest
+    model or method that is accurate enough; with -v all times and errors. Writes
     DIR/NAME-tradeoff.h5, .png (which model to use), -models.png, -methods-once.png and
     -methods-batch.png (all comparisons).
 
@@ -54,7 +54,7 @@ class TradeoffAnalysis(Analysis):
             "quantities",
             multiple=True,
             type=click.Choice(NAMES),
-            help="Compare for this quantity alone (repeatable).  [default: all]",
+            help="Compare only for this quantity (repeatable).  [default: all]",
         ),
         option(
             "--repeat",
@@ -62,7 +62,7 @@ class TradeoffAnalysis(Analysis):
             default=REPEAT,
             show_default=True,
             metavar="N",
-            help="Samples of every time (fewer of slow methods).",
+            help="Samples of each time (fewer for slow methods).",
         ),
         options.OVERRIDES,
         options.OUT,
@@ -97,7 +97,7 @@ class TradeoffAnalysis(Analysis):
         return Result(self, run.source, choice, found, command=run.command)
 
     def document(self, result: Result) -> Document:
-        """Return every comparison with its times, errors and fronts, and the answers."""
+        """Return all comparisons and answers."""
         from suspension_cli.analyses.tradeoff import summary
 
         found: Tradeoff = result.data
@@ -130,7 +130,7 @@ def _demand_references(design: Design) -> None:
 
     if reason := beyond_symmetric_chains(design):
         problem = f"the references in 50 digits do not cover this design: {reason}"
-        key, remedy = "stage", "pendsus info has the estimated error of each model"
+        key, remedy = "stage", "use pendsus info, which estimates the error of each model"
         if "weight" in reason or "gravity" in reason:
             key = "constants"
             remedy = "remove gravity_gradient and wire_weight, and give gravity as a number"
@@ -138,14 +138,15 @@ def _demand_references(design: Design) -> None:
 
 
 def _demand_stable(design: Design) -> None:
+    from suspension_cli.design.plausibility import RAISE
     from suspension_cli.linear import eigenmodes
     from suspension_cli.models import registry
 
     found = eigenmodes.solve(registry.STRING.system(design))
     if not found.stable:
         worst = f"{found.label[0]} grows at {found.growth_rate[0]:.4g} 1/s"
-        problem = f"the equilibrium is unstable on strings: {worst}"
-        remedy = "make it stable (raise d, say): only then are there responses to compare"
+        problem = f"the equilibrium is unstable in the string model: {worst}"
+        remedy = f"{RAISE}; responses of an unstable design are not compared"
         raise InputError([Fault("stage", problem, remedy)])
 
 
@@ -213,10 +214,10 @@ def table(found: Tradeoff) -> str:
 
     threads = f" on {found.threads} thread" + "s" * (found.threads > 1) if found.threads else ""
     head = (
-        f"median times of up to {found.repeat} samples{threads},"
-        " relative to the fastest, lower to upper quartile in brackets\n* no other is both faster"
-        " and more accurate    o: no arrays, so a batch is done one by one    errors are relative;"
-        " below 1e-12 they are rounding"
+        f"median times of up to {found.repeat} samples{threads}, relative to the fastest;"
+        " quartiles in brackets\n*: no other is both faster and more accurate    o: not vectorised,"
+        " so a batch is a loop    kept: prepared beforehand\nerrors are relative; below 1e-12 they"
+        " are rounding errors"
     )
     waits = [summary.response_table(found)] if found.waits else []
     return "\n\n".join([head, *map(_table, found.panels), *waits])
@@ -233,8 +234,8 @@ def _table(panel: Panel) -> str:
         }
         lines.append(f"  error against {panel.reference}")
         lines.append(
-            f"  time {panel.start}: 1 is {format_time(fastest['once'])};"
-            f" {format_time(fastest['batch'])} a {panel.item} in a batch of {panel.count}"
+            f"  time {panel.start}: 1 is {format_time(fastest['once'])} once, and"
+            f" {format_time(fastest['batch'])} per {panel.item} in a batch of {panel.count}"
         )
         rows = []
         for n, entry in enumerate(panel.entries):

@@ -19,7 +19,7 @@ Error = Callable[[Subject, Any, Any], dict[str, float]]
 """Errors by component, of the quantity and its reference."""
 
 TOP = "top"
-"""In place of a model: the most complete one that is valid for the design."""
+"""Stands for the most complete model that is valid for the design."""
 
 
 def suits(_: Subject) -> str:
@@ -31,8 +31,8 @@ def suits(_: Subject) -> str:
 class Method:
     """A method that computes a quantity of a subject, with a model or `TOP`.
 
-    `batch` prepares the computation of a whole batch; None if that takes a loop. `unsuited`
-    gives why the method does not apply where its model does; "" if it applies.
+    `batch` prepares the computation of a whole batch; None if that takes a loop. `unsuited` gives
+    why the method does not apply though its model is valid; "" if it applies.
     """
 
     model: str
@@ -42,7 +42,7 @@ class Method:
     unsuited: Callable[[Subject], str] = suits
 
     def on(self, subject: Subject) -> str:
-        """Return the name of the model that is used for a subject."""
+        """Return the name of the model for a subject."""
         return subject.top if self.model == TOP else self.model
 
 
@@ -50,9 +50,8 @@ class Method:
 class Comparison(Timed):
     """A quantity, its reference and the methods to compare.
 
-    `against` describes the reference of a subject in words. `views` are names of components by
-    title of a view; None for one view of all. `unsuited` gives why no method applies; "" if
-    some do.
+    `against` describes the reference in words. `views` are names of components by title of a view;
+    None for one view of all. `unsuited` gives why no method applies; "" if some do.
     """
 
     against: Callable[[Subject], str]

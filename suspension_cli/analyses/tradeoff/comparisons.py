@@ -1,4 +1,4 @@
-"""List of all comparisons. Adding a method takes an entry here."""
+"""All comparisons; a new method takes an entry here."""
 
 from __future__ import annotations
 

@@ -33,15 +33,14 @@ DESIGNS = 256
 SCATTER = 0.01
 """Relative standard deviation of the masses or stiffnesses of a batch."""
 HIGHEST = 1.1
-"""Ratio of the highest frequency searched with wire mass to the highest mode without."""
+"""Highest frequency searched with wire mass, over the highest mode without."""
 
 
 @dataclass(frozen=True)
 class Reference:
     """Reference modes of a design.
 
-    Frequencies (Hz) are negative for unstable modes. Kinds are those of `KINDS`; shapes are
-    mass-normalised motions of the bodies (`body_shapes`).
+    Frequencies (Hz) are negative for unstable modes; shapes are those of `body_shapes`.
     """
 
     frequency: Float[np.ndarray, " mode"]
@@ -52,19 +51,19 @@ class Reference:
 def signed_frequency(
     omega_squared: Float[np.ndarray, "*shape"],
 ) -> Float[np.ndarray, "*shape"]:
-    """Compute frequencies in Hz from omega^2; minus the growth rate over 2 pi if unstable."""
+    """Frequencies in Hz from omega^2; minus the growth rate over 2 pi if unstable."""
     return np.sign(omega_squared) * np.sqrt(np.abs(omega_squared)) / (2 * np.pi)
 
 
 def mode_kinds(found: Modes) -> tuple[str, ...]:
-    """Find the kind of each mode: the one of `KINDS` with most kinetic energy."""
+    """Find the one of `KINDS` with most kinetic energy in each mode."""
     by_dof = dict(zip(DOFS, found.energy.sum(1).T, strict=True))
     energy = np.array([sum(by_dof[dof] for dof in dofs) for dofs in KINDS.values()])
     return tuple(np.array(list(KINDS))[energy.argmax(0)].tolist())
 
 
 def body_shapes(subject: Subject, found: Modes) -> Float[np.ndarray, "mode coordinate"]:
-    """Compute the mass-normalised motions of the bodies; those of one design are orthonormal."""
+    """Compute mass-normalised motions of the bodies, orthonormal for one design."""
     model, size = subject.model(STRING), 6 * len(found.body)
     mass = model.mass[6 : 6 + size, 6 : 6 + size]
     return found.shape[:, :size] @ np.linalg.cholesky(mass)
@@ -99,7 +98,7 @@ def error(
         mine = [n for n, name in enumerate(wanted.kind) if name == kind]
         true = wanted.frequency[mine]
         if isinstance(found, dict):
-            # pairs of nearest frequencies, as many as there are of either
+            # pair nearest frequencies
             rows, columns = linear_sum_assignment(np.abs(true[:, None] - found[kind]))
             pairs = list(zip(found[kind][columns].tolist(), true[rows].tolist(), strict=True))
         else:
@@ -113,14 +112,14 @@ def error(
 
 
 def solve_blocks(subject: Subject, level: str) -> Modes:
-    """Solve for the modes of a model, built and solved block by block, as in `pendsus modes`."""
+    """Solve for the modes of a model block by block, as in `pendsus modes`."""
     found = eigenmodes.solve(registry.by_name(level).system(subject.design))
     subject.modes[level] = found
     return found
 
 
 def solve_with_wire_mass(subject: Subject) -> Modes:
-    """Solve for the modes with wire mass: counted, bisected, then solved for their shapes."""
+    """Solve for the modes with wire mass by counting and bisection, then for their shapes."""
     model = registry.VIOLIN.system(subject.design)
     highest = eigenmodes.solve(model.constant).frequency[-1]
     found = wire_modes.solve(model, HIGHEST * float(highest))
@@ -136,7 +135,7 @@ def by_block(level: str) -> Callable[[Subject], Modes]:
 def formulas(
     subject: Subject, factor: Float[np.ndarray, " build"] | float = 1.0
 ) -> dict[str, np.ndarray]:
-    """Compute frequencies by kind (Husman et al. 2000), with masses times `factor`."""
+    """Compute frequencies by kind (Husman et al. 2000) with scaled masses."""
     p = closed_form.four_wires(subject.design)
     p = replace(p, mass=p.mass * factor)
     every = (
@@ -151,7 +150,7 @@ def formulas(
 def _eigenvalues(matrix: Float[np.ndarray, "*batch 2 2"]) -> Float[np.ndarray, "*batch 2"]:
     """Compute omega^2, ascending, of matrices A with x'' = A x.
 
-    The smaller one is the determinant over the larger one, so that nothing cancels.
+    The smaller one is the determinant over the larger one, without cancellation.
     """
     a, b, c, d = matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 1, 0], matrix[..., 1, 1]
     larger = -(a + d) / 2 + np.sqrt(((a - d) / 2) ** 2 + b * c)
@@ -159,7 +158,7 @@ def _eigenvalues(matrix: Float[np.ndarray, "*batch 2 2"]) -> Float[np.ndarray, "
 
 
 def scatter_factors() -> Float[np.ndarray, " build"]:
-    """Draw the factors between the members of a batch and the design."""
+    """Draw the factors of the members of a batch."""
     return 1 + SCATTER * np.random.default_rng(0).standard_normal(DESIGNS)
 
 
@@ -178,7 +177,7 @@ def force_batch(subject: Subject) -> Callable[[], object]:
 
 
 def string_batch(subject: Subject) -> Callable[[], object]:
-    """Prepare the string model for a batch, as in `pendsus sweep`: balanced, solved by blocks."""
+    """Prepare the string model for a batch, as in `pendsus sweep`."""
     scene, design = _scenes(subject), subject.design
     return lambda: batch_modes.solve(builds.balance(scene, design, split=True).model)
 
@@ -190,7 +189,7 @@ def beam_batch(subject: Subject) -> Callable[[], object]:
 
 
 def _scenes(subject: Subject) -> Scene:
-    """Build the scenes of a batch, with different masses of the last body."""
+    """Build the scenes of a batch with scattered masses of the last body."""
     return imperfections.scale_mass(
         subject.scene, len(subject.scene.bodies.name), scatter_factors()
     )

@@ -1,4 +1,4 @@
-"""Eigenvalues of the matrices of the string model by every numerical method."""
+"""Eigenvalues of the string model by every numerical method."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def reference(subject: Subject) -> eigenmodes_compared.Reference:
-    """Compute the eigenvalues of the string model in 50 digits, and the kinds of its modes."""
+    """Compute the modes of the string model, with eigenvalues in 50 digits."""
     model = subject.model(STRING)
     found = eigenmodes.solve(model)
     return eigenmodes_compared.Reference(
@@ -46,12 +46,12 @@ def error(
 
 
 def by_block(subject: Subject) -> Float[np.ndarray, " mode"]:
-    """Solve for omega^2 block by block, soft modes separately, as in `pendsus modes`."""
+    """Solve for omega^2 block by block, as in `pendsus modes`."""
     return eigenmodes.solve(subject.fresh(STRING)).omega_squared
 
 
 def whole(subject: Subject) -> Float[np.ndarray, " mode"]:
-    """Solve for omega^2 as in `by_block`, but with all coordinates in one block."""
+    """Solve for omega^2 as in `by_block`, with all coordinates in one block."""
     model = subject.fresh(STRING)
     # overrides the cached property
     vars(model)["blocks"] = (np.arange(6, model.size),)
@@ -64,7 +64,7 @@ def symmetric(subject: Subject) -> Float[np.ndarray, " mode"]:
 
 
 def unsymmetric(subject: Subject) -> Float[np.ndarray, " mode"]:
-    """Solve for omega^2 as eigenvalues of the unsymmetric M^-1 K, by LAPACK."""
+    """Solve for omega^2 as eigenvalues of M^-1 K, by LAPACK."""
     return _unsymmetric(subject.fresh(STRING))
 
 

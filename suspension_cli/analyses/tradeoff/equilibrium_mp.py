@@ -1,8 +1,7 @@
 """Equilibrium of wires and blades in 50 digits.
 
-Newton's method with forces in 50 digits and the stiffness in double precision: each step reduces
-the error some 1e10 times, so a few steps suffice. Forces follow from the definitions of a scene;
-`equilibrium` gives only the stiffness and the starting pose.
+Newton's method with forces in 50 digits, from the definitions of a scene; stiffness and starting
+pose are those of `equilibrium`. A step reduces the error some 1e10 times.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
 
 EquilibriumArrays = tuple[Array, Array, Array]
 """Displacements of the COMs from their nominal positions (body, 3), m; rotation matrices less the
-unit matrix (body, 3, 3); tensions of the wires (wire,), N."""
+unit matrix (body, 3, 3); wire tensions (wire,), N."""
 Mp = Number
 """A vector or matrix of mpmath."""
 
@@ -32,7 +31,7 @@ CONVERGED = 1e-30
 
 
 def solve(scene: Scene) -> EquilibriumArrays | None:
-    """Solve for the equilibrium of a scene without batch axes, rounded to double precision.
+    """Solve for the equilibrium of one build, rounded to double precision.
 
     None if there is no equilibrium, or a body can turn freely.
     """
@@ -71,7 +70,7 @@ def solve(scene: Scene) -> EquilibriumArrays | None:
 def _gradient(
     scene: Scene, numbering: Layout, shift: list[Mp], turn: list[Mp], bent: list[Mp]
 ) -> tuple[list[Number], list[Number]]:
-    """Compute the gradient of the energy by coordinate, and the tensions."""
+    """Gradient of the energy by coordinate, and tensions."""
     mp, wires, blades = context(), scene.wires, scene.blades
     force = [
         mp.matrix([0, 0, mp.mpf(scene.gravity) * mp.mpf(float(m))])
@@ -97,7 +96,7 @@ def _gradient(
             _numbers(values[n]) for values in (wires.upper_point, wires.lower_point, wires.span)
         )
         arms = turn[up] * (upper + bent[blade] if blade >= 0 else upper), turn[low] * lower
-        # nominal span plus changes: exactly the nominal one in the nominal pose
+        # nominal span plus changes, so that the nominal pose is exact
         now = span + shift[low] + arms[1] - lower - shift[up] - arms[0] + upper
         length = _norm(now)
         tension.append(
@@ -133,7 +132,7 @@ def _cross(a: Mp, b: Mp) -> Mp:
 
 
 def _rotation(vector: Mp) -> Mp:
-    """Compute the rotation matrix of a rotation vector (Rodrigues)."""
+    """Rotation matrix of a rotation vector (Rodrigues)."""
     mp, angle = context(), _norm(vector)
     if angle == 0:
         return mp.eye(3)
@@ -143,7 +142,7 @@ def _rotation(vector: Mp) -> Mp:
 
 
 def _orthogonal(matrix: Float[np.ndarray, "3 3"]) -> Mp:
-    """Orthonormalise a rotation matrix of doubles to all digits (Gram and Schmidt)."""
+    """Orthonormalise a rotation matrix to all digits (Gram and Schmidt)."""
     mp = context()
     first = _numbers(matrix[:, 0])
     first = first / _norm(first)

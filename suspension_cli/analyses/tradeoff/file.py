@@ -25,7 +25,7 @@ from suspension_cli.files.hdf5 import Stored, add_dataset, add_scale
 TEXTS = ("quantity", "compares", "title", "start", "item", "reference")
 """Attributes of a comparison that are text."""
 WAITS = "response-times-"
-"""Begins the names of the groups of the times of responses in a row."""
+"""Prefix of the groups of response times."""
 
 
 def fill(group: h5py.Group, found: Tradeoff) -> None:
@@ -55,7 +55,7 @@ def _fill_waits(home: h5py.Group, each: ResponseTimes) -> None:
 
 
 def _words(values: Iterable[str]) -> np.ndarray:
-    """Make an array of strings, also if it is empty."""
+    """Make an array of strings, which may be empty."""
     return np.array(list(values), dtype=str)
 
 
@@ -110,7 +110,6 @@ def _load_waits(home: Stored) -> ResponseTimes:
 
 
 def _rows(home: Stored, *names: str) -> Iterator[tuple[Stored, ...]]:
-    """Iterate over the rows of some datasets; names are strings."""
     columns = [home[name] for name in names]
     texts = [h5py.check_string_dtype(column.dtype) for column in columns]
     read = (c.asstr()[:].tolist() if t else c[:] for c, t in zip(columns, texts, strict=True))

@@ -1,4 +1,4 @@
-"""First picture of `pendsus tradeoff`: time and error of the models, with advice per question."""
+"""First picture of `pendsus tradeoff`: time and error of models, with advice."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ from suspension_cli.scene.arrays import Array
 LEFT, WIDTH = 0.86, COLUMN - 1.0
 """Left edge and width of a chart, in."""
 HEAD, ABOVE, HIGH, ROW, FOOT = 0.76, 0.44, 1.5, 2.5, 0.02
-"""Heights of the heading, above a chart, of a chart, of a row and of the foot, in."""
+"""Heights of heading, space above a chart, chart, row and foot, in."""
 LINE = 0.15
 """Height of a line of notes, in."""
 FONT = 8.0
 STRIP = 0.8
-"""Decades between the smallest error above rounding and the strip of exact models."""
+"""Decades from the smallest error above rounding to the strip of exact models."""
 
 
 def draw(found: Tradeoff, title: str) -> Figure:
-    """Draw error against time of all models, a chart per quantity."""
+    """Draw error against time of the models, a chart per quantity."""
     questions = choices(found)
     left_out = [
         (panel.title, panel.left[0].reason if panel.left else "nothing to compare")
@@ -79,8 +79,6 @@ def draw(found: Tradeoff, title: str) -> Figure:
 def advise(answer: Answer, options: list[Option]) -> str:
     """Advise on a model in one sentence, from times and errors.
 
-    Examples
-    --------
     >>> fine, coarse = Option("fine", 0.037, 9e-5), Option("coarse", 0.007, 0.15)
     >>> advise(Answer("models", "", fine, coarse), [fine, coarse])
     'Use fine: coarse is 5.3 times faster, but off by 15 %.'
@@ -146,7 +144,7 @@ def _draw_chart(axes: Axes, options: list[Option], answer: Answer) -> None:
 
 
 def _name_band(axes: Axes, path: Array) -> Annotation:
-    """Name the band of accurate models at its upper edge, where the front does not cross it."""
+    """Name the band of accurate models at its upper edge, beside the front."""
     falls = path[:-1, 0][(path[:-1, 1] >= MODEL_TOLERANCE) & (path[1:, 1] < MODEL_TOLERANCE)]
     crossing = axes.transAxes.inverted().transform(
         axes.transData.transform([[float(falls[0]), MODEL_TOLERANCE]] if len(falls) else [[1, 1]])

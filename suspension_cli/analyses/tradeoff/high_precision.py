@@ -1,7 +1,4 @@
-"""Linear algebra in 50 digits, for reference values.
-
-A few frequencies of blocks of a dozen coordinates take tens of milliseconds.
-"""
+"""Linear algebra in 50 digits, for reference values."""
 
 from __future__ import annotations
 
@@ -35,10 +32,7 @@ def context() -> MPContext:
 
 
 def eliminate(matrix: Matrix, right: Matrix) -> Matrix:
-    """Solve linear systems by elimination with partial pivoting, skipping zeros.
-
-    Overwrites both arguments.
-    """
+    """Solve linear systems by elimination with partial pivoting; overwrites both arguments."""
     size = len(matrix)
     for n in range(size):
         pivot = max(range(n, size), key=lambda row: abs(complex(matrix[row][n])))
@@ -73,7 +67,7 @@ def dynamic(
 ) -> Matrix:
     """Compute the dynamic stiffness K + i omega C - omega^2 M, omega in rad/s, in 50 digits.
 
-    `low` are the low parts of K and C, which rounding to doubles took from their elements.
+    `low` are the low parts of K and C: what rounding to doubles cut off.
     """
     mp = context()
     w = mp.mpf(float(omega))
@@ -95,7 +89,6 @@ def dynamic(
 def _low_parts(
     model: LinearSystem, keep: Int[np.ndarray, " row"]
 ) -> tuple[Complex[np.ndarray, "row row+6"], Float[np.ndarray, "row row+6"]]:
-    """Compute the low parts of the stiffness and the damping of some coordinates."""
     full = model.stiffness if model.lossy is None else model.lossy
     known = (None, None) if model.low is None else (np.real(model.low), np.imag(model.low))
     columns = np.concatenate([np.arange(6), keep])
@@ -109,7 +102,7 @@ def _low_parts(
 
 
 def to_mp(matrix: Inexact[np.ndarray, "row column"]) -> Matrix:
-    """Convert a matrix of doubles to mpmath numbers."""
+    """Convert doubles to mpmath numbers."""
     mp = context()
     return [
         [
@@ -128,7 +121,7 @@ def response(
 ) -> Complex[np.ndarray, " frequency"]:
     """Solve for the response of a linear form `row` to a motion `drive` of the support.
 
-    Takes the matrices of the model at omega, rad/s, with their low parts if constant.
+    Matrices are those of the model at omega, rad/s, with low parts if constant.
     """
     result = np.zeros(len(omega), dtype=complex)
     for block in frequency_dependent.build_blocks(model):
@@ -148,7 +141,7 @@ def response(
 
 
 def _dot(factors: Float[np.ndarray, " _"], numbers: list[Number]) -> Number:
-    """Compute the scalar product of doubles with the first of some mpmath numbers."""
+    """Scalar product of doubles with the first of some mpmath numbers."""
     mp = context()
     return sum((mp.mpf(float(a)) * b for a, b in zip(factors, numbers, strict=False) if a), mp.zero)
 
@@ -156,10 +149,7 @@ def _dot(factors: Float[np.ndarray, " _"], numbers: list[Number]) -> Number:
 def driven_motion(
     matrix: Inexact[np.ndarray, "size size"], force: Float[np.ndarray, " coordinate"]
 ) -> Complex[np.ndarray, " coordinate"]:
-    """Solve for the motion of a block under a force on its first coordinates.
-
-    `matrix` is its dynamic stiffness.
-    """
+    """Solve for the motion of a block under a force, from its dynamic stiffness."""
     right = np.pad(force, (0, len(matrix) - len(force)))[:, None]
     moved = eliminate(to_mp(matrix), to_mp(right))
     return np.array([complex(x[0]) for x in moved[: len(force)]])

@@ -31,12 +31,12 @@ Method = Callable[[Subject, Array], np.ndarray]
 BUILDS = 256
 """Builds per batch."""
 STEP = 1e-3
-"""Fraction of the imperfection over which the slope of the coupling is taken, with a relative
-error of order 1e-6."""
+"""Fraction of the imperfection in the difference that gives the slope of the coupling; the relative
+error is about 1e-6."""
 
 
 def imperfect_scene(subject: Subject, fraction: Array | float = 1.0) -> Scene:
-    """Build scenes with a fraction of the imperfection, or fractions of stiffness and position."""
+    """Build scenes with fractions of the imperfection, or of its stiffness and position."""
     amount = np.asarray(fraction, dtype=float)
     stiffer, moved = (amount[..., 0], amount[..., 1]) if amount.ndim == 2 else (amount, amount)
     offset = moved[..., None] * np.array([OFFSET, 0.0, 0.0])
@@ -45,7 +45,7 @@ def imperfect_scene(subject: Subject, fraction: Array | float = 1.0) -> Scene:
 
 
 def fractions() -> Float[np.ndarray, " build"]:
-    """Return the fractions of the imperfection in a batch."""
+    """Fractions of the imperfection in a batch."""
     return np.linspace(0.1, 1.0, BUILDS)
 
 
@@ -54,11 +54,8 @@ def no_wire(subject: Subject) -> str:
     return "" if subject.wire >= 0 else "the last stage hangs on no wire"
 
 
-def unhung(subject: Subject, levels: tuple[str, ...] = (STRING,)) -> str:
-    """Return why builds have no equilibrium in a valid model; empty if they have in all.
-
-    Checks the smallest and the largest imperfection.
-    """
+def why_no_equilibrium(subject: Subject, levels: tuple[str, ...] = (STRING,)) -> str:
+    """Return why the least or most imperfect build has no equilibrium in a valid model; or ""."""
     scene = imperfect_scene(subject, fractions()[[0, -1]])
     for level in levels:
         if not subject.unsuited[level]:
@@ -70,24 +67,26 @@ def unhung(subject: Subject, levels: tuple[str, ...] = (STRING,)) -> str:
 
 def uncoupled(subject: Subject) -> str:
     """Return why there is no coupling to compare; empty if there is."""
-    if why := no_wire(subject) or unhung(subject):
+    if why := no_wire(subject) or why_no_equilibrium(subject):
         return why
     size = float(np.abs(reference(subject, STRING))[0])
-    return "" if size > ROUNDING else f"the imperfection couples nothing ({size:.0e} is rounding)"
+    return "" if size > ROUNDING else f"the imperfection couples nothing ({size:.0e}: rounding)"
 
 
 def incomparable(subject: Subject) -> str:
     """Return why the coupling cannot be compared between models; empty if it can."""
-    return uncoupled(subject) or unhung(subject, (registry.BEAM.name, registry.VIOLIN.name))
+    return uncoupled(subject) or why_no_equilibrium(
+        subject, (registry.BEAM.name, registry.VIOLIN.name)
+    )
 
 
 def fails(level: str) -> Callable[[Subject], str]:
-    """Return a function that gives why a model is not valid for the imperfect design."""
+    """Return a function: why a model is not valid for the imperfect design."""
     return lambda subject: subject.imperfect.unsuited[level]
 
 
 def reference(subject: Subject, level: str) -> Complex[np.ndarray, " 1"]:
-    """Compute the coupling of a model in its equilibrium, in 50 digits."""
+    """Compute the coupling of a model in 50 digits, in its own equilibrium."""
     model = registry.by_name(level).system(subject.imperfect.design)
     into, out = subject.coupled(model)
     drive, over, under = (signals.linear_form(signal, model) for signal in (into, *out))
@@ -117,7 +116,7 @@ def with_model(level: str) -> Method:
 
 
 def after_newton_steps(steps: int) -> Method:
-    """Return the coupling of builds in the pose after some Newton steps from the nominal one."""
+    """Return the coupling of builds after some Newton steps from the nominal pose."""
 
     def solve(subject: Subject, fraction: Array) -> np.ndarray:
         scene = imperfect_scene(subject, fraction)
@@ -146,7 +145,7 @@ def perturbed(
 
 
 def coupling(solve: Method) -> tuple[Once, Batch]:
-    """Return a method for the whole imperfection, and for a batch of fractions of it."""
+    """Return a method for the whole imperfection, and for a batch of fractions."""
     return (lambda subject: solve(subject, np.ones(1))), (
         lambda subject: lambda: solve(subject, fractions())
     )
@@ -161,7 +160,7 @@ def unbalanced(subject: Subject) -> str:
         return why
     if subject.scene.springs.label or subject.scene.wires.torsion.any():
         return "the reference in 50 digits has no springs and no torsion of wires"
-    if why := unhung(subject):
+    if why := why_no_equilibrium(subject):
         return why
     unique = equilibrium_reference(subject) is not None
     return "" if unique else "the equilibrium is not unique (a body can turn freely)"
@@ -180,10 +179,7 @@ def equilibrium_reference(subject: Subject) -> EquilibriumArrays | None:
 def equilibrium_error(
     _: Subject, found: EquilibriumArrays, wanted: EquilibriumArrays
 ) -> dict[str, float]:
-    """Compute the largest errors of displacements, rotations and tensions.
-
-    Each is relative to the largest displacement, rotation or tension.
-    """
+    """Largest errors of displacements, rotations and tensions, over the largest of each."""
     return {
         name: _largest(a - b) / (_largest(b) or 1.0)
         for name, a, b in zip(("position", "rotation", "tension"), found, wanted, strict=True)
@@ -195,12 +191,12 @@ def _largest(values: Array) -> float:
 
 
 def steps(count: int) -> tuple[Once, Batch]:
-    """Return the method of some Newton steps from the nominal pose; 1 is the linear solution."""
+    """Return the method of some Newton steps from the nominal pose (1: linear)."""
     return _balanced(lambda scene: equilibrium.newton_steps(scene, count))
 
 
 def full() -> tuple[Once, Batch]:
-    """Return Newton's method with finite rotations, as in the string and more complete models."""
+    """Return Newton's method with finite rotations, as in the models."""
     return _balanced(equilibrium.solve)
 
 

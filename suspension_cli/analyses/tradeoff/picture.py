@@ -1,4 +1,4 @@
-"""Pages of error against time, a chart per quantity: models, and methods once and in a batch."""
+"""Pages of error against time, a chart per quantity."""
 
 from __future__ import annotations
 
@@ -52,13 +52,13 @@ PAGES = {
 }
 """End of the name of each page, what it compares, and the kinds of its charts side by side."""
 LEFT, EDGE, GAP = 0.86, 0.19, 0.2
-"""Left of all charts, right of them and between them, in."""
+"""Spaces left of, right of and between charts, in."""
 HIGH, FLAT, FOOT, LINE, KEYED = 1.2, 0.66, 0.5, 0.145, 0.43
-"""Heights of a chart, of one with rounding errors alone, below it and of a line of text, and
-where the key begins, in."""
+"""Heights of a chart, of one with only rounding errors, of the space below it and of a line of
+text, and the place of the key, in."""
 FONT = 7.5
 CHARACTERS = 78
-"""Length of a line of notes."""
+"""Longest line of notes, characters."""
 HEADING = {
     ("models", "once"): "Error of the models against time",
     ("methods", "once"): "Error of the methods against time: one evaluation",
@@ -74,18 +74,18 @@ KEY = {
 SPANS = "Thin vertical: smallest to largest error. Thick horizontal: quartiles of the time."
 HOLLOW = "Hollow: not vectorised, so that a batch is a loop."
 KEPT = ", kept"
-"""End of the names of methods that are prepared beforehand."""
+"""End of the names of methods prepared beforehand."""
 IN_A_ROW = {
     "once": "first response, at 5 frequencies",
     "batch": "next response, at 2000 other frequencies",
 }
-"""In place of `Panel.start` where there are methods that are prepared beforehand."""
+"""Addition to `Panel.start` where methods are prepared beforehand."""
 POWERS = 3.0
-"""Decades of time from which the axis has few labels."""
+"""Decades of time above which the axis has few labels."""
 
 
 def draw(found: Tradeoff, title: str) -> dict[str, Figure]:
-    """Draw the pages of `pendsus tradeoff` with something to show, by the ends of their names."""
+    """Draw the pages of `pendsus tradeoff`, by the ends of their names."""
     return {
         end: _draw_page(found, title, compares, kinds)
         for end, (compares, kinds) in PAGES.items()
@@ -124,7 +124,7 @@ def _draw_page(found: Tradeoff, title: str, compares: str, kinds: Sequence[str])
 
 
 def _note(panel: Panel, kinds: Sequence[str]) -> str:
-    """Return the steps that are timed and the reference of the errors, or why there are none."""
+    """Name the timed steps and the reference, or the reason why there are none."""
     if not panel.views:
         return f"left out: {'; '.join(panel.left_out)}"
     in_a_row = panel.quantity == "response" and panel.compares == "methods"
@@ -134,12 +134,10 @@ def _note(panel: Panel, kinds: Sequence[str]) -> str:
 
 
 def _height(panel: Panel, view: View) -> float:
-    """Height of the charts of a view, in."""
     return HIGH if panel.worst(view).max() >= ROUNDING else FLAT
 
 
 def _draw_row(figure: Figure, panel: Panel, view: View, kinds: Sequence[str], top: float) -> None:
-    """Draw the charts of one view of a panel."""
     width = (COLUMN - LEFT - EDGE - GAP * (len(kinds) - 1)) / len(kinds)
     for column, kind in enumerate(kinds):
         axes = add_axes(figure, LEFT + column * (width + GAP), top, width, _height(panel, view))
@@ -153,7 +151,7 @@ def _draw_row(figure: Figure, panel: Panel, view: View, kinds: Sequence[str], to
 
 
 def _shown(panel: Panel, kind: str) -> Panel:
-    """Leave out methods with their preparation in batches, and those without it elsewhere."""
+    """Leave out methods that include preparation (in batches) or do not (elsewhere)."""
     names = {entry.method for entry in panel.entries}
 
     def other(name: str) -> str:
@@ -203,7 +201,7 @@ def pixels(axes: Axes, ends: ArrayLike) -> tuple[float, float, float, float]:
 
 
 def _floor(*errors: Float[np.ndarray, " model"]) -> float:
-    """Ordinate of points whose error is rounding: a strip below the smallest other error."""
+    """Ordinate of points with rounding errors: a strip below the smallest other error."""
     every = np.concatenate(errors)
     seen = every[every >= ROUNDING]
     return float(10 ** np.floor(np.log10(seen.min()) - 1.0)) if len(seen) else ROUNDING

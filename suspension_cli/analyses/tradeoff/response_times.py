@@ -1,7 +1,7 @@
-"""Times of responses as a user meets them: the first of a model, and the next ones.
+"""Times of a first response, and of next ones with the same preparation.
 
-A session builds what a method needs, computes a response, the same on the same frequencies, and one
-on other frequencies, for a few, some and many frequencies.
+A session prepares a method and computes a response three times: twice on the same frequencies, then
+on others.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ OTHER = 1 + 1e-4
 """Ratio of the frequencies of the other grid to those of the first."""
 
 Begin = Callable[[], Callable[[], Answer]]
-"""Prepares a session, outside the measured time; what it returns begins it."""
+"""Prepares a session outside the measured time, and returns the function that begins it."""
 
 
 def measure(subject: Subject, compares: str, repeat: int, budget: float) -> ResponseTimes:
     """Measure the times of all models, or of all methods on the string model.
 
-    `repeat` is the number of sessions per method and number of frequencies, of which there are
-    no more once they took the processor time `budget`, s.
+    Sessions per method and number of frequencies end after `repeat`, or the processor time
+    `budget`, s.
     """
     if compares == "models":
         start, error = "from the design to the result", {}
@@ -92,14 +92,14 @@ def _errors(subject: Subject) -> dict[str, float]:
 def _times(
     begins: list[Begin], count: int, repeat: int, budget: float
 ) -> Float[np.ndarray, "session occasion quartile"]:
-    """Measure the quartiles of the times of sessions, which take turns."""
+    """Measure the quartiles of the times of sessions, in turns."""
     grid = 2 * np.pi * np.geomspace(*BAND, count)
     grids = (grid, grid, grid * OTHER)
     samples: list[list[Array]] = [[] for _ in begins]
     for turn in range(repeat + 1):
         for begin, taken in zip(begins, samples, strict=True):
             if turn == 1 and np.nansum(taken) < timing.LONG * budget:
-                taken.clear()  # the first session fills caches of the program
+                taken.clear()  # the first session filled caches
             if not taken or np.nansum(taken) < budget:
                 taken.append(_session(begin(), grids, timing.LONG * budget))
     return np.stack([np.quantile(taken, (0.25, 0.5, 0.75), axis=0).T for taken in samples])
@@ -108,10 +108,7 @@ def _times(
 def _session(
     start: Callable[[], Answer], grids: tuple[Array, ...], most: float
 ) -> Float[np.ndarray, " occasion"]:
-    """Measure the processor times of a first response and the next ones, s.
-
-    The next ones are NaN if the first takes over `most`.
-    """
+    """Measure processor times, s; those of next responses are NaN if the first exceeds `most`."""
 
     def first() -> tuple[Answer, np.ndarray]:
         answer = start()

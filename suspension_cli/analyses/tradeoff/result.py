@@ -14,25 +14,25 @@ if TYPE_CHECKING:
     from suspension_cli.scene.arrays import Array
 
 ROUNDING = 1e-12
-"""Relative error below which results count as equally accurate."""
+"""Relative error below which results are equally accurate."""
 LAST_DIGIT = 1.1e-16
 """Largest relative rounding error of a double."""
 GAIN = 0.01
-"""Relative decrease of an error below which a slower method is no improvement."""
+"""Least relative decrease of an error by which a slower method is an improvement."""
 QUARTILES = ("lower", "median", "upper")
 KINDS = ("once", "batch")
-"""Kinds of time: per evaluation, and per item of a batch."""
+"""Kinds of time: per evaluation, or per item of a batch."""
 COMPARED = ("models", "methods")
-"""A panel compares models, which neglect physics, or methods for one
-model, which differ by arithmetic and approximations."""
+"""A panel compares models, which neglect physics, or methods for one model, which differ by
+arithmetic and approximations."""
 
 
 @dataclass(frozen=True)
 class Entry:
     """Relative error by component, and time of one method for one model.
 
-    `once` and `batch` are quartiles (lower, median, upper) of the time per evaluation and per
-    item of a batch, s; they are equal unless the method takes a batch at once (`vectorised`).
+    `once` and `batch` are quartiles (lower, median, upper) of the time per evaluation and per item
+    of a batch, s; equal unless the method is `vectorised`.
     """
 
     model: str
@@ -48,7 +48,7 @@ class Entry:
         return f"{self.model}, {self.method}"
 
     def name(self, compares: str) -> str:
-        """Label in a chart: the model or the method."""
+        """Return the label in a chart: model or method."""
         return self.model if compares == "models" else self.method
 
     def time(self, kind: str) -> float:
@@ -67,7 +67,7 @@ class Omission:
 
 @dataclass(frozen=True)
 class View:
-    """Components of a quantity that are compared by their largest error."""
+    """Components of a quantity that are judged by their largest error."""
 
     title: str
     components: tuple[int, ...]
@@ -75,18 +75,16 @@ class View:
 
 @dataclass(frozen=True)
 class Timed:
-    """A quantity that is computed by several models or methods.
+    """A quantity that several models or methods compute.
 
     Attributes
     ----------
-    quantity : str
-        ``modes``, ``response``, ``thermal``, ``coupling`` or ``equilibrium``.
-    compares : str
-        One of `COMPARED`.
+    quantity, compares : str
+        One of `comparisons.QUANTITIES`, and of `COMPARED`.
     item, count : str, int
         Item of a batch (``design``, ``frequency``, ``build``), and items per batch.
     start : str
-        Steps that the time includes, in words.
+        Timed steps, in words.
     """
 
     quantity: str
@@ -99,7 +97,7 @@ class Timed:
 
 @dataclass(frozen=True)
 class Panel(Timed):
-    """Errors and times of all models, or of all methods for one model, for one quantity.
+    """Errors and times for one quantity, of all models, or of all methods for one model.
 
     `component` names the components of `Entry.error`: kinds of modes, frequencies, ...
     """
@@ -117,7 +115,7 @@ class Panel(Timed):
 
     @property
     def left_out(self) -> dict[str, list[str]]:
-        """Names of the models or methods that do not apply, by reason."""
+        """Models or methods that do not apply, by reason."""
         reasons: dict[str, list[str]] = {}
         for item in self.left:
             name = item.model if self.compares == "models" else item.method
@@ -138,14 +136,14 @@ class Panel(Timed):
 
 
 OCCASIONS = ("first", "same grid", "other grid")
-"""A first response, the next on the same frequencies, and the next on others."""
+"""A first response, one on the same frequencies, and one on others."""
 COUNTS = (5, 200, 20_000)
 """Numbers of frequencies of these responses."""
 
 
 @dataclass(frozen=True)
 class ResponseTime:
-    """Time that one method takes for a response.
+    """Time of a response by one method.
 
     Attributes
     ----------
@@ -153,7 +151,7 @@ class ResponseTime:
         Largest relative error over 200 frequencies from 0.1 Hz to 1 kHz; NaN between models, which
         differ by any amount near resonances.
     time : array
-        Seconds; NaN for next responses that were not measured because the first took long.
+        Seconds; NaN for next responses that were not measured as the first took long.
     """
 
     model: str
@@ -162,15 +160,15 @@ class ResponseTime:
     time: Float[np.ndarray, "occasion count quartile"]
 
     def median(self, occasion: str, count: int) -> float:
-        """Return the median time, s."""
+        """Median time, s."""
         return float(self.time[OCCASIONS.index(occasion), COUNTS.index(count), 1])
 
 
 @dataclass(frozen=True)
 class ResponseTimes:
-    """Times of responses in a row, by every model or by every method for one model.
+    """Response times of every model, or of every method for one model.
 
-    `start` says which steps the first time includes.
+    `start` names the steps in the first time.
     """
 
     compares: str
@@ -182,8 +180,8 @@ class ResponseTimes:
 class Tradeoff:
     """Times and errors of all models and methods for one design.
 
-    `repeat` is the number of samples per time, `threads` that of linear algebra (0 if unknown).
-    `waits` are the times of responses of models and of methods, if these are compared.
+    `repeat` is the number of samples per time, `threads` that of linear algebra (0: unknown),
+    `waits` are the response times of models and of methods, if compared.
     """
 
     panels: tuple[Panel, ...]
@@ -192,24 +190,23 @@ class Tradeoff:
     waits: tuple[ResponseTimes, ...] = ()
 
     def compared(self, compares: str) -> list[Panel]:
-        """List the panels of models, or of methods, that have entries."""
+        """List the panels of models, or of methods, with entries."""
         return [panel for panel in self.panels if panel.compares == compares and panel.entries]
 
     @property
     def top(self) -> str:
-        """Name of the model that the others are compared with."""
+        """Name of the reference model."""
         return self.compared("models")[0].entries[-1].model
 
     def response_times(self, compares: str) -> list[ResponseTime]:
-        """List the times of responses of models, or of methods."""
+        """List the response times of models, or of methods."""
         return [one for each in self.waits if each.compares == compares for one in each.entries]
 
 
 def front(time: Array | Sequence[float], error: Array | Sequence[float]) -> list[int]:
-    """Find the Pareto front: points that no other point matches in one and beats in the other.
+    """Find the Pareto front in time and error: indices, ascending in time.
 
-    Errors below `ROUNDING`, and errors that differ by less than `GAIN`, count as equal. Returns
-    indices in ascending order of time, with strictly decreasing errors.
+    Errors below `ROUNDING`, or that differ by less than `GAIN`, count as equal.
 
     >>> front([1.0, 2.0, 3.0], [0.1, 0.2, 0.01])
     [0, 2]
@@ -235,5 +232,5 @@ def unit_of_time(seconds: float) -> tuple[str, float]:
 
 
 def format_error(error: float) -> str:
-    """Format a relative error: ``3.8e-07``; ``0`` below the rounding error of a double."""
+    """Format a relative error: ``3.8e-07``; ``0`` below `LAST_DIGIT`."""
     return f"{error:.1e}" if error > LAST_DIGIT else "0"

@@ -31,9 +31,9 @@ def measure(
     quantities : sequence of str
         Some of `comparisons.QUANTITIES`; empty for all.
     repeat : int
-        Samples per time; no more of a method once they took the processor time `budget`, s.
+        Samples per time; fewer where they take longer than the processor time `budget`, s.
     report : callable
-        Called with the numbers of finished and of all comparisons.
+        Called with the numbers of finished and all comparisons.
     """
     subject, panels, waits = Subject(design), [], []
     wanted = [item for item in COMPARISONS if not quantities or item.quantity in quantities]

@@ -1,4 +1,4 @@
-"""A design with its models, the input of all comparisons, and the quantities to compare."""
+"""A design with its models, the input of all comparisons."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 Answer = Callable[[Array], np.ndarray]
 """Response (f,) as a function of frequency (f,), rad/s."""
 Prepare = Callable[[LinearSystem, Array, Array], Answer]
-"""Prepares it from a model and the linear forms (N,) of input and output."""
+"""Prepares an answer from a model and the linear forms (N,) of input and output."""
 
 MODEL_NAMES = tuple(model.name for model in registry.MODELS)
 STRING = registry.STRING.name
@@ -36,10 +36,10 @@ NOISE = (10.0, 100.0)
 COUPLING = 50.0
 """Frequency of the cross-coupling, Hz (Husman et al. 2000, section 6)."""
 K_FACTOR, OFFSET = 1.2, 1e-3
-"""Imperfection of a wire: stiffness factor and offset of the upper end along x, m (in the middle of
-the range of Figure 6 of Husman et al.)."""
+"""Imperfection of a wire: stiffness factor, and offset of the upper end along x, m (mid-range in
+Figure 6 of Husman et al.)."""
 POINT = "0,0,-0.001"
-"""Point where the laser beam hits, from the COM of the last stage, m."""
+"""Point of the laser beam, from the COM of the last stage, m."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Subject:
 
     @cached_property
     def unsuited(self) -> dict[str, str]:
-        """Reason why each model is not valid; empty if it is."""
+        """Reason why each model is not valid; "" if it is."""
         return {level: registry.by_name(level).unsuitable(self.design) for level in MODEL_NAMES}
 
     @cached_property
@@ -73,7 +73,7 @@ class Subject:
         return replace(self.model(level))
 
     def prepared(self, prepare: Prepare) -> Answer:
-        """Return the response of the string model by a method, prepared once."""
+        """Return the string model's response by a method, prepared once."""
         if prepare not in self._answers:
             model = self.model(STRING)
             self._answers[prepare] = prepare(model, *self.forms(model))
@@ -87,17 +87,14 @@ class Subject:
     def forms(
         self, model: LinearSystem
     ) -> tuple[Float[np.ndarray, " coordinate"], Float[np.ndarray, " coordinate"]]:
-        """Return the linear forms of the motions along x of the support and of the last stage."""
+        """Linear forms of the motions along x of the support and of the last stage."""
         known = signals.bodies_with_signals(model)
         into = signals.parse_input("support.x", known)
         out = signals.parse_output(f"{self.last}.x", known)
         return signals.linear_form(into, model), signals.linear_form(out, model)
 
     def coupled(self, model: LinearSystem) -> tuple[signals.Signal, list[signals.Signal]]:
-        """Return the signals of the cross-coupling.
-
-        The vertical motion of the support; motions along x and z of `POINT` of the last stage.
-        """
+        """Signals of the cross-coupling: z of the support; x and z of `POINT` of the last stage."""
         known = signals.bodies_with_signals(model)
         return signals.parse_input("support.z", known), [
             signals.parse_output(f"{self.last}.{dof}@{POINT}", known) for dof in "xz"
@@ -124,7 +121,7 @@ class Subject:
 
     @property
     def temperature(self) -> float:
-        """Temperature of all parts without their own, K."""
+        """Temperature of parts without their own, K."""
         return self.design.constants.temperature
 
     @property

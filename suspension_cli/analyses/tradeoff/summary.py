@@ -1,4 +1,4 @@
-"""Answers that follow from the measured times and errors: one line per question."""
+"""Answers from the measured times and errors, one line per question."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from suspension_cli.analyses.tradeoff.result import (
 )
 
 MODEL_TOLERANCE = 1e-3
-"""Largest error of a model that is accurate enough, as by default in all commands."""
+"""Largest error of an accurate model, as by default in all commands."""
 METHOD_TOLERANCE = 1e-9
-"""Largest error of a method that is accurate enough."""
+"""Largest error of an accurate method."""
 SHIPPED = {
     "modes": "blocks",
     "response": "chain",
@@ -54,15 +54,15 @@ class Option:
 
 @dataclass(frozen=True)
 class Answer:
-    """The fastest model or method that is accurate enough, and an alternative to it.
+    """The fastest accurate model or method, and an alternative.
 
     Attributes
     ----------
     best : Option
-        Fastest of those within the tolerance; the most accurate one if none is.
+        Fastest within the tolerance; the most accurate one if none is.
     other : Option or None
-        Models: the most accurate faster one, beyond the tolerance. Methods: the one that the
-        commands use, unless it is `best`.
+        Of models the most accurate faster one. Of methods the one that the commands use, unless it
+        is `best`.
     """
 
     compares: str
@@ -83,9 +83,9 @@ def answers(found: Tradeoff) -> list[Answer]:
 
 
 def choices(found: Tradeoff) -> list[tuple[Answer, list[Option]]]:
-    """Compare the models for each quantity: the answer for one result, and all options.
+    """Compare the models for one result of each quantity: the answer, and all options.
 
-    Responses are those of 200 frequencies up to 50 Hz.
+    Responses are those at 200 frequencies up to 50 Hz.
     """
     return [_questions(found, panel)[0] for panel in found.compared("models")]
 
@@ -118,7 +118,7 @@ def _questions(found: Tradeoff, panel: Panel) -> list[tuple[Answer, list[Option]
 
 
 def _response_methods(found: Tradeoff) -> list[Answer]:
-    """Compare a first response of some frequencies, and the next one of few and of many."""
+    """Compare methods for a first response, and for next ones of few and many frequencies."""
     result = []
     for occasion, count, name in (
         ("first", TIMED, "first response"),
@@ -211,7 +211,7 @@ def _size(error: float) -> str:
 
 
 def _left_out(found: Tradeoff) -> str:
-    """Quantities without a comparison, a line per reason."""
+    """List quantities without a comparison, a line per reason."""
     reasons: dict[str, dict[str, None]] = {}
     for panel in found.panels:
         if not panel.entries:
@@ -221,7 +221,7 @@ def _left_out(found: Tradeoff) -> str:
 
 
 def response_table(found: Tradeoff) -> str:
-    """Format the times of responses in a row, a part for models and one for methods."""
+    """Format the response times of models, then of methods."""
     parts = []
     for each in found.waits:
         models = each.compares == "models"
@@ -237,7 +237,8 @@ def response_table(found: Tradeoff) -> str:
         columns += [] if models else ["error, 0.1 Hz to 1 kHz"]
         heading = "Response: " + ("models" if models else f"methods ({each.entries[0].model})")
         lines = [
-            f"{heading}: the first {each.start}, the next on the same grid, the next on another",
+            f"{heading}; times of the first response ({each.start}), of one on the same"
+            " frequencies, of one on others",
             tables.render(dict.fromkeys(columns, ""), rows),
         ]
         if any(np.isnan(entry.time).any() for entry in each.entries):

@@ -33,19 +33,19 @@ LOCALISED = tuple(model.name for model in registry.MODELS if model.bends_wires)
 
 
 def not_localised(level: str) -> Callable[[Subject], str]:
-    """Return a function that gives why a model has no thermal noise; "" if it has."""
+    """Return a function: why a model has no thermal noise; "" if it has."""
     return lambda _: "" if level in LOCALISED else "the model does not localise loss along a wire"
 
 
 def unsuited(subject: Subject) -> str:
-    """Return why there is no thermal noise to compare; empty if there is."""
+    """Return why there is no thermal noise to compare; "" if there is."""
     if subject.top not in LOCALISED:
         return f"no model that localises loss is valid: {subject.unsuited[LOCALISED[0]]}"
     return "" if reference(subject).all() else "nothing dissipates"
 
 
 def temperatures(subject: Subject) -> set[float]:
-    """Find the temperatures (K) of all parts that dissipate."""
+    """Find the temperatures (K) of all lossy parts."""
     model = subject.model(subject.top)
     _, row = thermal.parse_motion(model, f"{subject.last}.x")
     found = set()
@@ -58,7 +58,7 @@ def temperatures(subject: Subject) -> set[float]:
 
 
 def one_temperature(subject: Subject) -> str:
-    """Return why the fluctuation-dissipation theorem needs each part; empty if it does not."""
+    """Return why the susceptibility alone does not give the noise; "" if it does."""
     common = temperatures(subject) <= {subject.temperature}
     return "" if common else "some lossy part does not have the temperature of [constants]"
 
@@ -66,7 +66,7 @@ def one_temperature(subject: Subject) -> str:
 def reference(subject: Subject) -> Float[np.ndarray, " frequency"]:
     """Compute the amplitude spectral density, m/sqrt(Hz), of the most complete valid model.
 
-    From the power that each part dissipates under a unit force, with the motion in 50 digits.
+    It follows from the power dissipated in each part under a unit force, with motions in 50 digits.
     """
     model = subject.model(subject.top)
     _, row = thermal.parse_motion(model, f"{subject.last}.x")
@@ -87,7 +87,7 @@ def reference(subject: Subject) -> Float[np.ndarray, " frequency"]:
 def dissipation(
     model: LinearSystem, frequency: Float[np.ndarray, " frequency"], subject: Subject
 ) -> Float[np.ndarray, " frequency"]:
-    """Compute the noise from the power that each part dissipates, as in `pendsus thermal`."""
+    """Compute the noise from the power dissipated in each part, as in `pendsus thermal`."""
     signal, row = thermal.parse_motion(model, f"{subject.last}.x")
     return thermal.solve(model, frequency, row, signal, subject.temperature).amplitude
 
@@ -102,12 +102,12 @@ def susceptibility(
 
 
 def with_model(level: str) -> tuple[Once, Batch]:
-    """Return `dissipation` from the design on: at `NOISE`, and for a batch of frequencies."""
+    """Return `dissipation`, timed from the design on: at `NOISE`, and for a batch."""
     return _timed(lambda subject: registry.by_name(level).system(subject.design), dissipation)
 
 
 def on_matrices(solve: Solve) -> tuple[Once, Batch]:
-    """Return a method from the matrices of the most complete valid model on."""
+    """Return a method, timed from the matrices of the most complete valid model on."""
     return _timed(lambda subject: subject.fresh(subject.top), solve)
 
 

@@ -1,8 +1,7 @@
-"""Comparable processor times of several functions.
+"""Comparable processor times of several functions on a shared machine.
 
-Machines are shared and noisy. Processor time excludes waiting; running the functions in turns
-spreads drifts over all of them, so that ratios of medians are more reproducible than times.
-Quartiles show the remaining scatter.
+Processor time excludes waiting. Functions run in turns, which spreads drifts over all of them, so
+that ratios of medians are more reproducible than times. Quartiles show the remaining scatter.
 """
 
 from __future__ import annotations
@@ -22,21 +21,21 @@ Found = TypeVar("Found")
 Work = Callable[[], object]
 
 LEAST = 1e-3
-"""Shortest duration of a sample, s; it repeats fast functions."""
+"""Least duration of a sample, s; fast functions are repeated."""
 BUDGET = 0.05
-"""Processor time from which no further samples of a function are taken, s."""
+"""Processor time after which sampling of a function ends, s."""
 LONG = 10
-"""Budgets from which the first call, which fills caches, counts as a sample."""
+"""Duration of the first call, in budgets, above which it is the only sample."""
 MOST = 200
 """Most repetitions in a sample."""
 RESOLUTION = time.get_clock_info("process_time").resolution
-"""Step of the clock, s: no time is 0, since others are divided by it."""
+"""Step of the clock and least time, s, as others are divided by it."""
 TRIES = 4
-"""Additional calls of a fast function to determine the repetitions."""
+"""Calls of a fast function to determine its repetitions."""
 
 
 def threads() -> int:
-    """Number of threads that the environment sets for linear algebra; 0 if it sets none."""
+    """Number of threads of linear algebra in the environment; 0 if not set."""
     given = [os.environ.get(f"{name}_NUM_THREADS", "") for name in ("OPENBLAS", "OMP", "MKL")]
     return max((int(value) for value in given if value.isdigit()), default=0)
 
@@ -49,10 +48,9 @@ def quartiles(
     Parameters
     ----------
     repeat : int
-        Samples per function; no more once they took the processor time `budget`, s.
+        Samples per function; fewer where they take longer than the processor time `budget`, s.
     known : sequence of float
-        Times of earlier calls of the first functions, s; a function that took `LONG` budgets is not
-        called again.
+        Times of earlier calls of the first functions, s; one above `LONG` budgets is not repeated.
     """
     if not works:
         return np.zeros((0, 3))
@@ -82,7 +80,7 @@ def call(work: Callable[[], Found]) -> tuple[Found, float]:
 
 
 def _repetitions(work: Work) -> int:
-    """Determine the repetitions of a function per sample; the first call fills its caches."""
+    """Determine the repetitions per sample; the first call fills caches."""
     _, taken = call(work)
     if taken < LEAST:  # a single time may be an outlier
         taken = min(_mean_time(work, 1) for _ in range(TRIES))

@@ -22,16 +22,16 @@ if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Inexact
 
 Solve = Callable[[LinearSystem, Array, Array, Array], np.ndarray]
-"""Response (f,) of a model at omega (f,), rad/s, from the linear forms (N,) of input and output."""
+"""Response (f,) of a model at omega (f,), rad/s, between linear forms (N,) of input and output."""
 
 SWEEP = 2000
 """Frequencies per batch."""
 BAND = 2 * np.pi * np.geomspace(0.1, 1000.0, SWEEP)
 """Frequencies of a batch, rad/s."""
 GRIDS = 5
-"""Grids that are taken in turns, so that nothing is kept from the grid before."""
+"""Grids taken in turns, so that nothing is kept from the last one."""
 CHUNK = 2048
-"""Frequencies of the plain methods that fit into the cache."""
+"""Frequencies at a time, such that the plain methods fit into the cache."""
 
 
 def reference(subject: Subject, level: str) -> Complex[np.ndarray, " frequency"]:
@@ -57,11 +57,11 @@ def chained(model: LinearSystem, drive: Array, row: Array) -> Answer:
 
 @dataclass(frozen=True)
 class Condensed:
-    """Plain equations of a driven block without its massless coordinates.
+    """Equations of a driven block without its massless coordinates.
 
-    Matrices are scaled by powers of 2, such that they do not depend on units. `push` is the
-    force of the support's motion (stiffness, damping and mass parts), `row` the output as a
-    linear form of the coordinates, `direct` the output while these do not move.
+    Matrices are scaled by powers of 2, to be independent of units. `push` is the force by motion of
+    the support (stiffness, damping and mass parts), `row` the output as a linear form in the
+    coordinates, `direct` the output while these are at rest.
     """
 
     stiffness: Inexact[np.ndarray, "coordinate coordinate"]
@@ -81,7 +81,7 @@ class Condensed:
 
 
 def condense(model: LinearSystem, drive: Array, row: Array) -> list[Condensed]:
-    """Condense all blocks that the input drives and the output contains, in double precision.
+    """Condense all blocks between input and output, in double precision.
 
     Bodies are ordered from the top down, so that elimination from the last coordinate up loses no
     digits in long chains.
@@ -139,7 +139,7 @@ def _by_block(
 def _in_chunks(
     direct: Inexact[np.ndarray, ""], indirect: Callable[[Array], np.ndarray | float]
 ) -> Answer:
-    """Return the sum of both parts of a response, the second for some frequencies at a time."""
+    """Return the sum of both parts of a response, the second in chunks of frequencies."""
 
     def at(omega: Array) -> np.ndarray:
         result = np.full(len(omega), direct, dtype=complex)
@@ -203,10 +203,9 @@ def _eliminate(
 
 
 def modal(model: LinearSystem, drive: Array, row: Array) -> Answer:
-    """Prepare the sum over modes, valid as far as losses do not couple modes.
+    """Prepare the sum over modes of the driven blocks, which assumes that losses couple no modes.
 
-    It is phi (phi . f) / (omega_m^2 + i phi K'' phi + i omega phi C phi - omega^2), over the modes
-    of the driven blocks.
+    It is phi (phi . f) / (omega_m^2 + i phi K'' phi + i omega phi C phi - omega^2).
     """
     direct, modes = row[:6] @ drive[:6], []
     for block in condense(model, drive, row):
@@ -259,7 +258,7 @@ METHODS: dict[str, Prepare] = {
     "state space": state_space,
     "zpk": zero_pole_gain,
 }
-"""Methods by name; the first is that of `pendsus response`."""
+"""Methods by name; `pendsus response` uses the first."""
 
 
 def _system(model: LinearSystem, drive: Array, row: Array) -> statespace.StateSpace:
@@ -270,22 +269,22 @@ def _system(model: LinearSystem, drive: Array, row: Array) -> statespace.StateSp
 
 
 def with_model(level: str) -> tuple[Once, Batch]:
-    """Return `chain` from the design on: at `FREQUENCIES`, and for a batch of frequencies."""
+    """Return `chain`, timed from the design on: at `FREQUENCIES`, and for a batch."""
     return _timed(lambda subject: registry.by_name(level).system(subject.design), chain)
 
 
 def on_matrices(solve: Solve) -> tuple[Once, Batch]:
-    """Return a method from the matrices of the string model on."""
+    """Return a method, timed from the matrices of the string model on."""
     return _timed(lambda subject: subject.fresh(STRING), solve)
 
 
 def prepared(prepare: Prepare) -> tuple[Once, Batch]:
-    """Return a method from the matrices on, including its preparation."""
+    """Return a method, timed from the matrices on with its preparation."""
     return on_matrices(lambda model, omega, drive, row: prepare(model, drive, row)(omega))
 
 
 def kept(prepare: Prepare) -> tuple[Once, Batch]:
-    """Return a method that is prepared beforehand; batches have another grid each time."""
+    """Return a method prepared beforehand; each batch has another grid."""
 
     def batch(subject: Subject) -> Callable[[], object]:
         answer = subject.prepared(prepare)

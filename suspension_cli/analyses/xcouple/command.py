@@ -118,9 +118,10 @@ class CouplingAnalysis(Analysis):
         found: Coupling = result.data
         failed = found.failures.items()
         if failed:
-            run.log.warn(
-                "; ".join(f"{count} of {job.count} builds failed: {why}" for why, count in failed)
+            whys = "; ".join(
+                f"{count} of {job.count} builds failed: {why}" for why, count in failed
             )
+            run.log.warn(f"{whys}; they have no result: sweep smaller imperfections")
         _warn_of_faint(run, requested, found)
         return result
 
@@ -147,16 +148,21 @@ class CouplingAnalysis(Analysis):
         """Return the largest coupling and where it is."""
         import numpy as np
 
+        from suspension_cli.analyses.xcouple.solve import UNITS
+
         answer: Coupling = result.data
         size = np.abs(answer.ratio)
         if not np.isfinite(size).any():
             return f"{result.choice.line}\nno build has an equilibrium on taut wires"
         where = np.unravel_index(int(np.nanargmax(size)), size.shape)
         at = ", ".join(
-            f"{axis.name} = {axis.values[n]:.6g}"
+            f"{axis.name} = {axis.values[n]:.6g} {UNITS.get(axis.name, '')}".removesuffix(
+                " 1"
+            ).strip()
             for axis, n in zip(answer.axes, where[:-1], strict=True)
         )
-        of = f" of wire {answer.wire}, {answer.hold} held" if answer.wire else ""
+        kept = answer.hold.replace("-", " ")
+        of = f": wire {answer.wire} changes, its {kept} is kept" if answer.wire else ""
         return (
             f"{result.choice.line}\n{size[..., 0].size} builds{of}\n"
             f"|{answer.over} / {answer.under}| for {answer.input}:"
@@ -356,7 +362,7 @@ def _warn_of_faint(run: Run, requested: CouplingRequest, answer: Coupling) -> No
     if requested.over.unit == requested.under.unit and faint.any():
         run.log.warn(
             f"{int(faint.sum())} of {size.size} couplings are below {ROUNDING:g} (down to"
-            f" {size[faint].min():.1e}), where rounding leaves two digits"
+            f" {size[faint].min():.1e}), where rounding leaves two digits at most; take these as 0"
         )
 
 

@@ -306,7 +306,8 @@ def test_a_fit_that_ends_at_an_unstable_design_says_so(tmp_path):
     )
     assert (
         result.exit_code == 0
-        and "warning: double as fitted is unstable on beam: upper pitch grows at " in result.stderr
+        and "the fitted design double is unstable in the beam model: upper pitch grows at "
+        in result.stderr
     )
 
 

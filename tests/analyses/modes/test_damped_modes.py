@@ -9,6 +9,7 @@ import pytest
 
 from suspension_cli.analyses.modes import damped, wire_modes
 from suspension_cli.analyses.modes import file as stored
+from suspension_cli.design.reader import template
 from suspension_cli.files.hdf5 import open_results
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
@@ -443,6 +444,15 @@ def test_nonsense_ends_at_once(options, said, tmp_path):
     assert said in result.stderr
     assert result.stderr.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_modes_of_wires_alone(tmp_path):
+    """Wires of 0.2 m across: no mode is one of the bodies, so that there is none to draw."""
+    (tmp_path / "single.toml").write_text(template("single", "single"))
+    wide = ("--set", "stage.test.wires.radius=0.1")
+    result = run("modes", tmp_path / "single.toml", *wide, "--out", tmp_path / "out")
+    assert result.exit_code == 0, result.stderr
+    assert (tmp_path / "out" / "single-modes.h5").exists()
 
 
 def test_the_number_of_modes_is_that_of_the_list():

@@ -192,7 +192,7 @@ def test_what_is_not_known_is_not_all_met(tmp_path):
         "string",
     )
     assert result.exit_code == 1
-    assert "1 limit, met, 2 NOT KNOWN, checked on string" in result.stdout
+    assert "1 limit, met, 2 NOT KNOWN, checked with the string model" in result.stdout
 
 
 def test_a_limit_that_symmetry_keeps_is_reported(tmp_path):
@@ -214,7 +214,7 @@ def test_a_limit_that_symmetry_keeps_is_reported(tmp_path):
         "--fidelity",
         "string",
     )
-    assert result.exit_code == 0 and "is 0: the design's symmetry forbids it" in result.stderr
+    assert result.exit_code == 0 and "is 0 by the symmetry of the design" in result.stderr
 
 
 def test_a_design_that_falls_over_is_reported(tmp_path):
@@ -391,6 +391,7 @@ BAD = {
         "equal.1.lower = 2.0: is not below the upper bound",
     ),
     # what does not go with the design
+    "a design": ({"stage": []}, "is a design, not a file of goals"),
     "no such number": (
         {"goal": [BAND], "free": [LENGTH | {"name": f"{WIRES}.q"}]},
         f'free.1.name = "{WIRES}.q": is no number',

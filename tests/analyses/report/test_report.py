@@ -147,7 +147,9 @@ def test_unstable_design_says_why(tmp_path):
     assert done.exit_code == 0
     page = Page((tmp_path / "double-report.html").read_text())
     assert page.ids == ["check", "modes", "response", "provenance", "design"]
-    assert re.search("Not computed: stage: the equilibrium is unstable: .* 1/s; make it", page.text)
+    assert re.search(
+        "Not computed: stage: the equilibrium is unstable: .* 1/s; attach the wires", page.text
+    )
     assert "--allow-unstable" not in page.text
     assert "Responses not computed" in done.stderr
 

@@ -167,15 +167,15 @@ def test_builds_without_equilibrium_are_reported_with_the_model(monkeypatch):
     rigid = four_wires(l=0.3, t1=0.04, k=1e17)
     reason = "imperfect builds in the string model: no equilibrium near the nominal pose"
     assert (
-        imperfect_builds.unhung(rigid)
+        imperfect_builds.why_no_equilibrium(rigid)
         == imperfect_builds.uncoupled(rigid)
         == imperfect_builds.unbalanced(rigid)
         == reason
     )
     # these do not hold at all, for another reason
-    assert imperfect_builds.unhung(rigid, ("beam", "violin")) == ""
+    assert imperfect_builds.why_no_equilibrium(rigid, ("beam", "violin")) == ""
     thick = four_wires(l=0.05, material="steel302", radius=1e-3)
-    assert imperfect_builds.unhung(thick) == imperfect_builds.uncoupled(thick) == ""
+    assert imperfect_builds.why_no_equilibrium(thick) == imperfect_builds.uncoupled(thick) == ""
     assert (
         imperfect_builds.incomparable(thick)
         == "imperfect builds in the beam model: a wire is slack"
