@@ -249,7 +249,8 @@ def load(file: PathLike) -> Result:
     from suspension_cli.files.hdf5 import open_results
 
     with python_names(), open_results(convert.path(file, "file")) as results:
-        return registry.loaded(results, str(file))
+        found = registry.loaded(results, str(file))
+    return dataclasses.replace(found, source=Design(**vars(found.source)))
 
 
 def modes(
@@ -1194,9 +1195,22 @@ def _run(name: str, arguments: dict[str, Any], files: dict[str, Any] | None = No
                 run = analysis.read(ask, files)[0]
             with run.faults():
                 result = analysis.solve(run)
+        if folder is None and result.file is not None:
+            return dataclasses.replace(result, holder=_TemporaryFolder(place))
         return result
     finally:
         if folder is None and (result is None or result.file is None):
             shutil.rmtree(place)
-        elif folder is None:  # keeps the file of a sweep as long as its result
-            weakref.finalize(result, shutil.rmtree, place, ignore_errors=True)
+
+
+class _TemporaryFolder:
+    """A folder that is deleted with the last result, or copy of it, that refers to its file."""
+
+    def __init__(self, path: Path) -> None:
+        weakref.finalize(self, shutil.rmtree, path, ignore_errors=True)
+
+    def __deepcopy__(self, _memo: object) -> _TemporaryFolder:
+        return self
+
+    def __reduce__(self) -> tuple[type[None], tuple[()]]:
+        return type(None), ()  # a pickle does not keep the folder

@@ -17,13 +17,12 @@ from typing import Any
 import h5py
 import numpy as np
 
-from suspension_cli.analyses.analysis import Result
 from suspension_cli.analyses.labelled import stored_group, values_of
 from suspension_cli.files.atomic import write_bytes
 
 
-def write(result: Result, path: Path) -> list[Path]:
-    """Write the CSV files of a result, and return their paths.
+def write(result: Any, path: Path) -> list[Path]:
+    """Write the CSV files of an `analysis.Result`, and return their paths.
 
     For the results file NAME.h5 (`path`), the main results go to NAME.csv; arrays with other rows
     get files of their own, NAME-ROWS.csv.

@@ -38,6 +38,7 @@ class CouplingAnalysis(Analysis):
     """
 
     name = "xcouple"
+    fills_file = True
     arguments = (options.DESIGN,)
     parameters = (
         option(
