@@ -157,7 +157,9 @@ class Result(Report):
 
     A result is equal to itself alone; compare two by their arrays or by `document`.
 
-    Fields of `data` are attributes of the result too: ``result.frequency``.
+    Fields of `data` are attributes of the result too: ``result.frequency``. Their units and shapes
+    are in ``help(type(result.data))``; of `thermal` and `budget`, whose `data` is a list, in
+    ``help(type(result.data[0]))``.
 
     Attributes
     ----------
