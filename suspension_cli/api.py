@@ -14,13 +14,13 @@ import tempfile
 import weakref
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from suspension_cli.analyses import arguments as convert
 from suspension_cli.analyses import options, registry, settings
-from suspension_cli.analyses.analysis import Log, Result, Run
+from suspension_cli.analyses.analysis import Log, Result, Run, Settings
 from suspension_cli.analyses.check.solve import Check
 from suspension_cli.analyses.check.solve import solve as solve_check
 from suspension_cli.analyses.info.solve import Info
@@ -30,7 +30,10 @@ from suspension_cli.design import reader
 from suspension_cli.design.reader import Source
 from suspension_cli.errors import InputError
 
-Grid = str | float | Sequence[float] | np.ndarray[Any, Any]
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Grid = str | float | Sequence[float] | np.ndarray
 """Numbers: ``"0.1:100:2000:log"``, one number, or an array."""
 Names = str | Sequence[str]
 """One text, or several."""
@@ -63,7 +66,7 @@ class Design(Source):
             raise AttributeError(name)
         return getattr(self.design, name)
 
-    def replace(self, changes: Mapping[str, Any]) -> Design:
+    def replace(self, changes: Mapping[str, object]) -> Design:
         """Return the design with other values.
 
         Parameters
@@ -1028,7 +1031,7 @@ def info(
         return solve_info(source, setting, Log(options.INFO))
 
 
-def draw(design: Design) -> Any:
+def draw(design: Design) -> Figure:
     """Draw a design to scale, side on and face on, with its dimensions.
 
     Parameters
@@ -1160,12 +1163,12 @@ def report(
     return path
 
 
-def _design(value: Any) -> Source:
+def _design(value: object) -> Source:
     """Return a design, read from its file where a path is given."""
     return read(value) if isinstance(value, PathLike) else convert.design(value)
 
 
-def _run(name: str, arguments: dict[str, Any], files: dict[str, Any] | None = None) -> Result:
+def _run(name: str, arguments: Settings, files: Settings | None = None) -> Result:
     """Run an analysis with the arguments of its function.
 
     Those that have their defaults take the values of the design's `[analysis]` table. `files` are

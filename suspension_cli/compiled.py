@@ -1,8 +1,8 @@
 """Compiled loops: the settings of the compiler, and linear algebra of small symmetric matrices.
 
 Batches of builds are computed by loops over the builds that `numba` compiles when they are first
-called, and keeps on disk. Importing it takes half a second, so only what computes batches imports
-this module.
+called, and keeps on disk. Importing numba takes half a second, so only code that computes batches
+imports this module.
 """
 
 from __future__ import annotations
@@ -16,14 +16,13 @@ import shutil
 import sys
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numba import config as _config
-from numba import njit as _njit
-from numba import types
+from numba import njit, types
 from numba.core import event
 from numba.extending import intrinsic, overload
 
@@ -32,9 +31,15 @@ try:
 except ImportError:  # Windows
     fcntl = None
 
+if TYPE_CHECKING:
+    from jaxtyping import Float, Inexact, Int
+    from llvmlite.ir import IRBuilder, Value
+    from numba.core.typing.context import Context
+    from numba.core.typing.templates import Signature
 
-config: Any = _config
-njit: Any = _njit
+config: Any = _config  # numba sets its attributes when it is imported
+
+Loop = TypeVar("Loop", bound=Callable[..., object])
 
 VERSIONS = 8
 """Number of versions of the program whose compiled loops are kept, some 15 MB each."""
@@ -108,7 +113,7 @@ def _one_process() -> Iterator[None]:
             _depth -= 1
 
 
-def compiled(function: Any) -> Any:
+def compiled(function: Loop) -> Loop:
     """Compile a function when it is first called, and keep it on disk where that is possible."""
     before, config.CACHE_DIR = config.CACHE_DIR, _FOLDER
     try:
@@ -117,7 +122,7 @@ def compiled(function: Any) -> Any:
         config.CACHE_DIR = before
     compile_or_load = made.compile
 
-    def compile_alone(signature: Any) -> Any:
+    def compile_alone(signature: object) -> object:
         with _one_process():
             return compile_or_load(signature)
 
@@ -125,18 +130,18 @@ def compiled(function: Any) -> Any:
     return _without_literals(made)
 
 
-def inlined(function: Any) -> Any:
+def inlined(function: Loop) -> Loop:
     """Compile a small function into each compiled function that calls it."""
-    # Python does not call it: what would convert its arguments is left out
-    uncalled = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    # only compiled code calls it: it needs no wrappers for calls from Python and C
+    uncalled: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     return _without_literals(njit(error_model="numpy", forceinline=True, **uncalled)(function))
 
 
 def _without_literals(made: Any) -> Any:
-    """Compile a function once for all values of a number that calls of it give literally."""
+    """Compile a function once, not again for every literal number in a call of it."""
     template = made.get_call_template
 
-    def general_template(args: Any, kws: Any) -> Any:
+    def general_template(args: tuple[types.Type, ...], kws: dict[str, types.Type]) -> object:
         keywords = {name: types.unliteral(kind) for name, kind in kws.items()}
         return template(tuple(types.unliteral(kind) for kind in args), keywords)
 
@@ -144,10 +149,12 @@ def _without_literals(made: Any) -> Any:
     return made
 
 
-def constant(array: Any, shape: tuple[int, ...] | None = None) -> Any:
+def constant(
+    array: Inexact[np.ndarray, "*shape"], shape: tuple[int, ...] | None = None
+) -> Inexact[np.ndarray, "*wanted"]:
     """Contiguous array, broadcast to a shape, that cannot be written.
 
-    A loop is compiled for each kind of array: those that it only reads had better be of one kind.
+    A loop is compiled for each kind of array, so all arrays that loops only read are made alike.
     """
     if shape is not None and array.shape != shape:
         array = np.broadcast_to(array, shape)
@@ -178,22 +185,29 @@ class _Announcement(event.Listener):
     def __init__(self) -> None:
         self.made = False
 
-    def on_start(self, event: Any) -> None:
+    def on_start(self, event: event.Event) -> None:
         """At the first function that is compiled, not loaded from disk."""
         del event
         if not self.made and sys.stderr.isatty():
             self.made = True
             print("compiling the loops over builds (once, some 30 s)", file=sys.stderr)
 
-    def on_end(self, event: Any) -> None:
-        """Nothing more."""
+    def on_end(self, event: event.Event) -> None:
+        """Do nothing."""
 
 
 event.register("numba:compile", _Announcement())
 
 
 @compiled
-def factorise(matrix: Any, factor: Any, pivot: Any, where: Any, kept: int, first: int) -> float:
+def factorise(
+    matrix: Inexact[np.ndarray, "first+row first+row"],
+    factor: Inexact[np.ndarray, "row row"],
+    pivot: Inexact[np.ndarray, " row"],
+    where: Int[np.ndarray, " row"],
+    kept: int,
+    first: int,
+) -> float:
     """Factorise L D L^T from the lower triangle of a symmetric matrix (n, n), real or complex.
 
     The `first` rows and columns of the matrix are left out.
@@ -201,7 +215,7 @@ def factorise(matrix: Any, factor: Any, pivot: Any, where: Any, kept: int, first
     Columns are eliminated from the last to the first; zeros cost nothing. `factor` (n, n) is
     filled with the rows of L^T D below the diagonal and 1/D on it, `pivot` (n,) with D; `where`
     (n,) is scratch. The first `kept` columns are not eliminated: the lower triangle of `factor`
-    then has what is left of their matrix.
+    then has their Schur complement.
 
     Returns
     -------
@@ -241,13 +255,13 @@ def factorise(matrix: Any, factor: Any, pivot: Any, where: Any, kept: int, first
 
 
 @inlined
-def _square(number: Any) -> float:
+def _square(number: complex) -> float:
     """Square of the size of a real or complex number."""
     return number.real * number.real + number.imag * number.imag
 
 
 @compiled
-def substitute(factor: Any, x: Any) -> None:
+def substitute(factor: Inexact[np.ndarray, "row row"], x: Inexact[np.ndarray, " row"]) -> None:
     """Solve with the factors of `factorise`, x (n,) in place of the right-hand side."""
     size = len(x)
     for k in range(size - 1, -1, -1):
@@ -257,7 +271,7 @@ def substitute(factor: Any, x: Any) -> None:
             for i in range(k):
                 x[i] -= factor[k, i] * value
     for k in range(size):
-        # four sums at once, as one has to wait for each addition
+        # four sums at once, since each addition has to wait for the one before it
         a = b = c = d = x[k] * 0
         for i in range(0, k - 3, 4):
             a += factor[k, i] * x[i]
@@ -269,10 +283,14 @@ def substitute(factor: Any, x: Any) -> None:
         x[k] -= ((a + b) + (c + d)) * factor[k, k]
 
 
-def _multiply_add(context: Any, a: Any, b: Any, c: Any) -> Any:
+def _multiply_add(
+    context: Context, a: types.Type, b: types.Type, c: types.Type
+) -> tuple[Signature, Callable[..., Value | None]]:
     """Compute a b + c with one rounding."""
 
-    def instruction(_context: Any, builder: Any, _signature: Any, numbers: Any) -> Any:
+    def instruction(
+        _context: Context, builder: IRBuilder, _signature: Signature, numbers: list[Value]
+    ) -> Value | None:
         return builder.fma(*numbers)
 
     del context, a, b, c
@@ -293,8 +311,14 @@ def _add_product(high: float, low: float, a: float, b: float) -> tuple[float, fl
 
 
 @compiled
-def _subtract_product(matrix: Any, x: Any, sign: float, high: Any, low: Any) -> None:
-    """Subtract sign A x from a sum, for a real symmetric A (n, n) given by its lower triangle."""
+def _subtract_product(
+    matrix: Float[np.ndarray, "row row"],
+    x: Float[np.ndarray, " row"],
+    sign: float,
+    high: Float[np.ndarray, " row"],
+    low: Float[np.ndarray, " row"],
+) -> None:
+    """Subtract `sign` A x from `high` + `low`, A (n, n) real, given by its lower triangle."""
     for i in range(len(x)):
         own_high, own_low = _add_product(high[i], low[i], -sign * matrix[i, i], x[i])
         for j in range(i):
@@ -305,7 +329,13 @@ def _subtract_product(matrix: Any, x: Any, sign: float, high: Any, low: Any) -> 
         high[i], low[i] = own_high, own_low
 
 
-def residual(matrix: Any, x: Any, right: Any, work: Any, result: Any) -> None:
+def residual(
+    matrix: Inexact[np.ndarray, "row row"],
+    x: Inexact[np.ndarray, " row"],
+    right: Inexact[np.ndarray, " row"],
+    work: Float[np.ndarray, "2 row"],
+    result: Inexact[np.ndarray, " row"],
+) -> None:
     """Residual (n,), b - A x, of a real or complex system, in twice the digits.
 
     `work` (2, n) is scratch.
@@ -313,14 +343,29 @@ def residual(matrix: Any, x: Any, right: Any, work: Any, result: Any) -> None:
 
 
 @overload(residual)
-def _residual(matrix: Any, x: Any, right: Any, work: Any, result: Any) -> Any:
-    """Choose by the type of the numbers, at compile time."""
+def _residual(
+    matrix: Inexact[np.ndarray, "row row"],
+    x: Inexact[np.ndarray, " row"],
+    right: Inexact[np.ndarray, " row"],
+    work: Float[np.ndarray, "2 row"],
+    result: Inexact[np.ndarray, " row"],
+) -> Callable[..., None]:
+    """Choose by the type of the numbers, at compile time.
+
+    numba passes types of arrays here, but wants the annotations of the functions to choose from.
+    """
     if isinstance(matrix.dtype, types.Complex):
         return _complex_residual
     return _real_residual
 
 
-def _real_residual(matrix: Any, x: Any, right: Any, work: Any, result: Any) -> Any:
+def _real_residual(
+    matrix: Inexact[np.ndarray, "row row"],
+    x: Inexact[np.ndarray, " row"],
+    right: Inexact[np.ndarray, " row"],
+    work: Float[np.ndarray, "2 row"],
+    result: Inexact[np.ndarray, " row"],
+) -> None:
     high, low = work[0], work[1]
     for i in range(len(x)):
         high[i], low[i] = right[i], 0.0
@@ -329,24 +374,35 @@ def _real_residual(matrix: Any, x: Any, right: Any, work: Any, result: Any) -> A
         result[i] = high[i] + low[i]
 
 
-def _complex_residual(matrix: Any, x: Any, right: Any, work: Any, result: Any) -> Any:
+def _complex_residual(
+    matrix: Inexact[np.ndarray, "row row"],
+    x: Inexact[np.ndarray, " row"],
+    right: Inexact[np.ndarray, " row"],
+    work: Float[np.ndarray, "2 row"],
+    result: Inexact[np.ndarray, " row"],
+) -> None:
     high, low = work[0], work[1]
     for i in range(len(x)):
         high[i], low[i] = right[i].real, 0.0
-    _subtract_product(matrix.real, x.real, 1.0, high, low)
-    _subtract_product(matrix.imag, x.imag, -1.0, high, low)
+    _subtract_product(np.real(matrix), np.real(x), 1.0, high, low)
+    _subtract_product(np.imag(matrix), np.imag(x), -1.0, high, low)
     for i in range(len(x)):
         result[i] = high[i] + low[i]
     for i in range(len(x)):
         high[i], low[i] = right[i].imag, 0.0
-    _subtract_product(matrix.real, x.imag, 1.0, high, low)
-    _subtract_product(matrix.imag, x.real, 1.0, high, low)
+    _subtract_product(np.real(matrix), np.imag(x), 1.0, high, low)
+    _subtract_product(np.imag(matrix), np.real(x), 1.0, high, low)
     for i in range(len(x)):
         result[i] += 1j * (high[i] + low[i])
 
 
 @compiled
-def least_pivots(matrix: Any, mass: Any, rigid: float, result: Any) -> None:
+def least_pivots(
+    matrix: Float[np.ndarray, "build 6+coordinate 6+coordinate"],
+    mass: Float[np.ndarray, "build 6+coordinate 6+coordinate"],
+    rigid: float,
+    result: Float[np.ndarray, " build"],
+) -> None:
     """Least pivot of K + c M of many builds, relative to its diagonal: positive if stable.
 
     The shift c is `rigid` times the sum of K/M over the coordinates with mass, to cover rounding.

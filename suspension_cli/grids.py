@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING
 
 from suspension_cli.errors import Fault, InputError, format_value
+
+if TYPE_CHECKING:
+    import numpy as np
+    from jaxtyping import Float
 
 MAX_POINTS = 10_000_000
 """Longest grid; a longer one is taken for a typing error."""
@@ -73,7 +77,7 @@ def _range(text: str, default: str) -> list[float]:
     return [first * math.exp(ratio * n / (count - 1)) for n in steps[:-1]] + [last]
 
 
-def decade_points(frequency: Any) -> list[int]:
+def decade_points(frequency: Float[np.ndarray, " frequency"]) -> list[int]:
     """Find the points of a grid nearest to 1 Hz, 10 Hz, ...; its ends if there are none."""
     import numpy as np
 

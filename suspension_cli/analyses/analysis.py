@@ -24,7 +24,11 @@ from suspension_cli.errors import (
 )
 
 if TYPE_CHECKING:
+    from types import ModuleType
+
+    import click
     import h5py
+    import xarray
     from matplotlib.figure import Figure
 
     from suspension_cli.design.reader import Source
@@ -57,7 +61,7 @@ class Log:
         Those of the command, whose options warnings call by the names of arguments.
     """
 
-    def __init__(self, parameters: Sequence[Any] = ()) -> None:
+    def __init__(self, parameters: Sequence[click.Parameter] = ()) -> None:
         self.parameters = parameters
 
     def say(self, text: str) -> None:
@@ -231,7 +235,7 @@ class Result(Report):
             error["error_unknown"] = self.choice.error_unknown
         return head | {"fidelity": self.model} | self.analysis.document(self) | error
 
-    def figures(self, **setting: Any) -> dict[str, Figure]:
+    def figures(self, **setting: object) -> dict[str, Figure]:
         """Draw all pictures: the end of each file name, and the figure; settings as of `plot`."""
         from suspension_cli.analyses import options
         from suspension_cli.analyses.python_names import python_names
@@ -249,7 +253,7 @@ class Result(Report):
         figures = self.analysis.figures(self, setting)
         return {end: label_frequencies(figure) for end, figure in figures.items()}
 
-    def plot(self, **setting: Any) -> Figure:
+    def plot(self, **setting: object) -> Figure:
         """Draw the picture that the command writes.
 
         Parameters
@@ -285,7 +289,7 @@ class Result(Report):
         with python_names(out="path"):
             self.analysis.save(target, self)
 
-    def to_xarray(self) -> Any:
+    def to_xarray(self) -> xarray.Dataset:
         """Return the contents of the results file as an `xarray.Dataset` (needs xarray).
 
         Raises
@@ -362,9 +366,9 @@ class Analysis(ABC):
     name: ClassVar[str]
     fills_file: ClassVar[bool] = False
     has_model: ClassVar[bool] = True
-    arguments: ClassVar[tuple[Any, ...]] = ()
-    parameters: ClassVar[tuple[Any, ...]] = ()
-    drawn_with: ClassVar[tuple[Any, ...]] = ()
+    arguments: ClassVar[tuple[click.Argument, ...]] = ()
+    parameters: ClassVar[tuple[click.Parameter, ...]] = ()
+    drawn_with: ClassVar[tuple[click.Parameter, ...]] = ()
 
     @property
     def command_name(self) -> str:
@@ -398,11 +402,11 @@ class Analysis(ABC):
         """Write the result into a group of the open results file, by the folder's `file.py`."""
         self._stored().fill(file.create_group(self.name), result.data)
 
-    def load(self, file: h5py.File) -> Any:
+    def load(self, file: h5py.File) -> object:
         """Read `Result.data` from an open results file, by the folder's `file.py`."""
         return self._stored().load(file[self.name])
 
-    def _stored(self) -> Any:
+    def _stored(self) -> ModuleType:
         """Import the folder's module `file`."""
         return importlib.import_module(f"suspension_cli.analyses.{self.name}.file")
 

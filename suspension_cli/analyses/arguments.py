@@ -19,13 +19,15 @@ from suspension_cli.analyses.python_names import ARGUMENTS
 from suspension_cli.design.reader import Source
 from suspension_cli.errors import InputError, format_value
 
+Value = Any
+"""An argument before it is checked."""
+Settings = dict[str, Value]
+"""Arguments or values of parameters by name."""
 GRID = 'give numbers, or a text such as "1:10:50"'
 """Remedy for what is no grid."""
 
 
-def setting(
-    parameters: Sequence[click.Parameter], arguments: dict[str, Any], function: str
-) -> dict[str, Any]:
+def setting(parameters: Sequence[click.Parameter], arguments: Settings, function: str) -> Settings:
     """Convert arguments of a function to the values of its command's parameters.
 
     Raises
@@ -45,7 +47,7 @@ def setting(
     return given
 
 
-def _convert(param: click.Parameter, name: str, value: Any, function: str) -> Any:
+def _convert(param: click.Parameter, name: str, value: Value, function: str) -> Value:
     if param.metavar == "GRID":
         return grid(value, name)
     if isinstance(param, click.Option) and param.multiple:
@@ -70,7 +72,7 @@ def _convert(param: click.Parameter, name: str, value: Any, function: str) -> An
     return value
 
 
-def _number(name: str, value: Any, remedy: str, *, whole: bool = False) -> Any:
+def _number(name: str, value: Value, remedy: str, *, whole: bool = False) -> float:
     """Convert one number, also of numpy or as text."""
     wanted = "must be a whole number" if whole else "must be a number"
     try:
@@ -84,7 +86,7 @@ def _number(name: str, value: Any, remedy: str, *, whole: bool = False) -> Any:
     return int(number) if whole else number
 
 
-def grid(values: Any, name: str) -> str:
+def grid(values: Value, name: str) -> str:
     """Write a grid as its text; every number keeps all its digits."""
     if isinstance(values, str):
         return values
@@ -102,7 +104,7 @@ def grid(values: Any, name: str) -> str:
     return ",".join(map(repr, numbers))
 
 
-def grids(values: Any, name: str) -> tuple[str, ...]:
+def grids(values: Value, name: str) -> tuple[str, ...]:
     """Write a dictionary of names and grids as ``NAME=GRID`` texts."""
     if not isinstance(values, Mapping):
         remedy = f'write for example {name}={{"stage.test.wires.d": [1e-3, 2e-3]}}'
@@ -110,7 +112,7 @@ def grids(values: Any, name: str) -> tuple[str, ...]:
     return tuple(f"{key}={grid(own, f'{name} {key}')}" for key, own in values.items())
 
 
-def items(values: Any, name: str) -> tuple[str, ...]:
+def items(values: Value, name: str) -> tuple[str, ...]:
     """Convert one text or path, or several, to a tuple of texts; numbers of modes to texts."""
     if isinstance(values, (str, os.PathLike, int)):
         return (str(values),)
@@ -123,21 +125,21 @@ def items(values: Any, name: str) -> tuple[str, ...]:
         raise InputError.of(name, "must be texts", remedy, shown(values)) from None
 
 
-def text(value: Any, name: str, remedy: str) -> str:
+def text(value: Value, name: str, remedy: str) -> str:
     """Return a text; raises `InputError` for anything else."""
     if not isinstance(value, str):
         raise InputError.of(name, "must be a text", remedy, shown(value))
     return value
 
 
-def path(value: Any, name: str) -> str:
+def path(value: Value, name: str) -> str:
     """Return a path as text; raises `InputError` for anything else."""
     if not isinstance(value, (str, os.PathLike)):
         raise InputError.of(name, "must be a path", "give a text or a Path", shown(value))
     return os.fsdecode(value)
 
 
-def design(value: Any, name: str = "design") -> Source:
+def design(value: Value, name: str = "design") -> Source:
     """Return a design; raises `InputError` for anything else."""
     if not isinstance(value, Source):
         remedy = "give one of sus.read, sus.parse, sus.template or sus.example"
@@ -147,7 +149,7 @@ def design(value: Any, name: str = "design") -> Source:
     return value
 
 
-def shown(value: Any) -> str:
+def shown(value: Value) -> str:
     """Write a value of any type in one short line."""
     if isinstance(value, (str, Path)):
         return format_value(str(value))

@@ -12,13 +12,16 @@ import itertools
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
 
 from suspension_cli.analyses.labelled import stored_group, values_of
 from suspension_cli.files.atomic import write_bytes
+
+if TYPE_CHECKING:
+    from suspension_cli.files.hdf5 import Stored
 
 
 def write(result: Any, path: Path) -> list[Path]:
@@ -38,7 +41,7 @@ def write(result: Any, path: Path) -> list[Path]:
     return paths
 
 
-def _tables(group: Any, prefix: str = "") -> Iterator[tuple[str, str]]:
+def _tables(group: Stored, prefix: str = "") -> Iterator[tuple[str, str]]:
     """Yield the rows of each table (for the name of its file) and its text."""
     members = {name: item for name, item in group.items() if isinstance(item, h5py.Dataset)}
     tables: dict[tuple[str, ...], list[str]] = {}
@@ -65,18 +68,18 @@ def _tables(group: Any, prefix: str = "") -> Iterator[tuple[str, str]]:
             yield from _tables(item, "-".join(part for part in (prefix, name) if part))
 
 
-def _labels(data: Any, name: str) -> tuple[str, ...]:
+def _labels(data: h5py.Dataset, name: str) -> tuple[str, ...]:
     """Names of the dimensions of a dataset; numbered names where it has no scales."""
     if data.ndim == 1 and not data.dims[0].label:
         return ("row",)
     return tuple(data.dims[n].label or f"{name}_{n}" for n in range(data.ndim))
 
 
-def _is_numeric(data: Any) -> bool:
+def _is_numeric(data: h5py.Dataset | None) -> bool:
     return data is None or data.dtype.kind in "iufcb"
 
 
-def _text(members: dict[str, Any], rows: tuple[str, ...], names: list[str]) -> str:
+def _text(members: dict[str, h5py.Dataset], rows: tuple[str, ...], names: list[str]) -> str:
     """Make the table of some datasets that have the same rows."""
     labels = {name: _labels(members[name], name) for name in names}
     known = {label for own in labels.values() for label in own if label in members}
@@ -118,7 +121,7 @@ def _title(name: str, unit: str) -> str:
     return f"{name} ({unit})" if unit not in ("", "name") else name
 
 
-def _unit(members: dict[str, Any], name: str, place: dict[str, int]) -> str:
+def _unit(members: dict[str, h5py.Dataset], name: str, place: dict[str, int]) -> str:
     """Unit of a column: of the dataset, or the one in the dataset that its unit refers to."""
     given = str(members[name].attrs.get("units", ""))
     found = re.search(r"see (\w+)", given)
@@ -129,7 +132,7 @@ def _unit(members: dict[str, Any], name: str, place: dict[str, int]) -> str:
     return str(values_of(own)[where])
 
 
-def _plain(column: Any) -> list[Any]:
+def _plain(column: np.ndarray) -> list[float | str]:
     """Numbers with all their digits, "" for NaN."""
     return [
         "" if isinstance(value, float) and value != value else value

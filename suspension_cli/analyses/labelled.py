@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
 
+if TYPE_CHECKING:
+    import xarray
+
+    from suspension_cli.files.hdf5 import Stored
+
 
 @contextlib.contextmanager
-def stored_group(result: Any) -> Iterator[Any]:
+def stored_group(result: Any) -> Iterator[Stored]:
     """Open the HDF5 group of an `analysis.Result`: in its file, or as its file would have it."""
     stored = result.stored_file()
     if stored is not None:
@@ -23,7 +28,7 @@ def stored_group(result: Any) -> Iterator[Any]:
             yield file[result.analysis.name]
 
 
-def to_xarray(result: Any) -> Any:
+def to_xarray(result: Any) -> xarray.Dataset:
     """Convert an `analysis.Result`; dimensions and coordinates are the scales of its file.
 
     Each array has its `units`; attributes name design, model and estimated error.
@@ -40,14 +45,14 @@ def to_xarray(result: Any) -> Any:
     return xarray.Dataset(variables, attrs=about)
 
 
-def _variables(group: Any) -> dict[str, Any]:
+def _variables(group: Stored) -> dict[str, tuple[list[str], np.ndarray, dict[str, str]]]:
     """Dimensions, values and attributes of every dataset of a group.
 
     Datasets of subgroups have dotted names.
     """
     found = {}
 
-    def add(path: str, data: Any) -> None:
+    def add(path: str, data: Stored) -> None:
         if not isinstance(data, h5py.Dataset):
             return
         name = _dotted(path)
@@ -68,7 +73,7 @@ def _variables(group: Any) -> dict[str, Any]:
     return found
 
 
-def values_of(data: Any) -> Any:
+def values_of(data: h5py.Dataset) -> Stored:
     """Read all values of a dataset: numbers, or text."""
     return data.asstr()[...] if h5py.check_string_dtype(data.dtype) else data[...]
 

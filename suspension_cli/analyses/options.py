@@ -18,7 +18,9 @@ TOLERANCE = 1e-3
 class Finite(click.FloatRange):
     """A number within bounds, not NaN."""
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
         """Refuse NaN, which no bound catches."""
         found = super().convert(value, param, ctx)
         if found != found:

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from suspension_cli.analyses import options
 
 if TYPE_CHECKING:
-    from suspension_cli.analyses.analysis import Analysis
+    from suspension_cli.analyses.analysis import Analysis, Settings
     from suspension_cli.design.reader import Source
+    from suspension_cli.errors import Fault
 
 
 def prepared(
@@ -20,7 +21,7 @@ def prepared(
     file: str | Source,
     overrides: tuple[str, ...],
     extra: tuple[str, ...] = (),
-) -> tuple[Source, dict[str, Any]]:
+) -> tuple[Source, Settings]:
     """Read a design, unless it is given, and settings with defaults from its `[analysis]` table."""
     from suspension_cli.design.reader import read
 
@@ -30,7 +31,7 @@ def prepared(
     return source, with_analysis_table(ctx, table, source.file, extra)
 
 
-def defaults(analysis: Analysis, given: dict[str, Any]) -> dict[str, Any]:
+def defaults(analysis: Analysis, given: Settings) -> Settings:
     """Settings of an analysis that another one runs: its defaults and those `given`."""
     command = click.Command(analysis.name, params=list(analysis.parameters))
     return command.make_context(analysis.name, []).params | given
@@ -41,8 +42,8 @@ def of_design(
     parameters: Sequence[click.Parameter],
     extra: tuple[str, ...],
     source: Source,
-    given: dict[str, Any],
-) -> dict[str, Any]:
+    given: Settings,
+) -> Settings:
     """Settings: those `given`, else those of the design's table `name`, else defaults.
 
     A given value that is the default of its option counts as not given. `extra` as of
@@ -55,8 +56,8 @@ def of_design(
 
 
 def with_analysis_table(
-    ctx: click.Context, table: dict[str, Any], file: str, extra: tuple[str, ...] = ()
-) -> dict[str, Any]:
+    ctx: click.Context, table: Settings, file: str, extra: tuple[str, ...] = ()
+) -> Settings:
     """Settings of a command, with defaults from the design's `[analysis.COMMAND]` table.
 
     The command line has precedence. Keys in `extra` are parameters to sweep, with their grids.
@@ -109,7 +110,7 @@ def with_analysis_table(
     return result
 
 
-def _grid_faults(key: str, value: Any) -> list[Any]:
+def _grid_faults(key: str, value: object) -> list[Fault]:
     """Find faults of a grid in an `[analysis]` table."""
     from suspension_cli.errors import Fault, InputError, format_value
     from suspension_cli.grids import parse_grid
@@ -123,7 +124,7 @@ def _grid_faults(key: str, value: Any) -> list[Any]:
     return []
 
 
-def check_tables(tables: dict[str, dict[str, Any]], file: str) -> None:
+def check_tables(tables: dict[str, Settings], file: str) -> None:
     """Check the `[analysis]` tables of all commands.
 
     Raises `InputError` with the faults of every table.
@@ -147,7 +148,7 @@ def check_tables(tables: dict[str, dict[str, Any]], file: str) -> None:
         raise InputError(faults, file)
 
 
-def _as_typed(option: click.Option, value: Any) -> Any:
+def _as_typed(option: click.Option, value: object) -> bool | str | list[str]:
     """Convert a value of an `[analysis]` table to the form of the command line."""
     if option.is_flag:
         if not isinstance(value, bool):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Protocol
 
 from suspension_cli.analyses.analysis import Analysis, Result, Run
 from suspension_cli.errors import Interrupted, escape_unprintable
@@ -13,9 +13,11 @@ from suspension_cli.files.existing import replacing
 from suspension_cli.files.hdf5 import Provenance, open_results
 from suspension_cli.studies.run import Plan
 from suspension_cli.studies.run import run as compute
+from suspension_cli.studies.sweep_file import Job
 
 if TYPE_CHECKING:
     from suspension_cli.models.registry import Choice
+    from suspension_cli.studies.sweep_file import After
 
 UNRECORDED = {
     "--workers": 1,
@@ -32,6 +34,15 @@ UNRECORDED = {
     "--verbose": 0,
 }
 """Options that do not change the result, and the number of words that follow each."""
+
+
+class RecordedJob(Job, Protocol):
+    """A sweep's points, with the text by which a results file is known to be of this sweep."""
+
+    @property
+    def identity(self) -> str:
+        """Everything that the points depend on besides the design."""
+        ...
 
 
 def recorded(command: str) -> str:
@@ -57,10 +68,10 @@ def recorded(command: str) -> str:
 def fill(
     run: Run,
     analysis: Analysis,
-    job: Any,
+    job: RecordedJob,
     choice: Choice,
     put: Callable[..., None],
-    after: Any = None,
+    after: After | None = None,
 ) -> Result:
     """Compute all points of a job into the results file, and read the result from there.
 

@@ -10,7 +10,6 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass
-from typing import Any
 
 LEAST = 24
 """Least width of a last column of text; in a narrower terminal lines are too long."""
@@ -25,7 +24,7 @@ class Table:
     """Columns and rows, as `render` takes them."""
 
     columns: Mapping[str, str]
-    rows: Sequence[Sequence[Any]]
+    rows: Sequence[Sequence[float | str | None]]
 
     @property
     def cells(self) -> list[list[str]]:
@@ -58,7 +57,7 @@ def width() -> int:
     return shutil.get_terminal_size().columns if sys.stdout.isatty() else 1_000_000
 
 
-def render(columns: Mapping[str, str], rows: Iterable[Sequence[Any]]) -> str:
+def render(columns: Mapping[str, str], rows: Iterable[Sequence[float | str | None]]) -> str:
     r"""Render a table: numbers are aligned on the point, text in the last column is folded.
 
     Parameters
@@ -108,7 +107,7 @@ def _text(table: Table) -> str:
     return "\n".join(f"  {line}".rstrip() for line in lines)
 
 
-def _cell(value: Any, form: str) -> str:
+def _cell(value: float | str | None, form: str) -> str:
     from suspension_cli.errors import escape_unprintable
 
     if isinstance(value, str):

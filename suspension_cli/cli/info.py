@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import click
 
 from suspension_cli.analyses import options, settings
@@ -14,7 +12,7 @@ from suspension_cli.cli.runner import Command
 @click.command("info", cls=Command, params=[options.DESIGN, *options.INFO])
 @click.pass_context
 def command(
-    ctx: click.Context, design: str, overrides: tuple[str, ...], as_json: bool, **_: Any
+    ctx: click.Context, design: str, overrides: tuple[str, ...], as_json: bool, **_: object
 ) -> None:
     """Estimate how complete a model a design needs, and the model that `auto` takes.
 

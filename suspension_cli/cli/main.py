@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import os
-from typing import Any
 
 import click
 
@@ -54,7 +53,7 @@ class LazyGroup(click.Group):
         info_name: str | None,
         args: list[str],
         parent: click.Context | None = None,
-        **extra: Any,
+        **extra: object,
     ) -> click.Context:
         """Parse the options before the command; `--help` and `--version` print here."""
         for library in ("OPENBLAS", "OMP", "MKL"):  # read when numpy is imported

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import sys
 import time
-from typing import Any
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
 
 PATIENCE = 1.0
 """Time before the bar appears, s."""
@@ -18,7 +21,7 @@ class Bar:
     def __init__(self, *, enabled: bool) -> None:
         self.enabled = enabled and sys.stderr.isatty()
         self.due = time.monotonic() + PATIENCE
-        self.bar: Any = None
+        self.bar: Progress | None = None
 
     def __enter__(self) -> Bar:
         return self
@@ -38,10 +41,12 @@ class Bar:
         if not self.bar:
             self.bar = _start()
         text = f"{done:,} of {count:,}  {pace}  {left}"
-        self.bar.update(0, completed=done, total=count, description=text, refresh=True)
+        self.bar.update(
+            self.bar.task_ids[0], completed=done, total=count, description=text, refresh=True
+        )
 
 
-def _start() -> Any:
+def _start() -> Progress:
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -13,6 +13,8 @@ from suspension_cli.analyses.analysis import Analysis, Result, Run
 from suspension_cli.cli import terminal
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from suspension_cli.design.reader import Source
 
 
@@ -101,7 +103,7 @@ def write(result: Result, folder: Path, voice: terminal.Voice, as_csv: bool) -> 
     return path
 
 
-def draw(figure: Any, path: Path, voice: terminal.Voice) -> None:
+def draw(figure: Figure, path: Path, voice: terminal.Voice) -> None:
     """Write a picture."""
     from suspension_cli.drawing.style import save
     from suspension_cli.files.atomic import writing_to

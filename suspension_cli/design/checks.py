@@ -37,6 +37,7 @@ from suspension_cli.design.schema import (
     Stage,
     Support,
 )
+from suspension_cli.design.units import Table
 from suspension_cli.design.wires import BladeSet, Wire, WireSet
 from suspension_cli.errors import Fault, format_key, format_value
 
@@ -96,7 +97,9 @@ def _check_names(design: Design) -> Iterator[Fault]:
         if stage.name == FRAME and design.support is not None:
             problem = "is the name of the support structure that [support] describes"
             yield fault_of(stage, path, "name", problem, "give the stage another name")
-        named: list[Any] = [(stage, path, "hangs_from", stage.hangs_from)]
+        named: list[tuple[Table, str, str, str | None]] = [
+            (stage, path, "hangs_from", stage.hangs_from)
+        ]
         if stage.damping is not None:
             named.append((stage.damping, f"{path}.damping", "against", stage.damping.against))
         for table, where, key, name in named:

@@ -122,8 +122,7 @@ def solves_pose(design: Design) -> bool:
     return (
         gives_natural_lengths(design)
         or any(load is not None for load in loaded)
-        or gravity_vector(design) is not None
-        or gravity_tensor(design) is not None
+        or gravity_field(design) is not None
     )
 
 
@@ -267,24 +266,22 @@ def gravity_strength(design: Design) -> Any:
     return cmath.sqrt(square) if isinstance(square, complex) else math.sqrt(square)
 
 
-def gravity_vector(design: Design) -> list[float] | None:
-    """Find the vector of gravity at the suspension point, m/s^2; None if it is along -z."""
-    given = design.constants.gravity
-    return given if isinstance(given, list) and (given[0] != 0 or given[1] != 0) else None
+def gravity_field(design: Design) -> tuple[list[float], list[list[float]]] | None:
+    """Find gravity at the suspension point, m/s^2, and its gradient dg_i/dx_j, 1/s^2.
 
-
-def gravity_tensor(design: Design) -> list[list[float]] | None:
-    """Find the gradient dg_i/dx_j of gravity, 1/s^2; None if it is 0.
-
-    A single number G is dg_z/dz. Then dg_x/dx = dg_y/dy = -G/2, so that the divergence of the field
-    is 0 (Laplace's equation, outside the masses that attract).
+    None for a uniform pull along -z. A gradient of a single number G is dg_z/dz. Then dg_x/dx =
+    dg_y/dy = -G/2, so that the divergence of the field is 0 (Laplace's equation, outside the masses
+    that attract).
     """
-    given = design.constants.gravity_gradient
-    if isinstance(given, list):
-        return given if any(value != 0 for row in given for value in row) else None
-    if not given:
-        return None
-    return [[-given / 2, 0.0, 0.0], [0.0, -given / 2, 0.0], [0.0, 0.0, given]]
+    vector, gradient = design.constants.gravity, design.constants.gravity_gradient
+    if not isinstance(gradient, list):
+        across = -gradient / 2 if gradient else 0.0
+        gradient = [[across, 0.0, 0.0], [0.0, across, 0.0], [0.0, 0.0, gradient]]
+    if not isinstance(vector, list) or (vector[0] == 0 and vector[1] == 0):
+        vector = [0.0, 0.0, -gravity_strength(design)]
+        if all(value == 0 for row in gradient for value in row):
+            return None
+    return vector, gradient
 
 
 def wire_mass_moments(
@@ -325,9 +322,21 @@ def wire_line_densities(
     ]
 
 
+CHAIN_KEYS = (
+    *("design", "constants", "materials", "gas", "stage", "link", "damper", "support"),
+    *("control", "perturbation", "tolerance", "analysis"),
+    *("gravity", "gravity_gradient", "wire_weight", "temperature"),
+)
+"""Tables and constants that models of symmetric chains read, ignore rightly, or refuse by name."""
+
+
 def beyond_symmetric_chains(design: Design) -> str:
     """Name the physics that symmetric-chain models omit besides bending and wire mass, or ""."""
-    if gravity_vector(design) is not None or gravity_tensor(design) is not None:
+    for table in (design, design.constants):
+        for key in table.__struct_fields__:
+            if key not in CHAIN_KEYS and getattr(table, key):
+                return f"it has {key}"
+    if gravity_field(design) is not None:
         return "its gravity is a vector or has a gradient"
     if design.constants.wire_weight:
         return "its wires have weight"

@@ -17,13 +17,12 @@ from typing import Any, TypeVar
 
 import msgspec
 
+from suspension_cli.design.units import Raw, Schema
 from suspension_cli.errors import Fault, InputError, format_key, format_value
 
 T = TypeVar("T")
-Node = dict[str, Any]
-"""A JSON Schema, or a part of one."""
 
-_TYPES: dict[str, tuple[Any, str]] = {
+_TYPES: dict[str, tuple[type | tuple[type, ...], str]] = {
     "boolean": (bool, "true or false"),
     "string": (str, "a string"),
     "integer": (int, "an integer"),
@@ -38,7 +37,7 @@ _BOUNDS = {
 }
 
 
-def convert(raw: dict[str, Any], kind: type[T]) -> T:
+def convert(raw: Raw, kind: type[T]) -> T:
     """Convert a parsed TOML document to a type of the file format.
 
     Raises
@@ -95,7 +94,7 @@ def suggest(word: str, known: list[str]) -> str:
     return "known here: " + ", ".join(known) if known else "remove it"
 
 
-def _is_ordinary(value: object) -> bool:
+def _is_ordinary(value: Any) -> bool:
     """Whether a document is free of values that msgspec accepts and a design must not contain.
 
     Such are values of a free type that cannot be written again, and a newline after a name.
@@ -110,7 +109,7 @@ def _is_ordinary(value: object) -> bool:
 
 
 @cache
-def _schema(kind: Any) -> Node:
+def _schema(kind: type) -> Schema:
     """JSON Schema of a type, with its references replaced by what they name."""
     whole = msgspec.json.schema(kind)
 
@@ -131,7 +130,7 @@ def _schema(kind: Any) -> Node:
     return plain(whole)
 
 
-def _walk(node: Node, value: object, path: str) -> Iterator[Fault]:
+def _walk(node: Schema, value: object, path: str) -> Iterator[Fault]:
     """Compare a value with its schema."""
     if "anyOf" in node:
         node = _member(node, value)
@@ -146,7 +145,7 @@ def _walk(node: Node, value: object, path: str) -> Iterator[Fault]:
         yield from _walk_anything(value, path)
 
 
-def _member(node: Node, value: object) -> Node:
+def _member(node: Schema, value: Any) -> Schema:
     """Choose the member of a union by the form of the value: table, array or other."""
     form = {list: "array", dict: "object"}.get(type(value))
     member = next((one for one in node["anyOf"] if one.get("type") == form), node["anyOf"][0])
@@ -154,7 +153,7 @@ def _member(node: Node, value: object) -> Node:
     return member | {"description": text} if text and member.get("type") != "object" else member
 
 
-def _walk_table(node: Node, value: object, path: str) -> Iterator[Fault]:
+def _walk_table(node: Schema, value: object, path: str) -> Iterator[Fault]:
     known, rest = node.get("properties", {}), node.get("additionalProperties", {})
     if not isinstance(value, dict):
         give = f"{{ {', '.join(known)} }}" if known else "key = value pairs under it"
@@ -172,7 +171,7 @@ def _walk_table(node: Node, value: object, path: str) -> Iterator[Fault]:
             yield Fault(step(path, key), "missing", f"give {_described(known[key])}")
 
 
-def _walk_array(node: Node, value: object, path: str) -> Iterator[Fault]:
+def _walk_array(node: Schema, value: object, path: str) -> Iterator[Fault]:
     kinds = node.get("prefixItems")
     if kinds is not None and (not isinstance(value, list) or len(value) != len(kinds)):
         give = "give x, y, z" if len(kinds) == 3 else f"give {len(kinds)} numbers"
@@ -207,7 +206,7 @@ def _walk_anything(value: object, path: str) -> Iterator[Fault]:
         yield Fault(path, "is too large an integer", remedy, format_value(value))
 
 
-def _problem(node: Node, value: Any) -> str:
+def _problem(node: Schema, value: Any) -> str:
     """Describe the problem of a number, a string or a flag; "" if there is none."""
     if isinstance(value, float) and not math.isfinite(value):
         return "must be finite"
@@ -223,7 +222,7 @@ def _problem(node: Node, value: Any) -> str:
     return _text_problem(node, value) if isinstance(value, str) else ""
 
 
-def _text_problem(node: Node, value: str) -> str:
+def _text_problem(node: Schema, value: str) -> str:
     if len(value) > node.get("maxLength", math.inf):
         return f"is longer than {node['maxLength']} characters"
     if len(value) < node.get("minLength", 0):
@@ -233,7 +232,7 @@ def _text_problem(node: Node, value: str) -> str:
     return "" if good else "is not acceptable"
 
 
-def _described(node: Node) -> str:
+def _described(node: Schema) -> str:
     """Describe a valid value, for a remedy."""
     text = node.get("description", "")
     if "enum" in node:

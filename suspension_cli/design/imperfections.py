@@ -6,7 +6,7 @@ To add an imperfection of a wire or body, add a row to `IMPERFECTIONS` and, in
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
@@ -45,14 +45,14 @@ class Imperfection:
 
     name: str
     part: Literal["wire", "body", "blade", "leg", "link"]
-    kind: Any
+    kind: object
     quantity: str
     vector: bool = False
     perturbation: bool = False
     spread: str = ""
     sweep: str = ""
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[Callable[..., object], tuple[str, str]]:
         """Pickle by name: types with bounds cannot be pickled."""
         return named, (self.part, self.name)
 
@@ -224,7 +224,7 @@ def perturbed(part: str) -> tuple[Imperfection, ...]:
     return tuple(item for item in IMPERFECTIONS if item.perturbation and item.part == part)
 
 
-def perturbed_part(item: Any) -> tuple[str, str]:
+def perturbed_part(item: Table) -> tuple[str, str]:
     """Part of a `[[perturbation]]`: its kind and its name."""
     return next((part, getattr(item, part)) for part in PARTS if getattr(item, part) is not None)
 
@@ -234,9 +234,9 @@ def scattered(part: str) -> tuple[Imperfection, ...]:
     return tuple(item for item in IMPERFECTIONS if item.spread and item.part == part)
 
 
-def with_perturbations(base: type[Table]) -> Any:
+def with_perturbations(base: type[Table]) -> type:
     """Derive a table of the file from `base`, with a key per imperfection of any part."""
-    keys: dict[str, tuple[str, Any, str]] = {}
+    keys: dict[str, tuple[str, object, str]] = {}
     for item in (item for part in PARTS for item in perturbed(part)):
         kind = tuple[item.kind, item.kind, item.kind] if item.vector else item.kind
         text = item.help("x, y, z")
@@ -246,7 +246,7 @@ def with_perturbations(base: type[Table]) -> Any:
     return _with_keys(base, list(keys.values()))
 
 
-def with_spreads(base: type[Table], part: str, distribution: type[Table]) -> Any:
+def with_spreads(base: type[Table], part: str, distribution: type[Table]) -> type:
     """Derive a table of the file from `base`, with a distribution per imperfection of a part."""
     keys = []
     for item in scattered(part):
@@ -256,7 +256,7 @@ def with_spreads(base: type[Table], part: str, distribution: type[Table]) -> Any
     return _with_keys(base, keys)
 
 
-def _with_keys(base: type[Table], keys: Sequence[tuple[str, Any, str]]) -> Any:
+def _with_keys(base: type[Table], keys: Sequence[tuple[str, object, str]]) -> type:
     fields: list[Any] = []
     for key, kind, text in keys:
         described: Any = Annotated[kind, doc(text)]

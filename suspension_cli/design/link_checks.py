@@ -1,4 +1,4 @@
-"""Checks of `[[link]]` and `[[damper]]` beyond single values."""
+"""Checks of `[[link]]`, `[[damper]]`, ... beyond single values."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ BESIDE = (SUPPORT, GROUND)
 
 
 def check_links(design: Design, *, placed: bool) -> Iterator[Fault]:
-    """Check all links and dampers; their geometry only where the bodies are `placed`."""
+    """Check all elements between two bodies; geometry only where the bodies are `placed`."""
     stages = [stage.name for stage in design.stage]
     taken = [*stages]
-    items = [("link", link) for link in design.link] + [("damper", one) for one in design.damper]
+    items = design.between_bodies
     for kind, item in items:
         path = f"{kind}.{item.name}"
         if item.name in taken:
@@ -32,6 +32,7 @@ def check_links(design: Design, *, placed: bool) -> Iterator[Fault]:
             yield fault_of(item, path, "name", problem, "give each a name of its own")
         taken.append(item.name)
         yield from _check_between(item.between, stages, f"{path}.between")
+        yield from item.faults(path)
     if GROUND in stages and any(GROUND in item.between for _, item in items):
         problem = "is the name of the ground, on which a link or damper ends"
         remedy = "give the stage another name"

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
 
 from suspension_cli.design import csv_columns
 from suspension_cli.design.csv_columns import BadTable
+from suspension_cli.design.units import Raw
 from suspension_cli.errors import InputError, format_value
 
 COLUMNS = (3, 13)
 """Numbers of columns of a table of one axis and of six."""
 
 
-def insert_tables(raw: dict[str, Any], folder: Path) -> None:
+def insert_tables(raw: Raw, folder: Path) -> None:
     """Replace the files named in `[link.table]` of a parsed document by their columns, in place.
 
     Parameters
@@ -44,7 +44,7 @@ def insert_tables(raw: dict[str, Any], folder: Path) -> None:
             raise InputError.of(f"{key}.file", error.problem, error.remedy, value) from None
 
 
-def _columns(path: Path, form: str) -> dict[str, Any]:
+def _columns(path: Path, form: str) -> Raw:
     """Frequency, real and imaginary parts per axis of a CSV file."""
     _, columns = csv_columns.read(path)
     if len(columns) not in COLUMNS:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Literal
 
 from msgspec import field
@@ -20,6 +21,7 @@ from suspension_cli.design.units import (
     doc,
     of_unit,
 )
+from suspension_cli.errors import Fault
 
 Between = Annotated[
     list[Name],
@@ -112,11 +114,21 @@ class Strands(Table, frozen=True):
     ] = []
 
 
-class Link(Table, frozen=True):
-    """A spring between any two bodies at a common point: a heat link, a cable, a stop."""
+class BetweenBodies(Table, frozen=True):
+    """Base of the tables of elements between any two bodies."""
 
     name: Name
     between: Between
+
+    def faults(self, path: str) -> Iterator[Fault]:
+        """Check the element beyond single values, and the names of it and of its bodies."""
+        del path
+        yield from ()
+
+
+class Link(BetweenBodies, frozen=True):
+    """A spring between any two bodies at a common point: a heat link, a cable, a stop."""
+
     at: At = (0.0, 0.0, 0.0)
     stiffness: (
         Annotated[
@@ -186,11 +198,9 @@ class EddyCurrent(Table, frozen=True):
     count: Annotated[int, doc("number of equal magnets, far apart", ge=1, le=1000)] = 1
 
 
-class Damper(Table, frozen=True):
+class Damper(BetweenBodies, frozen=True):
     """A viscous damper between any two bodies at a common point; no common motion is damped."""
 
-    name: Name
-    between: Between
     at: At = (0.0, 0.0, 0.0)
     damping: (
         Annotated[

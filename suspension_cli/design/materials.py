@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import tomllib
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
@@ -35,7 +34,7 @@ def resolve(design: Design, name: str) -> Material:
 def _loss(own: Material, base: Material) -> MaterialLoss:
     """Merge the design's own losses with the built-in ones."""
     built_in = msgspec.structs.replace(base, loss=base.loss or MaterialLoss())
-    values: dict[str, Any] = {}
+    values: dict[str, object] = {}
     for mechanism in MECHANISMS:
         values |= mechanism.merge(own, built_in)
     return MaterialLoss(**values)

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal, Protocol
 
 import msgspec
 from msgspec import Meta
 
 from suspension_cli.design import faults, reader
 from suspension_cli.design.faults import fault_of
-from suspension_cli.design.units import Frequency, Stem, Table, doc, of_unit
+from suspension_cli.design.units import Frequency, Schema, Stem, Table, doc, of_unit
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
 
 Number = Annotated[float, Meta(ge=-1e20, le=1e20)]
@@ -254,7 +254,7 @@ def read(file: str | Path, text: str | None = None) -> Measured:
     return measured
 
 
-def json_schema() -> dict[str, Any]:
+def json_schema() -> Schema:
     """Make the JSON Schema of files of measurements (draft 2020-12)."""
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
@@ -349,7 +349,21 @@ def _check_parameters(measured: Measured) -> Iterator[Fault]:
                 break
 
 
-def check_bounds(item: Any, path: str, start: float | None = None) -> Iterator[Fault]:
+class Bounded(Protocol):
+    """A table with bounds of a number."""
+
+    @property
+    def lower(self) -> float | None:
+        """None for no bound."""
+        ...
+
+    @property
+    def upper(self) -> float | None:
+        """None for no bound."""
+        ...
+
+
+def check_bounds(item: Bounded, path: str, start: float | None = None) -> Iterator[Fault]:
     """Check the bounds of a number, if it has any, and where a search starts."""
     low = -math.inf if item.lower is None else item.lower
     high = math.inf if item.upper is None else item.upper

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cache
-from typing import Any
 
 from msgspec import inspect
 
@@ -71,11 +70,11 @@ def format_with_unit(path: str, value: float, digits: int = 4) -> str:
 
 
 @cache
-def _design() -> Any:
+def _design() -> inspect.Type:
     return inspect.type_info(Design)
 
 
-def _children(node: Any, key: str) -> Iterator[Any]:
+def _children(node: inspect.Type, key: str) -> Iterator[inspect.Type]:
     """Types of the value under a key of a table, or of a member of a list."""
     if isinstance(node, inspect.Metadata):
         yield from _children(node.type, key)
@@ -92,7 +91,7 @@ def _children(node: Any, key: str) -> Iterator[Any]:
         yield from node.item_types[:1]
 
 
-def _units(node: Any) -> Iterator[str]:
+def _units(node: inspect.Type) -> Iterator[str]:
     """Units of a value: its own, or that of the members of a list or union."""
     if isinstance(node, inspect.Metadata):
         unit = (node.extra or {}).get("unit", "")

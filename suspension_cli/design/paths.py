@@ -13,7 +13,11 @@ from typing import Any
 import msgspec
 
 from suspension_cli.design import faults
+from suspension_cli.design.units import Raw
 from suspension_cli.errors import InputError, format_value
+
+Value = Any
+"""A value of a parsed document or of a design: a number, a text, a list or a table."""
 
 
 def member(items: Sequence[object], key: str) -> int | None:
@@ -34,9 +38,9 @@ def _name(item: object) -> object:
     return item.get("name") if isinstance(item, dict) else getattr(item, "name", None)
 
 
-def value_at(document: dict[str, Any], path: str) -> Any:
+def value_at(document: Raw, path: str) -> Value:
     """The value of a parsed document at a dotted path; None if there is none."""
-    node: Any = document
+    node: Value = document
     for key in path.split("."):
         if isinstance(node, list):
             place = member(node, key)
@@ -46,7 +50,7 @@ def value_at(document: dict[str, Any], path: str) -> Any:
     return node
 
 
-def assign(document: dict[str, Any], keys: list[str], value: object, override: str) -> None:
+def assign(document: Raw, keys: list[str], value: object, override: str) -> None:
     """Set a value in a parsed document, in place; missing tables on the way are made.
 
     Parameters
@@ -61,8 +65,8 @@ def assign(document: dict[str, Any], keys: list[str], value: object, override: s
     InputError
         If a list on the way has no such member, or the path leads through a value.
     """
-    node: Any = document
-    place: Any = ""
+    node: Value = document
+    place: Value = ""
     for depth, key in enumerate(keys):
         last = depth == len(keys) - 1
         place = key
@@ -92,7 +96,7 @@ def _existing(items: list[object], key: str, override: str) -> int:
     raise InputError.of("--set", f"there is no {key!r} here", remedy, format_value(override))
 
 
-def changed(node: Any, keys: Sequence[str], change: Callable[[Any], Any]) -> Any:
+def changed(node: Value, keys: Sequence[str], change: Callable[[Value], Value]) -> Value:
     """A tree of structs and lists with one value replaced by a function of it."""
     if not keys:
         return change(node)

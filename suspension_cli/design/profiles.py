@@ -6,10 +6,10 @@ import math
 import re
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 from suspension_cli.design import csv_columns
 from suspension_cli.design.csv_columns import BadTable
+from suspension_cli.design.units import Raw
 from suspension_cli.design.wires import Profile, WireSection
 from suspension_cli.errors import Fault, InputError, format_value
 
@@ -18,7 +18,7 @@ UNITS = {"nm": 1e-9, "um": 1e-6, "\u00b5m": 1e-6, "\u03bcm": 1e-6, "mm": 1e-3, "
 """Units that a column's title may end with, over m."""
 
 
-def resolve_files(raw: dict[str, Any], folder: Path) -> None:
+def resolve_files(raw: Raw, folder: Path) -> None:
     """Read the CSV files of all profiles of a parsed document into it, in place.
 
     Raises

@@ -9,11 +9,11 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from suspension_cli.design import checks, faults, link_tables, paths, profiles
 from suspension_cli.design.keystones import add_keystones
 from suspension_cli.design.schema import Design
+from suspension_cli.design.units import Raw
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
 
 MAX_BYTES = 4_000_000
@@ -74,7 +74,7 @@ def read(file: str | Path, overrides: tuple[str, ...] = ()) -> Source:
         raise InputError([_TOO_DEEP], name) from None
 
 
-def _check_kind(raw: dict[str, Any]) -> None:
+def _check_kind(raw: Raw) -> None:
     """Raise `InputError` for a file of measurements or goals given as a design."""
     if "stage" in raw:
         return
@@ -90,7 +90,7 @@ def read_text(file: str | Path) -> str:
         return _text(Path(file))
 
 
-def read_toml(file: str | Path, text: str | None = None) -> dict[str, Any]:
+def read_toml(file: str | Path, text: str | None = None) -> Raw:
     """Parse a TOML file, or its text if that was read before; raises `InputError` if it is none."""
     with attribute_faults_to(str(file)):
         whole = _text(Path(file)) if text is None else text
@@ -110,7 +110,7 @@ def parse_with_overrides(text: str, overrides: tuple[str, ...]) -> Design:
     return convert(raw)
 
 
-def convert(raw: dict[str, Any]) -> Design:
+def convert(raw: Raw) -> Design:
     """Check a parsed document and convert it to a design; raises `InputError` with all faults."""
     try:
         design = faults.convert(raw, Design)
@@ -122,7 +122,7 @@ def convert(raw: dict[str, Any]) -> Design:
     return add_keystones(design)
 
 
-def write_toml(raw: dict[str, Any]) -> str:
+def write_toml(raw: Raw) -> str:
     """Write a parsed document as TOML text."""
     import tomli_w
 
@@ -147,7 +147,7 @@ def _text(path: Path) -> str:
         raise InputError.of("", "is not text (UTF-8)", "name a TOML design file") from None
 
 
-def _parse(text: str, remedy: str = "start a design with `pendsus new`") -> dict[str, Any]:
+def _parse(text: str, remedy: str = "start a design with `pendsus new`") -> Raw:
     try:
         raw = copy.deepcopy(_parsed(text))
     except tomllib.TOMLDecodeError as error:
@@ -163,12 +163,12 @@ def _parse(text: str, remedy: str = "start a design with `pendsus new`") -> dict
 
 
 @functools.lru_cache(maxsize=8)
-def _parsed(text: str) -> dict[str, Any]:
+def _parsed(text: str) -> Raw:
     """Document that a TOML text stands for: searches read one text with many overrides."""
     return tomllib.loads(text)
 
 
-def apply_overrides(raw: dict[str, Any], overrides: tuple[str, ...]) -> None:
+def apply_overrides(raw: Raw, overrides: tuple[str, ...]) -> None:
     """Set values in a parsed document, in place.
 
     Parameters
@@ -235,7 +235,7 @@ def _example(name: str) -> Path:
     return _EXAMPLES / f"{name}.toml"
 
 
-def replaced(source: Source, changes: Mapping[str, Any]) -> Source:
+def replaced(source: Source, changes: Mapping[str, object]) -> Source:
     """Read a design again with other values at dotted paths.
 
     Raises
@@ -257,7 +257,7 @@ def replaced(source: Source, changes: Mapping[str, Any]) -> Source:
     return Source(convert(raw), write_toml(raw), source.file)
 
 
-def _as_toml(value: Any) -> Any:
+def _as_toml(value: paths.Value) -> paths.Value:
     """Convert tuples, paths, and numbers and arrays of numpy, to what a TOML file holds."""
     if isinstance(value, Mapping):
         return {str(key): _as_toml(item) for key, item in value.items()}

@@ -6,7 +6,7 @@ involve several tables are in `checks.py`.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import msgspec
 from msgspec import Meta, field
@@ -14,7 +14,7 @@ from msgspec import Meta, field
 from suspension_cli.design import imperfections
 from suspension_cli.design.filters import Filter
 from suspension_cli.design.inverted_pendulum import InvertedPendulum
-from suspension_cli.design.links import Damper, Link
+from suspension_cli.design.links import BetweenBodies, Damper, Link
 from suspension_cli.design.losses.mechanism import with_keys
 from suspension_cli.design.losses.registry import MECHANISMS
 from suspension_cli.design.units import (
@@ -42,7 +42,9 @@ from suspension_cli.design.units import (
     Name,
     Poisson,
     Pressure,
+    Raw,
     Row3,
+    Schema,
     SpecificHeat,
     StageName,
     Stem,
@@ -536,12 +538,19 @@ class Design(Table, frozen=True):
     link: Annotated[list[Link], doc("springs between any two bodies")] = []
     damper: Annotated[list[Damper], doc("dampers between any two bodies")] = []
     analysis: Annotated[
-        dict[str, dict[str, Any]],
+        dict[str, Raw],
         doc("defaults for a command's options, under the options' own names"),
     ] = {}
 
+    @property
+    def between_bodies(self) -> list[tuple[str, BetweenBodies]]:
+        """All elements between two bodies, each behind the name of its kind of table."""
+        lists = ((kind, getattr(self, kind)) for kind in self.__struct_fields__)
+        rows = [(kind, row) for kind, rows in lists if isinstance(rows, list) for row in rows]
+        return [(kind, row) for kind, row in rows if isinstance(row, BetweenBodies)]
 
-def json_schema() -> dict[str, Any]:
+
+def json_schema() -> Schema:
     """Make the JSON Schema of the file format (draft 2020-12)."""
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",

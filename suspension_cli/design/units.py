@@ -6,6 +6,11 @@ from typing import Annotated, Any, Literal
 
 from msgspec import Meta, Struct
 
+Raw = dict[str, Any]
+"""Tables of a TOML file as they are read, before they are checked."""
+Schema = dict[str, Any]
+"""A JSON Schema, or a part of one."""
+
 
 def doc(description: str, **bounds: Any) -> Meta:
     """Describe a value, and bound it."""

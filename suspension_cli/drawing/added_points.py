@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.errors import InputError
 from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Float, Inexact
+
+    Solve = Callable[[Array], Inexact[np.ndarray, "frequency output input"]]
+    """From frequencies in Hz to values there."""
+    from jaxtyping import Inexact
 
 STEP = 0.5
 """Largest change of log |H| or of its angle between neighbours."""
@@ -23,15 +30,15 @@ UNSEEN = 2
 
 
 def add_points(
-    solve: Callable[[Array], Any],
-    frequency: Array,
-    value: Any,
+    solve: Solve,
+    frequency: Float[np.ndarray, " frequency"],
+    value: Inexact[np.ndarray, "frequency output input"],
     modes: Array,
     *,
     few: bool = True,
     sums: bool = False,
     step: float = STEP,
-) -> tuple[Array, Any]:
+) -> tuple[Float[np.ndarray, " finer"], Inexact[np.ndarray, "finer output input"]]:
     """Add frequencies until a response changes little between neighbours.
 
     Parameters
@@ -86,8 +93,11 @@ def add_points(
 
 
 def _insert(
-    solve: Callable[[Array], Any], frequency: Array, value: Any, more: Array
-) -> tuple[Array, Any]:
+    solve: Solve,
+    frequency: Float[np.ndarray, " frequency"],
+    value: Inexact[np.ndarray, "frequency output input"],
+    more: Float[np.ndarray, " more"],
+) -> tuple[Float[np.ndarray, " finer"], Inexact[np.ndarray, "finer output input"]]:
     """Insert the values at more frequencies inside a grid, except where they are not finite."""
     more = np.setdiff1d(more[(more > frequency[0]) & (more < frequency[-1])], frequency)
     if not len(more):

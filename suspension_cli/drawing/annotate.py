@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -299,7 +298,7 @@ def _name(
     name: str,
     where: tuple[float, float],
     colour: str,
-    mass: Any = None,
+    mass: float | None = None,
     side: str = "left",
 ) -> None:
     """Write the name of a body above a point, and below its mass (kg) if it is given."""

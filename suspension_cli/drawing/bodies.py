@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.design.schema import Body, Design
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+    from numpy.typing import ArrayLike
 
 SMALLEST = 0.012
 """Least half extent of a body that can be seen, relative to the size of the suspension."""
@@ -59,7 +63,7 @@ class Outline:
             return None
         return self.section(normal) * (self.inner / float(np.max(np.delete(self.half, normal))))
 
-    def nearest(self, point: Any) -> Array:
+    def nearest(self, point: ArrayLike) -> Array:
         """Points (..., 3) of the body nearest to given points (..., 3), in its frame, m."""
         point = np.asarray(point, dtype=float)
         if self.turn is not None:
@@ -75,7 +79,9 @@ class Outline:
         return result
 
 
-def outline(body: Body, mass: float, inertia: Any, least: float = 0.0) -> Outline:
+def outline(
+    body: Body, mass: float, inertia: Float[np.ndarray, "3 3"], least: float = 0.0
+) -> Outline:
     """Outline of one body, with half extents of at least `least`, m.
 
     The cylinder or box of the design; for a body given by its inertia (3, 3), kg m^2 about the COM,

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from collections.abc import Callable, Hashable, Sequence
+from typing import TYPE_CHECKING, NamedTuple, TypedDict, TypeVar, Unpack
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,22 +14,41 @@ from matplotlib.figure import Figure
 from suspension_cli.drawing import style
 from suspension_cli.scene.arrays import Array
 
+if TYPE_CHECKING:
+    from matplotlib.typing import ColorType, LineStyleType
+    from numpy.typing import ArrayLike
+
+T = TypeVar("T")
+
 BREAK = np.full((1, 2), np.nan)
 """Between two lines that are drawn as one path, which takes less time."""
 
 
+class TextLook(TypedDict, total=False):
+    """Properties of a text on a canvas, by Matplotlib's names."""
+
+    fontsize: float
+    color: ColorType
+    fontweight: str
+    ha: str
+    va: str
+    rotation: float
+    linespacing: float
+    bbox: dict[str, float | str]
+
+
 class _Polygon(NamedTuple):
     points: Array
-    face: Any
-    edge: Any
+    face: ColorType
+    edge: ColorType
     width: float
 
 
 class _Line(NamedTuple):
     points: Array
-    colour: Any
+    colour: ColorType
     width: float
-    dashes: Any
+    dashes: LineStyleType
 
 
 class Canvas:
@@ -42,19 +61,33 @@ class Canvas:
         self.axes = axes
         self._polygons: dict[float, list[_Polygon]] = defaultdict(list)
         self._lines: dict[float, list[_Line]] = defaultdict(list)
-        self._stamps: dict[Any, Canvas] = {}
+        self._stamps: dict[Hashable, Canvas] = {}
 
-    def polygon(self, points: Any, face: Any, edge: Any, width: float, order: float) -> None:
+    def polygon(
+        self,
+        points: Array | Sequence[ArrayLike],
+        face: ColorType,
+        edge: ColorType,
+        width: float,
+        order: float,
+    ) -> None:
         """Add a filled polygon (p, 2), its edge of a width in points; a larger order is above."""
         self._polygons[order].append(_Polygon(np.asarray(points), face, edge, width))
 
     def line(
-        self, points: Any, colour: Any, width: float, order: float, dashes: Any = "solid"
+        self,
+        points: Array | Sequence[ArrayLike],
+        colour: ColorType,
+        width: float,
+        order: float,
+        dashes: LineStyleType = "solid",
     ) -> None:
         """Add a line (p, 2) of a width in points."""
         self._lines[order].append(_Line(np.asarray(points), colour, width, dashes))
 
-    def stamp(self, key: Any, shift: Any, draw: Callable[[Canvas], None]) -> None:
+    def stamp(
+        self, key: Hashable, shift: Array | tuple[float, float], draw: Callable[[Canvas], None]
+    ) -> None:
         """Draw shapes moved by a vector (2,); those of equal `key` are made once.
 
         `draw` adds the shapes (no text) to a canvas, about the origin.
@@ -68,7 +101,7 @@ class Canvas:
         for order, lines in made._lines.items():
             self._lines[order] += [one._replace(points=one.points + shift) for one in lines]
 
-    def text(self, x: float, y: float, text: str, **keywords: Any) -> None:
+    def text(self, x: float, y: float, text: str, **keywords: Unpack[TextLook]) -> None:
         """Draw text at a point of the axes, not clipped by them."""
         self.axes.text(x, y, text, zorder=9, **keywords)
 
@@ -107,7 +140,7 @@ class Canvas:
         self._lines.clear()
 
 
-def _once(values: tuple[Any, ...]) -> Any:
+def _once(values: tuple[T, ...]) -> T | tuple[T, ...]:
     """Return one of equal values, which draws faster, else all."""
     first = values[0]
     return first if all(value == first for value in values) else values

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -21,11 +21,18 @@ from suspension_cli.drawing.style import (
     NOTE,
     PALE,
     RC,
+    LineLook,
+    figure_of,
     new_figure,
     shorten,
     single_line,
     write_text,
 )
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float, Int
+    from matplotlib.typing import LineStyleType
+    from numpy.typing import ArrayLike
 
 _RENDERER = RendererAgg(1, 1, 72)
 
@@ -45,7 +52,7 @@ SAMPLE, APART = 0.22, 0.15
 """Length of the sample of a line beside its name, and distance to the next name, in."""
 FOOT = 0.16
 """Room for the remark on the model at the bottom of a figure, in."""
-DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.4, 1.2, 1.4)))
+DASHES: tuple[LineStyleType, ...] = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.4, 1.2, 1.4)))
 """Line styles, so that lines that cover each other are seen."""
 SMALL = 7.5
 """Font size of labels, points."""
@@ -156,20 +163,17 @@ def key_room(names: Sequence[str]) -> float:
     return ROW * (place_key(names)[-1][1] + 1) + 0.03 if names else 0.0
 
 
-def write_key(
-    axes: Axes, lines: Sequence[tuple[str, str, dict[str, Any]]], above: float = 0.0
-) -> None:
+def write_key(axes: Axes, lines: Sequence[tuple[str, str, LineLook]], above: float = 0.0) -> None:
     """Write the names of lines above axes, with samples of them.
 
     `lines` are name, colour and further properties of each sample; `above` is the room between axes
     and names, in.
     """
-    figure: Any = axes.get_figure()
-    box, (across, up) = axes.get_position(), figure.get_size_inches()
+    box, (across, up) = axes.get_position(), figure_of(axes).get_size_inches()
     wide, high = box.width * across, box.height * up
     places = place_key([name for name, *_ in lines], wide)
     for (name, colour, how), (left, row) in zip(lines, places, strict=True):
-        look: dict[str, Any] = {"linewidth": 1.2} | how
+        look: LineLook = {"linewidth": 1.2, **how}
         y = 1 + (above + ROW * (places[-1][1] - row) + ROW / 2 + 0.02) / high
         axes.add_line(
             Line2D(
@@ -257,7 +261,7 @@ def label_phases(axes: Axes) -> None:
     axes.yaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}".replace("-", "−")))
 
 
-def unwrap_phase(value: Any) -> Any:
+def unwrap_phase(value: Complex[np.ndarray, " frequency"]) -> Float[np.ndarray, " frequency"]:
     """Unwrap the phase of a response along its frequencies, in degrees.
 
     At a pole or zero too narrow for the grid the phase jumps by half a turn between two points. As
@@ -286,7 +290,9 @@ def unwrap_phase(value: Any) -> Any:
     return found
 
 
-def to_branch(phase: Any, near: Any) -> Any:
+def to_branch(
+    phase: Float[np.ndarray, "*shape"], near: Float[np.ndarray, "*shape"] | float
+) -> Float[np.ndarray, "*shape"]:
     """Shift phases (degrees) by full turns to between 200 below and 160 above others.
 
     Phases scattered about half a turn from `near` then stay together.
@@ -297,7 +303,9 @@ def to_branch(phase: Any, near: Any) -> Any:
     return near + (phase - near + 200.0) % 360.0 - 200.0
 
 
-def label_ends(axes: Axes, ends: Sequence[tuple[Any, Any, str, str]], most: int = 26) -> None:
+def label_ends(
+    axes: Axes, ends: Sequence[tuple[ArrayLike, ArrayLike, str, str]], most: int = 26
+) -> None:
     """Write labels at the ends of lines, right of the axes, moved apart, with leaders.
 
     A line that ends outside the panel gets an arrow up or down. Labels follow changed limits. The
@@ -376,7 +384,9 @@ def _within(places: list[float], gap: float, height: float) -> list[float]:
     return result.tolist()
 
 
-def find_peaks(size: Any, prominent: float = PROMINENT) -> Any:
+def find_peaks(
+    size: Float[np.ndarray, " frequency"], prominent: float = PROMINENT
+) -> Int[np.ndarray, " peak"]:
     """Indices of local maxima that exceed both valleys beside them by a factor, highest last."""
     level = np.log(np.where(np.isfinite(size) & (size > 0), size, np.nan))
     level = np.where(np.isfinite(level), level, np.nanmin(level, initial=0.0))
@@ -459,7 +469,9 @@ def format_frequency(value: float) -> str:
     return f"{float(f'{value:.3g}'):.7g}"
 
 
-def find_slopes(frequency: Any, size: Any) -> list[tuple[int, float, float]]:
+def find_slopes(
+    frequency: Float[np.ndarray, " frequency"], size: Float[np.ndarray, " frequency"]
+) -> list[tuple[int, float, float]]:
     """Find the longest part of a curve along each power law: exponent, and its ends in Hz.
 
     >>> f = np.geomspace(0.1, 100, 400)
@@ -491,7 +503,13 @@ def find_slopes(frequency: Any, size: Any) -> list[tuple[int, float, float]]:
     return [(own, float(10**low), float(10**high)) for own, (low, high) in found.items()]
 
 
-def label_slopes(axes: Axes, frequency: Any, size: Any, drawn: Any, colour: str = INK) -> None:
+def label_slopes(
+    axes: Axes,
+    frequency: Float[np.ndarray, " frequency"],
+    size: Float[np.ndarray, " frequency"],
+    drawn: Float[np.ndarray, " frequency"],
+    colour: str = INK,
+) -> None:
     """Write power laws beside a curve, f^-6, away from its peaks.
 
     The `size` follows the power law of the `frequency`, Hz; `drawn` are ordinates.

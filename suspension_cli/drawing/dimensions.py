@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 from scipy.optimize import isotonic_regression
 
-from suspension_cli.drawing.canvas import Canvas
+from suspension_cli.drawing.canvas import Canvas, TextLook
 from suspension_cli.drawing.style import NOTE
 from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 SIZE = 5.6
 """Font size of dimensions, points."""
@@ -44,7 +48,7 @@ def draw_arrow(canvas: Canvas, tail: Array, tip: Array) -> None:
     )
 
 
-def draw_extension(canvas: Canvas, start: Any, end: Any) -> None:
+def draw_extension(canvas: Canvas, start: ArrayLike, end: ArrayLike) -> None:
     """Draw a thin line from the object to a little beyond its dimension line."""
     start, end = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
     span = float(np.linalg.norm(end - start))
@@ -53,7 +57,12 @@ def draw_extension(canvas: Canvas, start: Any, end: Any) -> None:
 
 
 def draw_dimension(
-    canvas: Canvas, a: Any, b: Any, text: str, clear: float = 0.0, place: float = 0.5
+    canvas: Canvas,
+    a: ArrayLike,
+    b: ArrayLike,
+    text: str,
+    clear: float = 0.0,
+    place: float = 0.5,
 ) -> None:
     """Draw a dimension line from a to b (2,), in inches, with its text.
 
@@ -97,14 +106,15 @@ def draw_dimension(
     write_note(canvas, b + (max(clear, outside) + 0.05) * along, text, ha=across, va=up)
 
 
-def write_note(canvas: Canvas, where: Any, text: str, **how: Any) -> None:
+def write_note(canvas: Canvas, where: Iterable[float], text: str, **how: Unpack[TextLook]) -> None:
     """Write text, hiding what is below it; centred on a point unless `how` says otherwise."""
-    how = {"ha": "center", "va": "center"} | how
+    look: TextLook = {"fontsize": SIZE, "color": NOTE, "bbox": BLANK}
+    look |= {"ha": "center", "va": "center", **how}
     x, y = map(float, where)
-    canvas.text(x, y, text, fontsize=SIZE, color=NOTE, bbox=BLANK, **how)
+    canvas.text(x, y, text, **look)
 
 
-def draw_leader(canvas: Canvas, x: float, y: float, target: Any, text: str) -> None:
+def draw_leader(canvas: Canvas, x: float, y: float, target: ArrayLike, text: str) -> None:
     """Write text that ends at x, with a thin line from there to a dot at the target."""
     target = np.asarray(target, dtype=float)
     knee = np.array([x + 0.10, y])

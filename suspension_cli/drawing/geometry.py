@@ -6,7 +6,7 @@ All functions take scenes and poses without batch axes.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from suspension_cli.scene import links
 from suspension_cli.scene.arrays import Array, Index
 from suspension_cli.scene.pose import Layout, Pose, displace, layout, nominal_pose
 from suspension_cli.scene.scene import Scene, Springs, Wires
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 LARGEST_ANGLE = 0.35
 """Largest rotation in the picture of a mode, rad."""
@@ -50,11 +53,11 @@ class View:
     scale: float = 1.0
     origin: Array = field(default_factory=lambda: np.zeros(2))
 
-    def see(self, points: Any) -> Array:
+    def see(self, points: ArrayLike) -> Array:
         """Project points (..., 3) in space (m) to points (..., 2) in the picture."""
         return self.scale * (np.asarray(points) @ self.matrix.T) + self.origin
 
-    def at(self, origin: Any, scale: float = 1.0) -> View:
+    def at(self, origin: ArrayLike, scale: float = 1.0) -> View:
         """Move and scale the view: suspension point at `origin`, `scale` units per metre."""
         return replace(self, origin=np.asarray(origin, dtype=float), scale=scale)
 
@@ -79,7 +82,7 @@ def from_above(scene: Scene, outlines: list[Outline]) -> View:
     return View("from above", 2, np.array([[0.0, 1.0, 0.0], [-flat, 0.0, 1.0]]))
 
 
-def position_of(scene: Scene, pose: Pose, body: Any, point: Any) -> Array:
+def position_of(scene: Scene, pose: Pose, body: ArrayLike, point: ArrayLike) -> Array:
     """Positions (k, 3) in space of points (k, 3) fixed in bodies (k,), m."""
     body = np.broadcast_to(np.asarray(body, dtype=np.intp), np.shape(point)[:-1])
     return (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import product
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,6 +12,11 @@ from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 
 from suspension_cli.drawing.style import NOTE
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+    from matplotlib.transforms import BboxBase
+    from numpy.typing import ArrayLike
 
 NEAR = 4.5
 """Distance of a label from its point, points (1/72 in)."""
@@ -34,8 +39,8 @@ def annotate(
     texts: Sequence[str],
     colours: Sequence[str],
     size: float,
-    taken: Sequence[Any] = (),
-    lines: Sequence[Any] = (),
+    taken: Sequence[ArrayLike] = (),
+    lines: Sequence[tuple[float, float, float, float]] = (),
 ) -> list[Text]:
     """Label points, each where it overlaps least with other labels, points and the frame.
 
@@ -52,12 +57,11 @@ def annotate(
     lines : sequence of (x0, y0, x1, y1)
         Vertical or horizontal lines to avoid if possible, pixels.
     """
-    figure: Any = axes.get_figure()
-    renderer, pixel = figure.canvas.get_renderer(), figure.dpi / 72
+    pixel = axes.figure.dpi / 72
     where = axes.transData.transform(np.array(points, dtype=float).reshape(-1, 2))
-    frame = axes.get_window_extent(renderer)
+    frame = axes.get_window_extent()
     boxes = [np.array(box, dtype=float) for box in taken]
-    leads: list[Any] = []
+    leads: list[Float[np.ndarray, "2 2"]] = []
     dots = [
         np.array([x - 3 * pixel, y - 3 * pixel, x + 3 * pixel, y + 3 * pixel]) for x, y in where
     ]
@@ -74,7 +78,7 @@ def annotate(
             zorder=5,
         )
         text.set_path_effects([withStroke(linewidth=1.6, foreground="white")])
-        extent = text.get_window_extent(renderer)
+        extent = text.get_window_extent()
         others, shape = dots[:n] + dots[n + 1 :], (extent.width, extent.height)
         places = _places(where[n], shape, pixel, frame, boxes, others, lines, leads)
         reach, box = _cheapest(places)
@@ -91,12 +95,14 @@ def annotate(
     return result
 
 
-def _cheapest(places: Iterator[tuple[float, tuple[float, Any]]]) -> tuple[float, Any]:
+def _cheapest(
+    places: Iterator[tuple[float, tuple[float, Float[np.ndarray, " 4"]]]],
+) -> tuple[float, Float[np.ndarray, " 4"]]:
     """Reach and box of the first place of least cost.
 
     Ends when even a free place farther away would cost more.
     """
-    least, chosen = np.inf, (0.0, None)
+    least, chosen = np.inf, (0.0, np.zeros(4))
     for cost, place in places:
         if least < FAR * place[0]:
             break
@@ -106,15 +112,15 @@ def _cheapest(places: Iterator[tuple[float, tuple[float, Any]]]) -> tuple[float,
 
 
 def _places(
-    point: Any,
+    point: Float[np.ndarray, " 2"],
     size: tuple[float, float],
     pixel: float,
-    frame: Any,
-    boxes: list[Any],
-    dots: list[Any],
-    lines: Any,
-    leads: list[Any],
-) -> Any:
+    frame: BboxBase,
+    boxes: list[Float[np.ndarray, " 4"]],
+    dots: list[Float[np.ndarray, " 4"]],
+    lines: Sequence[tuple[float, float, float, float]],
+    leads: list[Float[np.ndarray, "2 2"]],
+) -> Iterator[tuple[float, tuple[float, Float[np.ndarray, " 4"]]]]:
     """Cost, reach and box of every possible place of a label."""
     width, height = size
     for reach, (side, up) in product(REACHES, SIDES):
@@ -147,32 +153,34 @@ def _places(
         yield cost, (reach, box)
 
 
-def _overlap(a: Any, b: Any) -> float:
+def _overlap(a: Float[np.ndarray, " 4"], b: Float[np.ndarray, " 4"]) -> float:
     """Area common to two boxes."""
     return max(min(a[2], b[2]) - max(a[0], b[0]), 0.0) * max(min(a[3], b[3]) - max(a[1], b[1]), 0.0)
 
 
-def _lead(point: Any, box: Any, pixel: float) -> Any:
+def _lead(
+    point: Float[np.ndarray, " 2"], box: Float[np.ndarray, " 4"], pixel: float
+) -> Float[np.ndarray, "2 2"]:
     """Line (2, 2) from a point to the nearest edge of its label."""
     x = np.clip(point[0], box[0], box[2])
     return np.array([point, [x, np.clip(point[1], box[1] + pixel, box[3] - pixel)]])
 
 
-def _cross(a: Any, b: Any) -> bool:
+def _cross(a: Float[np.ndarray, "2 2"], b: Float[np.ndarray, "2 2"]) -> bool:
     """Whether two lines (2, 2) cross."""
 
-    def side(line: Any, point: Any) -> float:
+    def side(line: Float[np.ndarray, "2 2"], point: Float[np.ndarray, " 2"]) -> float:
         along, across = line[1] - line[0], point - line[0]
         return float(along[0] * across[1] - along[1] * across[0])
 
     return side(a, b[0]) * side(a, b[1]) < 0 and side(b, a[0]) * side(b, a[1]) < 0
 
 
-def _through(line: Any, box: Any) -> bool:
+def _through(line: Float[np.ndarray, "2 2"], box: Float[np.ndarray, " 4"]) -> bool:
     """Whether a line (2, 2) passes through a box."""
     points = line[0] + ALONG * (line[1] - line[0])
     return bool(((points > box[:2]) & (points < box[2:])).all(axis=1).any())
 
 
-def _inside(point: Any, box: Any) -> bool:
+def _inside(point: Float[np.ndarray, " 2"], box: Float[np.ndarray, " 4"]) -> bool:
     return bool(box[0] < point[0] < box[2] and box[1] < point[1] < box[3])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from suspension_cli.drawing.style import NOTE, PALE
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.pose import Pose
 from suspension_cli.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from matplotlib.typing import ColorType
 
 ZIGZAG = (
     0.6 * np.array([0, 0, 1, -1, 1, -1, 0, 0]),
@@ -46,9 +49,9 @@ class Look:
         Drawing order; larger is above.
     """
 
-    edge: tuple[Any, ...]
-    fill: tuple[Any, ...]
-    line: Any
+    edge: tuple[ColorType, ...]
+    fill: tuple[ColorType, ...]
+    line: ColorType
     width: float
     order: float
 
@@ -247,7 +250,7 @@ def _plate(view: View, low: Array, high: Array) -> tuple[Array, Array]:
     return corner, opposite - corner
 
 
-def draw_com_mark(canvas: Canvas, where: Array, radius: float, colour: Any) -> None:
+def draw_com_mark(canvas: Canvas, where: Array, radius: float, colour: ColorType) -> None:
     """Draw the quartered circle of a centre of mass, at a point (2,) of the picture."""
     angle = np.linspace(0, np.pi / 2, 13)
     quarter = np.vstack([[0.0, 0.0], np.column_stack([np.cos(angle), np.sin(angle)])])

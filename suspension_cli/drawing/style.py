@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Iterable
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict
 
 import matplotlib
 import numpy as np
@@ -24,6 +24,9 @@ from suspension_cli.conventions import DOFS
 from suspension_cli.files.atomic import replace_file
 
 if TYPE_CHECKING:
+    from jaxtyping import UInt8
+    from matplotlib.typing import LineStyleType
+
     from suspension_cli.models.registry import Choice
 
 DPI = 180
@@ -203,13 +206,30 @@ def encode(figure: Figure, form: str = "png") -> bytes:
     return stream.getvalue()
 
 
-def _render(figure: Figure, dpi: float) -> Any:
+def _render(figure: Figure, dpi: float) -> UInt8[np.ndarray, "row column 3"]:
     """Render a figure to pixels, uint8 (rows, columns, 3); its background is opaque."""
     before, canvas = figure.dpi, FigureCanvasAgg(figure)
     figure.dpi = dpi
     canvas.draw()
     figure.dpi = before
     return np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[:, :, :3])
+
+
+class LineLook(TypedDict, total=False):
+    """Properties of a line, by Matplotlib's names."""
+
+    linestyle: LineStyleType
+    linewidth: float
+    marker: str
+    markersize: float
+    zorder: float
+
+
+def figure_of(axes: Axes) -> Figure:
+    """Look up the figure in which axes are."""
+    figure = axes.get_figure()
+    assert isinstance(figure, Figure)
+    return figure
 
 
 def with_opacity(colour: str, strength: float) -> tuple[float, float, float, float]:

@@ -29,7 +29,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -75,7 +75,7 @@ def with_bending(
         wires.torsion,
     )
     numbers = [np.broadcast_to(value, shape) for value in numbers]
-    found: list[tuple[list[int], Any, Any]] = []
+    found: list[tuple[list[int], np.ndarray, np.ndarray]] = []
     for group in group_identical(scene.fibres.wire, *numbers):
         fibre, own = scene.fibres.wire[group[0]], [value[..., group[0]] for value in numbers]
         resistance = (
@@ -388,4 +388,4 @@ def _jacobian(
     return result
 
 
-ELEMENT = Element(energy, add_derivatives, loss=loss_matrix)
+ELEMENT = Element(energy, add_derivatives, loss=loss_matrix, compiled=True)

@@ -67,4 +67,4 @@ def loss_matrix(
     return result
 
 
-ELEMENT = Element(energy, add_derivatives, loss=loss_matrix)
+ELEMENT = Element(energy, add_derivatives, loss=loss_matrix, compiled=True)

@@ -1,11 +1,11 @@
 """Forces and stiffness of the elements of one build, as loops that `numba` compiles.
 
 The formulas are those of `string`, `bending`, `blade` and `spring`, which work on arrays of any
-type of number; these work on the doubles of one build at a time, some hundred times faster in a
-batch. `tests/equilibrium/test_compiled.py` compares both on random scenes.
+type of number. The functions here work on the doubles of one build at a time, some hundred times
+faster in a batch. `tests/equilibrium/test_compiled.py` compares both on random scenes.
 
 The numbers of a build are packed into one row per element, in the order given by `WIRE`, `BLADE`,
-`SPRING` and `FLEX`. Of a Hessian (N, N) only the lower triangle is filled.
+`SPRING` and `FLEX`.
 
 The span d of a wire changes with translations x and small rotations t of the upper and the lower
 body, whose attachments have the arms a and b, and with the deflection q of a blade tip on a body
@@ -26,10 +26,15 @@ between rotations, to which the rotation of the arms themselves adds (see `geome
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from suspension_cli.compiled import compiled, inlined
+from suspension_cli.elements.compiled_arrays import Derivatives, PoseArrays, WireRows
 from suspension_cli.elements.compiled_vectors import (
+    Matrix,
+    Vector,
     add_block,
     add_lower,
     add_vector,
@@ -59,6 +64,9 @@ from suspension_cli.elements.compiled_vectors import (
 )
 from suspension_cli.elements.compiled_wire import resting
 
+if TYPE_CHECKING:
+    from jaxtyping import Float, Int
+
 WIRE = ("upper_point", "lower_point", "span", "length", "tension", "stiffness", "torsion")
 """Fields of `Wires` in a row of 13 numbers."""
 UPPER_POINT, LOWER_POINT, SPAN, LENGTH, TENSION, STIFFNESS, TORSION = 0, 3, 6, 9, 10, 11, 12
@@ -74,22 +82,25 @@ UPPER_NORMALS, LOWER_NORMALS, BEND, TWIST = 0, 6, 12, 18
 
 
 @inlined
-def _reach(ends: Any, wires: Any, pose: Any, n: int) -> Any:
+def _reach(wires: WireRows, pose: PoseArrays, n: int) -> tuple[Vector, Vector, Vector, Vector]:
     """Arms of both ends of a wire, the change of its span from the nominal one, and its span."""
-    (shift, turn, deflection), (u, l, b) = pose, vector(ends, n, 0)
+    shift, turn, deflection = pose
+    u, l, b = wires.ends[n, 0], wires.ends[n, 1], wires.ends[n, 2]
     turn_u, turn_l = matrix(turn, u), matrix(turn, l)
-    upper, lower = vector(wires, n, UPPER_POINT), vector(wires, n, LOWER_POINT)
+    upper, lower = vector(wires.numbers, n, UPPER_POINT), vector(wires.numbers, n, LOWER_POINT)
     deflected = vector(deflection, b, 0) if b >= 0 else (0.0, 0.0, 0.0)
     # from displacements alone, so that nothing cancels
     moved = minus(vector(shift, l, 0), vector(shift, u, 0))
     change = plus(moved, minus(times(turn_l, lower), times(turn_u, upper)))
     change = minus(change, turned(turn_u, deflected))
-    span = plus(vector(wires, n, SPAN), change)
+    span = plus(vector(wires.numbers, n, SPAN), change)
     return turned(turn_u, plus(upper, deflected)), turned(turn_l, lower), change, span
 
 
 @inlined
-def _slopes(e: Any, upper: Any, lower: Any, flex: Any, n: int, plane: int) -> Any:
+def _slopes(
+    e: Vector, upper: Vector, lower: Vector, flex: Float[np.ndarray, "wire 19"], n: int, plane: int
+) -> tuple[float, float, float, float, float]:
     """Stiffness S_uu, S_ul, S_ll of a wire in one plane, and the moments at its ends, N m."""
     first = BEND + 3 * plane
     s_uu, s_ul, s_ll = flex[n, first], flex[n, first + 1], flex[n, first + 2]
@@ -98,15 +109,22 @@ def _slopes(e: Any, upper: Any, lower: Any, flex: Any, n: int, plane: int) -> An
 
 
 @inlined
-def _across(e: Any, n: Any) -> Any:
+def _across(e: Vector, n: Vector) -> Vector:
     """The part of a vector across the wire."""
     return minus(n, scaled(dot(n, e), e))
 
 
 @inlined
 def _add_bending_force(
-    e: Any, length: float, upper: Any, lower: Any, flex: Any, n: int, plane: int, forces: Any
-) -> Any:
+    e: Vector,
+    length: float,
+    upper: Vector,
+    lower: Vector,
+    flex: Float[np.ndarray, "wire 19"],
+    n: int,
+    plane: int,
+    forces: tuple[Vector, Vector, Vector],
+) -> tuple[Vector, Vector, Vector]:
     """Add the force on the span and the torques on both bodies of bending in one plane.
 
     See `bending`; `upper` and `lower` are the normals of the plane at the ends.
@@ -122,7 +140,7 @@ def _add_bending_force(
 
 
 @inlined
-def _turned_slope(e: Any, moment: float, n: Any) -> Any:
+def _turned_slope(e: Vector, moment: float, n: Vector) -> Matrix:
     """Second derivative of a slope -e . n times a moment, in the span at length 1."""
     along, flat = dot(e, n), _across(e, n)
     mixed = added(outer(e, flat), outer(flat, e))
@@ -131,8 +149,15 @@ def _turned_slope(e: Any, moment: float, n: Any) -> Any:
 
 @inlined
 def _add_bending_stiffness(
-    e: Any, length: float, upper: Any, lower: Any, flex: Any, n: int, plane: int, parts: Any
-) -> Any:
+    e: Vector,
+    length: float,
+    upper: Vector,
+    lower: Vector,
+    flex: Float[np.ndarray, "wire 19"],
+    n: int,
+    plane: int,
+    parts: tuple[Matrix, Matrix, Matrix, Matrix, Matrix, Matrix],
+) -> tuple[Matrix, Matrix, Matrix, Matrix, Matrix, Matrix]:
     """Add bending in one plane to S, X_u, X_l, Y_uu, Y_lu and Y_ll."""
     s, x_u, x_l, y_uu, y_lu, y_ll = parts
     s_uu, s_ul, s_ll, m_u, m_l = _slopes(e, upper, lower, flex, n, plane)
@@ -156,14 +181,18 @@ def _add_bending_stiffness(
 
 
 @inlined
-def _twist(normals: Any) -> Any:
+def _twist(normals: tuple[Vector, Vector, Vector, Vector]) -> tuple[float, Vector]:
     """Twist of a wire, rad, and its derivative with respect to the rotation of the lower body."""
     u_1, u_2, l_1, l_2 = normals
     return (dot(l_1, u_2) - dot(l_2, u_1)) / 2, scaled(0.5, minus(cross(l_1, u_2), cross(l_2, u_1)))
 
 
 @inlined
-def _add_twisting_stiffness(stiffness: float, normals: Any, parts: Any) -> Any:
+def _add_twisting_stiffness(
+    stiffness: float,
+    normals: tuple[Vector, Vector, Vector, Vector],
+    parts: tuple[Matrix, Matrix, Matrix],
+) -> tuple[Matrix, Matrix, Matrix]:
     """Add twisting to Y_uu, Y_lu and Y_ll."""
     y_uu, y_lu, y_ll = parts
     u_1, u_2, l_1, l_2 = normals
@@ -182,60 +211,48 @@ def _add_twisting_stiffness(stiffness: float, normals: Any, parts: Any) -> Any:
 
 @compiled
 def add_wires(
-    ends: Any,
-    tips: Any,
-    sections: Any,
-    wires: Any,
-    flex: Any,
-    pose: Any,
-    tension: Any,
-    gradient: Any,
-    hessian: Any,
-    on_tips: Any,
+    wires: WireRows,
+    tips: Int[np.ndarray, "blade 3"],
+    pose: PoseArrays,
+    tension: Float[np.ndarray, " wire"],
+    derivatives: Derivatives,
     curved: bool,
-    form: Any,
+    form: Float[np.ndarray, "_ _"],
 ) -> None:
-    """Add the derivatives of the energy of all wires of one build; the second if `curved`.
+    """Add the derivatives of the energy of all wires of one build, the second ones if `curved`.
 
     Parameters
     ----------
-    ends : (w, 3) int array
-        Upper and lower body and blade, see `Wires`.
-    tips : (b, 3) int array
+    wires
+        With sections, the stiffness against bending and twisting in `flex` is set to that of the
+        tension in this pose.
+    tips
         Coordinates of the tips of blades, see `Layout`.
-    sections : (w, m, 10) array
-        Sections of the wires, see `compiled_wire`; (0, 0, 10) for strings.
-    wires, flex : (w, 13) and (w, 19) arrays
-        Numbers of the build; no flex, (0, 19), for strings without torsion. With sections, the
-        stiffness against bending and twisting is set to that of the tension in this pose.
-    pose : tuple of arrays
-        Shift, turn and deflection, see `Pose`.
-    tension : (w,) array
+    tension
         To be filled, N.
-    gradient, hessian, on_tips
-        To be added to: (N,), (N, N), and forces (b, 3) on tips in the axes of the scene.
-    form : (w, N) array
-        If not empty, it is filled with the elongation of each wire per coordinate, and the Hessian
-        is that of wires that do not stretch.
+    form
+        (0, 0), or (w, N) to be filled with the elongation of each wire per coordinate; the Hessian
+        is then that of wires that do not stretch.
     """
-    turn = pose[1]
+    ends, sections, numbers, flex = wires
+    gradient, hessian, on_tips = derivatives
     bends, stretches, size = len(flex) > 0, len(form) == 0, len(gradient)
     nothing = (0.0, 0.0, 0.0)
     none = (nothing, nothing, nothing)
-    for n in range(len(wires)):
+    for n in range(len(numbers)):
         u, l, b = ends[n, 0], ends[n, 1], ends[n, 2]
-        turn_u, turn_l = matrix(turn, u), matrix(turn, l)
-        arm_u, arm_l, change, span = _reach(ends, wires, pose, n)
+        turn_u, turn_l = matrix(pose.turn, u), matrix(pose.turn, l)
+        arm_u, arm_l, change, span = _reach(wires, pose, n)
         length = math.sqrt(dot(span, span))
-        longer = dot(change, plus(vector(wires, n, SPAN), span)) / (length + wires[n, LENGTH])
-        pull = wires[n, TENSION] + wires[n, STIFFNESS] * longer
+        longer = dot(change, plus(vector(numbers, n, SPAN), span)) / (length + numbers[n, LENGTH])
+        pull = numbers[n, TENSION] + numbers[n, STIFFNESS] * longer
         tension[n] = pull
         e = scaled(1 / length, span)
         force, torque_u, torque_l = scaled(pull, e), nothing, nothing
         u_1, u_2, l_1, l_2 = e, e, e, e
         if bends:
             if len(sections) and pull > 0:
-                resting(sections, n, length, pull, wires[n, TORSION], flex)
+                resting(sections, n, length, pull, numbers[n, TORSION], flex)
             u_1 = turned(turn_u, vector(flex, n, UPPER_NORMALS))
             u_2 = turned(turn_u, vector(flex, n, UPPER_NORMALS + 3))
             l_1 = turned(turn_l, vector(flex, n, LOWER_NORMALS))
@@ -268,7 +285,7 @@ def add_wires(
                 if tips[b, axis] < size:
                     form[n, tips[b, axis]] -= along[axis]
         over = pull / length
-        k = (wires[n, STIFFNESS] if stretches else 0.0) - over
+        k = (numbers[n, STIFFNESS] if stretches else 0.0) - over
         s = added(diagonal(over), multiple(k, outer(e, e)))
         uu, lu, ll = turning(scaled(-1.0, force), arm_u), none, turning(force, arm_l)
         if bends:
@@ -319,26 +336,18 @@ def add_wires(
 
 @compiled
 def add_blades(
-    body: Any,
-    tips: Any,
-    blades: Any,
-    pose: Any,
-    gradient: Any,
-    hessian: Any,
-    on_tips: Any,
+    body: Int[np.ndarray, " blade"],
+    tips: Int[np.ndarray, "blade 3"],
+    blades: Float[np.ndarray, "blade 6"],
+    pose: PoseArrays,
+    derivatives: Derivatives,
     curved: bool,
 ) -> None:
     """Add the derivatives of the energy of all blades of one build, once all else is added.
 
-    Parameters
-    ----------
-    body : (b,) int array
-    tips : (b, 3) int array
-        Coordinates of the tips, see `Layout`.
-    blades : (b, 6) array
-    on_tips : (b, 3) array
-        Gradient of the energy of all that the tips carry, N.
+    The gradient `on_tips` is then that of the energy of all that the tips carry.
     """
+    gradient, hessian, on_tips = derivatives
     _, turn, deflection = pose
     for n in range(len(blades)):
         rotation, pulled = added(diagonal(1.0), matrix(turn, body[n])), vector(on_tips, n, 0)
@@ -356,20 +365,24 @@ def add_blades(
 
 
 @inlined
-def _form(springs: Any, n: int, first: int) -> Any:
+def _form(springs: Float[np.ndarray, "spring 48"], n: int, first: int) -> Matrix:
     """Block of the stiffness (6, 6) of a spring, from its first column."""
     return vector(springs, n, first), vector(springs, n, first + 6), vector(springs, n, first + 12)
 
 
 @compiled
 def add_springs(
-    ends: Any, springs: Any, pose: Any, gradient: Any, hessian: Any, curved: bool
+    ends: Int[np.ndarray, "spring 2"],
+    springs: Float[np.ndarray, "spring 48"],
+    pose: PoseArrays,
+    derivatives: Derivatives,
+    curved: bool,
 ) -> None:
     """Add the derivatives of the energy of all springs of one build, see `spring`.
 
     In terms of dF = S (x_l - x_u) + A t_u - B t_l, as for wires, A = S [r] - C and B = S [w] - C.
     """
-    shift, turn, _ = pose
+    (shift, turn, _), (gradient, hessian, _) = pose, derivatives
     for n in range(len(springs)):
         u, l = ends[n, 0], ends[n, 1]
         above, below = added(diagonal(1.0), matrix(turn, u)), added(diagonal(1.0), matrix(turn, l))
@@ -427,12 +440,18 @@ def add_springs(
 
 
 @compiled
-def fill_geometry(ends: Any, wires: Any, flex: Any, pose: Any, tension: Any, result: Any) -> None:
-    """Fill the geometry (w, 25) of the wires of one build, see `compiled_wire.add_dynamic`."""
-    for n in range(len(wires)):
+def fill_geometry(
+    wires: WireRows,
+    pose: PoseArrays,
+    tension: Float[np.ndarray, " wire"],
+    result: Float[np.ndarray, "wire 25"],
+) -> None:
+    """Fill the geometry of the wires of one build, see `compiled_wire.WireArrays`."""
+    ends, _, numbers, flex = wires
+    for n in range(len(numbers)):
         u, l, b = ends[n, 0], ends[n, 1], ends[n, 2]
-        turn_u, turn_l = matrix(pose[1], u), matrix(pose[1], l)
-        arm_u, arm_l, _, span = _reach(ends, wires, pose, n)
+        turn_u, turn_l = matrix(pose.turn, u), matrix(pose.turn, l)
+        arm_u, arm_l, _, span = _reach(wires, pose, n)
         length = math.sqrt(dot(span, span))
         e = scaled(1 / length, span)
         both = plus(
@@ -451,4 +470,4 @@ def fill_geometry(ends: Any, wires: Any, flex: Any, pose: Any, tension: Any, res
         for i in range(3):
             add_vector(result[n], 12 + 3 * i, moves[i])
         result[n, 21], result[n, 22] = length, tension[n]
-        result[n, 23], result[n, 24] = wires[n, STIFFNESS], wires[n, TORSION]
+        result[n, 23], result[n, 24] = numbers[n, STIFFNESS], numbers[n, TORSION]

@@ -6,19 +6,27 @@ they stay in the registers of the processor.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from suspension_cli.compiled import inlined
 
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+Vector = tuple[float, float, float]
+Matrix = tuple[Vector, Vector, Vector]
+
 
 @inlined
-def vector(table: Any, row: int, column: int) -> Any:
+def vector(table: Float[np.ndarray, "row column"], row: int, column: int) -> Vector:
     """Three neighbouring elements of a row of a table."""
     return table[row, column], table[row, column + 1], table[row, column + 2]
 
 
 @inlined
-def matrix(stack: Any, n: int) -> Any:
+def matrix(stack: Float[np.ndarray, "matrix 3 3"], n: int) -> Matrix:
     """One matrix of a stack (n, 3, 3)."""
     return (
         (stack[n, 0, 0], stack[n, 0, 1], stack[n, 0, 2]),
@@ -28,13 +36,13 @@ def matrix(stack: Any, n: int) -> Any:
 
 
 @inlined
-def dot(a: Any, b: Any) -> float:
+def dot(a: Vector, b: Vector) -> float:
     """Scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @inlined
-def cross(a: Any, b: Any) -> Any:
+def cross(a: Vector, b: Vector) -> Vector:
     """Vector product."""
     return (
         a[1] * b[2] - a[2] * b[1],
@@ -44,44 +52,44 @@ def cross(a: Any, b: Any) -> Any:
 
 
 @inlined
-def plus(a: Any, b: Any) -> Any:
+def plus(a: Vector, b: Vector) -> Vector:
     """Sum of two vectors."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 @inlined
-def minus(a: Any, b: Any) -> Any:
+def minus(a: Vector, b: Vector) -> Vector:
     """Difference of two vectors."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 @inlined
-def scaled(factor: float, a: Any) -> Any:
+def scaled(factor: float, a: Vector) -> Vector:
     """Multiple of a vector."""
     return factor * a[0], factor * a[1], factor * a[2]
 
 
 @inlined
-def times(m: Any, a: Any) -> Any:
+def times(m: Matrix, a: Vector) -> Vector:
     """Matrix times vector."""
     return dot(m[0], a), dot(m[1], a), dot(m[2], a)
 
 
 @inlined
-def product(m: Any, n: Any) -> Any:
+def product(m: Matrix, n: Matrix) -> Matrix:
     """Matrix times matrix."""
     columns = transposed(n)
     return times(columns, m[0]), times(columns, m[1]), times(columns, m[2])
 
 
 @inlined
-def trace(m: Any) -> float:
+def trace(m: Matrix) -> float:
     """Sum of the diagonal."""
     return m[0][0] + m[1][1] + m[2][2]
 
 
 @inlined
-def transposed(m: Any) -> Any:
+def transposed(m: Matrix) -> Matrix:
     """Transpose of a matrix."""
     return (
         (m[0][0], m[1][0], m[2][0]),
@@ -91,67 +99,67 @@ def transposed(m: Any) -> Any:
 
 
 @inlined
-def added(m: Any, n: Any) -> Any:
+def added(m: Matrix, n: Matrix) -> Matrix:
     """Sum of two matrices."""
     return plus(m[0], n[0]), plus(m[1], n[1]), plus(m[2], n[2])
 
 
 @inlined
-def subtracted(m: Any, n: Any) -> Any:
+def subtracted(m: Matrix, n: Matrix) -> Matrix:
     """Difference of two matrices."""
     return minus(m[0], n[0]), minus(m[1], n[1]), minus(m[2], n[2])
 
 
 @inlined
-def multiple(factor: float, m: Any) -> Any:
+def multiple(factor: float, m: Matrix) -> Matrix:
     """Multiple of a matrix."""
     return scaled(factor, m[0]), scaled(factor, m[1]), scaled(factor, m[2])
 
 
 @inlined
-def diagonal(value: float) -> Any:
+def diagonal(value: float) -> Matrix:
     """Multiple of the unit matrix."""
     return (value, 0.0, 0.0), (0.0, value, 0.0), (0.0, 0.0, value)
 
 
 @inlined
-def outer(a: Any, b: Any) -> Any:
+def outer(a: Vector, b: Vector) -> Matrix:
     """Product a b^T of two vectors."""
     return scaled(a[0], b), scaled(a[1], b), scaled(a[2], b)
 
 
 @inlined
-def symmetric(m: Any) -> Any:
+def symmetric(m: Matrix) -> Matrix:
     """Symmetric part of a matrix."""
     return multiple(0.5, added(m, transposed(m)))
 
 
 @inlined
-def times_cross(m: Any, a: Any) -> Any:
-    """Product M [a] with the matrix [a] of the vector product, [a] b = a x b."""
+def times_cross(m: Matrix, a: Vector) -> Matrix:
+    """Product M [a], see `cross_matrix`."""
     return cross(m[0], a), cross(m[1], a), cross(m[2], a)
 
 
 @inlined
-def cross_times(a: Any, m: Any) -> Any:
+def cross_times(a: Vector, m: Matrix) -> Matrix:
     """Product [a]^T M, the transpose of M^T [a]."""
     return transposed(times_cross(transposed(m), a))
 
 
 @inlined
-def cross_matrix(a: Any) -> Any:
-    """The matrix [a]."""
+def cross_matrix(a: Vector) -> Matrix:
+    """Matrix [a] of the vector product: [a] b = a x b."""
     return (0.0, -a[2], a[1]), (a[2], 0.0, -a[0]), (-a[1], a[0], 0.0)
 
 
 @inlined
-def turned(m: Any, a: Any) -> Any:
+def turned(m: Matrix, a: Vector) -> Vector:
     """Rotate a vector by 1 + M."""
     return plus(a, times(m, a))
 
 
 @inlined
-def turning(force: Any, arm: Any) -> Any:
+def turning(force: Vector, arm: Vector) -> Matrix:
     """Second derivative of F . R a with respect to rotations, (F w^T + w F^T)/2 - F . w, w = R a.
 
     See `geometric_stiffness`.
@@ -160,7 +168,7 @@ def turning(force: Any, arm: Any) -> Any:
 
 
 @inlined
-def add_vector(target: Any, first: int, a: Any) -> None:
+def add_vector(target: Float[np.ndarray, " element"], first: int, a: Vector) -> None:
     """Add a vector to three neighbouring elements."""
     target[first] += a[0]
     target[first + 1] += a[1]
@@ -168,7 +176,7 @@ def add_vector(target: Any, first: int, a: Any) -> None:
 
 
 @inlined
-def add_block(target: Any, row: int, column: int, m: Any) -> None:
+def add_block(target: Float[np.ndarray, "row column"], row: int, column: int, m: Matrix) -> None:
     """Add a matrix to a block of a larger one."""
     target[row, column] += m[0][0]
     target[row, column + 1] += m[0][1]
@@ -182,13 +190,15 @@ def add_block(target: Any, row: int, column: int, m: Any) -> None:
 
 
 @inlined
-def subtract_block(target: Any, row: int, column: int, m: Any) -> None:
+def subtract_block(
+    target: Float[np.ndarray, "row column"], row: int, column: int, m: Matrix
+) -> None:
     """Subtract a matrix from a block of a larger one."""
     add_block(target, row, column, multiple(-1.0, m))
 
 
 @inlined
-def add_lower(target: Any, first: int, m: Any) -> None:
+def add_lower(target: Float[np.ndarray, "row row"], first: int, m: Matrix) -> None:
     """Add the lower triangle of a matrix to a block on the diagonal."""
     target[first, first] += m[0][0]
     target[first + 1, first] += m[1][0]

@@ -5,13 +5,16 @@ The formulas are those of `weight`; `tests/elements/test_weight.py` compares bot
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.compiled import compiled, inlined
 from suspension_cli.elements import weight
+from suspension_cli.elements.compiled_arrays import Derivatives, PoseArrays
 from suspension_cli.elements.compiled_vectors import (
+    Matrix,
+    Vector,
     add_block,
     add_lower,
     add_vector,
@@ -36,6 +39,8 @@ from suspension_cli.elements.compiled_vectors import (
 )
 
 if TYPE_CHECKING:
+    from jaxtyping import Float, Int
+
     from suspension_cli.scene.scene import Scene
 
 MASS, POSITION, SECOND_MOMENTS = 0, 1, 4
@@ -45,7 +50,7 @@ MOMENTS = 6
 """First column of m_uu, m_ul and m_ll in the row of 9 numbers of a line, after both ends."""
 
 
-def pack_gravity(scene: Scene) -> Any:
+def pack_gravity(scene: Scene) -> Float[np.ndarray, "_ 3"]:
     """Derivatives of the energy per mass: -g (1, 3), and below it, unless 0, -dg_i/dx_j (3, 3)."""
     field = scene.field
     if field is None:
@@ -53,8 +58,8 @@ def pack_gravity(scene: Scene) -> Any:
     return -(field.vector[None] if field.is_uniform else np.vstack([field.vector, field.gradient]))
 
 
-def pack_bodies(scene: Scene) -> Any:
-    """Rows (p, n, 13) of the bodies of a batch of scenes."""
+def pack_bodies(scene: Scene) -> Float[np.ndarray, "build body 13"]:
+    """Rows of the bodies of a batch of scenes."""
     bodies, moments = scene.bodies, weight.second_moments(scene)
     result = np.empty((*scene.batch, len(bodies.name), 13))
     result[..., MASS] = bodies.mass
@@ -63,8 +68,10 @@ def pack_bodies(scene: Scene) -> Any:
     return result
 
 
-def pack_lines(scene: Scene) -> tuple[Any, Any]:
-    """Bodies and blade (k, 3) and rows (p, k, 9) of all masses but bodies, as lines of mass.
+def pack_lines(
+    scene: Scene,
+) -> tuple[Int[np.ndarray, "line 3"], Float[np.ndarray, "build line 9"]]:
+    """Bodies, blade and rows of all masses but bodies, as lines of mass.
 
     A point mass is a line whose mass is at its upper end.
     """
@@ -84,13 +91,19 @@ def pack_lines(scene: Scene) -> tuple[Any, Any]:
 
 
 @inlined
-def _slope(gravity: Any) -> Any:
+def _slope(gravity: Float[np.ndarray, "_ 3"]) -> Matrix:
     """Second derivative of the energy per mass."""
     return vector(gravity, 1, 0), vector(gravity, 2, 0), vector(gravity, 3, 0)
 
 
 @inlined
-def _lift(gravity: Any, bodies: Any, body: int, shift: Any, arm: Any) -> Any:
+def _lift(
+    gravity: Float[np.ndarray, "_ 3"],
+    bodies: Float[np.ndarray, "body 13"],
+    body: int,
+    shift: Float[np.ndarray, "1+body 3"],
+    arm: Vector,
+) -> Vector:
     """Gradient of the energy per mass at a point of a body."""
     lift = vector(gravity, 0, 0)
     if len(gravity) > 1:
@@ -103,79 +116,73 @@ def _lift(gravity: Any, bodies: Any, body: int, shift: Any, arm: Any) -> Any:
 
 @compiled
 def _add_tide(
-    slope: Any, own: Any, turn: Any, first: int, gradient: Any, hessian: Any, curved: bool
+    slope: Matrix, own: Matrix, turn: Matrix, first: int, derivatives: Derivatives, curved: bool
 ) -> None:
-    """Add the derivatives of the energy that a gradient gives one body, beside its weight."""
+    """Add the derivatives of the energy of one body in a gradient of gravity, beyond its weight."""
     rotation = added(diagonal(1.0), turn)
     moments = product(product(rotation, own), transposed(rotation))
     m = product(moments, slope)
     torque = m[1][2] - m[2][1], m[2][0] - m[0][2], m[0][1] - m[1][0]
-    add_vector(gradient, first + 3, torque)
+    add_vector(derivatives.gradient, first + 3, torque)
     if curved:
         both = diagonal(trace(moments) * trace(slope) - 2 * trace(m))
         mixed = added(multiple(trace(slope), moments), multiple(trace(moments), slope))
         curvature = subtracted(added(multiple(3.0, symmetric(m)), both), mixed)
-        add_lower(hessian, first + 3, curvature)
+        add_lower(derivatives.hessian, first + 3, curvature)
 
 
 @inlined
-def _add_force(force: Any, body: int, arm: Any, gradient: Any, hessian: Any, curved: bool) -> None:
+def _add_force(
+    force: Vector, body: int, arm: Vector, derivatives: Derivatives, curved: bool
+) -> None:
     """Add the derivatives of the energy of a force at a point of a body."""
-    add_vector(gradient, 6 * body, force)
-    add_vector(gradient, 6 * body + 3, cross(arm, force))
+    add_vector(derivatives.gradient, 6 * body, force)
+    add_vector(derivatives.gradient, 6 * body + 3, cross(arm, force))
     if curved:
-        add_lower(hessian, 6 * body + 3, turning(force, arm))
+        add_lower(derivatives.hessian, 6 * body + 3, turning(force, arm))
 
 
 @inlined
 def add_bodies(
-    bodies: Any, gravity: Any, shift: Any, turn: Any, gradient: Any, hessian: Any, curved: bool
+    bodies: Float[np.ndarray, "body 13"],
+    gravity: Float[np.ndarray, "_ 3"],
+    pose: PoseArrays,
+    derivatives: Derivatives,
+    curved: bool,
 ) -> None:
-    """Add the derivatives of the weights of the bodies (n, 13) of one build."""
+    """Add the derivatives of the weights of the bodies of one build."""
     for n in range(len(bodies)):
         mass, first = bodies[n, MASS], 6 * n + 6
-        lift = _lift(gravity, bodies, n + 1, shift, (0.0, 0.0, 0.0))
-        add_vector(gradient, first, scaled(mass, lift))
+        lift = _lift(gravity, bodies, n + 1, pose.shift, (0.0, 0.0, 0.0))
+        add_vector(derivatives.gradient, first, scaled(mass, lift))
         if len(gravity) > 1:
             if curved:
-                add_lower(hessian, first, multiple(mass, _slope(gravity)))
+                add_lower(derivatives.hessian, first, multiple(mass, _slope(gravity)))
             own = (
                 vector(bodies, n, SECOND_MOMENTS),
                 vector(bodies, n, SECOND_MOMENTS + 3),
                 vector(bodies, n, SECOND_MOMENTS + 6),
             )
-            _add_tide(_slope(gravity), own, matrix(turn, n + 1), first, gradient, hessian, curved)
+            _add_tide(_slope(gravity), own, matrix(pose.turn, n + 1), first, derivatives, curved)
 
 
 @compiled
 def add_lines(
-    bodies: Any,
-    ends: Any,
-    lines: Any,
-    tips: Any,
-    gravity: Any,
-    pose: Any,
-    gradient: Any,
-    hessian: Any,
-    on_tips: Any,
+    bodies: Float[np.ndarray, "body 13"],
+    ends: Int[np.ndarray, "line 3"],
+    lines: Float[np.ndarray, "line 9"],
+    tips: Int[np.ndarray, "blade 3"],
+    gravity: Float[np.ndarray, "_ 3"],
+    pose: PoseArrays,
+    derivatives: Derivatives,
     curved: bool,
 ) -> None:
     """Add the derivatives of all other weights of one build, before those of blades.
 
-    Parameters
-    ----------
-    bodies : (n, 13) array
-        From `pack_bodies`.
-    ends, lines : (k, 3) int array and (k, 9) array
-        From `pack_lines`.
-    tips : (b, 3) int array
-        Coordinates of the tips of blades, see `Layout`.
-    gravity : (1, 3) or (4, 3) array
-        From `pack_gravity`.
-    pose : tuple of arrays
-        Shift, turn and deflection.
+    The arrays are those of `pack_bodies`, `pack_lines` and `pack_gravity`; `tips` are the
+    coordinates of the tips of blades, see `Layout`.
     """
-    shift, turn, deflection = pose
+    (shift, turn, deflection), hessian = pose, derivatives.hessian
     for n in range(len(lines)):
         u, l, b = ends[n, 0], ends[n, 1], ends[n, 2]
         m_uu, m_ul, m_ll = vector(lines, n, MOMENTS)
@@ -186,12 +193,12 @@ def add_lines(
         lift_u = _lift(gravity, bodies, u, shift, arm_u)
         lift_l = _lift(gravity, bodies, l, shift, arm_l)
         force = plus(scaled(m_uu, lift_u), scaled(m_ul, lift_l))
-        _add_force(force, u, arm_u, gradient, hessian, curved)
+        _add_force(force, u, arm_u, derivatives, curved)
         if b >= 0:
             for axis in range(3):
-                on_tips[b, axis] += force[axis]
+                derivatives.on_tips[b, axis] += force[axis]
         force = plus(scaled(m_ul, lift_u), scaled(m_ll, lift_l))
-        _add_force(force, l, arm_l, gradient, hessian, curved)
+        _add_force(force, l, arm_l, derivatives, curved)
         if curved and len(gravity) > 1:
             slope = _slope(gravity)
             rows, motion = np.empty((2, 9), dtype=np.int64), np.zeros((2, 9, 3))
@@ -209,7 +216,9 @@ def add_lines(
 
 
 @compiled
-def _fill_motion(body: int, arm: Any, rows: Any, motion: Any) -> None:
+def _fill_motion(
+    body: int, arm: Vector, rows: Int[np.ndarray, " 9"], motion: Float[np.ndarray, "9 3"]
+) -> None:
     """Fill in the coordinates of a body, and the motion of a point of it per coordinate."""
     for i in range(6):
         rows[i] = 6 * body + i
@@ -218,7 +227,14 @@ def _fill_motion(body: int, arm: Any, rows: Any, motion: Any) -> None:
 
 
 @compiled
-def _add_slope(form: Any, rows: Any, left: Any, columns: Any, right: Any, hessian: Any) -> None:
+def _add_slope(
+    form: Matrix,
+    rows: Int[np.ndarray, " 9"],
+    left: Float[np.ndarray, "9 3"],
+    columns: Int[np.ndarray, " 9"],
+    right: Float[np.ndarray, "9 3"],
+    hessian: Float[np.ndarray, "coordinate coordinate"],
+) -> None:
     """Add J_l F J_r^T to the lower triangle."""
     for i in range(9):
         turned_row = times(form, vector(left, i, 0))

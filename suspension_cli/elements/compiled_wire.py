@@ -9,22 +9,75 @@ is round, and the tension beyond that of the wire (N; of wires with mass).
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 
 from suspension_cli.compiled import compiled
 from suspension_cli.elements.beam import COEFFICIENT, EPS, GAP_TERMS, SERIES, TERMS
-from suspension_cli.elements.compiled_vectors import add_vector, cross, times, transposed, vector
+from suspension_cli.elements.compiled_vectors import (
+    Vector,
+    add_vector,
+    cross,
+    times,
+    transposed,
+    vector,
+)
 from suspension_cli.scene.composition import Fibre
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float, Int
+
+Number = TypeVar("Number", float, complex)
 
 _COEFFICIENT = np.array(COEFFICIENT)
 LENGTH, SOFT, STIFF, STRETCHING, TWISTING, POLAR_AREA, MASS, POLAR, ROUND, OFFSET = range(10)
 """Columns of a section."""
+Slopes = tuple[float, float, float]
+"""Static stiffness aa, ab, bb of a beam on the slopes a and b of its ends to the chord, N m."""
 
 
-def wire_sections(fibres: tuple[Fibre, ...]) -> Any:
-    """Sections of wires (w, m, 10), those that a wire has fewer of with no length."""
+class WireArrays(NamedTuple):
+    """Wires of many builds in equilibrium.
+
+    Attributes
+    ----------
+    place
+        Coordinates of the upper body, the lower body and the tip of each wire; N for none.
+    sections
+        See the docstring of this module.
+    geometry
+        Unit vector e along the wire, n_1 of its first plane, arms of its upper and lower end,
+        motion of the upper end with the tip (9), length, tension, stiffness and torsion (0 where
+        the design gives none).
+    """
+
+    place: Int[np.ndarray, "wire 15"]
+    sections: Float[np.ndarray, "wire section 10"]
+    geometry: Float[np.ndarray, "build wire 25"]
+
+
+class Losses(NamedTuple):
+    """Losses of wires; `add_dynamic` takes them of all wires, with frequencies in front of angles.
+
+    Attributes
+    ----------
+    angles
+        Loss angles: bulk and surface of bending in both planes, of stretching and twisting; then
+        the thermoelastic ones of bending at a coefficient of expansion of 1 (1/K).
+    slopes
+        That coefficient without tension, 1/K, and its decrease per tension, 1/(K N).
+    drag
+        Of the gas, per length, for both planes, stretching and twisting.
+    """
+
+    angles: Float[np.ndarray, "... section 6"]
+    slopes: Float[np.ndarray, "... section 2"]
+    drag: Float[np.ndarray, "... section 4"]
+
+
+def wire_sections(fibres: tuple[Fibre, ...]) -> Float[np.ndarray, "wire section 10"]:
+    """Sections of wires; a wire with fewer sections than others has some of no length."""
     most = max((len(fibre.sections) for fibre in fibres), default=0)
     result = np.zeros((len(fibres), most, 10))
     for n, fibre in enumerate(fibres):
@@ -44,10 +97,10 @@ def wire_sections(fibres: tuple[Fibre, ...]) -> Any:
 
 
 @compiled
-def _static_slopes(rigidity: float, tension: float, length: float) -> tuple[float, float, float]:
+def _static_slopes(rigidity: float, tension: float, length: float) -> Slopes:
     """Static stiffness of a beam under tension on the slopes a, b of its ends to the chord.
 
-    (aa, ab, bb) in N m, without loss; the chord alone has T L.
+    Without loss; the chord alone has T L.
     """
     h = length / 2
     alpha = math.sqrt(tension / rigidity)
@@ -66,14 +119,8 @@ def _static_slopes(rigidity: float, tension: float, length: float) -> tuple[floa
 
 
 @compiled
-def join_slopes(
-    upper: tuple[float, float, float],
-    lower: tuple[float, float, float],
-    above: float,
-    below: float,
-    tension: float,
-) -> tuple[float, float, float]:
-    """Join two beams (aa, ab, bb) of given lengths at rest, see `joined_sections`."""
+def join_slopes(upper: Slopes, lower: Slopes, above: float, below: float, tension: float) -> Slopes:
+    """Join two beams of given lengths at rest, see `joined_sections`."""
     p, q = 1 / above, 1 / below
     string = tension * (p + q)
     # of the node: at eta, between eta and zeta, at zeta; then with a and with b
@@ -97,7 +144,12 @@ def join_slopes(
 
 
 @compiled
-def _slope_energy(upper: Any, lower: Any, one: Any, other: Any) -> float:
+def _slope_energy(
+    upper: Slopes,
+    lower: Slopes,
+    one: tuple[float, float, float, float],
+    other: tuple[float, float, float, float],
+) -> float:
     return (
         upper[0] * one[0] * other[0]
         + upper[1] * (one[0] * other[1] + one[1] * other[0])
@@ -109,7 +161,7 @@ def _slope_energy(upper: Any, lower: Any, one: Any, other: Any) -> float:
 
 
 @compiled
-def _gap_series(square: complex) -> complex:
+def _gap_series(square: Number) -> Number:
     """Sum cosh u - sinh(u)/u, see `beam`."""
     term, total = square / 6, 0.0 * square
     for k in range(1, GAP_TERMS + 1):
@@ -119,8 +171,10 @@ def _gap_series(square: complex) -> complex:
 
 
 @compiled
-def join(upper: Any, lower: Any, above: float, below: float) -> None:
-    """Join two beams (4, 4) of given lengths on (W, phi, a, b), in place of the upper one.
+def join(
+    upper: Complex[np.ndarray, "4 4"], lower: Complex[np.ndarray, "4 4"], above: float, below: float
+) -> None:
+    """Join two beams of given lengths on (W, phi, a, b), in place of the upper one.
 
     See `joined_sections`.
     """
@@ -172,8 +226,8 @@ def join(upper: Any, lower: Any, above: float, below: float) -> None:
 
 
 @compiled
-def _to_ends(stiffness: Any, length: float) -> None:
-    """Transform a stiffness (4, 4) on (W, phi, a, b) to w_1, w'_1, w_2, w'_2, in place."""
+def _to_ends(stiffness: Complex[np.ndarray, "4 4"], length: float) -> None:
+    """Transform a stiffness on (W, phi, a, b) to w_1, w'_1, w_2, w'_2, in place."""
     for _ in range(2):
         for k in range(4):
             row = stiffness[k]
@@ -186,8 +240,12 @@ def _to_ends(stiffness: Any, length: float) -> None:
 
 @compiled
 def _resting_slopes(
-    sections: Any, wire: int, plane: int, tension: float, stretch: float
-) -> tuple[float, float, float]:
+    sections: Float[np.ndarray, "wire section 10"],
+    wire: int,
+    plane: int,
+    tension: float,
+    stretch: float,
+) -> Slopes:
     """Static stiffness of a wire on the slopes of its ends to the chord in one plane."""
     whole, above = (0.0, 0.0, 0.0), 0.0
     for m in range(sections.shape[1]):
@@ -201,18 +259,22 @@ def _resting_slopes(
 
 @compiled
 def hinge_distances(
-    sections: Any, wire: int, iterations: int, length: Any, tension: Any, result: Any
+    sections: Float[np.ndarray, "wire section 10"],
+    wire: int,
+    iterations: int,
+    length: Float[np.ndarray, " build"],
+    tension: Float[np.ndarray, " build"],
+    result: Float[np.ndarray, "build 2"],
 ) -> None:
     """Fill the distances of the hinges of one wire from its clamps, see `equilibrium.clamps`.
 
     Parameters
     ----------
-    sections : (w, m, 10) array
-    wire, iterations : int
+    wire, iterations
         Number of the wire, and of steps of the iteration.
-    length, tension : (p,) arrays
-        Length between the hinges, m, and tension, N, of each build.
-    result : (p, 2) array
+    length, tension
+        Length between the hinges, m, and tension, N.
+    result
         At the upper and the lower end, m.
     """
     drawn = 0.0
@@ -231,24 +293,22 @@ def hinge_distances(
 
 @compiled
 def resting(
-    sections: Any,
+    sections: Float[np.ndarray, "wire section 10"],
     wire: int,
     length: float,
     tension: float,
     torsion: float,
-    flex: Any,
+    flex: Float[np.ndarray, "wire 19"],
 ) -> None:
     """Fill the static stiffness of a wire against rotation of its ends, and against twisting.
 
     Parameters
     ----------
-    sections : (w, m, 10) array
-        Those of no length are left out.
-    wire : int
-        Its number.
-    length, tension, torsion : float
+    wire
+        Number of the wire.
+    length, tension, torsion
         Of the wire in this pose, m and N; torsional stiffness that the design gives, or 0, N m/rad.
-    flex : (w, 19) array
+    flex
         Its last 7 columns are filled: S_uu, S_ul, S_ll in both planes, and the torsional stiffness.
     """
     drawn, twist = 0.0, 0.0
@@ -300,9 +360,14 @@ def _tanh(z: complex) -> complex:
 
 @compiled
 def _dynamic_beam(
-    rigidity: complex, tension: float, mass: complex, length: float, omega: float, result: Any
+    rigidity: complex,
+    tension: float,
+    mass: complex,
+    length: float,
+    omega: float,
+    result: Complex[np.ndarray, "4 4"],
 ) -> None:
-    """Dynamic stiffness (4, 4) of a beam under tension on (W, phi, a, b), see `beam`."""
+    """Dynamic stiffness of a beam under tension on (W, phi, a, b), see `beam`."""
     h = length / 2
     tau, m = tension / rigidity, mass * omega * omega / rigidity
     alpha2 = (tau + np.sqrt(tau * tau + 4 * m)) / 2
@@ -342,10 +407,16 @@ def _dynamic_beam(
 
 @compiled
 def _join_rod(
-    rigidity: complex, mass: complex, length: float, omega: float, springs: Any, first: bool
+    rigidity: complex,
+    mass: complex,
+    length: float,
+    omega: float,
+    springs: Complex[np.ndarray, " 3"],
+    first: bool,
 ) -> None:
-    """Join a rod below others: springs (3,) between the ends and to the ground, see
-    `joined_sections.join_rods`.
+    """Join a rod below others: springs between the ends and to the ground.
+
+    See `joined_sections.join_rods`.
     """
     h = length / 2
     kappa2 = mass * omega * omega / rigidity
@@ -367,45 +438,30 @@ def _join_rod(
 
 @compiled
 def add_dynamic(
-    which: Any,
-    omega: Any,
-    number: Any,
-    place: Any,
-    sections: Any,
-    geometry: Any,
-    angles: Any,
-    slopes: Any,
-    drag: Any,
+    which: Int[np.ndarray, " system"],
+    omega: Float[np.ndarray, " system"],
+    number: Int[np.ndarray, " system"],
+    wires: WireArrays,
+    losses: Losses,
     massive: bool,
-    dynamic: Any,
-    compliance: Any,
+    dynamic: Complex[np.ndarray, "system coordinate coordinate"],
+    compliance: Complex[np.ndarray, "system wire"],
 ) -> None:
     """Add F(omega) - F(0) of all wires to the stiffness of many systems; set their compliances.
 
     Parameters
     ----------
-    which, omega, number : (q,) arrays
+    which, omega, number
         Build, frequency (rad/s) and number of the frequency of each system.
-    place : (w, 15) int array
-        Coordinates of the upper body, the lower body and the tip of each wire.
-    sections : (w, m, 10) array
-    geometry : (p, w, 25) array
-        Of each wire in equilibrium: unit vector e along it, n_1 of its first plane, arms of its
-        upper and lower end, motion of the upper end with the tip (9), length, tension, stiffness
-        and torsion (0 where the design gives none).
-    angles : (f, w, m, 6) array
-        Loss angles: bulk and surface of bending in both planes, of stretching and twisting; then
-        the thermoelastic ones of bending at a coefficient of expansion of 1 (1/K).
-    slopes : (w, m, 2) array
-        That coefficient without tension, 1/K, and its decrease per tension, 1/(K N).
-    drag : (w, m, 4) array
-        Of the gas, per length, for both planes, stretching and twisting.
-    massive : bool
+    massive
         Whether the wires have inertia.
-    dynamic : (q, N, N) complex array
+    dynamic
         To be added to; coordinates of rigid directions of tips are N and left out.
-    compliance : (q, w) complex array
+    compliance
+        To be filled, m/N.
     """
+    place, sections, geometry = wires
+    angles, slopes, drag = losses
     whole, part = np.empty((4, 4), dtype=np.complex128), np.empty((4, 4), dtype=np.complex128)
     up, low = np.empty((2, 9)), np.empty((2, 6))
     springs = np.empty(3, dtype=np.complex128)
@@ -427,24 +483,15 @@ def add_dynamic(
             turning = torsion * twisting * stretch if torsion > 0 else 1.0
             for plane in range(2):
                 if plane == 0 or sections[n, 0, ROUND] == 0.0:
+                    own_losses = Losses(angles[number[q], n], slopes[n], drag[n])
                     _join_bends(
-                        sections[n],
-                        angles[number[q], n],
-                        slopes[n],
-                        drag[n],
-                        plane,
-                        w,
-                        stretch,
-                        tension,
-                        massive,
-                        whole,
-                        part,
+                        sections[n], own_losses, plane, w, stretch, tension, massive, whole, part
                     )
                 _fill_forms(own, n, normal, up, low)
                 normal = cross(e, normal)
-                _add_block(up, up, whole[:2, :2], where, UPPER, where, UPPER, target)
-                _add_block(low, up, whole[2:, :2], where, LOWER, where, UPPER, target)
-                _add_block(low, low, whole[2:, 2:], where, LOWER, where, LOWER, target)
+                _add_block(up, up, whole[:2, :2], where, UPPER, UPPER, target)
+                _add_block(low, up, whole[2:, :2], where, LOWER, UPPER, target)
+                _add_block(low, low, whole[2:, 2:], where, LOWER, LOWER, target)
             for part_of_rod in range(2):  # stretching, twisting
                 first = True
                 for m in range(sections.shape[1]):
@@ -480,8 +527,14 @@ LOWER = np.array([6, 7, 8, 9, 10, 11])
 
 
 @compiled
-def _fill_forms(geometry: Any, wire: int, n: Any, up: Any, low: Any) -> None:
-    """Deflection along n and slope there of the upper end, per coordinate (2, 9); lower (2, 6)."""
+def _fill_forms(
+    geometry: Float[np.ndarray, "wire 25"],
+    wire: int,
+    n: Vector,
+    up: Float[np.ndarray, "2 9"],
+    low: Float[np.ndarray, "2 6"],
+) -> None:
+    """Deflection along n and slope there of the upper and of the lower end, per coordinate."""
     moves = vector(geometry, wire, 12), vector(geometry, wire, 15), vector(geometry, wire, 18)
     slope = cross(vector(geometry, wire, 0), n)
     up[:], low[:] = 0.0, 0.0
@@ -496,18 +549,24 @@ def _fill_forms(geometry: Any, wire: int, n: Any, up: Any, low: Any) -> None:
 
 @compiled
 def _add_block(
-    left: Any, right: Any, block: Any, one: Any, rows: Any, two: Any, columns: Any, target: Any
+    left: Float[np.ndarray, "2 row"],
+    right: Float[np.ndarray, "2 column"],
+    block: Complex[np.ndarray, "2 2"],
+    where: Int[np.ndarray, " 15"],
+    rows: Int[np.ndarray, " row"],
+    columns: Int[np.ndarray, " column"],
+    target: Complex[np.ndarray, "coordinate coordinate"],
 ) -> None:
     """Add L^T B R to a symmetric matrix at some coordinates, and its mirror image."""
     same, size = left.shape[1] == right.shape[1], len(target)
     for i in range(left.shape[1]):
-        a = one[rows[i]]
+        a = where[rows[i]]
         if a == size:
             continue
         first = block[0, 0] * left[0, i] + block[1, 0] * left[1, i]
         second = block[0, 1] * left[0, i] + block[1, 1] * left[1, i]
         for j in range(i + 1 if same else right.shape[1]):
-            b = two[columns[j]]
+            b = where[columns[j]]
             if b < size:
                 value = first * right[0, j] + second * right[1, j]
                 target[a, b] += value
@@ -516,7 +575,14 @@ def _add_block(
 
 
 @compiled
-def _add_along(form: Any, stiffness: complex, where: Any, rows: Any, target: Any) -> None:
+def _add_along(
+    form: Float[np.ndarray, " row"],
+    stiffness: complex,
+    where: Int[np.ndarray, " 15"],
+    rows: Int[np.ndarray, " row"],
+    target: Complex[np.ndarray, "coordinate coordinate"],
+) -> None:
+    """Add a spring between one end of a wire, along it, and the ground."""
     size = len(target)
     for i in range(len(form)):
         a = where[rows[i]]
@@ -531,8 +597,14 @@ def _add_along(form: Any, stiffness: complex, where: Any, rows: Any, target: Any
 
 @compiled
 def _add_twist(
-    e: Any, between: complex, upper: complex, lower: complex, where: Any, target: Any
+    e: Vector,
+    between: complex,
+    upper: complex,
+    lower: complex,
+    where: Int[np.ndarray, " 15"],
+    target: Complex[np.ndarray, "coordinate coordinate"],
 ) -> None:
+    """Add springs against twisting between both ends, and between each end and the ground."""
     for i in range(3):
         for j in range(3):
             product = e[i] * e[j]
@@ -545,19 +617,21 @@ def _add_twist(
 
 @compiled
 def _join_bends(
-    sections: Any,
-    angles: Any,
-    slopes: Any,
-    drag: Any,
+    sections: Float[np.ndarray, "section 10"],
+    losses: Losses,
     plane: int,
     omega: float,
     stretch: float,
     tension: float,
     massive: bool,
-    whole: Any,
-    part: Any,
+    whole: Complex[np.ndarray, "4 4"],
+    part: Complex[np.ndarray, "4 4"],
 ) -> None:
-    """Fill `whole` with F(omega) - F(0) of bending in one plane, on w and w' of both ends."""
+    """Fill `whole` with F(omega) - F(0) of bending in one plane, on w and w' of both ends.
+
+    `part` is scratch.
+    """
+    angles, slopes, drag = losses
     still, above = (0.0, 0.0, 0.0), 0.0
     for m in range(len(sections)):
         row = sections[m]

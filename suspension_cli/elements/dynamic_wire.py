@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -63,13 +63,13 @@ class TautWire:
 
     def at(self, omega: Inexact[np.ndarray, " frequency"]) -> WireAtFrequencies:
         """The wire at frequencies (f,), rad/s; kept for further blocks at the same array."""
-        if self._latest.get("omega") is not omega:
-            self._latest.update(omega=omega, wire=WireAtFrequencies(self, omega))
-        return self._latest["wire"]
+        if not self._latest or self._latest[0].omega is not omega:
+            self._latest[:] = [WireAtFrequencies(self, omega)]
+        return self._latest[0]
 
     @cached_property
-    def _latest(self) -> dict[str, Any]:
-        return {}
+    def _latest(self) -> list[WireAtFrequencies]:
+        return []
 
     @cached_property
     def static(self) -> dict[str, Inexact[np.ndarray, "_ _"]]:
@@ -114,6 +114,49 @@ class TautWire:
         return high
 
 
+class SectionNumbers(NamedTuple):
+    """EI, EA or GJ, inertia per length, and half the length of the sections of a wire."""
+
+    rigidity: Inexact[np.ndarray, "section *#frequency"]
+    inertia: Inexact[np.ndarray, "section *#frequency"]
+    half: Inexact[np.ndarray, "section *#frequency"]
+
+
+class RodSection(NamedTuple):
+    """A section in stretching or twisting.
+
+    Attributes
+    ----------
+    rigidity, inertia
+        EA (N) or GJ (N m^2), and inertia per length.
+    strain, displacement
+        Integrals of the squares of both, for even and for odd motion (`rod.square_integrals`).
+    """
+
+    rigidity: Inexact[np.ndarray, "*#frequency"]
+    inertia: Inexact[np.ndarray, "*#frequency"]
+    strain: tuple[Float[np.ndarray, " frequency"], Float[np.ndarray, " frequency"]]
+    displacement: tuple[Float[np.ndarray, " frequency"], Float[np.ndarray, " frequency"]]
+
+
+class Joined(NamedTuple):
+    """Sections joined to a whole.
+
+    Attributes
+    ----------
+    stiffness
+        On even and odd motion of the ends.
+    motions
+        Of the sections, see `joined_sections`; none of a single section.
+    negative
+        Number of negative eigenvalues that joining adds.
+    """
+
+    stiffness: Inexact[np.ndarray, "end end frequency"]
+    motions: list[tuple[Inexact[np.ndarray, "_ frequency end end"], ...]]
+    negative: Int[np.ndarray, " frequency"] | int
+
+
 @dataclass(frozen=True)
 class WireAtFrequencies:
     """A wire at given frequencies.
@@ -128,9 +171,9 @@ class WireAtFrequencies:
     strand: TautWire
     omega: Inexact[np.ndarray, " frequency"]
 
-    def stiffness(self, part: str) -> Any:
+    def stiffness(self, part: str) -> Inexact[np.ndarray, "end end frequency"]:
         """Dynamic stiffness (c, c, f) of one part, N/m, N and N m."""
-        return self._joined(self._twin(part))[0]
+        return self._joined(self._twin(part)).stiffness
 
     def resonances_below(self, parts: tuple[str, ...]) -> Int[np.ndarray, " frequency"]:
         """Count resonances (f,) below each frequency with clamped ends.
@@ -146,7 +189,7 @@ class WireAtFrequencies:
                 below = beam.resonances_below(self._bends[own][0])
             else:
                 below = rod.resonances_below(*self._section_numbers(part), self.omega)
-            total = total + below.sum(0) + self._joined(own)[2]
+            total = total + below.sum(0) + self._joined(own).negative
         return total
 
     def dissipated(
@@ -166,7 +209,7 @@ class WireAtFrequencies:
             N m: ``stretching`` or ``torsion``; or ``bending-upper`` and ``bending-lower``, split at
             the middle of the wire; and ``gas``.
         """
-        joints = self._joined(self._twin(part))[1]
+        joints = self._joined(self._twin(part)).motions
         if not joints:
             motions = motion[None]
         elif _is_bending(part):
@@ -185,7 +228,7 @@ class WireAtFrequencies:
         self, part: str, motions: Inexact[np.ndarray, "section 4 motion frequency"]
     ) -> dict[str, Float[np.ndarray, "motion frequency"]]:
         sections = self.strand.fibre.sections
-        result: dict[str, Any] = {"bending-upper": 0.0, "bending-lower": 0.0}
+        result = {name: np.zeros(motions.shape[2:]) for name in ("bending-upper", "bending-lower")}
         length, top = sum(section.length for section in sections), 0.0
         stacked, *numbers = self._bends[self._twin(part)]
         for section, motion, waves, rigidity, mass in zip(
@@ -198,7 +241,8 @@ class WireAtFrequencies:
                 for cause, own in self._separate_causes(section, part, end).items():
                     result[cause] = result.get(cause, 0.0) + own * integral
                     rest = rest - own
-                result[("bending-upper", "bending-lower")[end]] += rest * integral
+                name = ("bending-upper", "bending-lower")[end]
+                result[name] = result[name] + rest * integral
             if self._has_drag:
                 integral = curvature.integrate_squared_displacement(waves, motion)
                 result["gas"] = result.get("gas", 0.0) - np.imag(mass) * self.omega**2 * integral
@@ -231,15 +275,15 @@ class WireAtFrequencies:
         self, part: str, motions: Inexact[np.ndarray, "section 2 motion frequency"]
     ) -> dict[str, Float[np.ndarray, "motion frequency"]]:
         name = "stretching" if part == "stretch" else "torsion"
-        result: dict[str, Any] = {name: 0.0}
-        for motion, (rigidity, mass, strain, displacement) in zip(
+        result = {name: np.zeros(motions.shape[2:])}
+        for motion, (rigidity, inertia, strain, displacement) in zip(
             motions, self._rods(part), strict=True
         ):
             even, odd = np.real(motion) ** 2 + np.imag(motion) ** 2
             loss = np.imag(rigidity)
-            result[name] += even * (loss * strain[0]) + odd * (loss * strain[1])
+            result[name] = result[name] + (even * (loss * strain[0]) + odd * (loss * strain[1]))
             if self._has_drag:
-                drag = -np.imag(mass) * self.omega**2
+                drag = -np.imag(inertia) * self.omega**2
                 result["gas"] = (
                     result.get("gas", 0.0)
                     + even * (drag * displacement[0])
@@ -247,15 +291,15 @@ class WireAtFrequencies:
                 )
         return result
 
-    def _rods(self, part: str) -> list[tuple[Any, Any, Any, Any]]:
-        """EA or GJ, inertia per length and `rod.square_integrals` of every section."""
-        key = f"{part} integrals"
-        if key not in self._cache:
-            self._cache[key] = []
-            for rigidity, mass, half in zip(*self._section_numbers(part), strict=True):
-                integrals = rod.square_integrals(rigidity, mass, half, self.omega)
-                self._cache[key].append((rigidity, mass, *integrals))
-        return self._cache[key]
+    def _rods(self, part: str) -> list[RodSection]:
+        if part not in self._known_rods:
+            self._known_rods[part] = [
+                RodSection(
+                    rigidity, inertia, *rod.square_integrals(rigidity, inertia, half, self.omega)
+                )
+                for rigidity, inertia, half in zip(*self._section_numbers(part), strict=True)
+            ]
+        return self._known_rods[part]
 
     @property
     def _has_drag(self) -> bool:
@@ -266,42 +310,55 @@ class WireAtFrequencies:
         return "bend-1" if part == "bend-2" and self.strand.round else part
 
     @cached_property
-    def _cache(self) -> dict[str, Any]:
+    def _known_joined(self) -> dict[str, Joined]:
         return {}
 
-    def _joined(self, part: str) -> tuple[Any, list[Any], Any]:
-        """Stiffness, motions of the sections and negative eigenvalues of joined sections.
+    @cached_property
+    def _known_rods(self) -> dict[str, list[RodSection]]:
+        return {}
 
-        The stiffness acts on even and odd motion; the motions are those of `joined_sections`.
-        """
-        if part not in self._cache:
+    @cached_property
+    def _known_numbers(self) -> dict[str, SectionNumbers]:
+        return {}
+
+    def _joined(self, part: str) -> Joined:
+        if part not in self._known_joined:
             join = self._joined_beams if _is_bending(part) else self._joined_rods
-            self._cache[part] = join(part)
-        return self._cache[part]
+            self._known_joined[part] = join(part)
+        return self._known_joined[part]
 
-    def _joined_beams(self, part: str) -> tuple[Any, list[Any], Any]:
+    def _joined_beams(self, part: str) -> Joined:
         waves, rigidity, _ = self._bends[part]
         sections = self.strand.fibre.sections
         if len(sections) == 1:
             elements = beam.stiffness(rigidity, waves)[:, 0]
-            return _symmetric(4, beam.ELEMENT_PLACES, elements), [], 0
+            return Joined(_symmetric(4, beam.ELEMENT_PLACES, elements), [], 0)
         tension = _stack(self._tension(section) for section in sections)
         lengths = _stack(section.length for section in sections)
         parts = beam.chord_stiffness(rigidity, tension, waves)
         whole, motions, negative = joined_sections.join(parts, lengths)
         total = lengths.sum(0) if lengths.shape[-1] > 1 else lengths.sum()
-        return joined_sections.chord_to_even_odd(whole, total), motions, negative
+        return Joined(joined_sections.chord_to_even_odd(whole, total), motions, negative)
 
-    def _joined_rods(self, part: str) -> tuple[Any, list[Any], Any]:
+    def _joined_rods(self, part: str) -> Joined:
         sections = rod.stiffness(*self._section_numbers(part), self.omega)
         if sections.shape[1] == 1:
-            return _symmetric(2, ((0, 0), (1, 1)), sections[:, 0]), [], 0
-        return joined_sections.join_rods(sections)
+            return Joined(_symmetric(2, ((0, 0), (1, 1)), sections[:, 0]), [], 0)
+        return Joined(*joined_sections.join_rods(sections))
 
     @cached_property
-    def _bends(self) -> dict[str, tuple[beam.Waves, Any, Any]]:
-        """Waves, EI and mass per length of the sections (s, f), by plane."""
-        result: dict[str, tuple[beam.Waves, Any, Any]] = {}
+    def _bends(
+        self,
+    ) -> dict[
+        str,
+        tuple[
+            beam.Waves,
+            Inexact[np.ndarray, "section *#frequency"],
+            Inexact[np.ndarray, "section *#frequency"],
+        ],
+    ]:
+        """Waves, EI and mass per length of the sections, by plane."""
+        result = {}
         tension = _stack(self._tension(section) for section in self.strand.fibre.sections)
         for part in ("bend-1",) if self.strand.round else ("bend-1", "bend-2"):
             rigidity, mass, half = self._section_numbers(part)
@@ -309,25 +366,23 @@ class WireAtFrequencies:
             result[part] = waves, rigidity, mass
         return result
 
-    def _section_numbers(self, part: str) -> tuple[Any, Any, Any]:
-        """EI, EA or GJ, inertia per length, and half the length of the sections (s, 1 or f)."""
-        key = f"{part} numbers"
-        if key not in self._cache:
+    def _section_numbers(self, part: str) -> SectionNumbers:
+        if part not in self._known_numbers:
             sections = self.strand.fibre.sections
-            self._cache[key] = (
+            self._known_numbers[part] = SectionNumbers(
                 _stack(self._rigidity(section, part) for section in sections),
                 _stack(self._inertia(section, part) for section in sections),
                 _stack(section.length / 2 for section in sections),
             )
-        return self._cache[key]
+        return self._known_numbers[part]
 
-    def _tension(self, section: Section) -> Any:
+    def _tension(self, section: Section) -> Inexact[np.ndarray, " frequency"] | float:
         """Tension in the middle of a section, N, which the weight of a wire with mass changes."""
         return self.strand.tension + (section.tension_offset if self.strand.massive else 0.0)
 
-    def _rigidity(self, section: Section, part: str) -> Any:
+    def _rigidity(self, section: Section, part: str) -> Inexact[np.ndarray, " frequency"] | complex:
         """EI, EA or GJ times 1 + i phi; for twisting also T I_p/A."""
-        rigidity: Any = _elastic_rigidity(section, part)
+        rigidity = _elastic_rigidity(section, part)
         if self.strand.lossy:
             temperature = sum(self.strand.fibre.temperature) / 2
             rigidity = rigidity * (1 + 1j * self._loss_angle(section, part, temperature))
@@ -346,7 +401,7 @@ class WireAtFrequencies:
         angle = loss.stretching_angle if part == "stretch" else loss.twisting_angle
         return angle(section, omega)
 
-    def _inertia(self, section: Section, part: str) -> Any:
+    def _inertia(self, section: Section, part: str) -> Inexact[np.ndarray, " frequency"] | complex:
         """Mass (kg/m) or polar moment of inertia (kg m) per length, with the drag of the gas."""
         if not self.strand.massive:
             return 0.0
@@ -359,7 +414,7 @@ class WireAtFrequencies:
 
 
 def _stack(
-    values: Iterable[Any],
+    values: Iterable[Inexact[np.ndarray, " frequency"] | complex],
 ) -> Inexact[np.ndarray, "section *#frequency"]:
     arrays = [np.asarray(value) for value in values]
     shapes = {array.shape for array in arrays if array.ndim} or {(1,)}
@@ -385,9 +440,11 @@ def _elastic_rigidity(section: Section, part: str) -> float:
     return section.stretching if part == "stretch" else section.twisting
 
 
-def group_identical(fibres: tuple[Fibre, ...], *numbers: Any) -> list[list[int]]:
-    """Group the indices of wires of equal sections and bitwise equal numbers (..., w)."""
-    groups: dict[tuple[Any, ...], list[int]] = {}
+def group_identical(
+    fibres: tuple[Fibre, ...], *numbers: Inexact[np.ndarray, "*batch wire"]
+) -> list[list[int]]:
+    """Group the indices of wires of equal sections and bitwise equal numbers."""
+    groups: dict[tuple[object, ...], list[int]] = {}
     for n, fibre in enumerate(fibres):
         key = (
             fibre.sections,
@@ -398,19 +455,25 @@ def group_identical(fibres: tuple[Fibre, ...], *numbers: Any) -> list[list[int]]
     return list(groups.values())
 
 
-def fit_to_equilibrium(fibre: Fibre, length: Any, k: Any, tension: Any, torsion: Any) -> Fibre:
+def fit_to_equilibrium(
+    fibre: Fibre,
+    length: Inexact[np.ndarray, " frequency"] | complex,
+    k: Inexact[np.ndarray, " frequency"] | complex,
+    tension: Inexact[np.ndarray, " frequency"] | complex,
+    torsion: Inexact[np.ndarray, " frequency"] | complex,
+) -> Fibre:
     """Scale a fibre to its length in equilibrium and to the stiffnesses of the scene's wire.
 
     Parameters
     ----------
-    fibre : Fibre
-    length : float or (f,) array
+    fibre
+    length
         Length in equilibrium, m; an array, as below, for many builds at once.
-    k : float or (f,) array
+    k
         Stretching stiffness, N/m.
-    tension : float or (f,) array
+    tension
         N.
-    torsion : float or (f,) array
+    torsion
         Torsional stiffness given by the design, N m/rad; 0 where none is given.
     """
     stretch = length / sum(section.length for section in fibre.sections)
@@ -441,9 +504,9 @@ def fit_to_equilibrium(fibre: Fibre, length: Any, k: Any, tension: Any, torsion:
 
 
 def _symmetric(
-    size: int, places: Any, elements: Inexact[np.ndarray, "place frequency"]
+    size: int, places: tuple[tuple[int, int], ...], elements: Inexact[np.ndarray, "place frequency"]
 ) -> Inexact[np.ndarray, "size size frequency"]:
-    """Symmetric matrices (size, size, f) from their elements (k, f) on and above the diagonal."""
+    """Symmetric matrices from their elements on and above the diagonal."""
     result = np.zeros((size, size, elements.shape[-1]), dtype=elements.dtype)
     for (i, j), value in zip(places, elements, strict=True):
         result[i, j] = result[j, i] = value

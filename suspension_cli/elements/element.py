@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,6 +14,8 @@ from suspension_cli.scene.scene import Scene
 
 if TYPE_CHECKING:
     from jaxtyping import Inexact, Int
+
+    from suspension_cli.design.schema import Design
 
     Matrix = Callable[
         [Scene, Layout, Pose], Inexact[np.ndarray, "*batch coordinate coordinate"] | float
@@ -106,6 +108,14 @@ class Element:
     mass, damping, loss
         Mass, viscous damping, and the imaginary part of the stiffness, (..., N, N), or 0; None for
         an element without.
+    make
+        Makes its arrays from the design and the scene of all else; None for an element on arrays
+        that every scene has. It acts only in scenes in which they have a `label`.
+    name
+        Of these arrays in `Scene.added`.
+    compiled
+        Whether the loops for batches have its formulas, see `equilibrium.compiled`. Batches with an
+        element that they lack are solved by arrays, which takes longer.
     """
 
     energy: Callable[[Scene, Pose], Inexact[np.ndarray, "*batch"]]
@@ -113,3 +123,6 @@ class Element:
     mass: Matrix | None = None
     damping: Matrix | None = None
     loss: Matrix | None = None
+    make: Callable[[Design, Scene], Any] | None = None
+    name: str = ""
+    compiled: bool = False

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+from suspension_cli.design.schema import Design
 from suspension_cli.elements import bending, blade, spring, string, weight
 from suspension_cli.elements.element import Element
+from suspension_cli.scene.scene import Scene
 
 ELEMENTS: tuple[Element, ...] = (
     weight.ELEMENT,
@@ -13,3 +17,19 @@ ELEMENTS: tuple[Element, ...] = (
     blade.ELEMENT,
 )
 """Blades come last: they take the forces of all others on their tips."""
+
+
+def with_added(scene: Scene, design: Design) -> Scene:
+    """Add the arrays of elements that make their own to a scene without them."""
+    made = {item.name: item.make(design, scene) for item in ELEMENTS if item.make is not None}
+    return replace(scene, added={name: part for name, part in made.items() if part.label})
+
+
+def elements_of(scene: Scene) -> list[Element]:
+    """List the kinds of elements that a scene has."""
+    return [item for item in ELEMENTS if item.make is None or item.name in scene.added]
+
+
+def uncompiled(scene: Scene) -> list[Element]:
+    """List those of them whose formulas the loops for batches lack."""
+    return [item for item in elements_of(scene) if not item.compiled]

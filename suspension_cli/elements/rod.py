@@ -57,7 +57,15 @@ def stiffness(
     return np.stack([-2 * rigidity * kappa2 * half * tanc, 2 * rigidity / half / tanc])
 
 
-def square_integrals(rigidity: Any, mass: Any, half: float, omega: Any) -> tuple[Any, Any]:
+def square_integrals(
+    rigidity: Inexact[np.ndarray, "*#shape"] | complex,
+    mass: Inexact[np.ndarray, "*#shape"] | complex,
+    half: float,
+    omega: Float[np.ndarray, "*#shape"],
+) -> tuple[
+    tuple[Float[np.ndarray, "*shape"], Float[np.ndarray, "*shape"]],
+    tuple[Float[np.ndarray, "*shape"], Float[np.ndarray, "*shape"]],
+]:
     """Integrals of |u'|^2 and of |u|^2 along the rod for U_s = 1 and for U_a = 1: (2, f) each.
 
     u = U_s cos(kappa x)/cos(kappa h) + U_a sin(kappa x)/sin(kappa h), with x from the middle; the

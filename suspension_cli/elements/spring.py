@@ -159,15 +159,6 @@ def _outer(
     return a[..., :, None] * b[..., None, :]
 
 
-def stiffness_matrix(
-    scene: Scene, numbering: Layout, pose: Pose
-) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
-    """Tangent stiffness (..., N, N) of all springs, N/m, N and N m."""
-    derivatives = Derivatives.zeros(scene, numbering)
-    add_derivatives(scene, numbering, pose, derivatives)
-    return derivatives.sums()[1]
-
-
 def damping_matrix(
     scene: Scene, numbering: Layout, pose: Pose
 ) -> Inexact[np.ndarray, "*batch coordinate coordinate"] | float:
@@ -195,4 +186,4 @@ def _sum_forms(
     return result
 
 
-ELEMENT = Element(energy, add_derivatives, damping=damping_matrix, loss=loss_matrix)
+ELEMENT = Element(energy, add_derivatives, damping=damping_matrix, loss=loss_matrix, compiled=True)

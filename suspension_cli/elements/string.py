@@ -131,4 +131,4 @@ def loss_matrix(
     return (along * (wires.stiffness * wires.loss)[..., None, :]) @ np.swapaxes(along, -1, -2)
 
 
-ELEMENT = Element(energy, add_derivatives, loss=loss_matrix)
+ELEMENT = Element(energy, add_derivatives, loss=loss_matrix, compiled=True)

@@ -31,7 +31,7 @@ P = sum of u u^T, the derivatives by t at t = 0 are
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -42,7 +42,7 @@ from suspension_cli.scene.pose import Layout, Pose, nominal_pose, point_jacobian
 from suspension_cli.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from jaxtyping import Inexact
+    from jaxtyping import Inexact, Int
 
 
 def lift(
@@ -66,49 +66,53 @@ class Masses:
     Attributes
     ----------
     body
-        Bodies (k,) of the one or two points.
+        Bodies of the one or two points.
     point
-        The points (..., k, 3) in the frames of these bodies.
+        The points in the frames of these bodies, m.
     blade
-        Blades (k,) whose tips carry the points (-1 for a point without); None for none.
+        Blades whose tips carry the points (-1 for a point without); None for none.
     moment
-        The mass, or rows (m_uu, m_ul) and (m_ul, m_ll), each (..., k).
+        The mass, or rows (m_uu, m_ul) and (m_ul, m_ll), kg.
     """
 
-    body: tuple[Any, ...]
-    point: tuple[Any, ...]
-    blade: tuple[Any, ...]
-    moment: tuple[tuple[Any, ...], ...]
+    body: tuple[Int[np.ndarray, " point"], ...]
+    point: tuple[Inexact[np.ndarray, "... point 3"], ...]
+    blade: tuple[Int[np.ndarray, " point"] | None, ...]
+    moment: tuple[tuple[Inexact[np.ndarray, "... point"], ...], ...]
 
-    def arms(self, pose: Pose) -> list[Any]:
-        """Vectors (..., k, 3) from the COM of its body to each point."""
+    def arms(self, pose: Pose) -> list[Inexact[np.ndarray, "*batch point 3"]]:
+        """Vectors from the COM of its body to each point."""
         return [
             pose.arms(body, own if blade is None else own + string.tip_deflection(blade, pose))
             for body, own, blade in zip(self.body, self.point, self.blade, strict=True)
         ]
 
-    def places(self, scene: Scene, pose: Pose) -> list[Any]:
-        """Places (..., k, 3) of the points from the suspension point, m."""
+    def places(self, scene: Scene, pose: Pose) -> list[Inexact[np.ndarray, "*batch point 3"]]:
+        """Places of the points from the suspension point, m."""
         place = scene.bodies.position + pose.shift
         return [
             place[..., body, :] + arm for body, arm in zip(self.body, self.arms(pose), strict=True)
         ]
 
-    def forces(self, scene: Scene, places: list[Any]) -> list[Any]:
-        """Gradients (..., k, 3) of the energy with respect to the points, N."""
+    def forces(
+        self, scene: Scene, places: list[Inexact[np.ndarray, "*batch point 3"]]
+    ) -> list[Inexact[np.ndarray, "*batch point 3"]]:
+        """Gradients of the energy with respect to the points, N."""
         lifts = [lift(scene, place) for place in places]
         return [
-            sum(m[..., None] * own for m, own in zip(row, lifts, strict=True))
+            sum((m[..., None] * own for m, own in zip(row, lifts, strict=True)), np.zeros(3))
             for row in self.moment
         ]
 
-    def quadratic(self, numbering: Layout, pose: Pose, form: Any) -> Any:
-        """Sum (..., N, N) of m_ij J_i F J_j^T, with the Jacobians J of the points and a form F."""
+    def quadratic(
+        self, numbering: Layout, pose: Pose, form: Inexact[np.ndarray, "3 3"]
+    ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
+        """Sum of m_ij J_i F J_j^T, with the Jacobians J of the points and a form F."""
         jacobians = [
             point_jacobian(numbering, pose, *each)
             for each in zip(self.body, self.arms(pose), self.blade, strict=True)
         ]
-        result: Any = 0.0
+        result = np.zeros((numbering.size, numbering.size))
         for row, jacobian in zip(self.moment, jacobians, strict=True):
             mixed = sum(m[..., None, :, None] * own for m, own in zip(row, jacobians, strict=True))
             left, right = (part.reshape(*part.shape[:-2], -1) for part in (mixed @ form, jacobian))
@@ -132,7 +136,9 @@ def masses(scene: Scene) -> list[Masses]:
     return found
 
 
-def _moments(mass: Any) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
+def _moments(
+    mass: Inexact[np.ndarray, "... point 3"],
+) -> tuple[tuple[Inexact[np.ndarray, "... point"], ...], ...]:
     own, mixed, other = np.moveaxis(mass, -1, 0)
     return (own, mixed), (mixed, other)
 
@@ -159,8 +165,10 @@ def energy(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch"]:
     return result
 
 
-def second_moments(scene: Scene, pose: Pose | None = None) -> Any:
-    """Second moments of mass (..., n, 3, 3) of the bodies in global axes, kg m^2."""
+def second_moments(
+    scene: Scene, pose: Pose | None = None
+) -> Inexact[np.ndarray, "*batch body 3 3"]:
+    """Second moments of mass of the bodies in global axes, kg m^2."""
     inertia = scene.bodies.inertia
     moments = unit_trace(inertia) / 2 - inertia
     if pose is None:
@@ -208,4 +216,4 @@ def mass_matrix(
     return result
 
 
-ELEMENT = Element(energy, add_derivatives, mass=mass_matrix)
+ELEMENT = Element(energy, add_derivatives, mass=mass_matrix, compiled=True)

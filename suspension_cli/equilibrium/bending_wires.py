@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from suspension_cli.elements import bending, string
+from suspension_cli.elements.registry import uncompiled
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.clamps import HangingWires, to_clamps
 from suspension_cli.equilibrium.solve import Equilibrium
@@ -35,22 +36,28 @@ def solve_bending(scene: Scene, numbering: Layout) -> tuple[Scene, Equilibrium]:
     found : Equilibrium
         Not necessarily converged: see `Equilibrium.demand`.
     """
-    if scene.batch:
+    if scene.batch and not uncompiled(scene):
         return _solve_batch(scene, numbering)
     scene, hanging = to_clamps(scene)
     drawn = scene.drawn and _with_bending(scene.drawn, hanging)
     scene = replace(_with_bending(scene, hanging), drawn=drawn)
     found = equilibrium.solve(scene, numbering, start=hanging and hanging.found.pose)
     # the first time any change counts
-    tension, threshold = (hanging or scene.wires).tension, 0.0
+    now, threshold = hanging or scene.wires, 0.0
+    tension, length = now.tension, now.length
     for _ in range(PASSES):
-        taut = found.converged and (found.tension > 0).all()
-        if not taut or not (np.abs(found.tension - tension) > threshold * np.abs(tension)).any():
+        taut = found.converged & (found.tension > 0).all(-1)
+        changed = np.abs(found.tension - tension) > threshold * np.abs(tension)
+        left = np.asarray(taut & changed.any(-1))
+        if not left.any():
             break
-        tension, length = found.tension, string.state(scene, found.pose).length
+        tension = np.where(left[..., None], found.tension, tension)
+        length = np.where(left[..., None], string.state(scene, found.pose).length, length)
         scene = bending.with_bending(scene, tension, length)
-        found = equilibrium.solve(scene, numbering, start=found.pose)
+        found = equilibrium.solve_again(scene, numbering, found, left)
         threshold = CONVERGED
+    if scene.batch and hanging is not None:
+        found = _without_unknown_clamps(found, hanging)
     return scene, found
 
 

@@ -2,13 +2,13 @@
 
 The method and its limits are those of `solve`; each build is solved on its own, so its result does
 not depend on the others. Steps solve K x = -g by an LDL^T factorisation, whose pivots tell whether
-the equilibrium is stable; once a step is short, the factors of the last one serve again.
+the equilibrium is stable; after a short step the same factors are used again.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -26,7 +26,9 @@ from suspension_cli.elements.compiled import (
     add_wires,
     fill_geometry,
 )
+from suspension_cli.elements.compiled_arrays import Derivatives, PoseArrays, WireRows
 from suspension_cli.elements.compiled_vectors import (
+    Vector,
     add_block,
     added,
     cross_matrix,
@@ -49,19 +51,23 @@ from suspension_cli.elements.compiled_weight import (
     pack_gravity,
     pack_lines,
 )
-from suspension_cli.elements.compiled_wire import wire_sections
+from suspension_cli.elements.compiled_wire import WireArrays, wire_sections
 from suspension_cli.equilibrium.residual_scale import LEAST_ARM, ROUNDINGS
 from suspension_cli.equilibrium.tree import parents
 from suspension_cli.scene.arrays import inner_axes
 from suspension_cli.scene.pose import Layout, Pose
-from suspension_cli.scene.scene import Flex, Scene
+from suspension_cli.scene.scene import Blades, Flex, Scene, Springs, Wires
+
+if TYPE_CHECKING:
+    from jaxtyping import Float, Inexact, Int
 
 SHORT = 1e-6
-"""Step (rad, or in units of the largest lever arm) after which the factors are not renewed: stiff
-wires on a soft pendulum change K by some 1e3 times a rotation, so the next step gains 1e3."""
+"""Length of a step (rad, or in units of the largest lever arm) after which the factors are used
+again: with stiff wires on a soft pendulum K changes by some 1e3 times a rotation, so the next step
+is some 1e3 times shorter."""
 FAIR = 1e-12
-"""Smallest pivot, relative to the stiffness of its coordinate, that the factors are trusted with;
-else the build is left to `solve`."""
+"""Smallest pivot, relative to the stiffness of its coordinate, of factors that are used; a build
+with a smaller one is left to `solve`."""
 SUPPORTED = 6
 """Number of coordinates of the support, which come first."""
 EPS = float(np.finfo(float).eps)
@@ -76,44 +82,85 @@ class Topology(NamedTuple):
 
     Attributes
     ----------
-    wires, struts, lines : (k, 3) int arrays
+    wires, struts, lines
         Upper and lower body, and blade or -1; of lines, see `compiled_weight`.
-    springs : (s, 2) int array
+    springs
         Upper and lower body.
-    place : (w, 15) int array
+    place
         Coordinates of both bodies and of the blade's tip of each wire; N for none.
-    sections : (w, m, 10) array
-        Sections of wires that bend, see `compiled_wire`.
-    blades, tips : (b,) and (b, 3) int arrays
+    sections
+        Sections of wires that bend, see `compiled_wire`; (0, 0, 10) for strings.
+    blades, tips
         Body and coordinates of blades, see `Layout`.
-    parent : (n + 1,) int array
+    parent
         Body that each body hangs from.
     """
 
-    wires: Any
-    struts: Any
-    lines: Any
-    springs: Any
-    place: Any
-    sections: Any
-    blades: Any
-    tips: Any
-    parent: Any
+    wires: Int[np.ndarray, "wire 3"]
+    struts: Int[np.ndarray, "strut 3"]
+    lines: Int[np.ndarray, "line 3"]
+    springs: Int[np.ndarray, "spring 2"]
+    place: Int[np.ndarray, "wire 15"]
+    sections: Float[np.ndarray, "_ section 10"]
+    blades: Int[np.ndarray, " blade"]
+    tips: Int[np.ndarray, "blade 3"]
+    parent: Int[np.ndarray, " 1+body"]
 
 
 class Numbers(NamedTuple):
-    """Numbers of a batch of scenes, (p, k, m): one row per element; of one build, (k, m)."""
+    """Numbers of a batch of scenes, or of one build: one row per element."""
 
-    bodies: Any
-    wires: Any
-    blades: Any
-    springs: Any
-    flex: Any
-    struts: Any
-    lines: Any
+    bodies: Float[np.ndarray, "*build body 13"]
+    wires: Float[np.ndarray, "*build wire 13"]
+    blades: Float[np.ndarray, "*build blade 6"]
+    springs: Float[np.ndarray, "*build spring 48"]
+    flex: Float[np.ndarray, "*build _ 19"]
+    struts: Float[np.ndarray, "*build strut 13"]
+    lines: Float[np.ndarray, "*build line 9"]
 
 
-def pack(scene: Scene, numbering: Layout) -> tuple[Topology, Any, Numbers]:
+class Limits(NamedTuple):
+    """Most steps of Newton's method, and the constants of `solve` of these names."""
+
+    steps: int
+    balanced: float
+    last_step: float
+    cap: float
+
+
+class Results(NamedTuple):
+    """Results of Newton's method, see `Equilibrium`; `status`: `SOLVED`, `NOMINAL` or `FAILED`."""
+
+    tension: Float[np.ndarray, "build wire"]
+    residual: Float[np.ndarray, " build"]
+    rounding: Float[np.ndarray, " build"]
+    steps: Int[np.ndarray, " build"]
+    pivot: Float[np.ndarray, " build"]
+    status: Int[np.ndarray, " build"]
+
+
+class Tangent(NamedTuple):
+    """Tangent stiffness and mass of a batch of scenes.
+
+    Attributes
+    ----------
+    soft
+        The stiffness if wires kept their lengths, N/m, N and N m.
+    form
+        Elongation of each wire per coordinate.
+    stiffness
+        The soft part plus the sum of k a a^T over the wires.
+    mass
+        Of bodies about their COMs as they are turned, without tip masses.
+    """
+
+    soft: Float[np.ndarray, "build coordinate coordinate"]
+    form: Float[np.ndarray, "build wire coordinate"]
+    stiffness: Float[np.ndarray, "build coordinate coordinate"]
+    mass: Float[np.ndarray, "build coordinate coordinate"]
+
+
+def pack(scene: Scene, numbering: Layout) -> tuple[Topology, Float[np.ndarray, "_ 3"], Numbers]:
     """Pack a scene with one batch axis: topology, gravity (see `compiled_weight`) and numbers."""
     wires, blades, springs, struts = scene.wires, scene.blades, scene.springs, scene.struts
     bends = scene.flex is not None
@@ -151,7 +198,7 @@ def pack(scene: Scene, numbering: Layout) -> tuple[Topology, Any, Numbers]:
 
 
 @inlined
-def _build(numbers: Any, p: int) -> Any:
+def _numbers_of(numbers: Numbers, p: int) -> Numbers:
     """Numbers of one build of a batch."""
     return Numbers(
         numbers.bodies[p],
@@ -164,8 +211,16 @@ def _build(numbers: Any, p: int) -> Any:
     )
 
 
-def _table(batch: tuple[int, ...], part: Any, names: tuple[str, ...]) -> Any:
-    """Fields of a part of the scene side by side: (p, k, m)."""
+@inlined
+def _pose_of(poses: PoseArrays, p: int) -> PoseArrays:
+    """Pose of one build of a batch."""
+    return PoseArrays(poses.shift[p], poses.turn[p], poses.deflection[p])
+
+
+def _table(
+    batch: tuple[int, ...], part: Wires | Blades | Springs | Flex, names: tuple[str, ...]
+) -> Float[np.ndarray, "build element number"]:
+    """Fields of a part of the scene side by side."""
     axes, values = inner_axes(type(part)), [getattr(part, name) for name in names]
     inner = [axes[name] - 1 for name in names]
     widths = [math.prod(v.shape[v.ndim - own :]) for v, own in zip(values, inner, strict=True)]
@@ -180,84 +235,46 @@ def _table(batch: tuple[int, ...], part: Any, names: tuple[str, ...]) -> Any:
 
 @compiled
 def _evaluate(
-    topology: Any,
-    gravity: Any,
-    numbers: Any,
-    pose: Any,
-    tension: Any,
-    gradient: Any,
-    hessian: Any,
-    on_tips: Any,
+    topology: Topology,
+    gravity: Float[np.ndarray, "_ 3"],
+    numbers: Numbers,
+    pose: PoseArrays,
+    tension: Float[np.ndarray, " wire"],
+    derivatives: Derivatives,
     curved: bool,
-    form: Any,
+    form: Float[np.ndarray, "_ _"],
 ) -> None:
-    """Gradient (N,) of one build, and if `curved` its Hessian (N, N), lower triangle.
+    """Derivatives of the energy of one build, the second ones if `curved`.
 
-    The forces `on_tips` are overwritten; for `form` see `add_wires`.
+    For `form` see `add_wires`.
     """
-    gradient[:], on_tips[:] = 0.0, 0.0
+    derivatives.gradient[:], derivatives.on_tips[:] = 0.0, 0.0
     if curved:
-        hessian[:] = 0.0
-    add_bodies(numbers.bodies, gravity, pose[0], pose[1], gradient, hessian, curved)
+        derivatives.hessian[:] = 0.0
+    bodies, tips, sections = numbers.bodies, topology.tips, topology.sections
+    add_bodies(bodies, gravity, pose, derivatives, curved)
     if len(numbers.lines):
-        add_lines(
-            numbers.bodies,
-            topology.lines,
-            numbers.lines,
-            topology.tips,
-            gravity,
-            pose,
-            gradient,
-            hessian,
-            on_tips,
-            curved,
-        )
-    add_wires(
-        topology.wires,
-        topology.tips,
-        topology.sections,
-        numbers.wires,
-        numbers.flex,
-        pose,
-        tension,
-        gradient,
-        hessian,
-        on_tips,
-        curved,
-        form,
-    )
+        add_lines(bodies, topology.lines, numbers.lines, tips, gravity, pose, derivatives, curved)
+    wires = WireRows(topology.wires, sections, numbers.wires, numbers.flex)
+    add_wires(wires, tips, pose, tension, derivatives, curved, form)
     if len(numbers.struts):
         none, thrust = numbers.flex[:0], np.empty(len(numbers.struts))
-        add_wires(
-            topology.struts,
-            topology.tips,
-            topology.sections,
-            numbers.struts,
-            none,
-            pose,
-            thrust,
-            gradient,
-            hessian,
-            on_tips,
-            curved,
-            none,
-        )
+        struts = WireRows(topology.struts, sections, numbers.struts, none)
+        add_wires(struts, tips, pose, thrust, derivatives, curved, none)
     if len(numbers.springs):
-        add_springs(topology.springs, numbers.springs, pose, gradient, hessian, curved)
-    add_blades(
-        topology.blades,
-        topology.tips,
-        numbers.blades,
-        pose,
-        gradient,
-        hessian,
-        on_tips,
-        curved,
-    )
+        add_springs(topology.springs, numbers.springs, pose, derivatives, curved)
+    add_blades(topology.blades, tips, numbers.blades, pose, derivatives, curved)
 
 
 @compiled
-def _scales(topology: Any, gravity: Any, numbers: Any, scale: Any, load: Any, arm: Any) -> float:
+def _scales(
+    topology: Topology,
+    gravity: Float[np.ndarray, "_ 3"],
+    numbers: Numbers,
+    scale: Float[np.ndarray, " coordinate-5"],
+    load: Float[np.ndarray, " 1+body"],
+    arm: Float[np.ndarray, " 1+body"],
+) -> float:
     """Fill the scale of the residual in every coordinate but the support's; largest lever arm."""
     ends, wires, springs = topology.wires, numbers.wires, numbers.springs
     bodies, pull = len(numbers.bodies), math.sqrt(dot(vector(gravity, 0, 0), vector(gravity, 0, 0)))
@@ -293,7 +310,7 @@ def _scales(topology: Any, gravity: Any, numbers: Any, scale: Any, load: Any, ar
 
 
 @compiled
-def _rotate_by(step: Any, turn: Any, n: int) -> None:
+def _rotate_by(step: Vector, turn: Float[np.ndarray, "1+body 3 3"], n: int) -> None:
     """Multiply one rotation 1 + `turn` by that of a rotation vector, see `rotations`."""
     size = math.sqrt(dot(step, step))
     if size == 0.0:
@@ -305,7 +322,11 @@ def _rotate_by(step: Any, turn: Any, n: int) -> None:
 
 
 @compiled
-def _residual(gradient: Any, target: Any, scale: Any) -> float:
+def _residual(
+    gradient: Float[np.ndarray, " coordinate"],
+    target: Float[np.ndarray, " coordinate-6"],
+    scale: Float[np.ndarray, " coordinate-6"],
+) -> float:
     largest = 0.0
     for i in range(len(scale)):
         size = abs(gradient[6 + i] - target[i]) / scale[i]
@@ -315,7 +336,7 @@ def _residual(gradient: Any, target: Any, scale: Any) -> float:
 
 
 @compiled
-def _largest_size(values: Any) -> float:
+def _largest_size(values: Float[np.ndarray, "*shape"]) -> float:
     result = 0.0
     for value in values.flat:
         result = max(result, abs(value))
@@ -323,7 +344,13 @@ def _largest_size(values: Any) -> float:
 
 
 @compiled
-def _rounding(ends: Any, wires: Any, tension: Any, pose: Any, scale: Any) -> float:
+def _rounding(
+    ends: Int[np.ndarray, "wire 3"],
+    wires: Float[np.ndarray, "wire 13"],
+    tension: Float[np.ndarray, " wire"],
+    pose: PoseArrays,
+    scale: Float[np.ndarray, " coordinate-6"],
+) -> float:
     """Residual that rounding may cause, see `solve`."""
     shift, turn, _ = pose
     result = 0.0
@@ -339,14 +366,14 @@ def _rounding(ends: Any, wires: Any, tension: Any, pose: Any, scale: Any) -> flo
 
 @compiled
 def newton_batch(
-    topology: Any,
-    gravity: Any,
-    numbers: Any,
-    poses: Any,
-    targets: Any,
-    limits: Any,
+    topology: Topology,
+    gravity: Float[np.ndarray, "_ 3"],
+    numbers: Numbers,
+    poses: PoseArrays,
+    targets: Float[np.ndarray, "build coordinate-6"],
+    limits: Limits,
     accept_nominal: bool,
-    results: Any,
+    results: Results,
 ) -> None:
     """Solve for the pose of every build, in place of its start.
 
@@ -354,25 +381,21 @@ def newton_batch(
     ----------
     topology, gravity, numbers
         See `pack`.
-    poses : tuple of arrays
-        Shift, turn and deflection with the builds as first axis: start and result.
-    targets : (p, N - 6) array
+    poses
+        Start and result.
+    targets
         Gradient to reach, N and N m.
-    limits : tuple of float
-        Most steps, and the constants BALANCED, LAST_STEP, CAP of `solve`.
-    accept_nominal : bool
+    accept_nominal
         Whether to leave a start that balances as it is.
-    results : tuple of arrays
-        To be filled: tension (p, w), residual, its rounding, steps, least pivot and status (p,).
+    results
+        To be filled.
     """
-    shift, turn, deflection = poses
     tension, residuals, roundings, steps, pivots, status = results
-    most, balanced, last_step, cap = limits
     builds, free = targets.shape
     bodies = numbers.bodies.shape[1]
     size = free + SUPPORTED
     gradient, hessian = np.empty(size), np.empty((size, size))
-    on_tips = np.empty((numbers.blades.shape[1], 3))
+    derivatives = Derivatives(gradient, hessian, np.empty((numbers.blades.shape[1], 3)))
     # one element more for rigid directions of blades
     scale_all = np.empty(free + 1)
     scale = scale_all[:free]
@@ -381,19 +404,17 @@ def newton_batch(
     x, where = np.empty(free), np.empty(free, dtype=np.int64)
     tips, none = topology.tips, np.empty((0, 0))
     for p in range(builds):
-        own = _build(numbers, p)
-        pose, target = (shift[p], turn[p], deflection[p]), targets[p]
-        work = (tension[p], gradient, hessian, on_tips)
+        own, pose, target = _numbers_of(numbers, p), _pose_of(poses, p), targets[p]
         largest = _scales(topology, gravity, own, scale_all, load, arm)
-        _evaluate(topology, gravity, own, pose, *work, True, none)
+        _evaluate(topology, gravity, own, pose, tension[p], derivatives, True, none)
         residual = _residual(gradient, target, scale)
         count, fresh, slow, converged, least = 0, True, False, False, np.nan
         status[p] = SOLVED
-        if accept_nominal and residual <= balanced:
+        if accept_nominal and residual <= limits.balanced:
             status[p] = NOMINAL
-            most_steps = 0.0
+            most_steps = 0
         else:
-            most_steps = most
+            most_steps = limits.steps
         while count < most_steps and not converged and math.isfinite(residual):
             if fresh:
                 fair = factorise(hessian, factor, pivot, where, 0, SUPPORTED)
@@ -411,23 +432,23 @@ def newton_batch(
                 rotation = i < 6 * bodies and i % 6 >= 3
                 step = max(step, abs(x[i]))
                 longest = max(longest, abs(x[i]) / (1.0 if rotation else largest))
-            shorten = max(longest / cap, 1.0)
+            shorten = max(longest / limits.cap, 1.0)
             for n in range(bodies):
                 for i in range(3):
-                    pose[0][n + 1, i] += x[6 * n + i] / shorten
+                    pose.shift[n + 1, i] += x[6 * n + i] / shorten
                     x[6 * n + 3 + i] /= shorten
-                _rotate_by((x[6 * n + 3], x[6 * n + 4], x[6 * n + 5]), pose[1], n + 1)
+                _rotate_by((x[6 * n + 3], x[6 * n + 4], x[6 * n + 5]), pose.turn, n + 1)
             for n in range(len(tips)):
                 for i in range(3):
                     if tips[n, i] < size:
-                        pose[2][n, i] += x[tips[n, i] - SUPPORTED] / shorten
+                        pose.deflection[n, i] += x[tips[n, i] - SUPPORTED] / shorten
             # full steps until they are short, then with the factors of the last one
             fresh = longest > SHORT or slow
-            _evaluate(topology, gravity, own, pose, *work, fresh, none)
+            _evaluate(topology, gravity, own, pose, tension[p], derivatives, fresh, none)
             before, residual = residual, _residual(gradient, target, scale)
             step /= shorten
             # as far as rounding lets the residual fall
-            converged = step < last_step and (residual < ROUNDED or residual > before / 2)
+            converged = step < limits.last_step and (residual < ROUNDED or residual > before / 2)
             slow = not fresh and residual > before / 10
             count += 1
         residuals[p], steps[p], pivots[p] = residual, count, least
@@ -438,26 +459,22 @@ def newton_batch(
 
 @compiled
 def _tangents(
-    topology: Any,
-    gravity: Any,
-    numbers: Any,
-    inertia: Any,
-    poses: Any,
-    soft: Any,
-    form: Any,
-    whole: Any,
-    masses: Any,
+    topology: Topology,
+    gravity: Float[np.ndarray, "_ 3"],
+    numbers: Numbers,
+    inertia: Float[np.ndarray, "build body 3 3"],
+    poses: PoseArrays,
+    result: Tangent,
 ) -> None:
-    """Fill the arrays of `tangent`."""
-    shift, turn, deflection = poses
+    soft, form, whole, masses = result
     place, size = topology.place, soft.shape[-1]
     gradient, hessian = np.empty(size), np.empty((size, size))
-    on_tips, tension = np.empty((numbers.blades.shape[1], 3)), np.empty(len(place))
+    derivatives = Derivatives(gradient, hessian, np.empty((numbers.blades.shape[1], 3)))
+    tension = np.empty(len(place))
     for p in range(len(soft)):
-        own = _build(numbers, p)
-        pose = (shift[p], turn[p], deflection[p])
+        own, pose = _numbers_of(numbers, p), _pose_of(poses, p)
         form[p], masses[p] = 0.0, 0.0
-        _evaluate(topology, gravity, own, pose, tension, gradient, hessian, on_tips, True, form[p])
+        _evaluate(topology, gravity, own, pose, tension, derivatives, True, form[p])
         for i in range(size):
             for j in range(i + 1):
                 soft[p, i, j] = soft[p, j, i] = hessian[i, j]
@@ -476,78 +493,63 @@ def _tangents(
         for n in range(len(own.bodies)):
             for i in range(3):
                 masses[p, 6 * n + 6 + i, 6 * n + 6 + i] = own.bodies[n, MASS]
-            rotation = added(diagonal(1.0), matrix(turn[p], n + 1))
+            rotation = added(diagonal(1.0), matrix(pose.turn, n + 1))
             turned = product(product(rotation, matrix(inertia[p], n)), transposed(rotation))
             add_block(masses[p], 6 * n + 9, 6 * n + 9, symmetric(turned))
 
 
-def _copy(pose: Pose) -> tuple[Any, Any, Any]:
+def _copy(pose: Pose) -> PoseArrays:
     """Arrays of a pose that loops can write to."""
-    shift, turn, deflection = (
-        np.array(part, order="C") for part in (pose.shift, pose.turn, pose.deflection)
+    return PoseArrays(
+        *(np.array(part, order="C") for part in (pose.shift, pose.turn, pose.deflection))
     )
-    return shift, turn, deflection
 
 
-def tangent(scene: Scene, numbering: Layout, pose: Pose) -> tuple[Any, Any, Any, Any]:
-    """Tangent stiffness of a batch of scenes, with and without stretching of wires, and mass.
-
-    Returns
-    -------
-    soft : (p, N, N) array
-        The stiffness if wires kept their lengths, N/m, N and N m.
-    form : (p, w, N) array
-        Elongation of each wire per coordinate.
-    stiffness : (p, N, N) array
-        The soft part plus the sum of k a a^T over the wires.
-    mass : (p, N, N) array
-        Of bodies about their COMs as they are turned, without tip masses.
-    """
+def tangent(scene: Scene, numbering: Layout, pose: Pose) -> Tangent:
+    """Tangent stiffness of a batch of scenes, with and without stretching of wires, and mass."""
     packed, count, size = pack(scene, numbering), scene.batch[0], numbering.size
     soft, stiffness, mass = (np.empty((count, size, size)) for _ in range(3))
     form = np.empty((count, len(scene.wires.label), size))
     poses = _copy(pose)  # not read-only, as those of `newton`: else `_evaluate` is compiled again
     inertia = scene.bodies.inertia
     inertia = constant(inertia, (count, *inertia.shape[-3:]))
-    made = (soft, form, stiffness, mass)
-    _tangents(*packed, inertia, poses, *made)
+    made = Tangent(soft, form, stiffness, mass)
+    _tangents(*packed, inertia, poses, made)
     return made
 
 
 @compiled
-def _geometries(topology: Any, numbers: Any, poses: Any, tension: Any, result: Any) -> None:
-    shift, turn, deflection = poses
+def _geometries(
+    topology: Topology,
+    numbers: Numbers,
+    poses: PoseArrays,
+    tension: Float[np.ndarray, "build wire"],
+    result: Float[np.ndarray, "build wire 25"],
+) -> None:
     for p in range(len(result)):
-        pose = (shift[p], turn[p], deflection[p])
-        wires, flex = numbers.wires[p], numbers.flex[p]
-        fill_geometry(topology.wires, wires, flex, pose, tension[p], result[p])
+        wires = WireRows(topology.wires, topology.sections, numbers.wires[p], numbers.flex[p])
+        fill_geometry(wires, _pose_of(poses, p), tension[p], result[p])
 
 
-def wire_geometry(scene: Scene, numbering: Layout, pose: Pose, tension: Any) -> tuple[Any, ...]:
-    """Geometry of the wires of a batch of scenes that bend, in equilibrium.
-
-    Returns
-    -------
-    place : (w, 15) int array
-    sections : (w, m, 10) array
-    geometry : (p, w, 25) array
-        All as `elements.compiled_wire.add_dynamic` takes them.
-    """
+def wire_geometry(
+    scene: Scene, numbering: Layout, pose: Pose, tension: Inexact[np.ndarray, "build wire"]
+) -> WireArrays:
+    """Geometry of the wires of a batch of scenes that bend, in equilibrium."""
     topology, _, numbers = pack(scene, numbering)
     result = np.empty((*scene.batch, len(scene.wires.label), 25))
     _geometries(topology, numbers, _copy(pose), constant(tension), result)
-    return topology.place, topology.sections, result
+    return WireArrays(topology.place, topology.sections, result)
 
 
 def newton(
     scene: Scene,
     numbering: Layout,
     start: Pose,
-    target: Any,
-    limits: tuple[float, ...],
+    target: Float[np.ndarray, "build coordinate"] | float,
+    limits: Limits,
     *,
     accept_nominal: bool,
-) -> tuple[Pose, dict[str, Any], int, Any]:
+) -> tuple[Pose, dict[str, Float[np.ndarray, "build ..."]], int, Int[np.ndarray, " build"]]:
     """Solve for the poses of a batch of scenes from poses `start`, one per scene.
 
     See `newton_batch`.
@@ -556,7 +558,7 @@ def newton(
     -------
     pose : Pose
     results : dict of arrays
-        Residual, rounding, tension and pivot of an `Equilibrium`.
+        Residual, rounding, tension, pivot and flex of an `Equilibrium`.
     steps : int
         Most that any build took.
     status : (p,) array
@@ -565,17 +567,22 @@ def newton(
     packed = pack(scene, numbering)
     count = scene.batch[0]
     poses = _copy(start)
-    free = target if np.isscalar(target) else target[..., 6:]
+    free = target[..., 6:] if isinstance(target, np.ndarray) else target
     targets = constant(np.asarray(free, dtype=float), (count, numbering.size - 6))
-    results = {
-        "tension": np.zeros((count, len(scene.wires.label))),
-        "residual": np.empty(count),
-        "rounding": np.empty(count),
-        "steps": np.empty(count, dtype=np.int64),
-        "pivot": np.empty(count),
-        "status": np.empty(count, dtype=np.uint8),
+    results = Results(
+        tension=np.zeros((count, len(scene.wires.label))),
+        residual=np.empty(count),
+        rounding=np.empty(count),
+        steps=np.empty(count, dtype=np.int64),
+        pivot=np.empty(count),
+        status=np.empty(count, dtype=np.uint8),
+    )
+    newton_batch(*packed, poses, targets, limits, accept_nominal, results)
+    found = {
+        "residual": results.residual,
+        "rounding": results.rounding,
+        "tension": results.tension,
+        "pivot": results.pivot,
+        "flex": packed[2].flex[..., BEND:],
     }
-    newton_batch(*packed, poses, targets, limits, accept_nominal, tuple(results.values()))
-    found = {name: results[name] for name in ("residual", "rounding", "tension", "pivot")}
-    found["flex"] = packed[2].flex[..., BEND:]
-    return Pose(*poses), found, int(results["steps"].max(initial=0)), results["status"]
+    return Pose(*poses), found, int(results.steps.max(initial=0)), results.status

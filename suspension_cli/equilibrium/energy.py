@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from suspension_cli.elements.element import Derivatives
-from suspension_cli.elements.registry import ELEMENTS
+from suspension_cli.elements.element import Derivatives, Element
+from suspension_cli.elements.registry import elements_of
 from suspension_cli.scene.pose import Layout, Pose
 from suspension_cli.scene.scene import Scene
 
@@ -16,12 +17,12 @@ if TYPE_CHECKING:
 
 def energy(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch"]:
     """Elastic and gravitational energy (...) relative to the nominal pose, J."""
-    first, *others = (element.energy(scene, pose) for element in ELEMENTS)
+    first, *others = (element.energy(scene, pose) for element in elements_of(scene))
     return sum(others, first)
 
 
 def gradient_and_stiffness(
-    scene: Scene, numbering: Layout, pose: Pose
+    scene: Scene, numbering: Layout, pose: Pose, elements: Sequence[Element] | None = None
 ) -> tuple[
     Inexact[np.ndarray, "*batch coordinate"], Inexact[np.ndarray, "*batch coordinate coordinate"]
 ]:
@@ -32,6 +33,8 @@ def gradient_and_stiffness(
     scene : Scene
     numbering : Layout
     pose : Pose
+    elements : sequence of Element, optional
+        Those that count; default: all of the scene.
 
     Returns
     -------
@@ -41,6 +44,6 @@ def gradient_and_stiffness(
         Tangent stiffness, exactly symmetric, N/m, N and N m.
     """
     derivatives = Derivatives.zeros(scene, numbering)
-    for element in ELEMENTS:
+    for element in elements_of(scene) if elements is None else elements:
         element.add_derivatives(scene, numbering, pose, derivatives)
     return derivatives.sums()

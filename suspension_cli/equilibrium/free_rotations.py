@@ -6,7 +6,7 @@ direction of gravity, where that is not the vertical; not in a field with a grad
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -39,11 +39,15 @@ def single_point_stages(scene: Scene) -> list[tuple[int, int]]:
 
 
 def _is_held(scene: Scene, body: int) -> bool:
-    """Whether a spring joins a body, or one that hangs from it, to another body."""
+    """Whether a spring or added element joins a body, or one that hangs from it, to another."""
     springs, members = scene.springs, subtree(scene, body)
-    leaves = np.isin(springs.upper, members) != np.isin(springs.lower, members)
+
+    def leaves(part: Any) -> Any:
+        return np.isin(part.upper, members) != np.isin(part.lower, members)
+
     elastic = springs.stiffness.any((-2, -1)) | springs.preload.any(-1)
-    return bool((leaves & elastic).any())
+    held = (leaves(springs) & elastic).any()
+    return bool(held or any(leaves(part).any() for part in scene.added.values()))
 
 
 def _coincide(points: Inexact[np.ndarray, "... point 3"]) -> bool:

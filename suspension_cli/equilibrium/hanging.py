@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from suspension_cli.scene.scene import Scene, Wires
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Inexact
+    from numpy.typing import ArrayLike
 
 MIRRORED = 1e-9
 """Relative difference, left by Newton's method, up to which wires at mirrored points hang alike."""
@@ -182,7 +183,11 @@ def apply(scene: Scene, item: Perturbation) -> Scene:
 
 
 def impose(
-    scene: Scene, part: str, number: int, amounts: Mapping[str, Any], hold: str = "loaded-length"
+    scene: Scene,
+    part: str,
+    number: int,
+    amounts: Mapping[str, ArrayLike],
+    hold: str = "loaded-length",
 ) -> Scene:
     """Apply imperfections of one part to a scene, see `scene.imperfections.impose`.
 
@@ -228,7 +233,7 @@ def drop_complex_step(scene: Scene) -> Scene:
     field = scene.field
     if field is not None:
         field = replace(field, vector=np.real(field.vector), gradient=np.real(field.gradient))
-    return replace(scene, gravity=np.real(scene.gravity), field=field, **parts)
+    return replace(scene.with_parts(parts), gravity=np.real(scene.gravity), field=field)
 
 
 def first_order_pose(scene: Scene, numbering: Layout, pose: Pose) -> Pose:

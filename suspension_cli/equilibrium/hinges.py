@@ -11,7 +11,6 @@ covered are necks, a ribbon's stiff plane, torsion, and loss where a wire bends.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -26,7 +25,7 @@ LARGEST = 0.5
 """Most of a wire that its two bends may take."""
 
 
-def hinge_rigidities(design: Design) -> tuple[tuple[Any, Any], ...]:
+def hinge_rigidities(design: Design) -> tuple[tuple[float, float], ...]:
     """E I (N m^2) at the upper and the lower end of each wire; 0 where it is not hinged.
 
     Empty if no wire is hinged. Of a ribbon in its soft plane.
@@ -53,7 +52,7 @@ def hinge_rigidities(design: Design) -> tuple[tuple[Any, Any], ...]:
     return tuple(result)
 
 
-def to_hinges(scene: Scene, rigidity: tuple[tuple[Any, Any], ...]) -> Scene:
+def to_hinges(scene: Scene, rigidity: tuple[tuple[float, float], ...]) -> Scene:
     """Move the ends of hinged wires by sqrt(E I / T) along them, as they are in the nominal pose.
 
     Wires that do not hang in the pose that is solved for keep their ends.

@@ -21,6 +21,7 @@ from suspension_cli.design.schema import Design
 from suspension_cli.elements import blade, string
 from suspension_cli.elements import weight as weights
 from suspension_cli.elements.geometric_stiffness import sum_by
+from suspension_cli.elements.registry import with_added
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.hanging import apply, drop_complex_step, first_order_pose
 from suspension_cli.errors import Fault, InputError
@@ -63,7 +64,7 @@ def expand_nominal(design: Design) -> Scene:
     InputError
         If it does not balance, or the loads of blades and the pose do not converge.
     """
-    scene = scene_expand.expand_as_drawn(design)
+    scene = with_added(scene_expand.expand_as_drawn(design), design)
     unknown = _unknown_loads(design, scene)
     return _with_loads_of_pose(scene, unknown) if unknown.any() else scene
 

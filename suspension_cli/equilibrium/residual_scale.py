@@ -8,6 +8,7 @@ import numpy as np
 
 from suspension_cli.elements.weight import masses
 from suspension_cli.equilibrium.tree import parents
+from suspension_cli.scene.arrays import frames
 from suspension_cli.scene.pose import Layout
 from suspension_cli.scene.scene import Scene
 
@@ -62,13 +63,12 @@ def lever_arms(scene: Scene) -> Float[np.ndarray, "*batch 1+body"]:
 
     At least `LEAST_ARM`; the support comes first.
     """
-    wires, springs = scene.wires, scene.springs
+    springs = scene.springs
     result = np.full((*scene.batch, len(scene.bodies.name) + 1), LEAST_ARM)
-    ends = (
-        (wires.upper, wires.upper_point),
-        (wires.lower, wires.lower_point),
-        (springs.lower, springs.lower_point),
-    )
+    ends = [(springs.lower, springs.lower_point)]
+    for part in (scene.wires, *scene.added.values()):
+        points = frames(type(part)).items()
+        ends += [(getattr(part, body), getattr(part, point)) for point, body in points]
     for body, points in ends:
         place: Any = (..., body)
         np.maximum.at(result, place, np.abs(points).max(-1))

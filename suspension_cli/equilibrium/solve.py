@@ -9,11 +9,12 @@ not slide down from it.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.elements import string
+from suspension_cli.elements.registry import uncompiled
 from suspension_cli.equilibrium.definite import positive_definite
 from suspension_cli.equilibrium.energy import gradient_and_stiffness
 from suspension_cli.equilibrium.free_rotations import free_rotations, single_point_stages
@@ -202,6 +203,16 @@ def solve(scene: Scene, numbering: Layout | None = None, start: Pose | None = No
     return found
 
 
+def solve_again(
+    scene: Scene, numbering: Layout, found: Equilibrium, which: Bool[np.ndarray, "*batch"]
+) -> Equilibrium:
+    """Solve some scenes of a batch from where they are, or a scene without batch axes."""
+    if not scene.batch:
+        return solve(scene, numbering, start=found.pose)
+    start = _select_pose(found.pose, which)
+    return _replace(found, which, solve(select_scenes(scene, which), numbering, start=start))
+
+
 def newton_steps(scene: Scene, steps: int) -> Equilibrium:
     """Take a given number of Newton steps from the nominal pose, converged or not.
 
@@ -215,7 +226,7 @@ def _select_pose(pose: Pose, where: Bool[np.ndarray, "*batch"]) -> Pose:
 
 
 def _broadcast_pose(pose: Pose, batch: tuple[int, ...]) -> Pose:
-    def spread(part: Any, inner: int) -> Any:
+    def spread(part: np.ndarray, inner: int) -> np.ndarray:
         return np.broadcast_to(part, batch + part.shape[part.ndim - inner :])
 
     return Pose(*(spread(getattr(pose, name), inner) for name, inner in PARTS_OF_POSE.items()))
@@ -233,7 +244,7 @@ def _replace(
 ) -> Equilibrium:
     """Replace the results of a batch `where` new ones are given (for these alone)."""
 
-    def merge(old: Any, some: Any) -> Any:
+    def merge(old: np.ndarray, some: np.ndarray) -> np.ndarray:
         result = np.array(np.broadcast_to(old, where.shape + np.shape(some)[1:]))
         result[where] = some
         return result
@@ -262,13 +273,15 @@ def _is_stable(scene: Scene, numbering: Layout, found: Equilibrium) -> Bool[np.n
     return result
 
 
-def _tangent_stiffness(scene: Scene, numbering: Layout, found: Equilibrium) -> Any:
+def _tangent_stiffness(
+    scene: Scene, numbering: Layout, found: Equilibrium
+) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
     """Tangent stiffness (..., N, N) in equilibrium, which the loops for a batch do not give."""
     if found.stiffness is not None:
         return found.stiffness
     from suspension_cli.equilibrium import compiled  # takes half a second
 
-    return compiled.tangent(scene, numbering, found.pose)[2]
+    return compiled.tangent(scene, numbering, found.pose).stiffness
 
 
 def _has_no_soft_direction(
@@ -307,7 +320,7 @@ def _newton(
     scene: Scene,
     numbering: Layout,
     pose: Pose,
-    target: Any,
+    target: Float[np.ndarray, "*batch coordinate"] | float,
     limit: int,
     *,
     accept_nominal: bool = False,
@@ -315,9 +328,11 @@ def _newton(
     """Newton's method for the pose in which the gradient equals `target` (..., N), N and N m.
 
     At most `limit` steps. With `accept_nominal` a nominal pose that balances is returned unchanged.
-    A batch is solved by compiled loops, but for stages that hang at a single point.
+    A batch is solved by compiled loops, but for stages that hang at a single point, and elements
+    whose formulas the loops lack.
     """
-    if len(scene.batch) == 1 and scene.kind == np.float64 and not single_point_stages(scene):
+    loops = not uncompiled(scene) and not single_point_stages(scene)
+    if len(scene.batch) == 1 and scene.kind == np.float64 and loops:
         return _newton_compiled(
             scene, numbering, pose, target, limit, accept_nominal=accept_nominal
         )
@@ -328,14 +343,15 @@ def _newton_compiled(
     scene: Scene,
     numbering: Layout,
     pose: Pose,
-    target: Any,
+    target: Float[np.ndarray, "*batch coordinate"] | float,
     limit: int,
     *,
     accept_nominal: bool = False,
 ) -> Equilibrium:
     from suspension_cli.equilibrium import compiled  # takes half a second
 
-    limits, pose = (float(limit), BALANCED, LAST_STEP, CAP), _broadcast_pose(pose, scene.batch)
+    limits = compiled.Limits(limit, BALANCED, LAST_STEP, CAP)
+    pose = _broadcast_pose(pose, scene.batch)
     reached, parts, steps, status = compiled.newton(
         scene, numbering, pose, target, limits, accept_nominal=accept_nominal
     )
@@ -361,14 +377,14 @@ def _newton_arrays(
     scene: Scene,
     numbering: Layout,
     pose: Pose,
-    target: Any,
+    target: Float[np.ndarray, "*batch coordinate"] | float,
     limit: int,
     *,
     accept_nominal: bool = False,
 ) -> Equilibrium:
     """Newton's method with arrays over a batch, for any type of number."""
     scale, free = residual_scale(scene, numbering), slice(6, None)
-    wanted = target if np.isscalar(target) else target[..., free]
+    wanted = target if isinstance(target, float | int) else target[..., free]
     gradient, hessian = gradient_and_stiffness(scene, numbering, pose)
     residual = _largest((gradient[..., free] - wanted) / scale)
     converged = (residual <= BALANCED) & accept_nominal & _is_as_drawn(scene, numbering, gradient)
@@ -429,7 +445,10 @@ def _is_as_drawn(
 
 
 def _rounding(
-    scene: Scene, pose: Pose, tension: Inexact[np.ndarray, "*batch wire"], scale: Any
+    scene: Scene,
+    pose: Pose,
+    tension: Inexact[np.ndarray, "*batch wire"],
+    scale: Float[np.ndarray, "*batch moving"],
 ) -> Float[np.ndarray, "*batch"]:
     """Residual (...) that rounding may cause.
 

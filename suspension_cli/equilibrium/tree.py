@@ -13,7 +13,8 @@ def parents(scene: Scene) -> Index:
     result = np.zeros(len(scene.bodies.name) + 1, dtype=np.intp)
     springs, wires = scene.springs, scene.wires
     # a stage's own springs stand before links between any two bodies
-    result[springs.lower[::-1]] = springs.upper[::-1]
+    for part in (*scene.added.values(), springs):
+        result[part.lower[::-1]] = part.upper[::-1]
     result[wires.lower] = wires.upper
     return result
 

@@ -6,7 +6,6 @@ import contextlib
 import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import h5py
 
@@ -27,25 +26,25 @@ def read_design(path: Path) -> str | None:
         return None
 
 
-def _hdf5(path: Path) -> Any:
+def _hdf5(path: Path) -> object:
     with h5py.File(path, "r") as file:
         return file.attrs["design"]
 
 
-def _mat(path: Path) -> Any:
+def _mat(path: Path) -> object:
     from scipy.io import loadmat
 
     return loadmat(path, variable_names=["pendsus"], simplify_cells=True)["pendsus"]["design"]
 
 
-def _npz(path: Path) -> Any:
+def _npz(path: Path) -> object:
     import numpy as np
 
     with np.load(path) as arrays:
         return arrays["design"]
 
 
-def _json(path: Path) -> Any:
+def _json(path: Path) -> object:
     return json.loads(path.read_text(encoding="utf-8"))["design"]
 
 

@@ -11,7 +11,7 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
@@ -19,6 +19,9 @@ import numpy as np
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.files.atomic import write_bytes
 from suspension_cli.version import __version__
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 Stored = Any
 """A group or dataset to read: the types of h5py do not say which of both an item of a group is."""
@@ -84,7 +87,7 @@ def write_root_attributes(file: h5py.File, origin: Provenance) -> None:
     file.attrs["estimated_error"] = origin.error
 
 
-def add_scale(group: h5py.Group, name: str, values: Any, units: str) -> h5py.Dataset:
+def add_scale(group: h5py.Group, name: str, values: ArrayLike, units: str) -> h5py.Dataset:
     """Add a dataset that serves as scale of an axis of others."""
     result = add_dataset(group, name, values, units)
     result.make_scale(name)
@@ -92,7 +95,7 @@ def add_scale(group: h5py.Group, name: str, values: Any, units: str) -> h5py.Dat
 
 
 def add_dataset(
-    group: h5py.Group, name: str, values: Any, units: str, *axes: h5py.Dataset
+    group: h5py.Group, name: str, values: ArrayLike, units: str, *axes: h5py.Dataset
 ) -> h5py.Dataset:
     """Add a dataset with its units and, optionally, the scales of all its axes."""
     values = np.asarray(values)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from suspension_cli.linear.residual import FINE, Equations, Loads
 from suspension_cli.linear.small_matrices import dense
 
 if TYPE_CHECKING:
-    from jaxtyping import Float, Inexact
+    from jaxtyping import Bool, Float, Inexact
 
 CONVERGED = 1e-20
 """Relative correction of a solution in double-double that needs no further one."""
@@ -87,7 +87,7 @@ def _solve_range(
     omega: Float[np.ndarray, " frequency"],
     request: Request,
     loads: Loads,
-    offset: Any,
+    offset: tuple[Inexact[np.ndarray, "output input"], Inexact[np.ndarray, "output input"]],
 ) -> list[Inexact[np.ndarray, "input frequency"]]:
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         factors = block.factor(omega)
@@ -145,8 +145,12 @@ def _static_offset(
 
 
 def _evaluate_output(
-    form: Float[np.ndarray, " coordinate"], offset: Any, offset_low: Any, high: Any, low: Any
-) -> tuple[Any, Any]:
+    form: Float[np.ndarray, " coordinate"],
+    offset: Inexact[np.ndarray, " input"],
+    offset_low: Inexact[np.ndarray, " input"],
+    high: Inexact[np.ndarray, "coordinate *value frequency"],
+    low: Inexact[np.ndarray, "coordinate *value frequency"],
+) -> tuple[Inexact[np.ndarray, "*value frequency"], Bool[np.ndarray, "*value frequency"] | None]:
     """Evaluate a linear form (c,) of coordinates (c, ..., f) in double-double, plus an offset.
 
     Also returns a mask of where it is far smaller than its terms (None if it has one term).
@@ -171,11 +175,15 @@ def _evaluate_output(
     return result, np.abs(result) < CANCELLED * size
 
 
-def _scale(factor: float, values: Any) -> tuple[Any, Any]:
+def _scale(
+    factor: float, values: Inexact[np.ndarray, "*shape"]
+) -> tuple[Inexact[np.ndarray, "*shape"], Inexact[np.ndarray, "*shape"]]:
     """Multiply real or complex values by a double: rounded products and their errors."""
     if not np.iscomplexobj(values):
         return two_product(np.asarray(factor), values)
-    real, imag = (two_product(np.asarray(factor), part) for part in (values.real, values.imag))
+    real, imag = (
+        two_product(np.asarray(factor), part) for part in (np.real(values), np.imag(values))
+    )
     return real[0] + 1j * imag[0], real[1] + 1j * imag[1]
 
 

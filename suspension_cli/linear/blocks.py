@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 SOFT = 1e-5
 """Ratio of a blade's stiffness to that of its wires below which the tip's coordinate is counted
 from where the wires hold it: elimination in doubles loses the square of the ratio."""
-Matrices = tuple[Any, Any, Any]
+Matrices = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""K, M and C, or what is to be added to them."""
 
 
 @dataclass(frozen=True)
@@ -271,7 +272,10 @@ def _support_forces(high: Matrices, low: Matrices) -> SupportForces:
 
 
 def _relative_to_static(
-    high: Matrices, low: Matrices, static: Inexact[np.ndarray, "kept 6"], free: tuple[Any, Any, Any]
+    high: Matrices,
+    low: Matrices,
+    static: Inexact[np.ndarray, "kept 6"],
+    free: tuple[Bool[np.ndarray, " 6"], Bool[np.ndarray, " 6"], Bool[np.ndarray, " 6"]],
 ) -> tuple[Matrices, Matrices]:
     """Change K, M and C to coordinates relative to the static response S.
 

@@ -16,67 +16,95 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from suspension_cli.compiled import compiled, constant, factorise, residual, substitute
 from suspension_cli.linear.system import LinearSystem
 
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float, Inexact, Int
+
 SMALL = 1e-6
 """Least pivot, relative to the element on the diagonal, of factors that are used. They lose up
 to six digits then, which refining the solution once restores."""
 
 
+class Matrices(NamedTuple):
+    """Matrices of many builds.
+
+    Attributes
+    ----------
+    soft, loss
+        Real and imaginary part of the stiffness without the stretching of wires; the loss is
+        (0, N, N) for none.
+    mass, damping
+        The damping is (0, N, N) for none.
+    form
+        Elongation of each wire per coordinate.
+    """
+
+    soft: Float[np.ndarray, "build 6+coordinate 6+coordinate"]
+    mass: Float[np.ndarray, "build 6+coordinate 6+coordinate"]
+    loss: Float[np.ndarray, "_ 6+coordinate 6+coordinate"]
+    damping: Float[np.ndarray, "_ 6+coordinate 6+coordinate"]
+    form: Float[np.ndarray, "build wire 6+coordinate"]
+
+
+class Systems(NamedTuple):
+    """Systems to be solved.
+
+    Attributes
+    ----------
+    which, omega
+        Build and frequency, rad/s, of each.
+    added
+        Stiffness beyond that of the build; (0, N, N) for none.
+    compliance
+        1/k of each wire, m/N.
+    """
+
+    which: Int[np.ndarray, " system"]
+    omega: Float[np.ndarray, " system"]
+    added: Inexact[np.ndarray, "_ 6+coordinate 6+coordinate"]
+    compliance: Inexact[np.ndarray, "system wire"]
+
+
 @compiled
 def respond(
-    order: Any,
+    order: Int[np.ndarray, " coordinate"],
     first_light: int,
     refinements: int,
-    unit: Any,
-    which: Any,
-    omega: Any,
-    soft: Any,
-    mass: Any,
-    loss: Any,
-    damping: Any,
-    added: Any,
-    form: Any,
-    compliance: Any,
-    moves: Any,
-    forces: Any,
-    result: Any,
-    good: Any,
+    unit: complex,
+    matrices: Matrices,
+    systems: Systems,
+    moves: Float[np.ndarray, "build 6 input"],
+    forces: Float[np.ndarray, "build coordinate input"],
+    result: Inexact[np.ndarray, "system coordinate input"],
+    good: Bool[np.ndarray, " system"],
 ) -> None:
-    """Motion of many systems that support motions and forces cause.
+    """Compute the motion of many systems that motions of the support and forces cause.
 
     Parameters
     ----------
-    order : (N - 6,) int array
+    order
         Coordinates but the support's: bodies from the top down, then massless tips.
-    first_light : int
+    first_light
         Number of those with mass.
-    refinements : int
+    refinements
         Number of corrections of each solution.
-    unit : complex or float
+    unit
         1j; any number in real systems, which have no damping.
-    which, omega : (q,) arrays
-        Build and frequency, rad/s, of each system.
-    soft, mass, loss, damping : (p, N, N) arrays
-        Of the builds; real and imaginary part of the stiffness without the stretching of wires;
-        loss and damping (0, N, N) for none.
-    added : (q, N, N) array
-        Further stiffness of each system; (0, N, N) for none.
-    form : (p, w, N) array
-        Elongation of each wire per coordinate.
-    compliance : (q, w) array
-        1/k of each wire, m/N.
-    moves, forces : (p, 6, i) and (p, N - 6, i) arrays
-    result : (q, N - 6, i) array
+    moves, forces
+        Motion of the support and forces on the other coordinates, for each input.
+    result
         To be filled: coordinates but the support's, in the order of the model.
-    good : (q,) bool array
+    good
         To be filled: whether the pivots were large enough.
     """
+    soft, mass, loss, damping, form = matrices
+    which, omega, added, compliance = systems
     free, wires = len(order), form.shape[1]
     size, last = free + wires, first_light + wires
     kind = result.dtype
@@ -144,9 +172,14 @@ def respond(
 
 @compiled
 def _add_further(
-    order: Any, place: Any, factor: Any, further: Any, matrix: Any, drawn: Any
+    order: Int[np.ndarray, " coordinate"],
+    place: Int[np.ndarray, " coordinate"],
+    factor: complex,
+    further: Inexact[np.ndarray, "6+coordinate 6+coordinate"],
+    matrix: Inexact[np.ndarray, "row row"],
+    drawn: Inexact[np.ndarray, "row 6"],
 ) -> None:
-    """Add a multiple of a matrix (N, N) to the stiffness of one system."""
+    """Add a multiple of a matrix to the stiffness of one system."""
     for n in range(len(order)):
         i = order[n]
         for m in range(n + 1):
@@ -157,16 +190,22 @@ def _add_further(
 
 @compiled
 def condense_tips(
-    order: Any, first_light: int, soft: Any, form: Any, compliance: Any, result: Any
+    order: Int[np.ndarray, " coordinate"],
+    first_light: int,
+    soft: Float[np.ndarray, "build 6+coordinate 6+coordinate"],
+    form: Float[np.ndarray, "build wire 6+coordinate"],
+    compliance: Float[np.ndarray, "build wire"],
+    result: Float[np.ndarray, "build 6+coordinate 6+coordinate"],
 ) -> None:
     """Eliminate massless tips from the stiffness of many builds, wires kept apart.
 
     Parameters
     ----------
     order, first_light, soft, form
-        See `respond`.
-    compliance : (p, w) array
-    result : (p, N, N) array
+        See `respond` and `Matrices`.
+    compliance
+        1/k of each wire, m/N.
+    result
         To be filled: the condensed stiffness; a tip has no coupling and the stiffness 1 N/m.
     """
     free, wires = len(order), form.shape[1]
@@ -199,14 +238,13 @@ def condense_tips(
 
 
 @compiled
-def scale_by_mass(mass: Any, stiffness: Any, root: Any, dynamic: Any) -> None:
-    """Fill L with M = L L^T, and L^-1 K L^-T, of many builds.
-
-    Parameters
-    ----------
-    mass, stiffness, root, dynamic : (p, c, c) arrays
-        The last two are to be filled.
-    """
+def scale_by_mass(
+    mass: Float[np.ndarray, "build coordinate coordinate"],
+    stiffness: Float[np.ndarray, "build coordinate coordinate"],
+    root: Float[np.ndarray, "build coordinate coordinate"],
+    dynamic: Float[np.ndarray, "build coordinate coordinate"],
+) -> None:
+    """Fill `root` with L, M = L L^T, and `dynamic` with L^-1 K L^-T, of many builds."""
     size = mass.shape[-1]
     for p in range(len(mass)):
         for i in range(size):

@@ -12,7 +12,7 @@ design's.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -48,7 +48,8 @@ def with_constant_loss(model: LinearSystem) -> LinearSystem:
 
 
 def _relative_to_support(
-    loss: Float[np.ndarray, "coordinate coordinate"], rigid: Any
+    loss: Float[np.ndarray, "coordinate coordinate"],
+    rigid: Float[np.ndarray, "coordinate 6"] | None,
 ) -> Float[np.ndarray, "coordinate coordinate"]:
     """Project a loss matrix on motion relative to the support: rigid motion is lossless."""
     to_relative = np.eye(len(loss))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -188,7 +188,9 @@ class Modes:
         """Select the modes up to a frequency (Hz); those that do not oscillate are kept."""
         return self.select(self.omega_squared <= (2 * np.pi * highest) ** 2)
 
-    def select(self, chosen: Any) -> Modes:
+    def select(
+        self, chosen: slice | Int[np.ndarray, " chosen"] | Bool[np.ndarray, " mode"]
+    ) -> Modes:
         """Select modes by number or mask."""
         return replace(self, **{name: getattr(self, name)[chosen] for name in PER_MODE})
 
@@ -263,7 +265,7 @@ def _solve(model: LinearSystem) -> Modes:
 
 def _solve_blocks(
     model: LinearSystem,
-) -> list[tuple[Float[np.ndarray, " mode"], Float[np.ndarray, "own mode"]]]:
+) -> list[tuple[Float[np.ndarray, " _"], Float[np.ndarray, "_ _"]]]:
     """Solve all blocks, once for systems that differ only in their terms in frequency."""
     constant = model.prepared.get("constant")
     if constant is not None and all(map(np.array_equal, constant.blocks, model.blocks)):
@@ -325,7 +327,7 @@ def _reduced(
 
 
 def _solve_block(
-    model: LinearSystem, block: Int[np.ndarray, " own"], tension: Any
+    model: LinearSystem, block: Int[np.ndarray, " own"], tension: Float[np.ndarray, ""]
 ) -> tuple[Float[np.ndarray, " mode"], Float[np.ndarray, "own mode"]]:
     """Solve one block: omega^2 and shapes over all of its coordinates."""
     massless = model.massless[block]

@@ -269,7 +269,7 @@ class EvaluatedWires:
             "bending-lower": lower,
             "gas": gas.temperature if gas else 0.0,
         }
-        result: dict[tuple[str, float], Any] = {}
+        result: dict[tuple[str, float], Float[np.ndarray, " frequency"]] = {}
         moves = self.term.distinct if motion[:6].any() else self.term.distinct_at_rest
         for part, own in moves.items():
             for cause, value in self.moving.dissipated(part, own.ends(motion)).items():
@@ -303,9 +303,11 @@ class LossTerm:
     cause: str
     temperature: float
     matrix: Float[np.ndarray, "*#batch coordinate coordinate"]
-    angle: Callable[[Any], Any]
+    angle: Callable[[Inexact[np.ndarray, " frequency"]], Inexact[np.ndarray, " frequency"]]
     elastic: bool = True
-    storage: Callable[[Any], Any] | None = None
+    storage: (
+        Callable[[Inexact[np.ndarray, " frequency"]], Inexact[np.ndarray, " frequency"]] | None
+    ) = None
 
     @property
     def matrices(self) -> Float[np.ndarray, "1 coordinate coordinate"]:
@@ -354,7 +356,7 @@ class EvaluatedLoss:
     term: LossTerm
     angle: Inexact[np.ndarray, " frequency"]
     lossy: bool
-    stored: Any = None
+    stored: Inexact[np.ndarray, " frequency"] | None = None
 
     def functions(
         self, which: Int[np.ndarray, " function"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from jaxtyping import Float, Inexact, Int
 
 
-def pair_by_overlap(overlap: Any) -> Int[np.ndarray, " row"]:
+def pair_by_overlap(overlap: Float[np.ndarray, "row column"]) -> Int[np.ndarray, " row"]:
     """Pair rows with columns one to one for the largest sum of overlaps.
 
     Returns the column of each row; -1 for rows without partner, if there are fewer columns than

@@ -14,7 +14,7 @@ from suspension_cli.linear.double_double import DoubleDouble
 from suspension_cli.linear.rigid_motion_invariance import TOGETHER
 from suspension_cli.linear.stretching import Stretching
 from suspension_cli.linear.symmetry import Symmetry
-from suspension_cli.scene.pose import Layout, rigid_motion
+from suspension_cli.scene.pose import Layout, Pose, rigid_motion
 from suspension_cli.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -28,21 +28,32 @@ def separate_stretching(
 
     In symmetry-adapted coordinates, for a scene without batch axes.
     """
-    wires = scene.wires
-    wire_state = string.state(scene, balanced.pose)
-    slack = replace(wires, tension=wire_state.tension, stiffness=np.zeros_like(wire_state.tension))
-    form = (
-        (string.span_jacobian(scene, numbering, balanced.pose, wire_state) * wire_state.direction)
-        .sum(-1)
-        .T
-    )
-    low = _low_parts(
-        form, rigid_motion(numbering.size, scene.bodies.position + balanced.pose.shift), wires.lower
-    )
-    soft = gradient_and_stiffness(replace(scene, wires=slack), numbering, balanced.pose)[1]
+    pose, wires = balanced.pose, scene.wires
+    soft, form = soft_part(scene, numbering, pose)
+    place = scene.bodies.position + pose.shift
+    low = _low_parts(form, rigid_motion(numbering.size, place), wires.lower)
     return adapted.apply(soft), Stretching(
         form @ adapted.basis, low @ adapted.basis, wires.stiffness, adapted.allowed
     )
+
+
+def soft_part(
+    scene: Scene, numbering: Layout, pose: Pose
+) -> tuple[
+    Inexact[np.ndarray, "*batch coordinate coordinate"],
+    Inexact[np.ndarray, "*batch wire coordinate"],
+]:
+    """Compute the tangent stiffness if wires kept their lengths, and their elongations.
+
+    The latter per coordinate; any batch axes.
+    """
+    now = string.state(scene, pose)
+    form = (string.span_jacobian(scene, numbering, pose, now) * now.direction[..., None, :, :]).sum(
+        -1
+    )
+    slack = replace(scene.wires, tension=now.tension, stiffness=np.zeros_like(now.tension))
+    soft = gradient_and_stiffness(replace(scene, wires=slack), numbering, pose)[1]
+    return soft, np.swapaxes(form, -1, -2)
 
 
 def _low_parts(

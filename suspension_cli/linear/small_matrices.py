@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -88,7 +88,7 @@ def solve_each(
 
 
 def _apply_to_stack(
-    function: Callable[..., Any],
+    function: Callable[..., np.ndarray],
     matrix: Inexact[np.ndarray, "size size system"],
     *rhs: Inexact[np.ndarray, "size column system"],
 ) -> Inexact[np.ndarray, "size _ system"]:

@@ -19,7 +19,7 @@ solution.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -315,8 +315,16 @@ def equivalent_damping(
     return mass @ (shapes * rate) @ shapes.T @ mass
 
 
+class TransferMatrix(Protocol):
+    """A system with responses: a state space, or poles and zeros."""
+
+    def at(self, frequency: Array) -> Complex[np.ndarray, "frequency output input"]:
+        """Evaluate the responses (f, o, i) at frequencies (f,) in Hz."""
+        ...
+
+
 def agreement_band(
-    system: Any,
+    system: TransferMatrix,
     model: LinearSystem,
     inputs: list[Signal],
     outputs: list[Signal],

@@ -11,7 +11,7 @@ system in double-double (`condense_double_double`), as a blade may be far softer
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from suspension_cli.linear.double_double import DoubleDouble
 from suspension_cli.linear.small_matrices import solve_each
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Float, Inexact
+    from jaxtyping import Bool, Float, Inexact, Int
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,9 @@ def condense_double_double(
     K_ab K_bb^-1 K_ba (c, 6 + c), and in doubles K_bb^-1 K_ba (m, 6 + c).
     """
 
-    def part(rows: Any, columns: Any) -> tuple[DoubleDouble, DoubleDouble]:
+    def part(
+        rows: Int[np.ndarray, " row"], columns: Int[np.ndarray, " column"]
+    ) -> tuple[DoubleDouble, DoubleDouble]:
         where = np.ix_(rows, columns)
         return DoubleDouble(np.real(full)[where], np.real(low)[where]), DoubleDouble(
             np.imag(full)[where], np.imag(low)[where]

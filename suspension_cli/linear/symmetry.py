@@ -1,29 +1,40 @@
 """Mirror symmetries of a scene, and coordinates that split its matrices accordingly.
 
-If the mirror x to -x (or y to -y) maps every body, wire, blade and spring onto an equal one,
-motions even and odd under it do not couple. The coordinates of a body are even or odd already;
-those of blade tips that are mirror images are combined into even and odd sums. Matrix elements
-between different parities are rounding errors, and are set to exactly 0.
+If the mirror x to -x (or y to -y) maps every body onto itself, and every wire, blade, spring, ...
+onto an equal one, motions even and odd under it do not couple. Which numbers of a part change sign
+in a mirror is declared with its arrays (`arrays.inner`). The coordinates of a body are even or odd
+already; those of blade tips that are mirror images are combined into even and odd sums. Matrix
+elements between different parities are rounding errors, and are set to exactly 0.
 """
 
 from __future__ import annotations
 
 import itertools
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.conventions import PARITY_X, PARITY_Y
+from suspension_cli.scene.arrays import inner_axes, signed
 from suspension_cli.scene.pose import Layout
 from suspension_cli.scene.scene import Scene
 
 if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
     from jaxtyping import Bool, Float, Inexact, Int
 
     from suspension_cli.scene.composition import Fibre
 
+    Pairs = dict[str, Bool[np.ndarray, "*#batch member member"]]
+    """Pairs of members of each part of a scene that map onto each other, by the part's name."""
+
+APART = ("label", "blade", "span")
+"""Fields that mirror images need not share: names, the blade of a wire, whose own image counts, and
+what follows from the ends of a wire."""
 ROUNDING = 1e-13
 """Relative difference up to which computed values (tensions, loads, clamps) count as equal; given
 ones must equal exactly."""
@@ -76,7 +87,7 @@ class Symmetry:
 
 def find_symmetry(scene: Scene, numbering: Layout) -> Symmetry:
     """Find the mirror symmetries of a scene, or those common to a batch of scenes."""
-    equal = _equal_parts(scene)
+    equal = _equal_members(scene)
     images = {axis: _blade_images(scene, axis, equal) for axis in (0, 1)}
     operators = [
         _operator(scene, numbering, axis, image)
@@ -148,157 +159,94 @@ def _adapted_basis(
     return basis, parities.T
 
 
-def _blade_images(scene: Scene, axis: int, equal: _EqualParts) -> Int[np.ndarray, " blade"] | None:
+def is_mirror_symmetric(scene: Scene) -> Bool[np.ndarray, "*batch 2"]:
+    """Whether each scene of a batch is symmetric in x and in y."""
+    equal = _equal_members(scene)
+    found = [np.broadcast_to(_mirror(scene, axis, equal)[0], scene.batch) for axis in (0, 1)]
+    return np.stack(found, axis=-1)
+
+
+def _blade_images(scene: Scene, axis: int, equal: Pairs) -> Int[np.ndarray, " blade"] | None:
     """Number of each blade's image in a mirror of x (axis 0) or y (1).
 
     None unless all scenes of a batch have that symmetry.
     """
-    pairs, one_to_one = _blade_pairs(scene, axis, equal)
-    if not np.all(_has_mirror(scene, axis, equal, pairs, one_to_one)) or (
-        pairs.ndim > 2 and (pairs != pairs[:1]).any()
-    ):
+    symmetric, images = _mirror(scene, axis, equal)
+    if not np.all(symmetric):
         return None
-    first = pairs.reshape(-1, *pairs.shape[-2:])[0] if pairs.size else np.zeros((0, 1))
-    return first.argmax(1)
+    pairs = images.get("blades", np.zeros((0, 1), dtype=bool))
+    first = pairs.any(tuple(range(pairs.ndim - 2)))
+    return None if (pairs != first).any() else first.argmax(1)
 
 
-def is_mirror_symmetric(scene: Scene) -> Bool[np.ndarray, "*batch 2"]:
-    """Whether each scene of a batch is symmetric in x and in y."""
-    equal = _equal_parts(scene)
-    return np.stack(
-        [
-            np.broadcast_to(
-                _has_mirror(scene, axis, equal, *_blade_pairs(scene, axis, equal)), scene.batch
-            )
-            for axis in (0, 1)
-        ],
-        axis=-1,
-    )
-
-
-@dataclass(frozen=True)
-class _EqualParts:
-    """Pairs of blades and of wires that are equal but for position."""
-
-    blades: Bool[np.ndarray, "*#batch blade blade"]
-    wires: Bool[np.ndarray, "*#batch wire wire"]
-
-
-def _equal_parts(scene: Scene) -> _EqualParts:
-    blades, wires = scene.blades, scene.wires
-    blade_pairs = (
-        _equal_labels(blades.body, blades.axes.T)
-        & _equal(blades.stiffness, blades.stiffness)
-        & _equal_labels(blades.loss)
-        & _equal(blades.tip_mass[..., None], blades.tip_mass[..., None])
-    )
-    # wires without blade may match each other; wires on blades only if their blades match
-    wire_pairs = (
-        _equal_labels(wires.upper, wires.lower, wires.loss, wires.blade < 0)
-        & _equal(wires.stiffness[..., None], wires.stiffness[..., None])
-        & _equal(wires.torsion[..., None], wires.torsion[..., None])
-        & _equal(wires.mass, wires.mass)
-        & _close(wires.tension[..., None], wires.tension[..., None])
-        & _close(wires.length[..., None], wires.length[..., None])
-    )
-    if scene.fibres is not None:
-        place = {label: n for n, label in enumerate(blades.label)}
-        order = sorted(scene.fibres.blade, key=lambda blade: place[blade.label])
-        blade_pairs = blade_pairs & _equal_items(
-            [(blade.angle, blade.losses, blade.thickness, blade.temperature) for blade in order]
-        )
-        wire_pairs = wire_pairs & _equal_items(
-            [(fibre.sections, fibre.temperature, fibre.effective) for fibre in scene.fibres.wire]
-        )
-    return _EqualParts(blade_pairs, wire_pairs)
-
-
-def _mirror_signs(axis: int) -> Float[np.ndarray, " 3"]:
-    flip = np.ones(3)
-    flip[axis] = -1.0
-    return flip
-
-
-def _blade_pairs(
-    scene: Scene, axis: int, equal: _EqualParts
-) -> tuple[Bool[np.ndarray, "*batch blade blade"], Bool[np.ndarray, "*batch"]]:
-    """Pair blades that are mirror images; also whether that is one to one."""
-    blades, flip = scene.blades, _mirror_signs(axis)
-    pairs = (
-        equal.blades
-        & _equal(blades.tip, blades.tip * flip)
-        & _close(blades.load, blades.load * flip)
-    )
-    return pairs, _one_to_one(pairs)
-
-
-def _has_mirror(
-    scene: Scene,
-    axis: int,
-    equal: _EqualParts,
-    blade_pairs: Bool[np.ndarray, "*#batch blade blade"],
-    one_to_one: Bool[np.ndarray, "*#batch"],
-) -> Bool[np.ndarray, "*batch"]:
-    """Whether each scene is symmetric in x (axis 0) or y (1), given its `_blade_pairs`."""
-    bodies, wires, springs, flip = scene.bodies, scene.wires, scene.springs, _mirror_signs(axis)
-    odd = np.outer(flip, flip) < 0
-    symmetric = (bodies.position[..., axis] == 0).all(-1) & (bodies.inertia[..., odd] == 0).all(
-        (-2, -1)
-    )
-    symmetric = symmetric & one_to_one
+def _mirror(scene: Scene, axis: int, equal: Pairs) -> tuple[Bool[np.ndarray, "*batch"], Pairs]:
+    """Whether each scene is symmetric in x (axis 0) or y (1), and its members that are images."""
+    bodies, flip = scene.bodies, _signs((3,), axis)
+    symmetric = (bodies.position[..., axis] == 0).all(-1) & (
+        bodies.inertia == bodies.inertia * np.outer(flip, flip)
+    ).all((-3, -2, -1))
     if scene.field is not None and not scene.field.has_mirror(axis):
         symmetric = symmetric & False
     if not np.any(symmetric):
-        return symmetric
-    pairs = (
-        equal.wires
-        & _equal(wires.upper_point, wires.upper_point * flip)
-        & _equal(wires.lower_point, wires.lower_point * flip)
-    )
+        return symmetric, {}
+    pairs = {name: own & _alike(scene.parts[name], axis) for name, own in equal.items()}
+    if scene.fibres is not None and "wires" in pairs:
+        pairs["wires"] = pairs["wires"] & _wire_images(scene.fibres.wire, flip)
+    if "blades" in pairs:
+        blade = scene.wires.blade
+        carried = np.where(blade[:, None] >= 0, pairs["blades"][..., blade[:, None], blade], True)
+        pairs["wires"] = pairs["wires"] & _equal_items(blade < 0) & carried
+    for own in pairs.values():
+        symmetric = symmetric & (own.sum(-1) == 1).all(-1) & (own.sum(-2) == 1).all(-1)
+    return symmetric, pairs
+
+
+def _equal_members(scene: Scene) -> Pairs:
+    """Pair members of all parts but bodies that are equal but for vectors."""
+    parts = {name: part for name, part in scene.parts.items() if name != "bodies" and part.label}
+    pairs = {name: _alike(part) for name, part in parts.items()}
     if scene.fibres is not None:
-        pairs = pairs & _wire_images(scene.fibres.wire, flip)
-    if len(scene.blades.label):
-        blades_match = blade_pairs[..., wires.blade[:, None], wires.blade[None, :]]
-        pairs = pairs & np.where(wires.blade[:, None] >= 0, blades_match, True)
-    symmetric = symmetric & _one_to_one(pairs) & _towers_have_mirror(scene, flip)
-    if not springs.label:
-        return symmetric
-    parity = np.array((PARITY_X, PARITY_Y)[axis], dtype=float)
-    # forces and torques mirror like the motions that they act along
-    pairs = (
-        _equal_labels(springs.upper, springs.lower, springs.loss, springs.grounded)
-        & _equal_items(list(springs.spectrum))
-        & _equal(springs.lower_point, springs.lower_point * flip)
-        & _equal(springs.preload, springs.preload * parity)
-    )
-    if scene.fibres is not None and scene.fibres.spring:
-        losses = {own.label: replace(own, label="") for own in scene.fibres.spring}
-        pairs = pairs & _equal_items([losses.get(label) for label in springs.label])
-    for matrix in (springs.stiffness, springs.damping):
-        flat = matrix.reshape(*matrix.shape[:-2], 36)
-        pairs = pairs & _equal(flat, flat * np.outer(parity, parity).ravel())
-    return symmetric & _one_to_one(pairs)
-
-
-def _towers_have_mirror(scene: Scene, flip: Float[np.ndarray, " 3"]) -> Any:
-    """Whether the struts and bars of each scene are symmetric under a mirror."""
-    struts, bars = scene.struts, scene.bars
-    result: Any = np.True_
-    if struts.label:
-        pairs = (
-            _equal_labels(struts.upper, struts.lower)
-            & _equal(struts.upper_point, struts.upper_point * flip)
-            & _equal(struts.lower_point, struts.lower_point * flip)
-            & _equal(struts.stiffness[..., None], struts.stiffness[..., None])
-            & _close(struts.tension[..., None], struts.tension[..., None])
+        blades, springs = (
+            {row.label: replace(row, label="") for row in rows}
+            for rows in (scene.fibres.blade, scene.fibres.spring)
         )
-        result = result & _one_to_one(pairs)
-    if bars.label:
-        pairs = _equal_labels(bars.body.T) & _equal(bars.inertia, bars.inertia)
-        for end in (0, 1):
-            point = bars.point[..., end, :]
-            pairs = pairs & _equal(point, point * flip)
-        result = result & _one_to_one(pairs)
+        composition = {
+            "wires": [(own.sections, own.temperature, own.effective) for own in scene.fibres.wire],
+            "blades": [blades[label] for label in scene.blades.label],
+            "springs": [springs.get(label) for label in scene.springs.label],
+        }
+        for name in pairs.keys() & composition.keys():
+            pairs[name] = pairs[name] & _equal_items(composition[name])
+    return pairs
+
+
+def _alike(
+    part: DataclassInstance, axis: int | None = None
+) -> Bool[np.ndarray, "*#batch member member"]:
+    """Pair members of a part whose vectors are images in a mirror.
+
+    Without an axis, those that are equal in all else. Computed numbers may differ by rounding.
+    """
+    kind, pairs = type(part), np.ones((1, 1), dtype=bool)
+    for name, (is_vector, is_computed) in signed(kind).items():
+        values, own = getattr(part, name), inner_axes(kind).get(name)
+        if name in APART or is_vector != (axis is not None):
+            continue
+        if own is None:
+            pairs = pairs & _equal_items(values)
+            continue
+        shape = values.shape[values.ndim - own + 1 :]
+        flat = values.reshape(*values.shape[: values.ndim - len(shape)], math.prod(shape))
+        images = flat if axis is None else flat * _signs(shape, axis).ravel()
+        pairs = pairs & (_close if is_computed else _equal)(flat, images)
+    return pairs
+
+
+def _signs(shape: tuple[int, ...], axis: int) -> Float[np.ndarray, "*shape"]:
+    """Sign that each component of a vector or tensor of a shape gets in a mirror."""
+    result, parity = np.ones(()), np.array((PARITY_X, PARITY_Y)[axis], dtype=float)
+    for size in shape:
+        result = np.multiply.outer(result, parity[:size] if size in (3, 6) else np.ones(size))
     return result
 
 
@@ -317,20 +265,12 @@ def _wire_images(
     return pairs & (_close(planes, planes * flip) | _close(planes, -planes * flip) | ~has_plane)
 
 
-def _equal_items(kinds: list[Any]) -> Bool[np.ndarray, "item item"]:
-    """Pair equal items."""
-    known: list[Any] = []
-    for kind in kinds:
-        if kind not in known:
-            known.append(kind)
-    return _equal_labels(np.array([known.index(kind) for kind in kinds], dtype=int))
-
-
-def _equal_labels(*labels: Any) -> Bool[np.ndarray, "item item"]:
-    """Pair items with equal labels, each (n,) or (k, n)."""
-    return np.logical_and.reduce(
-        [row[:, None] == row[None, :] for label in labels for row in np.atleast_2d(label)]
-    )
+def _equal_items(items: Sequence[object] | np.ndarray) -> Bool[np.ndarray, "item item"]:
+    """Pair equal items: rows of an array (n, ...), or n objects."""
+    if not isinstance(items, np.ndarray):
+        items = np.array([items.index(item) for item in items], dtype=int)
+    rows = items.reshape(len(items), math.prod(items.shape[1:]))
+    return (rows[:, None] == rows).all(-1)
 
 
 def _equal(
@@ -348,8 +288,3 @@ def _close(
     """Pair items that equal the image of another but for rounding."""
     scale = np.abs(values).max((-2, -1), initial=0.0)[..., None, None, None]
     return (np.abs(values[..., :, None, :] - images[..., None, :, :]) <= ROUNDING * scale).all(-1)
-
-
-def _one_to_one(same: Bool[np.ndarray, "*batch item item"]) -> Bool[np.ndarray, "*batch"]:
-    """Whether each pairing is a permutation."""
-    return (same.sum(-1) == 1).all(-1) & (same.sum(-2) == 1).all(-1)

@@ -5,13 +5,16 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.measured import TransferFunction
 from suspension_cli.errors import Fault, InputError, format_value
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float
 
 ROLES = ("frequency", "real", "imaginary", "magnitude", "phase", "value", "coherence")
 """Keys of `TransferFunction` that name columns; `uncertainty` may be a number too."""
@@ -54,7 +57,7 @@ class Columns:
     """
 
     names: list[str]
-    read: Callable[[int], Any]
+    read: Callable[[int], np.ndarray]
     place: Callable[[int], str]
     numbered: bool = True
     headed: bool = True
@@ -226,10 +229,10 @@ class Points:
         Number of averages, if the file says.
     """
 
-    frequency: Any
-    value: Any
-    uncertainty: Any
-    coherence: Any
+    frequency: Float[np.ndarray, " frequency"]
+    value: Complex[np.ndarray, " frequency"]
+    uncertainty: Float[np.ndarray, " frequency"]
+    coherence: Float[np.ndarray, " frequency"]
     averages: float | None = None
 
 
@@ -257,7 +260,7 @@ def check_points(points: Points, place: Callable[[int], str]) -> None:
         raise InputError.of(place(n), problem, "name another column, or correct it")
 
 
-def _check_finite(values: Any, columns: Columns, name: str) -> None:
+def _check_finite(values: np.ndarray, columns: Columns, name: str) -> None:
     finite = np.isfinite(values)
     if not finite.all():
         n = int(np.argmin(finite))
@@ -266,8 +269,11 @@ def _check_finite(values: Any, columns: Columns, name: str) -> None:
 
 
 def _polar(
-    data: Mapping[str, Any], sigma: Any, columns: Columns, unit: Mapping[str, str]
-) -> tuple[Any, Any]:
+    data: Mapping[str, Float[np.ndarray, " frequency"]],
+    sigma: Float[np.ndarray, " frequency"] | None,
+    columns: Columns,
+    unit: Mapping[str, str],
+) -> tuple[Complex[np.ndarray, " frequency"], Float[np.ndarray, " frequency"] | None]:
     """Complex value from magnitude and phase, and the uncertainty in the unit of the magnitude."""
     size, phase = data["magnitude"], data["phase"]
     far = np.abs(phase) > LARGEST_PHASE

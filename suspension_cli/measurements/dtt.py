@@ -29,7 +29,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
 import numpy as np
@@ -38,9 +38,12 @@ from suspension_cli.design.faults import suggest
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.measurements.columns import Points, check_points
 
+if TYPE_CHECKING:
+    from jaxtyping import Float, Inexact
+
 Pair = tuple[str, str]
 """Channels (input, output)."""
-Trace = tuple[Any, Any, float | None]
+Trace = tuple[np.ndarray, np.ndarray, float | None]
 """Frequencies, values and the number of averages."""
 _KINDS = {
     ("TransferFunction", 0): ("transfer", False),
@@ -190,7 +193,11 @@ def read(path: Path) -> Dtt:
 
 
 def _add(
-    found: Dtt, node: Any, parameters: Mapping[str, str], kind: str, own_frequencies: bool
+    found: Dtt,
+    node: ElementTree.Element,
+    parameters: Mapping[str, str],
+    kind: str,
+    own_frequencies: bool,
 ) -> None:
     """Add the traces of one result."""
     count, traces = int(parameters["N"]), int(parameters.get("M", "1"))
@@ -218,8 +225,12 @@ def _add(
 
 
 def _numbers(
-    node: Any, count: int, traces: int, own_frequencies: bool, complex_values: bool
-) -> tuple[Any, Any]:
+    node: ElementTree.Element,
+    count: int,
+    traces: int,
+    own_frequencies: bool,
+    complex_values: bool,
+) -> tuple[Float[np.ndarray, " frequency"] | None, Inexact[np.ndarray, "trace frequency"]]:
     """Frequencies (N,) or None, and values (M, N) of a stream."""
     stream = node.find("Array/Stream")
     if stream is None:
@@ -232,7 +243,7 @@ def _numbers(
     single, double = (
         (f"{order}c8", f"{order}c16") if complex_values else (f"{order}f4", f"{order}f8")
     )
-    frequency: Any = None
+    frequency: Float[np.ndarray, " frequency"] | None = None
     number = int(node.findtext("Param[@Name='Subtype']") or 0)
     if own_frequencies and node.get("Type") == "TransferFunction" and number in (6, 7):
         frequency = np.frombuffer(data[: 8 * count], f"{order}f8")
@@ -251,7 +262,7 @@ def _numbers(
     return None if frequency is None else frequency.astype(float), values.astype(wide)
 
 
-def _root(path: Path) -> Any:
+def _root(path: Path) -> ElementTree.Element:
     try:
         data = path.read_bytes()
         if data[:2] == b"\x1f\x8b":

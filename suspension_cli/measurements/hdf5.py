@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.errors import InputError, format_value
 from suspension_cli.measurements.columns import Columns
+
+if TYPE_CHECKING:
+    from suspension_cli.files.hdf5 import Stored
 
 
 def is_results_file(path: Path) -> bool:
@@ -38,7 +41,7 @@ def read(path: Path) -> Columns:
     names: list[str] = []
     series: list[tuple[str, float, float]] = []
 
-    def visit(name: str, item: Any) -> None:
+    def visit(name: str, item: Stored) -> None:
         if isinstance(item, h5py.Dataset) and item.size and max(item.shape, default=0) == item.size:
             names.append(name)
             if {"x0", "dx"} <= set(item.attrs):
@@ -61,7 +64,7 @@ def read(path: Path) -> Columns:
         names += ["frequency", "value"] if len(stored) == 1 else ["frequency"]
         stored += [series[0][0]] * (len(names) - len(stored))
 
-    def column(position: int) -> Any:
+    def column(position: int) -> np.ndarray:
         with h5py.File(path, "r") as file:
             values = np.asarray(file[stored[position]]).ravel()
         if names[position] == "frequency" and stored[position] != "frequency":

@@ -8,11 +8,14 @@ response matrix. Measured data are compared as measured; the transducers are app
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.design.measured import Measured, Transducer, TransferFunction
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float
 
 
 def find_transducer(name: str, among: Sequence[Transducer]) -> Transducer:
@@ -43,8 +46,11 @@ def signals_of(measured: Measured) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 
 def predict(
-    measured: Measured, tf: TransferFunction, frequency: Any, response: Any
-) -> np.ndarray[Any, Any]:
+    measured: Measured,
+    tf: TransferFunction,
+    frequency: Float[np.ndarray, " frequency"],
+    response: Complex[np.ndarray, "*batch frequency output input"],
+) -> Complex[np.ndarray, "*batch frequency"]:
     """Predict a transfer function as it is measured, from the response of a model.
 
     Parameters
@@ -71,8 +77,10 @@ def predict(
 
 
 def channel_weights(
-    transducer: Transducer, signals: Sequence[str], frequency: Any
-) -> np.ndarray[Any, Any]:
+    transducer: Transducer,
+    signals: Sequence[str],
+    frequency: Sequence[float] | Float[np.ndarray, " frequency"],
+) -> Complex[np.ndarray, "frequency signal"]:
     """Compute how much of each signal a channel contains.
 
     Parameters

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,6 +21,11 @@ from suspension_cli.measurements.columns import Columns, Points
 from suspension_cli.measurements.dtt import Dtt
 from suspension_cli.measurements.prediction import find_transducer
 from suspension_cli.measurements.transfer_function import MeasuredResponse
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float
+
+    from suspension_cli.design.measured import Transducer
 
 
 def read_all(measured: Measured, file: str | Path) -> list[MeasuredResponse]:
@@ -113,7 +118,9 @@ def replace_labels(one: MeasuredResponse, name: str, unit: str) -> MeasuredRespo
     return dataclasses.replace(one, name=name, unit=unit)
 
 
-def _read(table: TransferFunction, folder: Path, opened: dict[Path, Columns | Dtt]) -> Any:
+def _read(
+    table: TransferFunction, folder: Path, opened: dict[Path, Columns | Dtt]
+) -> MeasuredResponse:
     path = folder / table.file
     with attribute_faults_to(str(path)):
         if path not in opened:
@@ -163,7 +170,14 @@ def _refuse_channels(table: TransferFunction) -> None:
             raise InputError.of(key, problem, remedy, getattr(table, key))
 
 
-def _calibrated(points: Points, table: TransferFunction) -> tuple[Any, Any, Any, Any]:
+def _calibrated(
+    points: Points, table: TransferFunction
+) -> tuple[
+    Float[np.ndarray, " frequency"],
+    Complex[np.ndarray, " frequency"],
+    Float[np.ndarray, " frequency"],
+    Float[np.ndarray, " frequency"],
+]:
     """Frequency, value, uncertainty and coherence in the band, in SI units."""
     frequency, value = points.frequency, table.gain * points.value
     sigma, coherence = abs(table.gain) * points.uncertainty, points.coherence
@@ -191,7 +205,9 @@ def _calibrated(points: Points, table: TransferFunction) -> tuple[Any, Any, Any,
     return frequency, value, sigma, coherence
 
 
-def relative_uncertainty(coherence: Any, averages: float) -> Any:
+def relative_uncertainty(
+    coherence: Float[np.ndarray, " frequency"], averages: float
+) -> Float[np.ndarray, " frequency"]:
     """Standard deviation of real and imaginary part relative to the magnitude.
 
     Parameters
@@ -225,7 +241,7 @@ def unit_of_value(table: TransferFunction, measured: Measured) -> str:
     return f"{out}/({into})" if " " in into else f"{out}/{into}" if into and out else ""
 
 
-def _unit_of(name: str, among: Sequence[Any]) -> str:
+def _unit_of(name: str, among: Sequence[Transducer]) -> str:
     found = find_transducer(name, among)
     if found.unit is not None:
         return found.unit

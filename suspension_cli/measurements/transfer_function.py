@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+    from jaxtyping import Complex, Float
 
 
 @dataclass(frozen=True)
@@ -35,9 +39,9 @@ class MeasuredResponse:
     name: str
     input: str
     output: str
-    frequency: Any
-    value: Any
-    uncertainty: Any
-    coherence: Any
+    frequency: Float[np.ndarray, " frequency"]
+    value: Complex[np.ndarray, " frequency"]
+    uncertainty: Float[np.ndarray, " frequency"]
+    coherence: Float[np.ndarray, " frequency"]
     unit: str = ""
     file: str = ""

@@ -59,7 +59,7 @@ class WireBatchTerm:
     size
         Number of coordinates N of the scene.
     place, sections, geometry
-        See `elements.compiled_wire.add_dynamic`.
+        See `elements.compiled_wire.WireArrays`.
     basis
         The scene's coordinates in terms of the system's own, if these differ.
     """
@@ -92,10 +92,8 @@ class WireBatchTerm:
             which,
             constant(omega),
             number,
-            self.place,
-            self.sections,
-            self.geometry,
-            *self._losses(values),
+            compiled_wire.WireArrays(self.place, self.sections, self.geometry),
+            compiled_wire.Losses(*self._losses(values)),
             self.massive,
             whole,
             compliance,
@@ -111,7 +109,7 @@ class WireBatchTerm:
         Float[np.ndarray, "wire section 2"],
         Float[np.ndarray, "wire section 4"],
     ]:
-        """Loss angles, thermoelastic coefficients and drag, see `add_dynamic`."""
+        """Loss angles, thermoelastic coefficients and drag, see `compiled_wire.Losses`."""
         wires, most = self.sections.shape[:2]
         angles, slopes = np.zeros((len(omega), wires, most, 6)), np.zeros((wires, most, 2))
         drag, known = np.zeros((wires, most, 4)), {}

@@ -6,9 +6,9 @@ mass too (`massive`).
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -58,7 +58,7 @@ def linear_model(scene: Scene, drag: Drag = (), *, massive: bool) -> LinearSyste
     terms = [
         *grounded,
         *_wire_terms(scene, numbering, balanced, adapted, massive=massive),
-        *loss_terms(scene, numbering, adapted),
+        *loss_terms(scene, numbering, balanced.pose, adapted),
         *of_springs[len(of_ground) :],
         *gas_terms(scene, numbering, balanced.pose, adapted, drag),
     ]
@@ -152,7 +152,8 @@ def wire_forms(
     turned = tuple(_turning(numbering, body) for body in (wires.upper, wires.lower))
 
     def even_odd(
-        ends: Any, along: Inexact[np.ndarray, "*batch wire 3"]
+        ends: Iterable[Inexact[np.ndarray, "*batch coordinate wire 3"]],
+        along: Inexact[np.ndarray, "*batch wire 3"],
     ) -> tuple[
         Inexact[np.ndarray, "*batch coordinate wire"], Inexact[np.ndarray, "*batch coordinate wire"]
     ]:
@@ -195,7 +196,7 @@ def linear_models(
     plain = no_symmetry(numbering)
     of_springs, of_ground = spring_terms(scene, numbering, found.pose, plain)
     lossy = [
-        *loss_terms(scene, numbering, plain),
+        *loss_terms(scene, numbering, found.pose, plain),
         *of_springs[len(of_ground) :],
         *gas_terms(scene, numbering, found.pose, plain, drag),
     ]

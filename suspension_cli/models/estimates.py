@@ -31,7 +31,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -166,7 +166,9 @@ def _relative_to_mode(
     )
 
 
-def repulsion(coupling: Any, distance: Any) -> Any:
+def repulsion(
+    coupling: Float[np.ndarray, "*shape"] | float, distance: Float[np.ndarray, "*shape"] | float
+) -> Float[np.ndarray, "*shape"]:
     """Change of one of two coupled levels: 2 A^2 / (D + sqrt(D^2 + 4 A^2)).
 
     >>> float(repulsion(2.0, 3.0))

@@ -119,7 +119,7 @@ class Chain:
     gravity: Numbers = 9.81
 
 
-def stiffness(chain: Chain) -> dict[str, Inexact[np.ndarray, "*axes"]]:
+def stiffness(chain: Chain) -> dict[str, Inexact[np.ndarray, "... _ _"]]:
     """Stiffness matrices (..., c (n + 1), c (n + 1)) of the four blocks: N/m, N, N m.
 
     For c coordinates per body and n stages, the support first.

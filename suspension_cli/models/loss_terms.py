@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from suspension_cli.elements import loss, spring
+from suspension_cli.elements.registry import elements_of
 from suspension_cli.linear.frequency_terms import LossTerm, Term
 from suspension_cli.linear.symmetry import Symmetry
 from suspension_cli.scene.arrays import Array
@@ -18,22 +18,20 @@ from suspension_cli.scene.scene import Scene, Spectrum
 
 Function = Callable[[Array], Array]
 """A loss angle, or a relative change of stiffness, against angular frequency (rad/s)."""
-Drag = tuple[Any, ...]
+Drag = tuple[Array | None, ...]
 """Damping (6, 6) of each body by the gas around it, in its own frame at its COM; None for none."""
 
 
 def lossless(scene: Scene) -> Scene:
-    """The scene without the losses of wires, blades and springs."""
-    return replace(
-        scene,
-        wires=replace(scene.wires, loss=np.zeros_like(scene.wires.loss)),
-        blades=replace(scene.blades, loss=np.zeros_like(scene.blades.loss)),
-        springs=replace(scene.springs, loss=np.zeros_like(scene.springs.loss)),
+    """The scene without the losses of wires, blades, springs and added elements."""
+    parts = {name: part for name, part in scene.parts.items() if hasattr(part, "loss")}
+    return scene.with_parts(
+        {name: replace(part, loss=np.zeros_like(part.loss)) for name, part in parts.items()}
     )
 
 
-def loss_terms(scene: Scene, numbering: Layout, adapted: Symmetry) -> list[Term]:
-    """Losses of blades. Any batch axes; none where the stiffness has none."""
+def loss_terms(scene: Scene, numbering: Layout, pose: Pose, adapted: Symmetry) -> list[Term]:
+    """Losses of blades and added elements. Any batch axes; none where the stiffness has none."""
     fibres, terms = scene.fibres, []
     assert fibres is not None
     shape = (*scene.blades.stiffness.shape[:-2], numbering.size, numbering.size)
@@ -62,6 +60,10 @@ def loss_terms(scene: Scene, numbering: Layout, adapted: Symmetry) -> list[Term]
                 lambda omega, one=one: loss.blade_angle(one, omega),
             )
         )
+    for item in elements_of(scene):
+        if item.make is not None and item.loss is not None:
+            lossy = adapted.apply(np.zeros(shape[-2:]) + item.loss(scene, numbering, pose))
+            terms.append(LossTerm(item.name, fibres.temperature, lossy, np.ones_like))
     return terms
 
 

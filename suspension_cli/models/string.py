@@ -14,7 +14,7 @@ import numpy as np
 
 from suspension_cli.design.schema import Design
 from suspension_cli.elements import spring, string
-from suspension_cli.elements.registry import ELEMENTS
+from suspension_cli.elements.registry import elements_of, uncompiled
 from suspension_cli.equilibrium.energy import gradient_and_stiffness
 from suspension_cli.equilibrium.hinges import hinge_rigidities, to_hinges
 from suspension_cli.equilibrium.nominal import expand
@@ -152,7 +152,7 @@ def ground_couplings(scene: Scene, numbering: Layout, pose: Pose) -> GroundCoupl
         return result
 
     return GroundCouplings(
-        between(spring.stiffness_matrix),
+        between(lambda some, *at: gradient_and_stiffness(some, *at, elements=[spring.ELEMENT])[1]),
         between(spring.damping_matrix),
         between(spring.loss_matrix),
     )
@@ -236,11 +236,15 @@ def _separated(
 ]:
     """The stiffness of a batch without the stretching of wires, the whole stiffness, and the mass.
 
-    The mass is None where blade tips, wires or bars have some.
+    The mass is None where parts other than bodies may have mass.
     """
-    from suspension_cli.equilibrium import compiled  # takes half a second
+    if uncompiled(scene):
+        soft, form = separated_stiffness.soft_part(scene, numbering, pose)
+        stiffness, mass = gradient_and_stiffness(scene, numbering, pose)[1], None
+    else:
+        from suspension_cli.equilibrium import compiled  # takes half a second
 
-    soft, form, stiffness, mass = compiled.tangent(scene, numbering, pose)
+        soft, form, stiffness, mass = compiled.tangent(scene, numbering, pose)
     separated = Separated(adapted.apply(soft), adapted.forms(form), scene.wires.stiffness)
     more = scene.blades.tip_mass.any() or scene.wires.mass.any() or scene.bars.label
     return separated, adapted.apply(stiffness), None if more else mass
@@ -272,14 +276,14 @@ def mass_matrix(
     """Mass matrix, with or without that of wires that have weight."""
     if not wire_inertia:
         scene = replace(scene, wires=replace(scene.wires, mass=np.zeros_like(scene.wires.mass)))
-    return _sum_over(scene, numbering, pose, [element.mass for element in ELEMENTS])
+    return _sum_over(scene, numbering, pose, [item.mass for item in elements_of(scene)])
 
 
 def damping_matrix(
     scene: Scene, numbering: Layout, pose: Pose
 ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
     """Viscous damping (..., N, N) of all elements, or (N, N) without any."""
-    return _sum_over(scene, numbering, pose, [element.damping for element in ELEMENTS])
+    return _sum_over(scene, numbering, pose, [item.damping for item in elements_of(scene)])
 
 
 def loss_matrix(
@@ -289,7 +293,7 @@ def loss_matrix(
 
     Geometric stiffness (tension) is not lossy.
     """
-    lossy = [item.loss for item in ELEMENTS if stretching or item is not string.ELEMENT]
+    lossy = [item.loss for item in elements_of(scene) if stretching or item is not string.ELEMENT]
     return _sum_over(scene, numbering, pose, lossy)
 
 

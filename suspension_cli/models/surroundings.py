@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
     from jaxtyping import Inexact
+    from numpy.typing import ArrayLike
 
 
 def surrounded(model: LinearSystem, design: Design) -> LinearSystem:
@@ -72,7 +73,7 @@ def with_frame(model: LinearSystem, design: Design) -> LinearSystem:
     }
 
     def widened(
-        matrix: Inexact[np.ndarray, "*batch coordinate coordinate"], diagonal: Any
+        matrix: Inexact[np.ndarray, "*batch coordinate coordinate"], diagonal: ArrayLike
     ) -> Inexact[np.ndarray, "*batch wide wide"]:
         wide = (spread.T @ matrix @ spread).astype(
             np.result_type(matrix, np.asarray(diagonal), float)

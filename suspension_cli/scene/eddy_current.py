@@ -21,15 +21,20 @@ add up, as their currents are parallel to it.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from jaxtyping import Inexact
 
 MU_0 = 4e-7 * np.pi
 """Magnetic constant, H/m."""
 
 
-def axial_damping(shape: str, moment: Any, conductivity: Any, thickness: Any, gap: Any) -> Any:
+def axial_damping(
+    shape: str, moment: float, conductivity: float, thickness: float, gap: float
+) -> float:
     """Damping (N s/m) of motion along the dipole's axis.
 
     Parameters
@@ -53,8 +58,8 @@ def axial_damping(shape: str, moment: Any, conductivity: Any, thickness: Any, ga
 
 
 def damping_matrix(
-    shape: str, axis: int, moment: Any, conductivity: Any, thickness: Any, gap: Any
-) -> Any:
+    shape: str, axis: int, moment: float, conductivity: float, thickness: float, gap: float
+) -> Inexact[np.ndarray, "6 6"]:
     """Damping (6, 6) at the magnet along the dipole's axis and, by a plate, across it, N s/m."""
     along = axial_damping(shape, moment, conductivity, thickness, gap)
     across = along / 2 if shape == "plate" else 0.0 * along

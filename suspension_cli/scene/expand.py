@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -134,7 +132,7 @@ def wire_signs(count: int) -> list[tuple[int, int]]:
     return {1: [(0, 0)], 2: [(0, 1), (0, -1)], 4: [(1, 1), (1, -1), (-1, 1), (-1, -1)]}[count]
 
 
-def _set_ends(shape: SetGeometry) -> list[tuple[tuple[Any, Any], tuple[Any, Any]]]:
+def _set_ends(shape: SetGeometry) -> list[tuple[tuple[float, float], tuple[float, float]]]:
     """List x and y (m) of the upper and the lower end of each wire of a set."""
     if shape.is_ring:
         return [shape.ring_ends(number) for number in range(shape.count)]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.design.derive import gravity_strength, gravity_tensor, gravity_vector
+from suspension_cli.design.derive import gravity_field
 from suspension_cli.design.schema import Design
 
 if TYPE_CHECKING:
@@ -42,11 +42,5 @@ class Field:
 
 def field_of(design: Design) -> Field | None:
     """Make the field of a design; None if it is uniform along -z."""
-    vector, gradient = gravity_vector(design), gravity_tensor(design)
-    if vector is None and gradient is None:
-        return None
-    down = (0.0, 0.0, -gravity_strength(design))
-    return Field(
-        np.array(down if vector is None else vector),
-        np.zeros((3, 3)) if gradient is None else np.array(gradient),
-    )
+    found = gravity_field(design)
+    return None if found is None else Field(*map(np.array, found))

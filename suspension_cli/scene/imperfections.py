@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,7 +16,11 @@ from suspension_cli.conventions import SUPPORT
 from suspension_cli.design.filters import SUFFIX
 from suspension_cli.rotations import rotation_matrix
 from suspension_cli.scene.arrays import Array, frames, inner_axes
-from suspension_cli.scene.scene import Scene, spring_of_leg
+from suspension_cli.scene.scene import Part, Scene, spring_of_leg
+
+if TYPE_CHECKING:
+    from jaxtyping import Inexact
+    from numpy.typing import ArrayLike
 
 
 def members(scene: Scene, part: str) -> dict[str, int]:
@@ -40,7 +44,11 @@ def members(scene: Scene, part: str) -> dict[str, int]:
 
 
 def impose(
-    scene: Scene, part: str, number: int, amounts: Mapping[str, Any], hold: str = "loaded-length"
+    scene: Scene,
+    part: str,
+    number: int,
+    amounts: Mapping[str, ArrayLike],
+    hold: str = "loaded-length",
 ) -> Scene:
     """Apply imperfections of one part to a scene.
 
@@ -67,11 +75,11 @@ def wire(
     scene: Scene,
     number: int,
     *,
-    k_factor: Any = 1.0,
-    radius_factor: Any = 1.0,
-    upper_offset: Any = (0.0, 0.0, 0.0),
-    lower_offset: Any = (0.0, 0.0, 0.0),
-    length_change: Any = 0.0,
+    k_factor: ArrayLike = 1.0,
+    radius_factor: ArrayLike = 1.0,
+    upper_offset: ArrayLike = (0.0, 0.0, 0.0),
+    lower_offset: ArrayLike = (0.0, 0.0, 0.0),
+    length_change: ArrayLike = 0.0,
     hold: str = "loaded-length",
 ) -> Scene:
     """Change one wire of a scene (from 0).
@@ -116,14 +124,14 @@ def wire(
     )
 
 
-def move_com(scene: Scene, number: int, offset: Any) -> Scene:
+def move_com(scene: Scene, number: int, offset: ArrayLike) -> Scene:
     """Move the COM of one body (from 1) by an offset (..., 3) relative to all its attachments, m.
 
     The inertia is then about the new COM.
     """
     shift = _numbers(offset)
 
-    def moved(part: Any) -> Any:
+    def moved(part: Part) -> Part:
         points = {}
         for name, frame in frames(type(part)).items():
             on = getattr(part, frame) == number
@@ -133,10 +141,10 @@ def move_com(scene: Scene, number: int, offset: Any) -> Scene:
 
     position = scene.bodies.position[..., number, :] + shift
     scene = _with(scene, "bodies", number, position=position)
-    return replace(scene, **{name: moved(part) for name, part in scene.parts.items()})
+    return scene.with_parts({name: moved(part) for name, part in scene.parts.items()})
 
 
-def turn_mass(scene: Scene, number: int, rotation: Any) -> Scene:
+def turn_mass(scene: Scene, number: int, rotation: ArrayLike) -> Scene:
     """Turn the mass of one body (from 1) relative to its attachments: its inertia becomes R I R^T.
 
     R is the rotation by the vector `rotation` (..., 3), rad.
@@ -147,7 +155,7 @@ def turn_mass(scene: Scene, number: int, rotation: Any) -> Scene:
     return _with(scene, "bodies", number - 1, inertia=inertia)
 
 
-def scale_mass(scene: Scene, number: int, factor: Any) -> Scene:
+def scale_mass(scene: Scene, number: int, factor: ArrayLike) -> Scene:
     """Multiply the mass of one body (from 1) by a factor (...).
 
     Wires keep their unstretched lengths.
@@ -156,7 +164,7 @@ def scale_mass(scene: Scene, number: int, factor: Any) -> Scene:
     return _with(scene, "bodies", number - 1, mass=mass)
 
 
-def scale_inertia(scene: Scene, number: int, factor: Any) -> Scene:
+def scale_inertia(scene: Scene, number: int, factor: ArrayLike) -> Scene:
     """Multiply the moments of inertia of one body (from 1) by factors (..., 3).
 
     Products of inertia scale with the geometric mean of the two factors.
@@ -166,7 +174,7 @@ def scale_inertia(scene: Scene, number: int, factor: Any) -> Scene:
     return _with(scene, "bodies", number - 1, inertia=inertia)
 
 
-def scale_blade(scene: Scene, number: int, factor: Any) -> Scene:
+def scale_blade(scene: Scene, number: int, factor: ArrayLike) -> Scene:
     """Multiply the stiffness of one blade (from 0), or of those of a filter, by a factor (...).
 
     The blades are trimmed to their nominal load in the nominal pose.
@@ -181,18 +189,18 @@ def scale_blade(scene: Scene, number: int, factor: Any) -> Scene:
     return _with(scene, "blades", number, stiffness=stiffness)
 
 
-def scale_spring(scene: Scene, number: int, factor: Any) -> Scene:
+def scale_spring(scene: Scene, number: int, factor: ArrayLike) -> Scene:
     """Multiply the stiffness of one spring (from 0) by a factor (...); its preload stays."""
     stiffness = scene.springs.stiffness[..., number, :, :] * _numbers(factor)[..., None, None]
     return _with(scene, "springs", number, stiffness=stiffness)
 
 
-def scale_leg(scene: Scene, number: int, factor: Any) -> Scene:
+def scale_leg(scene: Scene, number: int, factor: ArrayLike) -> Scene:
     """Multiply the stiffness of the flexures of one leg (from 0) by a factor (...)."""
     return scale_spring(scene, spring_of_leg(scene, number), factor)
 
 
-def lengthen_leg(scene: Scene, number: int, change: Any) -> Scene:
+def lengthen_leg(scene: Scene, number: int, change: ArrayLike) -> Scene:
     """Change the unloaded length of one leg (from 0) by (...), m."""
     struts = scene.struts
     tension = struts.tension[..., number] - struts.stiffness[..., number] * _numbers(change)
@@ -212,7 +220,7 @@ ACTIONS = {
 """How each imperfection of a part acts on a scene; those of a wire act in `wire`."""
 
 
-def _numbers(values: Any) -> Any:
+def _numbers(values: ArrayLike) -> Inexact[np.ndarray, "*shape"]:
     """Convert to floats, or to complex numbers where a derivative is taken by a complex step."""
     array = np.asarray(values)
     return array if array.dtype == complex else array.astype(float)
@@ -220,7 +228,7 @@ def _numbers(values: Any) -> Any:
 
 def _with(scene: Scene, part: str, number: int, **items: Array) -> Scene:
     """Replace member `number` of arrays of a part of a scene, batch axes broadcast."""
-    old = getattr(scene, part)
+    old = scene.parts[part]
     changed = {}
     for name, item in items.items():
         values, inner = getattr(old, name), inner_axes(type(old))[name]
@@ -228,4 +236,5 @@ def _with(scene: Scene, part: str, number: int, **items: Array) -> Scene:
         whole = np.broadcast_to(values, batch + values.shape[-inner:])
         changed[name] = np.array(whole, dtype=np.result_type(values, item))
         changed[name][(..., number, *(slice(None),) * (inner - 1))] = item
-    return replace(scene, **{part: replace(old, **changed)}, drawn=scene.drawn or scene)
+    result = scene.with_parts({part: replace(old, **changed)})
+    return replace(result, drawn=scene.drawn or scene)

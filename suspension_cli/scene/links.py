@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,11 @@ from suspension_cli.scene import eddy_current, strands, tensions
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.scene import Spectrum, Springs
 
+if TYPE_CHECKING:
+    from jaxtyping import Inexact
+
+    from suspension_cli.design.units import Matrix6
+
 
 @dataclass(frozen=True)
 class SpringPart:
@@ -25,10 +30,10 @@ class SpringPart:
     label: str
     upper: int
     lower: int
-    lower_point: Any
-    stiffness: Any
-    damping: Any
-    preload: Any
+    lower_point: Sequence[float] | Inexact[np.ndarray, " 3"]
+    stiffness: Inexact[np.ndarray, "6 6"]
+    damping: Inexact[np.ndarray, "6 6"]
+    preload: Sequence[float] | Inexact[np.ndarray, " 6"]
     loss: float
     grounded: bool = False
     spectrum: Spectrum | None = None
@@ -85,7 +90,7 @@ def springs(design: Design, parts: Sequence[Any], position: Array) -> Springs:
     )
 
 
-def matrix(given: Any) -> Any:
+def matrix(given: Matrix6 | None) -> Inexact[np.ndarray, "6 6"]:
     """Return six diagonal elements, a 6x6 matrix or None (zeros) as a matrix (6, 6)."""
     if given is None:
         return np.zeros((6, 6))
@@ -119,7 +124,9 @@ def _links(design: Design, position: Array) -> list[SpringPart]:
     return rows
 
 
-def _ordered(first: int, second: int, at: Any, position: Array) -> tuple[int, int, Any]:
+def _ordered(
+    first: int, second: int, at: Sequence[float], position: Array
+) -> tuple[int, int, Sequence[float] | Inexact[np.ndarray, " 3"]]:
     """Order two bodies; also return the point in the frame of the lower one.
 
     The upper one is that with the smaller number, which compiled loops assume.
@@ -147,7 +154,7 @@ def _dampers(design: Design, position: Array) -> list[SpringPart]:
     return rows
 
 
-def damper_matrix(damper: Damper) -> Any:
+def damper_matrix(damper: Damper) -> Inexact[np.ndarray, "6 6"]:
     """Damping (6, 6) of a damper at its point, N s/m, N m s/rad."""
     magnet = damper.eddy_current
     if magnet is None:
@@ -166,7 +173,9 @@ def damper_matrix(damper: Damper) -> Any:
     )
 
 
-def link_stiffness(design: Design, link: Link, first: Array, second: Array) -> Any:
+def link_stiffness(
+    design: Design, link: Link, first: Array, second: Array
+) -> Inexact[np.ndarray, "6 6"]:
     """Static stiffness (6, 6) of a link at its point, N/m, N and N m.
 
     Parameters
@@ -200,6 +209,7 @@ def link_curve(link: Link, first: Array, second: Array) -> strands.Curve:
     if given.shape == "points":
         middle = [np.array(point) - near for point in given.points]
         return strands.polyline(np.array([0.0 * end, *middle, end]))
+    assert given.length is not None
     return (strands.u_shape if given.shape == "u" else strands.catenary)(end, given.length)
 
 
@@ -207,11 +217,12 @@ def wire_of(design: Design, given: Strands) -> strands.RoundWire:
     """Stiffness and weight of one wire of a link."""
     made = materials.resolve(design, given.material)
     poisson = 0.3 if made.poisson_ratio is None else made.poisson_ratio
+    assert made.youngs_modulus is not None
     weight = gravity_strength(design) * (made.density or 0.0)
     return strands.RoundWire.of(given.diameter, made.youngs_modulus, poisson, weight)
 
 
-def _static(link: Link) -> list[Any]:
+def _static(link: Link) -> list[float]:
     """Static stiffness along each axis, without the factor of the table."""
     table = link.table
     assert table is not None

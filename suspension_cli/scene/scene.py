@@ -9,9 +9,10 @@ x, y, z.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from suspension_cli.scene.composition import Fibres
 from suspension_cli.scene.gravity import Field
 
 if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
     from jaxtyping import Bool, Float, Inexact, Int
 
 
@@ -90,8 +92,8 @@ class Wires:
     upper_point: Inexact[np.ndarray, "... wire 3"] = field(metadata=inner(2, "upper"))
     lower_point: Inexact[np.ndarray, "... wire 3"] = field(metadata=inner(2, "lower"))
     span: Inexact[np.ndarray, "... wire 3"] = field(metadata=inner(2))
-    length: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1))
-    tension: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1))
+    length: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1, computed=True))
+    tension: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1, computed=True))
     stiffness: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1))
     torsion: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1))
     loss: Inexact[np.ndarray, " wire"]
@@ -125,7 +127,7 @@ class Blades:
     axes: Bool[np.ndarray, "blade 3"]
     tip: Inexact[np.ndarray, "... blade 3"] = field(metadata=inner(2, "body"))
     stiffness: Inexact[np.ndarray, "... blade 3"] = field(metadata=inner(2))
-    load: Inexact[np.ndarray, "... blade 3"] = field(metadata=inner(2))
+    load: Inexact[np.ndarray, "... blade 3"] = field(metadata=inner(2, vector=True, computed=True))
     tip_mass: Inexact[np.ndarray, "... blade"] = field(metadata=inner(1))
     loss: Float[np.ndarray, " blade"]
 
@@ -176,9 +178,9 @@ class Springs:
     lower: Int[np.ndarray, " spring"]
     upper_point: Inexact[np.ndarray, "... spring 3"] = field(metadata=inner(2, "upper"))
     lower_point: Inexact[np.ndarray, "... spring 3"] = field(metadata=inner(2, "lower"))
-    stiffness: Inexact[np.ndarray, "... spring 6 6"] = field(metadata=inner(3))
-    damping: Inexact[np.ndarray, "... spring 6 6"] = field(metadata=inner(3))
-    preload: Inexact[np.ndarray, "... spring 6"] = field(metadata=inner(2))
+    stiffness: Inexact[np.ndarray, "... spring 6 6"] = field(metadata=inner(3, vector=True))
+    damping: Inexact[np.ndarray, "... spring 6 6"] = field(metadata=inner(3, vector=True))
+    preload: Inexact[np.ndarray, "... spring 6"] = field(metadata=inner(2, vector=True))
     loss: Inexact[np.ndarray, " spring"]
     grounded: Bool[np.ndarray, " spring"]
     spectrum: tuple[Spectrum | None, ...]
@@ -240,6 +242,10 @@ class Bars:
         return self.inertia[..., [0, 2]] + self.inertia[..., [1]]
 
 
+Part = TypeVar("Part", bound="DataclassInstance")
+"""Bodies, wires or parts of another kind: a dataclass of arrays."""
+
+
 @dataclass(frozen=True)
 class Flex:
     """Static stiffness of wires against bending and twisting, or against twisting alone.
@@ -282,6 +288,10 @@ class Scene:
         Composition of wires and blades, where wires bend (`beam`, `violin`); None for strings.
     flex
         Stiffness of the wires against bending and twisting.
+    added
+        Arrays of further elements between two bodies, by the name of the element: dataclasses like
+        `Springs`, with at least `label`, and the numbers `upper` < `lower` of the bodies (0 for the
+        support, and for what is fixed in space).
     field
         Gravity that is not a uniform pull along -z.
     solves_pose : bool
@@ -299,13 +309,20 @@ class Scene:
     drawn: Scene | None = None
     fibres: Fibres | None = None
     flex: Flex | None = None
+    added: Mapping[str, Any] = field(default_factory=dict)
     field: Field | None = None
     solves_pose: bool = False
 
     @property
     def parts(self) -> dict[str, Any]:
-        """Bodies, wires, blades, springs, struts and bars by the name of their field."""
-        return {name: getattr(self, name) for name in PARTS}
+        """Bodies, wires, blades, ... by the name of their field, and what is `added`."""
+        return {name: getattr(self, name) for name in PARTS} | dict(self.added)
+
+    def with_parts(self, parts: Mapping[str, Any]) -> Scene:
+        """Replace some of its parts, by their names."""
+        own = {name: part for name, part in parts.items() if name not in self.added}
+        added = {name: parts.get(name, part) for name, part in self.added.items()}
+        return replace(self, added=added, **own)
 
     @cached_property
     def batch(self) -> tuple[int, ...]:
@@ -318,7 +335,7 @@ class Scene:
         return shapes.pop() if len(shapes) == 1 else np.broadcast_shapes(*shapes)
 
     @cached_property
-    def kind(self) -> Any:
+    def kind(self) -> np.dtype:
         """Type of the numbers: complex while a derivative is taken by a complex step."""
         return np.result_type(
             float,

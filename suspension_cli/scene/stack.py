@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.scene.arrays import inner_axes
-from suspension_cli.scene.scene import Scene
+from suspension_cli.scene.scene import Part, Scene, Wires
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Int
 
 
-def stack_scenes(scenes: Sequence[Scene], pick: Any = None) -> Scene:
+def stack_scenes(scenes: Sequence[Scene], pick: Int[np.ndarray, " build"] | None = None) -> Scene:
     """Stack scenes into one whose first axis runs over them.
 
     Parameters
@@ -39,12 +42,11 @@ def stack_scenes(scenes: Sequence[Scene], pick: Any = None) -> Scene:
         )
         for key, part in scenes[0].parts.items()
     }
-    return replace(
-        scenes[0], drawn=stack_scenes(drawn, pick) if len(drawn) == len(scenes) else None, **parts
-    )
+    together = stack_scenes(drawn, pick) if len(drawn) == len(scenes) else None
+    return replace(scenes[0].with_parts(parts), drawn=together)
 
 
-def select_scenes(scene: Scene, which: Any) -> Scene:
+def select_scenes(scene: Scene, which: Bool[np.ndarray, "*batch"]) -> Scene:
     """Select scenes of a batch, along one axis.
 
     Parameters
@@ -52,7 +54,7 @@ def select_scenes(scene: Scene, which: Any) -> Scene:
     which : bool array of the batch's shape
     """
 
-    def selected(part: Any) -> Any:
+    def selected(part: Part) -> Part:
         values = {name: (getattr(part, name), n) for name, n in inner_axes(type(part)).items()}
         return replace(
             part,
@@ -66,7 +68,8 @@ def select_scenes(scene: Scene, which: Any) -> Scene:
     if drawn is not None and drawn.batch:
         drawn = select_scenes(drawn, np.broadcast_to(which, drawn.batch))
     parts = scene.parts if scene.flex is None else scene.parts | {"flex": scene.flex}
-    return replace(scene, drawn=drawn, **{key: selected(part) for key, part in parts.items()})
+    chosen = {key: selected(part) for key, part in parts.items()}
+    return replace(scene.with_parts(chosen), drawn=drawn)
 
 
 def scale_imperfections(scene: Scene, fraction: float) -> Scene:
@@ -77,11 +80,12 @@ def scale_imperfections(scene: Scene, fraction: float) -> Scene:
     drawn = scene.drawn
     assert drawn is not None
 
-    def between(old: Any, new: Any) -> Any:
+    def between(old: Part, new: Part) -> Part:
         values = {name: (getattr(old, name), getattr(new, name)) for name in inner_axes(type(new))}
         return replace(new, **{name: a + fraction * (b - a) for name, (a, b) in values.items()})
 
     parts = {key: between(drawn.parts[key], part) for key, part in scene.parts.items()}
     wires = parts["wires"]
+    assert isinstance(wires, Wires)
     parts["wires"] = replace(wires, length=np.sqrt((wires.span**2).sum(-1)))
-    return replace(scene, **parts)
+    return scene.with_parts(parts)

@@ -16,12 +16,16 @@ stiffness is that of the unloaded shape, without tension.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.rotations import cross, cross_matrix
+
+if TYPE_CHECKING:
+    from jaxtyping import Float, Inexact
 
 NODES = 24
 """Gauss nodes on each smooth piece: integrals over half a turn are exact to rounding."""
@@ -45,13 +49,13 @@ class Curve:
         B from A, m.
     """
 
-    point: Any
-    tangent: Any
-    weight: Any
-    end: Any
+    point: Inexact[np.ndarray, "node 3"]
+    tangent: Inexact[np.ndarray, "node 3"]
+    weight: Inexact[np.ndarray, " node"]
+    end: Inexact[np.ndarray, " 3"]
 
     @property
-    def length(self) -> Any:
+    def length(self) -> float:
         """Length of the wire, m."""
         return self.weight.sum()
 
@@ -60,20 +64,20 @@ class Curve:
 class RoundWire:
     """Stiffness of a round wire: EA (N), EI, GJ (N m^2), and weight per length (N/m)."""
 
-    stretching: Any
-    bending: Any
-    twisting: Any
-    weight: Any
+    stretching: float
+    bending: float
+    twisting: float
+    weight: float
 
     @staticmethod
-    def of(diameter: Any, modulus: Any, poisson: Any, weight_density: Any) -> RoundWire:
+    def of(diameter: float, modulus: float, poisson: float, weight_density: float) -> RoundWire:
         """From diameter (m), Young's modulus (Pa), Poisson's ratio, weight per volume (N/m^3)."""
         area, second = np.pi * diameter**2 / 4, np.pi * diameter**4 / 64
         twisting = modulus / (2 * (1 + poisson)) * 2 * second
         return RoundWire(modulus * area, modulus * second, twisting, weight_density * area)
 
 
-def u_shape(end: Any, length: Any) -> Curve:
+def u_shape(end: Inexact[np.ndarray, " 3"], length: float) -> Curve:
     """Curve of two vertical legs, down from A and up to B, joined by a half circle."""
     width = np.sqrt(end[0] ** 2 + end[1] ** 2)
     across, down = np.array([end[0], end[1], 0.0 * width]) / width, np.array([0.0, 0.0, -1.0])
@@ -99,7 +103,7 @@ def u_shape(end: Any, length: Any) -> Curve:
     return _joined(rows, end)
 
 
-def catenary(end: Any, length: Any) -> Curve:
+def catenary(end: Inexact[np.ndarray, " 3"], length: float) -> Curve:
     """Curve of a hanging chain of given length L (m) between A and B.
 
     z = a cosh((x - b) / a) + c with u = w / 2a from sinh(u) / u = sqrt(L^2 - h^2) / w, w and h
@@ -136,7 +140,7 @@ def catenary(end: Any, length: Any) -> Curve:
     return _joined(rows, end)
 
 
-def polyline(points: Any) -> Curve:
+def polyline(points: Inexact[np.ndarray, "point 3"]) -> Curve:
     """Straight pieces through points (p, 3), the first at A and the last at B."""
     s, w = _gauss()
     rows = []
@@ -147,29 +151,31 @@ def polyline(points: Any) -> Curve:
     return _joined(rows, points[-1] - points[0])
 
 
-def _gauss() -> tuple[Any, Any]:
+def _gauss() -> tuple[Float[np.ndarray, " node"], Float[np.ndarray, " node"]]:
     """Gauss-Legendre nodes and weights on 0 to 1."""
     x, w = np.polynomial.legendre.leggauss(NODES)
     return (1 + x) / 2, w / 2
 
 
-def _joined(rows: list[tuple[Any, Any, Any]], end: Any) -> Curve:
+def _joined(rows: Sequence[Sequence[np.ndarray]], end: Inexact[np.ndarray, " 3"]) -> Curve:
     point, tangent, weight = (np.concatenate(parts) for parts in zip(*rows, strict=True))
     return Curve(point, tangent, weight, end)
 
 
-def compliance(curve: Curve, wire: RoundWire) -> Any:
+def compliance(curve: Curve, wire: RoundWire) -> Inexact[np.ndarray, "6 6"]:
     """Displacement and rotation of A per force and moment there, B clamped: (6, 6)."""
     return _compliance_of(curve, wire, *_internal(curve))
 
 
-def stiffness(curve: Curve, wire: RoundWire) -> Any:
+def stiffness(curve: Curve, wire: RoundWire) -> Inexact[np.ndarray, "6 6"]:
     """Force and moment on A per displacement and rotation, B clamped: (6, 6), symmetric."""
     matrix = np.linalg.inv(compliance(curve, wire))
     return (matrix + matrix.T) / 2
 
 
-def _internal(curve: Curve) -> tuple[Any, Any]:
+def _internal(
+    curve: Curve,
+) -> tuple[Inexact[np.ndarray, "node 3 6"], Inexact[np.ndarray, "node 3 6"]]:
     """Internal force and moment (n, 3, 6) per force and moment at A."""
     kind = np.result_type(curve.point, float)
     force = np.zeros((len(curve.weight), 3, 6), dtype=kind)
@@ -179,7 +185,12 @@ def _internal(curve: Curve) -> tuple[Any, Any]:
     return force, moment
 
 
-def _compliance_of(curve: Curve, wire: RoundWire, force: Any, moment: Any) -> Any:
+def _compliance_of(
+    curve: Curve,
+    wire: RoundWire,
+    force: Inexact[np.ndarray, "node 3 load"],
+    moment: Inexact[np.ndarray, "node 3 load"],
+) -> Inexact[np.ndarray, "load load"]:
     t = curve.tangent
     along, turned = np.einsum("ni,nik->nk", t, force), np.einsum("ni,nik->nk", t, moment)
     across = moment - t[:, :, None] * turned[:, None, :]
@@ -191,7 +202,7 @@ def _compliance_of(curve: Curve, wire: RoundWire, force: Any, moment: Any) -> An
     )
 
 
-def sag(curve: Curve, wire: RoundWire) -> tuple[float, Any]:
+def sag(curve: Curve, wire: RoundWire) -> tuple[float, Float[np.ndarray, " 6"]]:
     """Largest descent (m) of a wire, clamped at both ends, under its weight.
 
     Deflections are taken as small; a descent that is not small compared with the length only says

@@ -6,13 +6,16 @@ each, they are those of least elastic energy (Castigliano's theorem).
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.errors import Fault
 from suspension_cli.rotations import cross
-from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.arrays import Array, Index
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Complex, Float, Inexact
 
 BALANCE = 1e-9
 """Residual force (relative to the weight) and torque (relative to weight times 1 m) that count as
@@ -40,7 +43,7 @@ def move_wrench(wrench: Array, offset: Array) -> Array:
     return np.concatenate([force, wrench[..., 3:] + cross(offset, force)], axis=-1)
 
 
-def weight_wrench(weight: Any, point: Array) -> Array:
+def weight_wrench(weight: float, point: Array) -> Array:
     """Compute the wrench (6,) of a weight (N) at a point (3,) about the origin."""
     return move_wrench(np.array([0.0, 0.0, -weight, 0.0, 0.0, 0.0]), point)
 
@@ -58,7 +61,9 @@ def wire_wrenches(direction: Array, point: Array) -> Array:
     return np.concatenate([-direction, cross(point, -direction)], axis=-1)
 
 
-def least_energy(wrenches: Array, load: Array, compliance: Array) -> tuple[Array, Array]:
+def least_energy(
+    wrenches: Array, load: Array, compliance: Array
+) -> tuple[Inexact[np.ndarray, " wire"], Inexact[np.ndarray, " 6"]]:
     """Find the tensions of least elastic energy that balance a load.
 
     Minimise T C T / 2 subject to sum_i T_i w_i + load = 0 (in the sense of least squares where that
@@ -96,7 +101,9 @@ def least_energy(wrenches: Array, load: Array, compliance: Array) -> tuple[Array
     return tension, left_over
 
 
-def _with_derivative(wrenches: Array, load: Array, compliance: Array) -> tuple[Array, Array]:
+def _with_derivative(
+    wrenches: Array, load: Array, compliance: Array
+) -> tuple[Complex[np.ndarray, " wire"], Complex[np.ndarray, " 6"]]:
     """Find the tensions of least energy, with the imaginary parts (a complex step) to first order.
 
     T = R A^+ b with A = W^T R, b = -load and C^-1 = R R^T. For constant rank dA^+ = -A^+ dA A^+ +
@@ -117,7 +124,7 @@ def _with_derivative(wrenches: Array, load: Array, compliance: Array) -> tuple[A
         + (da.T @ (inverse.T @ solution))
         - inverse @ (a @ (da.T @ (inverse.T @ solution)))
     )
-    whole: Any = root @ solution + 1j * (turned @ solution + root @ change)
+    whole = root @ solution + 1j * (turned @ solution + root @ change)
     return whole, wrenches.T @ whole + load
 
 
@@ -135,7 +142,11 @@ def _inverse_root(matrix: Array) -> Array:
 
 
 def compliance(
-    stiffness: Array, direction: Array, blade: Any, axes: Any, blade_stiffness: Array
+    stiffness: Array,
+    direction: Array,
+    blade: Index,
+    axes: Bool[np.ndarray, "blade 3"] | Float[np.ndarray, "0 3"],
+    blade_stiffness: Array,
 ) -> Array:
     """Compute the elongation per tension of wires in series with their blades, (w, w), m/N.
 

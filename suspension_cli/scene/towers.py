@@ -9,7 +9,7 @@ rotation of the stage less that lean bends the joint at the top.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,6 +26,9 @@ from suspension_cli.errors import Fault
 from suspension_cli.scene import tensions
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.parts import BarPart, StagePart, WirePart
+
+if TYPE_CHECKING:
+    from suspension_cli.design.units import Matrix6
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -116,20 +119,20 @@ def stage_legs(part: StagePart, load: float, gravity: float) -> LegStatics:
     return leg_statics(legs, load - own, gravity)
 
 
-def flexure_matrix(length: float, numbers: LegStatics) -> list[Any]:
+def flexure_matrix(length: float, numbers: LegStatics) -> Matrix6:
     """Stiffness (6 rows of 6) of the flexures of one leg against the strain of its spring.
 
     k |delta|^2 / (2 L^2) + k_t (phi - lean)^2 / 2, with the lean (-delta_y, delta_x) / L.
     """
     foot, top = numbers.flexure / length**2, numbers.top / length**2
     mixed = numbers.top / length
-    result: list[Any] = [[0.0] * 6 for _ in range(6)]
+    result = [[0.0] * 6 for _ in range(6)]
     result[0][0] = result[1][1] = foot + top
     result[3][3] = result[4][4] = numbers.top
     result[5][5] = numbers.yaw
     result[0][4] = result[4][0] = -mixed
     result[1][3] = result[3][1] = mixed
-    return result
+    return [*result]
 
 
 def hold_keystone(design: Design, part: StagePart, load: Array, gravity: float) -> list[Fault]:

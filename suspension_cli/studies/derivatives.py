@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -41,7 +41,7 @@ from suspension_cli.models import string as string_model
 from suspension_cli.models.loss_terms import lossless
 from suspension_cli.models.surroundings import surrounded, with_frame
 from suspension_cli.scene.pose import Layout, Pose, displace, layout, nominal_pose
-from suspension_cli.scene.scene import Scene
+from suspension_cli.scene.scene import Part, Scene
 from suspension_cli.studies.parameters import STEP, stepped
 
 if TYPE_CHECKING:
@@ -272,7 +272,7 @@ def _moved_bending(base: Differentiable, design: Design, scene: Scene) -> Moved:
 def _scale_steps(scene: Scene) -> Scene:
     """Scale complex steps of a scene to derivatives, for comparisons that allow for rounding."""
 
-    def grown(part: Any) -> Any:
+    def grown(part: Part) -> Part:
         steps = {
             name: value.real + 1j * (value.imag / STEP)
             for name, value in vars(part).items()
@@ -280,17 +280,18 @@ def _scale_steps(scene: Scene) -> Scene:
         }
         return replace(part, **steps)
 
-    return replace(scene, **{name: grown(part) for name, part in scene.parts.items()})
+    return scene.with_parts({name: grown(part) for name, part in scene.parts.items()})
 
 
 def _solves_for_pose(base: Differentiable) -> bool:
     """Whether the pose was solved for, and so depends on the design's numbers."""
-    return base.scene.drawn is not None or solves_pose(base.design)
+    scene = base.scene
+    return scene.drawn is not None or bool(scene.added) or solves_pose(base.design)
 
 
 def _unbalanced(base: Differentiable, scene: Scene, design: Design) -> bool:
     """Whether a suspension that balances in its nominal pose no longer does after the step."""
-    if gives_natural_lengths(design) or scene.field is not None:
+    if gives_natural_lengths(design) or scene.field is not None or scene.added:
         return False
     drawn = scene.drawn or scene  # straight wires: blades are loaded as without bending
     gradient = gradient_and_stiffness(drawn, base.numbering, nominal_pose(drawn))[0]

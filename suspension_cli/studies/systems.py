@@ -209,6 +209,19 @@ def _respond_compiled(
     kind = complex if lossy else float
     batch, size = model.batch, model.size
     whole, none = (*batch, size, size), np.zeros((0, size, size))
+    matrices = compiled.Matrices(
+        soft=constant(np.real(separated.soft)),
+        mass=constant(model.mass, whole),
+        loss=constant(np.imag(separated.soft) if np.iscomplexobj(separated.soft) else none),
+        damping=constant(model.damping, whole) if damped.any() else constant(none),
+        form=constant(separated.form),
+    )
+    systems = compiled.Systems(
+        which,
+        constant(omega),
+        constant(none.astype(kind) if added is None else added),
+        constant(compliance.astype(kind, copy=False)),
+    )
     result = np.empty((len(which), size - 6, moves.shape[-1]), dtype=kind)
     good = np.empty(len(which), dtype=bool)
     compiled.respond(
@@ -217,15 +230,8 @@ def _respond_compiled(
         # the factors of heavy tips on nearly rigid wires have few digits
         1 if light[6 * len(model.body) :].all() else 2,
         1j if lossy else 0.0,
-        which,
-        constant(omega),
-        constant(np.real(separated.soft)),
-        constant(model.mass, whole),
-        constant(np.imag(separated.soft) if np.iscomplexobj(separated.soft) else none),
-        constant(model.damping, whole) if damped.any() else constant(none),
-        constant(none.astype(kind) if added is None else added),
-        constant(separated.form),
-        constant(compliance.astype(kind, copy=False)),
+        matrices,
+        systems,
         constant(moves),
         constant(forces),
         result,

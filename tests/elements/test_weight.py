@@ -135,9 +135,8 @@ def test_compiled_loops_agree(kind):
     gradient, expected = tangent.gradient_and_stiffness(scene, numbering, pose)
     for found in (stiffness, whole):
         assert np.abs(found - expected).max() < 1e-13 * np.abs(expected).max()
-    solved, parts, _, _ = compiled.newton(
-        scene, numbering, pose, 0.0, (0.0, 0.0, 1e-8, 0.3), accept_nominal=False
-    )
+    limits = compiled.Limits(0, 0.0, 1e-8, 0.3)
+    solved, parts, _, _ = compiled.newton(scene, numbering, pose, 0.0, limits, accept_nominal=False)
     residual = np.abs(gradient[:, 6:] / residual_scale(scene, numbering)).max(-1)
     assert parts["residual"] == pytest.approx(residual, rel=1e-11)
     assert np.array_equal(solved.shift, pose.shift)

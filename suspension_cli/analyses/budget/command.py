@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import (
@@ -23,6 +23,8 @@ from suspension_cli.errors import Fault, InputError, escape_unprintable, format_
 from suspension_cli.grids import decade_points, parse_grid
 
 if TYPE_CHECKING:
+    import numpy as np
+    from jaxtyping import Complex
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.budget.ground import Motion
@@ -146,7 +148,7 @@ class BudgetAnalysis(Analysis):
             columns = {"cause": "", f"RMS\n{one.unit}": ".3e"}
             columns[f"RMS velocity\n{one.unit}/s"] = ".3e"
             columns |= {f"{one.frequency[n]:.4g} Hz\n{one.unit}/sqrt(Hz)": ".3e" for n in shown}
-            rows: list[tuple[Any, ...]] = [
+            rows: list[tuple[float | str | None, ...]] = [
                 ("all", _rms(one.rms[0]), _rms(one.rms_velocity[0]), *one.amplitude[shown])
             ]
             order = sorted(range(len(one.cause)), key=lambda n: -one.density[n].max())
@@ -335,7 +337,9 @@ def _model(
     return choice, model, warm
 
 
-def _closed(run: Run, choice: Choice, model: LinearSystem, highest: float) -> tuple[Plant, Any]:
+def _closed(
+    run: Run, choice: Choice, model: LinearSystem, highest: float
+) -> tuple[Plant, Complex[np.ndarray, " pole"]]:
     """Return the model with its loops, and its poles in rad/s, which must not grow."""
     import numpy as np
 

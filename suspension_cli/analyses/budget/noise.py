@@ -108,7 +108,7 @@ def compute_thermal(plant: Plant, frequency: Array, rows: Array, temperature: fl
         now = slice(start, start + CHUNK)
         h = filters[now]
         solved: list[tuple[Any, Any]] = []
-        pushed: Any = np.zeros((len(h), len(plant.loops), len(forms)), dtype=complex)
+        pushed = np.zeros((len(h), len(plant.loops), len(forms)), dtype=complex)
         for block in blocks:
             forces = forms[:, block.keep].T
             if not forces.any():

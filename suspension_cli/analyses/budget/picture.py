@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,13 +15,17 @@ from suspension_cli.drawing.style import (
     INK,
     NOTE,
     PALETTE,
+    LineLook,
     format_raised,
     house_style,
     single_line,
 )
 from suspension_cli.scene.arrays import Array
 
-Line = tuple[str, str, dict[str, Any], Array, Array]
+if TYPE_CHECKING:
+    from matplotlib.typing import LineStyleType
+
+Line = tuple[str, str, LineLook, Array, Array]
 """Name, colour, look, frequencies and values of a line."""
 HEIGHT = 2.4
 """Height of a panel, in."""
@@ -80,18 +84,18 @@ def _name_faint(one: Budget) -> str:
     return f"not drawn, below {FAINT:g} of the sum everywhere: {faint}" if faint else ""
 
 
-def _lines(one: Budget, colours: dict[str, tuple[str, Any]]) -> list[Line]:
+def _lines(one: Budget, colours: dict[str, tuple[str, LineStyleType]]) -> list[Line]:
     """List the lines of a panel."""
     at = one.frequency
     lines: list[Line] = [("all", INK, {"linewidth": 2.0}, at, one.amplitude)]
     for name in _drawn(one):
         colour, style = colours[name]
-        look = {"linestyle": style, "linewidth": 0.9}
+        look: LineLook = {"linestyle": style, "linewidth": 0.9}
         lines.append((name, colour, look, at, one.parts[name]))
     if np.isfinite(one.rms).all():
         lines.append((f"RMS above f ({one.unit})", NOTE, {"linewidth": 0.7}, at, one.rms))
     if one.requirement is not None:
-        given, look = one.requirement, {"linestyle": "--", "linewidth": 1.1}
+        given, look = one.requirement, LineLook(linestyle="--", linewidth=1.1)
         lines.append((Path(given.name).stem, LIMIT, look, given.frequency, given.density))
     return lines
 
@@ -118,10 +122,10 @@ def write_message(one: Budget) -> str:
     return f"{text}; the requirement is exceeded {found.excess:.2g} times at {found.at:.3g} Hz"
 
 
-def _colours(budgets: list[Budget]) -> dict[str, tuple[str, Any]]:
+def _colours(budgets: list[Budget]) -> dict[str, tuple[str, LineStyleType]]:
     """Choose a colour and line style for each cause, the same in all panels."""
     drawn = dict.fromkeys(name for one in budgets for name in _drawn(one))
-    styles = ("-", (0, (4, 1.6)), (0, (1, 1.4)))
+    styles: tuple[LineStyleType, ...] = ("-", (0, (4, 1.6)), (0, (1, 1.4)))
     return {
         name: (PALETTE[n % len(PALETTE)], styles[n // len(PALETTE) % len(styles)])
         for n, name in enumerate(drawn)
@@ -141,7 +145,8 @@ def _panel(axes: Axes, one: Budget, lines: list[Line]) -> None:
     for _, colour, look, at, value in lines:
         shown = np.where(value > 0, value, np.nan)
         marker = mark if at is one.frequency else ""
-        axes.loglog(at, shown, color=colour, marker=marker, markersize=3, **look)
+        marked: LineLook = {"marker": marker, "markersize": 3, **look}
+        axes.loglog(at, shown, color=colour, **marked)
     axes.set_xlim(one.frequency[0], one.frequency[-1] * (1 + 1e-9 + (len(one.frequency) == 1)))
     axes.set_ylabel(f"{single_line(one.output, 40)} ({one.unit}/√Hz)")
     curves.label_plainly(axes.yaxis)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from suspension_cli.errors import Fault, InputError, attribute_faults_to, format
 from suspension_cli.measurements import text
 from suspension_cli.measurements.columns import Columns, recognise
 from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Inexact
 
 
 @dataclass(frozen=True)
@@ -66,10 +69,10 @@ def read(path: Path) -> Table:
         return Table(str(path), values[0], dict(zip(names[1:], values[1:], strict=True)))
 
 
-def _check(rows: Any, columns: Columns) -> None:
+def _check(rows: Inexact[np.ndarray, "line column"], columns: Columns) -> None:
     """Raise `InputError` for the first line (of n) whose frequency or values are at fault."""
     finite = np.isfinite(rows).all(1) & ~np.iscomplex(rows).any(1)
-    real = rows.real
+    real = np.real(rows)
     frequency, ascending = real[:, 0], np.diff(real[:, 0], prepend=-np.inf) > 0
     for good, problem, remedy, shown in (
         (finite, "contains something that is no finite number", "remove the line", None),

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 from suspension_cli.analyses import registry
 from suspension_cli.analyses.check.statics import list_wire_tables
@@ -32,7 +31,7 @@ def find_unknown_names(
     """
     stages = tuple(stage.name for stage in design.stage)
     frame = (FRAME,) if design.support is not None else ()
-    on_ground = any(GROUND in item.between for item in (*design.link, *design.damper))
+    on_ground = any(GROUND in item.between for _, item in design.between_bodies)
     known = (SUPPORT, *stages, *frame, *((GROUND,) if on_ground else ()))
     unknown: list[ImplausibleNumber] = []
     for analysis in map(registry.get, ANALYSES):
@@ -59,7 +58,12 @@ def find_unknown_names(
 
 
 def _check_name(
-    key: str, text: str, where: str, names: Any, paths: Callable[[str], bool], found: Modes | None
+    key: str,
+    text: str,
+    where: str,
+    names: tuple[tuple[str, ...], tuple[str, ...], list[str]],
+    paths: Callable[[str], bool],
+    found: Modes | None,
 ) -> list[ImplausibleNumber]:
     """Check one name in an `[analysis]` table."""
     known, stages, wires = names

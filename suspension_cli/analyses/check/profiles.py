@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from suspension_cli.elements import joined_sections
 from suspension_cli.elements.dynamic_wire import TautWire
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.models import registry
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 ELEMENTS = 6000
 """Elements of the unreduced fibre, and twice as many: their error goes with the square."""
@@ -101,13 +105,24 @@ def _tables(design: Design) -> list[tuple[str, WireSet | Wire, int]]:
     return result
 
 
-def _converged(z: Any, d: Any, modulus: float, tension: float) -> Any:
+def _converged(
+    z: Sequence[float] | Float[np.ndarray, " node"],
+    d: Sequence[float] | Float[np.ndarray, " node"],
+    modulus: float,
+    tension: float,
+) -> Float[np.ndarray, "3 3"]:
     """Static stiffness from two meshes, extrapolated (Richardson)."""
     coarse, fine = (bending_stiffness(z, d, modulus, tension, n * ELEMENTS) for n in (1, 2))
     return fine + (fine - coarse) / 3
 
 
-def bending_stiffness(z: Any, d: Any, modulus: float, tension: float, count: int) -> Any:
+def bending_stiffness(
+    z: Sequence[float] | Float[np.ndarray, " node"],
+    d: Sequence[float] | Float[np.ndarray, " node"],
+    modulus: float,
+    tension: float,
+    count: int,
+) -> Float[np.ndarray, "3 3"]:
     """Static stiffness (3, 3) of a fibre against the slopes of its ends and the shift of one.
 
     By linear finite elements of the slope f = w', for which E I f'' - T f = const is of second

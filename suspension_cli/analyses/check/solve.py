@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import tables
 from suspension_cli.analyses.analysis import Document, Log, Report
@@ -277,6 +278,6 @@ def _merge_equal(
     return result
 
 
-def _table(part: str, load: str, change: str, rows: Any) -> str:
+def _table(part: str, load: str, change: str, rows: Iterable[Sequence[float | str | None]]) -> str:
     columns = {part: "", f"{load}\nN": ".2f", f"{change}\nmm": ".3f"}
     return tables.render(columns | {"stress\nMPa": ".0f", "of strength\n%": ".3g"}, rows)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from suspension_cli.analyses.analysis import Log
@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from suspension_cli.linear.eigenmodes import Modes
     from suspension_cli.linear.system import LinearSystem
     from suspension_cli.models.base import Model
+    from suspension_cli.scene.arrays import Array
 
 MOST_PARTS = 10
 """Most parts that a warning lists."""
@@ -42,7 +43,7 @@ def warn_of_modes(design: Design, model: Model, found: Modes, log: Log) -> None:
     warn(design, simpler.system(design), found, log)
 
 
-def warn_of_tables(design: Design, frequency: Any, log: Log) -> None:
+def warn_of_tables(design: Design, frequency: Array, log: Log) -> None:
     """Warn of links whose tables of stiffness do not reach frequencies (f,) in Hz."""
     for link in design.link:
         if link.table is None:

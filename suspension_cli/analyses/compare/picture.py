@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,12 +15,16 @@ from suspension_cli.drawing import curves
 from suspension_cli.drawing.style import (
     PALE,
     PALETTE,
+    LineLook,
     format_significant,
     house_style,
     new_figure,
     shorten,
     single_line,
 )
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 MARKERS = ("o", "D", "s", "^", "v")
 """Markers of the items."""
@@ -38,7 +42,7 @@ def draw_modes(found: Comparison, modes: PairedModes) -> Figure:
         figure = new_figure(curves.COLUMN, curves.HEAD + 0.3 + tall + 0.55)
         axes = figure.subplots()
         curves.set_margins(figure, left=left, right=0.28, top=curves.HEAD + 0.3, bottom=0.55)
-        change: Any = 100 * (frequency / first[:, None] - 1)
+        change = 100 * (frequency / first[:, None] - 1)
         rows = np.arange(len(shown))
         for n, name in enumerate(found.name):
             own = np.isfinite(change[:, n]) & (base != n)
@@ -67,7 +71,9 @@ def draw_modes(found: Comparison, modes: PairedModes) -> Figure:
         return figure
 
 
-def _modes_title(found: Comparison, change: Any, labels: list[str]) -> str:
+def _modes_title(
+    found: Comparison, change: Float[np.ndarray, "mode design"], labels: list[str]
+) -> str:
     if not np.isfinite(change).any():
         return "none in common"
     row, column = np.unravel_index(np.nanargmax(np.abs(change)), change.shape)
@@ -134,7 +140,7 @@ def _limit(axes: Axes, drawn: list[Curve], colours: list[str]) -> None:
             axes.plot(at, high, "^", color=colour, markersize=3, clip_on=False)
 
 
-def _look(found: Comparison, curve: Curve) -> dict[str, Any]:
+def _look(found: Comparison, curve: Curve) -> LineLook:
     """Dashes of a computed curve, points of a measured one."""
     if found.kind[curve.item] == "measurement":
         return {"linestyle": "none", "marker": ".", "markersize": 3}

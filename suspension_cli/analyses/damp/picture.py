@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -29,6 +29,10 @@ from suspension_cli.drawing.style import (
 )
 from suspension_cli.linear.poles import Poles
 
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float, Inexact, Int
+    from matplotlib.typing import LineStyleType
+
 LEFT, WIDE, TALL, APART = 0.72, 3.1, 1.45, 2.08
 """Left margin, size of panels, and distance of one from the next, in."""
 OPEN = "#9aa1a8"
@@ -43,7 +47,14 @@ NEAR = 40.0
 """Gains drawn in the Nichols chart, dB to both sides of 1."""
 DECADES = 12
 """Largest number of decades of sensor noise."""
-DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.4, 1.2, 1.4)), (0, (8, 1.5)), (0, (2, 2)))
+DASHES: tuple[LineStyleType, ...] = (
+    "-",
+    (0, (5, 1.5)),
+    (0, (1.2, 1.2)),
+    (0, (5, 1.4, 1.2, 1.4)),
+    (0, (8, 1.5)),
+    (0, (2, 2)),
+)
 """Line styles of the loops, so that one on top of another does not hide it."""
 
 
@@ -59,8 +70,8 @@ class _Line:
     """Gain of a loop, its colour and dashes, and its margins."""
 
     name: str
-    gain: Any
-    look: tuple[str, Any]
+    gain: Complex[np.ndarray, " frequency"]
+    look: tuple[str, LineStyleType]
     margin: Margins | None
 
     @property
@@ -68,7 +79,12 @@ class _Line:
         return self.look[0]
 
 
-def draw(damped: LocalControl, title: str, gains: tuple[Any, Any] | None = None) -> Figure:
+def draw(
+    damped: LocalControl,
+    title: str,
+    gains: tuple[Float[np.ndarray, " frequency"], Complex[np.ndarray, "frequency loop"]]
+    | None = None,
+) -> Figure:
     """Draw the figure of `pendsus damp`.
 
     Parameters
@@ -114,7 +130,9 @@ def _say(damped: LocalControl) -> str:
     return f"Local control UNSTABLE: {where} grows at {rate[worst]:.3g}/s"
 
 
-def find_critical(gain: Any, first: Any) -> Any:
+def find_critical(
+    gain: Inexact[np.ndarray, "frequency loop"], first: Sequence[bool]
+) -> Int[np.ndarray, " critical"]:
     """Find the loops whose gains (f, l) come nearest to -1, and `first` (l) of all.
 
     >>> find_critical(np.array([[-0.9, 0.1, -0.5, -0.8]]), [False, True, False, False]).tolist()
@@ -124,7 +142,7 @@ def find_critical(gain: Any, first: Any) -> Any:
     return np.sort(distance.argsort(kind="stable")[:SHOWN])
 
 
-def _looks(loops: Sequence[str]) -> list[tuple[str, Any]]:
+def _looks(loops: Sequence[str]) -> list[tuple[str, LineStyleType]]:
     """Colour and dashes of each loop: the colour of its motion if all are named after one."""
     colours = (
         [DOF_COLOUR[name] for name in loops]
@@ -203,15 +221,14 @@ def _write_counts(
     poles: Sequence[tuple[float, float, int]],
 ) -> None:
     """Write the numbers of poles at one place beside it, clear of others and of all marks."""
-    figure: Any = axes.get_figure()
-    pixel = 72 / figure.dpi
+    pixel = 72 / axes.figure.dpi
 
-    def place(points: Any) -> Any:
+    def place(points: Sequence[tuple[float, float]]) -> Float[np.ndarray, "point 2"]:
         return axes.transData.transform(np.reshape(points, (-1, 2))) * pixel
 
     marks = place([(rate, at) for rate, at, _ in poles])
     taken = np.zeros((0, 2))
-    frame = axes.get_window_extent().extents * pixel + np.array([9.0, 6.0, -9.0, -6.0])
+    frame = np.array(axes.get_window_extent().extents) * pixel + np.array([9.0, 6.0, -9.0, -6.0])
     for rate, at, text, colour in counts:
         middle = place([(rate, at)])[0] + COUNT_SHIFTS
         room = [
@@ -228,12 +245,12 @@ def _write_counts(
         )  # fmt: skip
 
 
-def _distance(apart: Any, size: tuple[float, float]) -> float:
+def _distance(apart: Float[np.ndarray, "point 2"], size: tuple[float, float]) -> float:
     """Smallest of distances (k, 2), in units of the least ones across and up; at most 9."""
     return float(np.abs(apart / size).max(1).min(initial=9.0)) if len(apart) else 9.0
 
 
-def _rates(poles: Poles) -> Any:
+def _rates(poles: Poles) -> Float[np.ndarray, " pole"]:
     """Real parts, 1/s; 0 where they may be rounding errors."""
     rate = np.real(poles.value)
     return np.where(np.abs(rate) <= poles.rounding * np.abs(poles.value), 0.0, rate)
@@ -301,7 +318,9 @@ def _draw_impulse(axes: Axes, damped: LocalControl) -> None:
     curves.label_ends(axes, ends)
 
 
-def _draw_gains(axes: Axes, frequency: Any, lines: Sequence[_Line], loops: int) -> None:
+def _draw_gains(
+    axes: Axes, frequency: Float[np.ndarray, " frequency"], lines: Sequence[_Line], loops: int
+) -> None:
     axes.set_yscale("log")
     sizes = [np.abs(line.gain) for line in lines]
     which = f" of the {SHOWN} most critical of {loops} loops" if loops > len(lines) else ""
@@ -312,7 +331,9 @@ def _draw_gains(axes: Axes, frequency: Any, lines: Sequence[_Line], loops: int) 
     _label_lines(axes, frequency, sizes, lines)
 
 
-def _draw_phases(axes: Axes, frequency: Any, lines: Sequence[_Line]) -> None:
+def _draw_phases(
+    axes: Axes, frequency: Float[np.ndarray, " frequency"], lines: Sequence[_Line]
+) -> None:
     """Draw unwrapped phases, with a dot at each phase margin."""
     phases = [curves.unwrap_phase(line.gain) for line in lines]
     title = "phase of the loop gain; dots: phase margins"
@@ -328,7 +349,11 @@ def _draw_phases(axes: Axes, frequency: Any, lines: Sequence[_Line]) -> None:
 
 
 def _draw_over_frequency(
-    axes: Axes, frequency: Any, values: Sequence[Any], lines: Sequence[_Line], title: str
+    axes: Axes,
+    frequency: Float[np.ndarray, " frequency"],
+    values: Sequence[Float[np.ndarray, " frequency"]],
+    lines: Sequence[_Line],
+    title: str,
 ) -> None:
     axes.set_xscale("log")
     for value, line in zip(values, lines, strict=True):
@@ -339,13 +364,20 @@ def _draw_over_frequency(
     _name(axes, title)
 
 
-def _label_lines(axes: Axes, frequency: Any, values: Sequence[Any], lines: Sequence[_Line]) -> None:
+def _label_lines(
+    axes: Axes,
+    frequency: Float[np.ndarray, " frequency"],
+    values: Sequence[Float[np.ndarray, " frequency"]],
+    lines: Sequence[_Line],
+) -> None:
     pairs = zip(values, lines, strict=True)
     ends = [(frequency, value, line.name, line.colour) for value, line in pairs]
     curves.label_ends(axes, ends, most=10)
 
 
-def _draw_nichols(axes: Axes, frequency: Any, lines: Sequence[_Line]) -> None:
+def _draw_nichols(
+    axes: Axes, frequency: Float[np.ndarray, " frequency"], lines: Sequence[_Line]
+) -> None:
     """Draw loop gains against phases from -270 to 90 degrees, with -1 and the margins."""
     turn = np.linspace(0, 2 * np.pi, 181)[1:-1]
     circle = -1 + 0.5 * np.exp(1j * turn)
@@ -395,7 +427,12 @@ def _draw_branches(axes: Axes, line: _Line) -> None:
             _mark_exits(axes, own, size, line.colour)
 
 
-def _mark_exits(axes: Axes, phase: Any, size: Any, colour: str) -> None:
+def _mark_exits(
+    axes: Axes,
+    phase: Float[np.ndarray, " frequency"],
+    size: Float[np.ndarray, " frequency"],
+    colour: str,
+) -> None:
     """Mark with arrowheads where a curve leaves the chart upwards or downwards."""
     for edge, marker in ((NEAR, "^"), (-NEAR, "v")):
         crossed = np.flatnonzero((size[:-1] - edge) * (size[1:] - edge) < 0)
@@ -411,7 +448,7 @@ def _unit(motion: str) -> str:
     return "m" if motion.split("@")[0].endswith((".x", ".y", ".z")) else "rad"
 
 
-def _draw_noise(axes: Axes, damped: LocalControl, looks: list[tuple[str, Any]]) -> None:
+def _draw_noise(axes: Axes, damped: LocalControl, looks: list[tuple[str, LineStyleType]]) -> None:
     axes.set_xscale("log")
     axes.set_xlabel("frequency (Hz)")
     axes.set_ylabel(single_line(f"{damped.output} ({_unit(damped.output)}/√Hz)", 32))

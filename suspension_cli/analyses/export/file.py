@@ -7,7 +7,7 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
@@ -18,6 +18,9 @@ from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.files.atomic import write_bytes
 from suspension_cli.files.hdf5 import Provenance, add_dataset, add_scale, write
 from suspension_cli.version import __version__
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 MAT_HEAD = f"MATLAB 5.0 MAT-file, written by pendsus {__version__}".encode().ljust(116)
 """Header text of a MAT-file, 116 bytes (MAT-File Format, The MathWorks, "Level 5 MAT-File Header").
@@ -90,7 +93,7 @@ FORMATS = {
 }
 
 
-def _fields(made: Exported, origin: Provenance) -> dict[str, Any]:
+def _fields(made: Exported, origin: Provenance) -> dict[str, object]:
     """Fields of a file: matrices, names, units, band and error, provenance."""
     system = made.system
     names = ("state", "state_unit", "input", "input_unit", "output", "output_unit")
@@ -105,7 +108,7 @@ def _fields(made: Exported, origin: Provenance) -> dict[str, Any]:
     }
 
 
-def _agreement(made: Exported) -> dict[str, Any]:
+def _agreement(made: Exported) -> dict[str, float | Float[np.ndarray, " 2"]]:
     """Band of agreement (2,), Hz, NaN if there is none, and the errors in and beyond it."""
     band = np.array(made.band or (np.nan, np.nan))
     return {"band_hz": band, "tolerance": made.tolerance, "worst_error": made.worst}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import zip_longest
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from suspension_cli.linear.connected_groups import connected_groups
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex
 
 
 @dataclass(frozen=True)
@@ -23,7 +26,7 @@ class ZeroPoleGain:
     poles: Array
     gain: Array
 
-    def at(self, frequency: Array) -> Any:
+    def at(self, frequency: Array) -> Complex[np.ndarray, "frequency output input"]:
         """Evaluate the transfer matrix (f, o, i) at frequencies (f,) in Hz."""
         s = 2j * np.pi * np.asarray(frequency)
         result = np.empty((len(s), *self.gain.shape), dtype=complex)
@@ -138,7 +141,7 @@ def _leading(a: Array, b: Array, c: Array, d: float, beyond: int = 0) -> tuple[i
     return 0, 0.0
 
 
-def _zeros(a: Array, b: Array, c: Array, d: float, degree: int) -> Any:
+def _zeros(a: Array, b: Array, c: Array, d: float, degree: int) -> Complex[np.ndarray, " zero"]:
     """Finite eigenvalues (n - degree,) of [[A, b], [c, d]], rad/s.
 
     The matrix is balanced first, with b and c scaled to the norm of A.

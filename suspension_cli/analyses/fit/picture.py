@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -24,6 +24,9 @@ from suspension_cli.drawing.style import (
     single_line,
     write_text,
 )
+
+if TYPE_CHECKING:
+    from jaxtyping import Float, Int
 
 PLAIN_POWERS = range(-3, 3)
 """Powers of ten of numbers that are written without an exponent."""
@@ -104,7 +107,9 @@ def _count(count: int, thing: str) -> str:
     return f"1 {thing}" if count == 1 else f"{count} {thing}s"
 
 
-def _residuals(found: Fit) -> tuple[list[str], Any, Any]:
+def _residuals(
+    found: Fit,
+) -> tuple[list[str], Float[np.ndarray, "row 2"], Int[np.ndarray, " experiment"]]:
     """Labels (k), residuals (k, 2) before and after, and the first of each of several experiments.
 
     In standard deviations, of modes; or of the resonances of measured transfer functions, which
@@ -127,7 +132,9 @@ def _residuals(found: Fit) -> tuple[list[str], Any, Any]:
     return names, (table[:, 2:4] - table[:, :1]) / table[:, 1:2], np.empty(0, int)
 
 
-def _draw_residuals(axes: Axes, names: list[str], residuals: Any, label: str) -> None:
+def _draw_residuals(
+    axes: Axes, names: list[str], residuals: Float[np.ndarray, "row 2"], label: str
+) -> None:
     """Draw every residual before and after the fit."""
     rows = np.arange(len(names))
     axes.axvspan(-INTERVAL, INTERVAL, color=PALE, alpha=0.45, linewidth=0, label="95 %")
@@ -169,7 +176,9 @@ def _draw_residuals(axes: Axes, names: list[str], residuals: Any, label: str) ->
     axes.set_xlabel(label)
 
 
-def _name_experiments(figure: Figure, axes: Axes, who: list[str], starts: Any) -> None:
+def _name_experiments(
+    figure: Figure, axes: Axes, who: list[str], starts: Int[np.ndarray, " experiment"]
+) -> None:
     """Write the name of each experiment beside its first row, and part it from the last."""
     box = axes.get_position()
     margin = (0.1 / curves.COLUMN - box.x0) / box.width

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,6 +12,10 @@ from matplotlib.figure import Figure
 from suspension_cli.analyses.fit.response_fit import ResponseFit
 from suspension_cli.drawing import curves
 from suspension_cli.drawing.style import NOTE, PALE, PALETTE, house_style, new_figure, single_line
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float
+    from matplotlib.artist import Artist
 
 SHOWN = 6
 """Functions that are drawn."""
@@ -37,7 +41,7 @@ def draw(found: ResponseFit, title: str, units: Sequence[str] = ()) -> Figure:
         figure = new_figure(across, up)
         outer = figure.add_gridspec(rows, 1)
         curves.set_margins(figure, left=0.7, top=curves.HEAD + 0.63, bottom=0.6, hspace=0.32)
-        handles: list[Any] = []
+        handles: list[Artist] = []
         names: list[str] = []
         for place, n in enumerate(order):
             inner = outer[place].subgridspec(2, 1, height_ratios=[2.2, 1], hspace=0.1)
@@ -95,7 +99,9 @@ def _draw_one(top: Axes, below: Axes, found: ResponseFit, n: int, ratio: float) 
     curves.label_plainly(top.yaxis)
 
 
-def interpolate(frequency: Any, value: Any) -> tuple[Any, Any]:
+def interpolate(
+    frequency: Float[np.ndarray, " frequency"], value: Complex[np.ndarray, " frequency"]
+) -> tuple[Float[np.ndarray, " finer"], Complex[np.ndarray, " finer"]]:
     """Interpolate a computed response by a rational function, so that its peaks are round.
 
     A response is a rational function but for slow factors of delays and losses, so that the AAA

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -102,7 +102,7 @@ class ResponseProblem:
     _plants: dict[bytes, Plant] = field(default_factory=dict)
     _predictions: dict[bytes, Prediction] = field(default_factory=dict)
 
-    def changed(self, **changes: Any) -> ResponseProblem:
+    def changed(self, **changes: object) -> ResponseProblem:
         """Replace channels, numbers or modes; the plants of designs solved before are kept."""
         return replace(self, **changes, _predictions={})
 
@@ -302,7 +302,7 @@ class ResponseProblem:
         return pair_by_overlap((self.nominal.modes.shape @ plant.modal_forces.T) ** 2)
 
 
-def _drop_oldest(store: dict[bytes, Any], most: int) -> None:
+def _drop_oldest(store: dict[bytes, Plant] | dict[bytes, Prediction], most: int) -> None:
     """Make room for one more entry."""
     while len(store) >= most:
         del store[next(iter(store))]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import astuple
-from typing import Any
 
 import numpy as np
 
@@ -81,7 +80,7 @@ def _functions(found: ResponseFit) -> str:
     before = np.abs((found.before - found.measured) / found.uncertainty) ** 2
     start = np.bincount(found.of, before, len(found.function)) / np.maximum(found.points, 1)
     names = [*zip(found.function, found.output, found.input, strict=True)]
-    rows = [(start[n], ratio[n], int(found.points[n] // 2), *names[n]) for n in order]
+    rows = [(float(start[n]), float(ratio[n]), int(found.points[n] // 2), *names[n]) for n in order]
     columns = {
         "chi^2 per value\nbefore": ".3g",
         "\nafter": ".3g",
@@ -217,7 +216,7 @@ def document(found: ResponseFit) -> Document:
     }
 
 
-def _rows(keys: str, rows: Iterable[Sequence[Any]]) -> list[Document]:
+def _rows(keys: str, rows: Iterable[Sequence[object]]) -> list[Document]:
     """Convert rows of texts and numbers for JSON."""
     return [
         {

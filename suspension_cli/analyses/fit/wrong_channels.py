@@ -204,7 +204,7 @@ class _Comparison:
                 )
                 product = np.conj(model[clear]) * item.value[clear]
                 if clear.sum() > 3:
-                    agreement[n] = float((product.real / np.abs(product)).mean())
+                    agreement[n] = float((np.real(product) / np.abs(product)).mean())
                     agreement[n] *= min(1.0, clear.mean() * 5)
         pairs = [channels.pair(n) for n in range(count)]
         return _Comparison(channels, pairs, measured, computed, agreement)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from suspension_cli.analyses.analysis import Document, Log, Report, Settings, as
 if TYPE_CHECKING:
     from suspension_cli.design.reader import Source
     from suspension_cli.linear.eigenmodes import Modes
+    from suspension_cli.linear.system import LinearSystem
     from suspension_cli.models.auto import Refinement
     from suspension_cli.models.estimates import Estimates
     from suspension_cli.models.quantity_of_interest import Transfer
@@ -139,7 +141,7 @@ def solve(source: Source, setting: Settings, log: Log) -> Info:
     frequency = np.array(parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0))
     output = setting["output"] or f"{design.stage[-1].name}.x"
 
-    def transfer(model: Any) -> Transfer:
+    def transfer(model: LinearSystem) -> Transfer:
         known = signals.bodies_with_signals(model)
         return Transfer(
             [signals.parse_input(setting["drive"], known)],
@@ -165,7 +167,7 @@ def solve(source: Source, setting: Settings, log: Log) -> Info:
     return Info(source, tolerance, found, modes, choices, refinements)
 
 
-def _named(values: Any, infinite: str) -> list[float | str]:
+def _named(values: Iterable[float], infinite: str) -> list[float | str]:
     """Replace numbers that are not finite by words."""
     return [
         "unknown" if math.isnan(value) else infinite if math.isinf(value) else value

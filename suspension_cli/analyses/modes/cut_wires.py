@@ -11,7 +11,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -237,7 +237,7 @@ def piece_motions(
     cut: CutWires, shapes: Float[np.ndarray, "mode coordinate"]
 ) -> list[dict[str, Float[np.ndarray, "_ wire mode"]]]:
     """Even and odd motion (c, w, m) of both pieces of every wire in shapes (m, A), by part."""
-    pieces: list[dict[str, Any]] = [{}, {}]
+    pieces: list[dict[str, Float[np.ndarray, "_ wire mode"]]] = [{}, {}]
     for part in PARTS:
         back = np.linalg.inv(joined_sections.ENDS[COORDINATES[part] // 2])
         for piece, ends in zip(pieces, cut.piece_ends(part), strict=True):

@@ -12,7 +12,7 @@ x = 0, Q = 1 / (2 tan(atan(phi) / 2)), 10.025 for phi = 0.1.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -259,7 +259,7 @@ def mean_energies(
     return energy[:, :bodies], energy[:, bodies:]
 
 
-def merge_modes(found: Modes, kept: Bool[np.ndarray, " mode"], new: dict[str, Any]) -> Modes:
+def merge_modes(found: Modes, kept: Bool[np.ndarray, " mode"], new: dict[str, np.ndarray]) -> Modes:
     """Merge kept modes with new ones, by omega^2, then by decay if overdamped.
 
     `new` has attributes of `Modes` with one entry per new mode. Modes of one frequency keep their

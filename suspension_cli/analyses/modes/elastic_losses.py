@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -67,7 +67,7 @@ class ElasticLosses:
         """Elements between the coordinates `place` at frequencies in rad/s."""
         values, combined = self._coefficients(omega)
         constant, matrices = self._within(place, combined=combined)
-        result: Any = np.empty((len(omega), *constant.shape), dtype=complex)
+        result = np.empty((len(omega), *constant.shape), dtype=complex)
         flat = matrices.reshape(len(matrices), constant.size)
         result.real = (np.real(values).T @ flat).reshape(result.shape) + np.real(constant)
         result.imag = (np.imag(values).T @ flat).reshape(result.shape) + np.imag(constant)

@@ -17,6 +17,9 @@ from suspension_cli.analyses.modes.modal_basis import CONVERGED, STEPS, Basis, c
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Inexact, Int
 
+    Dynamic = Callable[[Complex[np.ndarray, " pole"], bool], Complex[np.ndarray, "pole row column"]]
+    """Dynamic stiffness (m, A + t, A + t) at s (m,), rad/s, with or without loss angles."""
+
 NOISE = 1e-9
 """Relative change below which an iteration that no longer improves has ended."""
 STRAYED = 0.5
@@ -146,7 +149,7 @@ def _refine_in_basis(
     if not np.abs(motion[lead[0]]) > 0 or start == 0:
         return start, motion
 
-    def equation(s: complex) -> tuple[complex, Any]:
+    def equation(s: complex) -> tuple[complex, Complex[np.ndarray, " coordinate"]]:
         matrix, follow, others = condense(basis, lead, s, basis.losses(np.array([s]))[0])
         moving = np.zeros(len(motion), dtype=complex)
         moving[lead], moving[others] = 1.0, follow[:, 0]
@@ -169,7 +172,7 @@ def _refine_in_basis(
 
 
 def refine_poles(
-    dynamic: Callable[[Any, bool], Any],
+    dynamic: Dynamic,
     start: Complex[np.ndarray, " pole"],
     motion: Complex[np.ndarray, "pole coordinate"] | None,
 ) -> Complex[np.ndarray, " pole"]:
@@ -194,7 +197,7 @@ def refine_poles(
 
 
 def _refine_some(
-    dynamic: Callable[[Any, bool], Any],
+    dynamic: Dynamic,
     start: Complex[np.ndarray, " pole"],
     motion: Complex[np.ndarray, "pole coordinate"] | None,
 ) -> Complex[np.ndarray, " pole"]:

@@ -6,9 +6,8 @@ follow, come from the suspension with its wires cut in two (`cut_wires`).
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,7 +25,9 @@ from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
-    from jaxtyping import Float, Int
+    from jaxtyping import Complex, Float, Int
+
+    from suspension_cli.analyses.modes.strong_damping import Dynamic
 
 SLOWEST = 1e-4
 """Fraction of the lowest static frequency below which modes are not searched for."""
@@ -46,8 +47,6 @@ STEP = 1e-20
 """Relative complex step in frequency, for derivatives of stiffnesses."""
 NAMES = {"bend-1": "violin-x", "bend-2": "violin-y", "stretch": "stretch", "twist": "twist"}
 """Names of the parts of a wire's motion in `Modes.wire`."""
-Dynamic = Callable[[Any, bool], Any]
-"""Dynamic stiffness (m, A + t, A + t) at s (m,), rad/s, with or without loss angles."""
 
 
 def solve(
@@ -96,7 +95,9 @@ def solve(
     if not damping or not np.isfinite(found.q).any():
         return _prepend_static(found, static)
 
-    def dynamic(s: Any, lossy: bool) -> Any:
+    def dynamic(
+        s: Complex[np.ndarray, " pole"], lossy: bool
+    ) -> Complex[np.ndarray, "pole row column"]:
         return cut_wires.dynamic_stiffness(model, wires, size, -1j * s, lossy=lossy)
 
     return _prepend_static(
@@ -150,7 +151,7 @@ def _kinetic_energies(
             moving = replace(wire, lossy=False).at(omega * (1 + 1j * STEP))
             for part in PARTS:
                 # omega dF/domega = 2 omega^2 dF/d(omega^2)
-                slope = moving.stiffness(part).imag / STEP
+                slope = np.imag(moving.stiffness(part)) / STEP
                 own[part] -= np.einsum(
                     "awm,abm,bwm->m", motion[part], slope, motion[part], optimize=True
                 ) / (2 * omega**2)
@@ -228,7 +229,7 @@ def _refine_overdamped(static: Modes, dynamic: Dynamic) -> Modes:
 
 def _build_basis(
     model: LinearSystem,
-    moved: list[tuple[TautWire, dict[str, Any]]],
+    moved: list[tuple[TautWire, dict[str, Float[np.ndarray, "... mode"]]]],
     omega: Float[np.ndarray, " mode"],
     shapes: Float[np.ndarray, "mode coordinate"],
     lost: Float[np.ndarray, " mode"],
@@ -282,7 +283,7 @@ def _split_modes(omega: Float[np.ndarray, " mode"]) -> list[slice]:
 def _solve_damped(
     found: Modes,
     model: LinearSystem,
-    moved: list[tuple[TautWire, dict[str, Any]]],
+    moved: list[tuple[TautWire, dict[str, Float[np.ndarray, "... mode"]]]],
     shapes: Float[np.ndarray, "mode coordinate"],
     lost: Float[np.ndarray, " mode"],
     dynamic: Dynamic,

@@ -114,7 +114,7 @@ def _stress(design: Design, part: Part) -> float:
     """Stress of a wire or blade in equilibrium, as a fraction of its tensile strength."""
     if part.blade:
         scene = expand(design)
-        return float(loads.stress(design, scene, equilibrium.solve(scene).pose, part))
+        return loads.stress(design, scene, equilibrium.solve(scene).pose, part).real
     pascal = statics.solve(design).wires[part.place].stress
     stage = next(stage for stage in design.stage if stage.name == part.stage)
     wire = stage.wires or stage.wire[part.member]

@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -188,7 +188,10 @@ class Search:
     ]:
         """Compute margins less the margin of the goals, their slopes, equalities and theirs."""
         size = len(self.begin)
-        parts: dict[bool, list[Any]] = {False: [], True: []}
+        parts: dict[bool, list[tuple[float, Float[np.ndarray, " number"] | float]]] = {
+            False: [],
+            True: [],
+        }
         for limit in self.limits:
             parts[limit.sense == "equals"].append(margin(limit, now.log, now.slope))
         (c, dc), (e, de) = (
@@ -300,7 +303,7 @@ class Search:
                 ]
             )
 
-        rules: list[Any] = [{"type": "ineq", "fun": below, "jac": below_slope}]
+        rules: list[dict[str, object]] = [{"type": "ineq", "fun": below, "jac": below_slope}]
         if phase == 2 and any(limit.sense == "equals" for limit in self.limits):
             rules.append(
                 {

@@ -108,7 +108,7 @@ def _strength(design: Design, names: set[str]) -> complex:
     return min(known, key=np.real)
 
 
-def stress(design: Design, scene: Scene, pose: Pose, part: Part) -> Any:
+def stress(design: Design, scene: Scene, pose: Pose, part: Part) -> complex:
     """Compute the stress of a part as a fraction of its tensile strength, NaN if that is unknown.
 
     Parameters
@@ -139,7 +139,7 @@ def stress(design: Design, scene: Scene, pose: Pose, part: Part) -> Any:
     )
 
 
-def depth(scene: Scene, pose: Pose, stage: str) -> Any:
+def depth(scene: Scene, pose: Pose, stage: str) -> complex:
     """Compute the depth of the COM of a stage below the suspension point, m."""
     n = scene.bodies.name.index(stage) + 1
     return -(scene.bodies.position[n, 2] + pose.shift[n, 2])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -26,6 +26,9 @@ from suspension_cli.drawing.style import (
     single_line,
     write_text,
 )
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float, Int
 
 BEFORE, AFTER = PALETTE[4], PALETTE[0]
 BAND = "#dcefe8"
@@ -107,7 +110,7 @@ def _write_above(figure: Figure, top: float, text: str) -> None:
     write_text(figure, 0.1, top - 0.18, text, 7.5)
 
 
-def _rows(axes: Axes, names: list[str]) -> Any:
+def _rows(axes: Axes, names: list[str]) -> Int[np.ndarray, " row"]:
     """Label rows from the top down; return their positions."""
     rows = np.arange(len(names))
     axes.set_yticks(rows, names, fontsize=7.5)
@@ -176,7 +179,12 @@ def _draw_modes(axes: Axes, found: Optimum) -> None:
     axes.set_xlabel("frequency (Hz)", fontsize=7.5)
 
 
-def _join(axes: Axes, before: Any, after: Any, rows: Any) -> None:
+def _join(
+    axes: Axes,
+    before: Float[np.ndarray, " row"],
+    after: Float[np.ndarray, " row"],
+    rows: Int[np.ndarray, " row"],
+) -> None:
     """Draw a line from each value before to that after, below it."""
     ends = np.stack([np.stack([before, rows - ASIDE], 1), np.stack([after, rows + ASIDE], 1)], 1)
     axes.add_collection(
@@ -184,14 +192,20 @@ def _join(axes: Axes, before: Any, after: Any, rows: Any) -> None:
     )
 
 
-def _missed(found: Optimum, unit: str) -> tuple[Any, Any]:
+def _missed(found: Optimum, unit: str) -> tuple[Bool[np.ndarray, " row"], Bool[np.ndarray, " row"]]:
     """Whether the mode of each row misses a limit, before and after."""
     mine = [_limits_of_row(found, row, unit) for row in range(len(found.modes.name))]
     before = [any(_margin_before(found, n) < -MET for n in own) for own in mine]
     return np.array(before), np.array([any(not found.limits.met[n] for n in own) for own in mine])
 
 
-def _mark(axes: Axes, before: Any, after: Any, rows: Any, missed: tuple[Any, Any]) -> None:
+def _mark(
+    axes: Axes,
+    before: Float[np.ndarray, " row"],
+    after: Float[np.ndarray, " row"],
+    rows: Int[np.ndarray, " row"],
+    missed: tuple[Bool[np.ndarray, " row"], Bool[np.ndarray, " row"]],
+) -> None:
     """Mark values before and after, those that miss a limit in red, not clipped at an edge."""
     for values, wrong, shift, name, look in (
         (before, missed[0], -ASIDE, "before", {"marker": "o", "markersize": 4, "mfc": "white"}),

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import registry, settings, tables
 from suspension_cli.analyses.analysis import Log, Progress, Result, Run
@@ -132,7 +132,7 @@ class Composition:
         """File of the design in command lines: the user's if there is one."""
         return self.source.file or f"{self.source.design.design.name}.toml"
 
-    def run(self, name: str, *options: str, **given: Any) -> Result:
+    def run(self, name: str, *options: str, **given: object) -> Result:
         """Run an analysis; the report lists its settings as words of a command line (`options`)."""
         analysis, request = registry.get(name), self.request
         names = {param.name for param in analysis.parameters}
@@ -159,7 +159,7 @@ class Composition:
             answer = rest
         return html.prose(answer, found, result.choice.line)
 
-    def pictures(self, result: Result, caption: str, **setting: Any) -> str:
+    def pictures(self, result: Result, caption: str, **setting: object) -> str:
         """Return the pictures of a result with one caption."""
         return "".join(
             html.picture(figure, caption, f"{self.title}: picture")

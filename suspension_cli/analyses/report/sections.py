@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import re
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,10 @@ from suspension_cli.conventions import DOFS
 from suspension_cli.design.imperfections import perturbed_part
 from suspension_cli.errors import InputError
 from suspension_cli.version import __version__
+
+if TYPE_CHECKING:
+    from suspension_cli.analyses.analysis import Result
+    from suspension_cli.design.wires import Wire, WireSet
 
 FLOW = (("x", ("x", "pitch")), ("y", ("y", "roll")), ("z", ("z",)), ("yaw", ("yaw",)))
 """Motions of the support, and of the last stage, whose responses are shown by default."""
@@ -98,7 +102,7 @@ def _materials(report: Composition) -> Iterator[str]:
         yield html.table(tables.Table(columns, rows), "Materials")
 
 
-def _diameter(part: Any) -> float | str | None:
+def _diameter(part: WireSet | Wire) -> float | str | None:
     """Diameter in µm, as a range where it varies; width and thickness of a ribbon."""
     if part.radius is not None:
         return 2e6 * part.radius
@@ -183,7 +187,7 @@ def response(report: Composition) -> Iterator[str]:
         yield report.pictures(result, _response_caption(result))
 
 
-def _response_caption(result: Any) -> str:
+def _response_caption(result: Result) -> str:
     data, largest, words = result.data, result.data.largest, []
     first, last = data.frequency[0], data.frequency[-1]
     for o, out in enumerate(data.output):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from suspension_cli.models import registry
 from suspension_cli.models.quantity_of_interest import Transfer
 
 if TYPE_CHECKING:
+    from jaxtyping import Complex
+
     from suspension_cli.analyses.analysis import Log
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.poles import Poles
@@ -41,7 +43,9 @@ class ClosedTransfer(Transfer):
         del model
         return False
 
-    def values(self, model: LinearSystem, frequency: Array) -> Any:
+    def values(
+        self, model: LinearSystem, frequency: Array
+    ) -> Complex[np.ndarray, "frequency output input"]:
         """Solve for the responses (f, o, i) at frequencies (f,) in Hz."""
         plant, at = control.build_plant(self.design, model), np.asarray(frequency)
         return control.solve_responses(plant, at, self.inputs, self.outputs).value

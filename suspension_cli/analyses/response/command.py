@@ -5,12 +5,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from suspension_cli.analyses import options
-from suspension_cli.analyses.analysis import Analysis, Log, Result, Run, as_number, only_one, plain
+from suspension_cli.analyses.analysis import (
+    Analysis,
+    Document,
+    Log,
+    Result,
+    Run,
+    Settings,
+    as_number,
+    only_one,
+    plain,
+)
 from suspension_cli.analyses.options import option
 
 if TYPE_CHECKING:
@@ -102,24 +112,24 @@ class ResponseAnalysis(Analysis):
         )
         wanted = request(model)
         warnings.warn_of_tables(run.design, wanted.frequency, run.log)
-        solve = resonances = None
+        solve = resonances = closed = None
         if isinstance(wanted, ClosedTransfer):
             poles = closed_loop.find_stable_poles(
                 run.design, model, choice.model, unstable, run.log
             )
             found, solve = closed_loop.solve(wanted, model), partial(wanted.values, model)
             resonances = poles.frequency
+            closed = wanted, resonances
         else:
             found = response.solve(model, wanted.frequency, wanted.inputs, wanted.outputs)
         if items:
-            closed = (wanted, resonances) if isinstance(wanted, ClosedTransfer) else None
             found = _compared(model, items, found, closed, run.log)
             return Result(self, run.source, choice, found, command=run.command)
         largest = peaks.find_peaks(model, found, wanted.inputs, wanted.outputs, solve, resonances)
         found = replace(found, largest=largest)
         return Result(self, run.source, choice, found, command=run.command, linear_system=model)
 
-    def document(self, result: Result) -> dict[str, Any]:
+    def document(self, result: Result) -> Document:
         """Return one response flat, several in a list."""
         import numpy as np
 
@@ -167,7 +177,7 @@ class ResponseAnalysis(Analysis):
                 lines.append(line)
         return "\n".join(lines)
 
-    def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
+    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw magnitude and phase, with the points that resolve resonances added."""
         from suspension_cli.analyses.response import fine, measured_picture, picture
 
@@ -185,7 +195,7 @@ def comparisons(data: Response) -> tuple[Comparison, ...]:
     return getattr(data, "measured", ())
 
 
-def _measured(setting: dict[str, Any]) -> tuple[Item, ...]:
+def _measured(setting: Settings) -> tuple[Item, ...]:
     if not setting["measured"]:
         return ()
     from suspension_cli.analyses.response import measured
@@ -197,7 +207,7 @@ def _compared(
     model: LinearSystem,
     items: Sequence[Item],
     found: Response,
-    closed: tuple[ClosedTransfer, Any] | None,
+    closed: tuple[ClosedTransfer, Array] | None,
     log: Log,
 ) -> ComparedResponse:
     """Add the comparison with measurements to a response, and warn of units that look wrong."""
@@ -210,7 +220,9 @@ def _compared(
     return measured.ComparedResponse(**vars(found), measured=compared)
 
 
-def _document(one: Comparison) -> dict[str, Any]:
+def _document(one: Comparison) -> Document:
+    import numpy as np
+
     data = one.data
     extreme, at = one.extreme
     return {
@@ -231,12 +243,12 @@ def _document(one: Comparison) -> dict[str, Any]:
             )
         ],
         "frequency_hz": data.frequency.tolist(),
-        "real": data.value.real.tolist(),
-        "imag": data.value.imag.tolist(),
+        "real": np.real(data.value).tolist(),
+        "imag": np.imag(data.value).tolist(),
         "uncertainty": plain(data.uncertainty),
         "coherence": plain(data.coherence),
-        "model_real": one.predicted.real.tolist(),
-        "model_imag": one.predicted.imag.tolist(),
+        "model_real": np.real(one.predicted).tolist(),
+        "model_imag": np.imag(one.predicted).tolist(),
     }
 
 
@@ -265,7 +277,7 @@ def _table(measured: Sequence[Comparison]) -> str:
 
 
 def _request(
-    model: LinearSystem, setting: dict[str, Any], items: Sequence[Item], design: Design
+    model: LinearSystem, setting: Settings, items: Sequence[Item], design: Design
 ) -> Transfer:
     """Inputs, outputs and frequencies in terms of a model of the design."""
     from suspension_cli.linear import signals
@@ -290,7 +302,7 @@ def _request(
     return closed_loop.close(wanted, design, model)
 
 
-def _frequencies(setting: dict[str, Any], items: Sequence[Item]) -> Array:
+def _frequencies(setting: Settings, items: Sequence[Item]) -> Array:
     """Frequencies of the option, or of the measurements."""
     import numpy as np
 

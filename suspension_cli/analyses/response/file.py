@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import h5py
 import numpy as np
 
-from suspension_cli.files.hdf5 import add_dataset, add_scale
+from suspension_cli.files.hdf5 import Stored, add_dataset, add_scale
 from suspension_cli.linear.response import Peaks, Response
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def fill(group: h5py.Group, response: Response) -> None:
         _fill_measured(group.create_group(f"measured/{number}"), one)
 
 
-def load(group: Any) -> Response:
+def load(group: Stored) -> Response:
     """Read responses from a group."""
     plain = Response(
         frequency=group["frequency"][:],
@@ -75,7 +75,7 @@ def _fill_measured(group: h5py.Group, one: Comparison) -> None:
         add_dataset(group, "model_resonance", one.pole, "Hz", mode)
 
 
-def _load_measured(group: Any) -> Comparison:
+def _load_measured(group: Stored) -> Comparison:
     from suspension_cli.analyses.response.measured import Comparison
     from suspension_cli.measurements.transfer_function import MeasuredResponse
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
     from suspension_cli.analyses.analysis import Result
+    from suspension_cli.drawing.added_points import Solve
     from suspension_cli.linear.system import LinearSystem
 
 MANY = 8
@@ -41,7 +41,7 @@ def refine(result: Result) -> Response:
     return replace(data, frequency=frequency, value=value)
 
 
-def _solver(result: Result, model: LinearSystem) -> tuple[Callable[[Array], Any], Array]:
+def _solver(result: Result, model: LinearSystem) -> tuple[Solve, Array]:
     """A function of frequencies (f,) in Hz to values (f, o, i), and modes in Hz."""
     data: Response = result.data
     known = signals.bodies_with_signals(model)

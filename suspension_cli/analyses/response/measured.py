@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.signal import find_peaks
@@ -35,6 +35,8 @@ from suspension_cli.measurements.transfer_function import MeasuredResponse
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
+    from jaxtyping import Bool, Complex, Int
+
     from suspension_cli.analyses.response.closed_loop import ClosedTransfer
 
 PROMINENCE = 2.0
@@ -81,21 +83,21 @@ class Comparison:
     """
 
     data: MeasuredResponse
-    predicted: Any
+    predicted: Complex[np.ndarray, " point"]
     curve_frequency: Array
-    curve: Any
+    curve: Complex[np.ndarray, " frequency"]
     peak: Array
     pole: Array
     mode: tuple[str, ...]
 
     @property
-    def ratio(self) -> Any:
+    def ratio(self) -> Complex[np.ndarray, " point"]:
         """Measured over predicted value, (f,) complex."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return self.data.value / self.predicted
 
     @property
-    def clear(self) -> Any:
+    def clear(self) -> Bool[np.ndarray, " point"]:
         """Whether the uncertainty of each point is below `NOISY` of its value; all if none is."""
         with np.errstate(invalid="ignore"):
             clear = ~(self.data.uncertainty > NOISY * np.abs(self.data.value))
@@ -217,7 +219,7 @@ def compare(
     model: LinearSystem,
     items: Sequence[Item],
     found: Response,
-    closed: tuple[ClosedTransfer, Any] | None = None,
+    closed: tuple[ClosedTransfer, Array] | None = None,
 ) -> tuple[Comparison, ...]:
     """Compare measured transfer functions with the responses of a model.
 
@@ -308,7 +310,7 @@ def _refined(data: MeasuredResponse, top: int) -> float:
 
 def _contributing(
     model: LinearSystem, modes: eigenmodes.Modes, item: Item, into: list[Signal], out: list[Signal]
-) -> Any:
+) -> Int[np.ndarray, " contributing"]:
     """Numbers of the oscillating modes that contribute to a measured transfer function.
 
     A mode v contributes (s v)(v f)/omega^2 to the static response of an output s to a force f;

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,7 +12,10 @@ from matplotlib.figure import Figure
 from suspension_cli.analyses.response.measured import Comparison
 from suspension_cli.analyses.response.picture import body_of, draw_magnitude, label_magnitude
 from suspension_cli.drawing import curves
-from suspension_cli.drawing.style import INK, house_style, shade, stage_colours
+from suspension_cli.drawing.style import INK, LineLook, house_style, shade, stage_colours
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float
 
 MANY = 300
 """Number of points above which they are drawn small and without error bars."""
@@ -58,7 +61,9 @@ def draw(
                 draw_magnitude(axes, one.curve_frequency, one.curve, scale, colour, "_model")
                 phase = curves.unwrap_phase(one.curve)
                 phases.plot(one.curve_frequency, phase, color=colour)
-                _draw_measured((axes, phases, ratios), one, phase, decibels, colour, how["marker"])
+                _draw_measured(
+                    (axes, phases, ratios), one, phase, decibels, colour, how.get("marker", "")
+                )
             axes.set_ylabel(label_magnitude(unit, decibels))
             _limit(axes, [np.abs(_nearby(measured[n])) for n in part], decibels)
             if not decibels:
@@ -82,7 +87,7 @@ def draw(
 
 def _looks(
     measured: Sequence[Comparison], stages: Sequence[str], outputs: Sequence[str]
-) -> list[tuple[str, dict[str, Any]]]:
+) -> list[tuple[str, LineLook]]:
     """Shade of the colour of each output's stage, and the marker of its points.
 
     Sensors have the colour of the stage that they observe if all observe the same.
@@ -124,7 +129,7 @@ def _label_resonances(axes: Axes, measured: Sequence[Comparison], decibels: bool
 def _draw_measured(
     panels: tuple[Axes, Axes, Axes],
     one: Comparison,
-    modelled: Any,
+    modelled: Float[np.ndarray, " frequency"],
     decibels: bool,
     colour: str,
     mark: str,
@@ -151,7 +156,12 @@ def _draw_measured(
             axes.plot(at, values, ".", color=colour, markersize=1.8, markeredgewidth=0, alpha=0.7)
 
 
-def _phase_near(phase: Any, at: Any, frequency: Any, modelled: Any) -> Any:
+def _phase_near(
+    phase: Float[np.ndarray, " point"],
+    at: Float[np.ndarray, " point"],
+    frequency: Float[np.ndarray, " frequency"],
+    modelled: Float[np.ndarray, " frequency"],
+) -> Float[np.ndarray, " point"]:
     """Shift measured phases (degrees) to the branch of the model, also beside its steps.
 
     An offset of all points remains, as of a sensor with the opposite sign.
@@ -164,13 +174,13 @@ def _phase_near(phase: Any, at: Any, frequency: Any, modelled: Any) -> Any:
     return curves.to_branch(phase - offset, np.choose(away.argmin(0), around)) + offset
 
 
-def _nearby(one: Comparison) -> Any:
+def _nearby(one: Comparison) -> Complex[np.ndarray, " value"]:
     """Measured values, and those of the model within the measured band."""
     at, band = one.curve_frequency, one.data.frequency
     return np.concatenate([one.data.value, one.curve[(at >= band[0]) & (at <= band[-1])]])
 
 
-def _limit(axes: Axes, sizes: Sequence[Any], decibels: bool) -> None:
+def _limit(axes: Axes, sizes: Sequence[Float[np.ndarray, " _"]], decibels: bool) -> None:
     """Set the vertical axis to magnitudes, whatever error bars extend to."""
     whole = np.concatenate(sizes)
     whole = whole[np.isfinite(whole) & (whole > 0)]
@@ -182,7 +192,9 @@ def _limit(axes: Axes, sizes: Sequence[Any], decibels: bool) -> None:
     axes.set_ylim(*(ends if decibels else 10 ** (ends / 20)))
 
 
-def _scaled(size: Any, relative: Any, decibels: bool) -> tuple[Any, Any]:
+def _scaled(
+    size: Float[np.ndarray, " point"], relative: Float[np.ndarray, " point"], decibels: bool
+) -> tuple[Float[np.ndarray, " point"], Float[np.ndarray, "2 point"]]:
     """Values on the axis, and the lengths (2, f) of their error bars below and above."""
     below, above = np.clip(relative, 0, 0.999), relative
     if decibels:

@@ -8,7 +8,7 @@ is infinite.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,7 +19,10 @@ from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array
 
-Solve = Callable[[Array], Any]
+if TYPE_CHECKING:
+    from jaxtyping import Float, Inexact
+
+Solve = Callable[[Array], "Inexact[np.ndarray, 'frequency output input']"]
 """Responses (f, o, i) at frequencies (f,) in Hz."""
 
 POINTS = 17
@@ -87,7 +90,9 @@ def _brackets(found: Array, frequency: Array, size: Array) -> tuple[Array, Array
     return low[high > low], high[high > low]
 
 
-def _magnitudes(solve: Solve, at: Array) -> Any:
+def _magnitudes(
+    solve: Solve, at: Float[np.ndarray, "bracket point"]
+) -> Float[np.ndarray, "bracket point output input"] | None:
     """Magnitudes (n, points, o, i) at frequencies (n, points), Hz.
 
     Taken beside an infinite one; None if those are infinite too.

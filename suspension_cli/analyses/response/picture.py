@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from suspension_cli.drawing import curves
-from suspension_cli.drawing.style import house_style, stage_colours
+from suspension_cli.drawing.style import LineLook, house_style, stage_colours
 from suspension_cli.linear.response import Response
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float, Inexact
+    from matplotlib.typing import LineStyleType
 
 PANEL, PHASE = 2.3, 1.3
 """Heights of a panel of magnitudes and of that of phases, in."""
@@ -43,7 +47,7 @@ def draw(response: Response, title: str, scale: str = "db", stages: Sequence[str
         for axes, unit, part, key in zip(panels, units, own, keys, strict=False):
             _draw_magnitudes(axes, response, part, looks, scale)
             axes.set_ylabel(label_magnitude(unit, scale == "db"))
-            samples = [
+            samples: list[tuple[str, str, LineLook]] = [
                 (name, looks[pair][0], {"linestyle": looks[pair][1]})
                 for name, pair in zip(key, part, strict=False)
             ]
@@ -66,7 +70,7 @@ def draw(response: Response, title: str, scale: str = "db", stages: Sequence[str
         return figure
 
 
-def _say_zero(axes: Axes, frequency: Any) -> None:
+def _say_zero(axes: Axes, frequency: Float[np.ndarray, " frequency"]) -> None:
     """Say that all responses of a panel are 0."""
     axes.set_yticks([])
     if len(frequency) > 1:
@@ -82,11 +86,11 @@ def _name(response: Response, o: int, i: int) -> str:
 
 def _looks(
     response: Response, pairs: Sequence[tuple[int, int]], stages: Sequence[str]
-) -> dict[tuple[int, int], tuple[str, Any]]:
+) -> dict[tuple[int, int], tuple[str, LineStyleType]]:
     """Colour of each pair's output stage, and dashes that distinguish pairs of one colour."""
     body = [body_of(output) for output in response.output]
     colours = stage_colours([*stages, *body])
-    looks: dict[tuple[int, int], tuple[str, Any]] = {}
+    looks: dict[tuple[int, int], tuple[str, LineStyleType]] = {}
     for o, i in pairs:
         colour = colours[body[o]]
         before = sum(one == colour for one, _ in looks.values())
@@ -103,7 +107,7 @@ def _draw_magnitudes(
     axes: Axes,
     response: Response,
     pairs: Sequence[tuple[int, int]],
-    looks: dict[tuple[int, int], tuple[str, Any]],
+    looks: dict[tuple[int, int], tuple[str, LineStyleType]],
     scale: str,
 ) -> None:
     frequency, lines, peaks, levels = response.frequency, [], [], []
@@ -127,7 +131,9 @@ def _draw_magnitudes(
             curves.label_slopes(axes, frequency, size, drawn, colour)
 
 
-def find_tops(frequency: Any, size: Any) -> tuple[list[tuple[int, str]], Any]:
+def find_tops(
+    frequency: Float[np.ndarray, " frequency"], size: Float[np.ndarray, " frequency"]
+) -> tuple[list[tuple[int, str]], Bool[np.ndarray, " frequency"]]:
     """Find the peaks of a magnitude, and which points are not beside an infinite one.
 
     Each peak has its index and a remark: " ∞" if it is infinite.
@@ -143,7 +149,7 @@ def find_tops(frequency: Any, size: Any) -> tuple[list[tuple[int, str]], Any]:
     return tops, around
 
 
-def lowest_and_highest(drawn: Any) -> tuple[float, float]:
+def lowest_and_highest(drawn: Float[np.ndarray, " frequency"]) -> tuple[float, float]:
     """Smallest and largest finite value."""
     finite = drawn[np.isfinite(drawn)]
     return (float(finite.min()), float(finite.max())) if len(finite) else (np.nan, np.nan)
@@ -164,13 +170,13 @@ def find_limits(levels: Sequence[tuple[float, float]], decibels: bool) -> tuple[
 
 def draw_magnitude(
     axes: Axes,
-    frequency: Any,
-    value: Any,
+    frequency: Float[np.ndarray, " frequency"],
+    value: Inexact[np.ndarray, " frequency"],
     scale: str,
     colour: str,
     label: str,
-    dashes: Any = "-",
-) -> Any:
+    dashes: LineStyleType = "-",
+) -> Float[np.ndarray, " frequency"]:
     """Draw the magnitude of one response; exact zeros are left out. Returns the ordinates."""
     size = np.where(value == 0, np.nan, np.abs(value))
     drawn = 20 * np.log10(size) if scale == "db" else size

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -26,6 +26,13 @@ from suspension_cli.drawing.style import (
 )
 from suspension_cli.scene.arrays import Array
 
+if TYPE_CHECKING:
+    from jaxtyping import Int
+    from matplotlib.colorbar import Colorbar
+    from matplotlib.image import AxesImage
+
+    from suspension_cli.design.schema import Perturbation
+
 LEAST = 0.005
 """Change in % below which a cell stays empty; rows with only such cells are left out."""
 LARGEST = 100.0
@@ -46,7 +53,7 @@ FOOT = 0.85
 """Height of the colour scale below the table, in."""
 
 
-def draw(found: Sensitivity, title: str, perturbations: Sequence[Any] = ()) -> Figure:
+def draw(found: Sensitivity, title: str, perturbations: Sequence[Perturbation] = ()) -> Figure:
     """Draw the figure of `pendsus sensitivity`.
 
     Parameters
@@ -87,7 +94,7 @@ def draw(found: Sensitivity, title: str, perturbations: Sequence[Any] = ()) -> F
             drawn, cax=add_axes(figure, NAMES, top + tall + 0.12, MAX_WIDTH, 0.09),
             orientation="horizontal",
         )  # fmt: skip
-        _label_scale(bar, float(drawn.norm.vmax or 1.0))
+        _label_scale(bar, float(drawn.get_clim()[1] or 1.0))
         height = figure.get_size_inches()[1]
         for n, note in enumerate(notes):
             at = (FOOT - 0.32 + 0.13 * (len(notes) - n)) - 0.25
@@ -95,7 +102,7 @@ def draw(found: Sensitivity, title: str, perturbations: Sequence[Any] = ()) -> F
         return figure
 
 
-def name_number(path: str, perturbations: Sequence[Any] = ()) -> str:
+def name_number(path: str, perturbations: Sequence[Perturbation] = ()) -> str:
     """Name a number without its table; an imperfection by its wire or body and in words.
 
     >>> from suspension_cli.design.schema import Perturbation
@@ -118,11 +125,15 @@ def _name_result(found: Sensitivity, n: int) -> str:
 
 
 def _draw_table(
-    axes: Axes, found: Sensitivity, change: Array, rows: list[int], columns: Any
-) -> Any:
+    axes: Axes,
+    found: Sensitivity,
+    change: Array,
+    rows: list[int],
+    columns: Int[np.ndarray, " column"],
+) -> AxesImage:
     """Draw the coloured cells and label rows and columns; return the image."""
     relative = found.nominal[columns] != 0
-    cells = change[np.ix_(rows, columns)]
+    cells = change[np.ix_(rows, columns.tolist())]
     shown = np.where(relative & (np.abs(cells) >= LEAST), cells, np.nan)
     top = min(max(float(np.nanmax(np.abs(shown), initial=0.0)), 1.0), LARGEST)
     count = max(len(rows), 1)  # an empty table still needs a height
@@ -172,7 +183,7 @@ def _draw_table(
     return drawn
 
 
-def _label_scale(bar: Any, top: float) -> None:
+def _label_scale(bar: Colorbar, top: float) -> None:
     """Label the colour scale at powers of ten."""
     ticks = [tick for tick in (-100, -10, -1, -0.1, 0, 0.1, 1, 10, 100) if abs(tick) <= top]
     # 10 beside 100 has no room

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -22,6 +22,7 @@ from suspension_cli.drawing.style import (
     INK,
     NOTE,
     RAISED,
+    LineLook,
     house_style,
     new_figure,
     single_line,
@@ -29,11 +30,16 @@ from suspension_cli.drawing.style import (
 )
 from suspension_cli.studies.axes import Axis
 
+if TYPE_CHECKING:
+    from jaxtyping import Float
+    from matplotlib.contour import QuadContourSet
+    from matplotlib.typing import LineStyleType
+
 MAX_MAPS = 6
 """Maps in one figure at most: the results that change most."""
 LOG_RATIO = 8.0
 """Ratio of largest to smallest value above which a scale is logarithmic."""
-DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.3)), (0, (6, 1.4, 1.2, 1.4)))
+DASHES: tuple[LineStyleType, ...] = ("-", (0, (5, 1.5)), (0, (1.2, 1.3)), (0, (6, 1.4, 1.2, 1.4)))
 """Line styles of moving modes of one stage."""
 MOVES = 0.01
 """Relative change over the grid from which a mode is drawn in colour."""
@@ -91,7 +97,7 @@ def draw(
         return _draw_lines(swept, value, title, stages, crossings, shapes)
 
 
-def _is_geometric(values: Any) -> bool:
+def _is_geometric(values: Sequence[float]) -> bool:
     """Whether values are spaced geometrically over a wide range."""
     x = np.asarray(values)
     if len(x) < 3 or x.min() <= 0 or x.max() < LOG_RATIO * x.min():
@@ -100,7 +106,7 @@ def _is_geometric(values: Any) -> bool:
     return bool(np.allclose(ratio, ratio[0], rtol=1e-6))
 
 
-def _is_wide(values: Any) -> bool:
+def _is_wide(values: Float[np.ndarray, "*shape"]) -> bool:
     """Whether the largest and smallest positive values differ by more than `LOG_RATIO`."""
     positive = values[np.isfinite(values) & (values > 0)]
     return bool(positive.size and positive.max() > LOG_RATIO * positive.min())
@@ -147,7 +153,7 @@ def _quantity(swept: SweepResult) -> str:
 
 def _draw_lines(
     swept: SweepResult,
-    value: Any,
+    value: Float[np.ndarray, "point result"],
     title: str,
     stages: Sequence[str],
     crossings: Sequence[Crossing],
@@ -160,7 +166,7 @@ def _draw_lines(
     named = [swept.result[n] for n in looks]
     at_ends = [n for n in looks if swept.unit[n] == "Hz"]
     at_ends = at_ends if len(at_ends) > 1 else []
-    keys = [
+    keys: list[list[tuple[str, str, LineLook]]] = [
         [(_title(swept, n), looks[n][0], {"linestyle": looks[n][1]}) for n in looks
          if labels[n] == unit and n not in at_ends]
         for unit in units
@@ -223,7 +229,7 @@ def _draw_lines(
     return figure
 
 
-def _looks(swept: SweepResult, stages: Sequence[str]) -> dict[int, tuple[str, Any]]:
+def _looks(swept: SweepResult, stages: Sequence[str]) -> dict[int, tuple[str, LineStyleType]]:
     """Colour of the stage, and dashes, of the results that change."""
     modes = [n for n, home in enumerate(swept.degree) if home]
     most = max((swept.change[n] for n in modes), default=0.0)
@@ -231,7 +237,7 @@ def _looks(swept: SweepResult, stages: Sequence[str]) -> dict[int, tuple[str, An
     bodies = [_body(swept, n) for n in range(len(swept.result))]
     colours = stage_colours([*stages, *bodies])
     used: dict[str, int] = {}
-    looks: dict[int, tuple[str, Any]] = {}
+    looks: dict[int, tuple[str, LineStyleType]] = {}
     for n, home in enumerate(swept.degree):
         if home and not (swept.change[n] >= limit > 0 or len(modes) <= 3):
             continue
@@ -244,10 +250,10 @@ def _looks(swept: SweepResult, stages: Sequence[str]) -> dict[int, tuple[str, An
 def _panel(
     axes: Axes,
     swept: SweepResult,
-    value: Any,
+    value: Float[np.ndarray, "point result"],
     chosen: Sequence[int],
-    looks: dict[int, tuple[str, Any]],
-    x: Any,
+    looks: dict[int, tuple[str, LineStyleType]],
+    x: Float[np.ndarray, " point"],
 ) -> list[str]:
     """Draw the results of one unit; return remarks on what is grey or beyond the axes."""
     marker = "o" if len(x) == 1 else None
@@ -299,7 +305,9 @@ def _scale(axes: Axes, label: str) -> None:
     axes.yaxis.set_major_formatter(lambda y, _: f"{y / 10.0**power:.6g}".replace("-", "−"))
 
 
-def _mark_failures(panels: Sequence[Axes], swept: SweepResult, x: Any) -> None:
+def _mark_failures(
+    panels: Sequence[Axes], swept: SweepResult, x: Float[np.ndarray, " point"]
+) -> None:
     """Shade the points without results, and name the reason above them."""
     status = np.asarray(swept.status)
     if status.ndim != 1 or len(x) < 2 or not status.any():
@@ -335,7 +343,7 @@ def _mark_crossings(axes: Axes, crossings: Sequence[Crossing], first: Axis) -> N
     axes.autoscale_view()
     points = [(one.at * first.displayed_unit[1], one.frequency) for one in crossings]
     marks = axes.transData.transform(points) * 72 / axes.figure.dpi
-    taken: list[Any] = []
+    taken: list[Float[np.ndarray, " 2"]] = []
     for n, (one, point) in enumerate(zip(crossings, points, strict=True)):
         others = [*np.delete(marks, n, axis=0), *taken]
         around = [marks[n] + shift for shift in LETTER_SHIFTS]
@@ -358,7 +366,9 @@ def _mark_crossings(axes: Axes, crossings: Sequence[Crossing], first: Axis) -> N
         )
 
 
-def _draw_maps(swept: SweepResult, value: Any, title: str) -> Figure:
+def _draw_maps(
+    swept: SweepResult, value: Float[np.ndarray, "column row result"], title: str
+) -> Figure:
     shown = sorted(np.argsort(-swept.change, kind="stable")[:MAX_MAPS].tolist())
     columns = min(2, len(shown))
     rows = -(-len(shown) // columns)
@@ -373,7 +383,9 @@ def _draw_maps(swept: SweepResult, value: Any, title: str) -> Figure:
     return figure
 
 
-def _draw_map(axes: Axes, swept: SweepResult, value: Any, n: int) -> None:
+def _draw_map(
+    axes: Axes, swept: SweepResult, value: Float[np.ndarray, "column row"], n: int
+) -> None:
     first, second = swept.axes[:2]
     x, y = (np.array(axis.values) * axis.displayed_unit[1] for axis in (first, second))
     finite = np.ma.masked_invalid(value.T)
@@ -410,14 +422,15 @@ def _draw_map(axes: Axes, swept: SweepResult, value: Any, n: int) -> None:
         _label_contours(axes, lines, marks)
 
 
-def _label_contours(axes: Axes, lines: Any, marks: Sequence[Any]) -> None:
+def _label_contours(axes: Axes, lines: QuadContourSet, marks: Sequence[Sequence[float]]) -> None:
     """Label contours in their middle, or away from it where a mark or the frame is near."""
     taken = axes.transData.transform(np.reshape(marks, (-1, 2)))
     inside, places = axes.bbox.padded(-EDGE * axes.figure.dpi), []
     for path in lines.get_paths():
-        if not len(path.vertices):
+        vertices = np.asarray(path.vertices)
+        if not len(vertices):
             continue
-        line = axes.transData.transform(path.vertices)
+        line = axes.transData.transform(vertices)
         place, number = PARTS * (len(line) - 1), np.arange(len(line))
         at = np.stack([np.interp(place, number, own) for own in line.T], axis=-1)
         at = at[((at > inside.min) & (at < inside.max)).all(-1)]
@@ -428,7 +441,13 @@ def _label_contours(axes: Axes, lines: Any, marks: Sequence[Any]) -> None:
     axes.clabel(lines, fontsize=7.5, fmt=curves.write_plainly, manual=where.tolist())
 
 
-def _draw_surface(axes: Axes, x: Any, y: Any, finite: Any, norm: Normalize) -> Any:
+def _draw_surface(
+    axes: Axes,
+    x: Float[np.ndarray, " column"],
+    y: Float[np.ndarray, " row"],
+    finite: Float[np.ndarray, "row column"],
+    norm: Normalize,
+) -> QuadContourSet:
     """Draw smooth colours, and contours, which are returned."""
     low, high = float(norm.vmin or 0.0), float(norm.vmax or 1.0)
     spaced = np.geomspace if isinstance(norm, LogNorm) else np.linspace
@@ -442,7 +461,9 @@ def _draw_surface(axes: Axes, x: Any, y: Any, finite: Any, norm: Normalize) -> A
     )
 
 
-def _round_levels(low: float, high: float, norm: Normalize) -> Any:
+def _round_levels(
+    low: float, high: float, norm: Normalize
+) -> Float[np.ndarray, " level"] | list[float]:
     """Round numbers between the limits, about six."""
     from matplotlib.ticker import LogLocator, MaxNLocator
 
@@ -451,6 +472,6 @@ def _round_levels(low: float, high: float, norm: Normalize) -> Any:
         levels = LogLocator(subs=(1,) if many else (1, 2, 5)).tick_values(low, high)
     else:
         levels = MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
-    found: Any = np.asarray(levels)
+    found = np.asarray(levels)
     inside = found[(found > low) & (found < high)]
     return inside if len(inside) else [(low + high) / 2]

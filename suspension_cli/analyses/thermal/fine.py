@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,7 +15,10 @@ from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes
 
 if TYPE_CHECKING:
+    from jaxtyping import Float
+
     from suspension_cli.analyses.analysis import Result
+    from suspension_cli.scene.arrays import Array
 
 STEP = 0.6
 """Largest change of the logarithm of the sum between neighbours, with the points added."""
@@ -35,7 +38,7 @@ def refine(result: Result) -> list[Thermal]:
         motions = [thermal.parse_motion(model, noise.output, noise.tilt) for noise in noises]
         names = list(dict.fromkeys(name for noise in noises for name in noise.source))
 
-        def solve(at: Any) -> Any:
+        def solve(at: Array) -> Float[np.ndarray, "frequency motion source"]:
             warmth = result.design.constants.temperature
             found = thermal.solve_all(model, at, motions, warmth)
             return np.stack([_columns(noise, names) for noise in found], axis=1)
@@ -55,7 +58,7 @@ def refine(result: Result) -> list[Thermal]:
     ]
 
 
-def _columns(noise: Thermal, names: Sequence[str]) -> Any:
+def _columns(noise: Thermal, names: Sequence[str]) -> Float[np.ndarray, "frequency source"]:
     """Amplitudes (f, s) of sources by name; 0 for those that do not contribute."""
     parts = noise.parts
     nothing = np.zeros(len(noise.frequency))

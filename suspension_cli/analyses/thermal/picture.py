@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,10 +16,14 @@ from suspension_cli.drawing import curves
 from suspension_cli.drawing.style import (
     INK,
     NOTE,
+    LineLook,
     house_style,
     single_line,
     stage_colours,
 )
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 HEIGHT = 2.3
 """Height of a panel, in."""
@@ -85,23 +89,25 @@ def draw(noises: list[Thermal], title: str, stages: Sequence[str] = ()) -> Figur
         return figure
 
 
-def by_stage(noise: Thermal, stages: Sequence[str]) -> dict[str, Any]:
+def by_stage(noise: Thermal, stages: Sequence[str]) -> dict[str, Float[np.ndarray, " frequency"]]:
     """Sum amplitudes (f,) by stage, in the order of the stages."""
     order = {name: n for n, name in enumerate(stages)}
     found = _sum_groups(noise, lambda source: source.rpartition(".")[0] or SUPPORT)
     return dict(sorted(found.items(), key=lambda one: order.get(one[0], len(order))))
 
 
-def by_cause(noise: Thermal) -> dict[str, Any]:
+def by_cause(noise: Thermal) -> dict[str, Float[np.ndarray, " frequency"]]:
     """Sum amplitudes (f,) by cause, in the order of `CAUSES`."""
     order = [*CAUSES.values(), OTHER]
     found = _sum_groups(noise, lambda source: CAUSES[source.rpartition(".")[2]])
     return dict(sorted(found.items(), key=lambda one: order.index(one[0])))
 
 
-def _sum_groups(noise: Thermal, group: Any) -> dict[str, Any]:
+def _sum_groups(
+    noise: Thermal, group: Callable[[str], str]
+) -> dict[str, Float[np.ndarray, " frequency"]]:
     """Sum sources by group; beyond `LINES` lines, the smallest groups become one."""
-    square: dict[str, Any] = {}
+    square: dict[str, Float[np.ndarray, " frequency"]] = {}
     for source, density in zip(noise.source, noise.density, strict=True):
         name = group(source)
         square[name] = square.get(name, 0.0) + density
@@ -109,11 +115,11 @@ def _sum_groups(noise: Thermal, group: Any) -> dict[str, Any]:
         total = noise.density.sum(0)
         total = np.where(total > 0, total, 1.0)
         largest = sorted(square, key=lambda name: -float((square[name] / total).max()))
-        square[OTHER] = sum(square.pop(name) for name in largest[LINES - 2 :])
+        square[OTHER] = sum((square.pop(name) for name in largest[LINES - 2 :]), np.zeros(()))
     return {name: np.sqrt(density) for name, density in square.items()}
 
 
-def _look(name: str, n: int, colours: dict[str, str]) -> tuple[str, str, dict[str, Any]]:
+def _look(name: str, n: int, colours: dict[str, str]) -> tuple[str, str, LineLook]:
     """Name, colour and look of a line; the sum has number -1."""
     if n < 0:
         return name, INK, {"linewidth": 2.2, "zorder": 2}
@@ -121,12 +127,19 @@ def _look(name: str, n: int, colours: dict[str, str]) -> tuple[str, str, dict[st
     return name, colours[name], {"linestyle": dashes, "linewidth": 1.0}
 
 
-def _panel(axes: Axes, noise: Thermal, parts: dict[str, Any], key: Any, what: str) -> None:
+def _panel(
+    axes: Axes,
+    noise: Thermal,
+    parts: dict[str, Float[np.ndarray, " frequency"]],
+    key: Sequence[tuple[str, str, LineLook]],
+    what: str,
+) -> None:
     mark = "" if len(noise.frequency) > 1 else "o"
     frequency, total = noise.frequency, noise.amplitude
     for amplitude, (_, colour, look) in zip([total, *parts.values()], key, strict=True):
         part = np.where(amplitude > 0, amplitude, np.nan)
-        axes.loglog(frequency, part, color=colour, marker=mark, markersize=3, **look)
+        marked: LineLook = {"marker": mark, "markersize": 3, **look}
+        axes.loglog(frequency, part, color=colour, **marked)
     top = total.max() * ROOM[1]
     axes.set_ylim(max(total[total > 0].min() / ROOM[0], top / 10**DECADES), top)
     axes.set_ylabel(f"{single_line(noise.output, 30)} ({noise.unit}/√Hz)")

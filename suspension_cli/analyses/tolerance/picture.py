@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -27,6 +27,10 @@ from suspension_cli.drawing.style import (
     single_line,
 )
 from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float, Int
+    from matplotlib.typing import LineStyleType
 
 MET, MISSED, CAUSE = PALETTE[0], PALETTE[1], PALETTE[2]
 WIDTH, LEFT = 4.5, 0.62
@@ -174,7 +178,7 @@ def _histogram(
     def paint(axes: Axes) -> None:
         shown = values[np.isfinite(values) & ((values > 0) | (not logarithmic))]
         met = np.ones(len(shown), dtype=bool)
-        ends: dict[float, Any] = {}
+        ends: dict[float, LineStyleType] = {}
         for n, (low, high, magnitude) in enumerate((*limits, *marks)):
             size = np.abs(shown) if magnitude else shown
             if n < len(limits):
@@ -199,7 +203,12 @@ def _histogram(
 
 
 def _draw_bins(
-    axes: Axes, values: Array, met: Any, ends: list[float], *, logarithmic: bool
+    axes: Axes,
+    values: Array,
+    met: Bool[np.ndarray, " build"],
+    ends: list[float],
+    *,
+    logarithmic: bool,
 ) -> None:
     """Draw a histogram, its builds beyond the limits on top, and leave room for near limits."""
     scale = np.log10 if logarithmic else np.asarray
@@ -212,7 +221,7 @@ def _draw_bins(
     bins = np.linspace(first, last, BINS + 1)
     axes.hist(
         [values[met], values[~met]],
-        bins=_raw(bins, logarithmic),
+        bins=_raw(bins, logarithmic).tolist(),
         weights=[np.full(int(kind.sum()), 100 / len(values)) for kind in (met, ~met)],
         color=[MET, MISSED],
         stacked=True,
@@ -227,11 +236,11 @@ def _draw_bins(
     )
 
 
-def _raw(values: Any, logarithmic: bool) -> Any:
+def _raw(values: Float[np.ndarray, " edge"], logarithmic: bool) -> Float[np.ndarray, " edge"]:
     return 10.0**values if logarithmic else values
 
 
-def _rows(axes: Axes, labels: list[str]) -> Any:
+def _rows(axes: Axes, labels: list[str]) -> Int[np.ndarray, " row"]:
     """Label rows from the top down; return their positions."""
     rows = np.arange(len(labels))
     axes.set_yticks(rows, [single_line(label, 26) for label in labels])

@@ -189,9 +189,9 @@ def _indices(summary: Summary) -> Iterator[str]:
         total, first = summary.indices.total[:, place], summary.indices.first[:, place]
         rows = [
             (
-                total[n],
+                float(total[n]),
                 summary.indices.total_error[n, place],
-                first[n],
+                float(first[n]),
                 summary.indices.first_error[n, place],
                 summary.group[n],
             )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import Any
 
 import h5py
 import numpy as np
@@ -110,7 +109,7 @@ def _load_waits(home: Stored) -> ResponseTimes:
     return ResponseTimes(str(home.attrs["compares"]), str(home.attrs["start"]), entries)
 
 
-def _rows(home: Stored, *names: str) -> Iterator[tuple[Any, ...]]:
+def _rows(home: Stored, *names: str) -> Iterator[tuple[Stored, ...]]:
     """Iterate over the rows of some datasets; names are strings."""
     columns = [home[name] for name in names]
     texts = [h5py.check_string_dtype(column.dtype) for column in columns]

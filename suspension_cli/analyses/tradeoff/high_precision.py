@@ -16,6 +16,7 @@ from suspension_cli.linear.system import LinearSystem
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Inexact, Int
+    from mpmath.ctx_mp import MPContext
 
 DIGITS = 50
 Number = Any
@@ -24,7 +25,7 @@ Matrix = list[list[Number]]
 
 
 @cache
-def context() -> Any:
+def context() -> MPContext:
     """Return the mpmath context of `DIGITS` digits."""
     import mpmath
 

@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import cycle, pairwise
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -35,6 +35,10 @@ from suspension_cli.drawing.style import (
     write_text,
 )
 from suspension_cli.models.registry import MODELS
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+    from numpy.typing import ArrayLike
 
 COLOUR = {
     model.name: colour
@@ -192,20 +196,25 @@ def _draw_chart(axes: Axes, panel: Panel, view: View, kind: str) -> None:
     )
 
 
-def pixels(axes: Axes, ends: Any) -> tuple[float, ...]:
+def pixels(axes: Axes, ends: ArrayLike) -> tuple[float, float, float, float]:
     """Bounding box of a line, pixels."""
     there = axes.transData.transform(ends)
     return (*there.min(0).tolist(), *there.max(0).tolist())
 
 
-def _floor(*errors: Any) -> float:
+def _floor(*errors: Float[np.ndarray, " model"]) -> float:
     """Ordinate of points whose error is rounding: a strip below the smallest other error."""
     every = np.concatenate(errors)
     seen = every[every >= ROUNDING]
     return float(10 ** np.floor(np.log10(seen.min()) - 1.0)) if len(seen) else ROUNDING
 
 
-def _set_axes(axes: Axes, times: Any, errors: Any, floor: float) -> None:
+def _set_axes(
+    axes: Axes,
+    times: Float[np.ndarray, "model 3"],
+    errors: Float[np.ndarray, " model"],
+    floor: float,
+) -> None:
     """Set logarithmic axes with room for labels, and the strip of rounding errors."""
     axes.set_xscale("log")
     axes.set_yscale("log")
@@ -241,7 +250,12 @@ def _set_axes(axes: Axes, times: Any, errors: Any, floor: float) -> None:
     axes.set_axisbelow(True)
 
 
-def draw_front(axes: Axes, times: Any, errors: Any, on: list[int]) -> Any:
+def draw_front(
+    axes: Axes,
+    times: Float[np.ndarray, " model"],
+    errors: Float[np.ndarray, " model"],
+    on: list[int],
+) -> Float[np.ndarray, "corner 2"]:
     """Draw the steps of the Pareto front; return its corners (c, 2)."""
     x, y = times[on], errors[on]
     right, top = axes.get_xlim()[1], axes.get_ylim()[1]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import cycle
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -136,7 +136,9 @@ def _by_block(
     return _in_chunks(direct, lambda omega: sum(solve(block, omega) for block in blocks))
 
 
-def _in_chunks(direct: Any, indirect: Callable[[Array], Any]) -> Answer:
+def _in_chunks(
+    direct: Inexact[np.ndarray, ""], indirect: Callable[[Array], np.ndarray | float]
+) -> Answer:
     """Return the sum of both parts of a response, the second for some frequencies at a time."""
 
     def at(omega: Array) -> np.ndarray:
@@ -221,7 +223,7 @@ def modal(model: LinearSystem, drive: Array, row: Array) -> Answer:
         k, c, m = seen * (block.push @ shapes.T)
         modes += zip(-k, -c, m, poles + 1j * loss if loss.any() else poles, damping, strict=True)
 
-    def total(omega: Array) -> Any:
+    def total(omega: Array) -> np.ndarray | float:
         square, result = omega**2, 0.0
         for k, c, m, pole, damping in modes:
             stiff, driven = pole - square, k

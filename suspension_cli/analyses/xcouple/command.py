@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -15,6 +15,8 @@ from suspension_cli.conventions import DOFS
 from suspension_cli.errors import Fault, InputError, format_value
 
 if TYPE_CHECKING:
+    from types import ModuleType
+
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.xcouple.file import Coupling
@@ -251,7 +253,7 @@ class MatrixAnalysis(Analysis):
             ]
         return "\n".join(lines)
 
-    def _stored(self) -> Any:
+    def _stored(self) -> ModuleType:
         """Import the file of responses, of which the matrix is one."""
         from suspension_cli.analyses.response import file
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,6 +14,9 @@ from matplotlib.figure import Figure
 from suspension_cli.drawing import curves
 from suspension_cli.drawing.style import INK, NOTE, add_axes, house_style, new_figure, single_line
 from suspension_cli.linear.response import Response
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 RANGE = 1e8
 """Ratio of the largest coupling of a kind to the smallest with a colour."""
@@ -67,7 +70,9 @@ def draw(response: Response, title: str) -> Figure:
         return figure
 
 
-def _draw_table(axes: Axes, value: Any, units: Any, norm: LogNorm) -> None:
+def _draw_table(
+    axes: Axes, value: Float[np.ndarray, "output input"], units: np.ndarray, norm: LogNorm
+) -> None:
     """Draw the cells with their numbers."""
     largest = np.ones(value.shape)
     for unit in np.unique(units):
@@ -105,7 +110,7 @@ def _write(size: float) -> str:
     return f"{size / 10.0**power:.1f}$\\cdot10^{{{power}}}$"
 
 
-def _part_kinds(axes: Axes, units: Any) -> None:
+def _part_kinds(axes: Axes, units: np.ndarray) -> None:
     """Separate the blocks of one unit by white lines."""
     for edge in np.flatnonzero((units[1:] != units[:-1]).any(1)):
         axes.axhline(edge + 0.5, color="white", linewidth=4)

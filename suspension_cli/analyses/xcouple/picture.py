@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import matplotlib
 import numpy as np
@@ -22,6 +22,9 @@ from suspension_cli.drawing.style import (
     single_line,
 )
 from suspension_cli.studies.axes import Axis
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float, Inexact, Int
 
 RATIOS = {"k": "$k/k_0$ (ratio)", "mass": "$m/m_0$ (ratio)", "inertia": "$I/I_0$ (ratio)"}
 """Labels of imperfections that are ratios to the design, 1 without imperfection."""
@@ -99,7 +102,7 @@ def _curve_names(coupling: Coupling) -> list[str]:
     return [_format_value(second, n) for n in _shown(second)]
 
 
-def _shown(axis: Axis) -> Any:
+def _shown(axis: Axis) -> Int[np.ndarray, " curve"]:
     """Numbers of the values of the second axis that have curves."""
     count = len(axis.values)
     return np.unique(np.linspace(0, count - 1, min(MOST_CURVES, count)).round().astype(int))
@@ -210,7 +213,9 @@ def _draw_limit(axes: Axes, limit: float) -> None:
     )
 
 
-def _draw_curve(axes: Axes, x: Any, ratio: Any, colour: str) -> tuple[Any, Any]:
+def _draw_curve(
+    axes: Axes, x: Float[np.ndarray, " build"], ratio: Complex[np.ndarray, " build"], colour: str
+) -> tuple[Float[np.ndarray, " finer"], Float[np.ndarray, " finer"]]:
     """Draw the size of a smooth complex ratio, interpolated between the builds, or one marker."""
     if len(x) == 1:
         axes.plot(x, np.abs(ratio), color=colour, marker="o")
@@ -222,7 +227,9 @@ def _draw_curve(axes: Axes, x: Any, ratio: Any, colour: str) -> tuple[Any, Any]:
     return at, size
 
 
-def interpolate(x: Any, ratio: Any) -> tuple[Any, Any]:
+def interpolate(
+    x: Float[np.ndarray, " build"], ratio: Inexact[np.ndarray, " build"]
+) -> tuple[Float[np.ndarray, " finer"], Float[np.ndarray, " finer"]]:
     """Interpolate a complex ratio (NaN where unknown); return its magnitude, sharp at zeros.
 
     >>> at, size = interpolate(np.array([0.0, 1.0, 2.0, 3.0]), np.array([-1.5, -0.5, 0.5, 1.5]))
@@ -231,8 +238,8 @@ def interpolate(x: Any, ratio: Any) -> tuple[Any, Any]:
     """
     from scipy.interpolate import PchipInterpolator
 
-    if np.iscomplexobj(ratio) and not ratio.imag.any():
-        ratio = ratio.real
+    if np.iscomplexobj(ratio) and not np.imag(ratio).any():
+        ratio = np.real(ratio)
     if len(x) < 3:
         return x, np.abs(ratio)
     order = np.argsort(x, kind="stable")
@@ -248,13 +255,13 @@ def interpolate(x: Any, ratio: Any) -> tuple[Any, Any]:
             found[inside] = ratio[start]
             continue
         own = slice(start, stop)
-        found[inside] = PchipInterpolator(x[own], ratio[own].real)(at[inside])
+        found[inside] = PchipInterpolator(x[own], np.real(ratio[own]))(at[inside])
         if np.iscomplexobj(ratio):
-            found[inside] += 1j * PchipInterpolator(x[own], ratio[own].imag)(at[inside])
+            found[inside] += 1j * PchipInterpolator(x[own], np.imag(ratio[own]))(at[inside])
     # the zero of the real part between two points, where the magnitude is least
     with np.errstate(invalid="ignore"):
-        crossed = np.flatnonzero(found.real[:-1] * found.real[1:] < 0)
-    part = found.real[crossed] / (found.real[crossed] - found.real[crossed + 1])
+        crossed = np.flatnonzero(np.real(found[:-1]) * np.real(found[1:]) < 0)
+    part = np.real(found[crossed]) / np.real(found[crossed] - found[crossed + 1])
     zeros = at[crossed] + part * (at[crossed + 1] - at[crossed])
     least = np.abs(np.imag(found[crossed] + part * (found[crossed + 1] - found[crossed])))
     return np.insert(at, crossed + 1, zeros), np.insert(np.abs(found), crossed + 1, least)

@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 from suspension_cli.design.cross_sections.shape import CrossSection
 
@@ -44,7 +44,7 @@ class Round(CrossSection):
     lower: float
 
     @classmethod
-    def read(cls, value: Any) -> Self:
+    def read(cls, value: float | list[float]) -> Self:
         """Make a cross-section from one radius, or from two of a taper, m."""
         return cls(*(value if isinstance(value, list) else (value, value)))
 

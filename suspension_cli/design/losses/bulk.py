@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from suspension_cli.design.losses.mechanism import Key, MaterialConstants, Mechanism, Shape
 from suspension_cli.design.units import (
@@ -86,7 +86,7 @@ class Bulk(Mechanism):
     surface_depth: float = 0.0
 
     @classmethod
-    def merge(cls, own: MaterialConstants, built_in: MaterialConstants) -> dict[str, Any]:
+    def merge(cls, own: MaterialConstants, built_in: MaterialConstants) -> dict[str, object]:
         """Merge the design's bulk with the built-in one, and so its surface.
 
         A surface depth is relative to the loss angle of the bulk, so the built-in one is dropped if

@@ -125,7 +125,7 @@ class Mechanism:
     cause: ClassVar[str] = ""
 
     @classmethod
-    def merge(cls, own: MaterialConstants, built_in: MaterialConstants) -> dict[str, Any]:
+    def merge(cls, own: MaterialConstants, built_in: MaterialConstants) -> dict[str, object]:
         """Merge the values that a design gives the keys of a material with built-in ones."""
         result = {}
         for key in cls.keys:

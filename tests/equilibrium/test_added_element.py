@@ -1,0 +1,166 @@
+"""An element with arrays of its own, known to the registry alone: it acts in all models, and in
+batches although the compiled loops lack its formulas."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+
+from suspension_cli.elements import registry
+from suspension_cli.elements.element import Element
+from suspension_cli.equilibrium import bending_wires, compiled
+from suspension_cli.equilibrium import solve as equilibrium
+from suspension_cli.equilibrium.energy import energy, gradient_and_stiffness
+from suspension_cli.linear.response import solve
+from suspension_cli.linear.signals import bodies_with_signals, parse
+from suspension_cli.linear.symmetry import is_mirror_symmetric
+from suspension_cli.models import registry as models
+from suspension_cli.scene import imperfections
+from suspension_cli.scene.arrays import inner
+from suspension_cli.scene.pose import displace, layout, nominal_pose, point_jacobian
+from suspension_cli.scene.stack import stack_scenes
+from suspension_cli.studies import builds
+from tests.support import scenes
+
+PLACES = np.array([[0.03, 0.02, 0.01], [-0.03, 0.02, 0.01]])
+"""Ends on the lower body, m."""
+
+
+@dataclass(frozen=True)
+class Tethers:
+    """Tethers with the energy k s^2 / 2 + q s^4 / 4 at the distance s of their ends."""
+
+    label: tuple[str, ...]
+    upper: np.ndarray
+    lower: np.ndarray
+    upper_point: np.ndarray = field(metadata=inner(2, "upper"))
+    lower_point: np.ndarray = field(metadata=inner(2, "lower"))
+    k: np.ndarray = field(metadata=inner(1))
+    q: np.ndarray = field(metadata=inner(1))
+    loss: np.ndarray
+
+
+def make(design, scene):
+    """Two tethers between the last body and the support, which pull it upwards by 2 mm."""
+    del design
+    last = len(scene.bodies.name)
+    upper = scene.bodies.position[last] + PLACES + [0.0, 0.0, 2e-3]
+    k, q = np.full(2, 400.0), np.full(2, 3e7)
+    none, body = np.zeros(2, dtype=np.intp), np.full(2, last)
+    return Tethers(("a", "b"), none, body, upper, PLACES, k, q, np.full(2, 1e-3))
+
+
+def ends(scene, pose):
+    """Arms of both ends, and the vector from the upper to the lower one."""
+    own, place = scene.added["tethers"], scene.bodies.position + pose.shift
+    below, above = pose.arms(own.lower, own.lower_point), pose.arms(own.upper, own.upper_point)
+    return own, below, above, place[..., own.lower, :] + below - place[..., own.upper, :] - above
+
+
+def stored(scene, pose):
+    own, *_, d = ends(scene, pose)
+    square = (d**2).sum(-1)
+    return (own.k * square / 2 + own.q * square**2 / 4).sum(-1)
+
+
+def jacobian(scene, numbering, pose):
+    own, below, above, _ = ends(scene, pose)
+    lower = point_jacobian(numbering, pose, own.lower, below)
+    return lower - point_jacobian(numbering, pose, own.upper, above)
+
+
+def add_derivatives(scene, numbering, pose, derivatives):
+    own, below, above, d = ends(scene, pose)
+    j, square = jacobian(scene, numbering, pose), (d**2).sum(-1)
+    stiffness = own.k + own.q * square
+    derivatives.add_forces(own.lower, stiffness[..., None] * d, below)
+    derivatives.add_forces(own.upper, -stiffness[..., None] * d, above)
+    form = stiffness[..., None, None] * np.eye(3)
+    form = form + 2 * own.q[..., None, None] * d[..., :, None] * d[..., None, :]
+    derivatives.hessian[..., :-1, :-1] += np.einsum("...nki,...kij,...mkj->...nm", j, form, j)
+
+
+def loss(scene, numbering, pose):
+    own = scene.added["tethers"]
+    j = jacobian(scene, numbering, pose)
+    return np.einsum("...nki,...k,...mki->...nm", j, own.k * own.loss, j)
+
+
+@pytest.fixture
+def tethers(monkeypatch):
+    element = Element(stored, add_derivatives, loss=loss, make=make, name="tethers")
+    *others, blade = registry.ELEMENTS
+    monkeypatch.setattr(registry, "ELEMENTS", (*others, element, blade))
+
+
+def design_of(rng):
+    raw = scenes.bladed_chain(rng, 2, tip_mass=True, lateral=True)
+    return scenes.design_of(scenes.fibred(raw))
+
+
+def members_of(design, model):
+    """Builds of a design that differ in a wire and a COM, and in the element itself."""
+    scene = model.completed(scenes.expand(design), design)
+    found = []
+    for factor in (0.5, 1.0, -1.0):
+        one = imperfections.wire(scene, 0, length_change=1e-4 * factor)
+        one = imperfections.move_com(one, len(scene.bodies.name), [0.0, 1e-3 * factor, 0.0])
+        own = one.added["tethers"]
+        found.append(one.with_parts({"tethers": replace(own, k=own.k * (1 + factor / 9))}))
+    return found
+
+
+@pytest.mark.usefixtures("tethers")
+def test_forces_and_stiffness_are_derivatives_of_the_energy():
+    rng = np.random.default_rng(1)
+    scene = scenes.expand(design_of(rng))
+    numbering, kind = layout(scene), registry.uncompiled(scene)
+    assert [item.name for item in kind] == ["tethers"]
+    step = rng.normal(size=numbering.size)
+    at = displace(numbering, nominal_pose(scene), rng.normal(size=numbering.size) * 1e-2)
+    gradient, hessian = gradient_and_stiffness(scene, numbering, at, kind)
+    h = 3e-6
+    low, mid, high = (stored(scene, displace(numbering, at, n * h * step)) for n in (-1, 0, 1))
+    assert (high - low) / (2 * h) == pytest.approx(step @ gradient, rel=1e-5)
+    assert (high + low - 2 * mid) / h**2 == pytest.approx(step @ hessian @ step, rel=1e-5)
+    whole, without = energy(scene, at), energy(replace(scene, added={}), at)
+    assert whole == pytest.approx(without + stored(scene, at), rel=1e-12)
+
+
+@pytest.mark.usefixtures("tethers")
+@pytest.mark.parametrize("model", models.SCENE_MODELS, ids=lambda model: model.name)
+def test_builds_of_a_batch_are_those_of_single_designs(model, monkeypatch):
+    """The tethers pull hard enough to move the body by more than the imperfections do."""
+    monkeypatch.setattr(compiled, "newton", None)  # which would leave the tethers out
+    design = design_of(np.random.default_rng(2))
+    members = members_of(design, model)
+    batch = builds.balance(stack_scenes(members), design, level=model.name)
+    assert batch.pose is not None and (batch.status == builds.GOOD).all()
+    known = bodies_with_signals(batch.model)
+    inputs, outputs = ([parse(text, "", known)] for text in ("support.y", "mass2.y"))
+    frequency = np.array([0.1, 1.0, 30.0])
+    found = builds.transfer(batch, frequency, inputs, outputs)
+    for n, member in enumerate(members):
+        single = model.of_scene(member, design)
+        _, one = (
+            bending_wires.solve_bending(member, layout(member))
+            if model.bends_wires
+            else (member, equilibrium.solve(member, layout(member)))
+        )
+        assert np.abs(one.pose.shift).max() > 3e-5
+        assert batch.pose.shift[n] == pytest.approx(one.pose.shift, rel=1e-8, abs=1e-14)
+        expected = solve(single, frequency, inputs, outputs).value
+        assert np.ravel(found[n]) == pytest.approx(np.ravel(expected), rel=1e-7)
+
+
+@pytest.mark.usefixtures("tethers")
+def test_mirror_images():
+    """Tethers that are mirror images in x alone break the symmetry in y alone."""
+    design = scenes.design_of(scenes.single(np.random.default_rng(3)))
+    scene = scenes.expand(design)
+    assert is_mirror_symmetric(replace(scene, added={})).all()
+    assert is_mirror_symmetric(scene).tolist() == [True, False]
+    softer = replace(scene.added["tethers"], k=np.array([400.0, 300.0]))
+    assert not is_mirror_symmetric(scene.with_parts({"tethers": softer})).any()
