@@ -1,7 +1,7 @@
 """The public API: the analyses of the command line as functions, on designs as objects.
 
-Arguments that have their default values take those of the design's ``[analysis]`` table, if it
-gives any, as options of the commands do.
+An argument at its default value takes that of the design's ``[analysis]`` table, if it gives one,
+as options of the commands do.
 
 Import it as ``import suspension_cli as sus``; docs/api.md has examples of every function.
 """
@@ -67,12 +67,12 @@ class Design(Source):
         return getattr(self.design, name)
 
     def replace(self, changes: Mapping[str, object]) -> Design:
-        """Return the design with other values.
+        """Return a copy of the design with other values.
 
         Parameters
         ----------
         changes : mapping
-            Dotted paths, as ``--set`` takes them, and their values, also of numpy.
+            New values by dotted path, as ``--set`` takes them; also of numpy.
 
         Raises
         ------
@@ -203,7 +203,7 @@ def example(name: str) -> Design:
     Raises
     ------
     InputError
-        If there is none of this name.
+        If there is no such design.
 
     Examples
     --------
@@ -234,12 +234,12 @@ def load(file: PathLike) -> Result:
     Parameters
     ----------
     file : path
-        HDF5, as a command or `Result.save` wrote it.
+        HDF5 from a command or from `Result.save`.
 
     Raises
     ------
     InputError
-        If the file is none, or holds no result. A state space of `export` is none.
+        If the file holds no result; a state space from `export` is not one.
 
     Examples
     --------
@@ -323,10 +323,9 @@ def response(
         Hz.
     measured : path or sequence of paths
         Measured transfer functions to compare with: TOML files of measurements, or files of data
-        with one input and one output. Signals and frequencies are those of the measurements, beside
-        any that are given.
+        with one input and one output. Their signals and frequencies are used besides those given.
     model, tolerance
-        As of `modes`.
+        As in `modes`.
     allow_unstable : bool
         Continue with an unstable equilibrium or closed loop.
     closed_loop : bool
@@ -365,7 +364,7 @@ def thermal(
     tolerance: float = 1e-3,
     allow_unstable: bool = False,
 ) -> Result:
-    """Compute thermal noise, split by what dissipates.
+    """Compute thermal noise, split by cause.
 
     Parameters
     ----------
@@ -375,9 +374,9 @@ def thermal(
     frequency : grid
         Hz.
     arm : float
-        Length of an arm in m along whose beam x is observed; 0 for none.
+        Observe x along the beam of an arm of this length, m; 0 for none.
     model, tolerance, allow_unstable
-        As of `response`.
+        As in `response`.
 
     Returns
     -------
@@ -388,7 +387,7 @@ def thermal(
     Raises
     ------
     InputError
-        If nothing that moves with an output dissipates.
+        If an output moves nothing that dissipates.
 
     Examples
     --------
@@ -420,23 +419,23 @@ def budget(
         Motions: ``"test.x"``. Default: x, pitch and yaw of the last stage.
     ground : str or sequence of str
         Motion of the support: ``"nlnm"``, ``"nhnm"``, ``"aligo-isi"``, a CSV file or ``"none"``;
-        ``"z=site.csv"`` for some coordinates. Later ones replace earlier ones.
+        ``"z=site.csv"`` for one coordinate. Later items replace earlier ones.
     isolation : str or sequence of str
-        CSV files of a platform's transmissibility, likewise.
+        CSV files of a platform's transmissibility; coordinates as for `ground`.
     requirements : str or sequence of str
         CSV files of required spectra: ``"goal.csv"`` for the first output, ``"test.yaw=yaw.csv"``.
     frequency : grid
-        Hz. Spectra at numbers are for these alone; a grid ``"start:stop:count"`` gets points around
-        resonances. RMS are accurate for both.
+        Hz. A grid ``"start:stop:count"`` gets more points around resonances, numbers are used as
+        they are. The RMS is accurate for both.
     model, tolerance
-        As of `response`.
+        As in `response`.
 
     Returns
     -------
     Result
         Its `data` is a list of `analyses.budget.solve.Budget`, one for each output, with
         `amplitude` (f,) in m/sqrt(Hz) or rad/sqrt(Hz), `parts` by cause, `rms` and `rms_velocity`
-        (f,) from each frequency up, and `requirement`.
+        (f,) above each frequency, and `requirement`.
 
     Raises
     ------
@@ -483,7 +482,7 @@ def xcouple(
     sweep : str or mapping
         Imperfections or dotted paths and their grids: ``{"k": "0.6:1.4:41"}``.
     wire, body : str, optional
-        What is imperfect: ``"test.1"``, ``"test"``.
+        The imperfect part: ``"test.1"``, ``"test"``.
     hold : {"loaded-length", "natural-length"}
         What stays the same when the wire changes.
     input : str
@@ -501,12 +500,11 @@ def xcouple(
     workers : int
         Number of processes.
     scheduler : str, optional
-        Address of a Dask scheduler that computes instead: ``"tcp://HOST:PORT"``.
+        Dask scheduler to compute on instead: ``"tcp://HOST:PORT"``.
     chunk : int
         Builds computed at once.
     folder : path, optional
-        Folder in which the results file of the command is filled; by default one that lasts as
-        long as the result.
+        Folder of the results file; default: a temporary one, kept as long as the result.
     resume : bool
         Continue the interrupted run of `folder`.
     allow_unstable : bool
@@ -566,18 +564,18 @@ def tolerance(
     builds, seed : int
         Number of builds; the same seed gives the same builds.
     limit : float
-        On the cross-coupling.
+        Largest acceptable cross-coupling.
     require : str or sequence of str
         Requirements beside those of the design: ``"test static pitch < 2e-3"``, ``"test pitch in
         0.5:0.7"``, ``"coupling < 1e-3"``; SI units.
     sampling : {"random", "sobol"}
         Independent builds, or 8 scrambled Sobol sequences.
     sobol_indices : bool
-        Whether to compute Sobol indices, from (k + 2) N of the builds.
+        Whether to compute Sobol indices, which take k + 2 sets of builds for k tolerances.
     input, observe, over, under, frequency
         The cross-coupling, as of `xcouple`.
     model, workers, scheduler, chunk, folder, resume, allow_unstable
-        As of `xcouple`.
+        As in `xcouple`.
     tolerance : float
         Relative error that ``"auto"`` may leave.
 
@@ -628,7 +626,7 @@ def sweep(
         Modes by label, responses ``"OUTPUT/INPUT:HZ"``, couplings ``"OVER/UNDER/INPUT:HZ"``.
         Default: every mode.
     model, workers, scheduler, chunk, folder, resume, allow_unstable
-        As of `xcouple`.
+        As in `xcouple`.
     tolerance : float
         Relative error that ``"auto"`` may leave.
 
@@ -669,9 +667,9 @@ def sensitivity(
     ----------
     design : Design
     result : str or sequence of str
-        As of `sweep`.
+        As in `sweep`.
     model, tolerance, allow_unstable
-        As of `response`.
+        As in `response`.
 
     Returns
     -------
@@ -705,7 +703,7 @@ def damp(
     tolerance: float = 1e-3,
     allow_unstable: bool = False,
 ) -> Result:
-    """Close the loops of the design's ``[control]`` table.
+    """Close the control loops of a design: poles, margins, sensor noise, impulse response.
 
     Parameters
     ----------
@@ -715,9 +713,9 @@ def damp(
     duration : float
         Length of the impulse response, s.
     frequency : grid
-        Of loop gains and sensor noise, Hz.
+        Hz, of loop gains and sensor noise.
     model, tolerance, allow_unstable
-        As of `response`.
+        As in `response`.
 
     Returns
     -------
@@ -756,13 +754,13 @@ def export(
     ----------
     design : Design
     format : {"mat", "npz", "hdf5", "zpk", "control"}
-        In which `Result.save` writes it.
+        Format that `Result.save` writes.
     inputs, outputs : str or sequences of str
         Signals, as of `response`.
     loss : bool
         Include loss angles, as viscous damping of each mode.
     model, tolerance, allow_unstable
-        As of `response`.
+        As in `response`.
 
     Returns
     -------
@@ -806,7 +804,7 @@ def compare(
     frequency : grid
         Hz, of responses and noises where no result gives its own.
     model, tolerance
-        As of `modes`, for the designs; all have the same model.
+        As in `modes`, for the designs; all have the same model.
 
     Returns
     -------
@@ -851,13 +849,13 @@ def fit(
     design : Design, optional
         The design that was measured; None where `measured` names designs itself.
     starts, seed : int
-        Number of searches, all but the first from random numbers; their seed.
+        Number of searches, and the seed of the random starts of all but the first.
     relative_uncertainty : float, optional
         Of transfer functions whose files give none.
     explain : bool
         Whether to rank single changes and the next measurements (transfer functions).
     model, tolerance
-        As of `modes`, for the measured modes; checked with the fitted numbers.
+        As in `modes`, for the measured modes; checked with the fitted numbers.
 
     Returns
     -------
@@ -902,9 +900,9 @@ def optimise(
     goals : path
         TOML file of goals, and of the free numbers with their bounds (docs/optimise.md).
     starts, seed : int
-        Number of designs to search from; seed of all but the first.
+        Number of designs to search from, and the seed of all but the first.
     model, tolerance
-        As of `modes`, for the search and for the check of the new design.
+        As in `modes`, for the search and for the check of the new design.
 
     Returns
     -------
@@ -998,9 +996,7 @@ def info(
     frequency: Grid = "0.1:100:2000",
     tolerance: float = 1e-3,
 ) -> Info:
-    """Estimate how complete a model a design needs, and choose the models that ``"auto"`` takes.
-
-    For the modes, for one response and for its thermal noise.
+    """Report which model a design needs for its modes, one response and its thermal noise.
 
     Parameters
     ----------
@@ -1056,7 +1052,7 @@ def draw(design: Design) -> Figure:
 
 
 def animate(result: Result, mode: int | str, path: PathLike) -> Path:
-    """Write one period of a mode as a moving picture (GIF) that repeats.
+    """Write one period of a mode as an animation (GIF) that repeats.
 
     Parameters
     ----------
@@ -1121,7 +1117,7 @@ def report(
     ----------
     design : Design
     path : path
-        Of the file; results files of the design beside it are used where they save time.
+        Of the file. Results files of the design in its folder are used where they save time.
     sections : str or sequence of str
         ``"drawing"``, ``"numbers"``, ``"check"``, ``"modes"``, ``"response"``, ``"coupling"``,
         ``"thermal"``, ``"budget"``, ``"tolerance"``, ``"damping"``; default: all.
@@ -1130,7 +1126,7 @@ def report(
     builds : int
         Imperfect builds of a design with tolerances.
     model, tolerance
-        As of `modes`, for every analysis.
+        As in `modes`, for every analysis.
 
     Returns
     -------
@@ -1140,7 +1136,7 @@ def report(
     ------
     InputError
         If a section or signal does not exist, the design does not balance, or the file cannot be
-        written. What goes wrong in one section otherwise is said in its place.
+        written. Other errors are reported in the section concerned.
 
     Examples
     --------
@@ -1171,8 +1167,7 @@ def _design(value: object) -> Source:
 def _run(name: str, arguments: Settings, files: Settings | None = None) -> Result:
     """Run an analysis with the arguments of its function.
 
-    Those that have their defaults take the values of the design's `[analysis]` table. `files` are
-    the designs and other files that the analysis reads; default: the argument `design`.
+    `files` are the designs and other files that it reads; default: the argument `design`.
     """
     analysis = registry.get(name)
     folder = arguments.pop("folder", None)

@@ -27,8 +27,8 @@ WIRE_MODE_NAMES = {
     "stretch": "wire stretching",
     "twist": "wire twisting",
 }
-"""Name of each kind of internal mode of a wire: vibration in its two principal planes (the first is
-the one nearest to x), stretching, twisting."""
+"""Name of each kind of internal mode of a wire. The first of its two principal planes is the one
+nearest to x."""
 
 PAPER_DOF_NAMES = {
     "x": "longitudinal",
@@ -43,10 +43,10 @@ PAPER_DOF_NAMES = {
 SUPPORT = "support"
 """The suspension point structure: its six motions are inputs."""
 FRAME = "frame"
-"""Name of the motion of a compliant support structure relative to the ground: ``frame.z`` ..."""
+"""The support structure, if compliant: ``frame.z`` is its motion relative to the ground."""
 
 GROUND = "ground"
-"""The ground beside the support, on which links and dampers may end: its motions are inputs."""
+"""The ground beside the support, where links and dampers may end; its motions are inputs."""
 
 PARITY_X = (-1, 1, 1, 1, -1, -1)
 """Factor of each coordinate in the mirror image x -> -x: displacements are polar vectors, rotations
@@ -63,7 +63,7 @@ AVOGADRO = 6.02214076e23
 
 
 def _analyses() -> tuple[str, ...]:
-    """List the folders of `analyses/` with a command, in the order in which users meet them."""
+    """List the folders of `analyses/` with a command, in the order of their presentation."""
     order = "modes response thermal compare budget sweep sensitivity fit optimise xcouple"
     known = [*order.split(), "tolerance", "tradeoff", "damp"]
     folder = os.path.join(os.path.dirname(__file__), "analyses")

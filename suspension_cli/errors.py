@@ -1,8 +1,7 @@
 """Errors of the input, with messages that say how to correct them.
 
-Every fault is one line: where (file and key path), what was found, what is wrong with it and what
-to write instead. Commands turn a `PendsusError` into its exit code: 2 for `InputError`, 130 after
-Ctrl-C, else 1.
+Each fault is one line: file and key path, value, problem, remedy. Commands turn a `PendsusError`
+into its exit code: 2 for `InputError`, 130 after Ctrl-C, else 1.
 """
 
 from __future__ import annotations
@@ -24,9 +23,9 @@ class Fault:
     problem : str
         What is wrong, as a verb phrase: ``must be positive``.
     remedy : str
-        What to do about it, as an imperative.
+        What to do, as an imperative.
     value : str or None
-        The value found, as it would be written in the file; None where nothing was given.
+        The value found, as written in the file; None where none was given.
     """
 
     key: str
@@ -64,7 +63,7 @@ class InputError(PendsusError):
     ----------
     faults : sequence of Fault
     file : str
-        In which they were found; ``""`` for the command line.
+        Where they are; ``""`` for the command line.
     """
 
     exit_code = 2
@@ -80,7 +79,7 @@ class InputError(PendsusError):
         return cls([Fault(key, problem, remedy, value)])
 
     def __reduce__(self) -> tuple[type[InputError], tuple[tuple[Fault, ...], str]]:
-        """Arguments to rebuild the error from, when a worker process returns it."""
+        """Pickle the error, for worker processes."""
         return InputError, (self.faults, self.file)
 
     def in_file(self, file: str) -> InputError:
@@ -92,7 +91,7 @@ class InputError(PendsusError):
 def attribute_faults_to(file: str) -> Iterator[None]:
     """Attribute faults that are raised inside to a file, unless they already name another.
 
-    Faults of options that say where results are written stay as they are.
+    Faults of the options that name the folder of results stay as they are.
     """
     try:
         yield

@@ -38,8 +38,8 @@ def rotation_minus_identity(
     """Rotation matrices minus the unit matrix, (..., 3, 3), of rotation vectors (..., 3) in rad.
 
     Without the unit matrix, small rotations keep all their digits. Rodrigues' formula,
-    sin(a)/a [v] + (1 - cos(a))/a^2 [v]^2, with both factors written as sinc so that neither cancels
-    as the angle a tends to 0. Complex vectors are allowed (complex-step derivatives).
+    sin(a)/a [v] + (1 - cos(a))/a^2 [v]^2, with both factors written as sinc: neither cancels for
+    small angles a. Complex vectors are allowed (complex-step derivatives).
     """
     vector = np.asarray(vector)
     angle = np.sqrt((vector**2).sum(-1))[..., None, None]
@@ -56,8 +56,7 @@ def rotation_vector(turn: Inexact[np.ndarray, "*batch 3 3"]) -> Inexact[np.ndarr
     """Rotation vectors (..., 3), rad, of rotation matrices minus the unit matrix (..., 3, 3).
 
     Inverse of `rotation_minus_identity` for rotations below pi. The antisymmetric part of R is
-    sin(a) [n] and its trace 1 + 2 cos(a), for the angle a about the axis n; without the unit
-    matrix, small rotations keep all their digits.
+    sin(a) [n] and its trace 1 + 2 cos(a), for the angle a about the axis n.
     """
     turn = np.asarray(turn)
     sine = (

@@ -15,11 +15,11 @@ LEAST_INERTIA = 1e-30
 THINNEST = 1e-12
 """Smallest ratio of two moments of inertia: that of a rod a millionth as thick as long."""
 LEAST_MASS, MOST_MASS = 1e-9, 1e9
-"""Bounds on a mass that follows from a density, kg: those that the schema sets a given mass."""
+"""Bounds on a mass that follows from a density, kg: those of a given mass."""
 
 
 TOO_LIGHT = "is too small for its motion to be computed"
-"""Problem of a mass or moment of inertia that is not 0."""
+"""Message for a mass or moment of inertia that is too small but not 0."""
 
 
 def check_exactly_one(path: str, given: dict[str, Any], what: str) -> Iterator[Fault]:

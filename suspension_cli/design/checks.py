@@ -1,6 +1,6 @@
-"""Checks of a design that its types cannot express: which keys go together, which names exist.
+"""Checks of a design beyond its types: which keys go together, which names exist.
 
-Each function yields the faults of one kind of table; `check_design` collects them all.
+Each function yields the faults of one kind of table; `check_design` collects them.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 
 
 def check_design(design: Design) -> list[Fault]:
-    """Check a design whose single values are valid; return all faults."""
+    """List all faults of a design whose single values are valid."""
     found = [*_check_names(design), *_check_materials(design)]
     for stage in design.stage:
         path = f"stage.{stage.name}"
@@ -216,7 +216,7 @@ def _check_ring(wires: WireSet, path: str) -> Iterator[Fault]:
 def _check_set_length(
     wires: WireSet, shape: SetGeometry, across: tuple[float, float], path: str
 ) -> Iterator[Fault]:
-    """Check that the wires of a set are longer than their horizontal span, and what they carry."""
+    """Check that the wires of a set exceed their horizontal span, and their sections and clamps."""
     if shape.height_squared > 1e-12 * wires.l**2:
         yield from wire_checks.check_span(wires, (*across, -shape.height), path)
         return
@@ -317,7 +317,6 @@ def _check_no_table(design: Design, name: str, path: str) -> Iterator[Fault]:
 
 
 def _check_scattered_stage(design: Design, kind: str, item: Any, path: str) -> Iterator[Fault]:
-    """Check the stage or link of a table of `[tolerance]`."""
     key, called, names = "stage", "stage", _parts_of(design)[kind]
     if kind == "link":
         key = called = "link"
@@ -363,7 +362,7 @@ def _check_control(design: Design) -> Iterator[Fault]:
 
 
 def _check_filter(loop: Loop, path: str) -> Iterator[Fault]:
-    """Check that a loop has one filter, which can be built together with its sensor."""
+    """Check that a loop has one filter, and that filter and sensor can be built."""
     ways = {key: getattr(loop, key) for key in ("damper", "gain", "filter", "gain_at")}
     if loop.filter is not None:
         ways["gain_at"] = None
@@ -392,7 +391,7 @@ def _check_order(loop: Loop, path: str) -> Iterator[Fault]:
             problem = "the gain cannot be set where the filter is 0 or infinite, or to 0"
             yield Fault(f"{path}.gain_at", problem, "give another frequency or magnitude")
             return
-    whole = loop_filters.whole(loop)
+    whole = loop_filters.controller_and_sensor(loop)
     zeros, poles = len(whole.zeros), len(whole.poles)
     if zeros <= poles or (loop.damper is not None and loop.sensor_response is None):
         return  # a damper acts on the velocity, which is known

@@ -7,13 +7,13 @@ from fractions import Fraction
 from typing import Any
 
 STEPS = 24
-"""Fractions of a quarter turn that angles near them are taken for."""
+"""Angles within rounding of n/24 of a quarter turn are taken as exactly that."""
 
 
 def direction(phase: complex, number: int, count: int) -> tuple[Any, Any]:
-    """Cosine and sine of the angle of a point (from 0) of several on a circle.
+    """Cosine and sine of the angle of one of `count` points evenly spaced on a circle.
 
-    The first is at the angle `phase` (rad), which may carry a complex step.
+    Point 0 is at the angle `phase` (rad), which may carry a complex step.
     """
     quarters = Fraction(4 * number, count)
     turns = phase.real / (math.pi / 2)

@@ -1,7 +1,7 @@
-"""Columns of numbers of the CSV files that a design names, for its text to be complete.
+"""Columns of numbers of the CSV files that a design names.
 
-When a design is read from a file, the columns of each CSV file replace its name, so that results,
-which contain the text of the design, can be computed again.
+When a design is read, the columns of each CSV file replace its name, so that its text, which
+results embed, is complete.
 """
 
 from __future__ import annotations
@@ -25,10 +25,7 @@ def read(file: Path) -> tuple[list[str], list[list[float]]]:
 
     Cells are separated by commas or semicolons; what follows # is a comment.
 
-    Raises
-    ------
-    BadTable
-        If the file cannot be read, or its lines are not numbers in the same columns.
+    Raises `BadTable` if it cannot be read, or its lines are not numbers in the same columns.
     """
     try:
         with file.open("rb") as stream:

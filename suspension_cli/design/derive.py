@@ -1,4 +1,4 @@
-"""Quantities derived from a design: inertia of shapes, k of wires, stiffness of blades, loss."""
+"""Quantities derived from a design: inertia of shapes, k of wires, stiffness of blades, losses."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def blade_stiffness(
 ) -> float:
     """Compute the vertical stiffness of one blade at its tip in N/m.
 
-    Given; or (2 pi f)^2 m / count for an uncoupled frequency f of the stage's mass m on its `count`
+    Given; or (2 pi f)^2 m / count for an uncoupled frequency f of the stage's mass m on `count`
     blades; or from the geometry.
     """
     if blade.stiffness is not None:
@@ -111,8 +111,8 @@ def gives_natural_lengths(design: Design) -> bool:
 def solves_pose(design: Design) -> bool:
     """Whether the pose of a design is solved for instead of given.
 
-    It is where natural lengths of wires or loads of blades or filters are given, or gravity is not
-    a uniform pull along -z.
+    True for given natural lengths of wires or loads of blades or filters, and for gravity other
+    than a uniform pull along -z.
     """
     loaded = [
         part.load
@@ -224,8 +224,7 @@ def com_positions(design: Design) -> dict[str, tuple[float, float, float]]:
 def wire_loss(design: Design, wire: WireSet | Wire, length: float) -> float:
     """Compute the loss angle of the stretching of a wire of a loaded length (m), rad.
 
-    That which the design gives its material, or 0; of several sections the mean, weighted by their
-    compliances.
+    That of its material in the design, or 0; of several sections the mean weighted by compliance.
     """
     if given_sections(wire) is None:
         return 0.0 if wire.material is None else materials.constant_angle(design, wire.material)
@@ -287,11 +286,10 @@ def gravity_field(design: Design) -> tuple[list[float], list[list[float]]] | Non
 def wire_mass_moments(
     design: Design, wire: WireSet | Wire, length: float
 ) -> tuple[float, float, float]:
-    """Compute the moments of the mass of a wire of a loaded length (m) that has weight, kg.
+    """Compute the moments of the mass of a wire of a loaded length (m), kg.
 
-    The integrals of (1 - s)^2, s (1 - s) and s^2 over its mass, s being the fraction of its length
-    from the upper end; 0 without ``constants.wire_weight`` or where a density or cross-section is
-    unknown.
+    The integrals of (1 - s)^2, s (1 - s) and s^2 over its mass, with the fraction s of its length
+    from the upper end; 0 without ``constants.wire_weight`` or for unknown density or cross-section.
     """
     if not design.constants.wire_weight:
         return 0.0, 0.0, 0.0

@@ -1,9 +1,8 @@
-"""Conversion of a parsed file to its type, or all its faults at once in the user's words.
+"""Conversion of a parsed file to its type, or a list of all its faults.
 
 msgspec stops at the first error, so a file that it refuses is compared, value by value, with the
-JSON Schema of its type. `jsonschema`, with which the tests check that schema, is not used here: its
-errors would need the same words, members of unions, names of list items and checks of NaN, nearly
-as many lines (220, not 228), and it fails on integers of thousands of digits.
+JSON Schema of its type. `jsonschema`, with which the tests check that schema, would not shorten
+this file, and fails on integers of thousands of digits.
 """
 
 from __future__ import annotations
@@ -40,10 +39,7 @@ _BOUNDS = {
 def convert(raw: Raw, kind: type[T]) -> T:
     """Convert a parsed TOML document to a type of the file format.
 
-    Raises
-    ------
-    InputError
-        With every way in which the document departs from the format.
+    Raises `InputError` with all faults of the document.
     """
     try:
         result, refusal = msgspec.convert(raw, kind), ""
@@ -85,7 +81,7 @@ def check_alternatives(
 
 
 def suggest(word: str, known: list[str]) -> str:
-    """Suggest the known word that the user may have meant, or list those there are."""
+    """Suggest the known word that the user may have meant, or list all."""
     import difflib  # 3 ms, only when something is wrong already
 
     close = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
@@ -97,7 +93,7 @@ def suggest(word: str, known: list[str]) -> str:
 def _is_ordinary(value: Any) -> bool:
     """Whether a document is free of values that msgspec accepts and a design must not contain.
 
-    Such are values of a free type that cannot be written again, and a newline after a name.
+    Those are values of a free type that cannot be written to a file, and a newline after a name.
     """
     if isinstance(value, dict):
         return all(map(_is_ordinary, value.values()))
@@ -110,7 +106,7 @@ def _is_ordinary(value: Any) -> bool:
 
 @cache
 def _schema(kind: type) -> Schema:
-    """JSON Schema of a type, with its references replaced by what they name."""
+    """JSON Schema of a type, with its references resolved."""
     whole = msgspec.json.schema(kind)
 
     def plain(node: Any) -> Any:
@@ -131,7 +127,6 @@ def _schema(kind: type) -> Schema:
 
 
 def _walk(node: Schema, value: object, path: str) -> Iterator[Fault]:
-    """Compare a value with its schema."""
     if "anyOf" in node:
         node = _member(node, value)
     if node.get("type") == "object":

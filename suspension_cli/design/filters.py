@@ -1,10 +1,9 @@
 """Filters: bodies with blades (geometric anti-springs) that carry a keystone.
 
-`[stage.filter]` adds to a stage a second body, its keystone, of the name STAGE-keystone. It stands
-right after the stage in the list of bodies, so the next stage hangs from it. The blades are a
-spring between both, stiff in all directions but the vertical. Their inertia adds the kinetic energy
-m_c v_f v_k of the velocities of filter and keystone, so the keystone, with the mass M on the
-blades, follows the filter by
+`[stage.filter]` adds a second body to a stage, its keystone, named STAGE-keystone. It follows the
+stage in the list of bodies, so the next stage hangs from it. The blades are a spring between both,
+stiff in all directions but the vertical. Their inertia adds the kinetic energy m_c v_f v_k of the
+velocities of filter and keystone. With the mass M on the blades, the keystone follows the filter by
 
     z_k / z_f = (k + m_c w^2) / (k - (M - m_c) w^2)
 
@@ -13,7 +12,7 @@ blades is sqrt(k / (M - m_c)). Measured filters have this form, (w0^2 + beta w^2
 (compare Stochino et al., Improvement of the seismic noise attenuation performance of the Monolithic
 Geometric Anti-Spring filters, Nucl. Instrum. Methods A (2007)). A magic wand, a counterweight on
 the blades, makes m_c small or negative. The masses of filter and keystone include that of the
-blades; as both include m_c, a relative inertia of -m_c between the two corrects the sum.
+blades. Both include m_c, so a relative inertia of -m_c between the two corrects the sum.
 """
 
 from __future__ import annotations
@@ -68,8 +67,8 @@ class Keystone(Table, frozen=True):
 class Filter(Table, frozen=True):
     """Blades (geometric anti-springs) on this body, which carry a keystone.
 
-    The next stage hangs from the keystone, a body of the name STAGE-keystone; name the stage itself
-    in hangs_from to hang from the filter's own body.
+    The next stage hangs from the keystone, the body STAGE-keystone; name the stage in hangs_from to
+    hang from the filter's own body.
     """
 
     keystone: Keystone
@@ -88,7 +87,7 @@ class Filter(Table, frozen=True):
     stiffness: (
         Annotated[
             Stiffness,
-            doc("vertical stiffness of all blades there, N/m, instead of frequency"),
+            doc("vertical stiffness of all blades at the working point, N/m, instead of frequency"),
         ]
         | None
     ) = None
@@ -115,7 +114,7 @@ class Filter(Table, frozen=True):
             of_unit(
                 "1",
                 "fraction of the filter's vertical motion that reaches the keystone at high"
-                " frequency, with the load rigid; negative with too heavy a magic wand",
+                " frequency, with the load rigid; negative if the counterweight is too heavy",
                 gt=-0.5,
                 lt=0.5,
             ),
@@ -149,7 +148,7 @@ class Filter(Table, frozen=True):
     ] = 0.0
     thermal_expansion: Annotated[
         Expansion,
-        doc("expansion of the blades in 1/K, adds to the slope in the shift"),
+        doc("thermal expansion of the blades in 1/K; adds to that shift"),
     ] = 0.0
 
 
@@ -160,14 +159,14 @@ class FilterStatics:
     Attributes
     ----------
     carried, load
-        Weight on the blades, that of the keystone included, and the weight under which the keystone
-        is at its nominal point, N.
+        Weight on the blades, and that under which the keystone is at its nominal point, both with
+        the keystone's own, N.
     stiffness
         Vertical stiffness of the blades, N/m.
     coupling
         m_c, kg.
     mass
-        Inertia against vertical motion M - m_c at the load, kg.
+        Inertia M - m_c against vertical motion at the load, kg.
     loss
         Loss angle, rad.
     """
@@ -198,8 +197,8 @@ def filter_statics(table: Filter, carried: float, gravity: float) -> FilterStati
 def keystone_inertia(keystone: Keystone) -> list[float]:
     """Moments of inertia of a keystone about x, y, z, kg m^2.
 
-    If they are not given, those of a steel cylinder of the height 2 r: m r^2 / 2 about z and
-    7 m r^2 / 12 across (any text on mechanics).
+    By default those of a steel cylinder of height 2 r: m r^2 / 2 about z and 7 m r^2 / 12 across
+    (any text on mechanics).
     """
     if keystone.inertia is not None:
         return keystone.inertia

@@ -1,12 +1,12 @@
 """Read and write filters as design strings of Foton, the filter editor of LIGO and KAGRA.
 
-A string is a product of factors, one after the other or joined by ``*``:
+A string is a product of factors, in sequence or joined by ``*``:
 
     zpk([z1;z2],[p1;p2],k,"n")   pole(f,"n")   zero(f,"n")   gain(k)   gain(3,"dB")
     pole2(f,Q,"n")   zero2(f,Q,"n")
 
-The last argument is the plane, ``"s"`` where it is left out. With w = 2 pi f0 and s = 2 pi i f
-(documentation of `FilterDesign` in LIGO's Global Diagnostics System):
+The last argument is the plane, by default ``"s"``. With w = 2 pi f0 and s = 2 pi i f (documentation
+of `FilterDesign` in LIGO's Global Diagnostics System):
 
 - ``"s"``: roots r of `zpk` in rad/s, factors s - r, so real parts are negative in the left half
   plane. `pole` and `zero` take the positive frequency w of a factor s + w.
@@ -79,7 +79,7 @@ def parse(text: str) -> Filter:
     Raises
     ------
     FotonError
-        With the column of the first character that cannot be understood.
+        With the column of the error.
 
     Examples
     --------
@@ -139,7 +139,7 @@ def _write_root(root: complex) -> str:
 
 
 class _Reader:
-    """Recursive-descent parser of one string, with its next token: kind, text and column from 0."""
+    """Recursive-descent parser of a string, with its next token: kind, text and column from 0."""
 
     def __init__(self, text: str) -> None:
         self._tokens = self._split(text)
@@ -165,7 +165,6 @@ class _Reader:
         return before
 
     def _take(self, wanted: str) -> None:
-        """Pass over a sign; fail if another token is next."""
         if self.text != wanted:
             self._expected(f'"{wanted}"')
         self.advance()
@@ -200,7 +199,6 @@ class _Reader:
         return self._make(name, column, arguments)
 
     def _argument(self) -> object:
-        """Read a vector, a text or a number."""
         if self.kind == "text":
             return self.advance()[1:-1]
         if self.text != "[":

@@ -31,7 +31,7 @@ class Free(Table, frozen=True):
 
 
 class Equal(Table, frozen=True):
-    """One number that follows from others: offset plus the sum of coefficient times number."""
+    """A number that follows from others: offset plus the sum of coefficient times number."""
 
     name: Annotated[str, doc("dotted path of the number that follows")]
     terms: Annotated[dict[str, Number], doc('{ "dotted.path" = coefficient, ... }')]
@@ -44,7 +44,7 @@ class Goal(Table, frozen=True):
     """A limit on a quantity, or a quantity to minimise or maximise."""
 
     kind: Kind
-    name: Annotated[str, doc("for the report", max_length=100)] = ""
+    name: Annotated[str, doc("name in the report", max_length=100)] = ""
     at_least: Positive | None = None
     at_most: Positive | None = None
     equals: Positive | None = None
@@ -64,7 +64,7 @@ class Goal(Table, frozen=True):
     modes: (
         Annotated[
             list[str],
-            doc("labels in pendsus modes --fidelity string, followed by shapes", min_length=1),
+            doc("labels in pendsus modes --fidelity string; shapes identify them", min_length=1),
         ]
         | None
     ) = None
@@ -79,7 +79,7 @@ class Goal(Table, frozen=True):
     perturbation: (
         Annotated[
             list[Perturbation],
-            doc("imperfections with which the response is taken", min_length=1),
+            doc("imperfections with which the response is computed", min_length=1),
         ]
         | None
     ) = None
@@ -129,13 +129,7 @@ PARTS = {
 
 
 def read(file: str | Path, text: str | None = None) -> Goals:
-    """Read and check a file of goals, or its text if that was read before.
-
-    Raises
-    ------
-    InputError
-        With all its faults.
-    """
+    """Read and check a file of goals, or its text if given; raises `InputError` with all faults."""
     raw = reader.read_toml(file, text)
     with attribute_faults_to(str(file)):
         goals = faults.convert(raw, Goals)
@@ -197,7 +191,6 @@ def _check_goal(item: Goal, path: str) -> Iterator[Fault]:
 
 
 def _check_kind(item: Goal, path: str) -> Iterator[Fault]:
-    """Check the keys that one kind of goal needs."""
     if "dof" in TAKES[item.kind]:
         if (item.dof is None) == (item.modes is None):
             yield Fault(

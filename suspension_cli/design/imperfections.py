@@ -1,7 +1,7 @@
-"""Imperfections of builds: the one table from which files, random builds and sweeps take them.
+"""Imperfections of builds: the table from which files, random builds and sweeps take them.
 
-To add an imperfection of a wire or body, add a row to `IMPERFECTIONS` and, in
-`scene.imperfections`, the function (or, for a wire, the argument) of its name.
+To add one of a wire or body, add a row to `IMPERFECTIONS` and, in `scene.imperfections`, the
+function (for a wire, the argument) of its name.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from suspension_cli.design.units import Angle, Factor, Position, Table, doc, uni
 
 AXES = ("x", "y", "z")
 PARTS = ("wire", "body", "blade", "leg", "link")
-"""Parts of a build that have imperfections; the blades are those of wires and of filters."""
+"""Parts of a build that have imperfections; blades are those of wires and of filters."""
 
 
 @dataclass(frozen=True)
@@ -26,21 +26,21 @@ class Imperfection:
     Attributes
     ----------
     name
-        The key of `[[perturbation]]`; the name under which `scene.imperfections` applies it.
+        The key of `[[perturbation]]`, and the name in `scene.imperfections`.
     part
         One of `PARTS`.
     kind
-        Type of one number, with its unit and bounds: `Factor` for a relative error.
+        Type of a number, with its unit and bounds: `Factor` for a relative error.
     quantity
         The quantity that the factor multiplies, or that the number gives.
     vector
         Whether there are three numbers, for x, y and z.
     perturbation
-        Whether a file can give it in `[[perturbation]]`.
+        Whether `[[perturbation]]` takes it.
     spread
-        Key of `[[tolerance.wire]]`, `[[tolerance.body]]`, ...; "" if it does not scatter.
+        Key of `[[tolerance.wire]]` and so on; "" if it does not scatter.
     sweep
-        Short name for `pendsus xcouple`; "" if it has none.
+        Short name for `pendsus xcouple`; "" if none.
     """
 
     name: str
@@ -53,7 +53,7 @@ class Imperfection:
     sweep: str = ""
 
     def __reduce__(self) -> tuple[Callable[..., object], tuple[str, str]]:
-        """Pickle by name: types with bounds cannot be pickled."""
+        """Pickle by name, as types with bounds cannot be pickled."""
         return named, (self.part, self.name)
 
     @property
@@ -207,7 +207,7 @@ def swept() -> dict[str, tuple[Imperfection, int | None]]:
     -------
     dict
         The axis is 0, 1 or 2 for x, y or z (``offset``, ``offset_y``, ``offset_z``), and None for
-        a number, or for a factor on all three.
+        one number, also for one factor on all axes.
     """
     found: dict[str, tuple[Imperfection, int | None]] = {}
     for item in IMPERFECTIONS:

@@ -12,15 +12,14 @@ and the load at which they tip over are
     K = (n (k + k_t) - W L - n m g h) / L^2,      M = W / g + n (I + m h^2) / L^2,
     W_tip = n (k + k_t - m g h) / L,
 
-I being the moment of inertia of a leg about its COM; both follow from the energies of legs that
-lean (`tests/models/test_towers.py` writes them down). At high frequency ground motion is
-transmitted by the inertia of the legs alone: the stage moves by the fraction
--n m_c / (M_s + n m_t) of it,
+I being the moment of inertia of a leg about its COM; they follow from the energies of leaning legs
+(`tests/models/test_towers.py` writes them down). At high frequency only the inertia of the legs
+transmits ground motion: the stage moves by the fraction -n m_c / (M_s + n m_t) of it,
 
     m_c = m (h/L) (1 - h/L) - I / L^2,      m_t = m (h/L)^2 + I / L^2,
 
 M_s being the mass that moves with the tops. The fraction is 0 if the centre of percussion of the
-legs is at the joint at their tops; a counterweight below the feet can move it there.
+legs is at their tops; a counterweight below the feet can move it there.
 """
 
 from __future__ import annotations
@@ -58,7 +57,7 @@ ROUND_ROD = 1.3
 
 
 class Counterweight(Table, frozen=True):
-    """A mass on each leg below its foot, which moves the leg's centre of percussion."""
+    """A mass on each leg below its foot, to move the leg's centre of percussion."""
 
     mass: Mass
     below: Annotated[Length, doc("distance below the flexure, m")]
@@ -96,8 +95,8 @@ class InvertedPendulum(Table, frozen=True):
         Annotated[
             Frequency,
             doc(
-                "lateral frequency with the load, Hz, instead of stiffness; everything that"
-                " hangs moves with the stage"
+                "lateral frequency with the load, Hz, instead of stiffness; the load moves as one"
+                " with the stage"
             ),
         ]
         | None
@@ -174,7 +173,7 @@ def leg_count(legs: InvertedPendulum) -> int:
 
 
 def offset(legs: InvertedPendulum) -> tuple[float, float, float]:
-    """Compute the COM of the stage from the COM below, m, for feet at the height of the latter."""
+    """Compute the COM of the stage from the COM below, at whose height the feet are, m."""
     return (0.0, 0.0, legs.length - min(tops(legs), key=lambda top: top[2].real)[2])
 
 
@@ -219,20 +218,20 @@ def leg_inertia(legs: InvertedPendulum) -> LegInertia:
 
 @dataclass(frozen=True)
 class LegStatics:
-    """Flexures of an inverted pendulum under its load, and its lateral motion.
+    """Flexures and lateral motion of an inverted pendulum under its load.
 
     Attributes
     ----------
     flexure, top
-        Bending stiffness of the flexure at the foot and of the joint at the top of a leg, N m/rad.
+        Bending stiffness at the foot and at the top of a leg, N m/rad.
     yaw
         Torsional stiffness of a leg, N m/rad.
     load
         Weight of the stage and of all that hangs from it, N.
     critical
-        Load at which it tips over, N.
+        Load at which the stage tips over, N.
     stiffness, elastic
-        Lateral stiffness of all legs with the load, and of their flexures alone, N/m.
+        Lateral stiffness with the load, and of the flexures alone, N/m.
     mass
         Inertia against lateral motion, kg.
     loss
@@ -255,7 +254,7 @@ class LegStatics:
 
     @property
     def omega_squared(self) -> float:
-        """Square of the lateral angular frequency, 1/s^2; negative if it tips over."""
+        """Square of the lateral angular frequency, 1/s^2; negative if the stage tips over."""
         return self.stiffness / self.mass
 
 

@@ -9,7 +9,7 @@ from suspension_cli.design.schema import Body, Design, Stage
 
 
 class Keystone(Stage, frozen=True, kw_only=True):
-    """The keystone of a filter: a stage that the file does not list, held by the filter's blades.
+    """The keystone of a filter: a stage that is not in the file, held by the filter's blades.
 
     Attributes
     ----------
@@ -21,7 +21,7 @@ class Keystone(Stage, frozen=True, kw_only=True):
 
 
 def add_keystones(design: Design) -> Design:
-    """Insert the keystone of each filter as a stage right after that of the filter."""
+    """Insert the keystone of each filter as a stage after that of the filter."""
     if all(stage.filter is None for stage in design.stage):
         return design
     stages: list[Stage] = []

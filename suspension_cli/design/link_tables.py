@@ -17,15 +17,8 @@ COLUMNS = (3, 13)
 def insert_tables(raw: Raw, folder: Path) -> None:
     """Replace the files named in `[link.table]` of a parsed document by their columns, in place.
 
-    Parameters
-    ----------
-    folder
-        Folder of the design file.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read or has another form.
+    Names are from `folder`, that of the design. Raises `InputError` for a file that cannot be read
+    or has another form.
     """
     links = raw.get("link")
     for number, link in enumerate(links if isinstance(links, list) else [], 1):

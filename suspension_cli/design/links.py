@@ -199,7 +199,7 @@ class EddyCurrent(Table, frozen=True):
 
 
 class Damper(BetweenBodies, frozen=True):
-    """A viscous damper between any two bodies at a common point; no common motion is damped."""
+    """A viscous damper between any two bodies at a common point."""
 
     at: At = (0.0, 0.0, 0.0)
     damping: (

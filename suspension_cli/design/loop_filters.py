@@ -42,7 +42,7 @@ def controller(loop: Loop) -> Filter:
     return replace(bare, gain=bare.gain * loop.gain_at.magnitude / size)
 
 
-def whole(loop: Loop) -> Filter:
+def controller_and_sensor(loop: Loop) -> Filter:
     """Return the filter from motion to force: controller and sensor, without the delay."""
     made = controller(loop)
     return made if loop.sensor_response is None else made * foton.parse(loop.sensor_response)

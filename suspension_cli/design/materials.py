@@ -1,8 +1,4 @@
-"""Built-in materials with their sources, and the values that a design overrides.
-
-A `[materials.NAME]` table in a design overrides single values of a built-in material or adds a new
-one.
-"""
+"""Built-in materials. `[materials.NAME]` of a design overrides some values, or adds a material."""
 
 from __future__ import annotations
 
@@ -18,11 +14,11 @@ BUILT_IN = msgspec.convert(
     tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")),
     dict[str, Material],
 )
-"""Built-in materials by name; see the file for their sources."""
+"""Built-in materials by name; the file has their sources."""
 
 
 def resolve(design: Design, name: str) -> Material:
-    """Look up a material: the design's own values, then built-in ones, all losses in `loss`."""
+    """Look up a material: values of the design, then built-in ones, with all losses in `loss`."""
     own = design.materials.get(name, Material())
     base = BUILT_IN.get(name, Material())
     given = {
@@ -32,7 +28,6 @@ def resolve(design: Design, name: str) -> Material:
 
 
 def _loss(own: Material, base: Material) -> MaterialLoss:
-    """Merge the design's own losses with the built-in ones."""
     built_in = msgspec.structs.replace(base, loss=base.loss or MaterialLoss())
     values: dict[str, object] = {}
     for mechanism in MECHANISMS:

@@ -27,7 +27,7 @@ class Mode(Table, frozen=True):
     label: (
         Annotated[
             str,
-            doc("as pendsus modes prints it with the model of the fit; default: the nearest"),
+            doc("as pendsus modes prints it with the model of the fit; default: the nearest mode"),
         ]
         | None
     ) = None
@@ -81,24 +81,28 @@ class TransferFunction(Table, frozen=True):
     input_channel: str | None = None
     output_channel: str | None = None
     magnitude_unit: (
-        Annotated[Literal["1", "dB"], doc('"1" or "dB"; default: of the heading, or 1')] | None
+        Annotated[Literal["1", "dB"], doc('"1" or "dB"; default: that of the heading, or 1')] | None
     ) = None
     phase_unit: (
         Annotated[
             Literal["deg", "rad"],
-            doc('"deg" or "rad"; default: of the heading, or deg'),
+            doc('"deg" or "rad"; default: that of the heading, or deg'),
         ]
         | None
     ) = None
     frequency_unit: (
         Annotated[
             Literal["Hz", "rad/s"],
-            doc('"Hz" or "rad/s"; default: of the heading, or Hz'),
+            doc('"Hz" or "rad/s"; default: that of the heading, or Hz'),
         ]
         | None
     ) = None
     averages: (
-        Annotated[float, doc("averages; with the coherence, the uncertainty", ge=1, le=1e9)] | None
+        Annotated[
+            float,
+            doc("number of averages; with the coherence, gives the uncertainty", ge=1, le=1e9),
+        ]
+        | None
     ) = None
     gain: Annotated[Factor, doc("factor from the file's numbers to SI units: 1e-6 for um/N")] = 1.0
     band: (
@@ -114,9 +118,9 @@ class Transducer(Table, frozen=True):
     """A sensor or an actuator: how its channel relates to signals of the design.
 
     A sensor reads ``gain exp(-2 pi i f delay) (signal + sum of mix[other] other)``; an actuator
-    that is driven by 1 exerts as much of its force, and of the forces of `mix`. Gains and entries
-    of `mix` with an uncertainty are fitted, with that prior; `mix` covers misalignment (a sensor of
-    upper.x that is turned by 0.01 rad reads 0.01 upper.y too) and cross-talk.
+    with a drive of 1 exerts this combination of forces. Gains and entries of `mix` with an
+    uncertainty are fitted, with that prior; `mix` covers misalignment (a sensor of upper.x that is
+    turned by 0.01 rad reads 0.01 upper.y too) and cross-talk.
     """
 
     name: Annotated[str, Meta(pattern=r"^[A-Za-z][A-Za-z0-9_:-]*$", max_length=60)]
@@ -132,14 +136,14 @@ class Transducer(Table, frozen=True):
         | None
     ) = None
     sign_known: Annotated[bool, doc("false: fit tries the other sign of the gain, too")] = True
-    delay: Annotated[float, doc("s", ge=-10, le=10)] = 0.0
-    delay_uncertainty: Annotated[float, doc("s; the delay is then fitted", gt=0, le=10)] | None = (
-        None
-    )
+    delay: Annotated[float, doc("delay of the channel, s", ge=-10, le=10)] = 0.0
+    delay_uncertainty: (
+        Annotated[float, doc("standard deviation, s; the delay is then fitted", gt=0, le=10)] | None
+    ) = None
     unit: (
         Annotated[
             str,
-            doc("of the reading or the drive: V; default: SI, of signal", max_length=20),
+            doc("unit of the reading or the drive: V; default: SI unit of signal", max_length=20),
         ]
         | None
     ) = None
@@ -204,7 +208,7 @@ class Measured(Table, frozen=True):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the experiments; one empty name for a design given beside the file."""
+        """Names of the experiments; one empty name in a file of one design."""
         return ("",) if self.experiment is None else tuple(item.title for item in self.experiment)
 
     @property
@@ -217,7 +221,7 @@ class Measured(Table, frozen=True):
         )
 
     def where(self, n: int) -> str:
-        """Make the key path of an experiment, a prefix for those of its modes."""
+        """Key path of an experiment, as prefix for its modes."""
         return "" if self.experiment is None else f"experiment.{self.experiment[n].name or n + 1}."
 
     def shares(self, n: int) -> tuple[bool, ...]:
@@ -227,13 +231,7 @@ class Measured(Table, frozen=True):
 
 
 def read(file: str | Path, text: str | None = None) -> Measured:
-    """Read and check a file of measurements, or its text if that was read before.
-
-    Raises
-    ------
-    InputError
-        With all its faults.
-    """
+    """Read and check a file of measurements, or its text if given; raises `InputError`."""
     raw = reader.read_toml(file, text)
     with attribute_faults_to(str(file)):
         if "stage" in raw:
@@ -283,7 +281,7 @@ def _check_experiments(measured: Measured) -> Iterator[Fault]:
 
 
 def _repeated(path: str, kind: str, name: str) -> Fault:
-    """Fault of a name that an earlier table of its kind has."""
+    """Fault of a name that an earlier table of the kind has."""
     problem = f"is also the name of an earlier {kind}"
     return Fault(f"{path}.name", problem, "give each its own name", format_value(name))
 
@@ -300,7 +298,7 @@ def _check_transducers(measured: Measured) -> Iterator[Fault]:
                 if "." not in name:
                     example = "upper.x" if kind == "sensor" else "upper.force_x"
                     remedy = f"write a body and a direction: {example}"
-                    yield Fault(f"{path}.{key}", "is no signal", remedy, format_value(name))
+                    yield Fault(f"{path}.{key}", "is not a signal", remedy, format_value(name))
 
 
 def _check_transfer_functions(measured: Measured) -> Iterator[Fault]:
@@ -318,7 +316,7 @@ def _check_transfer_functions(measured: Measured) -> Iterator[Fault]:
             if "." not in name and name not in known:
                 remedy = f"give a signal such as {example}"
                 remedy = f"{faults.suggest(name, known)}; or {remedy}" if known else remedy
-                problem = f"is no signal and names no [[{kind}]]"
+                problem = f"is neither a signal nor the name of a [[{kind}]]"
                 yield fault_of(one, path, key, problem, remedy)
         if one.gain == 0:
             yield Fault(f"{path}.gain", "must not be zero", "give the factor", "0")
@@ -364,7 +362,7 @@ class Bounded(Protocol):
 
 
 def check_bounds(item: Bounded, path: str, start: float | None = None) -> Iterator[Fault]:
-    """Check the bounds of a number, if it has any, and where a search starts."""
+    """Check the bounds of a number, if any, and that a search starts within them."""
     low = -math.inf if item.lower is None else item.lower
     high = math.inf if item.upper is None else item.upper
     if low >= high:

@@ -11,19 +11,14 @@ from suspension_cli.conventions import DOFS
 from suspension_cli.design.schema import Design
 
 DISPLAYED = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "Pa": ("GPa", 1e-9)}
-"""Unit in which people read numbers of an SI unit, and the factor to it."""
+"""Customary unit by SI unit, and the factor to it."""
 LOW_PRESSURE = 1e6
-"""Pa, below which a pressure is no modulus or strength."""
+"""Pa; below it a value is a pressure, not a modulus or strength."""
 
 
 @cache
 def unit_of(path: str) -> str:
-    """Return the SI unit of the number at a dotted path; "" where the file states none.
-
-    Parameters
-    ----------
-    path
-        As ``--set`` takes it; lists by name or number.
+    """Return the SI unit of the number at a dotted path, as ``--set`` takes it; "" if it has none.
 
     Examples
     --------
@@ -42,9 +37,9 @@ def unit_of(path: str) -> str:
 
 
 def displayed_unit(path: str, value: float) -> tuple[str, float]:
-    """Choose the unit in which people read a number of a design, and the factor to it from SI.
+    """Choose the customary unit of a number of a design, and the factor to it from SI.
 
-    The unit is "" for a pure number.
+    The unit of a pure number is "".
 
     Examples
     --------
@@ -58,7 +53,7 @@ def displayed_unit(path: str, value: float) -> tuple[str, float]:
 
 
 def format_with_unit(path: str, value: float, digits: int = 4) -> str:
-    """Write a number of a design with the unit in which people read it.
+    """Write a number of a design in its customary unit.
 
     Examples
     --------

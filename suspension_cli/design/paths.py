@@ -1,8 +1,8 @@
 """Dotted paths to the values of a design: get, set and list them.
 
-A path names the keys of tables, and members of lists by their name or their number from 1:
-``stage.test.wires.s``, ``stage.test.body.inertia.2``. It leads through a parsed TOML document
-(dicts and lists) or through a `Design` (structs) alike.
+A path names keys of tables, and members of lists by name or number from 1: ``stage.test.wires.s``,
+``stage.test.body.inertia.2``. It leads through a parsed TOML document (dicts and lists) or a
+`Design` (structs).
 """
 
 from __future__ import annotations
@@ -51,19 +51,10 @@ def value_at(document: Raw, path: str) -> Value:
 
 
 def assign(document: Raw, keys: list[str], value: object, override: str) -> None:
-    """Set a value in a parsed document, in place; missing tables on the way are made.
+    """Set a value in a parsed document, in place; missing tables are made.
 
-    Parameters
-    ----------
-    keys
-        The parts of the path.
-    override
-        The whole setting as the user gave it, for errors.
-
-    Raises
-    ------
-    InputError
-        If a list on the way has no such member, or the path leads through a value.
+    `keys` are the parts of the path, `override` is the setting as given, for errors. Raises
+    `InputError` if a list has no such member, or the path leads through a value.
     """
     node: Value = document
     place: Value = ""
@@ -87,7 +78,6 @@ def assign(document: Raw, keys: list[str], value: object, override: str) -> None
 
 
 def _existing(items: list[object], key: str, override: str) -> int:
-    """Position of a member of a list."""
     place = member(items, key)
     if place is not None:
         return place
@@ -97,7 +87,7 @@ def _existing(items: list[object], key: str, override: str) -> int:
 
 
 def changed(node: Value, keys: Sequence[str], change: Callable[[Value], Value]) -> Value:
-    """A tree of structs and lists with one value replaced by a function of it."""
+    """Copy a tree of structs and lists with one value replaced by a function of it."""
     if not keys:
         return change(node)
     key, rest = keys[0], keys[1:]
@@ -110,9 +100,9 @@ def changed(node: Value, keys: Sequence[str], change: Callable[[Value], Value]) 
 
 
 def numbers(path: str, value: object, skip: Collection[str] = ()) -> Iterator[tuple[str, float]]:
-    """List all numbers below a path of a parsed document, but those of some keys.
+    """List all numbers below a path of a parsed document, without those under the keys `skip`.
 
-    Of a symmetric matrix (3 or 6 rows) only the upper triangle is listed, see `twins`.
+    A symmetric matrix (3 or 6 rows) gives its upper triangle, see `twins`.
     """
     if isinstance(value, dict):
         for key, item in value.items():
@@ -146,7 +136,7 @@ def twins(path: str) -> tuple[str, ...]:
 
 
 def settings(values: Mapping[str, float]) -> tuple[str, ...]:
-    """Settings ``path=value`` of numbers, as ``--set`` takes them; exact to the last digit."""
+    """Settings ``path=value`` of numbers, as ``--set`` takes them, to all digits."""
     return tuple(f"{path}={float(value)!r}" for path, value in values.items())
 
 

@@ -1,7 +1,7 @@
 """Implausible numbers of a design: millimetres written as metres, grams as kilograms, GPa as Pa.
 
-A design with such numbers is valid, so these give warnings, not faults. Limits are wide: a unit
-that is wrong by a factor of a thousand crosses them, an unusual design does not. The physical ones:
+Such a design is valid, so these are warnings, not faults. Limits are wide: a unit that is wrong by
+a factor of a thousand exceeds them, an unusual design does not. The physical ones:
 
 - No solid is denser than osmium, 22,590 kg/m^3 (CRC Handbook of Chemistry and Physics); a body
   less dense than air, 1.2 kg/m^3, would float.
@@ -57,12 +57,11 @@ LARGEST = 10.0
 THICK = 0.1
 """Largest thickness of a wire or blade as a fraction of its length."""
 BEYOND = 0.5
-"""Largest distance of a wire's end outside a body (on posts, ears, prisms), as a fraction of the
-body's largest half side."""
+"""Largest distance of a wire's end from a body (on posts, ears), in its largest half sides."""
 INFERRED = 3.0
-"""Half sides of a body without a given shape, relative to the homogeneous box of its inertia."""
-ABSURD = 5.0
-"""Factor beyond these bounds above which a number is taken for an error."""
+"""Factor on the half sides of the homogeneous box of its inertia, for a body of unknown shape."""
+SERIOUS = 5.0
+"""Factor on these bounds beyond which a number is an error."""
 GRADIENT = 1e-3
 """1/s^2; steep beside any mass in a laboratory."""
 GRAVITY = (1.0, 30.0)
@@ -94,7 +93,7 @@ class ImplausibleNumber:
     fault
         Its place, the problem and the remedy.
     serious
-        Whether it makes results meaningless, so that analyses warn of it too.
+        Whether results are then meaningless, so that analyses warn too.
     """
 
     fault: Fault
@@ -109,10 +108,7 @@ class ImplausibleNumber:
 def suggest_unit(
     value: float, good: Callable[[float], bool], units: tuple[tuple[str, float], ...] = MILLIMETRES
 ) -> str:
-    """Suggest the first unit (name, size in SI) in which a value would be `good`.
-
-    Returns ``did you mean mm?``, for example, or "" if there is none.
-    """
+    """Suggest the first unit (name, size in SI) in which a value is `good`: "did you mean mm?"."""
     return next((f"did you mean {name}?" for name, size in units if good(value * size)), "")
 
 
@@ -127,7 +123,7 @@ def _above(
     shown: object = None,
     serious: bool = False,
 ) -> Iterator[ImplausibleNumber]:
-    """Find a number above `most` implausible, and suggest a unit or a remedy."""
+    """Report a number above `most`, with a likely unit or a remedy."""
     if value is not None and value > most:
         hint = suggest_unit(value, lambda v: v <= most, units) or remedy
         text = format_value(value if shown is None else shown)
@@ -163,7 +159,6 @@ def find_implausible(design: Design) -> list[ImplausibleNumber]:
 
 
 def _check_tower(stage: Stage, path: str) -> Iterator[ImplausibleNumber]:
-    """Check sizes and frequencies of legs and filters."""
     sizes: dict[str, float | None] = {}
     frequencies: dict[str, float | None] = {}
     if stage.inverted_pendulum is not None:
@@ -205,7 +200,6 @@ def _check_surroundings(design: Design) -> Iterator[ImplausibleNumber]:
 
 
 def _check_material(material: Material, path: str) -> Iterator[ImplausibleNumber]:
-    """Check the values that a design itself gives a material."""
     modulus, strength = material.youngs_modulus, material.tensile_strength
 
     def stiff(value: float) -> bool:
@@ -266,7 +260,6 @@ def _is_plausible(density: float) -> bool:
 
 
 def _check_mean_density(body: Body, path: str) -> Iterator[ImplausibleNumber]:
-    """Check the mean density, mass over volume."""
     density = body_mass(body) / volume(body)
     if _is_plausible(density):
         return
@@ -281,7 +274,7 @@ def _check_mean_density(body: Body, path: str) -> Iterator[ImplausibleNumber]:
 
 
 def second_moments(body: Body) -> tuple[float, float, float]:
-    """Integrate x^2, y^2 and z^2 over the mass of a body, kg m^2: (I_y + I_z - I_x)/2 and so on."""
+    """Integrate x^2, y^2, z^2 over the mass of a body, kg m^2: (I_y + I_z - I_x)/2 and so on."""
     rows = body_inertia(body)
     moments = [rows[n][n] for n in range(3)]
     x, y, z = (sum(moments) / 2 - moment for moment in moments)
@@ -315,22 +308,19 @@ def _check_inertia(body: Body, path: str) -> Iterator[ImplausibleNumber]:
     problem = f"a body of {mass:g} kg with these moments has {density:.3g} kg/m^3, {word}"
     yield ImplausibleNumber(
         fault_of(body, path, "inertia", problem, hint or "check mass (kg) and inertia (kg m^2)"),
-        serious=density > OSMIUM or density < AIR / ABSURD,
+        serious=density > OSMIUM or density < AIR / SERIOUS,
     )
 
 
 def _is_possible(body: Body, factor: float) -> bool:
-    """Whether a body's moments would be possible with the largest multiplied by a factor."""
+    """Whether a body's moments are possible with the largest multiplied by a factor."""
     rows = body_inertia(body)
     *small, large = sorted(rows[n][n] for n in range(3))
     return max(*small, factor * large) <= (sum(small) + factor * large) / 2
 
 
 def half_sides(body: Body) -> tuple[float, float, float]:
-    """Compute half the extent of a body along x, y and z, m.
-
-    Without a given shape, that of the homogeneous box of the same inertia.
-    """
+    """Compute half the size of a body along x, y, z, m; else that of the box of its inertia."""
     if body.shape == "box":
         assert body.size is not None
         x, y, z = (side / 2 for side in body.size)
@@ -372,7 +362,7 @@ def _check_point(
         f"{what} {abs(point[worst]):.3g} m from the COM, far outside the body ({known})",
         "check it, and the size of the body, in m",
         shown=point[worst],
-        serious=far[worst] > ABSURD,
+        serious=far[worst] > SERIOUS,
     )
 
 
@@ -459,7 +449,7 @@ def _check_blade(blade: BladeSet | Blade, stage: Stage, path: str) -> Iterator[I
             ("base_width", long, ""),
         ):
             value, problem = getattr(shape, name), f"is more than {word}the blade's length of"
-            serious = value > ABSURD * limit
+            serious = value > SERIOUS * limit
             yield from _above(
                 f"{key}.{name}", value, limit, f"{problem} {long:g} m", serious=serious
             )
@@ -519,7 +509,6 @@ def _check_imperfection(
 
 
 def _check_tolerance(design: Design) -> Iterator[ImplausibleNumber]:
-    """Check the spreads of `[tolerance]`."""
     stages = {stage.name: stage for stage in design.stage}
     rows = [
         (row, item, f"tolerance.{part}.{n}.{row.spread}")

@@ -15,17 +15,11 @@ from suspension_cli.errors import Fault, InputError, format_value
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 UNITS = {"nm": 1e-9, "um": 1e-6, "\u00b5m": 1e-6, "\u03bcm": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0}
-"""Units that a column's title may end with, over m."""
+"""Units that a column's title may end with, in m."""
 
 
 def resolve_files(raw: Raw, folder: Path) -> None:
-    """Read the CSV files of all profiles of a parsed document into it, in place.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read or is no table.
-    """
+    """Read the CSV files of all profiles into a parsed document, in place; raises `InputError`."""
     stages = raw.get("stage")
     faults: list[Fault] = []
     for number, stage in enumerate(stages if isinstance(stages, list) else [], 1):
@@ -44,7 +38,7 @@ def resolve_files(raw: Raw, folder: Path) -> None:
                 continue
             if isinstance(own.get("file"), str):
                 try:
-                    table["profile"] = own | _read(_found(own["file"], folder))
+                    table["profile"] = own | _read(_locate(own["file"], folder))
                 except BadTable as error:
                     value = format_value(own["file"])
                     faults.append(Fault(f"{path}.profile", error.problem, error.remedy, value))
@@ -52,8 +46,8 @@ def resolve_files(raw: Raw, folder: Path) -> None:
         raise InputError(faults)
 
 
-def _found(name: str, folder: Path) -> Path:
-    """Path of a file from a folder, or of one that comes with the program's examples."""
+def _locate(name: str, folder: Path) -> Path:
+    """Path of a file in a folder, or else among the program's examples."""
     shipped = EXAMPLES / Path(name).name
     return shipped if not (folder / name).exists() and shipped.exists() else folder / name
 
@@ -90,8 +84,8 @@ def reduced(profile: Profile, error: float | None = None) -> list[WireSection]:
     """Reduce a profile to uniform sections, from the upper end.
 
     Between two places the diameter is linear. Stretches in which it changes by a fraction of at
-    most sqrt(error) are joined to a section of the same volume: mass is exact, and means of other
-    powers of the radius (compliance, bending stiffness) differ by a third to all of `error`.
+    most sqrt(error) become one section of the same volume: mass is exact, and means of other powers
+    of the radius (compliance, bending stiffness) are wrong by a third to all of `error`.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ from suspension_cli.design.units import Raw
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
 
 MAX_BYTES = 4_000_000
-"""Size above which a file is taken for something else (a results file, a picture)."""
+"""Size above which a file is no design (but a results file, a picture)."""
 
 TEMPLATES = ("single", "double", "triple", "quad", "blades")
 """Starting designs of `pendsus new`."""
@@ -35,7 +35,7 @@ class Source:
     Attributes
     ----------
     text
-        The whole design as TOML, overrides applied, as results embed it.
+        The whole design as TOML with overrides, as results embed it.
     file
         The path as the user gave it.
     """
@@ -46,17 +46,9 @@ class Source:
 
 
 def read(file: str | Path, overrides: tuple[str, ...] = ()) -> Source:
-    """Read and check one design file.
+    """Read and check one design file, with `overrides` as for `apply_overrides`.
 
-    Parameters
-    ----------
-    overrides
-        ``path=value`` settings, as `apply_overrides` takes them.
-
-    Raises
-    ------
-    InputError
-        With every fault of the file.
+    Raises `InputError` with every fault of the file.
     """
     name, folder = str(file), Path(file).parent
     try:
@@ -91,7 +83,7 @@ def read_text(file: str | Path) -> str:
 
 
 def read_toml(file: str | Path, text: str | None = None) -> Raw:
-    """Parse a TOML file, or its text if that was read before; raises `InputError` if it is none."""
+    """Parse a TOML file, or its text if given; raises `InputError` if it is not TOML."""
     with attribute_faults_to(str(file)):
         whole = _text(Path(file)) if text is None else text
         return _parse(whole, "write tables into it, as docs/ shows")
@@ -164,7 +156,7 @@ def _parse(text: str, remedy: str = "start a design with `pendsus new`") -> Raw:
 
 @functools.lru_cache(maxsize=8)
 def _parsed(text: str) -> Raw:
-    """Document that a TOML text stands for: searches read one text with many overrides."""
+    """Parse TOML text; cached, as searches read one text with many overrides."""
     return tomllib.loads(text)
 
 
@@ -174,9 +166,9 @@ def apply_overrides(raw: Raw, overrides: tuple[str, ...]) -> None:
     Parameters
     ----------
     overrides
-        ``stage.test.wires.d=0.002``: a dotted path, members of lists by their name or their number
-        from 1, then a TOML value (a bare word is taken as a string). Missing tables are added; a
-        missing member of a list is a fault.
+        ``stage.test.wires.d=0.002``: a dotted path (members of lists by name or number from 1) and
+        a TOML value (a bare word is a string). Missing tables are added; a missing member of a list
+        is a fault.
     """
     for override in overrides:
         shown = format_value(override)
@@ -196,17 +188,11 @@ def apply_overrides(raw: Raw, overrides: tuple[str, ...]) -> None:
 
 
 def template(kind: str, name: str) -> str:
-    """Return a starting design as TOML text, under its own name.
-
-    Raises
-    ------
-    InputError
-        If there is no such template.
-    """
+    """Return a starting design as TOML text, under a name; raises `InputError` if there is none."""
     path = Path(__file__).parent / "templates" / f"{kind}.toml"
     if kind not in TEMPLATES:
         remedy = faults.suggest(kind, list(TEMPLATES))
-        raise InputError.of("kind", "is no template", remedy, format_value(kind))
+        raise InputError.of("kind", "is not a template", remedy, format_value(kind))
     return path.read_text(encoding="utf-8").replace('name = "NAME"', f'name = "{name}"', 1)
 
 
@@ -222,7 +208,7 @@ def example(name: str) -> Source:
 
 
 def example_text(name: str, new_name: str) -> str:
-    """Return a design that comes with the program as TOML text, under a new name."""
+    """Return a design of the program as TOML text, under a new name."""
     text = _example(name).read_text(encoding="utf-8")
     return re.sub(r'(?m)^name = ".*"', f'name = "{new_name}"', text, count=1)
 
@@ -231,17 +217,14 @@ def _example(name: str) -> Path:
     known = examples()
     if name not in known:
         remedy = faults.suggest(name, known)
-        raise InputError.of("example", "is not there", remedy, format_value(name))
+        raise InputError.of("example", "is not an example design", remedy, format_value(name))
     return _EXAMPLES / f"{name}.toml"
 
 
 def replaced(source: Source, changes: Mapping[str, object]) -> Source:
     """Read a design again with other values at dotted paths.
 
-    Raises
-    ------
-    InputError
-        If a path leads nowhere or the new design has faults.
+    Raises `InputError` if a path leads nowhere or the new design has faults.
     """
     if not hasattr(changes, "items"):
         remedy = 'write for example {"stage.test.wires.d": 0.002}'
@@ -258,7 +241,7 @@ def replaced(source: Source, changes: Mapping[str, object]) -> Source:
 
 
 def _as_toml(value: paths.Value) -> paths.Value:
-    """Convert tuples, paths, and numbers and arrays of numpy, to what a TOML file holds."""
+    """Convert tuples, paths, and numbers and arrays of numpy or xarray, to types of TOML."""
     if isinstance(value, Mapping):
         return {str(key): _as_toml(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):

@@ -1,7 +1,7 @@
 """Design file format as frozen types: keys, units and bounds.
 
-`pendsus schema` prints these types as JSON Schema; `faults.py` checks files against it. Rules that
-involve several tables are in `checks.py`.
+`pendsus schema` prints these types as JSON Schema; `faults.py` checks files against it. Rules
+across tables are in `checks.py`.
 """
 
 from __future__ import annotations
@@ -74,8 +74,8 @@ class Constants(Table, frozen=True):
     gravity: Annotated[
         Acceleration | GravityVector,
         doc(
-            "acceleration due to gravity in m/s^2; a vector [x, y, z] acts on the suspension"
-            " that was trimmed level (z below 0)"
+            "acceleration due to gravity in m/s^2; a vector [x, y, z] with z below 0 acts after"
+            " the suspension was trimmed level"
         ),
     ] = 9.81
     gravity_gradient: Annotated[
@@ -92,9 +92,7 @@ class Constants(Table, frozen=True):
             " models"
         ),
     ] = False
-    temperature: Annotated[
-        Kelvin, doc("temperature in K of everything for which none is given")
-    ] = 290.0
+    temperature: Annotated[Kelvin, doc("temperature in K where no other is given")] = 290.0
 
 
 class MaterialLoss(with_keys(Table, MECHANISMS, "material")):
@@ -151,7 +149,7 @@ class Body(Table, frozen=True):
     shape: (
         Annotated[
             Literal["cylinder", "box"],
-            doc("homogeneous, instead of moments of inertia"),
+            doc("homogeneous shape, instead of moments of inertia"),
         ]
         | None
     ) = None
@@ -300,7 +298,7 @@ class _Imperfect(Table, frozen=True):
     blade: (
         Annotated[
             str,
-            doc("a blade: test.blade1, or that of a filter's stage: filter", max_length=80),
+            doc("a blade: test.blade1; for the blades of a filter its stage", max_length=80),
         ]
         | None
     ) = None
@@ -332,7 +330,7 @@ class GainAt(Table, frozen=True):
     frequency: Frequency
     magnitude: Annotated[
         float,
-        doc("|H| there, N/m (N m/rad); negative turns the sign of the filter", ge=-1e20, le=1e20),
+        doc("|H| there, N/m (N m/rad); if negative, reverses the sign of H", ge=-1e20, le=1e20),
     ]
 
 
@@ -342,7 +340,7 @@ class NoiseSpectrum(Table, frozen=True):
     asd: Annotated[
         SpectralDensity | Annotated[list[SpectralDensity], Meta(min_length=2)],
         doc(
-            "amplitude spectral density in m/sqrt(Hz) or rad/sqrt(Hz), flat far above the"
+            "amplitude spectral density in m/sqrt(Hz) or rad/sqrt(Hz): that far above the"
             " corner, or one per frequency"
         ),
     ]
@@ -351,7 +349,7 @@ class NoiseSpectrum(Table, frozen=True):
             float,
             of_unit(
                 "Hz",
-                "Hz; asd times sqrt(1 + corner / f), a power that rises as 1/f below",
+                "Hz; the density is asd sqrt(1 + corner / f), whose square rises as 1/f below",
                 gt=0,
                 le=1e6,
             ),
@@ -362,7 +360,7 @@ class NoiseSpectrum(Table, frozen=True):
         Annotated[
             list[Frequency],
             doc(
-                "Hz, ascending; straight lines between them on logarithmic axes, constant outside",
+                "Hz, ascending; interpolated linearly in the logarithms, constant outside",
                 min_length=2,
             ),
         ]
@@ -508,8 +506,8 @@ class Requirement(Table, frozen=True):
         ]
         | None
     ) = None
-    below: Annotated[Limit, doc("limit that the magnitude is below")] | None = None
-    above: Annotated[Limit, doc("limit that the magnitude is above")] | None = None
+    below: Annotated[Limit, doc("upper limit of the magnitude")] | None = None
+    above: Annotated[Limit, doc("lower limit of the magnitude")] | None = None
 
 
 class Tolerance(Table, frozen=True):

@@ -12,7 +12,7 @@ from suspension_cli.design.profiles import reduced
 from suspension_cli.design.wires import Profile, Wire, WireSection, WireSet, cross_sections
 
 STEPS = 16
-"""Number of steps of a taper for which the design gives none."""
+"""Default number of steps of a taper."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ _PROFILES: dict[int, tuple[Profile, list[WireSection]]] = {}
 
 
 def _of_profile(profile: Profile, key: int) -> list[WireSection]:
-    """Sections of a profile, which a design asks for often."""
+    """Sections of a profile, cached, as a design needs them often."""
     known = _PROFILES.get(key)
     if known is None or known[0] is not profile:
         if len(_PROFILES) > 64:
@@ -77,8 +77,7 @@ def thinnest(wire: WireSet | Wire | WireSection) -> float | None:
 def stretches(wire: WireSet | Wire, length: float) -> list[Stretch]:
     """Divide a wire of a loaded `length` (m) into uniform stretches, from its upper to lower end.
 
-    There are none if the cross-section is not given. Lengths given by the design may miss `length`
-    by 1e-6 and are scaled to sum to it.
+    Empty if the cross-section is unknown. Given lengths may miss `length` by 1e-6; they are scaled.
     """
     sections = given_sections(wire)
     if sections is None:
@@ -96,7 +95,6 @@ def stretches(wire: WireSet | Wire, length: float) -> list[Stretch]:
 
 
 def _steps(piece: WireSection, length: float, material: str | None) -> list[Stretch]:
-    """Divide one section of a design into uniform stretches."""
     name = piece.material or material
     if isinstance(piece.radius, list):
         shapes = Round.read(piece.radius).steps(STEPS if piece.steps is None else piece.steps)

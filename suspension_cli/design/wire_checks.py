@@ -27,10 +27,9 @@ from suspension_cli.errors import Fault, format_value
 CLAMP_ANGLE = 0.5
 """Largest angle of a clamp to the nominal wire, rad: the beam model assumes small slopes."""
 PROFILE = 0.05
-"""Largest relative difference of a wire's length and that of its measured profile, which is scaled
-to fit."""
+"""Largest relative difference of lengths of a wire and its measured profile, which is scaled."""
 SPAN = 1e-6
-"""Largest relative difference of a wire's length and the sum of its sections."""
+"""Largest relative difference of a wire's length from the sum of its sections."""
 
 
 def check_losses(material: Material, path: str) -> Iterator[Fault]:

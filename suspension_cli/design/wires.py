@@ -70,8 +70,8 @@ class WireSection(Table, frozen=True):
         Annotated[
             Length,
             doc(
-                "loaded length, m; one section may leave it out and takes the rest, otherwise"
-                " they sum to the wire's"
+                "loaded length, m; the lengths sum to the wire's; one section may leave its own"
+                " out and takes the rest"
             ),
         ]
         | None
@@ -162,17 +162,17 @@ class Profile(Table, frozen=True):
         Annotated[
             str,
             doc(
-                "CSV file with these two columns, from this file's folder; read once",
+                "CSV file of positions and diameters, from this file's folder; read once",
                 max_length=1000,
             ),
         ]
         | None
     ) = None
     position: Annotated[
-        list[Annotated[float, of_unit("m", "place in m", ge=-1e5, le=1e5)]],
-        doc("ascending places from the upper end down, m", max_length=20000),
+        list[Annotated[float, of_unit("m", "position in m", ge=-1e5, le=1e5)]],
+        doc("positions from the upper end down, ascending, m", max_length=20000),
     ] = []
-    diameter: Annotated[list[Length], doc("diameter there, m", max_length=20000)] = []
+    diameter: Annotated[list[Length], doc("diameter at each position, m", max_length=20000)] = []
     error: ProfileError = 1e-3
 
 
@@ -184,7 +184,7 @@ FibreProfile = Annotated[
     ),
 ]
 FibreNeck = Annotated[
-    Neck, doc("thick ends of a fibre of this radius: { radius, length }, both ends")
+    Neck, doc("thick ends of a fibre of this radius, equal above and below: { radius, length }")
 ]
 Hinged = Annotated[
     Literal["hinged"],
@@ -223,7 +223,9 @@ class WireSet(_WireLosses, frozen=True):
         ]
         | None
     ) = None
-    ring: Annotated[Separation, doc("radius of the circle of the ends, m, both ends")] | None = None
+    ring: (
+        Annotated[Separation, doc("radius of the circle of the ends, m, above and below")] | None
+    ) = None
     ring_upper: Annotated[Separation, doc("radius of the circle of the upper ends, m")] | None = (
         None
     )
@@ -309,8 +311,8 @@ def cross_sections(table: WireSet | Wire | WireSection) -> list[CrossSection]:
 class BladeGeometry(Table, frozen=True):
     """A tapered cantilever blade clamped at its base, loaded at its tip."""
 
-    length: Annotated[Length, doc("from the clamp to the tip, m")]
-    base_width: Annotated[Length, doc("at the clamp, m")]
+    length: Annotated[Length, doc("length from the clamp to the tip, m")]
+    base_width: Annotated[Length, doc("width at the clamp, m")]
     thickness: Annotated[Length, doc("thickness, m")]
     shape_factor: ShapeFactor
     material: MaterialName
@@ -340,8 +342,8 @@ TipStiffness = Annotated[Stiffness, doc("vertical stiffness of one blade at its 
 UncoupledFrequency = Annotated[
     Frequency,
     doc(
-        "frequency f of this stage's mass m alone on all its blades, Hz: (2 pi f)^2 m, shared"
-        " equally"
+        "frequency f of this stage's mass m alone on its n blades, Hz; each has the stiffness"
+        " (2 pi f)^2 m / n"
     ),
 ]
 TipMass = Annotated[MassOrZero, doc("mass that moves with one tip, kg")]
@@ -377,7 +379,7 @@ class BladeSet(Table, frozen=True):
 class Blade(Table, frozen=True):
     """One cantilever blade, for wires that name it."""
 
-    name: Annotated[Name, doc(f"for the wires to name it: {NAMES}")]
+    name: Annotated[Name, doc(f"name by which wires refer to it: {NAMES}")]
     at: (
         Annotated[
             Vector,

@@ -1,4 +1,4 @@
-"""Exact dynamic stiffness of a beam under tension, without discretisation, overflow, cancellation.
+"""Exact dynamic stiffness of a beam under tension, without overflow or cancellation.
 
 A wire of bending stiffness EI, tension T and mass per length mu vibrates at omega with
 
@@ -24,14 +24,14 @@ t = tanh(alpha h), c = cos(beta h), s = sin(beta h),
 
 All are even functions of alpha and beta, so the static limit beta = 0 is no special case. Only
 tanh(alpha h) appears, so nothing overflows. Below the first resonance only the two terms of N
-differ in sign; in a stiff wire at low frequency N cancels to (alpha^2 + beta^2) h^3/3, so there its
-power series is summed. Howson and Williams, J. Sound Vib. 26, 503 (1973), give the elements of the
-whole beam with cosh and sinh of alpha L; the split into halves is what preserves the digits.
+differ in sign; in a stiff wire at low frequency they cancel to (alpha^2 + beta^2) h^3/3, so its
+power series is summed there. Howson and Williams, J. Sound Vib. 26, 503 (1973), give the elements
+of the whole beam with cosh and sinh of alpha L; the split into halves preserves the digits.
 
-Where beams are joined end to end, the motion is that of the chord, W_s and the slope
-phi = W_a / h, and the slopes a and b of the two ends relative to it (`chord_stiffness`): in a short
-beam EI / h^3 would swamp the tension, but it does not appear. With d = T_a - phi = (a + b) / 2 and
-T_s = (b - a) / 2, the elements above give for the odd part
+Beams joined end to end have as coordinates the motion of the chord, W_s and the slope
+phi = W_a / h, and the slopes a and b of the ends relative to it (`chord_stiffness`). EI / h^3,
+which would swamp the tension in a short beam, then does not appear. With
+d = T_a - phi = (a + b) / 2 and T_s = (b - a) / 2, the elements above give for the odd part
 
     pp = T h + EI (alpha^2 + beta^2) (h c - s/beta) (h - t/alpha) / N
     pd = EI [alpha^2 (t/alpha) (s/beta - h c) - beta^2 (s/beta) (h - t/alpha)] / N
@@ -54,8 +54,8 @@ if TYPE_CHECKING:
 
 EPS = 2.0**-53
 SERIES = 1.0
-"""|alpha^2 + beta^2| h^2 below which N is summed as a series; above, the closed form loses no more
-than a digit."""
+"""|alpha^2 + beta^2| h^2 below which N is a series; above, the closed form loses a digit at
+most."""
 TERMS = 11
 """Terms of that series; they fall faster than 1/(2k)!."""
 _FACTORIAL = [math.factorial(n) for n in range(2 * TERMS)]
@@ -80,7 +80,7 @@ GAP_TERMS = 10
 
 @dataclass(frozen=True)
 class Waves:
-    """Wave numbers of a wire at given frequencies, and the functions of them that recur.
+    """Wave numbers of a wire at given frequencies, and functions of them.
 
     Sections of a wire may be an axis in front of the frequencies.
 
@@ -115,7 +115,7 @@ class Waves:
 
     @cached_property
     def sections(self) -> list[Waves]:
-        """The waves of each of several sections, the first axis of all arrays."""
+        """Waves of each section, the first axis of all arrays."""
         names = [field.name for field in fields(self)]
         return [Waves(*(getattr(self, name)[n] for name in names)) for n in range(len(self.sin))]
 
@@ -136,12 +136,12 @@ class Waves:
 
     @cached_property
     def cache(self) -> dict[str, Any]:
-        """Integrals over these waves, kept for further motions of the same wire."""
+        """Integrals over these waves, for further motions of the wire."""
         return {}
 
     @cached_property
     def slow(self) -> Bool[np.ndarray, "*shape"]:
-        """Whether the wire is so stiff, or omega so low, that the closed form of N cancels."""
+        """Whether the closed form of N cancels: stiff wire, low omega."""
         return np.abs(self.sum2) * self.half**2 < SERIES
 
 
@@ -195,7 +195,7 @@ def _avoid_zero(
     b: Inexact[np.ndarray, "*shape"],
     total: Inexact[np.ndarray, "*shape"],
 ) -> Inexact[np.ndarray, "*shape"]:
-    """Half a rounding of a and b where their sum vanishes exactly, at a clamped resonance."""
+    """Replace a sum a + b that is exactly 0 (clamped resonance) by a rounding error of a and b."""
     zero = total == 0
     return np.where(zero, EPS * (np.abs(a) + np.abs(b)), total) if np.any(zero) else total
 
@@ -212,7 +212,6 @@ def stiffness(
     ----------
     rigidity
         EI as given to `waves`, N m^2.
-    wave : Waves
 
     Returns
     -------
@@ -234,18 +233,9 @@ def chord_stiffness(
     tension: Inexact[np.ndarray, "*#shape"] | float,
     wave: Waves,
 ) -> Inexact[np.ndarray, "4 4 *shape"]:
-    """Dynamic stiffness in one plane, on the chord and the slopes of the ends relative to it.
+    """Dynamic stiffness (4, 4, ...) in one plane on (W_s, phi, a, b), N/m, N and N m.
 
-    Parameters
-    ----------
-    rigidity, tension
-        As given to `waves`, N m^2 and N.
-    wave : Waves
-
-    Returns
-    -------
-    (4, 4, ...) array
-        On (W_s, phi, a, b): N/m, N and N m.
+    On the chord and the slopes of the ends relative to it; `rigidity` and `tension` as for `waves`.
     """
     h = wave.half
     p, n = -wave.beta2 * h**2, wave.alpha2 * h**2
@@ -317,11 +307,11 @@ def _series(
 
 
 def resonances_below(wave: Waves) -> Int[np.ndarray, "*shape"]:
-    """Number of resonances of the wire with both ends clamped below each omega of its waves.
+    """Count the resonances of the clamped wire below each omega of its waves, without loss.
 
-    The even ones are the zeros of D, tan(beta h) = -(alpha / beta) tanh(alpha h), one in each
-    ((k - 1/2) pi, k pi) of beta h; the odd ones those of N, tan(beta h) = (beta / alpha)
-    tanh(alpha h) < 1, one in each (k pi, (k + 1/2) pi), for k = 1, 2, ... . Of waves without loss.
+    The even ones are the zeros of D, tan(beta h) = -(alpha / beta) tanh(alpha h), one in each ((k -
+    1/2) pi, k pi) of beta h; the odd ones those of N, tan(beta h) = (beta / alpha) tanh(alpha h) <
+    1, one in each (k pi, (k + 1/2) pi), for k = 1, 2, ... .
     """
     quarter = np.floor(2 * (np.sqrt(wave.beta2) * wave.half / np.pi)).astype(int)
     even, odd = (quarter + 1) // 2, quarter // 2

@@ -1,8 +1,8 @@
-"""Energy, forces and stiffness of wire bending and twisting, in any pose, beyond a taut string.
+"""Energy, forces and stiffness of wires against bending and twisting, in any pose.
 
 A wire leaves its clamps along directions fixed in its two bodies. Relative to its chord e (the unit
-vector between its ends) it has a slope a at the upper and a slope b at the lower end in each
-principal plane p, and it is twisted by phi. A beam under the tension of the string stores
+vector between its ends) it has slopes a at the upper and b at the lower end in each principal plane
+p, and a twist phi. Beyond the energy of a taut string a beam under its tension stores
 
     E = sum over p of (S_uu a_p^2 + 2 S_ul a_p b_p + S_ll b_p^2) / 2 + kappa phi^2 / 2,
     a_p = -e . n_p (upper body),   b_p = -e . n_p (lower body),
@@ -10,19 +10,19 @@ principal plane p, and it is twisted by phi. A beam under the tension of the str
 
 to second order in the slopes, with S the static stiffness of `elements.beam` against rotation of
 its ends (the chord fixed) and n_p the unit vectors of the planes, fixed in the bodies across the
-clamps. All three are invariant under a common rotation. If the clamps point along the chord, all
-slopes vanish at rest and only products of first derivatives count; else also the second
-derivatives, weighted with the moments:
+clamps. A common rotation changes none of the three. If the clamps point along the chord, all slopes
+vanish at rest and only products of first derivatives count; else also the second derivatives, times
+the moments:
 
     d(a)  = -(n - (n.e) e) . dr / L - e . dn,
     d2(a) = dr . (e n_+ + n_+ e + (e.n) P) . dr / L^2 - 2 dr . P . dn / L - e . d2(n),
 
 with r the span, L its length, P = 1 - e e, n_+ = P n, and dn, d2(n) the changes of a vector in a
 rotation (see `elements.geometric_stiffness`). S is taken at the tension in equilibrium: its change
-with a slight stretching counts only in third order.
+with stretching is of third order.
 
-A string has no bending stiffness, but a design may give its torsional stiffness (`torsion`): then
-it adds kappa phi^2 / 2 alone, with planes across its line in the nominal pose.
+A string has no bending stiffness, but a design may give its torsional stiffness (`torsion`): it
+adds kappa phi^2 / 2 alone, with planes across its line in the nominal pose.
 """
 
 from __future__ import annotations
@@ -56,14 +56,9 @@ def with_bending(
     tension: Inexact[np.ndarray, "*batch wire"] | None = None,
     length: Inexact[np.ndarray, "*batch wire"] | None = None,
 ) -> Scene:
-    """Fill `flex` of a scene: its wires bend and twist.
+    """Fill `flex` of a scene with `fibres`: its wires bend and twist.
 
-    Parameters
-    ----------
-    scene : Scene
-        With `fibres`.
-    tension, length
-        At which the stiffness is taken, N and m; nominal by default.
+    `tension` (N) and `length` (m) are those at which the stiffness is taken; nominal by default.
     """
     assert scene.fibres is not None
     wires = scene.wires
@@ -111,7 +106,7 @@ def _resistance(
 def _resistance_of_one(
     sections: tuple[Section, ...], *numbers: complex
 ) -> tuple[Inexact[np.ndarray, "1 2 3"], Inexact[np.ndarray, " 1"]]:
-    """Resistance of one wire; its first order for a complex step of its length or tension."""
+    """Resistance of one wire; to first order for a complex step of length or tension."""
     real, step = [number.real for number in numbers], np.array([number.imag for number in numbers])
     if len(sections) == 1:  # `numbers` give its length
         sections = (replace(sections[0], length=sections[0].length.real),)
@@ -125,7 +120,7 @@ def _resistance_of_one(
 
 
 def _constants(section: Section) -> tuple[complex, ...]:
-    """Numbers of a section that its static stiffness depends on."""
+    """Numbers of a section that determine its static stiffness."""
     return section.length, *section.rigidity, section.stretching, section.twisting
 
 
@@ -133,7 +128,7 @@ def _constants(section: Section) -> tuple[complex, ...]:
 def _known_resistance(
     sections: tuple[Section, ...], *numbers: complex
 ) -> tuple[Inexact[np.ndarray, "1 2 3"], Inexact[np.ndarray, " 1"]]:
-    """Resistance of one wire; most wires do not change from one design to the next."""
+    """Resistance of one wire, cached: most wires do not differ between designs."""
     found = _resistance(bare_fibre(sections), *(np.array([number]) for number in numbers))
     slopes, turning = (part if np.imag(part).any() else np.real(part) for part in found)
     return slopes, turning  # a complex zero is equal to a real one as a key
@@ -143,20 +138,20 @@ def _known_resistance(
 def _rates(
     sections: tuple[Section, ...], *numbers: float
 ) -> tuple[Float[np.ndarray, "4 2 3"], Float[np.ndarray, " 4"]]:
-    """Derivatives (4, 2, 3) and (4,) of the resistance of one wire by its numbers."""
+    """Derivatives (4, 2, 3) and (4,) of the resistance of one wire with respect to its numbers."""
     each = np.array(numbers)[:, None] + 1j * STEP * np.eye(len(numbers))
     slopes, turning = _resistance(bare_fibre(sections), *each)
     return np.imag(slopes) / STEP, np.imag(turning) / STEP
 
 
 def bare_fibre(sections: tuple[Section, ...]) -> Fibre:
-    """A fibre of these sections; nothing else matters to its static stiffness."""
+    """A fibre of these sections, enough for its static stiffness."""
     nowhere = np.zeros(3)
     return Fibre("", sections, nowhere, (nowhere, nowhere), (0.0, 0.0))
 
 
 def with_planes(scene: Scene) -> Scene:
-    """Fill `flex` of a scene with the principal planes of its wires, and no stiffness yet."""
+    """Fill `flex` of a scene with the principal planes of its wires, without stiffness."""
     assert scene.fibres is not None
     planes = np.array([fibre.plane for fibre in scene.fibres.wire]).reshape(-1, 3)
     clamps = np.array([fibre.clamp for fibre in scene.fibres.wire]).reshape(-1, 2, 3)
@@ -239,8 +234,8 @@ def energy(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch"]:
 def add_derivatives(scene: Scene, numbering: Layout, pose: Pose, derivatives: Derivatives) -> None:
     """Add the derivatives of the energy of bending and twisting.
 
-    The second ones are first taken with respect to the span and the rotations of the upper and the
-    lower body (9 per wire), then to the coordinates on which these depend.
+    The second ones are taken with respect to the span and the rotations of the upper and lower body
+    (9 per wire), then transformed to the coordinates.
     """
     flex, wires = wire_resistance(scene), scene.wires
     if flex is None:
@@ -374,7 +369,7 @@ def _jacobian(
 ) -> Inexact[np.ndarray, "*batch wire 9 15"]:
     """Derivative (..., w, 9, 15) of the span and both rotations.
 
-    With respect to displacement and rotation of the upper and the lower body, and the blade's tip.
+    With respect to displacement and rotation of the upper and lower body, and the blade's tip.
     """
     wires = scene.wires
     result = np.zeros((*now.direction.shape[:-1], 9, 15), dtype=now.direction.dtype)

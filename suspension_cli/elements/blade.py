@@ -1,9 +1,9 @@
 """Cantilever blades, whose tips are coordinates of their own.
 
-A tip moves along one to three axes of the body on which the blade is clamped. At a deflection q
-from the nominal, loaded position the blade pulls its tip with load - k q, so it stores
--load . q + k q^2 / 2; a tip mass adds its weight and its inertia. Husman et al. (2000), section 3b:
-"the cantilever positions are included as additional state variables".
+A tip moves along one to three axes of the body that carries the blade. At a deflection q from the
+nominal, loaded position the blade pulls its tip with load - k q, so it stores
+-load . q + k q^2 / 2; a tip mass adds weight and inertia. Husman et al. (2000), section 3b: "the
+cantilever positions are included as additional state variables".
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ def energy(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch"]:
 
 
 def add_derivatives(scene: Scene, numbering: Layout, pose: Pose, derivatives: Derivatives) -> None:
-    """Add the derivatives of the energy of all blades, and of that of what their tips carry.
+    """Add the derivatives of the energy of all blades, and of the forces on their tips.
 
-    All forces on the tips must have been added before.
+    All these forces must have been added before.
     """
     blades, pulled, hessian = scene.blades, derivatives.on_tips, derivatives.hessian
     if not blades.label:

@@ -1,4 +1,4 @@
-"""Integrals of the squared curvature and of the squared displacement along a vibrating wire.
+"""Integrals of squared curvature and squared displacement along a vibrating wire.
 
 With the waves of `elements.beam`, x from the middle towards the lower end, C = cosh(alpha h),
 t = tanh(alpha h), c = cos(beta h), s = sin(beta h),
@@ -13,9 +13,9 @@ so that over the upper or the lower half of the wire
     integral of |w''|^2 = sum over i, j of k_i I_ij conj(k_j),
 
 where I_ij is the integral over 0 < x < h of the product of functions i and conj(j), and even-odd
-products change sign in the upper half. The I_ij have closed forms for any complex alpha and beta.
-The power lost to bending is omega Im(EI) / 2 times this integral: a sum of squares, without
-cancellation however small the loss. In a stiff, slow wire the closed forms cancel, but its
+products change sign in the upper half. The I_ij have closed forms for complex alpha and beta. The
+power lost to bending is omega Im(EI) / 2 times this integral: a sum of squares, without
+cancellation however small the loss. In a stiff, slow wire the closed forms cancel, but the
 curvature is nearly a polynomial, for which Gauss-Legendre quadrature is exact.
 """
 
@@ -49,8 +49,6 @@ def integrate_squared_curvature(
 
     Parameters
     ----------
-    wave : Waves
-        At frequencies (f,).
     ends
         W_s, T_s, W_a, T_a of r motions, in m and rad.
 
@@ -75,8 +73,8 @@ def integrate_squared_displacement(
 ) -> Float[np.ndarray, "motion frequency"]:
     """Integral (r, f) of |w|^2 over the whole wire, m^3, for the drag of a gas.
 
-    Arguments as for `integrate_squared_curvature`. In a stiff, slow wire the waves cancel; there
-    w(x) = W - (h - x) T + integral from x to h of (y - x) w''(y) dy, for the even and for the odd
+    Arguments as for `integrate_squared_curvature`. The waves cancel in a stiff, slow wire; there
+    w(x) = W - (h - x) T + integral from x to h of (y - x) w''(y) dy, for the even and the odd
     motion.
     """
     factors = _factors(wave, ends)
@@ -154,7 +152,7 @@ def _abs2(z: Inexact[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
 def _integrals(wave: Waves) -> tuple[Inexact[np.ndarray, " frequency"], ...]:
     """I_ij (f,) for ij = 11, 22, 33, 44, 12, 13, 14, 32, 24, 34.
 
-    The hyperbolic functions are divided by C or |C|^2, so that none overflows.
+    Hyperbolic functions are divided by C or |C|^2 against overflow.
     """
     h, alpha, beta = wave.half, wave.alpha, wave.beta
     ar, ai, br, bi = np.real(alpha), np.imag(alpha), np.real(beta), np.imag(beta)

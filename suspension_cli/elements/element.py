@@ -1,4 +1,4 @@
-"""Contributions of one kind of element to the energy and the matrices of a scene."""
+"""Contributions of a kind of element to the energy and the matrices of a scene."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ class Derivatives:
     gradient
         N and N m. Blades add the part of the forces on their tips.
     hessian
-        Tangent stiffness, N/m, N and N m; the last row and column take what belongs to rigid
-        directions of blades.
+        Tangent stiffness, N/m, N and N m; the last row and column are for rigid directions of
+        blades.
     outer
         Sum of F w^T of the forces on each body (see `geometric_stiffness`), N m.
     on_tips
-        Gradient with respect to the places of the blade tips, global axes, N.
+        Gradient with respect to the places of blade tips, global axes, N.
     """
 
     gradient: Inexact[np.ndarray, "*batch coordinate"]
@@ -62,7 +62,6 @@ class Derivatives:
 
         Parameters
         ----------
-        body
         force
             Gradient of the energy with respect to the place of each point, N.
         arm
@@ -106,8 +105,8 @@ class Element:
     add_derivatives
         Adds the derivatives of that energy in a pose.
     mass, damping, loss
-        Mass, viscous damping, and the imaginary part of the stiffness, (..., N, N), or 0; None for
-        an element without.
+        Mass, viscous damping, and imaginary part of the stiffness, (..., N, N), or 0; None if
+        absent.
     make
         Makes its arrays from the design and the scene of all else; None for an element on arrays
         that every scene has. It acts only in scenes in which they have a `label`.

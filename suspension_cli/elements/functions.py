@@ -1,6 +1,6 @@
 """Trigonometric functions of real and complex arrays, and sin(z)/z and sinh(z)/z.
 
-Those of numpy take several times as long for complex arguments as for the real and imaginary parts.
+For complex arguments numpy's take several times as long.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def sin_cos(
     z: Inexact[np.ndarray, "*shape"],
 ) -> tuple[Inexact[np.ndarray, "*shape"], Inexact[np.ndarray, "*shape"]]:
-    """sin(z) and cos(z); of a real z through tan(z/2), with an error of about 2^-52."""
+    """sin(z) and cos(z); from tan(z/2) for real z, with an error of about 2^-52."""
     if np.iscomplexobj(z):
         sin, cos = sin_cos(np.real(z))
         sinh, cosh = np.sinh(np.imag(z)), np.cosh(np.imag(z))
@@ -55,9 +55,9 @@ def _join(
 
 
 def sinc(z: Inexact[np.ndarray, "*shape"]) -> Inexact[np.ndarray, "*shape"]:
-    """sin(z)/z, for real or complex z of any shape.
+    """sin(z)/z, for real or complex z.
 
-    Unlike `numpy.sinc` it does not pass through z/pi, whose rounding counts at large z.
+    `numpy.sinc` takes z/pi, whose rounding counts at large z.
     """
     return sinc_cos(z)[0]
 
@@ -65,13 +65,13 @@ def sinc(z: Inexact[np.ndarray, "*shape"]) -> Inexact[np.ndarray, "*shape"]:
 def sinc_cos(
     z: Inexact[np.ndarray, "*shape"],
 ) -> tuple[Inexact[np.ndarray, "*shape"], Inexact[np.ndarray, "*shape"]]:
-    """sin(z)/z and cos(z), for real or complex z of any shape."""
+    """sin(z)/z and cos(z), for real or complex z."""
     sin, cos = sin_cos(z)
     return _over(sin, z), cos
 
 
 def sinhc(z: Inexact[np.ndarray, "*shape"]) -> Inexact[np.ndarray, "*shape"]:
-    """sinh(z)/z, for real or complex z of any shape."""
+    """sinh(z)/z, for real or complex z."""
     return _over(np.sinh(z), z)
 
 

@@ -1,9 +1,9 @@
-"""Drag of a gas so thin that its molecules collide with the suspension, not with each other.
+"""Drag of a gas so thin that its molecules do not collide with each other.
 
-Molecules leave a surface with no memory of where they came from (diffuse reflection, at the
-temperature of the gas). m is the mass of a molecule, n their number per volume, p = n k T the
-pressure, f the Maxwell distribution of one component of velocity with variance s^2 = k T/m; at rest
-j = n s/sqrt(2 pi) molecules hit a surface per area and time.
+Molecules leave a surface in random directions (diffuse reflection, at the temperature of the gas).
+m is the mass of a molecule, n their number per volume, p = n k T the pressure, f the Maxwell
+distribution of one component of velocity with variance s^2 = k T/m; j = n s/sqrt(2 pi) molecules
+hit a surface at rest per area and time.
 
 *Tangential motion.*  Each molecule that arrives lacks the velocity of the surface: the drag per
 area and velocity is c = m j = p sqrt(m/(2 pi k T)).
@@ -31,24 +31,15 @@ from suspension_cli.scene.composition import Gas
 
 
 def surface_drag(gas: Gas) -> tuple[float, float]:
-    """Drag per area and velocity of normal and of tangential motion of a surface, N s/m^3."""
+    """Drag per area and velocity of a surface in normal and in tangential motion, N s/m^3."""
     along = gas.pressure * math.sqrt(gas.molecule / (2 * math.pi * BOLTZMANN * gas.temperature))
     return (2 + math.pi / 2) * along, along
 
 
 def body_damping(body: Body, gas: Gas) -> Array | None:
-    """Damping matrix of a body at the COM of its shape.
+    """Damping matrix (6, 6) of a body at the COM of its shape, N s/m and N m s; None without shape.
 
-    Parameters
-    ----------
-    body : Body
-        A box or a cylinder; the wall of a hole counts as free surface.
-    gas : Gas
-
-    Returns
-    -------
-    (6, 6) array or None
-        N s/m and N m s; None if the body has no shape.
+    For a box or a cylinder; the wall of a hole counts as free surface.
     """
     if body.shape is None:
         return None

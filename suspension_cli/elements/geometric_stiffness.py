@@ -1,11 +1,10 @@
 """Geometric stiffness: the change of a force's torque when the body on which it acts rotates.
 
 A point at the arm w of a body moves to w + t x w + t x (t x w)/2 when the body rotates by a vector
-t. The gradient F of an energy with respect to the point's position therefore contributes, to second
-order, F . (t x (t x w))/2 to the energy, with the Hessian (F w^T + w F^T)/2 - (F . w) I in t. It is
-linear in F w^T, as is the torque w x F, so these outer products are first summed over all points of
-a body. (Second-order expansion of the rotation about the current pose; compare Goldstein, Classical
-Mechanics, section 4.8.)
+t. The gradient F of an energy with respect to the point's position thus adds, to second order, F .
+(t x (t x w))/2 to the energy, with the Hessian (F w^T + w F^T)/2 - (F . w) I in t. It is linear in
+F w^T, as is the torque w x F, so these outer products are first summed over all points of a body
+(compare Goldstein, Classical Mechanics, section 4.8).
 """
 
 from __future__ import annotations
@@ -44,7 +43,6 @@ def add_arms(
     ----------
     outer
         N m.
-    body
     force, arm
         Gradient of the energy with respect to each point (minus the force on the body), N, and
         vector from the COM to the point, m.

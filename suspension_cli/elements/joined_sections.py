@@ -11,16 +11,16 @@ against it. The motion of both parts is
 
 q_A = P_A (q, eta, zeta) and q_B likewise. No force on the node gives (eta, zeta) = N q from
 P_A^T K_A P_A + P_B^T K_B P_B, and with M = P [1; N] the whole is M_A^T K_A M_A + M_B^T K_B M_B. An
-error of N enters in its square, as at any place without force, and what EI / L_A^3 of a short
-section multiplies is its small deformation alone: in the usual difference of stiffnesses of the
-ends it would swamp the tension and the longer section.
+error of N enters in its square, as no force acts on the node. EI / L_A^3 of a short section
+multiplies only its small deformation; in the usual difference of stiffnesses of the ends it would
+swamp the tension and the longer section.
 
 The number of resonances of the clamped wire below this frequency exceeds that of its parts by the
 number of negative eigenvalues of the stiffness of (eta, zeta) (Wittrick and Williams, Q. J. Mech.
 Appl. Math. 24, 263 (1971)).
 
-Rods are joined as springs between their ends and springs from each end to the ground (`join_rods`),
-because in the sum of both the stiffness of a nearly rigid wire would swamp its inertia.
+Rods are joined as springs between their ends and springs from each end to the ground (`join_rods`):
+in the sum of both, the stiffness of a nearly rigid wire would swamp its inertia.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def to_ends(
 
 
 def to_chord(length: Inexact[np.ndarray, " frequency"] | float) -> Inexact[np.ndarray, "... 4 4"]:
-    """Matrix from even and odd motion to (W, phi, a, b), of beams of given lengths (m).
+    """Matrix from even and odd motion to (W, phi, a, b), for beams of given lengths (m).
 
     phi = W_a / h, a = T_a - T_s - phi, b = T_a + T_s - phi.
     """
@@ -78,7 +78,7 @@ def join(
     list[tuple[Inexact[np.ndarray, "_ frequency 4 4"], ...]],
     Int[np.ndarray, " frequency"],
 ]:
-    """Join sections of a beam: each to its neighbour, then the joined ones, until one is left.
+    """Join sections of a beam in pairs, then the pairs, until one is left.
 
     Parameters
     ----------
@@ -90,11 +90,11 @@ def join(
     Returns
     -------
     whole
-        Stiffness of all sections together on its (W, phi, a, b).
+        Stiffness of all together on (W, phi, a, b).
     motions
-        By round, the motion of the upper and of the lower parts per motion of the joined pairs.
+        By round, the motion of upper and lower parts per motion of the joined pairs.
     negative
-        Number of negative eigenvalues of the stiffnesses of the nodes (of real stiffnesses only).
+        Number of negative eigenvalues of the stiffnesses of the nodes, if real.
     """
     whole, motions = np.moveaxis(parts, (0, 1), (-2, -1)), []
     negative = np.zeros(whole.shape[1], dtype=int)
@@ -156,7 +156,7 @@ def join_rods(
     Returns
     -------
     whole
-        Stiffness of all sections together on the even and odd motion of the ends.
+        Stiffness of all together on the even and odd motion of the ends.
     motions, negative
         As for `join`, on the even and odd motion.
     """

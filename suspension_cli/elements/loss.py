@@ -1,7 +1,6 @@
 """Loss angles of wires and blades against frequency: sums over the mechanisms of `design.losses`.
 
-All angles are finite at zero frequency. `omega` is in rad/s, not negative, of any shape; or complex
-(of a damped mode).
+All are finite at zero frequency. `omega` is in rad/s, not negative, or complex (of a damped mode).
 """
 
 from __future__ import annotations
@@ -29,20 +28,12 @@ def bending_angle(
 
     Parameters
     ----------
-    section : Section
     plane : {0, 1}
-        Plane of the bending, as in `section.rigidity`.
-    omega
-        rad/s.
+        As in `section.rigidity`.
     tension
         N; sets the static strain for the thermoelastic loss.
-    temperature : array
+    temperature
         K.
-
-    Returns
-    -------
-    array
-        Of the shape to which the arguments broadcast.
     """
     plain, strained, free, slope = bending_angle_parts(section, plane, omega, temperature)
     return plain + strained * (free - slope * np.asarray(tension)) ** 2
@@ -94,7 +85,7 @@ def bending_causes(
 def stretching_angle(
     section: Section, omega: Inexact[np.ndarray, "*frequency"] | complex
 ) -> Inexact[np.ndarray, "*frequency"]:
-    """Loss angle of the stretching of a wire, rad, of the shape of omega (rad/s)."""
+    """Loss angle of the stretching of a wire, rad."""
     zero = 0.0 * np.asarray(omega)
     return sum((own.stretching(section.shape, omega) for own in section.losses), zero)
 
@@ -102,7 +93,7 @@ def stretching_angle(
 def twisting_angle(
     section: Section, omega: Inexact[np.ndarray, "*frequency"] | complex
 ) -> Inexact[np.ndarray, "*frequency"]:
-    """Loss angle of the twisting of a wire, rad, of the shape of omega (rad/s)."""
+    """Loss angle of the twisting of a wire, rad."""
     zero = 0.0 * np.asarray(omega)
     return sum((own.twisting(section.shape, omega) for own in section.losses), zero)
 
@@ -110,7 +101,7 @@ def twisting_angle(
 def blade_angle(
     blade: BladeLoss, omega: Inexact[np.ndarray, "*frequency"] | complex
 ) -> Inexact[np.ndarray, "*frequency"]:
-    """Loss angle of the bending of a blade or of the wires of a link, rad, of the shape of omega.
+    """Loss angle of the bending of a blade or of the wires of a link, rad.
 
     The static stress averages to zero across the thickness, so the tension does not enter.
     """
@@ -132,7 +123,7 @@ class Plate:
     Attributes
     ----------
     thickness : float
-        m; 0 if unknown, and then it has no surface.
+        m; 0 if unknown: no surface loss.
     """
 
     thickness: float
@@ -141,7 +132,7 @@ class Plate:
 
     @property
     def depth(self) -> tuple[float, float]:
-        """Thickness in the plane in which it bends, m."""
+        """Thickness in the plane of bending, m."""
         return self.thickness, 0.0
 
     def bending_ratio(self, plane: int) -> float:

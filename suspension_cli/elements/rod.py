@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     from jaxtyping import Float, Inexact, Int
 
 DEEP = 300.0
-"""Im(kappa h) above which the motion of one end decays to nothing, within rounding, at the
-other."""
+"""Im(kappa h) above which the motion of one end vanishes, within rounding, at the other."""
 
 
 def stiffness(
@@ -36,7 +35,7 @@ def stiffness(
     Parameters
     ----------
     rigidity
-        S in N (stretching, string) or N m^2 (twisting); complex with loss.
+        S, N (stretching, string) or N m^2 (twisting); complex with loss.
     mass
         Inertia per length: kg/m, or kg m for twisting; 0 without inertia.
     half
@@ -68,7 +67,7 @@ def square_integrals(
 ]:
     """Integrals of |u'|^2 and of |u|^2 along the rod for U_s = 1 and for U_a = 1: (2, f) each.
 
-    u = U_s cos(kappa x)/cos(kappa h) + U_a sin(kappa x)/sin(kappa h), with x from the middle; the
+    u = U_s cos(kappa x)/cos(kappa h) + U_a sin(kappa x)/sin(kappa h), with x from the middle;
     products of even and odd parts integrate to 0. Arguments as for `stiffness`.
     """
     kappa2 = mass * omega**2 / rigidity + 0 * omega
@@ -102,9 +101,10 @@ def resonances_below(
     half: Float[np.ndarray, "*#shape"] | float,
     omega: Float[np.ndarray, "*#shape"] | float,
 ) -> Int[np.ndarray, "*shape"]:
-    """Count resonances of the rod below each omega (rad/s) with clamped ends.
+    """Count the resonances of the clamped rod below each omega (rad/s), at kappa L = pi, 2 pi, ...
+    .
 
-    They lie at kappa L = pi, 2 pi, ... . Arguments as for `stiffness`, without loss.
+    Arguments as for `stiffness`, without loss.
     """
     turns = np.sqrt(mass / rigidity) * np.asarray(omega) * 2 * half / np.pi
     return np.ceil(turns - 1).clip(0).astype(int)

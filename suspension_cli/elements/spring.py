@@ -1,18 +1,17 @@
 """Energy, force and stiffness of linear springs between two bodies: flexures, cables.
 
-A spring joins a point of the lower body to the point of the upper body with which it coincides in
-the nominal pose. Its strain (delta, phi) is taken in the frame of the upper body, so it does not
-depend on the observer's frame: delta is the displacement of the lower point, phi = vee(skew(Q)) of
-the relative rotation Q = R_u^T R_l (the axis of Q times the sine of its angle: the rotation vector,
-to third order). A spring stores s K s / 2 - preload . s for the strain s.
+A spring joins a point of the lower body to the coincident point of the upper body in the nominal
+pose. Its strain (delta, phi) is in the frame of the upper body, so it does not depend on the
+observer's frame: delta is the displacement of the lower point, phi = vee(skew(Q)) of the relative
+rotation Q = R_u^T R_l (the axis of Q times the sine of its angle: the rotation vector, but for
+terms of third order). A spring stores s K s / 2 - preload . s for the strain s.
 
 Below, r is the vector from the upper COM to the lower point, w that from the lower COM to it. A
 step x, t of both bodies in displacement and rotation gives, with E = exp(-[t_u]) exp([t_l]),
 
     delta = R_u^T (exp(-[t_u]) (r - w + x_l - x_u + exp([t_l]) w)) - a,      Q = R_u^T E R_l,
 
-where a is the point in the frame of the upper body; the derivatives follow from expanding the
-exponentials.
+with the point a in the frame of the upper body; expanding the exponentials gives the derivatives.
 """
 
 from __future__ import annotations
@@ -119,7 +118,7 @@ def _add_curvature(
     number: int,
     hessian: Inexact[np.ndarray, "*batch coordinate coordinate"],
 ) -> None:
-    """Add pull times second derivative of a spring's strain to a Hessian (..., N, N), in place."""
+    """Add pull times second derivative of a spring's strain to the Hessian, in place."""
     up, low = _columns(scene, number)
     upper = pose.rotation[..., scene.springs.upper[number], :, :]
     lower = pose.rotation[..., scene.springs.lower[number], :, :]
@@ -149,7 +148,7 @@ def _columns(scene: Scene, number: int) -> tuple[slice, slice]:
 
 
 def _turning(displacement: slice) -> slice:
-    """Coordinates of the rotation of the body with these of displacement."""
+    """Coordinates of the rotation of the body, from those of displacement."""
     return slice(displacement.stop, displacement.stop + 3)
 
 

@@ -1,10 +1,10 @@
 """Energy, tension and geometry of taut elastic strings: straight and massless.
 
-At the elongation e = L - l from the nominal length l, a wire stores T0 e + k e^2 / 2. The gradient
-with respect to the span (the vector from the upper to the lower end) is T u, with T = T0 + k e and
-the unit vector u; the Hessian is k u u^T + (T / L) (I - u u^T): the stiffness along the wire, and
-the tension over the length across it (a pendulum). These are the two terms of equation 5 of Husman
-et al. (2000), section 4b.
+At the elongation e = L - l from the nominal length l, a wire stores T0 e + k e^2 / 2. Its gradient
+with respect to the span (from the upper to the lower end) is T u, with T = T0 + k e and the unit
+vector u; the Hessian is k u u^T + (T / L) (I - u u^T): stiffness along the wire, tension over
+length across it (a pendulum). These are the two terms of equation 5 of Husman et al. (2000),
+section 4b.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class State:
 def tip_deflection(
     blade: Int[np.ndarray, " point"], pose: Pose
 ) -> Inexact[np.ndarray, "*batch point 3"]:
-    """Deflection (..., k, 3) of the blade at each point, m; 0 for -1, a point without one."""
+    """Deflection (..., k, 3) of the blade at each point, m; 0 for -1 (no blade)."""
     none = np.zeros_like(pose.deflection, shape=(*pose.deflection.shape[:-2], 1, 3))
     return np.concatenate([pose.deflection, none], axis=-2)[..., blade, :]
 
@@ -77,7 +77,7 @@ def state(scene: Scene, pose: Pose) -> State:
 
 
 def with_struts(scene: Scene) -> Scene:
-    """A scene whose wires are its struts, which follow the same formulas."""
+    """A scene with its struts as wires: they follow the same formulas."""
     return replace(scene, wires=scene.struts, struts=no_struts(), flex=None, fibres=None)
 
 
@@ -91,7 +91,7 @@ def energy(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch"]:
 def span_jacobian(
     scene: Scene, numbering: Layout, pose: Pose, now: State
 ) -> Inexact[np.ndarray, "*batch coordinate wire 3"]:
-    """Derivative (..., N, w, 3) of every span with respect to the N coordinates of the scene."""
+    """Derivative (..., N, w, 3) of every span with respect to the N coordinates."""
     wires = scene.wires
     lower = point_jacobian(numbering, pose, wires.lower, now.lower_arm)
     return lower - point_jacobian(numbering, pose, wires.upper, now.upper_arm, wires.blade)

@@ -1,4 +1,4 @@
-"""Equilibrium of wires with bending stiffness, which depends on the tension to be found."""
+"""Equilibrium of wires whose bending stiffness depends on the tension to be found."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from suspension_cli.scene.pose import Layout
 from suspension_cli.scene.scene import Scene
 
 CONVERGED = 1e-12
-"""Relative change of tensions below which the bending stiffness of wires is not computed again."""
+"""Relative change of tensions below which the bending stiffness is not updated."""
 PASSES = 4
 """Most updates of the bending stiffness."""
 
@@ -27,12 +27,11 @@ def solve_bending(scene: Scene, numbering: Layout) -> tuple[Scene, Equilibrium]:
     ----------
     scene : Scene
         With `fibres`, and at most one batch axis.
-    numbering : Layout
 
     Returns
     -------
     scene : Scene
-        With its wires between their clamps, and `flex` for the tensions and lengths in equilibrium.
+        With wires between their clamps, and `flex` at the tensions and lengths in equilibrium.
     found : Equilibrium
         Not necessarily converged: see `Equilibrium.demand`.
     """
@@ -62,7 +61,7 @@ def solve_bending(scene: Scene, numbering: Layout) -> tuple[Scene, Equilibrium]:
 
 
 def _solve_batch(scene: Scene, numbering: Layout) -> tuple[Scene, Equilibrium]:
-    """Find the equilibria of many builds by compiled loops, which keep the bending up to date."""
+    """Find the equilibria of many builds by compiled loops, which update the bending stiffness."""
     scene, hanging = to_clamps(scene)
     drawn = scene.drawn
     if drawn is not None and not drawn.batch:
@@ -76,7 +75,7 @@ def _solve_batch(scene: Scene, numbering: Layout) -> tuple[Scene, Equilibrium]:
 
 
 def _without_unknown_clamps(found: Equilibrium, hanging: HangingWires) -> Equilibrium:
-    """Report the strings that decide on the clamps, for builds in which these do not hang."""
+    """Report the strings that define the clamps, where these strings have no equilibrium."""
     unknown = np.asarray(np.isnan(hanging.tension).any(-1))
     strings = hanging.found
     return replace(
@@ -87,7 +86,7 @@ def _without_unknown_clamps(found: Equilibrium, hanging: HangingWires) -> Equili
 
 
 def _with_bending(scene: Scene, hanging: HangingWires | None) -> Scene:
-    """Fill the bending stiffness of wires, at nominal tensions or those at which they hang."""
+    """Fill the bending stiffness of wires, at nominal tensions or those of hanging wires."""
     if hanging is None:
         return bending.with_bending(scene)
     return bending.with_bending(scene, hanging.tension, hanging.length)

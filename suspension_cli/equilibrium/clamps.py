@@ -1,16 +1,15 @@
 """Clamps of wires of which the design gives the effective bending points.
 
 A wire whose far end is displaced sideways acts on its clamp with a shear force V and a moment M, as
-if it were hinged at u = M / V from there (sqrt(EI / T) for a long uniform one; Gonzalez and
-Saulson, J. Acoust. Soc. Am. 96, 207 (1994)). So the clamps lie u beyond the bending points, in line
-with the wire, which leaves the forces that carry the weight unchanged. For a ribbon u is taken in
-its soft plane.
+if hinged at u = M / V from there (sqrt(EI / T) for a long uniform wire; Gonzalez and Saulson, J.
+Acoust. Soc. Am. 96, 207 (1994)). So the clamps lie u beyond the bending points, in line with the
+wire, and the forces that carry the weight do not change. For a ribbon u is that of its soft plane.
 
-Tension, length and direction of a wire are those of the nominal suspension: imperfections change
-them, but not a clamp that is there already. Where the design gives natural lengths, they are those
-of strings without torsion that hang between the bending points, in the pose that is solved for.
-The clamps are then fixed in their bodies along these strings, and an unstretched wire is longer by
-both u: nothing depends on where the file draws the bodies.
+Tension, length and direction of a wire are those of the nominal suspension: imperfections do not
+move its clamps. Where the design gives natural lengths, they are those of strings without torsion
+between the bending points, in the pose that is solved for. The clamps are then fixed in their
+bodies along these strings, and the unstretched wire is longer by both u, so that nothing depends on
+where the file draws the bodies.
 """
 
 from __future__ import annotations
@@ -36,15 +35,15 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Inexact
 
 ITERATIONS = 4
-"""Iterations of the distance u from clamp to hinge; each reduces the change by the factor u / l."""
+"""Iterations of the distance u from clamp to hinge; each reduces the change by u / l."""
 ALONG_X = 1e-6
-"""Squared sine of the angle to x, below which the first plane of a wire is that of y instead."""
+"""Squared sine of the angle to x below which the first plane of a wire is that of y."""
 
 
 def to_clamps(scene: Scene) -> tuple[Scene, HangingWires | None]:
-    """Move the ends of wires to their clamps, where the design gives the bending points instead.
+    """Move the ends of wires from given bending points to their clamps.
 
-    Those of the nominal scene of an imperfect one too.
+    Of an imperfect scene, also in its nominal scene.
 
     Parameters
     ----------
@@ -56,13 +55,12 @@ def to_clamps(scene: Scene) -> tuple[Scene, HangingWires | None]:
     scene : Scene
         With the principal planes of its wires in `flex`.
     hanging : HangingWires or None
-        Wires of the nominal scene, where the clamps follow from a pose that is solved for; lengths
-        are those between clamps.
+        Wires of the nominal scene, if its pose is solved for; lengths are those between clamps.
 
     Raises
     ------
     InputError
-        If this pose is that of a single scene and does not exist, or a wire is slack in it.
+        If a single scene has no such pose, or a wire is slack in it.
     """
     fibres = scene.fibres
     assert fibres is not None
@@ -87,7 +85,7 @@ def to_clamps(scene: Scene) -> tuple[Scene, HangingWires | None]:
 def compose(design: Design) -> Fibres:
     """List the composition of wires and blades, as `fibres.compose` does.
 
-    The tension that wires of some weight have along them follows from the slope at which they hang.
+    The tension along wires with weight follows from the slope at which they hang.
     """
     made = fibres_of.compose(design)
     if not (gives_natural_lengths(design) and design.constants.wire_weight):
@@ -113,7 +111,7 @@ def compose(design: Design) -> Fibres:
 def _with_hanging_planes(
     scene: Scene, effective: Bool[np.ndarray, " wire"], hanging: HangingWires
 ) -> Scene:
-    """Turn the principal planes of wires with bending points to their clamps as these hang."""
+    """Turn the principal planes of wires with bending points to their clamps in that pose."""
     flex = scene.flex
     assert flex is not None
     along_x = np.real(1 - hanging.upper[..., :1] ** 2) < ALONG_X
@@ -128,7 +126,7 @@ def _with_hanging_planes(
 def _all_distances(
     nominal: Scene, hanging: HangingWires | None
 ) -> Inexact[np.ndarray, "*batch wire 2"]:
-    """Distances of the bending points of all wires from their clamps, m; 0 of other wires."""
+    """Distances of given bending points from their clamps, m; 0 for other wires."""
     fibres, wires = nominal.fibres, nominal.wires
     assert fibres is not None
     kind = np.result_type(nominal.kind, *(s.rigidity[0] for f in fibres.wire for s in f.sections))
@@ -168,8 +166,8 @@ def _hinge_distances(
 ) -> Inexact[np.ndarray, " 2"]:
     """Distances of the hinges of a wire from its upper and its lower clamp, m.
 
-    Kept, as most wires do not change from one design to the next. The length (m) is that between
-    the hinges; the tension is in N.
+    Cached: most wires do not differ between designs. The length (m) is that between the hinges; the
+    tension is in N.
     """
     fibre, pull = bending.bare_fibre(sections), np.array([tension])
     upper = lower = np.zeros(1)

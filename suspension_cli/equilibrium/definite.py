@@ -1,4 +1,4 @@
-"""Test of symmetric matrices for positive definiteness, by the pivots of Cholesky's factorisation.
+"""Test of symmetric matrices for positive definiteness, by Cholesky's factorisation.
 
 The sign of a determinant would not do: two negative eigenvalues leave it positive.
 """
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def positive_definite(matrix: Float[np.ndarray, "*batch size size"]) -> Bool[np.ndarray, "*batch"]:
     """Whether each symmetric matrix (..., n, n) is positive definite, bool (...).
 
-    A matrix that contains a NaN is not. The result of one does not depend on the others.
+    A matrix with a NaN is not. No result depends on the other matrices.
     """
     matrix = np.nan_to_num(matrix, nan=0.0)
     return _factorise(matrix.reshape(-1, *matrix.shape[-2:])).reshape(matrix.shape[:-2])
@@ -25,7 +25,7 @@ def positive_definite(matrix: Float[np.ndarray, "*batch size size"]) -> Bool[np.
 def _factorise(matrix: Float[np.ndarray, "build size size"]) -> Bool[np.ndarray, " build"]:
     """Whether each matrix of a stack (p, n, n) has a Cholesky factor.
 
-    NumPy raises for the whole stack if one fails, so it is halved until the failing ones are alone.
+    NumPy raises if one fails, so the stack is halved until failing ones are alone.
     """
     try:
         np.linalg.cholesky(matrix)

@@ -28,13 +28,7 @@ def gradient_and_stiffness(
 ]:
     """Gradient and tangent stiffness of a scene in the generalised coordinates.
 
-    Parameters
-    ----------
-    scene : Scene
-    numbering : Layout
-    pose : Pose
-    elements : sequence of Element, optional
-        Those that count; default: all of the scene.
+    Only `elements` count; default: all of the scene.
 
     Returns
     -------

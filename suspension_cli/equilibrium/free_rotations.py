@@ -1,7 +1,7 @@
 """Rotations without restoring torque, of a body hung at a single point with all below it.
 
-Such a body rotates about the vertical through that point at constant energy, in any pose (about the
-direction of gravity, where that is not the vertical; not in a field with a gradient).
+Such a body rotates about the direction of gravity through that point at constant energy, in any
+pose (not in a field with a gradient).
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 def single_point_stages(scene: Scene) -> list[tuple[int, int]]:
     """Stages that hang at a single point: pairs of body and one of its wires.
 
-    By one wire, or by wires whose upper or lower ends coincide in every scene of a batch; not if a
-    spring holds the body or a wire resists twisting.
+    By wires whose upper or lower ends coincide in every scene of a batch, not if a spring holds the
+    body or a wire resists twisting.
     """
     if scene.flex is not None or not (scene.field is None or scene.field.is_uniform):
         return []
@@ -60,13 +60,7 @@ def free_rotations(
 ) -> Float[np.ndarray, "*batch moving free"]:
     """Motion (..., N - 6, r) of the coordinates per rotation of each stage, m/rad and rad/rad.
 
-    Parameters
-    ----------
-    scene : Scene
-    numbering : Layout
-    pose : Pose
-    stages : list of (int, int)
-        From `single_point_stages`.
+    `stages` are those of `single_point_stages`.
     """
     result = np.zeros((*scene.batch, numbering.size, len(stages)))
     axis = np.array([0.0, 0.0, 1.0])

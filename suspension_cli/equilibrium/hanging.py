@@ -1,8 +1,7 @@
 """Poses of suspensions of given natural lengths, in which all wires hang as strings.
 
-Such a suspension hangs where its wires let it, not where the file draws it. Bending points
-(`clamps`, `hinges`) and the tensions to which imperfect wires are trimmed are those of that pose,
-so that nothing depends on the drawing.
+Such a suspension hangs where its wires let it. Bending points (`clamps`, `hinges`) and the tensions
+to which imperfect wires are trimmed are those of that pose, not of the drawing in the file.
 """
 
 from __future__ import annotations
@@ -30,19 +29,19 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 MIRRORED = 1e-9
-"""Relative difference, left by Newton's method, up to which wires at mirrored points hang alike."""
+"""Relative difference, left by Newton's method, up to which mirrored wires are taken as equal."""
 
 
 @dataclass(frozen=True)
 class HangingWires:
-    """Wires of a suspension as they hang, as strings between the points that the design gives.
+    """Wires of a suspension in equilibrium, as strings between the given points.
 
     Attributes
     ----------
     found : Equilibrium
         Of these strings, without complex steps.
     length, tension
-        m and N; NaN, like all that follows, where there is no equilibrium on taut wires.
+        m and N; NaN, as all below, where there is no equilibrium on taut wires.
     rise
         Upward component of the unit vector along each wire towards its lower end.
     upper, lower
@@ -58,9 +57,9 @@ class HangingWires:
 
 
 def hang(scene: Scene) -> HangingWires:
-    """Find the wires of a scene as they hang, as strings between the given points.
+    """Find the wires of a scene in equilibrium, as strings between the given points.
 
-    Exactly equal where wires are mirror images, so that what follows keeps the symmetry.
+    Mirrored wires get exactly equal numbers, so that results keep the symmetry.
 
     Raises
     ------
@@ -85,7 +84,7 @@ def hang(scene: Scene) -> HangingWires:
 
 
 def _balance_strings(scene: Scene) -> tuple[Equilibrium, Pose]:
-    """Balance strings without torsion between the given points; their pose has complex steps."""
+    """Balance strings without torsion between the given points; the pose has complex steps."""
     wires = replace(scene.wires, torsion=np.zeros_like(scene.wires.torsion))
     strings = replace(scene, fibres=None, flex=None, wires=wires)
     numbering = layout(strings)
@@ -99,10 +98,7 @@ def _balance_strings(scene: Scene) -> tuple[Equilibrium, Pose]:
 def _equal_if_mirrored(
     scene: Scene, numbers: Inexact[np.ndarray, "*batch wire 9"]
 ) -> Inexact[np.ndarray, "*batch wire 9"]:
-    """Make lengths, tensions and directions of wires at mirrored points equal but for their signs.
-
-    Only where the difference is rounding.
-    """
+    """Equalise numbers of mirrored wires, but for signs, where they differ by rounding alone."""
     wires = scene.wires
     bodies = np.stack([wires.upper, wires.lower], axis=-1)
     own = (bodies[:, None] == bodies).all(-1)
@@ -128,7 +124,7 @@ def _equal_if_mirrored(
 def _close(
     even: Inexact[np.ndarray, "*batch wire 9"], numbers: Inexact[np.ndarray, "*batch wire 9"]
 ) -> Bool[np.ndarray, "*batch"]:
-    """Whether all numbers are as even as rounding lets them be."""
+    """Whether all numbers are even but for rounding."""
     scale = np.abs(numbers).max(-2, keepdims=True)
     scale[..., 2:] = scale[..., 2:].max(-1, keepdims=True)  # components of unit vectors
     return (np.abs(even - numbers) <= MIRRORED * scale).all((-2, -1))
@@ -142,7 +138,7 @@ def lengthened(
 ) -> Wires:
     """Move the ends of wires along them, by the distances `u` away from each other.
 
-    Those of `effective` wires alone, where they hang in a pose that is solved for.
+    With `hanging` only those of `effective` wires.
     """
     if hanging is None:
         e, extra = wires.span / wires.length[..., None], u.sum(-1)
@@ -191,12 +187,8 @@ def impose(
 ) -> Scene:
     """Apply imperfections of one part to a scene, see `scene.imperfections.impose`.
 
-    Where natural lengths are given, a wire is trimmed in the pose in which the nominal scene hangs.
-
-    Raises
-    ------
-    InputError
-        If this pose is that of a single scene, and does not exist.
+    Where natural lengths are given, a wire is trimmed in the pose in which the nominal scene hangs;
+    raises `InputError` if that of a single scene does not exist.
     """
     result = imperfections.impose(scene, part, number, amounts, hold)
     if not scene.solves_pose or part != "wire" or hold != "loaded-length":

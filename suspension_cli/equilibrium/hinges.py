@@ -1,11 +1,11 @@
-"""Strings that end at effective hinges, as models without bending take wires into account.
+"""Strings between effective hinges, by which models without bending approximate wires.
 
-Near its clamp a wire of bending stiffness E I under the tension T is curved over the length u =
-sqrt(E I / T); far from it, it hangs as a string would from a point u below the clamp (Gonzalez and
-Saulson, J. Acoust. Soc. Am. 96, 207 (1994)). A string between these points has the static
-stiffness of a uniform round wire against displacement and rotation of its ends, but for a fraction
-of the order of exp(-l / u): T / (l - 2 u), T u / (1 - 2 u / l) and T u (l - u) / (l - 2 u). Not
-covered are necks, a ribbon's stiff plane, torsion, and loss where a wire bends.
+A wire of bending stiffness E I under the tension T bends over the length u = sqrt(E I / T) from its
+clamp; farther away it hangs as a string from a point u below the clamp (Gonzalez and Saulson, J.
+Acoust. Soc. Am. 96, 207 (1994)). A string between these points has the static stiffness of a
+uniform round wire against displacement and rotation of its ends, but for a fraction of the order of
+exp(-l / u): T / (l - 2 u), T u / (1 - 2 u / l) and T u (l - u) / (l - 2 u). It omits necks, a
+ribbon's stiff plane, torsion, and loss where a wire bends.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from suspension_cli.errors import Fault, InputError
 from suspension_cli.scene.scene import Scene
 
 LARGEST = 0.5
-"""Most of a wire that its two bends may take."""
+"""Largest fraction of a wire that its two bends may take."""
 
 
 def hinge_rigidities(design: Design) -> tuple[tuple[float, float], ...]:
-    """E I (N m^2) at the upper and the lower end of each wire; 0 where it is not hinged.
+    """E I (N m^2, soft plane) at the upper and lower end of each wire; 0 where it is not hinged.
 
-    Empty if no wire is hinged. Of a ribbon in its soft plane.
+    Empty if no wire is hinged.
     """
     tables = [
         table
@@ -53,9 +53,9 @@ def hinge_rigidities(design: Design) -> tuple[tuple[float, float], ...]:
 
 
 def to_hinges(scene: Scene, rigidity: tuple[tuple[float, float], ...]) -> Scene:
-    """Move the ends of hinged wires by sqrt(E I / T) along them, as they are in the nominal pose.
+    """Move the ends of hinged wires by sqrt(E I / T) along them, with T of the nominal pose.
 
-    Wires that do not hang in the pose that is solved for keep their ends.
+    Ends stay where that pose is solved for and does not exist.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def to_hinges(scene: Scene, rigidity: tuple[tuple[float, float], ...]) -> Scene:
     if taken.max() > LARGEST:
         worst = int(np.argmax(taken.reshape(-1, taken.shape[-1]).max(0)))
         label = scene.wires.label[worst]
-        problem = f"the bends of wire {label} take {taken.max():.0%} of it, so that it is no string"
+        problem = f"the bends of wire {label} take {taken.max():.0%} of it, too much for a string"
         remedy = 'remove bending = "hinged" and use --fidelity beam'
         raise InputError([Fault(f"stage.{label.rsplit('.', 1)[0]}", problem, remedy)])
 

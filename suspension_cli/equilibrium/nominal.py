@@ -1,12 +1,12 @@
 """Scene of a design, with blade loads that match the pose in which the suspension hangs.
 
 A blade without a given load has its tip in the drawn position when it carries its part of the
-weight. If the nominal pose is drawn, the loads follow from the drawing. If the natural lengths of
-all wires of a stage are given, the pose is solved for, and the loads F and the pose q depend on
-each other: the tensions of the stage's wires in q exert some force and torque, and the tensions of
-least elastic energy that exert the same define the load of each blade. Starting from the drawing,
-each step solves for q with the loads of the step before, until they agree; the result does not
-depend on how the file draws the bodies.
+weight. If the nominal pose is drawn, the loads follow from the drawing. If all wires of a stage
+have natural lengths, the pose is solved for, and the loads and the pose depend on each other: the
+tensions of least elastic energy that exert the same force and torque as the wires in this pose
+define the load of each blade. Starting from the drawing, each step solves for the pose with the
+loads of the step before, until they agree; the result does not depend on how the file draws the
+bodies.
 """
 
 from __future__ import annotations
@@ -39,16 +39,13 @@ STEPS = 40
 CONVERGED = 1e-13
 """Change of a load, relative to the weight, at which the iteration stops."""
 COARSE = 1e3
-"""Multiple of `CONVERGED` that is accepted after `STEPS`: rounding of stiff wires may leave it."""
+"""Multiple of `CONVERGED` accepted after `STEPS`, as rounding of stiff wires may leave it."""
 
 
 def expand(design: Design) -> Scene:
     """Expand a checked design into its scene, with imperfections.
 
-    Raises
-    ------
-    InputError
-        If a stage cannot balance in its nominal pose, or a wire would be slack in it.
+    Raises `InputError` if a stage cannot balance in its nominal pose, or a wire is slack in it.
     """
     scene = expand_nominal(design)
     for item in design.perturbation:
@@ -59,10 +56,7 @@ def expand(design: Design) -> Scene:
 def expand_nominal(design: Design) -> Scene:
     """Expand a design into its scene, without imperfections.
 
-    Raises
-    ------
-    InputError
-        If it does not balance, or the loads of blades and the pose do not converge.
+    Raises `InputError` if it does not balance, or the loads of blades do not converge.
     """
     scene = with_added(scene_expand.expand_as_drawn(design), design)
     unknown = _unknown_loads(design, scene)
@@ -72,7 +66,7 @@ def expand_nominal(design: Design) -> Scene:
 def _unknown_loads(design: Design, scene: Scene) -> Bool[np.ndarray, "blade 3"]:
     """Whether the load of each blade along each axis depends on the pose, bool (b, 3).
 
-    Where all wires of its stage have natural lengths and no load is given.
+    So if all wires of its stage have natural lengths and no load is given.
     """
     result = np.zeros((len(scene.blades.label), 3), dtype=bool)
     for stage in design.stage:
@@ -112,7 +106,7 @@ def _with_loads_of_pose(scene: Scene, unknown: Bool[np.ndarray, "blade 3"]) -> S
 def _with_loads(
     scene: Scene, where: Bool[np.ndarray, "blade 3"], loads: Inexact[np.ndarray, " load"]
 ) -> Scene:
-    """A scene with some loads (k,) of blades replaced `where` a mask (b, 3) is set."""
+    """A scene with loads (k,) of blades replaced `where` a mask (b, 3) is set."""
     result = scene.blades.load.astype(np.result_type(scene.blades.load, loads))
     result[where] = loads
     return replace(scene, blades=replace(scene.blades, load=result))
@@ -152,7 +146,7 @@ def _fixed_point(function: Callable[[Array], Array], start: Array, tolerance: fl
 def _blade_loads(scene: Scene, pose: Pose) -> Array:
     """Forces (b, 3) of the blades on their tips, along the axes of their bodies, N.
 
-    They carry the tip masses and the wires of each stage, the latter at tensions of least energy.
+    They carry the tip masses, and the wires of each stage at tensions of least energy.
     """
     wires, blades, now = scene.wires, scene.blades, string.state(scene, pose)
     to_body = np.swapaxes(pose.rotation, -1, -2)

@@ -1,4 +1,4 @@
-"""Scales of the residual of an equilibrium: weight carried by each body, and its lever arm."""
+"""Scales of the residual of an equilibrium: weight that each body carries, and its lever arm."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def largest_lever_arm(scene: Scene) -> Float[np.ndarray, "*batch"]:
 def residual_scale(scene: Scene, numbering: Layout) -> Float[np.ndarray, "*batch moving"]:
     """Scale (..., N - 6) of the residual in each coordinate but the support's.
 
-    For forces the weight carried by the body (on a blade: by the body below), N; for torques that
+    For forces the weight that the body (on a blade: the body below) carries, N; for torques that
     times the lever arm of the body, N m.
     """
     load, arm = carried_weights(scene), lever_arms(scene)[..., 1:]
@@ -43,7 +43,7 @@ def residual_scale(scene: Scene, numbering: Layout) -> Float[np.ndarray, "*batch
 
 
 def carried_weights(scene: Scene) -> Float[np.ndarray, "*batch body"]:
-    """Weight (..., n) that each body carries: its own and that of all that hangs from it, N."""
+    """Weight (..., n) of each body with all that hangs from it, N."""
     bodies, parent = scene.bodies, parents(scene)
     shape = (*scene.batch, len(bodies.name))
     result = np.array(np.broadcast_to(scene.gravity * bodies.mass, shape))

@@ -1,9 +1,8 @@
 """Equilibrium of a scene, by Newton's method with exact finite rotations and tangent stiffness.
 
-During the search wires are linear springs that may push, so that the energy is smooth; that all are
-taut is checked at the end. A saddle point counts as an equilibrium: an unstable suspension is a
-finding, not an error, so the search goes to the stationary point next to the nominal pose and does
-not slide down from it.
+During the search wires may push, so that the energy is smooth; that all are taut is checked at the
+end. A saddle point is an equilibrium too: an unstable suspension is a finding, not an error, so the
+search goes to the stationary point next to the nominal pose and does not slide down from it.
 """
 
 from __future__ import annotations
@@ -35,29 +34,29 @@ if TYPE_CHECKING:
 BALANCED = 1e-14
 """Residual (relative to the weight) of a nominal pose that needs no search."""
 CONVERGED = 1e-11
-"""Residual (relative to the weight) of an equilibrium, unless rounding of lengths leaves more."""
+"""Largest residual (relative to the weight) of an equilibrium, unless rounding leaves more."""
 COARSE = 1e-4
-"""Residual (relative to the weight) from rounding of lengths above which a result is useless."""
+"""Residual (relative to the weight) from rounding above which a result is useless."""
 SEARCH_END = 1e-12
 """Residual (relative to the weight) at which the search stops; it also stops where rounding keeps
-the residual from falling further."""
+the residual above this."""
 LAST_STEP = 1e-8
 """Step (m or rad) after which the error is below rounding, as convergence is quadratic."""
 ITERATIONS = 15
 """Most Newton steps of a search."""
 STEPS = (10, 80)
-"""Continuation steps where Newton's method alone is not reliable; the second number if the first
-does not end in a stable pose."""
+"""Continuation steps where Newton's method is not reliable; the second if the first does not end in
+a stable pose."""
 CORRECTIONS = 4
 """Newton steps after each continuation step."""
 CAP = 0.3
 """Longest step in rad, and in units of the largest lever arm."""
 NEUTRAL = 1e-13
-"""Stiffness, relative to that of the same coordinate with all others fixed, below which a motion is
-neutral within rounding, not unstable."""
+"""Stiffness, relative to that with all other coordinates fixed, below which a motion is neutral
+within rounding, not unstable."""
 CLEAR = 1e-5
-"""Pivot, relative to its diagonal element, that tells a stable pose a step of at most 1e-6 before
-the last; smaller ones are checked in the pose itself."""
+"""Least pivot of the last factorisation, over its diagonal element, above which a pose is stable,
+as later steps are at most 1e-6; below it the pose itself is checked."""
 PARTS_OF_POSE = inner_axes(Pose)
 """Arrays of a pose, and their axes beyond the batch."""
 ARRAYS = ("residual", "rounding", "tension", "stiffness", "pivot", "flex")
@@ -72,10 +71,10 @@ class Equilibrium:
     ----------
     pose : Pose
     residual
-        Largest unbalanced force on a body relative to the weight that it carries, or torque
-        relative to that weight times the lever arm of the body.
+        Largest unbalanced force on a body over the weight that it carries, or torque over that
+        weight times the lever arm of the body.
     rounding
-        Part of the residual that rounding of the tensions and lengths of wires may cause.
+        Part of the residual that rounding may cause.
     iterations : int
         Newton steps taken; 0 if the nominal pose balances.
     tension
@@ -83,10 +82,10 @@ class Equilibrium:
     stiffness
         Tangent stiffness in this pose, N/m, N and N m; None where compiled loops solved a batch.
     pivot
-        Least pivot of the stiffness in the last step, relative to its diagonal, if known.
+        Least pivot of the last factorisation, over its diagonal element, if known.
     flex
-        Of a batch of builds: stiffness of wires that bend, at these tensions: S_uu, S_ul, S_ll in
-        both planes, and against twisting, N m/rad.
+        In a batch: S_uu, S_ul, S_ll in both planes and the stiffness against twisting of wires that
+        bend, at these tensions, N m/rad.
     """
 
     pose: Pose
@@ -142,17 +141,15 @@ class Equilibrium:
 def solve(scene: Scene, numbering: Layout | None = None, start: Pose | None = None) -> Equilibrium:
     """Find the equilibrium of a scene near its nominal pose.
 
-    Newton's method gets there in a few steps. Where it does not converge, or ends with a slack wire
-    or in an unstable pose (it may have overshot to another stationary point), the equilibrium is
-    followed by continuation instead: from that of the nominal design, while the imperfections grow
-    from zero; or, where the nominal pose itself is unknown, while the forces that hold the scene as
-    drawn are reduced to zero.
+    Newton's method takes a few steps. Where it does not converge, or ends with a slack wire or in
+    an unstable pose (perhaps another stationary point), continuation follows the equilibrium: from
+    that of the nominal design, while the imperfections grow from zero; or, if the nominal pose is
+    unknown, while the forces that hold the scene as drawn fall to zero.
 
     Parameters
     ----------
     scene : Scene
-        With any batch axes; its scenes are solved at once, and none depends on the others.
-    numbering : Layout, optional
+        With any batch axes; no scene depends on the others.
     start : Pose, optional
         Instead of the nominal pose.
 
@@ -160,10 +157,6 @@ def solve(scene: Scene, numbering: Layout | None = None, start: Pose | None = No
     -------
     Equilibrium
         Not necessarily converged: see `Equilibrium.demand`.
-
-    Examples
-    --------
-    ``found = solve(scene); found.demand(scene); found.tension`` gives the tensions in N.
     """
     numbering = numbering or layout(scene)
     found = _newton(
@@ -214,9 +207,8 @@ def solve_again(
 
 
 def newton_steps(scene: Scene, steps: int) -> Equilibrium:
-    """Take a given number of Newton steps from the nominal pose, converged or not.
-
-    One step is the linear solution, none the nominal pose.
+    """Take a number of Newton steps from the nominal pose, converged or not: one is the linear
+    solution.
     """
     return _newton(scene, layout(scene), nominal_pose(scene), 0.0, steps)
 
@@ -233,7 +225,6 @@ def _broadcast_pose(pose: Pose, batch: tuple[int, ...]) -> Pose:
 
 
 def _select(found: Equilibrium, where: Bool[np.ndarray, "*batch"]) -> Equilibrium:
-    """Results of some scenes of a batch."""
     arrays = {name: getattr(found, name) for name in ARRAYS}
     chosen = {name: None if array is None else array[where] for name, array in arrays.items()}
     return replace(found, pose=_select_pose(found.pose, where), **chosen)
@@ -242,7 +233,7 @@ def _select(found: Equilibrium, where: Bool[np.ndarray, "*batch"]) -> Equilibriu
 def _replace(
     found: Equilibrium, where: Bool[np.ndarray, "*batch"], new: Equilibrium
 ) -> Equilibrium:
-    """Replace the results of a batch `where` new ones are given (for these alone)."""
+    """Replace the results of a batch `where` there are new ones (given for these alone)."""
 
     def merge(old: np.ndarray, some: np.ndarray) -> np.ndarray:
         result = np.array(np.broadcast_to(old, where.shape + np.shape(some)[1:]))
@@ -276,7 +267,7 @@ def _is_stable(scene: Scene, numbering: Layout, found: Equilibrium) -> Bool[np.n
 def _tangent_stiffness(
     scene: Scene, numbering: Layout, found: Equilibrium
 ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
-    """Tangent stiffness (..., N, N) in equilibrium, which the loops for a batch do not give."""
+    """Tangent stiffness (..., N, N) in equilibrium, which the compiled loops do not give."""
     if found.stiffness is not None:
         return found.stiffness
     from suspension_cli.equilibrium import compiled  # takes half a second
@@ -302,7 +293,7 @@ def _has_no_soft_direction(
 
 
 def _continue(scene: Scene, numbering: Layout, pose: Pose, steps: int) -> Equilibrium:
-    """Follow the equilibrium from the nominal design's pose by continuation in small steps."""
+    """Follow the equilibrium from the nominal design's pose in small steps."""
     with np.errstate(all="ignore"):
         nominal_gradient = (
             gradient_and_stiffness(scene, numbering, pose)[0] if scene.drawn is None else 0.0
@@ -328,8 +319,8 @@ def _newton(
     """Newton's method for the pose in which the gradient equals `target` (..., N), N and N m.
 
     At most `limit` steps. With `accept_nominal` a nominal pose that balances is returned unchanged.
-    A batch is solved by compiled loops, but for stages that hang at a single point, and elements
-    whose formulas the loops lack.
+    Compiled loops solve a batch, unless a stage hangs at a single point or the loops lack the
+    formulas of an element.
     """
     loops = not uncompiled(scene) and not single_point_stages(scene)
     if len(scene.batch) == 1 and scene.kind == np.float64 and loops:
@@ -382,7 +373,7 @@ def _newton_arrays(
     *,
     accept_nominal: bool = False,
 ) -> Equilibrium:
-    """Newton's method with arrays over a batch, for any type of number."""
+    """Newton's method on arrays, for any type of number."""
     scale, free = residual_scale(scene, numbering), slice(6, None)
     wanted = target if isinstance(target, float | int) else target[..., free]
     gradient, hessian = gradient_and_stiffness(scene, numbering, pose)
@@ -434,10 +425,7 @@ def _newton_arrays(
 def _is_as_drawn(
     scene: Scene, numbering: Layout, gradient: Inexact[np.ndarray, "*batch coordinate"]
 ) -> Bool[np.ndarray, "*batch"] | bool:
-    """Whether the imperfections leave all forces in the nominal pose bitwise unchanged.
-
-    Then the residual is rounding.
-    """
+    """Whether imperfections leave all forces in the nominal pose bitwise unchanged."""
     if scene.drawn is None:
         return True
     nominal, _ = gradient_and_stiffness(scene.drawn, numbering, nominal_pose(scene.drawn))
@@ -452,7 +440,7 @@ def _rounding(
 ) -> Float[np.ndarray, "*batch"]:
     """Residual (...) that rounding may cause.
 
-    eps times the tension of a wire, and times its stiffness and the motion of both its ends.
+    eps times the tension of a wire and its stiffness times the motion of both its ends.
     """
     wires = scene.wires
     if not wires.label:
@@ -505,7 +493,7 @@ def newton_step(
 def _solve_each(
     matrix: Inexact[np.ndarray, "*batch size size"], right: Inexact[np.ndarray, "*batch size"]
 ) -> Inexact[np.ndarray, "*batch size"]:
-    """Solve many systems; a singular one gets the smallest solution and leaves others alone."""
+    """Solve many systems; a singular one gets its smallest solution."""
     try:
         return np.linalg.solve(matrix, right[..., None])[..., 0]
     except np.linalg.LinAlgError:

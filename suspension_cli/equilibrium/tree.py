@@ -20,7 +20,7 @@ def parents(scene: Scene) -> Index:
 
 
 def subtree(scene: Scene, body: int) -> list[int]:
-    """A body and all bodies that hang from it, directly or not, in ascending order."""
+    """A body and all that hang from it, directly or not, in ascending order."""
     members, parent = [body], parents(scene)
     for other in range(body + 1, len(parent)):
         if parent[other] in members:

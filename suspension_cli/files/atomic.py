@@ -1,4 +1,4 @@
-"""Files written whole or not at all, and failures to write as errors of the input."""
+"""Files written whole or not at all; failures to write are errors of the input."""
 
 from __future__ import annotations
 
@@ -12,13 +12,7 @@ from suspension_cli.errors import InputError
 
 
 def replace_file(path: Path, data: bytes) -> None:
-    """Write a file under a temporary name in its folder, then rename it.
-
-    Raises
-    ------
-    OSError
-        If that fails; the temporary file is removed.
-    """
+    """Write a file under a temporary name in its folder, then rename it; may raise `OSError`."""
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with os.fdopen(handle, "wb") as stream:

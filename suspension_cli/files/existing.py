@@ -53,7 +53,7 @@ _READ = {".h5": _hdf5, ".mat": _mat, ".npz": _npz, ".json": _json}
 
 @contextlib.contextmanager
 def replacing(path: Path, text: str, say: Callable[[str], None]) -> Iterator[None]:
-    """Report that a results file was written, and if it replaced that of another design.
+    """Report that a results file was written, and whether it replaced that of another design.
 
     Parameters
     ----------

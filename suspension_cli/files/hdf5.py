@@ -1,7 +1,7 @@
 """HDF5 files of results, which name their units and record how they were made.
 
-`docs/format.md` describes the files. A file is built in memory and written whole or not at all. The
-content of an analysis's group is defined by that analysis.
+`docs/format.md` describes them. A file is built in memory and written whole or not at all. Each
+analysis defines the content of its group.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 Stored = Any
-"""A group or dataset to read: the types of h5py do not say which of both an item of a group is."""
+"""A group or dataset to read: the types of h5py do not distinguish items of a group."""
 FORMAT_VERSION = 2
 """Raised when a reader of older files would misunderstand a new one."""
 
@@ -150,8 +150,8 @@ def _foreign(file: h5py.File) -> str:
 def _unsafe(file: h5py.File) -> str:
     """Why a file must not be read; empty if it may be.
 
-    Links and datasets that refer to other files, and sizes beyond what the file can contain.
-    Groups that contain each other are visited once.
+    Links and datasets that refer to other files, and sizes beyond what the file can contain. Groups
+    are visited once, as they may contain each other.
     """
     largest = max(LARGE, 8 * os.path.getsize(file.filename))
     seen: set[int] = set()
@@ -183,7 +183,7 @@ def _unsafe(file: h5py.File) -> str:
 
 
 LARGE = 1 << 26
-"""Largest dataset accepted in a much smaller file, which must be compressed, bytes."""
+"""Largest dataset accepted in a much smaller (compressed) file, bytes."""
 
 
 def one_line(error: Exception) -> str:

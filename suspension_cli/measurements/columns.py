@@ -1,4 +1,4 @@
-"""Columns of numbers: which of them are frequency, value, coherence, and what units they have."""
+"""Columns of numbers: which are frequency, value or coherence, and in what units."""
 
 from __future__ import annotations
 
@@ -47,13 +47,13 @@ class Columns:
     read
         Returns the column of a position in `names`.
     place
-        Words for a row, counted from 0, in messages: ``line 7``.
+        Name of a row (from 0) in messages: ``line 7``.
     numbered
         Whether columns may be given by number.
     headed
         Whether `names` are headings, from which columns can be recognised.
     noun
-        What a column is called in messages.
+        Name of a column in messages.
     """
 
     names: list[str]
@@ -84,7 +84,7 @@ def recognise(names: list[str]) -> dict[str, str]:
     Returns
     -------
     dict
-        Headings by the keys of `TransferFunction`; units under the keys ``magnitude_unit``, ...
+        Headings by key of `TransferFunction`; units by ``magnitude_unit``, ...
 
     Examples
     --------
@@ -108,10 +108,7 @@ def recognise(names: list[str]) -> dict[str, str]:
 def choose(columns: Columns, table: TransferFunction) -> dict[str, int]:
     """Choose the columns that a table names, or those recognised by headings.
 
-    Raises
-    ------
-    InputError
-        If a column is missing or needed ones cannot be recognised.
+    Raises `InputError` if a column is missing or a needed one is not recognised.
     """
     given = {role: getattr(table, role) for role in ROLES if getattr(table, role) is not None}
     if isinstance(table.uncertainty, (str, int)):
@@ -138,7 +135,6 @@ def choose(columns: Columns, table: TransferFunction) -> dict[str, int]:
 
 
 def _check_chosen(columns: Columns, chosen: Mapping[str, int]) -> None:
-    """Raise `InputError` if frequency or a part of the value is missing."""
     there = f"found here: {', '.join(columns.names)}" if columns.headed else "it has no headings"
     example = "frequency, real, imaginary" if columns.headed else "frequency = 1, real = 2, ..."
     if "frequency" not in chosen:
@@ -165,7 +161,7 @@ def _check_chosen(columns: Columns, chosen: Mapping[str, int]) -> None:
 
 
 def units(columns: Columns, table: TransferFunction) -> dict[str, str]:
-    """Return the units of frequency, magnitude and phase: given, or of headings, or Hz, 1, deg."""
+    """Return the units of frequency, magnitude, phase: given, of headings, or Hz, 1, deg."""
     found = recognise(columns.names) if columns.headed else {}
     return {
         key: getattr(table, key) or found.get(key, default)
@@ -180,10 +176,7 @@ def units(columns: Columns, table: TransferFunction) -> dict[str, str]:
 def read_points(columns: Columns, table: TransferFunction, unit: Mapping[str, str]) -> Points:
     """Read frequency, complex value, coherence and uncertainty of a transfer function.
 
-    Raises
-    ------
-    InputError
-        With the line of the first wrong number.
+    Raises `InputError` with the line of the first wrong number.
     """
     chosen = choose(columns, table)
     data = {role: np.asarray(columns.read(position)) for role, position in chosen.items()}
@@ -219,7 +212,7 @@ def read_points(columns: Columns, table: TransferFunction, unit: Mapping[str, st
 
 @dataclass(frozen=True)
 class Points:
-    """Numbers of a transfer function as a file has them, frequency in Hz.
+    """Numbers of a transfer function as in its file, frequency in Hz.
 
     Attributes
     ----------
@@ -264,7 +257,7 @@ def _check_finite(values: np.ndarray, columns: Columns, name: str) -> None:
     finite = np.isfinite(values)
     if not finite.all():
         n = int(np.argmin(finite))
-        problem = f"{columns.noun} {format_value(name)} holds {values[n]}, which is no number"
+        problem = f"{columns.noun} {format_value(name)} holds {values[n]}, which is not a number"
         raise InputError.of(columns.place(n), problem, "remove the point or correct it")
 
 
@@ -274,7 +267,7 @@ def _polar(
     columns: Columns,
     unit: Mapping[str, str],
 ) -> tuple[Complex[np.ndarray, " frequency"], Float[np.ndarray, " frequency"] | None]:
-    """Complex value from magnitude and phase, and the uncertainty in the unit of the magnitude."""
+    """Complex value from magnitude and phase, and its uncertainty in the same unit."""
     size, phase = data["magnitude"], data["phase"]
     far = np.abs(phase) > LARGEST_PHASE
     if far.any():
@@ -295,4 +288,4 @@ def _polar(
 
 
 LARGEST_PHASE = 1e4
-"""Beyond it, in deg or rad, a number is hardly a phase (unwrapped over a few modes)."""
+"""In deg or rad; a larger number is hardly a phase, even unwrapped."""

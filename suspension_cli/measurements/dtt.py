@@ -17,7 +17,7 @@ Spectrum                1, 5     amplitude spectral density of A (not its square
                         3, 7     M x N: coherence of A and B
 ======================  =======  ==============================================================
 
-Subtypes from 4 of spectra begin with their frequencies. From spectra B/A is conj(P_AB)/ASD_A^2.
+Spectra of subtype 4 or more begin with their frequencies. From spectra B/A is conj(P_AB)/ASD_A^2.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ _KINDS = {
     ("Spectrum", 3): ("coherence", False),
     ("Spectrum", 7): ("coherence", True),
 }
-"""Content of results by type and subtype, and whether frequencies stand before it."""
+"""Content of results by type and subtype, and whether their frequencies come first."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class Dtt:
 
     @property
     def pairs(self) -> list[Pair]:
-        """Channels (input, output) between which the file has transfer functions."""
+        """Channels (input, output) with a transfer function in the file."""
         both = [
             pair
             for a, b in self.cross
@@ -94,12 +94,12 @@ class Dtt:
         Parameters
         ----------
         into, out
-            Names of the channels; None if the file has only one transfer function (to or from it).
+            Names of the channels; None if the other (or the file) determines it.
 
         Raises
         ------
         InputError
-            If there is none, with the channels that there are.
+            If there is none, with the channels of the file.
         """
         pair = self._pair(into, out)
         if pair in self.transfer:
@@ -163,10 +163,7 @@ class Dtt:
 def read(path: Path) -> Dtt:
     """Read all transfer functions, cross spectra and coherences of a DTT file.
 
-    Raises
-    ------
-    InputError
-        If it is not XML of DTT, or a stream is cut off.
+    Raises `InputError` if it is not XML of DTT, or a stream is cut off.
     """
     root = _root(path)
     found = Dtt()
@@ -186,7 +183,7 @@ def read(path: Path) -> Dtt:
             if kind is not None:
                 _add(found, node, parameters, *kind)
         except (KeyError, ValueError, binascii.Error) as error:
-            problem = f"cannot be read ({_words(error)})"
+            problem = f"cannot be read ({_reason(error)})"
             fault = Fault(node.get("Name", ""), problem, "save the measurement in diaggui again")
             raise InputError([fault]) from None
     return found
@@ -199,7 +196,6 @@ def _add(
     kind: str,
     own_frequencies: bool,
 ) -> None:
-    """Add the traces of one result."""
     count, traces = int(parameters["N"]), int(parameters.get("M", "1"))
     complex_values = kind in ("transfer", "cross")
     frequency, values = _numbers(node, count, traces, own_frequencies, complex_values)
@@ -284,5 +280,5 @@ def _root(path: Path) -> ElementTree.Element:
     return root
 
 
-def _words(error: Exception) -> str:
+def _reason(error: Exception) -> str:
     return f"{error} is missing" if isinstance(error, KeyError) else str(error)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def is_results_file(path: Path) -> bool:
-    """Whether a file has results of pendsus."""
+    """Whether a file holds results of pendsus."""
     import h5py
 
     if not h5py.is_hdf5(path):
@@ -27,14 +27,10 @@ def is_results_file(path: Path) -> bool:
 def read(path: Path) -> Columns:
     """List the one-dimensional datasets of numbers of a file, by their paths.
 
-    Complex numbers are stored as HDF5 compounds of ``r`` and ``i``, as h5py and MATLAB write them.
-    A series with attributes ``x0`` and ``dx``, as gwpy writes a FrequencySeries, gives a column
-    ``frequency`` too, and if it is the only dataset, ``value``.
-
-    Raises
-    ------
-    InputError
-        If the file is not HDF5 or has no such dataset.
+    Complex numbers are compounds of two numbers, as h5py and MATLAB write them. A series with
+    attributes ``x0`` and ``dx``, as gwpy writes a FrequencySeries, also gives a column
+    ``frequency`` and, if it is the only dataset, ``value``. Raises `InputError` if the file is not
+    HDF5 or has no such dataset.
     """
     import h5py
 

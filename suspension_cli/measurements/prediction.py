@@ -1,8 +1,8 @@
 """Predicted readings of sensors to drives of actuators, from the response of a model.
 
-A channel of gain g, delay t and mix m is the sum ``g exp(-2 pi i f t) (signal + sum m_j other_j)``
-of signals of the design, so a measured transfer function is a sum over the elements of the model's
-response matrix. Measured data are compared as measured; the transducers are applied to the model.
+A channel of gain g, delay t and mix m is ``g exp(-2 pi i f t) (signal + sum m_j other_j)`` in
+signals of the design, so a measured transfer function is a sum over elements of the model's
+response matrix. The transducers are applied to the model, not to the measured data.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ if TYPE_CHECKING:
 
 
 def find_transducer(name: str, among: Sequence[Transducer]) -> Transducer:
-    """Find a transducer by its name; a signal of the design is its own, of gain 1."""
+    """Find a transducer by name; a signal of the design is its own, of gain 1."""
     return next((one for one in among if one.name == name), Transducer(name="signal", signal=name))
 
 
 def signals_of(measured: Measured) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """List the signals of the design that the transfer functions depend on.
 
-    Mixed signals are included, also those whose amount is fitted from 0 (`mix_uncertainty`).
+    With mixed signals, also those fitted from 0 (`mix_uncertainty`).
 
     Returns
     -------
     inputs, outputs : tuple of str
-        Each once, in the order of their appearance.
+        Each once, in order of appearance.
 
     Examples
     --------
@@ -51,19 +51,18 @@ def predict(
     frequency: Float[np.ndarray, " frequency"],
     response: Complex[np.ndarray, "*batch frequency output input"],
 ) -> Complex[np.ndarray, "*batch frequency"]:
-    """Predict a transfer function as it is measured, from the response of a model.
+    """Predict a measured transfer function from the response of a model.
 
     Parameters
     ----------
     measured
-        With the sensors and actuators; replace these to predict with other gains, delays, mixes.
+        With the sensors and actuators.
     tf
-        One of those of `measured`.
+        One of `measured`.
     frequency : (f,) array
         Hz, at which `response` is.
     response : (..., f, o, i) array
-        Motions over forces or support motions, SI, in the order of ``signals_of(measured)``, which
-        is that of `linear.response.solve` for these signals.
+        Motions over forces or support motions, SI, in the order of ``signals_of(measured)``.
 
     Returns
     -------
@@ -81,12 +80,12 @@ def channel_weights(
     signals: Sequence[str],
     frequency: Sequence[float] | Float[np.ndarray, " frequency"],
 ) -> Complex[np.ndarray, "frequency signal"]:
-    """Compute how much of each signal a channel contains.
+    """Compute the factor of each signal in a channel.
 
     Parameters
     ----------
     signals
-        All that the transducer refers to, and maybe others.
+        At least those of the transducer.
     frequency : (f,) array
         Hz.
 

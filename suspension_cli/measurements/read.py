@@ -1,8 +1,8 @@
 """Read measured transfer functions from files of data.
 
-The relative standard deviation of a magnitude, and of real and imaginary part relative to it, from
-n averages with coherence g^2 is sqrt((1 - g^2)/(2 n g^2)): Bendat and Piersol, Random Data, chapter
-9 (random errors of the gain factor of single-input, single-output systems).
+The standard deviation of a magnitude, and of real and imaginary part, relative to the magnitude,
+from n averages with coherence g^2 is sqrt((1 - g^2)/(2 n g^2)): Bendat and Piersol, Random Data,
+chapter 9 (random errors of the gain factor of single-input, single-output systems).
 """
 
 from __future__ import annotations
@@ -31,15 +31,7 @@ if TYPE_CHECKING:
 def read_all(measured: Measured, file: str | Path) -> list[MeasuredResponse]:
     """Read all transfer functions of a file of measurements, in its order.
 
-    Parameters
-    ----------
-    file
-        Of the file of measurements: its data files are named from its folder.
-
-    Raises
-    ------
-    InputError
-        With the faults of all data files.
+    Data files are named from the folder of `file`. Raises `InputError` with the faults of all.
     """
     found, errors, opened = [], [], {}
     for table, name in zip(measured.transfer_function, titles(measured), strict=True):
@@ -63,9 +55,9 @@ def read_bare(
     ----------
     path
         CSV or text with headings such as ``f, re, im`` or ``frequency_hz, magnitude_db, phase``;
-        HDF5 with datasets of such names; DTT XML.
+        HDF5 with such datasets; DTT XML.
     input, output
-        Signals of the design; of DTT, otherwise the channels are put there.
+        Signals of the design; default for DTT: the channels.
     **keys
         Keys of `TransferFunction`: ``real="a"``, ``averages=20``, ``input_channel="H1:..."``.
 
@@ -103,7 +95,7 @@ def read_bare(
 
 
 def titles(measured: Measured) -> list[str]:
-    """Name all transfer functions: as given, else by the stem of the file, and made distinct."""
+    """Name all transfer functions distinctly: as given, else by the stem of the file."""
     plain = [one.name or Path(one.file).stem for one in measured.transfer_function]
     return [
         f"{name} {table.output}/{table.input}" if plain.count(name) > 1 else name
@@ -142,7 +134,6 @@ def _read(
 
 
 def _open(path: Path) -> Columns | Dtt:
-    """Open a file of data as what it contains."""
     if path.is_dir():
         raise InputError.of("", "is a directory", "name a file of data in it")
     try:
@@ -178,7 +169,7 @@ def _calibrated(
     Float[np.ndarray, " frequency"],
     Float[np.ndarray, " frequency"],
 ]:
-    """Frequency, value, uncertainty and coherence in the band, in SI units."""
+    """Frequency, value, uncertainty and coherence in the band, SI."""
     frequency, value = points.frequency, table.gain * points.value
     sigma, coherence = abs(table.gain) * points.uncertainty, points.coherence
     averages = table.averages or points.averages
@@ -221,7 +212,7 @@ def relative_uncertainty(
     -------
     (f,) array
         sqrt((1 - g^2)/(2 n g^2)); infinite without coherence, NaN for a coherence of 1 to single
-        precision, which says nothing of the noise.
+        precision: the noise is unknown.
 
     Examples
     --------

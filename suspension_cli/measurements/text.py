@@ -22,7 +22,7 @@ def read(path: Path) -> Columns:
     Raises
     ------
     InputError
-        With the line of a word between numbers, or of a wrong number of columns.
+        With the line of a word among numbers, or of a wrong number of columns.
     """
     rows, headings = _rows(path)
     if not rows:
@@ -44,7 +44,7 @@ def read(path: Path) -> Columns:
 
 
 def _heading(above: list[tuple[int, list[str]]], width: int) -> list[str] | None:
-    """Choose the headings among the lines above the numbers; line 0 stands for a comment."""
+    """Choose the headings among the lines above the numbers; line 0 is a comment."""
     fitting = [cells for _, cells in above if len(cells) == width]
     for cells in reversed(fitting):
         if "frequency" in recognise(cells):
@@ -115,7 +115,7 @@ def _parsed(cell: str) -> complex | float | None:
 def _number(cell: str, line: int) -> complex | float:
     number = _parsed(cell)
     if number is None:
-        problem = f"{format_value(cell)} is no number"
+        problem = f"{format_value(cell)} is not a number"
         remedy = "write numbers with a decimal point, or # before a comment"
         raise InputError.of(f"line {line}", problem, remedy)
     return number

@@ -12,24 +12,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class MeasuredResponse:
-    """A transfer function that was measured at some frequencies, with its uncertainty.
+    """A measured transfer function with its uncertainty.
 
     Attributes
     ----------
     name
-        Shown in tables and pictures: the given name, or the stem of the file.
+        Given, or the stem of the file.
     input, output
-        Signals of the design (``"upper.force_x"``, ``"upper.x"``) or names of the actuator and the
-        sensor of the file of measurements; "" where the file does not say (a bare CSV).
+        Signals of the design (``"upper.force_x"``, ``"upper.x"``), or the actuator and the sensor
+        of the file of measurements; "" if unknown (a bare CSV).
     frequency : (f,) array
         Hz, ascending.
     value : (f,) complex array
         Output over input, in the unit `unit`.
     uncertainty : (f,) array
-        Standard deviation of the real and of the imaginary part, in the unit of `value`; NaN where
-        the file says nothing of it.
+        Standard deviation of real and imaginary part, in the unit of `value`; NaN where unknown.
     coherence : (f,) array
-        From 0 to 1; NaN where it was not measured.
+        From 0 to 1; NaN where not measured.
     unit
         Of `value`: "m/N" once all calibration is applied.
     file

@@ -21,14 +21,14 @@ _KEY, _FRAME, _VECTOR, _COMPUTED = "inner axes", "frame", "vector", "computed"
 def inner(
     count: int, frame: str | None = None, *, vector: bool = False, computed: bool = False
 ) -> dict[str, int | str | bool | None]:
-    """Metadata of a dataclass field that may carry batch axes in front of `count` axes of its own.
+    """Metadata of a dataclass field with batch axes in front of `count` axes of its own.
 
     Parameters
     ----------
     count
         The first of these axes runs over the members of the part.
     frame
-        Of points: the field with the numbers of the bodies in whose frames they are.
+        Of points: the field with the numbers of the bodies whose frames they are in.
     vector
         Whether the components change sign in a mirror as those along x, y, z do (on axes of size
         6: along x, y, z, roll, pitch, yaw). Points do anyway.
@@ -37,27 +37,26 @@ def inner(
 
     Examples
     --------
+    >>> from dataclasses import dataclass, field
     >>> @dataclass
     ... class Points:
     ...     label: tuple[str, ...]  # one for the whole batch
     ...     point: Array = field(metadata=inner(2))  # (..., n, 3)
+    >>> inner_axes(Points)
+    {'point': 2}
     """
     return {_KEY: count, _FRAME: frame, _VECTOR: vector or frame is not None, _COMPUTED: computed}
 
 
 @cache
 def inner_axes(kind: type[DataclassInstance]) -> dict[str, int]:
-    """Number of axes behind the batch axes, by field name; fields without batch axes are left out.
-
-    >>> inner_axes(Points)
-    {'point': 2}
-    """
+    """Number of axes behind the batch axes, by name of the fields with batch axes."""
     return {item.name: item.metadata[_KEY] for item in fields(kind) if _KEY in item.metadata}
 
 
 @cache
 def frames(kind: type[DataclassInstance]) -> dict[str, str]:
-    """Field with the numbers of bodies, by the name of the field of points in their frames."""
+    """Name of the field with the numbers of bodies, by that of points in their frames."""
     return {item.name: item.metadata[_FRAME] for item in fields(kind) if item.metadata.get(_FRAME)}
 
 

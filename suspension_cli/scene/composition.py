@@ -18,8 +18,8 @@ class Section:
     length
         Loaded, m.
     rigidity
-        E I for bending in the two principal planes, N m^2; the first is the plane of a ribbon's
-        thickness (its soft plane).
+        E I in the two principal planes, N m^2; the first contains a ribbon's thickness (soft
+        plane).
     stretching
         E A, N.
     twisting
@@ -29,7 +29,7 @@ class Section:
     torsion_factor
         Factor on G J + T I_p/A, for a wire whose torsional stiffness is given.
     tension_offset
-        Tension in its middle beyond that of the wire, by the wire's own weight, N.
+        Tension in its middle minus that of the wire, due to the wire's weight, N.
     """
 
     length: float
@@ -65,16 +65,14 @@ class Fibre:
     sections
         From the upper to the lower end.
     plane : (3,) array
-        Unit vector across the nominal wire in the first principal plane (direction of a ribbon's
-        thickness).
+        Unit vector across the nominal wire in the first principal plane.
     clamp : tuple of two (3,) arrays
-        Unit vectors along which the wire leaves its upper and its lower clamp, both pointing from
-        the upper towards the lower end.
+        Unit vectors along the wire at its upper and lower clamp, both from the upper towards the
+        lower end.
     temperature
         At the upper and the lower end, K.
     effective
-        Whether the ends that the design gives are the effective bending points, with the clamps
-        beyond them.
+        Whether the given ends are the effective bending points, with the clamps beyond them.
     """
 
     label: str
@@ -96,7 +94,7 @@ class BladeLoss:
     losses
         Of the blade's material, if known.
     thickness
-        m; 0 if unknown, and then there is no thermoelastic loss.
+        m; 0 if unknown: no thermoelastic loss.
     temperature
         K.
     shape
@@ -141,9 +139,9 @@ class Fibres:
     blade
         In the order of `Scene.blades`.
     spring
-        Of the springs of known material; others have the loss angle of `Scene.springs`.
+        Springs of known material; others have the loss angle of `Scene.springs`.
     temperature
-        Of everything for which the design gives none, K.
+        Where the design gives no other, K.
     """
 
     wire: tuple[Fibre, ...]

@@ -1,9 +1,9 @@
 """Viscous damping by eddy currents, from the geometry of magnet and conductor.
 
-The magnet is a dipole m along an axis. It moves so slowly that the field of the currents is small
-compared with its own: the velocity is far below 2 / (mu_0 sigma t), and the conductor is thinner
-than its skin depth. Its motion v along the axis induces in the conductor, at the distance rho from
-the axis and z along it, the electric field
+The magnet is a dipole m along an axis. The field of the currents is small beside its own: the
+velocity is far below 2 / (mu_0 sigma t), and the conductor thinner than its skin depth. A velocity
+v along the axis induces in the conductor, at the distance rho from the axis and z along it, the
+electric field
 
     E_phi = v dA_phi/dz = -(3 mu_0 m / 4 pi) v rho z / (rho^2 + z^2)^(5/2),
 

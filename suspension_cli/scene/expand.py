@@ -1,4 +1,4 @@
-"""Expansion of a design into a scene: every wire, blade and spring, with tensions in balance."""
+"""Expansion of a design into a scene: all wires, blades and springs, with balanced tensions."""
 
 from __future__ import annotations
 
@@ -32,13 +32,9 @@ from suspension_cli.scene.scene import Scene
 def expand_as_drawn(design: Design) -> Scene:
     """Expand a design into its nominal scene, without its imperfections.
 
-    Where all natural lengths are given, loads of blades are those of the nominal pose;
-    `equilibrium.nominal` replaces them by those of the pose that is solved for.
-
-    Raises
-    ------
-    InputError
-        If a stage cannot balance in its nominal pose, or a wire would be slack in it.
+    Loads of blades are those of the nominal pose; `equilibrium.nominal` replaces them where the
+    pose is solved for. Raises `InputError` if a stage cannot balance in its nominal pose, or a wire
+    would be slack in it.
     """
     parts = expand_stages(design)
     faults = _balance(design, parts)
@@ -48,7 +44,7 @@ def expand_as_drawn(design: Design) -> Scene:
 
 
 def expand_stages(design: Design) -> list[StagePart]:
-    """Expand the wires and blades of every stage, in the scene's order, without tensions."""
+    """Expand wires and blades of every stage, in the scene's order, without tensions."""
     numbers = {SUPPORT: 0} | {stage.name: n for n, stage in enumerate(design.stage, 1)}
     parts: list[StagePart] = []
     for n, stage in enumerate(design.stage, 1):
@@ -68,13 +64,12 @@ def _part(design: Design, stage: Stage, parent: int) -> StagePart:
 
 
 def _add_single_wires(design: Design, part: StagePart) -> None:
-    """Add the `[[stage.wire]]` and `[[stage.blade]]` of a stage to it."""
     stage, mass = part.stage, body_mass(part.stage.body)
     for number, wire in enumerate(stage.wire, 1):
         upper, lower = np.array(wire.upper), np.array(wire.lower)
         span = part.offset + lower - upper
         length = np.sqrt((span**2).sum())
-        known = wire.natural_length or length  # the drawn length says nothing then
+        known = wire.natural_length or length  # the drawn length does not matter then
         k = wire_stiffness(design, wire, known)
         natural = wire.natural_length is not None
         part.wires.append(
@@ -102,7 +97,6 @@ def _add_single_wires(design: Design, part: StagePart) -> None:
 
 
 def _add_symmetric_set(design: Design, part: StagePart, wires: WireSet) -> None:
-    """Add the `[stage.wires]` and `[stage.blades]` of a stage to it."""
     stage, mass, shape = part.stage, body_mass(part.stage.body), set_geometry(wires)
     k = wire_stiffness(design, wires, shape.length)
     loss = wire_loss(design, wires, shape.length)
@@ -128,7 +122,7 @@ def _add_symmetric_set(design: Design, part: StagePart, wires: WireSet) -> None:
 
 
 def wire_signs(count: int) -> list[tuple[int, int]]:
-    """List the signs of x and y of the wires of a symmetric set, in the order of their numbers."""
+    """List the signs of x and y of the wires of a symmetric set, by number."""
     return {1: [(0, 0)], 2: [(0, 1), (0, -1)], 4: [(1, 1), (1, -1), (-1, 1), (-1, -1)]}[count]
 
 
@@ -211,7 +205,7 @@ def _balance(design: Design, parts: list[StagePart]) -> list[Fault]:
 
 
 def _add_wire_weights(parts: list[StagePart], loads: list[Array], gravity: float) -> None:
-    """Add the parts of the weight of wires that their ends carry to the loads of the bodies."""
+    """Add the weight of wires to the loads of the bodies that carry their ends."""
     for n, part in enumerate(parts):
         for wire in part.wires:
             upper, lower = gravity * (wire.mass[:2] + wire.mass[1:])
@@ -265,7 +259,7 @@ def _distribute(
 ) -> tuple[Array, Array]:
     """Distribute a load over the wires without given tension, with least elastic energy.
 
-    Returns all tensions (w,), and the wrench (6,) that is left over.
+    Returns all tensions (w,), and the wrench (6,) left over.
     """
     wires, names, free = part.wires, list(part.blades), ~fixed
     stiffness = np.array([wire.stiffness for wire in wires])
@@ -305,7 +299,7 @@ def _slack(part: StagePart) -> list[Fault]:
 def _blade_load(part: StagePart, name: str, tension: Array, gravity: float) -> Array:
     """Compute the force (3,) of a blade on its tip in the nominal pose, N.
 
-    It balances the pull of its wires and its tip mass, or the weight that the design gives.
+    It balances its wires and its tip mass, or the load that the design gives.
     """
     blade = part.blades[name]
     pull = [

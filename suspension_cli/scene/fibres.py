@@ -34,13 +34,7 @@ POISSON = 0.3
 
 
 def explain_unsuitable(design: Design, massive: bool) -> str:
-    """Explain why wires of a design cannot be modelled as beams; "" if all can.
-
-    Parameters
-    ----------
-    massive
-        Whether the model needs the wires' masses too.
-    """
+    """Explain why wires of a design cannot be beams (if `massive`, with mass); "" if all can."""
     for stage in design.stage:
         for number, wire in enumerate(_wires(stage), 1):
             pieces = stretches(wire, 1.0)
@@ -56,24 +50,16 @@ def explain_unsuitable(design: Design, massive: bool) -> str:
 
 
 def compose(design: Design) -> Fibres:
-    """List the composition of the wires and blades of a design, without its imperfections.
+    """List the composition of wires and blades of a design, in the scene's order.
 
-    Parameters
-    ----------
-    design
-        One for which `explain_unsuitable` returns "".
-
-    Returns
-    -------
-    Fibres
-        Wires and blades in the order of the scene's.
+    Without imperfections. `explain_unsuitable` must return "" for the design.
     """
     ambient = design.constants.temperature
 
     found: dict[tuple[str, int], tuple[Mechanism, ...]] = {}
 
     def losses(name: str, wire: WireSet | Wire | None) -> tuple[Mechanism, ...]:
-        """Losses of a material, of which equal wires share one object: tables may be long."""
+        """Losses of a material; equal wires share one object, as tables may be long."""
         key = (name, id(wire))
         if key not in found:
             found[key] = mechanisms_of(materials.resolve(design, name), wire)
@@ -162,7 +148,7 @@ def _sections(
     length: float,
     losses: Callable[[str, WireSet | Wire], tuple[Mechanism, ...]],
 ) -> tuple[Section, ...]:
-    """Sections of a wire of a length (m); a given k scales their stiffness of stretching."""
+    """Sections of a wire of a length (m); a given k scales their stretching stiffness."""
     pieces = [
         (piece, materials.resolve(design, piece.material or ""))
         for piece in stretches(table, length)
@@ -175,11 +161,11 @@ def _sections(
 
 
 def _weighed(sections: tuple[Section, ...], wire: WirePart, gravity: float) -> tuple[Section, ...]:
-    """Sections with the tension in the middle of each beyond that of the wire.
+    """Sections with their `tension_offset`.
 
-    From the upper end down the tension falls by the weight above, times the cosine of the angle to
-    the vertical; that of the wire, between both ends, is below that of the upper end by the part
-    m_uu + m_ul of the weight that this end carries (`elements.weight`).
+    Down from the upper end the tension falls by the weight above, times the cosine of the angle to
+    the vertical. That of the wire is below that of its upper end by the part m_uu + m_ul of the
+    weight that this end carries (`elements.weight`).
     """
     along = -gravity * wire.direction[2]
     left = wire.mass[0] + wire.mass[1]
@@ -192,7 +178,7 @@ def _weighed(sections: tuple[Section, ...], wire: WirePart, gravity: float) -> t
 
 
 def _modulus(material: Material) -> float:
-    """Young's modulus, Pa, which all materials of wires have (`explain_unsuitable`)."""
+    """Young's modulus, Pa, known for all wires (`explain_unsuitable`)."""
     assert material.youngs_modulus is not None
     return material.youngs_modulus
 
@@ -205,10 +191,7 @@ def _wires(stage: Stage) -> list[WireSet | Wire]:
 def _section(
     piece: Stretch, material: Material, losses: tuple[Mechanism, ...], along: float
 ) -> Section:
-    """Compute the stiffnesses of one stretch of wire.
-
-    That of stretching is multiplied by `along`, which fits it to a given k of the wire.
-    """
+    """Compute the stiffnesses of one stretch of wire; `along` is a factor on that of stretching."""
     poisson, modulus = material.poisson_ratio, _modulus(material)
     density = material.density or 0.0
     shear = modulus / (2 * (1 + (POISSON if poisson is None else poisson)))
@@ -228,7 +211,7 @@ def _section(
 
 
 def _plane(direction: Array) -> Array:
-    """Find the unit vector across a wire nearest to x (to y, where the wire runs along x)."""
+    """Find the unit vector across a wire nearest to x (to y for a wire along x)."""
     for axis in np.eye(3):
         across = axis - (axis @ direction) * direction
         size = np.sqrt(across @ across)
@@ -240,8 +223,7 @@ def _plane(direction: Array) -> Array:
 def _clamp(number: int, table: WireSet | Wire, wire: WirePart) -> tuple[Array, Array]:
     """Directions in which a wire leaves its clamps.
 
-    A symmetric set gives those of its first wire; they are mirrored (of a ring: turned) for the
-    others.
+    A symmetric set gives those of its first wire, mirrored (on a ring: turned) for the others.
     """
     clamp = table.clamp if isinstance(table.clamp, Clamp) else Clamp()
     turn = np.eye(3)
@@ -268,7 +250,7 @@ def _blade(
     angle: float,
     ambient: float,
 ) -> BladeLoss:
-    """Look up the loss of a blade or spring; its own loss angle replaces that of its bulk."""
+    """Look up the loss of a blade or spring; its own loss angle replaces the bulk's."""
     if losses is not None and table.loss_angle is not None:
         others = tuple(own for own in losses if not isinstance(own, Bulk))
         losses = (Bulk(table.loss_angle), *others)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Field:
-    """Acceleration due to gravity, vector + gradient r at a place r from the suspension point.
+    """Acceleration due to gravity, vector + gradient r, at r from the suspension point.
 
     Attributes
     ----------

@@ -1,7 +1,7 @@
 """Imperfections: errors of a build in one part, applied to a scene.
 
-All functions work on scenes with batch axes; an amount may be an array of any batch shape.
-`design.imperfections` has the table of names, units and neutral values.
+Scenes may have batch axes, amounts any batch shape. `design.imperfections` has the table of names,
+units and neutral values.
 """
 
 from __future__ import annotations
@@ -24,9 +24,10 @@ if TYPE_CHECKING:
 
 
 def members(scene: Scene, part: str) -> dict[str, int]:
-    """Map the names of all parts of a kind to their numbers, see `impose`.
+    """Map the names of all parts of a kind to their numbers.
 
-    The blades of a filter are called by its stage, and numbered behind those of wires.
+    Wires, blades and legs count from 0, bodies from 1, links as springs of the scene. Blades of a
+    filter have the name of its stage, and numbers behind those of wires.
     """
     if part == "body":
         return {name: n for n, name in enumerate((SUPPORT, *scene.bodies.name))}
@@ -57,8 +58,7 @@ def impose(
     part
         One of `PARTS`.
     number
-        The wire, blade or leg from 0, the body from 1, the link as a spring of the scene; of the
-        blades of a filter the number of its body, less 1, behind the blades of wires.
+        From `members`.
     amounts : mapping of (...) or (..., 3) arrays
         By name of `design.imperfections`.
     hold : {"loaded-length", "natural-length"}
@@ -87,16 +87,15 @@ def wire(
     Parameters
     ----------
     k_factor, radius_factor : (...) arrays
-        On its spring constant, and on its radius, with whose square the spring constant goes.
+        On its spring constant, and on its radius (the spring constant goes with the square).
     upper_offset, lower_offset : (..., 3) arrays
         Of its ends, m.
     length_change : (...) array
         Of its unstretched length, after trimming, m.
     hold : {"loaded-length", "natural-length"}
-        The wire is first trimmed so that it carries its nominal tension T in the nominal pose, or
-        keeps its unstretched length l - T / k. With its new spring constant k' and span L in the
-        nominal pose, its tension there is T, or k' (T / k + L - l), less k' times the change of
-        length.
+        The wire is first trimmed to its nominal tension T in the nominal pose, or keeps its
+        unstretched length l - T / k. With its new spring constant k' and span L in the nominal
+        pose, its tension there is T, or k' (T / k + L - l), less k' times the change of length.
     """
     wires = scene.wires
     upper, lower = _numbers(upper_offset), _numbers(lower_offset)
@@ -125,9 +124,9 @@ def wire(
 
 
 def move_com(scene: Scene, number: int, offset: ArrayLike) -> Scene:
-    """Move the COM of one body (from 1) by an offset (..., 3) relative to all its attachments, m.
+    """Move the COM of one body (from 1) relative to its attachments by an offset (..., 3), m.
 
-    The inertia is then about the new COM.
+    The inertia is about the new COM.
     """
     shift = _numbers(offset)
 
@@ -145,9 +144,9 @@ def move_com(scene: Scene, number: int, offset: ArrayLike) -> Scene:
 
 
 def turn_mass(scene: Scene, number: int, rotation: ArrayLike) -> Scene:
-    """Turn the mass of one body (from 1) relative to its attachments: its inertia becomes R I R^T.
+    """Turn the mass of one body (from 1) relative to its attachments.
 
-    R is the rotation by the vector `rotation` (..., 3), rad.
+    Its inertia becomes R I R^T, with the rotation R by the vector `rotation` (..., 3), rad.
     """
     turn = rotation_matrix(_numbers(rotation))
     inertia = turn @ scene.bodies.inertia[..., number - 1, :, :] @ np.swapaxes(turn, -1, -2)
@@ -156,10 +155,7 @@ def turn_mass(scene: Scene, number: int, rotation: ArrayLike) -> Scene:
 
 
 def scale_mass(scene: Scene, number: int, factor: ArrayLike) -> Scene:
-    """Multiply the mass of one body (from 1) by a factor (...).
-
-    Wires keep their unstretched lengths.
-    """
+    """Multiply the mass of one body (from 1) by a factor (...); wires keep unstretched lengths."""
     mass = scene.bodies.mass[..., number - 1] * _numbers(factor)
     return _with(scene, "bodies", number - 1, mass=mass)
 
@@ -221,7 +217,7 @@ ACTIONS = {
 
 
 def _numbers(values: ArrayLike) -> Inexact[np.ndarray, "*shape"]:
-    """Convert to floats, or to complex numbers where a derivative is taken by a complex step."""
+    """Convert to floats, or keep complex numbers (complex-step derivatives)."""
     array = np.asarray(values)
     return array if array.dtype == complex else array.astype(float)
 

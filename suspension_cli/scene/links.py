@@ -42,12 +42,8 @@ class SpringPart:
 def springs(design: Design, parts: Sequence[Any], position: Array) -> Springs:
     """Collect all springs of a design, those of stages first.
 
-    Parameters
-    ----------
-    parts
-        `parts.StagePart` of each stage.
-    position : (n + 1, 3) array
-        Nominal COMs from the suspension point, m; row 0 is the support.
+    `parts` are the `parts.StagePart` of each stage, `position` (n + 1, 3) the nominal COMs from the
+    suspension point, m; row 0 is the support.
     """
     rows: list[SpringPart] = []
     for n, part in enumerate(parts, 1):
@@ -99,7 +95,7 @@ def matrix(given: Matrix6 | None) -> Inexact[np.ndarray, "6 6"]:
 
 
 def numbers(design: Design, between: Sequence[str]) -> tuple[int, int]:
-    """Return the numbers of the first and the second body; 0 for the support and the ground."""
+    """Return the numbers of both bodies; 0 for the support and the ground."""
     known = {SUPPORT: 0, GROUND: 0} | {stage.name: n for n, stage in enumerate(design.stage, 1)}
     return known[between[0]], known[between[1]]
 
@@ -127,10 +123,7 @@ def _links(design: Design, position: Array) -> list[SpringPart]:
 def _ordered(
     first: int, second: int, at: Sequence[float], position: Array
 ) -> tuple[int, int, Sequence[float] | Inexact[np.ndarray, " 3"]]:
-    """Order two bodies; also return the point in the frame of the lower one.
-
-    The upper one is that with the smaller number, which compiled loops assume.
-    """
+    """Order two bodies by number, as compiled loops assume; the point in the frame of the lower."""
     if first > second:
         return second, first, at
     return first, second, np.array(at) + position[first] - position[second]
@@ -178,10 +171,7 @@ def link_stiffness(
 ) -> Inexact[np.ndarray, "6 6"]:
     """Static stiffness (6, 6) of a link at its point, N/m, N and N m.
 
-    Parameters
-    ----------
-    first, second : (3,) arrays
-        Nominal COMs of its two bodies, m.
+    `first` and `second` (3,) are the nominal COMs of its two bodies, m.
     """
     if link.strands is not None:
         curve = link_curve(link, first, second)

@@ -42,9 +42,9 @@ class WirePart:
     given
         Tension in the nominal pose that the design fixes, N.
     natural
-        Whether a natural length fixes it, so that the pose has to be solved for.
+        Whether a natural length fixes it; the pose is then solved for.
     mass : (3,) array
-        Moments m_uu, m_ul, m_ll of the mass that has weight, kg; see `elements.weight`.
+        Moments m_uu, m_ul, m_ll of the mass, kg; see `elements.weight`.
     """
 
     label: str
@@ -103,7 +103,7 @@ class BarPart:
     upper, lower : (3,) arrays
         Ends in the frames of the two bodies, m.
     inertia : (3,) array
-        First, mixed and second, kg, see `scene.Bars`.
+        kg, see `scene.Bars`.
     """
 
     label: str
@@ -116,8 +116,8 @@ class BarPart:
 class StagePart:
     """One stage: its wires and blades by name, their tensions (w,) and loads (3,) in N.
 
-    `offset` is the vector from the COM above to its COM, m; `parent` the number of the body above;
-    struts (with their thrust, N), flexures and bars are those of legs and of blades of a filter.
+    `offset` is its COM from the COM above, m; `parent` the number of the body above; struts (with
+    their thrust, N), flexures and bars are those of legs and of blades of a filter.
     """
 
     stage: Stage

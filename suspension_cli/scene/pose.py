@@ -1,8 +1,8 @@
 """Pose of a scene, and the numbering of its generalised coordinates.
 
 The coordinates are, in this order: six of the support, six of every body (displacement of the COM
-in m and a rotation vector in rad, both along the global axes, from the current pose) and one for
-every direction in which a blade's tip can move (m, along the axes of the blade's body).
+in m and rotation vector in rad, along the global axes, from the current pose), one for every
+direction in which a blade's tip can move (m, along the axes of the blade's body).
 """
 
 from __future__ import annotations
@@ -65,10 +65,10 @@ class Pose:
     shift
         Displacement of each COM from its nominal position, m; row 0 is the support.
     turn
-        Rotation matrices from body to global axes, minus the unit matrix: added to its ones, a
-        rotation by 1e-9 rad would keep only seven digits.
+        Rotation matrices from body to global axes, minus the unit matrix: added to it, a rotation
+        by 1e-9 rad would keep only seven digits.
     deflection
-        Of each blade's tip from its nominal position, along the axes of its body, m.
+        Of each blade's tip, along the axes of its body, m.
     """
 
     shift: Inexact[np.ndarray, "*batch 1+body 3"] = field(metadata=inner(2))
@@ -83,7 +83,7 @@ class Pose:
     def arms(
         self, body: Int[np.ndarray, " point"], point: Inexact[np.ndarray, "... point 3"]
     ) -> Inexact[np.ndarray, "*batch point 3"]:
-        """Rotate vectors (..., k, 3) from the COMs of bodies to points in them to global axes."""
+        """Global axes of vectors (..., k, 3) from the COMs of bodies to points in them."""
         return point + (self.turn[..., body, :, :] @ point[..., None])[..., 0]
 
 
@@ -117,19 +117,17 @@ def displace(numbering: Layout, pose: Pose, step: Inexact[np.ndarray, "*batch co
 def rigid_motion(
     size: int, position: Float[np.ndarray, "*batch 1+body 3"]
 ) -> Float[np.ndarray, "*batch coordinate 6"]:
-    """Compute the motion of all coordinates when the scene moves rigidly with the support.
+    """Motion (..., N, 6) of all coordinates when the scene moves rigidly with the support.
+
+    For unit motions of the support, in m and rad. Coordinates after those of bodies are relative to
+    a body, and stay 0.
 
     Parameters
     ----------
     size
-        Number N of coordinates; those after the bodies' are relative to a body, and stay 0.
+        Number N of coordinates.
     position
         COM of each body from the suspension point, m; row 0 is the support.
-
-    Returns
-    -------
-    (..., N, 6) array
-        For unit motions of the support, in m and rad.
     """
     position = np.asarray(position, dtype=float)
     result = np.zeros((*position.shape[:-2], size, 6))
@@ -148,7 +146,7 @@ def point_jacobian(
     arm: Inexact[np.ndarray, "*batch point 3"],
     blade: Int[np.ndarray, " point"] | None = None,
 ) -> Inexact[np.ndarray, "*batch coordinate point 3"]:
-    """Compute the derivatives of positions of points with respect to the coordinates.
+    """Derivatives (..., N, k, 3) of positions of points with respect to the coordinates.
 
     Parameters
     ----------
@@ -156,11 +154,6 @@ def point_jacobian(
         From the COM of the body to the point, global axes, m.
     blade
         The blade whose tip carries the point, or -1.
-
-    Returns
-    -------
-    (..., N, k, 3) array
-        Derivative of each point's position with respect to each coordinate.
     """
     batch, count = np.broadcast_shapes(arm.shape[:-2], pose.shift.shape[:-2]), len(body)
     result = np.zeros(

@@ -1,10 +1,10 @@
 """Scene: every body, wire, blade and spring of a suspension as arrays.
 
 The models `string`, `beam` and `violin` start from a scene. Its topology (which wire joins which
-bodies) is fixed; its numbers may carry batch axes in front, shown as ``...`` below, so that a
-million imperfect builds are one scene. Body 0 is the support, body n the n-th stage. Points are in
-the frame of their body, from its centre of mass; in the nominal pose all frames are parallel to
-x, y, z.
+bodies) is fixed. Its numbers may have batch axes in front, shown as ``...`` below: a million
+imperfect builds are one scene. Body 0 is the support, body n the n-th stage. Points are in the
+frame of their body, from its centre of mass; in the nominal pose all frames are parallel to x, y,
+z.
 """
 
 from __future__ import annotations
@@ -55,8 +55,7 @@ class Bodies:
 class Wires:
     """Straight elastic wires.
 
-    At length L a wire pulls with ``tension + stiffness (L - length)``; it resists twisting if the
-    design gives it a torsional stiffness.
+    At length L a wire pulls with ``tension + stiffness (L - length)``.
 
     Attributes
     ----------
@@ -77,12 +76,12 @@ class Wires:
     stiffness
         N/m.
     torsion
-        Torsional stiffness that the design gives, N m/rad; 0 if it gives none.
+        Given torsional stiffness, N m/rad; 0 if none.
     loss
-        Loss angle of the stretching, and of a torsion that is given, rad.
+        Loss angle of the stretching, and of a given torsion, rad.
     mass
-        Moments m_uu, m_ul, m_ll of the mass that counts (see `elements.weight`), kg; 0 of wires
-        without weight.
+        Moments m_uu, m_ul, m_ll of the mass (see `elements.weight`), kg; 0 for wires without
+        weight.
     """
 
     label: tuple[str, ...]
@@ -102,14 +101,14 @@ class Wires:
 
 @dataclass(frozen=True)
 class Blades:
-    """Cantilever blades: springs along the axes of their body between it and a tip.
+    """Cantilever blades: springs between a body and a tip, along the body's axes.
 
     Attributes
     ----------
     body
         The body (or support) on which the blade is clamped.
     axes
-        Along which axes the tip moves; the others are rigid.
+        Axes along which the tip moves; others are rigid.
     tip
         Nominal position of the tip, m.
     stiffness
@@ -134,7 +133,7 @@ class Blades:
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Complex stiffness of a spring along its axes against frequency, over its static stiffness.
+    """Complex stiffness of a spring against frequency, over its static stiffness.
 
     Linear in the logarithm of frequency, constant outside the table.
 
@@ -155,7 +154,7 @@ class Spectrum:
 
 @dataclass(frozen=True)
 class Springs:
-    """Linear springs between coincident points of two bodies, in the frame of the upper one.
+    """Linear springs between coincident points of two bodies, in the upper one's frame.
 
     Attributes
     ----------
@@ -168,7 +167,7 @@ class Springs:
     loss
         Loss angle, rad; 0 where `spectrum` gives it.
     grounded
-        Whether the upper end is on the ground beside the support (the upper body is then 0).
+        Whether the upper end is on the ground (the upper body is then 0).
     spectrum
         Of each spring whose stiffness depends on frequency; `stiffness` is then diagonal.
     """
@@ -215,7 +214,7 @@ class Bars:
     """Inertia of bars between points of two bodies: legs, blades.
 
     A bar has the kinetic energy first v_1^2 / 2 + mixed v_1 . v_2 + second v_2^2 / 2 of the
-    velocities of its two ends, and so the weights g (first + mixed) and g (mixed + second) there.
+    velocities of its ends, and so the weights g (first + mixed) and g (mixed + second) there.
 
     Attributes
     ----------
@@ -248,7 +247,7 @@ Part = TypeVar("Part", bound="DataclassInstance")
 
 @dataclass(frozen=True)
 class Flex:
-    """Static stiffness of wires against bending and twisting, or against twisting alone.
+    """Static stiffness of wires against bending and twisting, or twisting alone.
 
     Attributes
     ----------
@@ -278,14 +277,14 @@ class Scene:
     gravity
         Strength of gravity at the suspension point, m/s^2.
     struts
-        Legs of inverted pendulums along their length: straight elastic bars from the foot (upper)
-        to the top (lower), with the tension of wires that push (negative).
+        Legs of inverted pendulums, as wires of negative tension from the foot (upper) to the top
+        (lower).
     bars
         Inertia and weight of legs, and of blades that couple a filter and its keystone.
     drawn
-        Of an imperfect scene, the same without imperfections, in balance in its nominal pose.
+        For an imperfect scene, that without imperfections, in balance in its nominal pose.
     fibres
-        Composition of wires and blades, where wires bend (`beam`, `violin`); None for strings.
+        Composition of wires and blades for `beam` and `violin`; None for strings.
     flex
         Stiffness of the wires against bending and twisting.
     added
@@ -295,7 +294,7 @@ class Scene:
     field
         Gravity that is not a uniform pull along -z.
     solves_pose : bool
-        Whether wires have natural lengths, so that the nominal pose is not the drawn one.
+        Whether wires have natural lengths, so that the pose is not the drawn one.
     """
 
     name: str
@@ -336,7 +335,7 @@ class Scene:
 
     @cached_property
     def kind(self) -> np.dtype:
-        """Type of the numbers: complex while a derivative is taken by a complex step."""
+        """Type of the numbers: complex for a complex-step derivative."""
         return np.result_type(
             float,
             self.gravity,

@@ -21,14 +21,14 @@ def stack_scenes(scenes: Sequence[Scene], pick: Int[np.ndarray, " build"] | None
     Parameters
     ----------
     scenes
-        Without batch axes, of the same bodies, wires, blades and springs.
+        Without batch axes, of the same topology.
     pick : (p,) int array, optional
-        Number of the scene that each member of the batch is; default: each in turn.
+        Number of the scene of each member of the batch; default: each in turn.
 
     Returns
     -------
     Scene
-        Batch shape (p,); what has no batch axes (labels, losses, ...) is that of the first scene.
+        Of batch shape (p,); what has no batch axes (labels, losses, ...) is from the first scene.
     """
     order = np.arange(len(scenes)) if pick is None else pick
     drawn = [scene.drawn for scene in scenes if scene.drawn is not None]
@@ -47,12 +47,7 @@ def stack_scenes(scenes: Sequence[Scene], pick: Int[np.ndarray, " build"] | None
 
 
 def select_scenes(scene: Scene, which: Bool[np.ndarray, "*batch"]) -> Scene:
-    """Select scenes of a batch, along one axis.
-
-    Parameters
-    ----------
-    which : bool array of the batch's shape
-    """
+    """Select scenes of a batch, along one axis, by a bool array of the batch's shape."""
 
     def selected(part: Part) -> Part:
         values = {name: (getattr(part, name), n) for name, n in inner_axes(type(part)).items()}
@@ -73,9 +68,8 @@ def select_scenes(scene: Scene, which: Bool[np.ndarray, "*batch"]) -> Scene:
 
 
 def scale_imperfections(scene: Scene, fraction: float) -> Scene:
-    """Scale the imperfections of a scene by a fraction (0 to 1).
-
-    Every number lies at that fraction of the way from its value in `scene.drawn`.
+    """Scale the imperfections of a scene, its differences from `scene.drawn`, by a fraction (0 to
+    1).
     """
     drawn = scene.drawn
     assert drawn is not None

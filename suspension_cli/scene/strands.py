@@ -1,7 +1,7 @@
 """Stiffness and sag of curved wires that join two bodies: heat links and cables.
 
-A wire is clamped at its end B and loaded at its end A by a force F and a moment M. At a point r
-with the unit tangent t its cross-section carries the force F and the moment
+A wire is clamped at its end B and loaded at its end A by a force F and a moment M. Its
+cross-section at r, with unit tangent t, carries the force F and the moment
 
     m = M + (r_A - r) x F.
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from jaxtyping import Float, Inexact
 
 NODES = 24
-"""Gauss nodes on each smooth piece: integrals over half a turn are exact to rounding."""
+"""Gauss nodes on each smooth piece, exact to rounding for half a turn."""
 PIECES = 8
 """Pieces of a catenary."""
 NEWTON = 60
@@ -205,8 +205,8 @@ def _compliance_of(
 def sag(curve: Curve, wire: RoundWire) -> tuple[float, Float[np.ndarray, " 6"]]:
     """Largest descent (m) of a wire, clamped at both ends, under its weight.
 
-    Deflections are taken as small; a descent that is not small compared with the length only says
-    that the unloaded shape is not the one in which the wire hangs.
+    For small deflections: a descent that is not small beside the length shows only that the wire
+    does not hang in its unloaded shape.
 
     Returns
     -------

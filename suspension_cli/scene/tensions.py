@@ -1,7 +1,7 @@
 """Tensions of wires that balance a load in the nominal pose.
 
-The wires of a stage carry everything below. Where balance alone does not determine the tension of
-each, they are those of least elastic energy (Castigliano's theorem).
+The wires of a stage carry everything below. Where balance alone does not determine their tensions,
+they are those of least elastic energy (Castigliano's theorem).
 """
 
 from __future__ import annotations
@@ -18,11 +18,10 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Inexact
 
 BALANCE = 1e-9
-"""Residual force (relative to the weight) and torque (relative to weight times 1 m) that count as
-balanced."""
+"""Residual force, over the weight, and torque, over the weight times 1 m, that count as 0."""
 
 TORQUES = 1e-3
-"""Weight (1/m) of torques relative to forces where not all of a load can be balanced."""
+"""Weight (1/m) of torques relative to forces in a load that cannot be balanced."""
 
 ROUNDING = 1e-12
 """Relative difference of tensions that are equal but for rounding."""
@@ -49,7 +48,7 @@ def weight_wrench(weight: float, point: Array) -> Array:
 
 
 def wire_wrenches(direction: Array, point: Array) -> Array:
-    """Compute force and torque on the lower body of a unit tension in each wire, shape (w, 6).
+    """Compute force and torque (w, 6) of a unit tension in each wire on the lower body.
 
     Parameters
     ----------
@@ -66,24 +65,23 @@ def least_energy(
 ) -> tuple[Inexact[np.ndarray, " wire"], Inexact[np.ndarray, " 6"]]:
     """Find the tensions of least elastic energy that balance a load.
 
-    Minimise T C T / 2 subject to sum_i T_i w_i + load = 0 (in the sense of least squares where that
-    has no solution).
+    Minimise T C T / 2 subject to sum_i T_i w_i + load = 0 (least squares if that has no solution).
 
     Parameters
     ----------
     wrenches : (w, 6) array
         Of unit tensions.
     load : (6,) array
-        Everything else that acts on the body, N and N m.
+        All else that acts on the body, N and N m.
     compliance : (w, w) array
-        C: elongation of the wires, with the blades that carry them, per tension, m/N.
+        C: elongation of the wires and their blades per tension, m/N.
 
     Returns
     -------
     tension : (w,) array
         N.
     left_over : (6,) array
-        The wrench that they cannot balance, N and N m.
+        Unbalanced wrench, N and N m.
     """
     if complex in (wrenches.dtype, load.dtype, compliance.dtype):
         return _with_derivative(wrenches, load, compliance)
@@ -131,8 +129,8 @@ def _with_derivative(
 def _inverse_root(matrix: Array) -> Array:
     """Compute R with R R^T = C^-1 for a positive definite C.
 
-    Where a blade is so soft that the compliance of its wires is lost in rounding, eigenvalues are
-    kept above the rounding error of the largest.
+    Eigenvalues are kept above the rounding error of the largest: beside a soft blade the compliance
+    of its wires is lost in rounding.
     """
     try:
         return np.asarray(np.linalg.inv(np.linalg.cholesky(matrix)).T, dtype=np.float64)
@@ -164,10 +162,7 @@ def compliance(
 
 
 def equalise_mirrored(tension: Array, upper: Array, lower: Array, stiffness: Array) -> Array:
-    """Make tensions (w,) exactly equal between wires that are mirror images in x or in y.
-
-    Only where they differ by no more than rounding.
-    """
+    """Make tensions (w,) of mirror-image wires exactly equal where they differ by rounding."""
     for axis in (0, 1):
         flip = np.ones(3)
         flip[axis] = -1.0
@@ -182,7 +177,7 @@ def equalise_mirrored(tension: Array, upper: Array, lower: Array, stiffness: Arr
 
 
 def report_imbalance(left_over: Array, weight: float, key: str, remedy: str) -> list[Fault]:
-    """Name the largest forces and torques of a residual wrench (6,), as a fault, if any."""
+    """Report the largest forces and torques of a residual wrench (6,), if any, as a fault."""
     found = [
         f"{left_over[axis]:.3g} {'N' if axis < 3 else 'N m'} of {_NAMES[axis]}"
         for axis in np.argsort(-np.abs(left_over))

@@ -1,10 +1,10 @@
 """Legs of inverted pendulums and blades of filters as elements of a scene.
 
-A leg is a strut from its foot to its top (stiff along its length, with the load as thrust, so that
-its lean follows exactly), a spring at its top for the flexures, and a bar for its inertia and
-weight. The spring's strain at the top is taken in the frame of the body below: the lean (roll and
-pitch) of the leg relative to that body is delta / L across it, which bends the foot, and the
-rotation of the stage less that lean bends the joint at the top.
+A leg is a strut from its foot to its top (stiff along its length, with the load as thrust: any lean
+is exact), a spring at its top for the flexures, and a bar for its inertia and weight. The spring's
+strain is in the frame of the body below: the lean (roll and pitch) of the leg relative to that body
+is delta / L, which bends the foot; the rotation of the stage less that lean bends the joint at the
+top.
 """
 
 from __future__ import annotations
@@ -57,9 +57,7 @@ def add_legs(part: StagePart) -> None:
 
 
 def bar_weights(part: StagePart, gravity: float) -> tuple[Array, Array]:
-    """Weight of the bars of a stage: wrenches (6,) on it and on the body below, about their
-    COMs.
-    """
+    """Weight of the bars of a stage: wrenches (6,) on it and the body below, about their COMs."""
     totals = [np.zeros(6), np.zeros(6)]
     for bar in part.bars:
         loads = (bar.inertia[2] + bar.inertia[1], bar.inertia[0] + bar.inertia[1])
@@ -71,8 +69,8 @@ def bar_weights(part: StagePart, gravity: float) -> tuple[Array, Array]:
 def balance_legs(part: StagePart, load: Array, gravity: float, weight: float) -> list[Fault]:
     """Set thrusts and flexures of the legs of a stage under a load (6,) about its COM.
 
-    The load contains the weight of the legs on it, in N and N m; `weight` is its size. Returns the
-    faults: a load that the legs cannot balance, or that pulls one.
+    The load (N, N m) contains the weight of the legs on the stage; `weight` is its size. Returns
+    the faults: a load that the legs cannot balance, or that pulls one.
     """
     legs = part.stage.inverted_pendulum
     assert legs is not None
@@ -138,8 +136,8 @@ def flexure_matrix(length: float, numbers: LegStatics) -> Matrix6:
 def hold_keystone(design: Design, part: StagePart, load: Array, gravity: float) -> list[Fault]:
     """Add the blades of a keystone under a load (6,) about its COM to it.
 
-    Their vertical force is the load that the design gives, if any. Returns a fault if the mass
-    coupling is as large as the keystone.
+    Their vertical force is the given load, if any. Returns a fault if the mass coupling is as large
+    as the mass of the keystone.
     """
     stage = part.stage
     assert isinstance(stage, Keystone)

@@ -170,7 +170,7 @@ HEAD = "f,re,im\n"
     [
         ("", {}, "is empty"),
         (HEAD, {}, "has no numbers"),
-        (HEAD + "1,2,3\n2,x,3\n", {}, 'line 3: "x" is no number'),
+        (HEAD + "1,2,3\n2,x,3\n", {}, 'line 3: "x" is not a number'),
         (HEAD + "1,2,3\n2,3\n", {}, "line 3: has 2 columns, but line 2 has 3"),
         ("f,re\n1,2,3\n", {}, "line 1: has 2 headings for 3 columns"),
         (HEAD + "1,2,3\n\n# pause\n1,2,3\n", {}, "line 5: the frequency 1 Hz is given twice"),

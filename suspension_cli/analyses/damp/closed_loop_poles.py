@@ -240,7 +240,7 @@ class _Block:
 
 def _delayed_damper(loop: Loop) -> float:
     """Coefficient of a velocity damper that has a delay or a sensor; 0 for other loops."""
-    made = loop_filters.whole(loop)
+    made = loop_filters.controller_and_sensor(loop)
     return made.gain / (2 * np.pi) if loop.delay and len(made.zeros) > len(made.poles) else 0.0
 
 

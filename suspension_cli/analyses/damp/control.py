@@ -146,7 +146,7 @@ def evaluate_filter(
     f = 1j * np.asarray(frequency)
     if loop.damper is not None and is_velocity_damper(loop):
         return loop.damper * 2 * np.pi * f
-    made = loop_filters.whole(loop)
+    made = loop_filters.controller_and_sensor(loop)
     result = np.full(f.shape, complex(made.gain))
     for zero in made.zeros:
         result = result * (f + zero)

@@ -109,7 +109,7 @@ def realise_filter(loop: Loop) -> Realisation:
     """
     from scipy.signal import zpk2ss
 
-    made = loop_filters.whole(loop)
+    made = loop_filters.controller_and_sensor(loop)
     if len(made.zeros) > len(made.poles):
         return np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.zeros((1, 1))
     zeros, poles = (-2 * np.pi * np.array(roots) for roots in (made.zeros, made.poles))
@@ -125,7 +125,7 @@ def realise_delayed_filter(loop: Loop) -> Realisation:
     Of order `PADE` over `PADE`; for a damper, whose gain grows with frequency, of order `PADE` - 1
     over `PADE`.
     """
-    made = loop_filters.whole(loop)
+    made = loop_filters.controller_and_sensor(loop)
     if len(made.zeros) > len(made.poles):  # a damper
         zeros, poles = _pade_roots(PADE - 1, PADE)
         scale = loop.delay**-1

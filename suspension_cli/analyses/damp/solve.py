@@ -223,7 +223,7 @@ def find_corner_frequencies(plant: Plant, closed: Poles) -> Float[np.ndarray, " 
     for n, loop in enumerate(plant.loops):
         form = export.compute_zero_pole_gain(build_broken_loop(plant, n))
         found += [form.zeros[0][0] / (2 * np.pi), form.poles[0][0] / (2 * np.pi)]
-        made = loop_filters.whole(loop)
+        made = loop_filters.controller_and_sensor(loop)
         found += [np.array(roots, dtype=complex) for roots in (made.zeros, made.poles)]
     every = np.concatenate(found)
     every = every[np.isfinite(every) & (np.abs(every) > 0)]

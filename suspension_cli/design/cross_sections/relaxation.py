@@ -8,17 +8,16 @@ insulated, and the diffusivity D = conductivity/(rho C),
     i w theta = D (theta_xx + theta_yy) + i w y,
     E (1 + Delta g),   g = (integral of y theta)/(integral of y^2),
 
-so the loss angle is Delta Im g (`elements.loss` has Delta). With h half the depth in y (the radius,
-or half the thickness) and x = h sqrt(i w/D) the solution is, for both shapes,
+so the loss angle is Delta Im g (`losses.thermoelastic` has Delta). With h half the depth in y (the
+radius, or half the thickness) and x = h sqrt(i w/D) the solution is, for both shapes,
 
     g = v/(v + 2 (n + 1)),   v = x^2 + x I_(n+2)(x)/I_(n+1)(x),
     n = 1 (round), n = 1/2 (ribbon or blade),
 
 that is 1 - 4 J2(z)/(z^2 J1'(z)) with z = i x for a round wire, and 1 + (12/z^2)(1 - (2/z) tan(z/2))
-with z = 2 i x for a ribbon (Lifshitz and Roukes, Phys. Rev. B 61, 5600 (2000)). It is a sum of
-relaxations w tau/(1 + w^2 tau^2), of which the slowest, with tau = R^2/(1.8412^2 D) or
-t^2/(pi^2 D), gives all but 1 % of the loss at low frequencies; far above its peak the sum exceeds
-it by 18 or 22 %.
+with z = 2 i x for a ribbon (Lifshitz and Roukes, Phys. Rev. B 61, 5600 (2000)). Zener's single
+relaxation Delta w tau/(1 + w^2 tau^2), with tau = R^2/(1.8412^2 D) or t^2/(pi^2 D), is 1 % more at
+low frequencies; far above its peak Im g exceeds it by 18 or 22 %.
 """
 
 from __future__ import annotations
@@ -35,13 +34,13 @@ if TYPE_CHECKING:
 ROUND, FLAT = 1.0, 0.5
 """Order n of a round wire, and of a ribbon or blade."""
 MOST = 1e6
-"""|x| beyond which the ratio of Bessel functions equals its limit to the last digit."""
+"""|x| beyond which the ratio of Bessel functions is its limit to all digits."""
 FAST = 1e4
 """|x^2| beyond which library functions are quicker than the continued fraction."""
 LARGE = 10_000
 """Number of phases beyond which the result is not kept."""
 MIDDLE = 2.0
-"""|x| below which g, and above which g - 1, is computed without cancellation."""
+"""|x| below which g, and above which g - 1, is free of cancellation."""
 
 
 def relaxation(
@@ -69,7 +68,7 @@ def relaxation(
 def _known_relaxation(
     phase: bytes, shape: tuple[int, ...], order: float
 ) -> Float[np.ndarray, "*frequency"]:
-    """Im g at phases given by their bytes, kept as equal sections and both ends of wires repeat."""
+    """Im g at phases given by their bytes, cached for equal sections and both ends of wires."""
     return np.imag(_moment(1j * np.frombuffer(phase).reshape(shape), order))
 
 

@@ -21,8 +21,8 @@ class Ribbon(Table, CrossSection, frozen=True):
     wire: ClassVar[str] = "a ribbon"
     form: ClassVar[str] = "section { width, thickness }"
 
-    width: Annotated[Length, doc("along y, m")]
-    thickness: Annotated[Length, doc("along x, m")]
+    width: Annotated[Length, doc("width along y, m")]
+    thickness: Annotated[Length, doc("thickness along x, m")]
 
     def sizes(self) -> Iterator[tuple[str, float, float]]:
         """Width and thickness, m."""

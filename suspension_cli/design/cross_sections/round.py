@@ -7,9 +7,9 @@ its polar moment. With r going linearly from a to b,
     mean of 1/r^2 = 1/(a b),    mean of 1/r^4 = (a^2 + a b + b^2)/(3 a^3 b^3),
 
 so a step's area is pi a b, its moments of area are those of the radius (mean of 1/r^4)^(-1/4), and
-its mass is that of the frustum. The wire's spring constant is thus exact for any number of steps;
-the stiffness of bending under tension, which weights the places within a step differently,
-converges with the square of the length of a step.
+its mass is that of the frustum. The spring constant is thus exact for any number of steps; the
+stiffness of bending under tension, which weights the places within a step differently, converges
+with the square of the step.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Properties that each cross-section of a wire has.
 
-Everything that depends on the shape is here, and nothing else compares shapes. Bending in plane 0
-moves the wire along the thickness of a ribbon (its soft plane), in plane 1 along its width.
+Nothing else depends on the shape. Bending in plane 0 moves the wire along the thickness of a ribbon
+(its soft plane), in plane 1 along its width.
 
 **Surface loss.**  A layer at the surface is lossier than the bulk. It adds phi_bulk d_s mu S/V to
 the loss angle phi_bulk of the bulk, where the dissipation depth d_s is a property of the finish and
@@ -9,7 +9,7 @@ the loss angle phi_bulk of the bulk, where the dissipation depth d_s is a proper
     mu S/V = (integral of e^2 over the surface) / (integral of e^2 over the volume)
 
 for the strain e of the deformation (Gretarsson and Harry, Rev. Sci. Instrum. 70, 4081 (1999)). The
-methods named `..._ratio` give it for each deformation.
+methods `..._ratio` give it for each deformation.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class CrossSection:
         return value
 
     def sizes(self) -> Iterator[tuple[str, float, float]]:
-        """List keys below the wire's table, their values, and the size across that each means."""
+        """List keys of the wire's table, their values, and the size across the wire of each, m."""
         raise NotImplementedError
 
     @property

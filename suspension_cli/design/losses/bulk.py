@@ -1,8 +1,8 @@
 """Loss of the bulk of a material, and of its surface.
 
 The loss angle of the bulk is a constant, or a table: linear in log f and log angle, constant beyond
-its ends. The surface adds d_s mu S/V times that angle (see `cross_sections.shape`). A complex
-frequency counts by its real part in a table.
+its ends, at the real part of a complex frequency. The surface adds d_s mu S/V times that angle (see
+`cross_sections.shape`).
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Bulk(Mechanism):
     angle
         Constant loss angle of the bulk, rad.
     table
-        Frequencies (Hz, ascending) and loss angles of the bulk (rad) instead of a constant one.
+        Frequencies (Hz, ascending) and loss angles of the bulk (rad), instead of `angle`.
     surface_depth
         Dissipation depth d_s of the surface, m.
     """
@@ -87,10 +87,10 @@ class Bulk(Mechanism):
 
     @classmethod
     def merge(cls, own: MaterialConstants, built_in: MaterialConstants) -> dict[str, object]:
-        """Merge the design's bulk with the built-in one, and so its surface.
+        """Merge the design's losses of bulk and surface with the built-in ones.
 
-        A surface depth is relative to the loss angle of the bulk, so the built-in one is dropped if
-        the design gives another bulk.
+        A surface depth is relative to the loss angle of the bulk, so the built-in depth is dropped
+        if the design gives a bulk loss.
         """
         angle = getattr(own.loss, "angle", None)
         angle = own.loss_angle if angle is None else angle

@@ -76,7 +76,7 @@ class MaterialConstants(Protocol):
 
 
 class Shape(Protocol):
-    """Properties of a cross-section, of a wire or a blade, that losses depend on."""
+    """Properties of the cross-section of a wire or blade that losses depend on."""
 
     @property
     def depth(self) -> tuple[float, float]:
@@ -105,8 +105,8 @@ class Shape(Protocol):
 class Mechanism:
     """A mechanism of loss, with the constants of one material: a frozen dataclass.
 
-    Loss angles are in rad; `omega` is in rad/s, not negative, of any shape, or complex (of a damped
-    mode). All angles are finite at zero frequency. Angles of different mechanisms add.
+    Loss angles are in rad, finite at zero frequency, and add up; `omega` is in rad/s, of any shape,
+    not negative, or complex (of a damped mode).
 
     Attributes
     ----------
@@ -115,8 +115,8 @@ class Mechanism:
     uniform
         Whether it acts in every deformation; otherwise in bending alone.
     cause
-        The cause under which `pendsus thermal` lists its dissipation in the bending of wires:
-        ``clamps`` for ``test.clamps``; "" to count it to the bending of either end.
+        Cause under which `pendsus thermal` lists its dissipation in the bending of wires:
+        ``clamps`` for ``test.clamps``; "" to list it with the bending of either end.
     """
 
     name: ClassVar[str]
@@ -126,7 +126,7 @@ class Mechanism:
 
     @classmethod
     def merge(cls, own: MaterialConstants, built_in: MaterialConstants) -> dict[str, object]:
-        """Merge the values that a design gives the keys of a material with built-in ones."""
+        """Merge a design's values of the keys of a material with built-in ones."""
         result = {}
         for key in cls.keys:
             if key.table == "material":
@@ -177,7 +177,7 @@ class Mechanism:
         return np.zeros(np.shape(omega))
 
     def coefficient(self, area: float) -> tuple[float, float] | None:
-        """(p, q) of a bending angle proportional to a^2, a = p - q T in a wire of tension T (N).
+        """(p, q) of a bending angle proportional to a^2, with a = p - q T at the tension T (N).
 
         At most one mechanism of a material has it.
         """

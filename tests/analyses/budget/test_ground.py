@@ -103,7 +103,7 @@ def test_files_beside_the_design(tmp_path):
 
 
 FAULTS = {
-    "text": ("1,2\n2,three\n", 'line 2: "three" is no number'),
+    "text": ("1,2\n2,three\n", 'line 2: "three" is not a number'),
     "descending": ("2,1\n1,1\n", "line 2 = 1.0: frequency is not above that of the line before"),
     "twice": ("1,1\n1,1\n", "line 2 = 1.0: frequency is not above"),
     "negative": ("f,x\n1,1\n2,-3e-9\n", "line 3 = -3e-09: has a negative value"),
