@@ -27,6 +27,9 @@ MOST = 18
 """Largest number of passes."""
 UNSEEN = 2
 """First passes, in which intervals beside local maxima are always divided."""
+GROWTH = 2.0
+"""Growth of the total variation of a curve in a pass above which its values are rounding errors,
+and it is not refined any more: that of a smooth curve does not grow."""
 
 
 def add_points(
@@ -71,15 +74,20 @@ def add_points(
     inside = modes[(modes > frequency[0]) & (modes < frequency[-1])]
     beside = inside[:, None] * (1 + np.array([-3e-3, -3e-4, -1e-5, 0.0, 1e-5, 3e-4, 3e-3]))
     frequency, value = _insert(solve, frequency, value, beside.ravel())
+    last, erratic = np.inf, np.zeros(value[0].shape[:-1] if sums else value[0].size, dtype=bool)
     for number in range(MOST if few else 0):
         flat = np.sqrt((value**2).sum(-1)) if sums else value.reshape(len(value), -1)
         size = np.maximum(np.abs(flat), np.finfo(float).tiny)
         direction = flat / size
         turn = np.angle(direction[1:] * direction[:-1].conj())
         change = np.maximum(np.abs(np.diff(np.log(size), axis=0)), np.abs(turn))
-        change = np.where((flat[1:] == 0) | (flat[:-1] == 0), 0.0, change).max(1, initial=0.0)
+        change = np.where((flat[1:] == 0) | (flat[:-1] == 0), 0.0, change)
+        variation, large = change.sum(0), change > step
+        if number >= UNSEEN:
+            erratic |= (variation > GROWTH * last) & (large.mean(0) > 0.5)
+        last = variation
         gap = np.log(frequency[1:] / frequency[:-1])
-        wanted = change > step
+        wanted = (large & ~erratic).any(1)
         if number < UNSEEN:  # a peak midway between two points changes neither
             top = ((size[1:-1] >= size[:-2]) & (size[1:-1] >= size[2:])).any(1)
             wanted[:-1] |= top

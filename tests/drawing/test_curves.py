@@ -86,6 +86,20 @@ def test_added_points_reach_a_tip_and_keep_the_grid():
     assert len(frequency) < 400
 
 
+def test_a_curve_of_rounding_errors_is_not_refined_without_end():
+    """A coupling that is 0 but for rounding changes at random on any grid."""
+
+    def solve(frequency):
+        pole = 1 / (1 - frequency**2 + 1e-6j * frequency)
+        noise = 1e-16 * np.sin(1e9 * frequency) * np.exp(3 * np.sin(1e7 * frequency))
+        return np.stack([pole, noise], axis=-1)[:, None, :]
+
+    grid = np.geomspace(0.1, 10, 20)
+    frequency, value = add_points(solve, grid, solve(grid), np.array([1.0]))
+    assert len(frequency) < 2000
+    assert np.abs(value[:, 0, 0]).max() == pytest.approx(1e6, rel=1e-3)
+
+
 @pytest.mark.filterwarnings("error")
 def test_added_points_do_not_depend_on_the_size():
     def count(size):
