@@ -14,24 +14,21 @@ import tempfile
 import weakref
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import click
 import numpy as np
 
+from suspension_cli.analyses import arguments as convert
 from suspension_cli.analyses import options, registry, settings
 from suspension_cli.analyses.analysis import Log, Result, Run, Settings
 from suspension_cli.analyses.check.solve import Check
 from suspension_cli.analyses.check.solve import solve as solve_check
 from suspension_cli.analyses.info.solve import Info
 from suspension_cli.analyses.info.solve import solve as solve_info
-from suspension_cli.analyses.python_names import ARGUMENTS, python_names
+from suspension_cli.analyses.python_names import python_names
 from suspension_cli.design import reader
 from suspension_cli.design.reader import Source
 from suspension_cli.errors import InputError
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 Grid = str | float | Sequence[float] | np.ndarray
 """Numbers: ``"0.1:100:2000:log"``, one number, or an array."""
@@ -103,6 +100,9 @@ class Design(Source):
 
         return foton_file.write(self.design)
 
+    def __hash__(self) -> int:
+        return hash((self.text, self.file))  # tables of the design cannot be hashed
+
     def __repr__(self) -> str:
         stages = ", ".join(stage.name for stage in self.design.stage)
         return f"<Design {self.name}: {stages}>"
@@ -131,7 +131,7 @@ def read(file: PathLike, overrides: Names = ()) -> Design:
     <Design mine: upper, test>
     """
     with python_names(set="overrides"):
-        source = reader.read(file, _items(overrides))
+        source = reader.read(convert.path(file, "file"), convert.items(overrides, "overrides"))
     return Design(**vars(source))
 
 
@@ -162,7 +162,7 @@ def parse(text: str) -> Design:
     <Design pendulum: test>
     """
     with python_names():
-        design = reader.parse(text)
+        design = reader.parse(convert.text(text, "text", "give TOML; sus.read reads a file"))
     return Design(design, text, "")
 
 
@@ -185,7 +185,8 @@ def template(kind: str) -> Design:
     ['upper', 'middle', 'test']
     """
     with python_names():
-        return parse(reader.template(kind, kind))
+        known = f"give one of {', '.join(reader.TEMPLATES)}"
+        return parse(reader.template(convert.text(kind, "kind", known), kind))
 
 
 def example(name: str) -> Design:
@@ -208,7 +209,7 @@ def example(name: str) -> Design:
     'geo-silica-triple'
     """
     with python_names():
-        source = reader.example(name)
+        source = reader.example(convert.text(name, "name", "give one of sus.examples()"))
     return Design(**vars(source))
 
 
@@ -247,8 +248,9 @@ def load(file: PathLike) -> Result:
     """
     from suspension_cli.files.hdf5 import open_results
 
-    with python_names(), open_results(file) as results:
-        return registry.loaded(results, str(file))
+    with python_names(), open_results(convert.path(file, "file")) as results:
+        found = registry.loaded(results, str(file))
+    return dataclasses.replace(found, source=Design(**vars(found.source)))
 
 
 def modes(
@@ -524,7 +526,7 @@ def xcouple(
     (2, 1)
     """
     if not isinstance(sweep, str):
-        sweep = ",".join(f"{name}={_grid(values)}" for name, values in sweep.items())
+        sweep = ",".join(convert.grids(sweep, "sweep"))
     return _run("xcouple", locals())
 
 
@@ -645,8 +647,7 @@ def sweep(
     >>> found.value.shape
     (2, 1)
     """
-    grids = tuple(f"{path}={_grid(values)}" for path, values in vary.items())
-    return _run("sweep", locals() | {"vary": grids})
+    return _run("sweep", locals() | {"vary": convert.grids(vary, "vary")})
 
 
 def sensitivity(
@@ -874,8 +875,9 @@ def fit(
     materials.steel302.youngs_modulus: 1.66e+11 +- 2.8e+09
     stage.test.body.inertia.2: 0.118 +- 0.0039
     """
-    designs = () if design is None else (design,)
-    return _run("fit", locals(), {"files": (*designs, str(measured))})
+    file = convert.path(measured, "measured")
+    designs = () if design is None else (_design(design),)
+    return _run("fit", locals(), {"files": (*designs, file)})
 
 
 def optimise(
@@ -921,7 +923,8 @@ def optimise(
     >>> found.met, found.numbers.after.round(3)
     (True, array([0.136]))
     """
-    return _run("optimise", locals(), {"design": design, "goals": str(goals)})
+    files = {"design": _design(design), "goals": convert.path(goals, "goals")}
+    return _run("optimise", locals(), files)
 
 
 def tradeoff(design: Design, *, quantities: Names = (), repeat: int = 7) -> Result:
@@ -977,7 +980,7 @@ def check(design: Design) -> Check:
     (True, 0, 13.75)
     """
     with python_names("check"):
-        found = solve_check(design)
+        found = solve_check(_design(design))
     found.warn(Log())
     return found
 
@@ -1014,13 +1017,14 @@ def info(
     >>> [choice.level for choice in found.choices.values()]
     ['beam', 'violin', 'violin']
     """
-    given = _setting(options.INFO, locals())
+    given = convert.setting(options.INFO, locals(), "info")
     with python_names("info", options.INFO):
-        setting = settings.of_design("info", options.INFO, (), design, given)
-        return solve_info(design, setting, Log(options.INFO))
+        source = _design(design)
+        setting = settings.of_design("info", options.INFO, (), source, given)
+        return solve_info(source, setting, Log(options.INFO))
 
 
-def draw(design: Design) -> Figure:
+def draw(design: Design) -> Any:
     """Draw a design to scale, side on and face on, with its dimensions.
 
     Parameters
@@ -1040,7 +1044,8 @@ def draw(design: Design) -> Figure:
     from suspension_cli.equilibrium.nominal import expand_nominal
 
     with python_names():
-        return drawing.draw(design.design, expand_nominal(design.design))
+        tables = _design(design).design
+        return drawing.draw(tables, expand_nominal(tables))
 
 
 def animate(result: Result, mode: int | str, path: PathLike) -> Path:
@@ -1074,11 +1079,18 @@ def animate(result: Result, mode: int | str, path: PathLike) -> Path:
     from suspension_cli.equilibrium.nominal import expand
     from suspension_cli.files.atomic import write_bytes
 
+    remedy = "give a result of sus.modes"
+    if not isinstance(result, Result):
+        raise InputError.of("result", "is no result", remedy, convert.shown(result))
     if result.analysis.name != "modes":
-        problem, remedy = "has no modes that move", "give a result of sus.modes"
-        raise InputError.of("result", problem, remedy, result.analysis.name)
+        raise InputError.of("result", "has no modes that move", remedy, result.analysis.name)
+    path = convert.path(path, "path")
     with python_names("animate"):
-        number = animation.parse(result.data, str(mode), "mode")[0]
+        numbers = animation.parse(result.data, str(mode), "mode")
+        if len(numbers) > 1:
+            problem, remedy = "names several modes", "give one number, and a file for each"
+            raise InputError.of("mode", problem, remedy, convert.shown(mode))
+        number = numbers[0]
         scene = expand(result.design)
         moving = animation.animate(result.data, number, result.design, scene)
         write_bytes(Path(path), moving, key="path")
@@ -1133,38 +1145,20 @@ def report(
     from suspension_cli.analyses.report.solve import compose
     from suspension_cli.files.atomic import write_bytes
 
-    given = _setting(options.REPORT, locals() | {"sections": ",".join(_items(sections)) or None})
+    chosen = convert.items(sections, "sections")
+    given = locals() | {"sections": ",".join(chosen) or None}
+    given = convert.setting(options.REPORT, given, "report")
+    path = Path(convert.path(path, "path"))
     with python_names("report", options.REPORT):
         setting = options.context("report", options.REPORT, given).params
-        request = Request(**setting | {"sections": _items(sections), "folder": Path(path).parent})
-        write_bytes(Path(path), compose(design, request, Log()).encode(), key="path")
-    return Path(path)
+        request = Request(**setting | {"sections": chosen, "folder": path.parent})
+        write_bytes(path, compose(_design(design), request, Log()).encode(), key="path")
+    return path
 
 
-def _grid(values: Grid) -> str:
-    """Write a grid as text, with all digits of its numbers."""
-    if isinstance(values, str):
-        return values
-    return ",".join(repr(float(value)) for value in np.ravel(values))
-
-
-def _items(values: Paths) -> tuple[str, ...]:
-    """Convert one text or path, or several, to a tuple of texts."""
-    return (str(values),) if isinstance(values, str | Path) else tuple(map(str, values))
-
-
-def _setting(parameters: Sequence[click.Parameter], arguments: Settings) -> Settings:
-    """Convert arguments of a function to the values of its command's parameters."""
-    setting = {}
-    for param in parameters:
-        name = str(param.name)
-        argument = ARGUMENTS.get(name, name)
-        if argument in arguments:
-            value = arguments[argument]
-            several = isinstance(param, click.Option) and param.multiple
-            setting[name] = _grid(value) if param.metavar == "GRID" else value
-            setting[name] = _items(value) if several else setting[name]
-    return setting
+def _design(value: object) -> Source:
+    """Return a design, read from its file where a path is given."""
+    return read(value) if isinstance(value, PathLike) else convert.design(value)
 
 
 def _run(name: str, arguments: Settings, files: Settings | None = None) -> Result:
@@ -1173,8 +1167,9 @@ def _run(name: str, arguments: Settings, files: Settings | None = None) -> Resul
     `files` are the designs and other files that it reads; default: the argument `design`.
     """
     analysis = registry.get(name)
-    folder = arguments.get("folder")
-    given = _setting(analysis.parameters, arguments)
+    folder = arguments.pop("folder", None)
+    folder = folder if folder is None else convert.path(folder, "folder")
+    given = convert.setting(analysis.parameters, arguments, name)
     if given.get("resume") and folder is None:
         remedy = "name the folder of the interrupted run"
         raise InputError.of("folder", "is missing, but resume is given", remedy)
@@ -1189,12 +1184,28 @@ def _run(name: str, arguments: Settings, files: Settings | None = None) -> Resul
     result = None
     try:
         with python_names(name, analysis.parameters):
-            run = ask(arguments["design"]) if files is None else analysis.read(ask, files)[0]
+            if files is None:
+                run = ask(_design(arguments["design"]))
+            else:
+                run = analysis.read(ask, files)[0]
             with run.faults():
                 result = analysis.solve(run)
+        if folder is None and result.file is not None:
+            return dataclasses.replace(result, holder=_TemporaryFolder(place))
         return result
     finally:
         if folder is None and (result is None or result.file is None):
             shutil.rmtree(place)
-        elif folder is None:  # keeps the file of a sweep as long as its result
-            weakref.finalize(result, shutil.rmtree, place, ignore_errors=True)
+
+
+class _TemporaryFolder:
+    """A folder that is deleted with the last result, or copy of it, that refers to its file."""
+
+    def __init__(self, path: Path) -> None:
+        weakref.finalize(self, shutil.rmtree, path, ignore_errors=True)
+
+    def __deepcopy__(self, _memo: object) -> _TemporaryFolder:
+        return self
+
+    def __reduce__(self) -> tuple[type[None], tuple[()]]:
+        return type(None), ()  # a pickle does not keep the folder

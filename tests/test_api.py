@@ -16,6 +16,7 @@ import warnings
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import suspension_cli as sus
 from suspension_cli import api
@@ -38,7 +39,7 @@ def test_every_function_is_documented_and_typed(name):
     function = getattr(sus, name)
     text = inspect.getdoc(function)
     assert text is not None and text.split("\n")[0].endswith(".")
-    hints = typing.get_type_hints(function)
+    hints = typing.get_type_hints(function, localns={"Figure": Figure})
     assert set(inspect.signature(function).parameters) | {"return"} == set(hints)
     words = text.replace(",", " ").replace("*", "").split()
     assert set(inspect.signature(function).parameters) <= set(words), "an argument is not described"
@@ -185,7 +186,7 @@ def test_faults_name_arguments():
     design = sus.read(DOUBLE)
     with pytest.raises(sus.InputError, match=r'outputs = "tset\.x": names no body'):
         sus.response(design, outputs=["tset.x"])
-    with pytest.raises(sus.InputError, match="no template"):
+    with pytest.raises(sus.InputError, match="is not a template"):
         sus.template("quintuple")
     with pytest.raises(sus.InputError, match="did you mean 'double'"):
         sus.example("duble")

@@ -15,7 +15,13 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from suspension_cli.errors import Fault, InputError, PendsusWarning, attribute_faults_to
+from suspension_cli.errors import (
+    Fault,
+    InputError,
+    PendsusWarning,
+    attribute_faults_to,
+    format_value,
+)
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -40,6 +46,8 @@ Progress = Callable[[int, int, float], None]
 """Called with (points done, points in all, points per second)."""
 
 
+OTHER_ENDINGS = (".gif", ".jpg", ".json", ".mat", ".npz", ".pdf", ".png", ".svg", ".toml", ".xlsx")
+"""Endings of paths to which no result is saved as HDF5."""
 PACKAGE = os.path.join(Path(__file__).parents[1], "")
 """Folder of the package."""
 
@@ -147,11 +155,15 @@ class Report(Sourced, ABC):
         return f"<pre>{html.escape(str(self))}</pre>"
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Result(Report):
     """Result of an analysis, with its design and its model.
 
-    Fields of `data` are attributes of the result too: ``result.frequency``.
+    A result is equal to itself alone; compare two by their arrays or by `document`.
+
+    Fields of `data` are attributes of the result too: ``result.frequency``. Their units and shapes
+    are in ``help(type(result.data))``; of `thermal` and `budget`, whose `data` is a list, in
+    ``help(type(result.data[0]))``.
 
     Attributes
     ----------
@@ -169,6 +181,8 @@ class Result(Report):
         The command line, or the function, that computed it.
     linear_system : LinearSystem or None
         The system that pictures solve again; None to build it from the design.
+    holder : object
+        Deletes the temporary file of a sweep when no result refers to it any more.
     """
 
     analysis: Analysis
@@ -179,11 +193,19 @@ class Result(Report):
     file: Path | None = None
     command: str = ""
     linear_system: LinearSystem | None = None
+    holder: object = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_stamp", _stamp(self.file))
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_") or name == "data":
             raise AttributeError(name)
         return getattr(self.data, name)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Contents to copy or pickle: without the linear system, which holds functions."""
+        return vars(self) | {"linear_system": None}
 
     def __dir__(self) -> list[str]:
         return sorted({*super().__dir__(), *(n for n in dir(self.data) if n[0] != "_")})
@@ -251,17 +273,21 @@ class Result(Report):
     def save(self, path: str | Path) -> None:
         """Write the results file (HDF5, see docs/format.md), whole or not at all.
 
-        That of `export` has the format of its ending: .mat, .npz, .h5, .json (python-control).
+        A path that ends in .csv gets the numbers as CSV, as ``--csv`` writes them: a row per
+        frequency, mode or point. Arrays with other rows go into files beside it, NAME-ROWS.csv.
+        The file of `export` has the format of its ending: .mat, .npz, .h5, .json (python-control).
 
         Raises
         ------
         InputError
-            If the file cannot be written, or `export` has no format of this ending.
+            If the file cannot be written, or the ending is that of another format.
         """
+        from suspension_cli.analyses import arguments
         from suspension_cli.analyses.python_names import python_names
 
+        target = Path(arguments.path(path, "path"))
         with python_names(out="path"):
-            self.analysis.save(Path(path), self)
+            self.analysis.save(target, self)
 
     def to_xarray(self) -> xarray.Dataset:
         """Return the contents of the results file as an `xarray.Dataset` (needs xarray).
@@ -274,6 +300,25 @@ class Result(Report):
         from suspension_cli.analyses.labelled import to_xarray
 
         return to_xarray(self)
+
+    def stored_file(self) -> Path | None:
+        """Path of the file that has more than `data`: of a sweep; None for other analyses.
+
+        Raises
+        ------
+        InputError
+            If the file was deleted or replaced since this result was read from it.
+        """
+        if self.file is None or not self.analysis.fills_file:
+            return None
+        stamp = _stamp(self.file)
+        if not stamp or stamp != vars(self)["_stamp"]:
+            problem = "was replaced by another file" if stamp else "was deleted"
+            remedy = "compute the result again, or load its copy"
+            raise InputError.of("", f"{problem}; this result is read from there", remedy).in_file(
+                str(self.file)
+            )
+        return self.file
 
     @property
     def provenance(self) -> Provenance:
@@ -292,6 +337,15 @@ class Result(Report):
         return f"<pendsus {self.analysis.name} of {self.name}, {self.model} model>"
 
 
+def _stamp(file: Path | None) -> tuple[int, ...]:
+    """Identify a file as it is now; empty if there is none."""
+    try:
+        found = os.stat(file) if file is not None else None
+    except OSError:
+        found = None
+    return () if found is None else (found.st_ino, found.st_mtime_ns, found.st_size)
+
+
 class Analysis(ABC):
     """An analysis of a design: its parameters, its physics, its file, its picture, its text.
 
@@ -303,11 +357,14 @@ class Analysis(ABC):
         Click's arguments and options; their defaults are those of the Python API too.
     drawn_with : tuple
         The options that pictures depend on.
+    fills_file : bool
+        Whether the results file is filled while the analysis runs, and has more than `Result.data`.
     has_model : bool
         Whether results come from one model, which JSON then names with its estimated error.
     """
 
     name: ClassVar[str]
+    fills_file: ClassVar[bool] = False
     has_model: ClassVar[bool] = True
     arguments: ClassVar[tuple[click.Argument, ...]] = ()
     parameters: ClassVar[tuple[click.Parameter, ...]] = ()
@@ -394,10 +451,19 @@ class Analysis(ABC):
             if result.extra:
                 file.attrs["extra"] = json.dumps(result.extra)
 
-        if result.file is None:
+        stored = result.stored_file()
+        if path.suffix.lower() == ".csv":
+            from suspension_cli.analyses import csv_files
+
+            csv_files.write(result, path)
+        elif path.suffix.lower() in OTHER_ENDINGS:
+            remedy = "end it in .h5 or .csv; pictures: plot().savefig(...), JSON: document()"
+            problem = "ends like a file of another kind"
+            raise InputError.of("--out", problem, remedy, str(path))
+        elif stored is None:
             hdf5.write(path, result.provenance, fill)
-        elif path != result.file:
-            atomic.write_bytes(path, result.file.read_bytes())
+        elif path != stored:
+            atomic.write_bytes(path, stored.read_bytes())
 
     def others(self, result: Result, path: Path) -> list[Path]:
         """Write files beside the results file at `path`, and return their paths."""
@@ -432,7 +498,7 @@ def only_one(values: list[Document], name: str) -> Document:
 
 def reading_all(ask: Callable[..., Run], files: Sequence[str]) -> list[Run]:
     """Read several designs; report at once the faults of all, and equal names."""
-    from suspension_cli.errors import format_value, join_errors
+    from suspension_cli.errors import join_errors
 
     runs, errors = [], []
     for file in files:

@@ -12,12 +12,11 @@ import itertools
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
 
-from suspension_cli.analyses.analysis import Result
 from suspension_cli.analyses.labelled import stored_group, values_of
 from suspension_cli.files.atomic import write_bytes
 
@@ -25,8 +24,8 @@ if TYPE_CHECKING:
     from suspension_cli.files.hdf5 import Stored
 
 
-def write(result: Result, path: Path) -> list[Path]:
-    """Write the CSV files of a result, and return their paths.
+def write(result: Any, path: Path) -> list[Path]:
+    """Write the CSV files of an `analysis.Result`, and return their paths.
 
     For the results file NAME.h5 (`path`), the main results go to NAME.csv; arrays with other rows
     get files of their own, NAME-ROWS.csv.

@@ -18,8 +18,9 @@ if TYPE_CHECKING:
 @contextlib.contextmanager
 def stored_group(result: Any) -> Iterator[Stored]:
     """Open the HDF5 group of an `analysis.Result`: in its file, or as its file would have it."""
-    if result.file is not None:
-        with h5py.File(result.file, "r") as file:
+    stored = result.stored_file()
+    if stored is not None:
+        with h5py.File(stored, "r") as file:
             yield file[result.analysis.name]
     else:
         with h5py.File("memory", "w", driver="core", backing_store=False) as file:

@@ -226,17 +226,28 @@ def replaced(source: Source, changes: Mapping[str, object]) -> Source:
 
     Raises `InputError` if a path leads nowhere or the new design has faults.
     """
+    if not hasattr(changes, "items"):
+        remedy = 'write for example {"stage.test.wires.d": 0.002}'
+        problem = "must be a dictionary of paths"
+        raise InputError.of("changes", problem, remedy, format_value(changes))
     raw = tomllib.loads(source.text)
     for path, value in changes.items():
+        if not isinstance(path, str):
+            remedy = "write it as a text: stage.test.wires.d"
+            raise InputError.of("changes", "is no path", remedy, format_value(path))
         paths.assign(raw, path.split("."), _as_toml(value), path)
     profiles.resolve_files(raw, Path(source.file).parent)
     return Source(convert(raw), write_toml(raw), source.file)
 
 
 def _as_toml(value: paths.Value) -> paths.Value:
-    """Convert tuples, and numbers and arrays of numpy, to types of TOML."""
+    """Convert tuples, paths, and numbers and arrays of numpy or xarray, to types of TOML."""
     if isinstance(value, Mapping):
-        return {key: _as_toml(item) for key, item in value.items()}
+        return {str(key): _as_toml(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
         return [_as_toml(item) for item in value]
+    if isinstance(value, Path):
+        return str(value)
+    if hasattr(value, "__array__") and not hasattr(value, "tolist"):  # arrays of xarray
+        value = value.__array__()
     return value.tolist() if hasattr(value, "tolist") else value

@@ -8,6 +8,7 @@ from itertools import pairwise
 
 from suspension_cli.design import materials
 from suspension_cli.design.body_checks import LEAST_MASS, TOO_LIGHT, check_exactly_one
+from suspension_cli.design.cross_sections.round import Round
 from suspension_cli.design.faults import fault_of, suggest
 from suspension_cli.design.schema import Design, Material, Spring
 from suspension_cli.design.sections import stretches
@@ -102,7 +103,7 @@ def check_wire(design: Design, wire: WireSet | Wire, path: str) -> Iterator[Faul
 
 
 def _check_profile(wire: WireSet | Wire, path: str) -> Iterator[Fault]:
-    for key in ("radius", "section", "sections", "neck"):
+    for key in (*(kind.key for kind in CROSS_SECTIONS), "sections", "neck"):
         if getattr(wire, key) is not None:
             yield Fault(f"{path}.{key}", "conflicts with a profile", "keep one of the two")
     if wire.material is None:
@@ -131,7 +132,8 @@ def _check_profile(wire: WireSet | Wire, path: str) -> Iterator[Fault]:
 
 def _check_neck(wire: WireSet | Wire, path: str) -> Iterator[Fault]:
     assert wire.neck is not None
-    for key in ("section", "sections"):
+    others = (kind.key for kind in CROSS_SECTIONS if kind is not Round)
+    for key in (*others, "sections"):
         if getattr(wire, key) is not None:
             yield Fault(f"{path}.neck", f"conflicts with {key}", "give radius and neck alone")
             return

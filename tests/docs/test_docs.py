@@ -15,6 +15,7 @@ import pytest
 from suspension_cli.analyses.modes import animation
 from suspension_cli.cli.commands import COMMANDS
 from suspension_cli.cli.main import main
+from suspension_cli.conventions import ANALYSES
 from suspension_cli.design import goals, materials, measured, schema, wires
 from tests.support.commandline import run
 from tests.support.optima import EXAMPLE
@@ -437,6 +438,11 @@ def datasets(group: h5py.Group) -> list[h5py.Dataset]:
         for item in group.values()
         for found in (datasets(item) if isinstance(item, h5py.Group) else [item])
     ]
+
+
+def test_groups_of_all_analyses_are_compared():
+    """Except of compare, whose groups depend on the items; export writes two groups."""
+    assert set(ANALYSES) - {"compare", "export"} <= set(MAKES)
 
 
 @pytest.mark.parametrize("group", MAKES)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from suspension_cli.studies import natural_steps
 from suspension_cli.studies.confidence import (
     replicate_interval,
     standard_error,
@@ -157,3 +158,11 @@ def test_intervals_of_replicates_contain_the_fraction():
 )
 def test_steps_of_numbers(path, step):
     assert natural_step(path, 2.0) == step
+
+
+def test_steps_of_all_cross_sections_are_relative(monkeypatch):
+    """Of every key in the table of a cross-section, not only of those that ribbons have."""
+    monkeypatch.setattr(natural_steps, "SECTIONS", ("radius", "section", "tube"))
+    monkeypatch.setattr(natural_steps, "unit_of", lambda _: "m")
+    assert natural_step("stage.test.wires.tube.outer_radius", 2.0) == (0.02, "%")
+    assert natural_step("stage.test.body.outer_radius", 2.0) == (1e-3, "mm")

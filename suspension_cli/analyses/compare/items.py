@@ -78,6 +78,9 @@ def _read(ask: Callable[..., Run], given: Given) -> Item:
     if isinstance(given, reader.Source):
         run = ask(given)
         return Item(run.name, run.source, run)
+    if not isinstance(given, (str, Path)):
+        problem, remedy = "cannot be compared", "give designs, results or paths of files"
+        raise InputError.of("items", problem, remedy, format_value(repr(given)).strip('"'))
     path = Path(given)
     ending = path.suffix.lower()
     if ending in RESULT and path.is_file():

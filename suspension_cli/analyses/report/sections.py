@@ -14,6 +14,7 @@ from suspension_cli.analyses.report import html
 from suspension_cli.analyses.report.composition import Composition, Omitted
 from suspension_cli.conventions import DOFS
 from suspension_cli.design.imperfections import perturbed_part
+from suspension_cli.design.wires import cross_sections
 from suspension_cli.errors import InputError
 from suspension_cli.version import __version__
 
@@ -102,12 +103,11 @@ def _materials(report: Composition) -> Iterator[str]:
 
 
 def _diameter(part: WireSet | Wire) -> float | str | None:
-    """Diameter in µm, or its range; width and thickness of a ribbon."""
+    """Diameter in µm, or its range; the sizes of another cross-section."""
     if part.radius is not None:
         return 2e6 * part.radius
-    shape = getattr(part, "section", None)
-    if shape is not None:
-        return " × ".join(f"{1e6 * size:.4g}" for size in (shape.width, shape.thickness))
+    for shape in cross_sections(part):
+        return " × ".join(f"{1e6 * size:.4g}" for _, size, _ in shape.sizes())
     radii = [np.ravel(one.radius) for one in getattr(part, "sections", None) or ()]
     if not radii or any(None in one for one in radii):
         return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from typing import TYPE_CHECKING
 
@@ -30,6 +31,7 @@ class SweepAnalysis(Analysis):
     """
 
     name = "sweep"
+    fills_file = True
     arguments = (options.DESIGN,)
     parameters = (
         option(
@@ -161,8 +163,11 @@ class SweepAnalysis(Analysis):
         from suspension_cli.files.hdf5 import open_results
 
         found, shapes = [], []
-        if result.file is not None and result.file.exists():
-            with open_results(result.file) as file:
+        stored = None
+        with contextlib.suppress(InputError):  # without its file, modes that cross are not marked
+            stored = result.stored_file()
+        if stored is not None:
+            with open_results(stored) as file:
                 found = crossings.find_crossings(file["sweep"], result.data)
             shapes = crossing_shapes.solve_shapes(
                 result.source, result.data.axes[0].name, result.choice.level, found

@@ -37,6 +37,7 @@ class ToleranceAnalysis(Analysis):
     """
 
     name = "tolerance"
+    fills_file = True
     arguments = (options.DESIGN,)
     parameters = (
         option(

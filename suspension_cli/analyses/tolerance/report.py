@@ -170,7 +170,8 @@ def _causes(summary: Summary, rank: Array, slope: Array, unit: str, count: int) 
     """List numbers with the strongest significant correlations, and the change by each."""
     found = []
     for n in strongest(rank, count, summary.significant):
-        step, name = STEPS.get(summary.factor_unit[n], (0.01, "%"))
+        own = summary.factor_unit[n]
+        step, name = (0.01, "%") if own == "1" else STEPS.get(own, (1.0, own))
         change = f"{slope[n] * step:+.3g} {unit}".rstrip()
         found.append(f"{summary.factor[n]} {rank[n]:+.2f} ({change} per {name})")
     return ", ".join(found)

@@ -40,6 +40,7 @@ class CouplingAnalysis(Analysis):
     """
 
     name = "xcouple"
+    fills_file = True
     arguments = (options.DESIGN,)
     parameters = (
         option(

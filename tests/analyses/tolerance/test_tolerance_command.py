@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import tomllib
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
 import pytest
 
+from suspension_cli.analyses.tolerance import report
 from suspension_cli.analyses.tolerance.statistics import QUANTILES
 from suspension_cli.equilibrium import solve as equilibrium
 from tests.support.commandline import assert_refused, edited, run, strict_json, written
@@ -345,3 +347,14 @@ def test_models_that_random_builds_do_not_have(tmp_path):
         '--fidelity = "violin": cannot compute these results of imperfect builds; take auto,'
         " string or beam"
     )
+
+
+@pytest.mark.parametrize(
+    ("unit", "change"),
+    [("1", "+0.02 Hz per %"), ("m", "+0.002 Hz per mm"), ("kg", "+2 Hz per kg")],
+)
+def test_changes_are_per_step_of_the_unit(unit, change):
+    """A factor by one per cent; a number of another unit never by 0.01 of it, called a per cent."""
+    summary = SimpleNamespace(factor=("test n",), factor_unit=(unit,), significant=0.1)
+    found = report._causes(summary, np.array([1.0]), np.array([2.0]), "Hz", 1)  # pyright: ignore
+    assert found == f"test n +1.00 ({change})"

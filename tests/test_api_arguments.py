@@ -1,0 +1,109 @@
+"""Arguments of the public API: values of unusual kinds are taken, wrong ones are clear errors."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import suspension_cli as sus
+
+SINGLE = sus.template("single")
+MODES = sus.modes(SINGLE, model="string")
+DEPTH = "stage.test.wires.d"
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: sus.modes(None), r"design = None: is no design; give one of sus\.read"),
+        (lambda: sus.response(MODES), r"design = .*: is no design; give the attribute source"),
+        (lambda: sus.modes(MODES.design), r"design = .*: is no design"),
+        (lambda: sus.check(None), r"design = None: is no design"),
+        (lambda: sus.info(None), r"design = None: is no design"),
+        (lambda: sus.draw(None), r"design = None: is no design"),
+        (lambda: sus.report(None, "x.html"), r"design = None: is no design"),
+        (lambda: sus.compare(SINGLE, None), r"items = None: cannot be compared"),
+        (lambda: sus.animate(SINGLE, 1, "x.gif"), r"result = .*: is no result"),
+        (lambda: sus.animate(MODES, "all", "x.gif"), r'mode = "all": names several modes'),
+        (lambda: sus.animate(MODES, "1,2", "x.gif"), r'mode = "1,2": names several modes'),
+        (lambda: sus.modes(SINGLE, model=None), r"model = None: is not one of 'auto'"),
+        (lambda: sus.modes(SINGLE, tolerance=None), r"tolerance = None: must be a number"),
+        (lambda: sus.modes(SINGLE, tolerance=[0.1]), r"tolerance = \[0\.1\]: must be a number"),
+        (lambda: sus.modes(SINGLE, max_frequency="x"), r'max_frequency = "x": must be a number'),
+        (lambda: sus.modes(SINGLE, every=None), r"every = None: must be True or False"),
+        (lambda: sus.tradeoff(SINGLE, repeat=2.5), r"repeat = 2\.5: must be a whole number"),
+        (lambda: sus.xcouple(SINGLE, wire=1), r"wire = 1: must be a text"),
+        (lambda: sus.xcouple(SINGLE, folder=3), r"folder = 3: must be a path"),
+        (lambda: sus.xcouple(SINGLE, sweep=["k"]), r"sweep = \['k'\]: must be a dictionary"),
+        (lambda: sus.xcouple(SINGLE, sweep={"k": []}), r"sweep k: is empty"),
+        (lambda: sus.sweep(SINGLE, vary=f"{DEPTH}=1"), r'vary = "stage.*": must be a dictionary'),
+        (lambda: sus.sweep(SINGLE, vary={DEPTH: ["a"]}), r"vary stage\.test\.wires\.d = \['a'\]"),
+        (lambda: sus.response(SINGLE, inputs=None), r"inputs = None: must be texts"),
+        (lambda: sus.response(SINGLE, frequency=None), r"frequency = None: must be real numbers"),
+        (lambda: sus.response(SINGLE, frequency=[]), r"frequency: is empty"),
+        (lambda: sus.response(SINGLE, frequency=[1 + 1j]), r"frequency = \[\(1\+1j\)\]: must be"),
+        (lambda: sus.fit(SINGLE, "x.toml"), r"measured = .*: must be a path"),
+        (lambda: sus.optimise(SINGLE, None), r"goals = None: must be a path"),
+        (lambda: sus.read(None), r"file = None: must be a path"),
+        (lambda: sus.read("x.toml", overrides=2.0), r"overrides = 2\.0: must be texts"),
+        (lambda: sus.load(SINGLE), r"file = <Design single: test>: must be a path"),
+        (lambda: sus.parse(b"x"), r"text = .*: must be a text; give TOML"),
+        (lambda: sus.template(3), r"kind = 3: must be a text; give one of single"),
+        (lambda: sus.example(None), r"name = None: must be a text"),
+        (lambda: MODES.save(None), r"path = None: must be a path"),
+        (lambda: SINGLE.replace([]), r"changes = \[\]: must be a dictionary"),
+        (lambda: SINGLE.replace({3: 1}), r"changes = 3: is no path"),
+        (lambda: SINGLE.replace({DEPTH: {1: 1}}), r"stage\.test\.wires\.d = \{1\}: must be a"),
+    ],
+)
+def test_wrong_arguments_are_input_errors(call, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(sus.InputError, match=f"^{message}") as caught:
+        call()
+    assert "\n" not in str(caught.value) and not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "frequency",
+    [
+        (n for n in (1, 2)),
+        range(1, 3),
+        (1, 2.0),
+        np.array([[1], [2]]),
+        np.array([1, 2], dtype=np.float32),
+        ["1", "2"],
+        "1,2",
+    ],
+)
+def test_grids_are_taken_in_any_form(frequency):
+    found = sus.response(SINGLE, frequency=frequency, model="string")
+    assert found.frequency.tolist() == [1.0, 2.0]
+
+
+def test_numbers_and_flags_are_taken_in_any_form():
+    coupling = {"k": np.float64(1.1)}
+    found = sus.xcouple(SINGLE, sweep=coupling, workers=np.int64(1), chunk=64.0, model="string")
+    assert found.ratio.shape == (1, 1)
+    assert sus.modes(SINGLE, every=1, tolerance="1e-3").model == sus.modes(SINGLE).model
+    found = sus.sweep(SINGLE, vary={DEPTH: [1e-3]}, result=1, model="string")
+    assert len(found.result) == 1
+
+
+def test_arrays_of_xarray_replace_numbers_of_designs():
+    frequency = MODES.to_xarray().frequency
+    changed = SINGLE.replace({DEPTH: frequency[0] * 1e-3})
+    assert changed.stage[0].wires.d == float(MODES.frequency[0]) * 1e-3
+
+
+def test_designs_are_keys_of_dictionaries():
+    other = SINGLE.replace({DEPTH: 0.002})
+    assert {SINGLE: 1, other: 2}[sus.template("single")] == 1
+
+
+def test_paths_stand_for_designs_in_every_function(tmp_path):
+    path = tmp_path / "single.toml"
+    path.write_text(SINGLE.text)
+    assert sus.check(path).name == sus.info(str(path)).name == "single"
+    assert isinstance(sus.report(path, tmp_path / "x.html", sections="numbers"), Path)
