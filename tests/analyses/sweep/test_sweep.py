@@ -246,7 +246,7 @@ def test_unstable_and_impossible_points_are_findings(tmp_path):
         tmp_path,
     )
     assert result.exit_code == 0
-    assert "points: the equilibrium is unstable" in result.stderr
+    assert "points have no result: the equilibrium is unstable" in result.stderr
     answer = strict_json(result.stdout)
     yaw, tilt, pushed = (
         values(answer, name) for name in ("test yaw", "test longitudinal", "test.x/support.x:5")
