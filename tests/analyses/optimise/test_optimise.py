@@ -130,7 +130,7 @@ def test_nothing_that_is_known_is_a_fault():
     with pytest.raises(
         InputError,
         match=(
-            r"no goal refers to a quantity that is known for this design; give"
+            r"no goal names a quantity that is known for this design; give"
             r" stage.test.wires.radius"
         ),
     ):

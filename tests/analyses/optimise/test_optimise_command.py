@@ -250,7 +250,7 @@ def test_an_unstable_start_has_no_frequency(tmp_path):
         *("--set", f"{WIRES}.s=0.001"),
     )
     assert result.exit_code == 0, result.stderr
-    assert ", was none (+0.00 %, active)" in result.stdout and "nan" not in result.stdout
+    assert ", was none (margin +0.00 %, active)" in result.stdout and "nan" not in result.stdout
 
 
 def test_a_value_to_equal_is_drawn(tmp_path):
@@ -394,11 +394,11 @@ BAD = {
     "a design": ({"stage": []}, "is a design, not a file of goals"),
     "no such number": (
         {"goal": [BAND], "free": [LENGTH | {"name": f"{WIRES}.q"}]},
-        f'free.1.name = "{WIRES}.q": is no number',
+        f'free.1.name = "{WIRES}.q": the design gives no such number',
     ),
     "no such term": (
         {"goal": [BAND], "free": [LENGTH], "equal": [{"name": f"{WIRES}.s", "terms": {"q": 1.0}}]},
-        'equal.1.terms = "q": is no number',
+        'equal.1.terms = "q": the design gives no such number',
     ),
     "starts outside": (
         {"goal": [BAND], "free": [LENGTH | {"lower": 0.5}]},

@@ -220,8 +220,8 @@ def test_an_unstable_design_must_be_requested(file, out):
     ("d", "section", "way"),
     [
         (-0.0008, True, "take --fidelity beam"),
-        (-0.005, True, "make it stable"),
-        (-0.0008, False, "make it stable"),
+        (-0.005, True, "attach the wires higher above the COM"),
+        (-0.0008, False, "attach the wires higher above the COM"),
     ],
 )
 def test_refusal_names_the_beam_model_where_bending_restrains(tmp_path, out, d, section, way):
