@@ -424,6 +424,8 @@ def _join_rod(
     tanc = 1.0 + 0.0j if angle == 0 else np.tan(angle) / angle
     even, odd = -2 * rigidity * kappa2 * h * tanc, 2 * rigidity / h / tanc
     below, end = (odd - even) / 4, even / 2
+    if below == 0:  # no wave reaches the other end
+        below = EPS * (abs(odd) + abs(even)) + 0.0j
     if first:
         springs[0], springs[1], springs[2] = below, end, end
         return

@@ -11,6 +11,7 @@ import h5py
 import numpy as np
 import pytest
 
+import suspension_cli as sus
 from suspension_cli.analyses import settings, sweeping
 from suspension_cli.analyses.xcouple import file as files
 from suspension_cli.equilibrium import solve as equilibrium
@@ -412,3 +413,9 @@ def test_the_answer_is_that_of_the_design_with_overrides(tmp_path):
     assert answer["ratio_real"] == swept["ratio_real"][0]
     assert answer["ratio_real"] != xcouple(FILE, tmp_path, "--sweep", "k=1.1")["ratio_real"]
     assert question(FIGURE_6).wire == 0
+
+
+def test_a_frequency_at_which_waves_die_out_along_wires():
+    """At 1 GHz losses damp a wave of stretching before it reaches the other end of a wire."""
+    found = sus.xcouple(sus.template("single"), frequency=[1e9])
+    assert np.isfinite(found.ratio).all()
