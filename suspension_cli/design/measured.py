@@ -315,7 +315,7 @@ def _check_transfer_functions(measured: Measured) -> Iterator[Fault]:
             name, known = getattr(one, key), [item.name for item in among]
             if "." not in name and name not in known:
                 remedy = f"give a signal such as {example}"
-                remedy = f"{faults.suggest(name, known)}; or {remedy}" if known else remedy
+                remedy = f"{remedy}; {faults.suggest(name, known)}" if known else remedy
                 problem = f"is neither a signal nor the name of a [[{kind}]]"
                 yield fault_of(one, path, key, problem, remedy)
         if one.gain == 0:

@@ -153,19 +153,18 @@ def _start(
         ]
         given = {table.get(item.name, item.prior) for table, _ in mine}
         found.append(next(iter(given)) if item.start is None else item.start)
-        problem = remedy = ""
+        problem, remedy = "", "give a start"
         if item.start is None and None in given:
             table, name = next((table, name) for table, name in mine if item.name not in table)
             problem = f"the design{f' of {name}' if name else ''} gives no such number"
             if any(item.name in other for other, _ in mine):
-                remedy = "list only experiments whose designs give it, or "
+                remedy = "give a start, or list only experiments whose designs give it"
             else:
-                remedy = suggest(item.name, list(table)) + " or "
+                remedy = f"give a start; {suggest(item.name, list(table))}"
         elif item.start is None and len(given) > 1:
             problem = "has different values in the designs that share it"
         if problem:
-            key, remedy = f"parameter.{n}.name", f"{remedy}give a start"
-            bad.append(Fault(key, problem, remedy, format_value(item.name)))
+            bad.append(Fault(f"parameter.{n}.name", problem, remedy, format_value(item.name)))
     if bad:
         raise InputError(bad)
     return np.array(found, dtype=float)

@@ -54,7 +54,7 @@ class FreeDesign:
         for n, item in enumerate(goals.free, 1):
             value = item.start if item.start is not None else known.get(item.name)
             if item.name not in known:
-                remedy = suggest(item.name, list(known)) + " or add it to the design (--set)"
+                remedy = f"add it to the design (--set); {suggest(item.name, list(known))}"
                 faults.append(
                     Fault(
                         f"free.{n}.name",
