@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.system import LinearSystem
-    from suspension_cli.scene.scene import Scene
 
     Numbers = complex | Inexact[np.ndarray, "*batch"]
     """A number of a closed formula: real, complex, or an array of many designs."""
@@ -90,15 +89,9 @@ class Model(ABC):
         """
         return surrounded(self.suspension(design), design)
 
-    def refined(
-        self, design: Design, built: Mapping[str, LinearSystem], scene: Scene
-    ) -> LinearSystem:
-        """`system`, from the systems `built` of simpler models, by name, where that saves time.
-
-        The `scene` is the design's, with `fibres` where wires have all properties that bending
-        needs.
-        """
-        del built, scene
+    def refined(self, design: Design, built: Mapping[str, LinearSystem]) -> LinearSystem:
+        """`system`, from the systems `built` of simpler models, by name, where that saves time."""
+        del built
         return self.system(design)
 
     def approximated_stages(self, design: Design) -> tuple[str, ...]:

@@ -82,12 +82,16 @@ class Choice:
     reason
         Why, then (after a semicolon) what is neglected, for the user.
     error
-        Estimated relative error of the quantity of interest; NaN if none was estimated.
+        Relative error of the result, computed at a few points; NaN if unknown.
+    physics, what
+        What the model neglects, and the result that changes most with it; "" if none.
     """
 
     level: str
     reason: str
     error: float = math.nan
+    physics: str = ""
+    what: str = ""
 
     @property
     def model(self) -> Model:
@@ -128,17 +132,13 @@ def scene_model(name: str) -> SceneModel:
     return _scene_models()[name]
 
 
-def cheapest_with(physics: str) -> Model:
-    """The cheapest general model that ``auto`` may take with some physics (of `Model.omits`)."""
+def most_complete(design: Design, *, massless: bool = False) -> Model:
+    """The most complete model that is valid for a design, of all or of those without wire mass."""
     return next(
-        m for m in _models() if m.supports_builds and m.automatic and physics not in m.omits
+        model
+        for model in reversed(_models())
+        if not (massless and model.has_wire_mass) and not model.unsuitable(design)
     )
-
-
-def before(model: Model) -> Model:
-    """The next cheaper model that ``auto`` may take."""
-    models = _models()
-    return next(m for m in reversed(models[: models.index(model)]) if m.automatic)
 
 
 def adds(refined: Model, simple: Model) -> str:
@@ -149,8 +149,7 @@ def adds(refined: Model, simple: Model) -> str:
 def choose(design: Design, wanted: str = AUTO) -> Choice:
     """The simplest model that is valid for a design, or the one `wanted` (of `LEVELS`).
 
-    ``auto`` looks only at the structure of the design; `auto.decide` also at the quantity of
-    interest.
+    ``auto`` looks only at the structure of the design; `choice.choose` also at the result.
 
     Raises `InputError` if the requested model is not valid for the design.
     """

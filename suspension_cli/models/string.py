@@ -6,7 +6,7 @@ Every matrix is summed from closed-form contributions of the elements and is exa
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -27,7 +27,6 @@ from suspension_cli.linear.system import Ground, LinearSystem
 from suspension_cli.models.base import BENDING, MASS, Model
 from suspension_cli.models.batch_terms import LossBatchTerm, with_ground_terms
 from suspension_cli.models.loss_terms import spring_terms
-from suspension_cli.models.surroundings import surrounded
 from suspension_cli.scene.arrays import inner_axes
 from suspension_cli.scene.pose import Layout, Pose, layout, rigid_motion
 from suspension_cli.scene.scene import Scene, Springs
@@ -317,13 +316,6 @@ class SceneModel(Model):
     def suspension(self, design: Design) -> LinearSystem:
         """The linear model on a rigid support."""
         return self.of_scene(self.completed(expand(design), design), design)
-
-    def refined(
-        self, design: Design, built: Mapping[str, LinearSystem], scene: Scene
-    ) -> LinearSystem:
-        """The system, from the scene of the design."""
-        del built
-        return surrounded(self.of_scene(self.completed(scene, design), design), design)
 
     @abstractmethod
     def of_scene(self, scene: Scene, design: Design) -> LinearSystem:

@@ -13,7 +13,6 @@ from suspension_cli.design.schema import Design
 from suspension_cli.linear.frequency_terms import WireTerm
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models.beam import BEAM, Beam
-from suspension_cli.scene.scene import Scene
 
 
 class Violin(Beam):
@@ -25,13 +24,11 @@ class Violin(Beam):
     cost = 20.0
     supports_derivatives = False
 
-    def refined(
-        self, design: Design, built: Mapping[str, LinearSystem], scene: Scene
-    ) -> LinearSystem:
+    def refined(self, design: Design, built: Mapping[str, LinearSystem]) -> LinearSystem:
         """The system, from that of the beam model if that is `built`."""
         same = self.same_equilibrium(design)
         simpler = None if same is None else built.get(same.name)
-        return super().refined(design, built, scene) if simpler is None else with_wire_mass(simpler)
+        return super().refined(design, built) if simpler is None else with_wire_mass(simpler)
 
     def same_equilibrium(self, design: Design) -> Beam | None:
         """The beam model; None if wires have weight, as it then has their inertia too."""

@@ -11,7 +11,7 @@ from suspension_cli.design.path_units import displayed_unit
 from suspension_cli.errors import Fault, InputError
 
 if TYPE_CHECKING:
-    from jaxtyping import Float, Int
+    from jaxtyping import Float
 
 
 @dataclass(frozen=True)
@@ -69,16 +69,6 @@ def ends_and_middle(axes: tuple[Axis, ...]) -> tuple[Axis, ...]:
         Axis(axis.name, tuple(axis.values[i] for i in chosen))
         for axis, chosen in zip(axes, _chosen(axes), strict=True)
     )
-
-
-def ends_and_middle_points(axes: tuple[Axis, ...]) -> Int[np.ndarray, " point"]:
-    """Find the numbers of the points of `ends_and_middle` in the product of the axes.
-
-    >>> ends_and_middle_points((Axis("k", (1.0, 2.0)), Axis("d", (1.0, 2.0, 3.0, 4.0)))).tolist()
-    [0, 2, 3, 4, 6, 7]
-    """
-    shape = [len(axis.values) for axis in axes]
-    return np.ravel_multi_index(np.ix_(*_chosen(axes)), shape).ravel()
 
 
 def _chosen(axes: tuple[Axis, ...]) -> list[list[int]]:

@@ -19,7 +19,7 @@ from suspension_cli.linear.signals import Signal, linear_form
 from suspension_cli.linear.symmetry import is_mirror_symmetric
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
-from suspension_cli.models.batch_terms import BatchTerm, WireBatchTerm
+from suspension_cli.models.batch_terms import BatchTerm
 from suspension_cli.models.surroundings import framed, surrounded
 from suspension_cli.rotations import rotation_vector
 from suspension_cli.scene.pose import Pose
@@ -148,22 +148,6 @@ def balance(
     wire[status == SLACK] = slack[status == SLACK].argmax(-1) if slack.shape[-1] else -1
     model, mirrors = oriented(model, found), is_mirror_symmetric(scene)
     return Builds(model, status, wire, found.residual, mirrors, terms, scene, found.pose)
-
-
-def restricted(found: Builds, which: Int[np.ndarray, " some"]) -> Builds:
-    """Mark builds other than `which` as failed, so that they are not solved."""
-    status = np.full_like(found.status, IMPOSSIBLE)
-    status[which] = found.status[which]
-    return replace(found, status=status)
-
-
-def with_wire_mass(found: Builds) -> Builds:
-    """Switch on the mass (not the weight) of wires that bend."""
-    terms = (
-        replace(term, massive=True) if isinstance(term, WireBatchTerm) else term
-        for term in found.terms
-    )
-    return replace(found, terms=tuple(terms))
 
 
 def oriented(model: LinearSystem, found: Equilibrium) -> LinearSystem:

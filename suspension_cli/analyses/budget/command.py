@@ -298,14 +298,15 @@ def _model(
     from suspension_cli.analyses import model_choice
     from suspension_cli.analyses.check import warnings
     from suspension_cli.analyses.check.lossless import find_lossless
+    from suspension_cli.analyses.thermal import model as thermal
     from suspension_cli.linear import signals
-    from suspension_cli.models import auto, registry
-    from suspension_cli.models.quantity_of_interest import Transfer
+    from suspension_cli.models import registry
+    from suspension_cli.models.choice import Transfer
 
-    source, setting, model = run.source, run.setting, None
-    wanted, tolerance = setting["fidelity"], setting["tolerance"]
+    source, setting = run.source, run.setting
+    wanted = setting["fidelity"]
     try:
-        choice = auto.for_thermal_noise(source.design, wanted, float(grid[-1]), tolerance)
+        choice, model = thermal.choose(source, wanted, grid, outputs)
         warm = True
     except InputError as error:
         warm = False
@@ -316,8 +317,7 @@ def _model(
             observed = [signals.parse_output(text, known) for text in outputs]
             return Transfer(inputs, observed, grid)
 
-        decision = model_choice.choose(source, wanted, request, tolerance, highest=float(grid[-1]))
-        choice, model = decision.choice, decision.model
+        choice, model = model_choice.choose(source, wanted, request)
         fault = error.faults[0]
         why = (
             f"the {choice.level} model does not know where along a wire its loss acts"

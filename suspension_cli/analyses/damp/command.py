@@ -87,12 +87,11 @@ class DampAnalysis(Analysis):
         from suspension_cli.linear.signals import FORCES
 
         setting = run.setting
-        decision = model_choice.without_wire_mass(
-            run.source, setting["fidelity"], setting["tolerance"]
+        choice, model = model_choice.for_modes(
+            run.source, setting["fidelity"], setting["tolerance"], massless=True
         )
-        choice = decision.choice
         model = model_choice.stable_system(
-            run.source, choice, setting["allow_unstable"], run.log, decision.model, bends=True
+            run.source, choice, setting["allow_unstable"], run.log, model, bends=True
         )
         output = setting["output"] or f"{model.body[-1]}.x"
         body, dof = output.partition("@")[0].rpartition(".")[::2]

@@ -72,12 +72,11 @@ class ExportAnalysis(Analysis):
         from suspension_cli.linear.constant_loss import with_constant_loss
 
         setting = run.setting
-        decision = model_choice.without_wire_mass(
-            run.source, setting["fidelity"], setting["tolerance"]
+        choice, model = model_choice.for_modes(
+            run.source, setting["fidelity"], setting["tolerance"], massless=True
         )
-        choice = decision.choice
         direct = model_choice.stable_system(
-            run.source, choice, setting["allow_unstable"], run.log, decision.model, bends=True
+            run.source, choice, setting["allow_unstable"], run.log, model, bends=True
         )
         model = with_constant_loss(direct)
         lossy = model.lossy is not None

@@ -228,19 +228,15 @@ def _solve(run: Run) -> tuple[Choice, LinearSystem, Modes, Modes]:
     """
     import numpy as np
 
+    from suspension_cli.analyses import model_choice
     from suspension_cli.analyses.modes import damped, wire_modes
     from suspension_cli.linear import eigenmodes
-    from suspension_cli.models import auto, registry
-    from suspension_cli.models.quantity_of_interest import Frequencies
+    from suspension_cli.models import registry
 
-    design, setting = run.design, run.setting
+    setting = run.setting
     highest, level = setting["max_frequency"], setting["fidelity"]
-    if highest is None and level == registry.AUTO:
-        decision = auto.decide(design, lambda _: Frequencies(), setting["tolerance"])
-    else:
-        chosen = registry.choose(design, registry.VIOLIN.name if level == registry.AUTO else level)
-        decision = auto.estimate_error(design, chosen, lambda _: Frequencies())
-    model, choice = decision.model, decision.choice
+    wanted = registry.VIOLIN.name if level == registry.AUTO and highest is not None else level
+    choice, model = model_choice.for_modes(run.source, wanted, setting["tolerance"])
     still = eigenmodes.solve(model)
     if not choice.model.has_wire_mass:
         listed = damped.solve(model, still)

@@ -13,7 +13,7 @@ from suspension_cli.errors import Fault, InputError
 from suspension_cli.linear import response
 from suspension_cli.linear.response import Response
 from suspension_cli.models import registry
-from suspension_cli.models.quantity_of_interest import Transfer
+from suspension_cli.models.choice import Transfer
 
 if TYPE_CHECKING:
     from jaxtyping import Complex
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from suspension_cli.analyses.analysis import Log
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.poles import Poles
-    from suspension_cli.linear.signals import Signal
     from suspension_cli.linear.system import LinearSystem
     from suspension_cli.models.base import Model
     from suspension_cli.scene.arrays import Array
@@ -32,16 +31,6 @@ class ClosedTransfer(Transfer):
     """Responses of outputs to inputs with all loops of a design closed."""
 
     design: Design
-    loops: list[Signal]
-
-    def signals(self) -> list[Signal]:
-        """List the signals whose blocks matter, including sensors and actuators."""
-        return [*super().signals(), *self.loops]
-
-    def is_zero(self, model: LinearSystem) -> bool:
-        """Return False: loops may link any input to any output."""
-        del model
-        return False
 
     def values(
         self, model: LinearSystem, frequency: Array
@@ -56,8 +45,8 @@ def close(request: Transfer, design: Design, model: LinearSystem) -> ClosedTrans
 
     Raises `InputError` if the design has no loops.
     """
-    plant = control.build_plant(design, model)
-    return ClosedTransfer(**vars(request), design=design, loops=[*plant.sensor, *plant.actuator])
+    control.build_plant(design, model)
+    return ClosedTransfer(**vars(request), design=design)
 
 
 def solve(request: ClosedTransfer, model: LinearSystem) -> Response:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.response import Response
     from suspension_cli.linear.system import LinearSystem
-    from suspension_cli.models.quantity_of_interest import Transfer
+    from suspension_cli.models.choice import Transfer
     from suspension_cli.scene.arrays import Array
 
 
@@ -88,8 +88,6 @@ class ResponseAnalysis(Analysis):
 
     def solve(self, run: Run) -> Result:
         """Solve for every input at every frequency."""
-        import numpy as np
-
         from suspension_cli.analyses import model_choice
         from suspension_cli.analyses.check import warnings
         from suspension_cli.analyses.response import closed_loop, peaks
@@ -98,18 +96,10 @@ class ResponseAnalysis(Analysis):
 
         setting, items = run.setting, _measured(run.setting)
         request = partial(_request, setting=setting, items=items, design=run.design)
-        fidelity, unstable = setting["fidelity"], setting["allow_unstable"]
-        decision = model_choice.choose(
-            run.source,
-            fidelity,
-            request,
-            setting["tolerance"],
-            highest=float(np.max(_frequencies(setting, items))),
-        )
-        choice, allowed = decision.choice, unstable or setting["closed_loop"]
-        model = model_choice.stable_system(
-            run.source, choice, allowed, run.log, decision.model, bends=True
-        )
+        unstable = setting["allow_unstable"]
+        choice, model = model_choice.choose(run.source, setting["fidelity"], request)
+        allowed = unstable or setting["closed_loop"]
+        model = model_choice.stable_system(run.source, choice, allowed, run.log, model, bends=True)
         wanted = request(model)
         warnings.warn_of_tables(run.design, wanted.frequency, run.log)
         solve = resonances = closed = None
@@ -281,7 +271,7 @@ def _request(
 ) -> Transfer:
     """Inputs, outputs and frequencies in terms of a model of the design."""
     from suspension_cli.linear import signals
-    from suspension_cli.models.quantity_of_interest import Transfer
+    from suspension_cli.models.choice import Transfer
 
     bodies = (*signals.bodies_with_signals(model),)
     inputs, outputs = setting["inputs"], setting["outputs"]

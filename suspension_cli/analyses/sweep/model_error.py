@@ -16,10 +16,8 @@ from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import body_overlap, pair_by_overlap
 from suspension_cli.linear.named_results import Mode
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.models import auto
 from suspension_cli.models.base import Model
-from suspension_cli.models.quantity_of_interest import Several
-from suspension_cli.models.registry import Choice
+from suspension_cli.models.choice import Several, Systems
 from suspension_cli.studies import builds
 from suspension_cli.studies.axes import ends_and_middle
 from suspension_cli.studies.relative_change import largest_relative_change
@@ -83,7 +81,7 @@ def result_change(job: ParameterSweep) -> Callable[[Model, Model], tuple[float, 
             if modes and not refined.has_wire_mass:
                 changes += _shifts(job.nominal_shape[:, :count], modes, old, new)
         if modes and refined.has_wire_mass:
-            changes += _mass_effects(sample, modes, simple)
+            changes += _mass_effects(sample, modes, simple, refined)
         return max(changes, key=lambda one: one[0], default=(0.0, "the results"))
 
     return change
@@ -131,21 +129,19 @@ def _frequency_change(old: float, new: Float[np.ndarray, " mode"]) -> Float[np.n
 
 
 def _mass_effects(
-    sample: ParameterSweep, modes: tuple[Mode, ...], simple: Model
+    sample: ParameterSweep, modes: tuple[Mode, ...], simple: Model, refined: Model
 ) -> list[tuple[float, str]]:
-    """Estimate the changes of mode frequencies by wire mass, at some points."""
+    """Compute the changes of mode frequencies by wire mass, at some points."""
     base, changes = sample.nominal, []
     for n in np.unique(np.linspace(0, sample.count - 1, min(POINTS, sample.count)).astype(int)):
         here = {name: float(value[0]) for name, value in sample.values(n, n + 1).items()}
         try:
-            decision = auto.estimate_error(
-                overridden(sample.text, here),
-                Choice(simple.name, ""),
-                lambda system: _renumbered(modes, base, system),
+            compare = Systems(overridden(sample.text, here)).compare(
+                lambda system: _renumbered(modes, base, system)
             )
+            changes.append(compare(simple, refined))
         except InputError:  # no equilibrium there
             continue
-        changes.append((decision.choice.error, decision.missed or "the frequencies of modes"))
     return changes
 
 

@@ -128,21 +128,19 @@ def _solved(source: Source, setting: Settings, log: Log) -> tuple[Choice, list[T
     import numpy as np
 
     from suspension_cli.analyses import model_choice
+    from suspension_cli.analyses.thermal import model as thermal_model
     from suspension_cli.analyses.thermal import solve as thermal
-    from suspension_cli.models import auto
 
     frequency = np.array(parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0))
-    decision = auto.decide_for_thermal_noise(
-        source.design, setting["fidelity"], float(frequency.max()), setting["tolerance"]
-    )
-    choice, unstable = decision.choice, setting["allow_unstable"]
-    model = model_choice.stable_system(source, choice, unstable, log, decision.model)
+    outputs = setting["outputs"] or (f"{source.design.stage[-1].name}.x",)
+    choice, model = thermal_model.choose(source, setting["fidelity"], frequency, outputs)
+    model = model_choice.stable_system(source, choice, setting["allow_unstable"], log, model)
     if not setting["arm"] >= 0:
         arm, remedy = format_value(setting["arm"]), "give it in m, e.g. 4000"
         raise InputError([Fault("--arm", "must be a length", remedy, arm)])
     tilt = thermal.compute_arm_tilt(setting["arm"])
     motions = []
-    for text in setting["outputs"] or (f"{model.body[-1]}.x",):
+    for text in outputs:
         motions.append(thermal.parse_motion(model, text, tilt))
         _demand_observable(motions[-1][0], tilt)
     noises = thermal.solve_all(model, frequency, motions, source.design.constants.temperature)

@@ -10,10 +10,8 @@ import numpy as np
 
 from suspension_cli.analyses.tolerance.solve import RandomBuilds
 from suspension_cli.linear.mode_pairing import body_overlap, pair_by_overlap
-from suspension_cli.models import auto, registry
 from suspension_cli.models.base import Model
-from suspension_cli.models.quantity_of_interest import Frequencies
-from suspension_cli.models.registry import Choice
+from suspension_cli.models.choice import Frequencies, Systems
 from suspension_cli.scene.arrays import Array
 from suspension_cli.studies.builds import ColumnValues
 from suspension_cli.studies.relative_change import largest_relative_change, relative_change
@@ -59,6 +57,8 @@ def build_change(job: RandomBuilds) -> Callable[[Model, Model], tuple[float, str
         extremes = _Extremes(*fields, level, job.requirements)
         return extremes, extremes.compute(0, *extremes.shape)
 
+    systems = Systems(job.design)
+
     def change(simple: Model, refined: Model) -> tuple[float, str]:
         (old_job, old), (new_job, new) = solved(simple.name), solved(refined.name)
         if (np.isfinite(old["ratio"]) != np.isfinite(new["ratio"])).any():
@@ -79,12 +79,9 @@ def build_change(job: RandomBuilds) -> Callable[[Model, Model], tuple[float, str
             for n, one in enumerate(job.ratios)
         ]
         if refined.has_wire_mass:
-            decision = auto.estimate_error(
-                job.design, Choice(simple.name, ""), lambda _: Frequencies()
-            )
-            changes.append((decision.choice.error, decision.missed or "the frequencies of modes"))
+            changes.append(Frequencies().change(systems(simple), systems(refined)))
         else:
-            model = registry.by_name(simple.name).system(job.design)
+            model = systems(simple)
             count = 6 * len(model.body)
             mass = model.mass[6 : 6 + count, 6 : 6 + count]
             a, b = old_job.nominal, new_job.nominal

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from suspension_cli.analyses.xcouple.solve import CouplingRequest
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.response import Response
-    from suspension_cli.models.quantity_of_interest import Transfer
+    from suspension_cli.models.choice import Transfer
     from suspension_cli.studies.axes import Axis
 
 DEFAULT_GRID = {"k": "0.6:1.4:41"}
@@ -110,7 +110,7 @@ class CouplingAnalysis(Analysis):
             run.source,
             setting["fidelity"],
             registry.SCENE_MODELS,
-            model_error.coupling_change(job, setting["tolerance"]),
+            model_error.coupling_change(job),
             setting["tolerance"],
         )
         model_choice.stable_system(run.source, choice, unstable, run.log, bends=True)
@@ -209,26 +209,15 @@ class MatrixAnalysis(Analysis):
 
         setting = run.setting
         motions, observed = _all_motions(known, requested, setting)
-        decision = model_choice.choose(
-            run.source,
-            setting["fidelity"],
-            lambda _: motions,
-            setting["tolerance"],
-            highest=max(requested.frequency),
-        )
+        choice, model = model_choice.choose(run.source, setting["fidelity"], lambda _: motions)
         model = model_choice.stable_system(
-            run.source,
-            decision.choice,
-            setting["allow_unstable"],
-            run.log,
-            decision.model,
-            bends=True,
+            run.source, choice, setting["allow_unstable"], run.log, model, bends=True
         )
         found = response.solve(
             model, np.array(requested.frequency), motions.inputs, motions.outputs
         )
         extra = {"observed": observed}
-        return Result(self, run.source, decision.choice, found, extra, command=run.command)
+        return Result(self, run.source, choice, found, extra, command=run.command)
 
     def document(self, result: Result) -> Document:
         """Return a matrix for each frequency."""
@@ -374,7 +363,7 @@ def _all_motions(
     import numpy as np
 
     from suspension_cli.linear import signals
-    from suspension_cli.models.quantity_of_interest import Transfer
+    from suspension_cli.models.choice import Transfer
 
     body, _, point = (setting["observe"] or question.over.body).partition("@")
     at = f"@{point}" if point else ""

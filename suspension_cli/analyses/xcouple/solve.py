@@ -6,7 +6,7 @@ motion for vertical motion of the support. It is computed on grids of any number
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -77,8 +77,6 @@ class Sweep(Product):
         Imperfections (see `PARAMETERS`) or dotted paths, and their values.
     allow_unstable
         Whether a build with an unstable equilibrium counts as valid.
-    balanced
-        All builds in equilibrium, by the name of the model, if known.
     """
 
     text: str
@@ -86,7 +84,6 @@ class Sweep(Product):
     question: CouplingRequest
     allow_unstable: bool = False
     level: str = registry.STRING.name
-    balanced: dict[str, Builds] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def identity(self) -> str:
@@ -139,8 +136,6 @@ class Sweep(Product):
 
     def compute(self, start: int, stop: int) -> ColumnValues:
         """Compute the `columns` of builds start to stop - 1."""
-        if stop - start == self.count and self.level in self.balanced:
-            return couplings(self.balanced[self.level], self.question)
         values = self.values(start, stop)
         paths = {name: value for name, value in values.items() if name not in PARAMETERS}
         result = {column.name: blank_values(column, stop - start) for column in self.columns}
@@ -161,11 +156,6 @@ class Sweep(Product):
             for name, value in found.items():
                 result[name][here] = value
         return result
-
-    @property
-    def has_one_design(self) -> bool:
-        """Whether only imperfections are swept, no numbers of the design."""
-        return all(axis.name in PARAMETERS for axis in self.axes)
 
     @cached_property
     def design(self) -> Design:

@@ -1,0 +1,385 @@
+"""The model of a result: the cheapest whose error in that result is below a tolerance (``auto``).
+
+The error of a model is computed: the largest relative changes of the result, at a few points, from
+that model to the next more complete one, and so on to the most complete that is valid for the
+design. A caller gives the models that it can use and that are worth comparing: for a response of
+one design the most complete one alone, as the simpler ones cost the same; for modes also the one
+without wire mass; for many designs all.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from suspension_cli.design.schema import Design
+from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.linear import eigenmodes, quality
+from suspension_cli.linear.eigenmodes import Modes
+from suspension_cli.linear.frequency_terms import WireTerm
+from suspension_cli.linear.mode_pairing import body_overlap, pair_by_overlap
+from suspension_cli.linear.named_results import Mode, Ratio, Scalar
+from suspension_cli.linear.signals import Signal
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models import registry
+from suspension_cli.models.base import BLADE_TIPS, Model
+from suspension_cli.models.registry import AUTO, Choice
+from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float, Int
+
+    Comparison = Callable[[Model, Model], tuple[float, str]]
+    """The largest relative change of results from a model to a more complete one, and which result
+    changes; if it is infinite or (NaN) unknown, why."""
+
+TOLERANCE = 1e-3
+"""Relative error that `auto` allows by default."""
+SAMPLES = 12
+"""Frequencies at which responses of two models are compared."""
+NEAR = 0.05
+"""Relative distance from a mode within which responses are not compared: a shift of the mode by
+delta changes them there by 2 Q delta."""
+BELOW_VIOLIN = 0.5
+"""Frequency over the first violin mode of a wire up to which its mass counts as a small change."""
+
+
+def choose(
+    design: Design,
+    wanted: str,
+    candidates: Sequence[Model],
+    compare: Comparison,
+    tolerance: float = TOLERANCE,
+) -> Choice:
+    """Choose the cheapest of some models whose error is below a tolerance, or the `wanted` one.
+
+    If none is accurate enough, the most complete candidate is taken. What its error is, and what it
+    neglects, is in the result.
+
+    Parameters
+    ----------
+    wanted
+        ``"auto"`` or the name of a model.
+    candidates
+        From the cheapest to the most complete; those that are not valid are passed over.
+    compare
+        Computes the error of a model against a more complete one.
+
+    Raises `InputError` if the wanted model is not valid for the design.
+    """
+    if wanted == AUTO:
+        usable = [one for one in candidates if one.automatic and not one.unsuitable(design)]
+    else:
+        usable = [registry.choose(design, wanted).model]
+    more = registry.MODELS[registry.MODELS.index(usable[-1]) + 1 :]
+    chain = [*usable, *(one for one in more if one.automatic and not one.unsuitable(design))]
+    # from the most complete model down: one that is too inaccurate rules out all simpler ones
+    steps: list[_Step] = []
+    number, rejected = len(usable) - 1, None
+    for n in reversed(range(len(chain) - 1)):
+        step = _Step.between(chain[n], chain[n + 1], design, compare)
+        if n < number and not _error([step, *steps]) <= tolerance:
+            rejected = step
+            break
+        steps.insert(0, step)
+        number = min(n, number)
+    error, steps = _error(steps), [step for step in steps if step.physics]
+    if wanted != AUTO:
+        reason, limit = registry.choose(design, wanted).reason, ""
+    else:
+        missed = " not met by any model of this analysis" if error > tolerance else ""
+        reason = _reason(steps, rejected, enough=error <= tolerance)
+        limit = f" (tolerance {100 * tolerance:g} %{missed})"
+    clauses = [reason, *_neglected(steps, limit)]
+    if chain[-1].omits:
+        why = registry.MOST_COMPLETE.unsuitable(design)
+        clauses.append(f"unknown: {' and '.join(chain[-1].omits)}, as {why}")
+        error = math.nan
+    worst = max(steps, key=lambda step: step.change, default=_Step("", 0.0, ""))
+    return Choice(chain[number].name, "; ".join(clauses), error, worst.physics, worst.what)
+
+
+def _neglected(steps: list[_Step], limit: str) -> list[str]:
+    """List the neglected physics with the size of its effect, and that of unknown effect."""
+    known = [step.text for step in steps if not math.isnan(step.change)]
+    unknown = [f"unknown: {one.physics}, as {one.what}" for one in steps if math.isnan(one.change)]
+    return [*([f"neglected: {', and '.join(known)}{limit}"] if known else []), *unknown]
+
+
+@dataclass(frozen=True)
+class _Step:
+    """From one model to the next more complete one: added physics and change of the results."""
+
+    physics: str
+    change: float
+    what: str
+
+    @classmethod
+    def between(cls, simple: Model, refined: Model, design: Design, compare: Comparison) -> _Step:
+        """Compute the step between two models; both are the same for some designs."""
+        physics = registry.adds(refined, simple)
+        approximates = bool(simple.approximated_stages(design))
+        if not approximates and set(physics.split(" and ")) <= {"", BLADE_TIPS}:
+            return cls("", 0.0, "")
+        try:
+            change, what = compare(simple, refined)
+        except InputError:
+            change, what = math.inf, f"the {refined.name} model has no equilibrium"
+        return cls(physics, change, what)
+
+    @property
+    def text(self) -> str:
+        """The physics with the size of its effect."""
+        size = f", {percent(self.change)}" if math.isfinite(self.change) else f" ({self.what})"
+        return self.physics + size
+
+
+def _error(steps: list[_Step]) -> float:
+    """Sum of the changes by all neglected physics."""
+    return math.fsum(step.change for step in steps)
+
+
+def _reason(neglected: list[_Step], rejected: _Step | None, *, enough: bool) -> str:
+    """Why `auto` takes a model."""
+    if rejected is not None:
+        if not math.isfinite(rejected.change):
+            return f"{rejected.physics}: {rejected.what}"
+        return f"{rejected.physics} changes {rejected.what} by up to {percent(rejected.change)}"
+    if not neglected:
+        return "the most complete"
+    return "accurate enough" if enough else "the most complete that this analysis can use"
+
+
+def percent(value: float) -> str:
+    """A relative change in per cent, to two digits: "0.012 %"; rounding errors are "0 %"."""
+    return f"{0 if value < 1e-15 else float(f'{100 * value:.2g}'):g} %"
+
+
+def demand_one_of(wanted: str, models: Sequence[Model], problem: str) -> None:
+    """Raise `InputError` with a problem of the wanted model unless it is ``auto`` or of `models`."""
+    names = [model.name for model in models]
+    if wanted not in (AUTO, *names):
+        remedy = f"take {', '.join((AUTO, *names[:-1]))} or {names[-1]}"
+        raise InputError([Fault("--fidelity", problem, remedy, format_value(wanted))])
+
+
+class Systems:
+    """Linear systems of one design in several models, each built once.
+
+    >>> Systems(design)(registry.BEAM)  # doctest: +SKIP
+    """
+
+    def __init__(self, design: Design) -> None:
+        self.design = design
+        self._built: dict[str, LinearSystem] = {}
+
+    def __call__(self, model: Model) -> LinearSystem:
+        """Return the linear system of a model."""
+        if model.name not in self._built:
+            self._built[model.name] = model.refined(self.design, self._built)
+        return self._built[model.name]
+
+    def compare(self, request: Callable[[LinearSystem], Results]) -> Comparison:
+        """Return the comparison of results that are requested from any system of this design."""
+        return lambda simple, refined: request(self(simple)).change(self(simple), self(refined))
+
+
+class Results(Protocol):
+    """Results of a design, whose error decides on the model."""
+
+    def change(self, simple: LinearSystem, refined: LinearSystem) -> tuple[float, str]:
+        """Compute their largest relative change from one model to another, and which changes."""
+        ...
+
+
+@dataclass(frozen=True)
+class Frequencies:
+    """The frequencies of all modes of the bodies."""
+
+    def change(self, simple: LinearSystem, refined: LinearSystem) -> tuple[float, str]:
+        """Compute the change of the mode that changes most; modes are paired by their shapes."""
+        modes, changes = shifts(simple, refined)
+        most = int(np.argmax(changes))
+        return _described(float(changes[most]), modes.label[most], refined)
+
+
+@dataclass(frozen=True)
+class Transfer:
+    """Responses of outputs to inputs at frequencies (f,) in Hz."""
+
+    inputs: list[Signal]
+    outputs: list[Signal]
+    frequency: Array
+
+    def values(
+        self, model: LinearSystem, frequency: Array
+    ) -> Complex[np.ndarray, "frequency output input"]:
+        """Solve for the responses at frequencies in Hz."""
+        from suspension_cli.linear import response
+
+        return response.solve(model, frequency, self.inputs, self.outputs).value
+
+    def change(self, simple: LinearSystem, refined: LinearSystem) -> tuple[float, str]:
+        """Compute the largest change at sampled frequencies away from all modes."""
+        chosen = away_from_modes(self.frequency, simple, refined)
+        old, new = (self.values(model, chosen) for model in (simple, refined))
+        changes = spectrum_change(old, new)
+        _, o, i = np.unravel_index(int(np.argmax(changes)), changes.shape)
+        return float(changes.max()), f"{self.outputs[int(o)].text}/{self.inputs[int(i)].text}"
+
+
+@dataclass(frozen=True)
+class Several:
+    """Several scalar results (`linear.named_results`); the one that changes most decides.
+
+    Attributes
+    ----------
+    modes
+        To which mode numbers refer.
+    """
+
+    scalars: tuple[Scalar, ...]
+    modes: Modes
+
+    def change(self, simple: LinearSystem, refined: LinearSystem) -> tuple[float, str]:
+        """Compute the change of the scalar that changes most; modes are paired by their shapes."""
+        modes, changes = shifts(simple, refined)
+        here = _pairs(self.modes, modes, refined)
+        return max(
+            _described(float(changes[here[item.number]]), item.text, refined)
+            if isinstance(item, Mode)
+            else (_resized(item, simple, refined), item.text)
+            for item in self.scalars
+        )
+
+
+def away_from_modes(
+    frequency: Float[np.ndarray, " frequency"], *models: LinearSystem
+) -> Float[np.ndarray, " sample"]:
+    """Select a few frequencies (Hz), if possible away from the bodies' modes in all models."""
+    known = np.concatenate([eigenmodes.solve(model.constant).frequency for model in models])
+    known = known[np.isfinite(known) & (known > 0)]
+    grid = np.asarray(frequency, dtype=float)
+    away = grid[(np.abs(grid[:, None] / known - 1) > NEAR).all(1)]
+    if not len(away):
+        away = grid
+    return np.unique(away[np.linspace(0, len(away) - 1, min(SAMPLES, len(away))).astype(int)])
+
+
+def spectrum_change(
+    old: Complex[np.ndarray, "frequency ..."], new: Complex[np.ndarray, "frequency ..."]
+) -> Float[np.ndarray, "frequency ..."]:
+    """Relative change of spectra; infinite where one is 0 and the other is not.
+
+    Next to a zero of a response its relative change is large but irrelevant, so it is taken
+    relative to a smoothed magnitude.
+    """
+    size = np.maximum(np.abs(new), 0.1 * _smooth(np.abs(new)))
+    return np.where(
+        size > 0,
+        np.abs(old - new) / np.where(size > 0, size, 1.0),
+        np.where(old == new, 0.0, np.inf),
+    )
+
+
+def shifts(simple: LinearSystem, refined: LinearSystem) -> tuple[Modes, Float[np.ndarray, " mode"]]:
+    """Compute the relative changes of the bodies' modes, and the modes of the refined model.
+
+    The modes are those without wire mass; modes are paired by their shapes. Infinite where a mode
+    becomes stable, or wire mass is not a small change.
+    """
+    new = eigenmodes.solve(refined.constant)
+    changes = np.zeros(len(new.omega_squared))
+    if simple.stiffness is not refined.stiffness:
+        old = eigenmodes.solve(simple.constant)
+        a, b = old.omega_squared[_pairs(new, old, refined)], new.omega_squared
+        changes = np.where(b > 0, np.abs(np.sqrt(np.abs(a) / np.where(b > 0, b, 1.0)) - 1), 0.0)
+        if old.stable != new.stable:
+            changes[0] = np.inf
+    if _has_wire_mass(refined) and not _has_wire_mass(simple):
+        changes = changes + _shifts_by_wire_mass(new, refined)
+    return new, changes
+
+
+def _shifts_by_wire_mass(found: Modes, model: LinearSystem) -> Float[np.ndarray, " mode"]:
+    """Relative change of each frequency by the mass of wires, by Rayleigh's quotient.
+
+    With the dynamic stiffness Z(omega) of the wires with mass, and Z_0 without, the mode x changes
+    by x^T (Z - Z_0) x / (2 omega^2 x^T M x), where x^T M x = 1. Infinite from half the first violin
+    mode on.
+    """
+    good = found.omega_squared > 0
+    omega = np.sqrt(found.omega_squared[good])
+    shapes = np.linalg.solve(model.basis, np.pad(found.shape[good], ((0, 0), (6, 0))).T)
+    change = np.zeros(len(omega))
+    for strand, ends in quality.end_motions(model, shapes.T):
+        there = replace(strand, lossy=False).at(omega)
+        for part, moved in ends.items():
+            added = there.stiffness(part) - strand.resting(part)
+            change += np.einsum("iwm,ijm,jwm->m", moved, added, moved)
+    result = np.zeros(len(good))
+    result[good] = np.where(
+        omega < BELOW_VIOLIN * 2 * np.pi * first_violin(model),
+        np.abs(change) / (2 * omega**2),
+        np.inf,
+    )
+    return result
+
+
+def first_violin(model: LinearSystem) -> float:
+    """Lowest first violin mode, Hz, of all wires as strings: sqrt(T / (m l)) / 2."""
+    result = math.inf
+    for term in model.terms:
+        if isinstance(term, WireTerm):
+            sections = term.strand.fibre.sections
+            mass, length = sum(s.mass * s.length for s in sections), sum(s.length for s in sections)
+            result = min(result, math.sqrt(float(term.strand.tension) / (mass * length)) / 2)
+    return result
+
+
+def _resized(item: Ratio, simple: LinearSystem, refined: LinearSystem) -> float:
+    """Relative change of the magnitude of a response, or of the ratio of two."""
+    from suspension_cli.linear import response
+
+    outputs = [item.over] if item.under is None else [item.over, item.under]
+    sizes = []
+    for model in (simple, refined):
+        size = np.abs(
+            response.solve(model, np.array([item.frequency]), [item.input], outputs).value[0, :, 0]
+        )
+        sizes.append(size[0] if item.under is None else size[0] / size[1] if size[1] else 0.0)
+    old, new = sizes
+    return abs(float(old / new) - 1) if new else 0.0 if old == 0 else math.inf
+
+
+def _described(change: float, label: str, refined: LinearSystem) -> tuple[float, str]:
+    """Return the change of a mode with its label, or if it is infinite the reason."""
+    if np.isfinite(change):
+        return change, label
+    if _has_wire_mass(refined):
+        return change, f"{label} is near or above the first violin mode"
+    return change, f"it decides whether {label} is stable"
+
+
+def _has_wire_mass(model: LinearSystem) -> bool:
+    return any(isinstance(term, WireTerm) and term.strand.massive for term in model.terms)
+
+
+def _pairs(rows: Modes, columns: Modes, model: LinearSystem) -> Int[np.ndarray, " mode"]:
+    """Mode of one model that each mode of another is paired with by its shape."""
+    count = 6 * len(model.body)
+    mass = model.mass[6 : 6 + count, 6 : 6 + count]
+    return pair_by_overlap(body_overlap(rows.shape, columns.shape, mass))
+
+
+def _smooth(
+    size: Float[np.ndarray, "frequency ..."],
+) -> Float[np.ndarray, "frequency ..."]:
+    """Geometric mean of each size with its neighbours along the first axis."""
+    logs = np.log(np.where(size > 0, size, 1e-300))
+    padded = np.concatenate([logs[:1], logs, logs[-1:]])
+    return np.where(size > 0, np.exp((padded[:-2] + padded[1:-1] + padded[2:]) / 3), 0.0)
