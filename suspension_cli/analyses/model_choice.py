@@ -71,6 +71,17 @@ def for_modes(
     )
 
 
+def demand_one_of(wanted: str, models: Sequence[Model], problem: str) -> None:
+    """Raise `InputError` with a problem of the wanted model unless ``auto`` or of `models`."""
+    from suspension_cli.errors import Fault, InputError, format_value
+    from suspension_cli.models.registry import AUTO
+
+    names = [model.name for model in models]
+    if wanted not in (AUTO, *names):
+        remedy = f"take {', '.join((AUTO, *names[:-1]))} or {names[-1]}"
+        raise InputError([Fault("--fidelity", problem, remedy, format_value(wanted))])
+
+
 def for_builds(
     source: Source,
     wanted: str,
@@ -82,7 +93,7 @@ def for_builds(
 
     Raises `InputError` if the wanted model is not among these, or is not valid for the design.
     """
-    from suspension_cli.models.choice import choose, demand_one_of
+    from suspension_cli.models.choice import choose
 
     demand_one_of(wanted, models, "cannot compute these results of imperfect builds")
     return choose(source.design, wanted, models, change, tolerance)

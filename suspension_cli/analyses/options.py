@@ -12,7 +12,7 @@ import click
 from suspension_cli.models.registry import AUTO, LEVELS
 
 TOLERANCE = 1e-3
-"""Copy of `models.auto.TOLERANCE`."""
+"""Copy of `models.choice.TOLERANCE`."""
 
 
 class Finite(click.FloatRange):

@@ -14,7 +14,7 @@ from suspension_cli.cli.runner import Command
 def command(
     ctx: click.Context, design: str, overrides: tuple[str, ...], as_json: bool, **_: object
 ) -> None:
-    """Estimate the physics that a design needs, and name the model that `auto` takes.
+    """Compute the errors of the models of a design, and name the model that `auto` takes.
 
     Prints both for the modes, one response and its thermal noise. Writes no file.
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from suspension_cli.design.schema import Design
-from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes, quality
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.frequency_terms import WireTerm
@@ -157,14 +157,6 @@ def _reason(neglected: list[_Step], rejected: _Step | None, *, enough: bool) -> 
 def percent(value: float) -> str:
     """A relative change in per cent, to two digits: "0.012 %"; rounding errors are "0 %"."""
     return f"{0 if value < 1e-15 else float(f'{100 * value:.2g}'):g} %"
-
-
-def demand_one_of(wanted: str, models: Sequence[Model], problem: str) -> None:
-    """Raise `InputError` with a problem of the wanted model unless it is ``auto`` or of `models`."""
-    names = [model.name for model in models]
-    if wanted not in (AUTO, *names):
-        remedy = f"take {', '.join((AUTO, *names[:-1]))} or {names[-1]}"
-        raise InputError([Fault("--fidelity", problem, remedy, format_value(wanted))])
 
 
 class Systems:

@@ -22,15 +22,9 @@ if TYPE_CHECKING:
     from suspension_cli.analyses.fit.response_fit import ResponseFit
     from suspension_cli.analyses.fit.solve import Fit
     from suspension_cli.design.measured import Measured
-    from suspension_cli.design.reader import Source
     from suspension_cli.measurements.transfer_function import MeasuredResponse
-    from suspension_cli.models.auto import Decision
     from suspension_cli.models.registry import Choice
     from suspension_cli.scene.arrays import Array
-
-
-REFITS = 2
-"""Most repetitions with a more complete model that the fitted numbers need."""
 
 
 class FitAnalysis(Analysis):
@@ -118,26 +112,12 @@ class FitAnalysis(Analysis):
                 " with priors of usual building errors"
             )
         sources = [one.source for one in runs]
-        wanted, tolerance = run.setting["fidelity"], run.setting["tolerance"]
-        decisions, begin = common_model.choose(wanted, sources, given, tolerance), None
-        refits = 0
-        while True:
-            with attribute_faults_to(file), run.log.progress() as bar:
-                found = _fit(run, decisions[0].choice.level, begin, bar)
-            decisions, needed = _checked(wanted, sources, given, tolerance, found, decisions)
-            if needed is None:
-                break
-            more = common_model.worst(needed)
-            if refits == REFITS:
-                run.log.warn(
-                    f"the fitted numbers need another model; rerun with --fidelity {more.level}"
-                )
-                break
-            run.log.say(f"fitted again, as the fitted numbers need the {more.level} model")
-            decisions, begin, refits = needed, found.value, refits + 1
-        choice = common_model.worst(decisions)
-        for source, decision in zip(sources, decisions, strict=True):
-            model_choice.warn_of_neglected(source, decision, run.log, (registry.BEAM,))
+        choices = common_model.choose(run.setting["fidelity"], sources, given)
+        with attribute_faults_to(file), run.log.progress() as bar:
+            found = _fit(run, choices[0].level, None, bar)
+        choice = common_model.worst(choices)
+        for source, one in zip(sources, choices, strict=True):
+            model_choice.warn_of_neglected(source, one, run.log, (registry.BEAM,))
         stem = Path(file).stem if joint else found.experiment[0]
         data = dataclasses.replace(
             found,
@@ -310,37 +290,6 @@ def _of_measured(
         if fault.value in theirs
     ]
     return InputError(moved, file) if moved else error
-
-
-def _checked(
-    wanted: str,
-    sources: Sequence[Source],
-    measured: Measured,
-    tolerance: float,
-    found: Fit,
-    before: list[Decision],
-) -> tuple[list[Decision], list[Decision] | None]:
-    """Estimate the error of a fit's model with the fitted numbers.
-
-    Returns the decisions for it, and those for a more complete model if one is needed.
-    """
-    from suspension_cli.analyses.fit import common_model
-    from suspension_cli.design import reader
-    from suspension_cli.models.registry import MODELS
-
-    fitted = [
-        reader.Source(reader.parse(text), text, source.file)
-        for text, source in zip(found.design, sources, strict=True)
-    ]
-    try:
-        needed = common_model.choose(wanted, fitted, measured, tolerance)
-        model, other = before[0].choice.model, needed[0].choice.model
-        if other is model:
-            return needed, None
-        kept = common_model.keep([decision.choice for decision in before], fitted, measured)
-        return kept, needed if MODELS.index(other) > MODELS.index(model) else None
-    except InputError:  # a simpler model has no equilibrium here
-        return before, None
 
 
 def _warn(found: Fit, choice: Choice, log: Log) -> None:

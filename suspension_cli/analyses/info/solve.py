@@ -1,9 +1,8 @@
-"""Estimates of how complete a model a design needs, and the models that `auto` takes."""
+"""Errors of the models of a design, and the models that `auto` takes."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,11 +13,8 @@ from suspension_cli.analyses.analysis import Document, Log, Report, Settings, as
 
 if TYPE_CHECKING:
     from suspension_cli.design.reader import Source
-    from suspension_cli.linear.eigenmodes import Modes
     from suspension_cli.linear.system import LinearSystem
-    from suspension_cli.models.auto import Refinement
-    from suspension_cli.models.estimates import Estimates
-    from suspension_cli.models.quantity_of_interest import Transfer
+    from suspension_cli.models.choice import Transfer
     from suspension_cli.models.registry import Choice
 
 
@@ -31,112 +27,76 @@ class Info(Report):
     source : Source
         The design, its TOML text (overrides applied) and the name of its file.
     tolerance : float
-        Relative error that `auto` may leave.
-    estimates : Estimates
-        Changes of every mode by wire bending and wire mass, per stage.
-    modes : Modes
-        Those of the simplest valid model.
+        Relative error that `auto` may leave in frequencies of modes.
+    errors : dict
+        Of every model that is valid and every quantity, the model with its error.
     choices : dict
-        The model of every quantity, its estimated error and why it was chosen.
-    refinements : dict
-        Of every quantity except thermal noise, the refinements that were considered.
+        The model that `auto` takes for every quantity.
+    first_violin : float
+        Lowest first violin mode, Hz; infinite if the design does not tell the mass of wires.
     """
 
     source: Source
     tolerance: float
-    estimates: Estimates
-    modes: Modes
+    errors: dict[str, dict[str, Choice]]
     choices: dict[str, Choice]
-    refinements: dict[str, tuple[Refinement, ...]]
-
-    @property
-    def change(self) -> Document:
-        """Largest relative change of a mode by each refinement of each stage's wires, (s,) each."""
-        from suspension_cli.models.base import BENDING, MASS
-
-        return {BENDING: self.estimates.bending.max(0), MASS: self.estimates.mass.max(0)}
+    first_violin: float
 
     def document(self) -> Document:
         """Return the JSON document that ``pendsus info --json`` prints."""
-        choices = [
-            {
-                "quantity": quantity,
-                "fidelity": choice.level,
-                "estimated_error": as_number(choice.error),
-                "reason": choice.reason,
-                "refinements": [
-                    {
-                        "name": item.name,
-                        "indicator": as_number(item.indicator),
-                        "stage": item.stage,
-                        "change": None if item.change is None else as_number(item.change),
-                        "taken": item.taken,
-                    }
-                    for item in self.refinements.get(quantity, ())
-                ],
-            }
-            for quantity, choice in self.choices.items()
-        ]
-        indicators = [
-            {"stage": stage, "refinement": name, "value": as_number(float(values[n]))}
-            for n, stage in enumerate(self.estimates.stage)
-            for name, values in self.change.items()
-        ]
         return {
             "command": "info",
             "design": self.name,
             "tolerance": self.tolerance,
-            "indicators": indicators,
-            "choices": choices,
+            "first_violin_hz": as_number(self.first_violin),
+            "errors": [
+                {"fidelity": level, "quantity": quantity} | _document(choice)
+                for level, row in self.errors.items()
+                for quantity, choice in row.items()
+            ],
+            "choices": [
+                {"quantity": quantity, "fidelity": choice.level, "reason": choice.reason}
+                | _document(choice)
+                for quantity, choice in self.choices.items()
+            ],
         }
 
     def __str__(self) -> str:
-        stages, change = self.estimates.stage, self.change
-        lines = [self.title, ""]
-        if stages:
-            rows = zip(
-                stages,
-                *(_named(values, "without bound") for values in change.values()),
-                _named(self.estimates.violin, "none"),
-                strict=True,
-            )
-            columns = (
-                {"stage": ""} | dict.fromkeys(change, ".1e") | {"first violin mode\nHz": ".4g"}
-            )
-            lines += [
-                "Estimated largest relative change of a mode's frequency by the bending and the"
-                " mass of each stage's wires:",
-                tables.render(columns, rows),
-            ]
-        else:
-            lines.append("No stage hangs on wires.")
-        if any(np.isinf(values).any() for values in change.values()):
-            from suspension_cli.models import auto
-
-            why = auto.unrestrained_mode(self.modes, unstable=False)
-            why = why or "a mode lies near or above the first violin mode of these wires"
-            lines.append(f"  without bound: {why}")
+        quantities = list(next(iter(self.errors.values())))
+        columns = {"model": ""} | {f"error of\n{name}\n%": ".2g" for name in quantities}
+        rows = [
+            (level, *(_percent(choice.error) for choice in row.values()))
+            for level, row in self.errors.items()
+        ]
+        lines = [
+            self.title,
+            "",
+            "Errors of the models against the most complete one that is valid:",
+            tables.render(columns, rows),
+        ]
+        if math.isfinite(self.first_violin):
+            lines.append(f"lowest first violin mode: {self.first_violin:.4g} Hz")
         lines += ["", f"Models that auto takes, for a tolerance of {self.tolerance:g}:"]
         lines += [f"  {name}\n    {choice.line}" for name, choice in self.choices.items()]
         return "\n".join(lines)
 
 
 def solve(source: Source, setting: Settings, log: Log) -> Info:
-    """Choose the models of a design, with the options of ``pendsus info``.
+    """Compute the errors of the models of a design, with the options of ``pendsus info``.
 
     Raises
     ------
     InputError
         If the design does not balance, or a signal does not exist.
     """
+    from suspension_cli.analyses import model_choice
     from suspension_cli.analyses.check import warnings
+    from suspension_cli.analyses.thermal import model as thermal
     from suspension_cli.errors import attribute_faults_to
     from suspension_cli.grids import parse_grid
-    from suspension_cli.linear import eigenmodes, signals
-    from suspension_cli.models import auto, registry
-    from suspension_cli.models.estimates import Estimates
-    from suspension_cli.models.quantity_of_interest import Frequencies, Transfer
-    from suspension_cli.scene.fibres import explain_unsuitable
+    from suspension_cli.linear import signals
+    from suspension_cli.models import registry
+    from suspension_cli.models.choice import Frequencies, Systems, Transfer, choose, first_violin
 
     design, tolerance = source.design, setting["tolerance"]
     frequency = np.array(parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0))
@@ -151,26 +111,40 @@ def solve(source: Source, setting: Settings, log: Log) -> Info:
         )
 
     span = f"{frequency.min():g} to {frequency.max():g} Hz"
+    modes, response = "frequencies of the modes", f"{output} / {setting['drive']}, {span}"
+    systems = Systems(design)
+    comparisons = {
+        modes: systems.compare(lambda _: Frequencies()),
+        response: systems.compare(transfer),
+    }
     with attribute_faults_to(source.file):
-        decisions = {
-            "frequencies of the modes": auto.decide(design, lambda _: Frequencies(), tolerance),
-            f"{output} / {setting['drive']}, {span}": auto.decide(design, transfer, tolerance),
+        errors = {
+            model.name: {
+                name: choose(design, model.name, (), compare)
+                for name, compare in comparisons.items()
+            }
+            for model in registry.MODELS
+            if not model.unsuitable(design)
         }
-        choices = {quantity: decision.choice for quantity, decision in decisions.items()}
-        if not explain_unsuitable(design, massive=True):
-            choices[f"thermal noise of {output}, {span}"] = auto.for_thermal_noise(
-                design, "auto", float(frequency.max()), tolerance
-            )
-        modes = eigenmodes.solve(registry.choose(design).model.system(design))
-        found = Estimates(design, modes)
+        choices = {
+            modes: model_choice.for_modes(source, registry.AUTO, tolerance)[0],
+            response: model_choice.choose(source, registry.AUTO, transfer)[0],
+        }
+        if registry.most_complete(design).bends_wires:
+            noise = f"thermal noise of {output}, {span}"
+            choices[noise] = thermal.choose(source, registry.AUTO, frequency, [output])[0]
     warnings.warn_implausible(design, log)
-    refinements = {quantity: decision.refinements for quantity, decision in decisions.items()}
-    return Info(source, tolerance, found, modes, choices, refinements)
+    return Info(
+        source, tolerance, errors, choices, first_violin(systems(registry.most_complete(design)))
+    )
 
 
-def _named(values: Iterable[float], infinite: str) -> list[float | str]:
-    """Replace numbers that are not finite by words."""
-    return [
-        "unknown" if math.isnan(value) else infinite if math.isinf(value) else value
-        for value in map(float, values)
-    ]
+def _document(choice: Choice) -> Document:
+    return {"estimated_error": as_number(choice.error)}
+
+
+def _percent(error: float) -> float | str:
+    """Return an error in per cent, or words where it is not finite."""
+    if math.isnan(error):
+        return "unknown"
+    return 100 * error if math.isfinite(error) else "without bound"

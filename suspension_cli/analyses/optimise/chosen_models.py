@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -13,8 +14,9 @@ from suspension_cli.analyses.optimise.quantities import (
     with_imperfections,
 )
 from suspension_cli.design.schema import Design
-from suspension_cli.models import auto, registry
-from suspension_cli.models.quantity_of_interest import Frequencies, Transfer
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models import choice, registry
+from suspension_cli.models.choice import Frequencies, Results, Systems, Transfer
 from suspension_cli.models.registry import Choice
 
 
@@ -34,7 +36,7 @@ class Models:
     @property
     def levels(self) -> list[str]:
         """Names of all models, that of the modes first."""
-        return [choice.level for choice in (self.modes, *self.responses.values())]
+        return [one.level for one in (self.modes, *self.responses.values())]
 
 
 def choose(
@@ -81,15 +83,16 @@ def choose(
 
 def _choose(
     design: Design,
-    request: model_choice.Request,
+    request: Callable[[LinearSystem], Results],
     level: str,
     tolerance: float,
     least: Choice | None,
 ) -> Choice:
-    found = model_choice.with_derivatives(
-        level, design, request, tolerance, registry.SCENE_MODELS
-    ).choice
+    models, compare = registry.SCENE_MODELS, Systems(design).compare(request)
+    model_choice.demand_one_of(level, models, "cannot compute derivatives")
+    found = choice.choose(design, level, models, compare, tolerance)
     if level != registry.AUTO or least is None or found.model.cost >= least.model.cost:
         return found
-    choice = replace(least, reason="other designs of the search need it")
-    return auto.estimate_error(design, choice, request).choice
+    kept = choice.choose(design, least.level, (), compare)
+    reason = kept.reason.replace("as requested", "other designs of the search need it", 1)
+    return replace(kept, reason=reason)

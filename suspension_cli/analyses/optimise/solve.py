@@ -37,7 +37,8 @@ from suspension_cli.equilibrium.nominal import expand_nominal
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.linear import eigenmodes, signals
 from suspension_cli.linear.symmetry import is_mirror_symmetric
-from suspension_cli.models import auto, registry
+from suspension_cli.models import registry
+from suspension_cli.models.choice import TOLERANCE
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -57,7 +58,7 @@ def solve(
     level: str = registry.AUTO,
     starts: int = STARTS,
     seed: int = SEED,
-    tolerance: float = auto.TOLERANCE,
+    tolerance: float = TOLERANCE,
     report: Progress | None = None,
 ) -> Optimum:
     """Optimise the free numbers of a design to meet goals.

@@ -40,22 +40,20 @@ class SensitivityAnalysis(Analysis):
     def solve(self, run: Run) -> Result:
         """Differentiate every result with respect to every number."""
         from suspension_cli.analyses import model_choice
-        from suspension_cli.analyses.sensitivity import model_error
         from suspension_cli.analyses.sensitivity import solve as sensitivity
         from suspension_cli.linear import eigenmodes, named_results, signals
         from suspension_cli.models import registry
 
         setting, source = run.setting, run.source
-        decision = model_choice.with_derivatives(
+        choice, model = model_choice.choose(
+            source,
             setting["fidelity"],
-            source.design,
-            model_error.request(source.text, setting["result"]),
-            setting["tolerance"],
-            registry.SCENE_MODELS,
+            model_choice.named_results(setting["result"]),
+            candidates=registry.SCENE_MODELS[-2:],
+            tolerance=setting["tolerance"],
         )
-        choice = decision.choice
         model = model_choice.stable_system(
-            source, choice, setting["allow_unstable"], run.log, decision.model, bends=True
+            source, choice, setting["allow_unstable"], run.log, model, bends=True
         )
         requested = named_results.parse(
             list(setting["result"]) or [named_results.ALL],
@@ -63,7 +61,7 @@ class SensitivityAnalysis(Analysis):
             signals.bodies_with_signals(model),
         )
         found = sensitivity.solve(source.text, requested, choice.level)
-        model_choice.warn_of_neglected(source, decision, run.log, registry.SCENE_MODELS)
+        model_choice.warn_of_neglected(source, choice, run.log, registry.SCENE_MODELS)
         fixed = [name for name, free in zip(found.parameter, found.free, strict=True) if not free]
         if fixed:
             run.log.say(

@@ -12,7 +12,7 @@ from suspension_cli.analyses import model_choice
 from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.models import registry
-from suspension_cli.models.choice import away_from_modes, demand_one_of, spectrum_change
+from suspension_cli.models.choice import away_from_modes, spectrum_change
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -55,7 +55,7 @@ def choose(
     """
     models = [model for model in registry.SCENE_MODELS if model.bends_wires]
     problem = f"the {wanted} model does not know where along a wire its loss acts"
-    demand_one_of(wanted, models, problem)
+    model_choice.demand_one_of(wanted, models, problem)
     if why := models[0].unsuitable(source.design):
         remedy = "give its material and radius or section, for its loss"
         raise InputError([Fault("stage", why, remedy)])
