@@ -63,12 +63,18 @@ def for_modes(
         problem = "has no state space of finite order, as its wires have mass"
         remedy = "take beam, which is valid below the first violin mode"
         raise InputError([Fault("--fidelity", problem, remedy, format_value(wanted))])
-    candidates = [registry.most_complete(source.design, massless=True)]
-    if not massless:
-        candidates.append(registry.MOST_COMPLETE)
+    candidates = with_and_without_wire_mass(source)[: 1 if massless else None]
     return choose(
         source, wanted, lambda _: Frequencies(), candidates=candidates, tolerance=tolerance
     )
+
+
+def with_and_without_wire_mass(source: Source) -> list[Model]:
+    """The most complete models of a design without and, if it tells their mass, with wire mass."""
+    from suspension_cli.models import registry
+
+    light = registry.most_complete(source.design, massless=True)
+    return list(dict.fromkeys([light, registry.most_complete(source.design)]))
 
 
 def demand_one_of(wanted: str, models: Sequence[Model], problem: str) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from suspension_cli.models.estimates import Estimates
 
 from suspension_cli.design.reader import convert
 from suspension_cli.equilibrium import energy
@@ -17,7 +18,6 @@ from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry, string
-from suspension_cli.models.estimates import Estimates
 from suspension_cli.scene.pose import displace, layout, nominal_pose
 from tests.support.commandline import (
     MISSING,

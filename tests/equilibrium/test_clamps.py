@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 from scipy.linalg import eigh
+from suspension_cli.models.estimates import Estimates
 
 from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.equilibrium import solve as equilibrium
@@ -16,7 +17,6 @@ from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes, response
 from suspension_cli.linear.signals import linear_form, parse_input, parse_output
 from suspension_cli.models import registry
-from suspension_cli.models.estimates import Estimates
 from suspension_cli.scene.stack import stack_scenes
 from suspension_cli.studies import builds, derivatives, parameters
 from tests.support.scenes import design_of

@@ -62,29 +62,6 @@ def test_a_fit_finds_the_sign_of_d(tmp_path):
     assert straight["parameters"][0]["value"] > 0
 
 
-def test_a_fit_that_ends_where_wires_bend_goes_on_there(tmp_path):
-    """From hair-thin wires, which need not bend, to those that were measured."""
-    file, name = CONFIGS / "husman2000" / "table1-case4.toml", "stage.test.wires.radius"
-    thin, true = ("--set", f"{name}=2e-6"), 2e-4
-    fidelity, _ = modes_of(file, *thin, out=tmp_path)
-    assert fidelity in ("force", "string")
-    fidelity, modes = modes_of(file, "--set", f"{name}={true}", out=tmp_path)
-    rows = [
-        {"frequency": f, "uncertainty": 1e-3 * f, "label": mode["label"]}
-        for mode in modes
-        for f in [mode["frequency_hz"]]
-    ]
-    free = {"name": name, "lower": 1e-6, "upper": 1e-3}
-    data = written(tmp_path, {"mode": rows, "parameter": [free]}, "measured.toml")
-    done = run("fit", file, data, *thin, "--json", "--out", tmp_path)
-    assert done.exit_code == 0, done.stderr
-    assert "fitted again, as the fitted numbers need the beam model" in done.stderr
-    found = strict_json(done.stdout)
-    assert found["fidelity"] == fidelity == "beam"
-    assert found["parameters"][0]["value"] == pytest.approx(true, rel=1e-6)
-    assert found["parameters"][0]["start"] == 2e-6
-
-
 def test_a_model_without_an_estimate_says_so_first(tmp_path):
     """Wires of given k without cross-section have unknown bending."""
     file = CONFIGS / "husman2000" / "table1-case4.toml"

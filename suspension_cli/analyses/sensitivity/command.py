@@ -45,11 +45,13 @@ class SensitivityAnalysis(Analysis):
         from suspension_cli.models import registry
 
         setting, source = run.setting, run.source
+        wanted = setting["fidelity"]
+        model_choice.demand_one_of(wanted, registry.SCENE_MODELS, "cannot compute derivatives")
         choice, model = model_choice.choose(
             source,
-            setting["fidelity"],
+            wanted,
             model_choice.named_results(setting["result"]),
-            candidates=registry.SCENE_MODELS[-2:],
+            candidates=model_choice.with_and_without_wire_mass(source),
             tolerance=setting["tolerance"],
         )
         model = model_choice.stable_system(
