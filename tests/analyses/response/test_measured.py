@@ -145,7 +145,7 @@ def test_many_points_are_a_line_and_units_are_checked(design, tmp_path):
         (DESIGN.read_text(), (), "is a design, not a file of measurements"),
         (None, ("--input", "support.x", "--output", "uper.x"), 'did you mean \'upper\'?'),
         (TABLES.replace("upper.yaw", "uper.yaw"), (), "{file}: output signal = "),
-        (TABLES.replace('"osem"', '"ossem"', 1), (), "a signal such as upper.x; did you mean 'osem'?"),
+        (TABLES.replace('"osem"', '"ossem"', 1), (), "as upper.x; did you mean 'osem'?"),
         ('mode = [{ frequency = 1, uncertainty = 1 }]', (), "has no [[transfer_function]]"),
         (TABLES.replace("a.csv", "b.csv"), (), "b.csv: cannot be read"),
         (TABLES.replace('input = "coil"', 'input = "upper.x"'), (), "is an output; give"),
