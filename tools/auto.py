@@ -37,10 +37,10 @@ HEAD = """# What `auto` leaves out, and what that costs
 hairs at 3 GPa, of two steels and fused silica, round and ribbons, half of them drawn to where they seem to bend, a quarter built imperfectly; and half
 unusual (`tools/choices/unusual.py`): light bodies on wires of up to 0.7 of their mass, one and two wires, wires that cross, offset centres of mass, a recoil
 mass beside a mirror, masses that differ 300-fold, ribbons, tapers and thick ends, lunar gravity, blades with and without tip mass. Each is for one
-quantity, to a tolerance between 0.0001 and 0.1. The error is that against `violin`: of mode frequencies, paired by their shapes; of responses and noise
-at {checked} of {points} frequencies from 0.1 Hz to between 1 and 100 Hz, in size, or in frequency where that is nearer (beside a resonance); of couplings in
+quantity, to a tolerance between 0.0001 and 0.1. The error is that against `violin`: of mode frequencies, paired by their shapes; of couplings in
 the {builds} builds of a sweep, relative to the largest, in size, or beyond the tolerance in frequency where that is nearer. Cost is the processor time of choosing and solving over that of the cheapest model within the tolerance, as if
-its error were known (the shortest of {turns}). An estimate counts as below the true error if it is by more than 1 %.
+its error were known (the shortest of {turns}). An estimate counts as below the true error if it is by more than 1 %. For responses and noise of one design
+`auto` takes the most complete model, and nothing is neglected.
 
 ![Errors of auto against the requested tolerances, the models that it took, and what they cost](auto.png)
 
@@ -118,8 +118,6 @@ def report(found: list[Trial]) -> str:
     """Format the whole page."""
     head = HEAD.format(
         count=len(found),
-        checked=quantities.CHECKED,
-        points=quantities.POINTS,
         builds=int(np.prod(quantities.BUILDS)),
         turns=REPETITIONS,
     )

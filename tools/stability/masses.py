@@ -6,14 +6,15 @@ from typing import Any
 
 import numpy as np
 
+from suspension_cli.analyses import model_choice
 from suspension_cli.analyses.modes import wire_modes
+from suspension_cli.design.reader import Source
 from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.energy import gradient_and_stiffness
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import eigenmodes
-from suspension_cli.models import auto, registry
-from suspension_cli.models.quantity_of_interest import Frequencies
+from suspension_cli.models import registry
 from suspension_cli.scene.pose import displace, layout, nominal_pose
 from suspension_cli.scene.scene import Scene
 from tools.stability import naive
@@ -172,11 +173,9 @@ def heavy_wires(fraction: Any = WIRES) -> Row:
     for value in fraction:
         one, exact = light_body(float(value)), exact_swing(float(value))
         massless = float(eigenmodes.solve(registry.BEAM.system(one)).frequency[0])
-        decision = auto.decide(one, lambda _: Frequencies())
+        choice, model = model_choice.for_modes(Source(one, "", ""), registry.AUTO, TOLERANCE)
         taken = (
-            wire_modes.solve(decision.model, 2.0)
-            if decision.choice.model.has_wire_mass
-            else eigenmodes.solve(decision.model)
+            wire_modes.solve(model, 2.0) if choice.model.has_wire_mass else eigenmodes.solve(model)
         )
         answers = {
             f"{SHIPPED}: violin": wire_modes.solve(registry.VIOLIN.system(one), 2.0).frequency[0],
