@@ -15,6 +15,7 @@ from suspension_cli.equilibrium.energy import gradient_and_stiffness
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
+from suspension_cli.models.choice import TOLERANCE
 from suspension_cli.scene.pose import displace, layout, nominal_pose
 from suspension_cli.scene.scene import Scene
 from tools.stability import naive
