@@ -66,11 +66,14 @@ def bar_weights(part: StagePart, gravity: float) -> tuple[Array, Array]:
     return totals[0], totals[1]
 
 
-def balance_legs(part: StagePart, load: Array, gravity: float, weight: float) -> list[Fault]:
+def balance_legs(
+    part: StagePart, load: Array, hung: float, gravity: float, weight: float
+) -> list[Fault]:
     """Set thrusts and flexures of the legs of a stage under a load (6,) about its COM.
 
-    The load (N, N m) contains the weight of the legs on the stage; `weight` is its size. Returns
-    the faults: a load that the legs cannot balance, or that pulls one.
+    The load (N, N m) contains the weight of the legs on the stage; `weight` is its size, `hung` the
+    weight in it (N) without preloads. Returns the faults: a load that the legs cannot balance, or
+    that pulls one.
     """
     legs = part.stage.inverted_pendulum
     assert legs is not None
@@ -86,7 +89,7 @@ def balance_legs(part: StagePart, load: Array, gravity: float, weight: float) ->
     upper = np.array([strut.upper_point for strut in part.struts])
     stiffness = np.array([strut.stiffness for strut in part.struts])
     part.thrust = -tensions.equalise_mirrored(tension, upper, lower, stiffness)
-    numbers = stage_legs(part, -load[2], gravity)
+    numbers = leg_statics(legs, -load[2], hung, gravity)
     matrix = flexure_matrix(legs.length, numbers)
     for point in lower:
         part.flexures.append(
@@ -109,14 +112,6 @@ def balance_legs(part: StagePart, load: Array, gravity: float, weight: float) ->
     ]
 
 
-def stage_legs(part: StagePart, load: float, gravity: float) -> LegStatics:
-    """Statics of the legs of a stage under a load (N) that contains their weight on it."""
-    legs = part.stage.inverted_pendulum
-    assert legs is not None
-    own = gravity * leg_inertia(legs).on_top * len(tops(legs))
-    return leg_statics(legs, load - own, gravity)
-
-
 def flexure_matrix(length: float, numbers: LegStatics) -> Matrix6:
     """Stiffness (6 rows of 6) of the flexures of one leg against the strain of its spring.
 
@@ -133,17 +128,20 @@ def flexure_matrix(length: float, numbers: LegStatics) -> Matrix6:
     return [*result]
 
 
-def hold_keystone(design: Design, part: StagePart, load: Array, gravity: float) -> list[Fault]:
+def hold_keystone(
+    design: Design, part: StagePart, load: Array, hung: float, gravity: float
+) -> list[Fault]:
     """Add the blades of a keystone under a load (6,) about its COM to it.
 
-    Their vertical force is the given load, if any. Returns a fault if the mass coupling is as large
-    as the mass of the keystone.
+    `hung` is the weight in the load (N) without preloads. The vertical force of the blades is the
+    given load, if any. Returns a fault if the mass coupling is as large as the mass of the
+    keystone.
     """
     stage = part.stage
     assert isinstance(stage, Keystone)
     table = filter_of(design, stage).filter
     assert table is not None
-    numbers = filter_statics(table, -load[2], gravity)
+    numbers = filter_statics(table, -load[2], hung, gravity)
     preload = -load
     if table.load is not None:
         preload = np.array([*preload[:2], numbers.load, *preload[3:]])

@@ -270,6 +270,34 @@ def test_measured_frequency_sets_the_flexures():
     np.testing.assert_allclose(found.frequency[:2], 0.06, rtol=1e-9)
 
 
+PRELOADS = {
+    "link": """[[link]]
+name = "push"
+between = ["{body}", "ground"]
+stiffness = [0, 0, 0, 0, 0, 0]
+preload = [0.0, 0.0, {force}, 0.0, 0.0, 0.0]
+""",
+    "spring": """[[stage.spring]]
+stiffness = [0, 0, 0, 0, 0, 0]
+preload = [0.0, 0.0, {force}, 0.0, 0.0, 0.0]
+""",
+}
+
+
+@pytest.mark.parametrize("force", [-981.0, 490.5])
+@pytest.mark.parametrize("kind", PRELOADS)
+def test_preload_on_legs_is_no_mass(kind, force):
+    more = "frequency = 0.1\nleg_mass = 3.0\n" + PRELOADS[kind].format(body="ip", force=force)
+    design = sus.parse(ALONE.format(more=more))
+    found = sus.modes(design, model="string")
+    np.testing.assert_allclose(found.frequency[:2], 0.1, rtol=1e-9)
+    (legs,) = sus.check(design).document()["inverted_pendulums"]
+    assert legs["frequency_hz"] == pytest.approx(0.1, rel=1e-9)
+    assert legs["load_n"] == pytest.approx(300 * G - force, rel=1e-9)
+    # ground motion passes by the inertia of the legs, thin rods
+    assert legs["saturation"] == pytest.approx(-3 * (3.0 / 6) / (300 + 3 * 3.0 / 3), rel=1e-9)
+
+
 def test_ground_tilt_moves_the_stage_by_g_over_omega_squared():
     frequency = np.sqrt(G / 69.5) / (2 * np.pi)  # of KAGRA's signal recycling mirror
     design = alone(frequency=frequency)
@@ -367,6 +395,27 @@ def test_a_filter_away_from_its_load_sags():
     scene = expand(design.design)
     found = equilibrium.solve(scene, layout(scene))
     np.testing.assert_allclose(found.pose.shift[2, 2], (400.0 - 40.0 * G) / k, rtol=1e-9)
+
+
+@pytest.mark.parametrize("load", [None, 160.0])
+def test_preload_below_a_filter_is_no_mass(load):
+    more = "" if load is None else f"load = {load}\n"
+    more += f"""[[stage]]
+name = "m"
+body = {{ mass = 9.0, inertia = [1.0, 1.0, 1.0] }}
+wires = {{ count = 4, l = 0.5, s = 0.1, t1 = 0.1, t2 = 0.1, d = 0.1, k = 1e12 }}
+{PRELOADS["link"].format(body="m", force=-49.05)}"""
+    text = FILTER.format(more=more).replace("mass = 40.0", "mass = 1.0")
+    hung, at_load = 10.0, 10.0 if load is None else (load - 49.05) / G
+    k = (2 * np.pi * 0.3) ** 2 * at_load
+    design = sus.parse(text)
+    found = sus.modes(design, model="string").frequency
+    expected = np.sqrt(k / hung) / (2 * np.pi)
+    assert np.abs(found / expected - 1).min() < 1e-8
+    (blades,) = sus.check(design).document()["filters"]
+    sag = (hung - at_load) * G / k
+    numbers = {"stiffness_n_per_m": k, "carried_n": hung * G + 49.05, "sag_m": sag}
+    assert {key: blades[key] for key in numbers} == pytest.approx(numbers, rel=1e-8, abs=1e-12)
 
 
 # ---------------------------------------------------------------- symmetry, models, derivatives
