@@ -4,7 +4,8 @@ A spring joins a point of the lower body to the coincident point of the upper bo
 pose. Its strain (delta, phi) is in the frame of the upper body, so it does not depend on the
 observer's frame: delta is the displacement of the lower point, phi = vee(skew(Q)) of the relative
 rotation Q = R_u^T R_l (the axis of Q times the sine of its angle: the rotation vector, but for
-terms of third order). A spring stores s K s / 2 - preload . s for the strain s.
+terms of third order). A spring stores s K s / 2 - preload . s for the strain s. Its damping acts on
+the rate of delta and on the relative angular velocity, both in the frame of the upper body.
 
 Below, r is the vector from the upper COM to the lower point, w that from the lower COM to it. A
 step x, t of both bodies in displacement and rotation gives, with E = exp(-[t_u]) exp([t_l]),
@@ -80,9 +81,12 @@ def energy(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch"]:
 
 
 def strain_jacobian(
-    scene: Scene, numbering: Layout, pose: Pose, now: State, number: int
+    scene: Scene, numbering: Layout, pose: Pose, now: State, number: int, *, rate: bool = False
 ) -> Inexact[np.ndarray, "*batch 6 coordinate"]:
-    """Derivative (..., 6, N) of the strain of spring `number` with respect to the coordinates."""
+    """Derivative (..., 6, N) of the strain of spring `number` with respect to the coordinates.
+
+    With `rate`, that of the rotation from one body to the other, R_u^T (t_l - t_u), instead of phi.
+    """
     up, low = _columns(scene, number)
     to_upper = np.swapaxes(pose.rotation[..., scene.springs.upper[number], :, :], -1, -2)
     relative = to_upper @ pose.rotation[..., scene.springs.lower[number], :, :]
@@ -92,7 +96,7 @@ def strain_jacobian(
     result[..., :3, _turning(low)] = -to_upper @ cross_matrix(now.arm[..., number, :])
     result[..., :3, _turning(up)] = to_upper @ cross_matrix(now.reach[..., number, :])
     # [h] Q + Q^T [h] = [(tr(Q) I - Q) h], so vee(skew([h] Q)) = (tr(Q) I - Q) h / 2
-    turning = 0.5 * (unit_trace(relative) - relative) @ to_upper
+    turning = to_upper if rate else 0.5 * (unit_trace(relative) - relative) @ to_upper
     result[..., 3:, _turning(low)] = turning
     result[..., 3:, _turning(up)] = -turning
     return result
@@ -162,7 +166,7 @@ def damping_matrix(
     scene: Scene, numbering: Layout, pose: Pose
 ) -> Inexact[np.ndarray, "*batch coordinate coordinate"] | float:
     """Viscous damping (..., N, N) of all springs."""
-    return _sum_forms(scene, numbering, pose, scene.springs.damping)
+    return _sum_forms(scene, numbering, pose, scene.springs.damping, rate=True)
 
 
 def loss_matrix(
@@ -174,13 +178,18 @@ def loss_matrix(
 
 
 def _sum_forms(
-    scene: Scene, numbering: Layout, pose: Pose, form: Inexact[np.ndarray, "... spring 6 6"]
+    scene: Scene,
+    numbering: Layout,
+    pose: Pose,
+    form: Inexact[np.ndarray, "... spring 6 6"],
+    *,
+    rate: bool = False,
 ) -> Inexact[np.ndarray, "*batch coordinate coordinate"] | float:
-    """Sum (..., N, N) of forms in the strains of the springs."""
+    """Sum (..., N, N) of forms in the strains of the springs, or in their rates."""
     now, result = state(scene, pose), 0.0
     for number in range(len(scene.springs.label)):
         if form[..., number, :, :].any():
-            jacobian = strain_jacobian(scene, numbering, pose, now, number)
+            jacobian = strain_jacobian(scene, numbering, pose, now, number, rate=rate)
             result = result + np.swapaxes(jacobian, -1, -2) @ form[..., number, :, :] @ jacobian
     return result
 
