@@ -2,9 +2,8 @@
 
 A leg is a strut from its foot to its top (stiff along its length, with the load as thrust: any lean
 is exact), a spring at its top for the flexures, and a bar for its inertia and weight. The spring's
-strain is in the frame of the body below: the lean (roll and pitch) of the leg relative to that body
-is delta / L, which bends the foot; the rotation of the stage less that lean bends the joint at the
-top.
+strain is in the frame of the body below: the lean of the leg relative to that body (the angle g / L
+of `elements.lean`) bends the foot; the tilt of the stage less that lean bends the joint at the top.
 """
 
 from __future__ import annotations
@@ -115,7 +114,7 @@ def balance_legs(
 def flexure_matrix(length: float, numbers: LegStatics) -> Matrix6:
     """Stiffness (6 rows of 6) of the flexures of one leg against the strain of its spring.
 
-    k |delta|^2 / (2 L^2) + k_t (phi - lean)^2 / 2, with the lean (-delta_y, delta_x) / L.
+    k |g|^2 / (2 L^2) + k_t (phi - lean)^2 / 2, with the lean (-g_y, g_x) / L.
     """
     foot, top = numbers.flexure / length**2, numbers.top / length**2
     mixed = numbers.top / length
