@@ -277,8 +277,9 @@ def _admit(run: Run, number: int, top: float, cause: str) -> None:
             "check lengths and radii of wires (m), give a lower --max-frequency, or --all to"
             " compute all"
         )
-        if causes := plausible.find_serious(run.design):
-            remedy = f"probable cause: {causes[0].line}"
+        causes = [item.line for item in plausible.find_serious(run.design)]
+        if causes and not causes[0].startswith("control."):
+            remedy = f"probable cause: {causes[0]}"
         raise InputError([Fault("", problem, remedy)])
     if number > MANY:
         run.log.say(f"{run.name}: {number:,} modes up to {top:.4g} Hz")
