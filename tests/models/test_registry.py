@@ -13,9 +13,9 @@ import suspension_cli
 from suspension_cli.design.reader import read
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.models import auto, registry
-from suspension_cli.models.wire_mass import percent
 from suspension_cli.models.quantity_of_interest import Frequencies
 from suspension_cli.models.registry import Choice
+from suspension_cli.models.wire_mass import percent
 from suspension_cli.studies import variants
 from tests.support.paths import CONFIGS
 
