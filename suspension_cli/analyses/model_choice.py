@@ -62,7 +62,9 @@ def choose(
     if wanted == registry.AUTO:
         limit = registry.MOST_COMPLETE if top is None else top
         return auto.decide(source.design, request, tolerance, limit.name, highest=highest)
-    return auto.estimate_error(source.design, registry.choose(source.design, wanted), request)
+    return auto.estimate_error(
+        source.design, registry.choose(source.design, wanted), request, tolerance
+    )
 
 
 def without_wire_mass(source: Source, wanted: str, tolerance: float) -> Decision:
@@ -161,7 +163,7 @@ class _Step:
     @property
     def size(self) -> str:
         """The physics with the size of its effect."""
-        from suspension_cli.models.auto import percent
+        from suspension_cli.models.wire_mass import percent
 
         known = math.isfinite(self.change)
         return self.physics + (f", {percent(self.change)}" if known else f" ({self.what})")
@@ -169,7 +171,7 @@ class _Step:
 
 def _why(steps: list[_Step]) -> str:
     """Why the model after these steps is needed."""
-    from suspension_cli.models.auto import percent
+    from suspension_cli.models.wire_mass import percent
 
     clauses, before = [], ""
     for step in steps:
@@ -220,13 +222,13 @@ def with_derivatives(
 
     if wanted != registry.AUTO:
         demand_one_of(wanted, models, "cannot compute derivatives")
-        return auto.estimate_error(design, registry.choose(design, wanted), request)
+        return auto.estimate_error(design, registry.choose(design, wanted), request, tolerance)
     decision = auto.decide(design, request, tolerance, models[-1].name)
     if decision.choice.model in models:
         return decision
     # what cheaper models cannot neglect, the first with derivatives includes
     choice = registry.Choice(models[0].name, "the cheapest model with derivatives")
-    return auto.estimate_error(design, choice, request)
+    return auto.estimate_error(design, choice, request, tolerance)
 
 
 def named_results(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -23,8 +22,7 @@ from suspension_cli.design.schema import Design, Stage
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.eigenmodes import Modes
-from suspension_cli.models import auto
-from suspension_cli.models.quantity_of_interest import Frequencies
+from suspension_cli.models import registry
 
 STRAIN = 0.03
 """Largest plausible strain of a wire: steel breaks at 1 %, pristine silica at 5 %."""
@@ -176,16 +174,18 @@ def _check_sag(stage: Stage, blades: list[BladeLoad], path: str) -> Iterator[Imp
 
 
 def solve_stability(design: Design) -> tuple[str, Modes] | tuple[None, None]:
-    """Solve for the modes of the static stiffness in the model that `auto` chooses.
+    """Solve for the modes of the static stiffness, with wires that bend where the design says how.
 
-    Returns the name of the model and the modes; None if the model cannot be built.
+    Returns the name of the model and the modes; None if no model can be built.
     """
-    try:
-        with np.errstate(all="ignore"):
-            decision = auto.decide(design, lambda _: Frequencies())
-            return decision.choice.level, eigenmodes.solve(replace(decision.model, terms=()))
-    except (InputError, np.linalg.LinAlgError, ArithmeticError):
-        return None, None
+    for model in (registry.BEAM, registry.choose(design).model):
+        with (
+            contextlib.suppress(InputError, np.linalg.LinAlgError, ArithmeticError),
+            np.errstate(all="ignore"),
+        ):
+            if not model.unsuitable(design):
+                return model.name, eigenmodes.solve(model.system(design).constant)
+    return None, None
 
 
 def find_instability(level: str, found: Modes) -> list[ImplausibleNumber]:

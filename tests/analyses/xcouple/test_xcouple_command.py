@@ -293,7 +293,7 @@ def test_picture_unless_switched_off(tmp_path):
     result = run("xcouple", FILE, "--out", tmp_path / "b")
     assert sorted(path.suffix for path in (tmp_path / "b").iterdir()) == [".h5", ".png"]
     first, second, *_ = result.stdout.splitlines()
-    assert first.startswith("model: string (as requested); neglected: wire bending, 0.2 %")
+    assert first.startswith("model: string (as requested); neglected: wire bending, 0.23 %")
     assert second == "205 builds: wire test.1 changes, its loaded length is kept"
 
 
