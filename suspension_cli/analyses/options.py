@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -249,8 +248,7 @@ SWEEP = (
     option(
         "--workers",
         type=click.IntRange(1, 4096),
-        default=os.cpu_count() or 1,
-        show_default="all cores",
+        show_default="all cores, where that is faster",
         help="Number of processes.",
         group=BATCH,
     ),

@@ -65,7 +65,8 @@ def _diagonal(a: float, b: float, c: float) -> Rows:
 def wire_stiffness(design: Design, wire: WireSet | Wire, length: float) -> float:
     """Compute the spring constant of a wire in N/m: given, or k = E A / l.
 
-    l is the loaded length in the nominal pose (Husman et al., equation 15). Sections are in series.
+    l is the loaded length in the nominal pose (Husman et al., equation 15) or the given unstretched
+    one. Sections are in series.
     """
     if wire.k is not None:
         return wire.k

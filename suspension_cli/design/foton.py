@@ -99,6 +99,17 @@ def parse(text: str) -> Filter:
     return result
 
 
+def find_without_plane(text: str) -> list[str]:
+    """List the factors `pole`, `zero`, `pole2`, `zero2` of a valid string that name no plane.
+
+    Examples
+    --------
+    >>> find_without_plane('gain(2) pole(30) zero(1, "n")')
+    ['pole(30)']
+    """
+    return re.findall(r"(?:pole|zero)2?\s*\([^()\"']*\)", text)
+
+
 def format_filter(filter_: Filter, plane: str = "n") -> str:
     """Write a filter as a Foton string, to all digits.
 

@@ -20,7 +20,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from suspension_cli.conventions import SUPPORT
-from suspension_cli.design import imperfections
+from suspension_cli.design import foton, imperfections
 from suspension_cli.design.derive import (
     body_inertia,
     body_mass,
@@ -157,7 +157,7 @@ def find_implausible(design: Design) -> list[ImplausibleNumber]:
         stages[stage.name] = above = stage
     for number, item in enumerate(design.perturbation, 1):
         found += _check_perturbation(design, item, f"perturbation.{number}")
-    return [*found, *_check_tolerance(design), *_check_noise(design)]
+    return [*found, *_check_tolerance(design), *_check_noise(design), *_check_planes(design)]
 
 
 def _check_tower(stage: Stage, path: str) -> Iterator[ImplausibleNumber]:
@@ -546,3 +546,24 @@ def _check_noise(design: Design) -> Iterator[ImplausibleNumber]:
             "give it in m/sqrt(Hz) or rad/sqrt(Hz)",
             (("nm/sqrt(Hz)", 1e-9),),
         )
+
+
+def _check_planes(design: Design) -> Iterator[ImplausibleNumber]:
+    """Report filters with poles or zeros in rad/s because their strings name no plane."""
+    for loop in design.control.loop if design.control is not None else ():
+        for key in ("filter", "sensor_response"):
+            text = getattr(loop, key) or ""
+            factors = foton.find_without_plane(text)
+            if not factors:
+                continue
+            bare = factors[0][:-1]
+            name, _, numbers = bare.partition("(")
+            scales = "divides" if name.startswith("pole") else "multiplies"
+            size = numbers.partition(",")[0].strip() + ("^2" if "2" in name else "")
+            problem = (
+                f"{' and '.join(factors)} without a plane: in rad/s by Foton's rule, not in Hz, and"
+                f" {factors[0]} {scales} the gain at 0 Hz by {size}"
+            )
+            remedy = f'write {bare}, "n") for Hz and a gain of 1, or {bare}, "s") if this is meant'
+            where = f"control.loop.{loop.name}.{key}"
+            yield ImplausibleNumber(Fault(where, problem, remedy, format_value(text)), serious=True)

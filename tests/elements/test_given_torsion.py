@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from suspension_cli.models.estimates import Estimates
 
 from suspension_cli.design.reader import convert
 from suspension_cli.equilibrium import energy
@@ -20,9 +19,7 @@ from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry, string
 from suspension_cli.scene.pose import displace, layout, nominal_pose
 from tests.support.commandline import (
-    MISSING,
     assert_refused,
-    edited,
     modes_json,
     run,
     strict_json,
@@ -323,23 +320,6 @@ def test_fit_finds_it(tmp_path: Path):
     assert strict_json(done.stdout)["parameters"][0]["value"] == pytest.approx(
         INERTIA * (2 * math.pi * 0.5) ** 2, rel=1e-6
     )
-
-
-@pytest.mark.parametrize(
-    ("torsion", "more"),
-    [({"torsion": TORSION}, 0.0), ({"torsion": MISSING}, math.inf)],
-    ids=["given", "not given"],
-)
-def test_estimates_count_it_once(torsion: dict[str, Any], more: float):
-    """What `auto` thinks that beam would add to yaw, which costs nothing on string without it."""
-    raw = edited(
-        single(**MADE) | {"materials": {"glass": GLASS}},
-        {("stage", 0, "wires", key): value for key, value in torsion.items()},
-    )
-    design = convert(raw)
-    quick = eigenmodes.solve(registry.STRING.system(design))
-    row = [home[1] for home in quick.home].index("yaw")
-    assert Estimates(design, quick).bending[row, 0] == pytest.approx(more, abs=1e-12)
 
 
 def test_a_torsion_that_is_none_is_refused(tmp_path: Path):

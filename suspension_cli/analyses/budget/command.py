@@ -18,7 +18,7 @@ from suspension_cli.analyses.analysis import (
     plain,
 )
 from suspension_cli.analyses.options import option
-from suspension_cli.conventions import SUPPORT
+from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.errors import Fault, InputError, escape_unprintable, format_value
 from suspension_cli.grids import decade_points, parse_grid
 
@@ -276,7 +276,9 @@ def _requirements(
         if equals and name.strip() not in outputs:
             remedy = f"give one of {', '.join(outputs)}, or add --output {name.strip()}"
             raise _error("--requirement", "names no output", remedy, text)
-        found = table.read(ground.find(source.strip(), folder, "--requirement"))
+        number = outputs.index(name.strip()) if equals else 0
+        unit = "rad" if outputs[number].partition("@")[0].endswith(DOFS[3:]) else "m"
+        found = table.read(ground.find(source.strip(), folder, "--requirement"), unit)
         if len(found.column) != 1:
             problem = f"has {len(found.column)} columns of values instead of one"
             remedy = "write two columns, frequency and asd, and a file per output"
@@ -287,7 +289,7 @@ def _requirements(
                 f" {grid[0]:g} to {grid[-1]:g} Hz of the budget"
             )
             raise InputError([Fault("", problem, "move --frequency there")], found.file)
-        result[outputs.index(name.strip()) if equals else 0] = found
+        result[number] = found
     return result
 
 

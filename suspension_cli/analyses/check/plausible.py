@@ -176,14 +176,16 @@ def _check_sag(stage: Stage, blades: list[BladeLoad], path: str) -> Iterator[Imp
 def solve_stability(design: Design) -> tuple[str, Modes] | tuple[None, None]:
     """Solve for the modes of the static stiffness, with wires that bend where the design can tell.
 
-    Returns the name of the model and the modes; None if the model cannot be built.
+    Returns the name of the model and the modes; None if no model can be built.
     """
-    try:
-        with np.errstate(all="ignore"):
-            model = registry.most_complete(design, massless=True)
+    complete = registry.most_complete(design, massless=True)
+    for model in (complete, registry.choose(design).model):
+        with (
+            contextlib.suppress(InputError, np.linalg.LinAlgError, ArithmeticError),
+            np.errstate(all="ignore"),
+        ):
             return model.name, eigenmodes.solve(model.system(design).constant)
-    except (InputError, np.linalg.LinAlgError, ArithmeticError):
-        return None, None
+    return None, None
 
 
 def find_instability(level: str, found: Modes) -> list[ImplausibleNumber]:

@@ -40,9 +40,9 @@ class ModesAnalysis(Analysis):
     equilibrium is reported with its growth rates; a rigid mode (a body free to spin on one wire)
     has frequency 0; an overdamped mode has a decay rate and no frequency.
 
-    With --max-frequency (or --fidelity violin, then up to 1 kHz) the wires have mass, and violin
-    modes are listed, too. The beam and violin models also give the dilution factor of a mode: its
-    energy over the energy in lossy parts.
+    The modes of bodies are listed. With --max-frequency (or --fidelity violin, then up to 1 kHz)
+    the wires have mass, and violin modes are listed, too. The beam and violin models also give the
+    dilution factor of a mode: its energy over the energy in lossy parts.
 
     With --animate modes are also drawn in motion: DIR/NAME-modes-3.gif is one period of mode 3.
 
@@ -224,7 +224,7 @@ def _warn_of_series(run: Run, choice: Choice, modes: Modes) -> None:
 def _solve(run: Run) -> tuple[Choice, LinearSystem, Modes, Modes]:
     """The choice of model, its system, the modes without damping, and with all losses.
 
-    With wire mass both are the modes with all losses.
+    If modes of wires are listed too, both are the modes with all losses.
     """
     import numpy as np
 
@@ -238,22 +238,23 @@ def _solve(run: Run) -> tuple[Choice, LinearSystem, Modes, Modes]:
     wanted = registry.VIOLIN.name if level == registry.AUTO and highest is not None else level
     choice, model = model_choice.for_modes(run.source, wanted, setting["tolerance"])
     still = eigenmodes.solve(model)
-    if not choice.model.has_wire_mass:
+    bodies_only = level == registry.AUTO and highest is None
+    if not choice.model.has_wire_mass or bodies_only:
         listed = damped.solve(model, still)
+        if choice.model.has_wire_mass and not damped.are_poles(listed):
+            top = float(np.nanmax(still.frequency))  # the mass of wires lowers all frequencies
+            _admit(run, wire_modes.count_modes(model, top), top, "that of the highest mode")
+            with run.log.progress() as bar:
+                listed = wire_modes.solve(model, top, damping=True, progress=bar)
+            of_bodies = listed.order == 0
+            listed = listed.select(of_bodies) if of_bodies.any() else listed
         if highest is not None:
             listed = listed.up_to(highest)
             if not len(listed.q):
                 raise wire_modes.no_mode_error(highest)
         return choice, model, still, listed
-    if level == registry.AUTO and highest is None:
-        # the mass of wires lowers all frequencies: those of the bodies lie below the highest
-        # one without it
-        at = int(np.nanargmax(still.frequency))
-        top = float(still.frequency[at])
-        cause = f"that of {still.label[at]}, the highest mode without wire mass"
-    else:
-        top, cause = highest or HIGHEST, "--max-frequency" if highest else "by default"
-        choice = registry.Choice(choice.level, f"all modes up to {top:g} Hz", 0.0)
+    top, cause = highest or HIGHEST, "--max-frequency" if highest else "by default"
+    choice = registry.Choice(choice.level, f"all modes up to {top:g} Hz", 0.0)
     _admit(run, wire_modes.count_modes(model, top), top, cause)
     with run.log.progress() as bar:
         found = wire_modes.solve(model, top, damping=True, progress=bar)
@@ -273,8 +274,9 @@ def _admit(run: Run, number: int, top: float, cause: str) -> None:
             "check lengths and radii of wires (m), give a lower --max-frequency, or --all to"
             " compute all"
         )
-        if causes := plausible.find_serious(run.design):
-            remedy = f"probable cause: {causes[0].line}"
+        causes = [item.line for item in plausible.find_serious(run.design)]
+        if causes and not causes[0].startswith("control."):
+            remedy = f"probable cause: {causes[0]}"
         raise InputError([Fault("", problem, remedy)])
     if number > MANY:
         run.log.say(f"{run.name}: {number:,} modes up to {top:.4g} Hz")
