@@ -75,13 +75,14 @@ def _say_zero(axes: Axes, frequency: Float[np.ndarray, " frequency"]) -> None:
     axes.set_yticks([])
     if len(frequency) > 1:
         axes.set_xlim(frequency[0], frequency[-1])
-    words = "exactly 0 at all frequencies"
+    words = "0 by symmetry at all frequencies"
     place = {"transform": axes.transAxes, "ha": "center", "va": "center"}
     axes.text(0.5, 0.5, words, bbox={"color": "white"}, **place)
 
 
 def _name(response: Response, o: int, i: int) -> str:
-    return f"{response.output[o]} / {response.input[i]}"
+    zero = "" if response.value[:, o, i].any() else " = 0 by symmetry"
+    return f"{response.output[o]} / {response.input[i]}{zero}"
 
 
 def _looks(
