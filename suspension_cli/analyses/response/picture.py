@@ -53,7 +53,7 @@ def draw(response: Response, title: str, scale: str = "db", stages: Sequence[str
             ]
             curves.write_key(axes, samples, above=curves.PEAKS)
             if not any(response.value[:, o, i].any() for o, i in part):
-                _say_zero(axes, response.frequency)
+                say_zero(axes, response.frequency)
         for o, i in pairs:
             phase = curves.unwrap_phase(response.value[:, o, i])
             colour, dashes = looks[o, i]
@@ -70,7 +70,7 @@ def draw(response: Response, title: str, scale: str = "db", stages: Sequence[str
         return figure
 
 
-def _say_zero(axes: Axes, frequency: Float[np.ndarray, " frequency"]) -> None:
+def say_zero(axes: Axes, frequency: Float[np.ndarray, " frequency"]) -> None:
     """Say that all responses of a panel are 0."""
     axes.set_yticks([])
     if len(frequency) > 1:
