@@ -210,7 +210,7 @@ ACCURACY = option(
 ALLOW_UNSTABLE = option(
     "--allow-unstable",
     is_flag=True,
-    help="Continue with an unstable equilibrium.",
+    help="Continue with motion that grows (an unstable equilibrium, active elements).",
     group=MODEL,
 )
 RESULTS = option(

@@ -62,6 +62,8 @@ def check_design(design: Design) -> list[Fault]:
     found += [*_check_gravity(design), *_check_control(design), *_check_tolerance(design)]
     if design.support is not None:
         found += _check_frame(design.support)
+    if not found:
+        found += link_checks.check_active(design)
     commands = [*ANALYSES, "info"]
     for command in design.analysis:
         if command not in commands:

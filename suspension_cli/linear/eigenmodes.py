@@ -65,7 +65,7 @@ class Modes:
         Modes of different blocks do not couple.
     q
         Quality factor from the design's loss angles and dampers; infinite without loss. First
-        order in the loss from `solve`, exact from `analyses.modes.damped`.
+        order in the loss from `solve`, exact from `linear.damped`.
     dilution
         Total energy over the energy in lossy elements (beam and violin models; else NaN).
     wire
@@ -75,7 +75,8 @@ class Modes:
     order
         Number of half waves along the wires in a wire mode; 0 for other modes.
     decay_rate
-        Of the amplitude, 1/s; 0 for a mode that is rigid, unstable or lossless.
+        Of the amplitude, 1/s; 0 for a mode that is rigid, lossless or grows without oscillating,
+        negative for one that oscillates and grows.
     """
 
     body: tuple[str, ...]
@@ -95,9 +96,8 @@ class Modes:
     @property
     def frequency(self) -> Float[np.ndarray, " mode"]:
         """Frequency in Hz; 0 for a rigid mode, NaN for an unstable or overdamped one."""
-        return np.sqrt(
-            np.where((self.omega_squared < 0) | self.overdamped, np.nan, self.omega_squared)
-        ) / (2 * np.pi)
+        none = (self.growth_rate > 0) | self.overdamped
+        return np.sqrt(np.where(none, np.nan, self.omega_squared)) / (2 * np.pi)
 
     @property
     def overdamped(self) -> Bool[np.ndarray, " mode"]:
@@ -107,12 +107,16 @@ class Modes:
     @property
     def growth_rate(self) -> Float[np.ndarray, " mode"]:
         """Growth rate of the amplitude in 1/s; 0 for a stable mode."""
-        return np.sqrt(np.maximum(-self.omega_squared, 0.0))
+        return np.where(
+            self.omega_squared < 0,
+            np.sqrt(np.abs(self.omega_squared)),
+            np.maximum(-self.decay_rate, 0.0),
+        )
 
     @property
     def stable(self) -> bool:
         """Whether no mode grows."""
-        return not bool((self.omega_squared < 0).any())
+        return not bool(self.growth_rate.any())
 
     @cached_property
     def fractions(self) -> Float[np.ndarray, "mode place"]:
@@ -151,12 +155,12 @@ class Modes:
         """Whether each mode can be damped from the top mass (Husman et al. 2000), in words."""
         low, high = DAMPING_BAND
         words = []
-        for square, frequency, fraction in zip(
-            self.omega_squared, self.frequency, self.top_fraction, strict=True
+        for growth, frequency, fraction in zip(
+            self.growth_rate, self.frequency, self.top_fraction, strict=True
         ):
-            if square < 0 or not frequency > 0:
+            if not frequency > 0:
                 words.append(
-                    "unstable" if square < 0 else "rigid" if frequency == 0 else "overdamped"
+                    "unstable" if growth > 0 else "rigid" if frequency == 0 else "overdamped"
                 )
             elif not low <= frequency <= high:
                 words.append(f"below {low:g} Hz" if frequency < low else f"above {high:g} Hz")

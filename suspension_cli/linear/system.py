@@ -89,6 +89,9 @@ class LinearSystem:
     ground
         Forces of the motion of the ground beside the support; None if nothing is attached to it.
         The ground is at rest in all matrices.
+    active
+        Whether springs, links or dampers may give power to the motion. Else all losses are
+        positive, and a negative one is a rounding error.
     """
 
     body: tuple[str, ...]
@@ -108,6 +111,7 @@ class LinearSystem:
     terms: tuple[Term, ...] = ()
     rigid: Float[np.ndarray, "*#batch coordinate 6"] | None = None
     ground: Ground | None = None
+    active: bool = False
 
     @property
     def driven_by_ground(self) -> LinearSystem:

@@ -364,9 +364,8 @@ def test_table_of_stiffness(level: str) -> None:
 def test_thermal_noise_and_mode_of_a_tabulated_link(level: str) -> None:
     from scipy.optimize import brentq
 
-    from suspension_cli.analyses.modes import damped
     from suspension_cli.analyses.thermal import solve as thermal
-    from suspension_cli.linear import eigenmodes
+    from suspension_cli.linear import damped, eigenmodes
 
     text = BLOCK.format(link=TABLE.format("20.0, 30.0, 60.0", "1e-4, 2e-4, 9e-4"))
     model = registry.by_name(level).system(reader.parse(text))

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from suspension_cli.analyses import growth
 from suspension_cli.analyses.check import statics
 from suspension_cli.analyses.check.statics import (
     BladeLoad,
@@ -16,8 +18,9 @@ from suspension_cli.analyses.check.statics import (
     WireLoad,
     list_wire_tables,
 )
+from suspension_cli.analyses.growth import Growth
 from suspension_cli.design import plausibility
-from suspension_cli.design.plausibility import RAISE, ImplausibleNumber, suggest_unit
+from suspension_cli.design.plausibility import ImplausibleNumber, suggest_unit
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.linear import eigenmodes
@@ -173,10 +176,11 @@ def _check_sag(stage: Stage, blades: list[BladeLoad], path: str) -> Iterator[Imp
     yield ImplausibleNumber(fault, serious=worst.sag > SAG)
 
 
-def solve_stability(design: Design) -> tuple[str, Modes] | tuple[None, None]:
+def solve_stability(design: Design) -> tuple[str, Modes, Growth | None] | None:
     """Solve for the modes of the static stiffness, with wires that bend where the design can tell.
 
-    Returns the name of the model and the modes; None if no model can be built.
+    Returns the name of the model, the modes, and why motion grows, if it does; None if no model can
+    be built.
     """
     complete = registry.most_complete(design, massless=True)
     for model in (complete, registry.choose(design).model):
@@ -184,18 +188,20 @@ def solve_stability(design: Design) -> tuple[str, Modes] | tuple[None, None]:
             contextlib.suppress(InputError, np.linalg.LinAlgError, ArithmeticError),
             np.errstate(all="ignore"),
         ):
-            return model.name, eigenmodes.solve(model.system(design).constant)
-    return None, None
+            system = model.system(design)
+            modes = eigenmodes.solve(system.constant)
+            return model.name, modes, growth.find_growth(design, model, system)
+    return None
 
 
-def find_instability(level: str, found: Modes) -> list[ImplausibleNumber]:
-    """Report an unstable equilibrium, with the growth rate of its fastest mode."""
-    if found.stable:
+def find_instability(level: str, grows: Growth | None) -> list[ImplausibleNumber]:
+    """Report motion that grows, with the growth rate of its fastest mode."""
+    if grows is None:
         return []
-    worst = f"{found.label[0]} grows at {found.growth_rate[0]:.4g} 1/s"
-    problem = f"the equilibrium is unstable in the {level} model: {worst}"
-    remedy = f"{RAISE}, or stiffen the flexures of legs"
-    return [ImplausibleNumber(Fault("stage", problem, remedy))]
+    fault = grows.fault
+    problem = fault.problem.replace(":", f" in the {level} model:", 1)
+    remedy = f"{fault.remedy}, or stiffen the flexures of legs" if grows.static else fault.remedy
+    return [ImplausibleNumber(replace(fault, problem=problem, remedy=remedy))]
 
 
 def find_serious(design: Design) -> list[ImplausibleNumber]:

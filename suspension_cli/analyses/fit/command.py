@@ -295,9 +295,8 @@ def _of_measured(
 def _warn(found: Fit, choice: Choice, log: Log) -> None:
     """Warn of numbers at their bounds, and of fitted designs that are implausible or unstable."""
     from suspension_cli.analyses.check import warnings
+    from suspension_cli.analyses.growth import find_growth
     from suspension_cli.design import reader
-    from suspension_cli.linear import eigenmodes
-    from suspension_cli.models import registry
 
     for label, bound in zip(found.parameters, found.at_bound, strict=True):
         if bound:
@@ -305,12 +304,11 @@ def _warn(found: Fit, choice: Choice, log: Log) -> None:
     for name, fitted in zip(found.experiment, found.design, strict=True):
         design = reader.parse(fitted)
         warnings.warn_implausible(design, log)
-        states = eigenmodes.solve(registry.by_name(choice.level).system(design))
-        if not states.stable:
+        grows = find_growth(design, choice.model, choice.model.system(design))
+        if grows is not None:
             log.warn(
-                f"the fitted design {name} is unstable in the {choice.level} model:"
-                f" {states.label[0]} grows at {states.growth_rate[0]:.4g} 1/s; give bounds or"
-                " priors to the numbers that make it so"
+                f"the fitted design {name} is unstable in the {choice.level} model: {grows.worst};"
+                " give bounds or priors to the numbers that make it so"
             )
 
 

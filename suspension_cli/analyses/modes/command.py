@@ -84,9 +84,9 @@ class ModesAnalysis(Analysis):
         """Compute the modes of one design."""
         import numpy as np
 
+        from suspension_cli.analyses import growth
         from suspension_cli.analyses.check import warnings
         from suspension_cli.analyses.check.lossless import find_lossless
-        from suspension_cli.design.plausibility import RAISE
 
         choice, model, undamped, modes = _solve(run)
         _animated(modes, run.setting)  # refuse unknown modes before anything is written
@@ -99,9 +99,11 @@ class ModesAnalysis(Analysis):
         if np.isfinite(modes.q).any():
             for line in warnings.describe_lossless(lossless, choice.level):
                 run.log.warn(f"{run.name}: {line}")
-        for label, rate in zip(modes.label, modes.growth_rate, strict=True):
-            if rate > 0:
-                run.log.warn(f"{run.name} is unstable: {label} grows at {rate:.4g} 1/s; {RAISE}")
+        if not modes.stable:
+            grows = growth.find_growth(run.design, choice.model, model)
+            remedy = "" if grows is None else f"; {grows.cause.remedy}"
+            for n in np.flatnonzero(modes.growth_rate):
+                run.log.warn(f"{run.name} is unstable: {growth.describe(modes, int(n))}{remedy}")
         extra = {"without_loss": [part.part for part in lossless]}
         return Result(self, run.source, choice, modes, extra, command=run.command)
 
@@ -134,9 +136,11 @@ class ModesAnalysis(Analysis):
         """Return a table of the modes."""
         import numpy as np
 
+        from suspension_cli.analyses.growth import describe as describe_growth
         from suspension_cli.linear.eigenmodes import describe
 
         modes: Modes = result.data
+        growth = modes.growth_rate
         lossy = bool(np.isfinite(modes.q).any())
         diluted = bool(np.isfinite(modes.dilution).any())
         labels, home, place, verdict = modes.label, modes.home, modes.place, modes.verdict
@@ -158,7 +162,9 @@ class ModesAnalysis(Analysis):
                     for i in order
                     if fractions[i] > 0.02
                 )
-                if modes.overdamped[n]:
+                if growth[n] > 0:
+                    what += f"; {describe_growth(modes, n).removeprefix(labels[n] + ' ')}"
+                elif modes.overdamped[n]:
                     what += f"; decays at {modes.decay_rate[n]:#.4g} 1/s"
                 elif modes.omega_squared[n] > 0 and verdict[n] != "can be damped":
                     what += f"; {verdict[n]}"
@@ -229,8 +235,8 @@ def _solve(run: Run) -> tuple[Choice, LinearSystem, Modes, Modes]:
     import numpy as np
 
     from suspension_cli.analyses import model_choice
-    from suspension_cli.analyses.modes import damped, wire_modes
-    from suspension_cli.linear import eigenmodes
+    from suspension_cli.analyses.modes import wire_modes
+    from suspension_cli.linear import damped, eigenmodes
     from suspension_cli.models import registry
 
     setting = run.setting

@@ -141,7 +141,10 @@ class ResponseAnalysis(Analysis):
         return answer | ({"measured": [*map(_document, measured)]} if measured else {})
 
     def text(self, result: Result) -> str:
-        """Return the ends of every response, and its peak even between the points of the grid."""
+        """Return the ends of every response, and its peak even between the points of the grid.
+
+        One that symmetry makes exactly 0 has a remark instead.
+        """
         import numpy as np
 
         data: Response = result.data
@@ -156,6 +159,9 @@ class ResponseAnalysis(Analysis):
         for o, out in enumerate(data.output):
             for i, into in enumerate(data.input):
                 size = np.abs(data.value[:, o, i])
+                if not size.any():
+                    lines.append(f"{into} -> {out}: 0 by symmetry")
+                    continue
                 line = (
                     f"{out} / {into} ({data.unit[o][i]}): {size[0]:.4g} at {first:.4g} Hz,"
                     f" {size[-1]:.4g} at {last:.4g} Hz"

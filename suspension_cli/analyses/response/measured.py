@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.signal import find_peaks
 
-from suspension_cli.analyses.modes import damped
 from suspension_cli.design import measured as tables
 from suspension_cli.design.measured import Measured, TransferFunction
 from suspension_cli.errors import Fault, InputError, format_value
-from suspension_cli.linear import eigenmodes, response
+from suspension_cli.linear import damped, eigenmodes, response
 from suspension_cli.linear.response import Response
 from suspension_cli.linear.signals import (
     Signal,

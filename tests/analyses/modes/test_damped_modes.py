@@ -9,11 +9,11 @@ import mpmath
 import numpy as np
 import pytest
 
-from suspension_cli.analyses.modes import damped, wire_modes
 from suspension_cli.analyses.modes import file as stored
+from suspension_cli.analyses.modes import wire_modes
 from suspension_cli.design.reader import template
 from suspension_cli.files.hdf5 import open_results
-from suspension_cli.linear import eigenmodes
+from suspension_cli.linear import damped, eigenmodes
 from suspension_cli.models import registry
 from tests.support import scenes
 from tests.support.commandline import modes_json, run, written

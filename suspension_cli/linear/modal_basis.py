@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.modes.elastic_losses import ElasticLosses
+from suspension_cli.linear.elastic_losses import ElasticLosses
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Inexact, Int

@@ -16,14 +16,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.modes import strong_damping, weak_damping
-from suspension_cli.analyses.modes.elastic_losses import ElasticLosses, transform
-from suspension_cli.analyses.modes.modal_basis import Basis
 from suspension_cli.linear import eigenmodes as undamped
-from suspension_cli.linear import quality
+from suspension_cli.linear import quality, strong_damping, weak_damping
 from suspension_cli.linear.connected_groups import connected_groups
 from suspension_cli.linear.eigenmodes import Modes
+from suspension_cli.linear.elastic_losses import ElasticLosses, transform
 from suspension_cli.linear.frequency_terms import LossTerm, is_massive
+from suspension_cli.linear.modal_basis import Basis
+from suspension_cli.linear.poles import ROUNDING
 from suspension_cli.linear.system import LinearSystem
 
 if TYPE_CHECKING:
@@ -217,11 +217,12 @@ def _recompute_decay(
     lost, elastic = (np.sum(both, axis=0) for both in zip(*found, strict=True))
     oscillates = np.imag(value) > 0
     omega = np.where(oscillates, np.imag(value), 1.0)
-    sigma = np.where(lost > quality.NOTHING * omega**2, -lost / (2 * omega), 0.0)
+    sigma = np.where(np.abs(lost) > quality.NOTHING * omega**2, -lost / (2 * omega), 0.0)
+    sigma = np.where(sigma > ROUNDING * omega, sigma, np.minimum(sigma, 0.0))
     share = np.ones(len(value))
     if any(is_massive(term) for term in model.terms):
         share[oscillates] = (
-            np.real(value[oscillates]) / np.where(sigma < 0, sigma, np.nan)[oscillates]
+            np.real(value[oscillates]) / np.where(sigma == 0, np.nan, sigma)[oscillates]
         )
     pole = np.where(oscillates, share * sigma + 1j * np.imag(value), value)
     return pole, motion, elastic * share, share
@@ -245,7 +246,7 @@ def _build_modes(
 ) -> Modes:
     """Build the modes, ascending, from poles and the undamped modes to keep (`plain`)."""
     oscillates = np.imag(value) > 0
-    decay = np.where(np.abs(value) > 0, np.maximum(-np.real(value), 0.0), 0.0)
+    decay = np.where(oscillates, -np.real(value), np.maximum(-np.real(value), 0.0)) + 0.0
     squared = np.where(
         oscillates, np.abs(value) ** 2, np.where(np.real(value) > 0, -(np.real(value) ** 2), 0.0)
     )
