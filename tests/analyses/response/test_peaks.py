@@ -57,7 +57,7 @@ def test_without_loss_it_is_infinite(tmp_path):
 
 
 def test_no_pole_beyond_the_grid_counts(tmp_path):
-    """Above all modes the largest value is the first; a response that symmetry forbids (test.x) has none."""
+    """Above all modes the largest value is the first; a response that symmetry forbids has none."""
     (up,) = largest(
         tmp_path,
         "--input",
