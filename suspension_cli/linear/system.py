@@ -89,6 +89,9 @@ class LinearSystem:
     ground
         Forces of the motion of the ground beside the support; None if nothing is attached to it.
         The ground is at rest in all matrices.
+    top
+        Number (from 0) of the body that hangs from the support in the chain of each body; () if
+        that is the first body for all.
     """
 
     body: tuple[str, ...]
@@ -108,6 +111,7 @@ class LinearSystem:
     terms: tuple[Term, ...] = ()
     rigid: Float[np.ndarray, "*#batch coordinate 6"] | None = None
     ground: Ground | None = None
+    top: tuple[int, ...] = ()
 
     @property
     def driven_by_ground(self) -> LinearSystem:

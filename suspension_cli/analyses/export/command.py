@@ -45,7 +45,7 @@ class ExportAnalysis(Analysis):
             "input", "An input", "the support's six motions and six forces on the first stage"
         ),
         options.signals(
-            "output", "An output", "the six motions of the first and of the last stage"
+            "output", "An output", "the six motions of the first stage and of the mirror"
         ),
         option(
             "--loss/--no-loss",
@@ -68,6 +68,7 @@ class ExportAnalysis(Analysis):
         """Build the state space and measure its band."""
         from suspension_cli.analyses import model_choice
         from suspension_cli.analyses.export import solve as export
+        from suspension_cli.design.derive import main_chain
         from suspension_cli.linear import signals
         from suspension_cli.linear.constant_loss import with_constant_loss
 
@@ -84,7 +85,7 @@ class ExportAnalysis(Analysis):
         if not setting["loss"]:
             model = direct = dataclasses.replace(model, lossy=None)
         known = signals.bodies_with_signals(model)
-        drives, motions = signals.local_control_signals(model)
+        drives, motions = signals.local_control_signals(main_chain(run.design))
         inputs = [signals.parse_input(text, known) for text in setting["inputs"] or drives]
         outputs = [signals.parse_output(text, known) for text in setting["outputs"] or motions]
         made = export.build(model, inputs, outputs, direct, zpk=setting["form"] == "zpk")

@@ -25,6 +25,7 @@ def fill(group: h5py.Group, modes: Modes) -> None:
     add_dataset(group, "energy", modes.energy, "1", mode, body, dof)
     tip = add_scale(group, "tip", list(modes.coordinate[6 * len(modes.body) :]), "name")
     add_dataset(group, "tip_energy", modes.tip_energy, "1", mode, tip)
+    add_dataset(group, "top", modes.top or np.zeros(len(modes.body), int), "1", body)
     for name in ("block", "q", "top_fraction", "dilution", "order"):
         add_dataset(group, name, getattr(modes, name), "1", mode)
     add_dataset(group, "decay_rate", modes.decay_rate, "1/s", mode)
@@ -52,4 +53,5 @@ def load(group: Stored) -> Modes:
         wire_energy=group["wire_energy"][:] if some else np.zeros((len(group["q"]), 0)),
         order=group["order"][:],
         decay_rate=group["decay_rate"][:],
+        top=tuple(group["top"][:].tolist()) if "top" in group else (),
     )
