@@ -763,7 +763,7 @@ def export(
     -------
     Result
         With the attributes of `analyses.export.solve.Exported`: `system` with the matrices `a`,
-        `b`, `c`, `d`; `band` in Hz.
+        `b`, `c`, `d`; `band` in Hz; `agreement` with the violin model.
 
     Raises
     ------
