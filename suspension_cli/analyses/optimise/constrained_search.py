@@ -272,7 +272,7 @@ class Search:
             self._solve(begin.fraction, LARGEST)
         assert self.best is not None
         feasible = self.best.worst <= FEASIBLE
-        if not feasible and len(self.limits) > 1:
+        if not feasible:
             self.least = (self.best.violation, 0.0)
             self._solve(self.best.fraction, TOTAL)
             self.least = (self.best.violation, self.best.total)
@@ -289,11 +289,9 @@ class Search:
         c, _, e, _ = self.margins(now)
         # violations s are more variables: a limit may be violated by its row of these matrices
         # times s
-        share, most, begin = (
-            np.ones((len(c) + len(e), 1)),
-            np.inf,
-            np.array([np.max([*-c, *np.abs(e)], initial=-np.inf)]),
-        )
+        share, most = np.ones((len(c) + len(e), 1)), np.inf
+        lowest = 0.0 if phase == LARGEST else -np.inf
+        begin = np.array([np.max([*-c, *np.abs(e)], initial=lowest)])
         if phase == TOTAL:
             share, most = np.eye(len(share)), self.least[0] + EQUAL / 2
             begin = np.maximum(np.append(-c, np.abs(e)), 0.0)
