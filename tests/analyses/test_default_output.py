@@ -104,7 +104,7 @@ def test_two_mirrors_are_refused(tmp_path):
 
 
 @pytest.mark.parametrize("fidelity", ["string", "violin"])
-def test_the_top_mass_is_that_of_the_chain_that_moves(fidelity):
+def test_the_top_mass_is_that_of_the_chain_that_moves(fidelity, tmp_path):
     alone = (("a", "support"), ("b", "a"))
     beside = tuple((f"r{name}", "support" if above == "support" else "ra") for name, above in alone)
     both = sus.parse(tree(*alone, *beside))
@@ -114,5 +114,8 @@ def test_the_top_mass_is_that_of_the_chain_that_moves(fidelity):
     # the chains do not touch: each has the modes and the fractions that it has alone
     np.testing.assert_allclose(found.top_fraction[first], single.top_fraction, atol=1e-8)
     assert (found.top_fraction[~first & (found.order == 0)] > 1e-3).any()
-    loaded = {mode["label"]: mode["verdict"] for mode in found.document()["modes"]}
+    found.save(tmp_path / "modes.h5")
+    again = sus.load(tmp_path / "modes.h5").document()["modes"]
+    assert again == found.document()["modes"]
+    loaded = {mode["label"]: mode["verdict"] for mode in again}
     assert loaded["ra longitudinal"] == loaded["a longitudinal"] == "can be damped"

@@ -13,6 +13,7 @@ from suspension_cli.linear.eigenmodes import Modes
 def fill(group: h5py.Group, modes: Modes) -> None:
     """Write the modes of one design into a group."""
     group.attrs["stable"] = modes.stable
+    group.attrs["top"] = modes.top or (0,) * len(modes.body)
     mode = add_scale(group, "mode", np.arange(1, len(modes.omega_squared) + 1), "1")
     coordinate = add_scale(group, "coordinate", list(modes.coordinate), "name")
     body = add_scale(group, "body", list(modes.body), "name")
@@ -25,7 +26,6 @@ def fill(group: h5py.Group, modes: Modes) -> None:
     add_dataset(group, "energy", modes.energy, "1", mode, body, dof)
     tip = add_scale(group, "tip", list(modes.coordinate[6 * len(modes.body) :]), "name")
     add_dataset(group, "tip_energy", modes.tip_energy, "1", mode, tip)
-    add_dataset(group, "top", modes.top or np.zeros(len(modes.body), int), "1", body)
     for name in ("block", "q", "top_fraction", "dilution", "order"):
         add_dataset(group, name, getattr(modes, name), "1", mode)
     add_dataset(group, "decay_rate", modes.decay_rate, "1/s", mode)
@@ -53,5 +53,5 @@ def load(group: Stored) -> Modes:
         wire_energy=group["wire_energy"][:] if some else np.zeros((len(group["q"]), 0)),
         order=group["order"][:],
         decay_rate=group["decay_rate"][:],
-        top=tuple(group["top"][:].tolist()) if "top" in group else (),
+        top=tuple(map(int, group.attrs.get("top", ()))),
     )
