@@ -315,7 +315,7 @@ def response(
     design : Design
     inputs, outputs : str or sequences of str
         Signals: ``"support.x"``, ``"upper.force_x"``; ``"test.x"``, ``"test.x@0,0,0.001"``.
-        Defaults: the support's x, x of the last stage.
+        Defaults: the support's x, x of the mirror.
     frequency : grid
         Hz.
     measured : path or sequence of paths
@@ -367,7 +367,7 @@ def thermal(
     ----------
     design : Design
     outputs : str or sequence of str
-        Motions: ``"test.x"``. Default: x of the last stage.
+        Motions: ``"test.x"``. Default: x of the mirror.
     frequency : grid
         Hz.
     arm : float
@@ -413,7 +413,7 @@ def budget(
     ----------
     design : Design
     outputs : str or sequence of str
-        Motions: ``"test.x"``. Default: x, pitch and yaw of the last stage.
+        Motions: ``"test.x"``. Default: x, pitch and yaw of the mirror.
     ground : str or sequence of str
         Motion of the support: ``"nlnm"``, ``"nhnm"``, ``"aligo-isi"``, a CSV file or ``"none"``;
         ``"z=site.csv"`` for one coordinate. Later items replace earlier ones.
@@ -763,7 +763,7 @@ def export(
     -------
     Result
         With the attributes of `analyses.export.solve.Exported`: `system` with the matrices `a`,
-        `b`, `c`, `d`; `band` in Hz.
+        `b`, `c`, `d`; `band` in Hz; `agreement` with the violin model.
 
     Raises
     ------
@@ -999,7 +999,7 @@ def info(
     ----------
     design : Design
     input, output : str
-        Signals of the response. Default output: x of the last stage.
+        Signals of the response. Default output: x of the mirror.
     frequency : grid
         Hz.
     tolerance : float
@@ -1119,7 +1119,7 @@ def report(
         ``"drawing"``, ``"numbers"``, ``"check"``, ``"modes"``, ``"response"``, ``"coupling"``,
         ``"thermal"``, ``"budget"``, ``"tolerance"``, ``"damping"``; default: all.
     inputs, outputs : str or sequences of str
-        Signals of the responses. Defaults: motions of the support and of the last stage.
+        Signals of the responses. Defaults: motions of the support and of the mirror.
     builds : int
         Imperfect builds of a design with tolerances.
     model, tolerance

@@ -236,7 +236,7 @@ COUPLING = (
         metavar="STAGE@X,Y,Z",
         help=(
             "Observed point; the coupling is its motion along x over that along z."
-            "  [default: last stage, 1 mm below its COM]"
+            "  [default: mirror, 1 mm below its COM]"
         ),
     ),
     option("--over", metavar="SIGNAL", help="Numerator of the ratio, instead of the point's x."),
@@ -284,7 +284,7 @@ INFO = (
         "--output",
         "output",
         metavar="SIGNAL",
-        help="Output of the response and of the thermal noise.  [default: x of the last stage]",
+        help="Output of the response and of the thermal noise.  [default: x of the mirror]",
     ),
     frequencies("0.1:100:2000", "Frequencies of the response and the noise, Hz."),
     ACCURACY,
@@ -302,7 +302,7 @@ REPORT = (
         ),
     ),
     signals("input", "Input of the responses", "the support's x, y, z and yaw"),
-    signals("output", "Output of the responses", "motions of the last stage"),
+    signals("output", "Output of the responses", "motions of the mirror"),
     option(
         "--builds",
         type=click.IntRange(100, 1_000_000),

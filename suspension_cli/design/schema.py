@@ -263,6 +263,13 @@ class Stage(Table, frozen=True):
         ]
         | None
     ) = None
+    mirror: Annotated[
+        bool,
+        doc(
+            "whether this is the mirror, whose motion commands output by default; without one, the"
+            " end of the longest chain, of several as long the one listed first"
+        ),
+    ] = False
     position: (
         Annotated[
             Vector,

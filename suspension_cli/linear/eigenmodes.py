@@ -77,6 +77,8 @@ class Modes:
     decay_rate
         Of the amplitude, 1/s; 0 for a mode that is rigid, lossless or grows without oscillating,
         negative for one that oscillates and grows.
+    top
+        Number of the top mass of each body's chain, as in `LinearSystem`.
     """
 
     body: tuple[str, ...]
@@ -92,6 +94,7 @@ class Modes:
     wire_energy: Float[np.ndarray, "mode motion"]
     order: Int[np.ndarray, " mode"]
     decay_rate: Float[np.ndarray, " mode"]
+    top: tuple[int, ...] = ()
 
     @property
     def frequency(self) -> Float[np.ndarray, " mode"]:
@@ -145,10 +148,15 @@ class Modes:
             for (body, dof), order in zip(self.home, self.order, strict=True)
         ]
 
+    @cached_property
+    def top_mass(self) -> Int[np.ndarray, " mode"]:
+        """Number of the top mass of the chain in which each mode has most kinetic energy."""
+        return find_top_masses(self.energy, self.top)
+
     @property
     def top_fraction(self) -> Float[np.ndarray, " mode"]:
-        """Fraction of each mode's kinetic energy in the top mass."""
-        return self.energy[:, 0].sum(-1)
+        """Fraction of each mode's kinetic energy in its top mass."""
+        return self.energy[np.arange(len(self.energy)), self.top_mass].sum(-1)
 
     @property
     def verdict(self) -> list[str]:
@@ -216,6 +224,18 @@ class Modes:
         ]
 
 
+def find_top_masses(
+    energy: Float[np.ndarray, "mode body 6"], top: tuple[int, ...]
+) -> Int[np.ndarray, " mode"]:
+    """Number of the top mass of the chain in which each mode has most kinetic energy.
+
+    Of chains whose energies are equal but for rounding, the first.
+    """
+    own = np.array(top or (0,) * energy.shape[1])
+    chains = energy.sum(-1) @ (own[:, None] == np.arange(len(own)))
+    return np.argmax(chains >= chains.max(-1, keepdims=True) - 1e-9, axis=-1)
+
+
 def place(coordinate: str) -> tuple[str, str]:
     """Split a coordinate's name into body (or blade) and degree of freedom."""
     body, _, dof = coordinate.rpartition(".")
@@ -264,6 +284,7 @@ def _solve(model: LinearSystem) -> Modes:
         *fields,
         *no_wires,
         decay_rates(values[order], q),
+        model.top,
     )
 
 

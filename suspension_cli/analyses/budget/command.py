@@ -56,7 +56,7 @@ class BudgetAnalysis(Analysis):
     name = "budget"
     arguments = (options.DESIGN,)
     parameters = (
-        options.signals("output", options.MOTIONS, "x, pitch and yaw of the last stage"),
+        options.signals("output", options.MOTIONS, "x, pitch and yaw of the mirror"),
         option(
             "--ground",
             multiple=True,
@@ -92,13 +92,13 @@ class BudgetAnalysis(Analysis):
 
         from suspension_cli.analyses.budget import solve as budget
         from suspension_cli.analyses.budget.noise import Noises
+        from suspension_cli.design.derive import mirror
         from suspension_cli.linear import signals
 
         setting, folder = run.setting, Path(run.source.file).parent
         motions, grid, notes = _ground(setting, folder)
-        stages = run.design.stage
         outputs = list(setting["outputs"]) or [
-            f"{stages[-1].name}.{dof}" for dof in ("x", "pitch", "yaw")
+            f"{mirror(run.design)}.{dof}" for dof in ("x", "pitch", "yaw")
         ]
         requirements = _requirements(setting["requirements"], outputs, folder, grid)
         choice, model, warm = _model(run, grid, outputs, notes)

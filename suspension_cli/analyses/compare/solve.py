@@ -19,6 +19,7 @@ from suspension_cli.analyses import registry, settings
 from suspension_cli.analyses.analysis import Log, Result, Run
 from suspension_cli.analyses.compare.design_changes import Change, find_changes
 from suspension_cli.analyses.compare.items import Item
+from suspension_cli.design.derive import mirror
 from suspension_cli.design.measured import Mode
 from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.nominal import expand
@@ -334,7 +335,7 @@ def _overlays(items: Sequence[Item], run: Run, choices: list[list[Choice]]) -> I
     (data, units), setting = _collect_curves(items), run.setting
     if setting["inputs"] or setting["outputs"]:
         first = next(item.source for item in items if item.source is not None)
-        for out in setting["outputs"] or (f"{first.design.stage[-1].name}.x",):
+        for out in setting["outputs"] or (f"{mirror(first.design)}.x",):
             for into in setting["inputs"] or ("support.x",):
                 data.setdefault(("response", out, into), {})
     for out in setting["noises"]:

@@ -42,7 +42,7 @@ class DampAnalysis(Analysis):
             metavar="SIGNAL",
             help=(
                 "Motion whose impulse response and sensor noise are computed."
-                "  [default: x of the last stage]"
+                "  [default: x of the mirror]"
             ),
         ),
         option(
@@ -83,6 +83,7 @@ class DampAnalysis(Analysis):
 
         from suspension_cli.analyses import model_choice
         from suspension_cli.analyses.damp import solve as damp
+        from suspension_cli.design.derive import mirror
         from suspension_cli.grids import parse_grid
         from suspension_cli.linear.signals import FORCES
 
@@ -93,7 +94,7 @@ class DampAnalysis(Analysis):
         model = model_choice.stable_system(
             run.source, choice, setting["allow_unstable"], run.log, model, bends=True
         )
-        output = setting["output"] or f"{model.body[-1]}.x"
+        output = setting["output"] or f"{mirror(run.design)}.x"
         body, dof = output.partition("@")[0].rpartition(".")[::2]
         push: str = setting["impulse"] or (
             f"{body}.{FORCES[DOFS.index(dof)]}"

@@ -92,6 +92,7 @@ def solve(source: Source, setting: Settings, log: Log) -> Info:
     from suspension_cli.analyses import model_choice
     from suspension_cli.analyses.check import warnings
     from suspension_cli.analyses.thermal import model as thermal
+    from suspension_cli.design.derive import mirror
     from suspension_cli.errors import attribute_faults_to
     from suspension_cli.grids import parse_grid
     from suspension_cli.linear import signals
@@ -100,7 +101,7 @@ def solve(source: Source, setting: Settings, log: Log) -> Info:
 
     design, tolerance = source.design, setting["tolerance"]
     frequency = np.array(parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0))
-    output = setting["output"] or f"{design.stage[-1].name}.x"
+    output = setting["output"] or f"{mirror(design)}.x"
 
     def transfer(model: LinearSystem) -> Transfer:
         known = signals.bodies_with_signals(model)

@@ -90,6 +90,7 @@ def solve(
         wire_energy=wire / total[:, None],
         order=np.zeros(len(omega), dtype=np.intp),
         decay_rate=lost / (2 * omega),
+        top=model.top,
     )
     found = replace(found, order=_half_waves(found, kinds))
     if not damping or not _is_lossy(found).any():

@@ -47,7 +47,7 @@ class ThermalAnalysis(Analysis):
     name = "thermal"
     arguments = (options.DESIGN,)
     parameters = (
-        options.signals("output", options.MOTIONS, "x of the last stage"),
+        options.signals("output", options.MOTIONS, "x of the mirror"),
         options.frequencies("0.1:1000:2000"),
         option(
             "--arm",
@@ -130,9 +130,10 @@ def _solved(source: Source, setting: Settings, log: Log) -> tuple[Choice, list[T
     from suspension_cli.analyses import model_choice
     from suspension_cli.analyses.thermal import model as thermal_model
     from suspension_cli.analyses.thermal import solve as thermal
+    from suspension_cli.design.derive import mirror
 
     frequency = np.array(parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0))
-    outputs = setting["outputs"] or (f"{source.design.stage[-1].name}.x",)
+    outputs = setting["outputs"] or (f"{mirror(source.design)}.x",)
     choice, model = thermal_model.choose(source, setting["fidelity"], frequency, outputs)
     model = model_choice.stable_system(source, choice, setting["allow_unstable"], log, model)
     if not setting["arm"] >= 0:

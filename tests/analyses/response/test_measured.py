@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import h5py
@@ -103,6 +104,28 @@ def test_resonance_is_found_between_points():
     unknown = np.full(60, np.nan)
     data = MeasuredResponse("a", "", "", f, value, unknown, unknown)
     assert np.allclose(measured.resonances(data), [1.0137], rtol=2e-4)
+
+
+def test_peaks_are_paired_with_modes_one_to_one(design, tmp_path):
+    """One peak 8 % below a mode, two at another, and those of another structure above all modes."""
+    known = sus.modes(design, model="string")
+    modes = [f for f, name in zip(known.frequency, known.label, strict=True) if "vert" in name]
+    peaks = [0.92 * modes[0], 0.99 * modes[1], 1.05 * modes[1], 0.5 * modes[2], 3.2 * modes[2]]
+    pairs = [modes[0], modes[1], None, None, None]
+    f = np.geomspace(0.3, 200.0, 4000)
+    value = sum(1 / (at**2 - f**2 + 0.02j * f * at) for at in peaks)
+    file = file_of(tmp_path, f, value)
+    options = ("--input", "upper.force_z", "--output", "upper.z", "--fidelity", "string")
+    done = run("response", DESIGN, "--measured", file, *options, "--json", "--out", tmp_path)
+    found = strict_json(done.stdout)["measured"][0]["resonances"]
+    assert [one["measured_hz"] for one in found] == pytest.approx(peaks, rel=2e-3)
+    assert [one["model_hz"] for one in found] == [f and pytest.approx(f, rel=1e-3) for f in pairs]
+    assert [one["shift"] for one in found][2:] == [None] * 3
+    text = run("response", DESIGN, "--measured", file, *options, "--out", tmp_path).stdout
+    [line] = re.findall("measured resonances of no mode: (.*) Hz", text)
+    assert np.allclose([float(word) for word in line.split(",")], peaks[2:], rtol=2e-3)
+    again = sus.load(tmp_path / "triple-response.h5").document()["measured"][0]["resonances"]
+    assert again == found
 
 
 def test_command(tmp_path):

@@ -276,7 +276,7 @@ def test_a_stage_without_wires(tmp_path):
     [line] = assert_refused(result, file, tmp_path / "out")
     assert (
         line
-        == "--wire: k changes a wire, but the last stage hangs on none; name a wire, or sweep mass,"
+        == "--wire: k changes a wire, but the mirror hangs on none; name a wire, or sweep mass,"
         " com or a path"
     )
     assert (
