@@ -6,6 +6,8 @@ import math
 import os
 import shlex
 import string
+import subprocess
+import sys
 import tomllib
 
 import click
@@ -291,6 +293,27 @@ def test_file_names_that_are_no_text(tmp_path):
         "modes", file, "--set", "design.title=" + os.fsdecode(b"\xff")
     ).stderr.splitlines()
     assert "not text" in line
+
+
+def test_the_package_runs_as_a_module(tmp_path):
+    """As the command does: the same name in help, the same exit code and line for a bad input."""
+    done = [
+        subprocess.run(
+            [sys.executable, "-m", "suspension_cli", *words], capture_output=True, text=True
+        )
+        for words in (["--version"], ["modes", "--help"], ["modes", str(tmp_path / "x.toml")])
+    ]
+    assert done[0].stdout == f"pendsus, version {__version__}\n"
+    assert done[1].stdout.startswith("Usage: pendsus modes ")
+    assert done[2].returncode == 2 and done[2].stderr.count("\n") == 1
+
+
+def test_licence_and_citation_agree_with_the_package():
+    citation, licence = ((ROOT / name).read_text() for name in ("CITATION.cff", "LICENSE"))
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    lines = citation.splitlines()
+    assert f"version: {__version__}" in lines and f"license: {project['license']}" in lines
+    assert licence.startswith(f"{project['license']} License\n\nCopyright (c) ")
 
 
 def test_overrides(tmp_path):
