@@ -497,7 +497,7 @@ def xcouple(
     workers : int
         Number of processes.
     scheduler : str, optional
-        Dask scheduler to compute on instead: ``"tcp://HOST:PORT"``.
+        Dask scheduler to compute on instead: ``"tls://HOST:PORT"``.
     chunk : int
         Builds computed at once.
     folder : path, optional

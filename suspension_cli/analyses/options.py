@@ -275,7 +275,7 @@ SWEEP = (
     ),
     option(
         "--scheduler",
-        metavar="tcp://HOST:PORT",
+        metavar="tls://HOST:PORT",
         help="Address of a Dask scheduler that computes instead (pendsus[cluster]).",
         group=BATCH,
     ),

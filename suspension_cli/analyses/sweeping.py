@@ -11,6 +11,7 @@ from suspension_cli.errors import Interrupted, escape_unprintable
 from suspension_cli.files.atomic import target, writing_to
 from suspension_cli.files.existing import replacing
 from suspension_cli.files.hdf5 import Provenance, open_results
+from suspension_cli.studies.cluster import describe_exposure
 from suspension_cli.studies.run import Plan
 from suspension_cli.studies.run import run as compute
 from suspension_cli.studies.sweep_file import Job
@@ -90,6 +91,8 @@ def fill(
         sweep=job.identity,
         error=choice.error,
     )
+    if setting["scheduler"] and (exposure := describe_exposure(setting["scheduler"])):
+        run.log.warn(exposure)
     with writing_to(run.folder):
         run.folder.mkdir(parents=True, exist_ok=True)
     try:
