@@ -161,9 +161,9 @@ def _walk_table(node: Schema, value: object, path: str) -> Iterator[Fault]:
         yield Fault(path, "must be a table", f"give {give}", format_value(value))
         return
     for key, item in value.items():
-        others = [name for name in value if name in known and name != key]
-        hint = suggest(key, others) if isinstance(item, dict) and key in known else ""
-        if known.get(key, {}).get("type") == "array" and hint.startswith("did you mean"):
+        misnamed = isinstance(item, dict) and known.get(key, {}).get("type") == "array"
+        others = [name for name in value if misnamed and name in known and name != key]
+        if (hint := suggest(key, others)).startswith("did you mean"):
             yield Fault(step(path, key), "must be an array", hint, format_value(item))
         elif key in known or rest is not False:
             yield from _walk(known.get(key, rest), item, step(path, key))

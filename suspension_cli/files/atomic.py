@@ -17,11 +17,11 @@ def replace_file(path: Path, data: bytes) -> None:
 
     Of a symbolic link the target is replaced. A device or pipe is written as it is.
     """
-    path = target(path)
-    if not is_regular(path):
+    if not is_regular(path, follow=True):
         with path.open("wb") as stream:
             stream.write(data)
         return
+    path = target(path)
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with os.fdopen(handle, "wb") as stream:
@@ -41,10 +41,10 @@ def target(path: Path) -> Path:
     return Path(os.path.realpath(path)) if path.is_symlink() else path
 
 
-def is_regular(path: Path) -> bool:
-    """Whether a path is free or has a regular file: no link, device, pipe or folder."""
+def is_regular(path: Path, *, follow: bool = False) -> bool:
+    """Whether a path is free or has a regular file: no device, pipe, folder, unfollowed link."""
     try:
-        return stat.S_ISREG(os.lstat(path).st_mode)
+        return stat.S_ISREG(os.stat(path, follow_symlinks=follow).st_mode)
     except FileNotFoundError:
         return True
 

@@ -81,6 +81,19 @@ def test_a_device_stays_a_device(minor, full, tmp_path):
     assert list(tmp_path.iterdir()) == [node]
 
 
+@pytest.mark.skipif(not os.path.isdir("/proc/self/fd"), reason="open files have no paths here")
+def test_a_pipe_of_the_process_is_written(tmp_path):
+    """As of /dev/stdout: a link to a pipe that has no name."""
+    read, write = os.pipe()
+    link = tmp_path / "x.h5"
+    link.symlink_to(f"/proc/self/fd/{write}")
+    with os.fdopen(read, "rb") as stream:
+        thread = threading.Thread(target=lambda: (save(link), os.close(write)), daemon=True)
+        thread.start()
+        assert stream.read().startswith(b"\x89HDF")
+    assert link.is_symlink()
+
+
 def test_links_that_lead_to_themselves(tmp_path):
     link = tmp_path / "x.h5"
     link.symlink_to(link)
