@@ -539,7 +539,8 @@ def _check_unity_gain(loop: Loop, body: Body, axis: int) -> Iterator[Implausible
         keys = ("damper", "filter", "gain_at", "gain")
         key, value = next((key, own) for key in keys if (own := getattr(loop, key)))
         problem = f"has unity gain above {FASTEST_LOOP:g} Hz (there the gain is {ratio:.2g})"
-        remedy = "give it in N/m (N m/rad), a damper in N s/m (N m s/rad)"
+        unit = "N s/m or N m s/rad" if key == "damper" else "N/m or N m/rad at each frequency"
+        remedy = f"lower it, or check its unit ({unit})"
         shown = None if key == "gain_at" else format_value(value)
         yield ImplausibleNumber(Fault(f"control.loop.{loop.name}.{key}", problem, remedy, shown))
 
