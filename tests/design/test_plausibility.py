@@ -311,7 +311,7 @@ NONSENSE = {
     "gain": (
         "triple-damped",
         {("control", "loop", 0, "gain"): -1e12},
-        "control.loop.x.gain = -1000000000000.0: has unity gain above 100 Hz .*; lower it, or check",
+        "control.loop.x.gain = -1000000000000.0: has unity gain above 100 Hz .*; lower it, or",
     ),
     "damper": (
         "tower",
