@@ -12,6 +12,7 @@ import suspension_cli as sus
 SINGLE = sus.template("single")
 MODES = sus.modes(SINGLE, model="string")
 DEPTH = "stage.test.wires.d"
+VARY = {DEPTH: [1e-3, 2e-3]}
 
 
 @pytest.mark.parametrize(
@@ -63,6 +64,21 @@ def test_wrong_arguments_are_input_errors(call, message, tmp_path, monkeypatch):
     with pytest.raises(sus.InputError, match=f"^{message}") as caught:
         call()
     assert "\n" not in str(caught.value) and not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "function", [sus.sensitivity, lambda *a, **k: sus.sweep(*a, vary=VARY, **k)]
+)
+def test_results_in_any_form(function):
+    """By the name of other lists (inputs, outputs) or of the option; a text or a list."""
+    found = [
+        function(SINGLE, model="string", **{key: value}).document()["results"]
+        for key in ("results", "result")
+        for value in ("test yaw", ["test yaw"])
+    ]
+    assert len(found[0]) == 1 and found == 4 * found[:1]
+    with pytest.raises(sus.InputError, match=r"^results"):
+        function(SINGLE, results="test yow")
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -97,6 +98,16 @@ def _demand_folder(_ctx: click.Context, _param: click.Parameter, value: str | No
     return value
 
 
+def _demand_stem(_ctx: click.Context, _param: click.Parameter, value: str | None) -> str | None:
+    """Refuse what is no start of a file's name."""
+    from suspension_cli.errors import InputError, format_value
+
+    if value is not None and not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._=+-]{,149}", value):
+        remedy = "give letters, digits, . _ = + and - (at most 150), for example my-violin"
+        raise InputError.of("--name", "is no name of files", remedy, format_value(value))
+    return value
+
+
 ENDINGS = [
     ".csv",
     ".h5",
@@ -139,6 +150,14 @@ OUT = option(
     metavar="DIR",
     callback=_demand_folder,
     help="Folder for the written files.",
+    group=FILES,
+)
+NAME = option(
+    "--name",
+    "stem",
+    metavar="STEM",
+    callback=_demand_stem,
+    help="Start of the names of written files.  [default: the design's name, and values of --set]",
     group=FILES,
 )
 BESIDE = option(
@@ -254,7 +273,7 @@ SWEEP = (
     ),
     option(
         "--scheduler",
-        metavar="tcp://HOST:PORT",
+        metavar="tls://HOST:PORT",
         help="Address of a Dask scheduler that computes instead (pendsus[cluster]).",
         group=BATCH,
     ),
@@ -269,7 +288,7 @@ SWEEP = (
     option("--resume", is_flag=True, help="Continue an interrupted run.", group=BATCH),
 )
 """Options of the computation of a sweep."""
-WRITING = (OVERRIDES, OUT, FIDELITY, AS_JSON, CSV, PLOT, FORMAT, QUIET, VERBOSE)
+WRITING = (OVERRIDES, OUT, NAME, FIDELITY, AS_JSON, CSV, PLOT, FORMAT, QUIET, VERBOSE)
 """Options of every analysis that writes a results file and a picture."""
 INFO = (
     option(

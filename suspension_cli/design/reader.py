@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import functools
+import hashlib
 import re
 import tomllib
 from collections.abc import Mapping
@@ -19,6 +20,8 @@ from suspension_cli.errors import Fault, InputError, attribute_faults_to, format
 MAX_BYTES = 4_000_000
 """Size above which a file is no design (but a results file, a picture)."""
 
+LONGEST_STEM = 150
+"""Letters of the start of a file's name; systems take 255 bytes for the whole name."""
 TEMPLATES = ("single", "double", "triple", "quad", "blades")
 """Starting designs of `pendsus new`."""
 OTHER_KINDS = {"measurements": ("mode", "transfer_function"), "goals": ("goal",)}
@@ -38,11 +41,38 @@ class Source:
         The whole design as TOML with overrides, as results embed it.
     file
         The path as the user gave it.
+    given_stem, overrides
+        Start of the names of written files, if the user gave one, and the overrides that they name.
     """
 
     design: Design
     text: str
     file: str
+    given_stem: str | None = None
+    overrides: tuple[str, ...] = ()
+
+    def stem(self, name: str = "") -> str:
+        """Start of the names of written files: as given, else a name with the overrides.
+
+        `name` is that of the design by default.
+        """
+        return self.given_stem or _with_overrides(name or self.design.design.name, self.overrides)
+
+
+def _with_overrides(name: str, overrides: tuple[str, ...]) -> str:
+    """Add overrides to a name, and a digest of them where letters had to be replaced or left out.
+
+    A name that is itself an override (of `design.name`) suffices.
+
+    >>> _with_overrides("my", ("stage.test.wires.d=0.002", "design.title=Stiffer"))
+    'my-test.wires.d=0.002'
+    """
+    plain = [re.sub(r"\s+", "", text).removeprefix("stage.") for text in overrides]
+    if any(text.startswith("design.name=") for text in plain):
+        return name
+    whole = "-".join([name, *(text for text in plain if not text.startswith("design."))])
+    short = re.sub(r"[^A-Za-z0-9._=+-]+", "_", whole)[:LONGEST_STEM]
+    return short if short == whole else f"{short}-{hashlib.sha256(whole.encode()).hexdigest()[:8]}"
 
 
 def read(file: str | Path, overrides: tuple[str, ...] = ()) -> Source:

@@ -170,6 +170,12 @@ OVERRIDES = [
     ("stage.0.wires.d=1", "there is no '0' here"),
     ("stage.2.wires.d=1", "there is no '2' here"),
     ("stage.test.name.x=1", "stage.test.name is a value, not a table"),
+    (
+        "stage.test.body.inertia.1=0.1",
+        "the design gives no stage.test.body.inertia of which this is a member; give"
+        " stage.test.body.inertia whole, or take what the design gives there: shape, axis, radius",
+    ),
+    ("perturbation.1.k_factor=1.2", "the design gives no perturbation of which this is a member"),
 ]
 
 
@@ -177,13 +183,23 @@ OVERRIDES = [
 def test_bad_override(override, problem, tmp_path):
     file, out = from_template(tmp_path), tmp_path / "out"
     [line] = assert_refused(run("modes", file, "--set", override, "--out", out), file, out)
-    assert line.startswith(f'--set = "{override}": {problem}; ')
+    assert re.match(re.escape(f'--set = "{override}": {problem}') + "[;,]", line)
 
 
 @pytest.mark.parametrize(
     ("override", "says"),
     [
         ("stage.test.wires.d=0.002x", 'stage.test.wires.d = "0.002x": must be a number'),
+        ("stage.test.wires.d_upper=1e-320", "stage.test.wires.d_upper = 1e-320: is too small"),
+        ("stage.test.wires.d=-5e-151", "stage.test.wires.d = -5e-151: is too small"),
+        (
+            "stage.test.wire.d=0.002",
+            "stage.test.wire = {d}: must be an array; did you mean 'wires'?",
+        ),
+        (
+            "stage.test.spring.at=0.002",
+            "stage.test.spring = {at}: must be an array; write it as [[stage.test.spring]]",
+        ),
         ("stage.test.wires.d=nan", "stage.test.wires.d = nan: must be finite"),
         ("stage.test.wires.d=", 'stage.test.wires.d = "": must be a number'),
         ("stage.test.wires.dd=0.1", "stage.test.wires.dd = 0.1: unknown key"),

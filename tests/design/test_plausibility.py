@@ -308,6 +308,21 @@ NONSENSE = {
         {("control", "loop", 0, "sensor_noise"): 0.1},
         "control.loop.x.sensor_noise = 0.1: .*; did you mean nm/sqrt.Hz.?",
     ),
+    "gain": (
+        "triple-damped",
+        {("control", "loop", 0, "gain"): -1e12},
+        "control.loop.x.gain = -1000000000000.0: has unity gain above 100 Hz .*; lower it, or",
+    ),
+    "damper": (
+        "tower",
+        {("control", "loop", 2, "damper"): 1e9},
+        "control.loop.yaw.damper = 1000000000.0: has unity gain above 100 Hz",
+    ),
+    "gap": (
+        "reaction-chain",
+        {("damper", 0, "eddy_current", "gap"): 1e-9},
+        r"damper\..*\.eddy_current\.gap = 1e-09: is inside a magnet of this strength",
+    ),
     "sensor": (
         "triple-damped",
         {("control", "loop", 0, "sensor"): "uper.x"},

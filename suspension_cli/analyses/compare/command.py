@@ -120,7 +120,8 @@ class CompareAnalysis(Analysis):
         """Path of the results file, named after the first two items."""
         names = [re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("-") for name in result.data.name]
         more = f"-and-{len(names) - 2}-more" if len(names) > 2 else ""
-        return folder / f"{names[0]}-and-{names[1]}{more}-{self.stem}.h5"
+        stem = result.source.stem(f"{names[0]}-and-{names[1]}{more}")
+        return folder / f"{stem}-{self.stem}.h5"
 
 
 def _overlay(found: Comparison, overlay: Overlay) -> Document:

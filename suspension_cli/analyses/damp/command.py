@@ -115,7 +115,7 @@ class DampAnalysis(Analysis):
         from suspension_cli.analyses.damp import foton_file
         from suspension_cli.files import atomic
 
-        made = path.with_name(f"{result.name}-foton.txt")
+        made = path.with_name(f"{result.source.stem()}-foton.txt")
         atomic.write_bytes(made, foton_file.write(result.design).encode())
         return [made]
 

@@ -59,6 +59,7 @@ class ExportAnalysis(Analysis):
         options.ALLOW_UNSTABLE,
         options.OVERRIDES,
         options.OUT,
+        options.NAME,
         options.FIDELITY,
         options.ACCURACY,
         options.AS_JSON_ONLY,
@@ -136,7 +137,7 @@ class ExportAnalysis(Analysis):
         """Return the path of the exported file."""
         from suspension_cli.analyses.export.file import FORMATS
 
-        return folder / f"{result.name}-statespace{FORMATS[result.extra['format']].suffix}"
+        return folder / f"{result.source.stem()}-statespace{FORMATS[result.extra['format']].suffix}"
 
     def save(self, path: Path, result: Result) -> None:
         """Write the exported file, in the format of its ending."""

@@ -118,17 +118,18 @@ class FitAnalysis(Analysis):
         choice = common_model.worst(choices)
         for source, one in zip(sources, choices, strict=True):
             model_choice.warn_of_neglected(source, one, run.log, (registry.BEAM,))
-        stem = Path(file).stem if joint else found.experiment[0]
+        name = Path(file).stem if joint else found.experiment[0]
         data = dataclasses.replace(
             found,
             design_before=tuple(one.source.text for one in runs),
             measurements=run.inputs["text"],
-            title=(given.title if joint else run.design.design.title) or stem,
+            title=(given.title if joint else run.design.design.title) or name,
         )
         _warn(data, choice, run.log)
         if run.setting.get("as_json", True):  # printed in the text
             for line in report.first_lines(data):
                 run.log.warn(line)
+        stem = run.source.stem(name)
         extra = {"stem": stem, "joint": joint, "designs": designs, "measured_file": file}
         return Result(self, run.source, choice, data, extra, command=run.command)
 

@@ -167,7 +167,7 @@ class OptimiseAnalysis(Analysis):
         """Write the optimised design as NAME-optimised.toml."""
         from suspension_cli.analyses.optimise import file as stored
 
-        made = path.with_name(f"{result.name}-optimised.toml")
+        made = path.with_name(f"{result.source.stem()}-optimised.toml")
         design, goals = result.source.file, result.extra.get("goals_file", "goals")
         stored.save_design(made, result.data, Path(design).name, Path(goals).name, result.command)
         return [made]

@@ -303,7 +303,7 @@ def _stored(report: Composition, name: str) -> Any:
     folder, source = report.request.folder, report.source
     if folder is None:
         return None
-    path = folder / f"{source.design.design.name}-{name}.h5"
+    path = folder / f"{source.stem()}-{name}.h5"
     if read_design(path) != source.text:
         return None
     try:

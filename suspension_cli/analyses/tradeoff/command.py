@@ -66,6 +66,7 @@ class TradeoffAnalysis(Analysis):
         ),
         options.OVERRIDES,
         options.OUT,
+        options.NAME,
         options.AS_JSON,
         options.CSV,
         options.PLOT,

@@ -454,7 +454,7 @@ def test_modes_of_wires_alone(tmp_path):
     wide = ("--set", "stage.test.wires.radius=0.1")
     result = run("modes", tmp_path / "single.toml", *wide, "--out", tmp_path / "out")
     assert result.exit_code == 0, result.stderr
-    assert (tmp_path / "out" / "single-modes.h5").exists()
+    assert (tmp_path / "out" / "single-test.wires.radius=0.1-modes.h5").exists()
 
 
 @pytest.mark.parametrize(
