@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-MAX_BYTES = 4_000_000
+from suspension_cli.errors import InputError
+from suspension_cli.files import bounded
 
 
 class BadTable(Exception):
@@ -28,15 +29,10 @@ def read(file: Path) -> tuple[list[str], list[list[float]]]:
     Raises `BadTable` if it cannot be read, or its lines are not numbers in the same columns.
     """
     try:
-        with file.open("rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
-        text = data.decode("utf-8-sig")
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "it is not text"
+        text = bounded.read_text(file, bounded.TOML, "a CSV file")
+    except InputError as error:
         remedy = "give its path from the folder of the design file"
-        raise BadTable(f"cannot be read ({reason})", remedy) from None
-    if len(data) > MAX_BYTES:
-        raise BadTable(f"has more than {MAX_BYTES} bytes", "give a table of fewer lines")
+        raise BadTable(error.faults[0].problem, remedy) from None
     headings: list[str] = []
     rows: list[list[float]] = []
     for number, line in enumerate(text.splitlines(), 1):

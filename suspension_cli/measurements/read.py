@@ -15,7 +15,9 @@ import numpy as np
 
 from suspension_cli.conventions import DOFS
 from suspension_cli.design.measured import Measured, TransferFunction
-from suspension_cli.errors import Fault, InputError, attribute_faults_to, join_errors
+from suspension_cli.errors import InputError, attribute_faults_to, join_errors
+from suspension_cli.files import bounded
+from suspension_cli.files.hdf5 import is_results_file
 from suspension_cli.measurements import columns, dtt, hdf5, text
 from suspension_cli.measurements.columns import Columns, Points
 from suspension_cli.measurements.dtt import Dtt
@@ -75,7 +77,7 @@ def read_bare(
     table = TransferFunction(file=path.name, input=input, output=output, **keys)
     with attribute_faults_to(str(path)):
         source = _open(path)
-        if not keys and hdf5.is_results_file(path):
+        if not keys and is_results_file(path):
             problem = "is a results file of pendsus, not a measurement"
             remedy = "compare it with pendsus compare DESIGN FILE"
             raise InputError.of("", problem, remedy)
@@ -134,15 +136,7 @@ def _read(
 
 
 def _open(path: Path) -> Columns | Dtt:
-    if path.is_dir():
-        raise InputError.of("", "is a directory", "name a file of data in it")
-    try:
-        with path.open("rb") as stream:
-            begin = stream.read(512)
-    except OSError as error:
-        reason = error.strerror or str(error)
-        fault = Fault("", f"cannot be read ({reason})", "check the path and its permissions")
-        raise InputError([fault]) from None
+    begin = bounded.read_head(path, 512, "a file of data")
     if not begin.strip():
         raise InputError.of("", "is empty", "give a frequency and a value per line")
     if begin.startswith(b"\x89HDF") or path.suffix.lower() in (".h5", ".hdf5", ".hdf"):
