@@ -137,11 +137,26 @@ def open_data(path: str | Path) -> Iterator[h5py.File]:
         yield file
 
 
+def check_shapes(group: h5py.Group, stored: h5py.Group) -> None:
+    """Raise `ValueError` for a dataset that has not the size of its scales, or not that stored."""
+
+    def check(name: str, item: Stored) -> None:
+        if isinstance(item, h5py.Dataset):
+            if name in stored and stored[name].shape != item.shape:
+                raise ValueError(f"{name} has the shape {stored[name].shape}, not {item.shape}")
+            for size, axis in zip(item.shape, item.dims, strict=True):
+                if len(axis) and axis[0].size != size:
+                    raise ValueError(f"{name} has {size} values where its axis has {axis[0].size}")
+
+    group.visititems(check)
+
+
 def is_results_file(path: str | Path) -> bool:
     """Whether a file holds results of pendsus."""
     if not Path(path).is_file() or not h5py.is_hdf5(path):
         return False
-    with reporting_damage(path, "name a whole file"), _opened(path, "") as file:
+    remedy = "name a whole file"
+    with reporting_damage(path, remedy), _opened(path, remedy) as file:
         return file.attrs.get("format") == "pendsus"
 
 
