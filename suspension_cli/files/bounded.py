@@ -16,9 +16,9 @@ TOML, TEXT, DATA = 4_000_000, 64_000_000, 256_000_000
 
 def read_head(path: Path, count: int, kind: str, *, pipe: bool = False) -> bytes:
     """Read the first bytes of a file, at most `count`."""
-    if path.is_dir():
-        raise InputError.of("", "is a directory", f"name {kind} in it")
     try:
+        if path.is_dir():
+            raise InputError.of("", "is a directory", f"name {kind} in it")
         if not pipe and path.exists() and not path.is_file():
             raise InputError.of("", "is not a regular file", f"name {kind}")
         with path.open("rb") as stream:

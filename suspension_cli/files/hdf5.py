@@ -153,7 +153,7 @@ def check_shapes(group: h5py.Group, stored: h5py.Group) -> None:
 
 def is_results_file(path: str | Path) -> bool:
     """Whether a file holds results of pendsus."""
-    if not Path(path).is_file() or not h5py.is_hdf5(path):
+    if not h5py.is_hdf5(path):
         return False
     remedy = "name a whole file"
     with reporting_damage(path, remedy), _opened(path, remedy) as file:
@@ -227,11 +227,31 @@ def _unsafe(file: h5py.File, *, links: bool) -> str:
                         f"is damaged: {format_value(item.name)} should have {item.size} values,"
                         " more than the file can contain"
                     )
+                if not links and not _has_sound_scales(item):
+                    return f"is damaged: the scales of {format_value(item.name)} cannot be read"
             place = h5py.h5o.get_info(item.id).addr  # pyright: ignore[reportAttributeAccessIssue]
             if isinstance(item, h5py.Group) and place not in seen:
                 pending.append(item)
             seen.add(place)
     return ""
+
+
+def _has_sound_scales(item: h5py.Dataset) -> bool:
+    """Whether the attributes of scales have the types and sizes that HDF5 takes for granted."""
+    expected = {
+        "DIMENSION_LIST": ("O", (item.ndim,)),
+        "DIMENSION_LABELS": ("O", (item.ndim,)),
+        "REFERENCE_LIST": ("V", None),
+    }
+    for name, (kind, shape) in expected.items():
+        if name in item.attrs:
+            found = item.attrs.get_id(name)
+            is_text = h5py.check_string_dtype(found.dtype) is not None
+            if found.dtype.kind != kind or (shape or found.shape) != found.shape:
+                return False
+            if is_text != (name == "DIMENSION_LABELS"):
+                return False
+    return True
 
 
 LARGE = 1 << 26
