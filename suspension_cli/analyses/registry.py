@@ -53,7 +53,7 @@ def loaded(file: h5py.File, name: str) -> Result:
     )
     source = Source(parse(text), text, name)
     data, command = analysis.load(file), str(file.attrs["command"])
-    extra = json.loads(str(file.attrs.get("extra", "{}")))
+    extra = dict(json.loads(str(file.attrs.get("extra", "{}"))))
     result = Result(analysis, source, choice, data, extra, Path(file.filename), command)
     if analysis.fills_file:
         check_shapes(file, file)

@@ -137,7 +137,7 @@ def open_data(path: str | Path) -> Iterator[h5py.File]:
         yield file
 
 
-def check_shapes(group: h5py.Group, stored: h5py.Group) -> None:
+def check_shapes(group: h5py.Group, stored: Stored) -> None:
     """Raise `ValueError` for a dataset that has not the size of its scales, or not that stored."""
 
     def check(name: str, item: Stored) -> None:
@@ -157,7 +157,7 @@ def is_results_file(path: str | Path) -> bool:
         return False
     remedy = "name a whole file"
     with reporting_damage(path, remedy), _opened(path, remedy) as file:
-        return file.attrs.get("format") == "pendsus"
+        return str(file.attrs.get("format")) == "pendsus"
 
 
 @contextlib.contextmanager
