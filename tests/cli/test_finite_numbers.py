@@ -37,3 +37,10 @@ def test_the_walk_finds_the_options():
     assert {("tolerance", "--limit"), ("damp", "--duration"), ("response", "--frequency")} <= {
         *NUMERIC
     }
+
+
+@pytest.mark.parametrize("name", ["response", "thermal", "budget", "damp", "info"])
+def test_frequencies_that_would_overflow_are_refused(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = run(name, CONFIGS / "triple-damped.toml", "--frequency", "1,1e150")
+    assert result.exit_code == 2 and "above 1e+09 Hz" in result.stderr
