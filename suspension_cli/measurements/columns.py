@@ -265,6 +265,7 @@ def _check_finite(values: np.ndarray, columns: Columns, name: str) -> None:
         raise InputError.of(columns.place(n), problem, "remove the point or correct it")
 
 
+@np.errstate(over="ignore", invalid="ignore")  # such values are refused with the others
 def _polar(
     data: Mapping[str, Float[np.ndarray, " frequency"]],
     sigma: Float[np.ndarray, " frequency"] | None,

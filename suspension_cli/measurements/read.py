@@ -155,6 +155,7 @@ def _refuse_channels(table: TransferFunction) -> None:
             raise InputError.of(key, problem, remedy, getattr(table, key))
 
 
+@np.errstate(over="ignore", invalid="ignore")  # such values are refused
 def _calibrated(
     points: Points, table: TransferFunction
 ) -> tuple[
@@ -183,11 +184,15 @@ def _calibrated(
         )
     if not len(frequency):
         raise InputError.of("", "has no points above 0 Hz", "measure again")
-    if not np.isfinite(value).all():
-        at = frequency[~np.isfinite(value)][0]
-        problem = f"the value at {at:.6g} Hz is infinite or no number"
+    usable = np.abs(value) < LARGEST  # false for NaN, too
+    if not usable.all():
+        problem = f"the value at {frequency[~usable][0]:.6g} Hz is no number below {LARGEST:g}"
         raise InputError.of("", problem, 'leave it out with a "band"')
     return frequency, value, sigma, coherence
+
+
+LARGEST = 1e100
+"""Largest value of a transfer function: squares and ratios of larger ones overflow."""
 
 
 def relative_uncertainty(
