@@ -116,7 +116,7 @@ bench: $(READY)  ## what things cost, as ratios to a floor measured in the same 
 golden: $(READY) ## regenerate tests/golden (say why in CHANGELOG.md, "Numbers changed")
 	$(BIN)/python -m tests.support.golden
 
-mutations: $(READY) ## damage 1,000 designs, data files, results, options and arguments (half an hour)
+mutations: $(READY) ## damage 1,000 designs, data files, results, options and arguments (ten minutes)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tools.mutations
 
 clean:           ## remove the environment and caches
