@@ -160,10 +160,7 @@ def percent(value: float) -> str:
 
 
 class Systems:
-    """Linear systems of one design in several models, each built once.
-
-    >>> Systems(design)(registry.BEAM)  # doctest: +SKIP
-    """
+    """Linear systems of one design in several models, each built once."""
 
     def __init__(self, design: Design) -> None:
         self.design = design

@@ -40,6 +40,10 @@ if TYPE_CHECKING:
     from suspension_cli.models.batch_terms import BatchTerm
 
 
+UPRIGHT = 1e-13
+"""Rotation (rad) that is a rounding error of Newton's method."""
+
+
 def linear_model(
     scene: Scene,
     balanced: Equilibrium | None = None,
@@ -106,7 +110,7 @@ def linear_model(
         low=low,
         stretched=stretched,
         separated=separated,
-        orientation=None if balanced.iterations == 0 else pose.rotation,
+        orientation=pose.rotation if _is_turned(pose) else None,
         residual=float(np.max(balanced.residual)),
         wire=scene.wires.label,
         rigid=rigid_motion(numbering.size, scene.bodies.position + pose.shift),
@@ -116,6 +120,11 @@ def linear_model(
     if not scene.springs.grounded.any():
         return model
     return _on_ground(model, ground_couplings(scene, numbering, pose), adapted, of_ground)
+
+
+def _is_turned(pose: Pose) -> bool:
+    """Whether a body is rotated from its nominal orientation by more than rounding errors."""
+    return bool(np.abs(pose.rotation - np.eye(3)).max() > UPRIGHT)
 
 
 @dataclass(frozen=True)

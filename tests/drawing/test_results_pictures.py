@@ -69,7 +69,7 @@ def test_auto_counts_what_is_within_the_tolerance():
     with house_style():
         figure = choices.draw(found)
     words = said(figure)
-    assert "auto kept the requested tolerance in 59 of 60 random suspensions" in words
+    assert "auto kept the requested tolerance in 29 of 30 random suspensions" in words
     errors, models, _ = figure.axes
     assert (errors.get_xlabel(), errors.get_ylabel()) == (
         "requested tolerance",

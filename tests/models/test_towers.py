@@ -486,7 +486,8 @@ wires = {{ count = 4, l = 0.5, s = 0.1, t1 = 0.1, t2 = 0.1, d = 0.1, k = 1e12 }}
 
 
 def test_symmetry_of_legs_and_filters_is_exact():
-    for phase, mirrors in ((0.0, ("y",)), (np.pi / 2, ("x",)), (0.1, ())):
+    """Three legs with a mirror couple no more directions than four."""
+    for phase, mirrors in ((0.0, ("x", "y")), (np.pi / 2, ("x", "y")), (0.1, ())):
         scene = expand(reader.parse(TOWER.replace("phase = 0.4", f"phase = {phase}")))
         assert find_symmetry(scene, layout(scene)).mirrors == mirrors
     four = TOWER.replace("count = 3", "count = 4").replace("phase = 0.4", "")

@@ -44,10 +44,9 @@ def draw(found: list[Trial]) -> Figure:
     )
     for n, line in enumerate(
         (
-            "Requested: one result for each (modes, a response, thermal noise or a coupling) and a"
-            " tolerance for its error.",
-            "auto takes the model that it expects to be the fastest within the tolerance. The error"
-            " is that against violin, the most complete.",
+            "Requested: one result for each (modes or a coupling) and a tolerance for its error.",
+            "auto takes the fastest model within the tolerance. The error is that against violin,"
+            " the most complete.",
         )
     ):
         write_text(figure, 0.1, 0.32 + 0.15 * n, line, 7.2, NOTE)

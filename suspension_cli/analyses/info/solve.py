@@ -119,6 +119,8 @@ def solve(source: Source, setting: Settings, log: Log) -> Info:
         response: systems.compare(transfer),
     }
     with attribute_faults_to(source.file):
+        complete = systems(registry.most_complete(design))
+        transfer(complete)  # raises if a signal does not exist
         errors = {
             model.name: {
                 name: choose(design, model.name, (), compare)
@@ -135,9 +137,7 @@ def solve(source: Source, setting: Settings, log: Log) -> Info:
             noise = f"thermal noise of {output}, {span}"
             choices[noise] = thermal.choose(source, registry.AUTO, frequency, [output])[0]
     warnings.warn_implausible(design, log)
-    return Info(
-        source, tolerance, errors, choices, first_violin(systems(registry.most_complete(design)))
-    )
+    return Info(source, tolerance, errors, choices, first_violin(complete))
 
 
 def _document(choice: Choice) -> Document:
