@@ -18,7 +18,12 @@ MAX_POINTS = 10_000_000
 
 
 def parse_grid(
-    text: str, option: str, default: str = "lin", *, lowest: float = -math.inf
+    text: str,
+    option: str,
+    default: str = "lin",
+    *,
+    lowest: float = -math.inf,
+    highest: float = math.inf,
 ) -> list[float]:
     """Parse a grid.
 
@@ -29,8 +34,8 @@ def parse_grid(
         The option that gave it, for error messages.
     default : {"lin", "log"}
         Spacing if the grid names none.
-    lowest : float
-        Every number must be above it.
+    lowest, highest : float
+        Every number must be above the one, and at most the other.
 
     Raises
     ------
@@ -49,8 +54,10 @@ def parse_grid(
         raise InputError(
             [Fault(option, f"is not a grid ({error})", remedy, format_value(text))]
         ) from None
-    if not values or not all(math.isfinite(value) and value > lowest for value in values):
-        bound = "" if lowest == -math.inf else f" above {lowest:g}"
+    if not all(math.isfinite(value) and lowest < value <= highest for value in values):
+        bounds = [] if lowest == -math.inf else [f"above {lowest:g}"]
+        bounds += [] if highest == math.inf else [f"at most {highest:g}"]
+        bound = f" {' and '.join(bounds)}" if bounds else ""
         raise InputError(
             [Fault(option, f"must contain finite numbers{bound}", remedy, format_value(text))]
         )
