@@ -316,6 +316,7 @@ BAD = {
     "no number": (("--sweep", "k=nan"), "must contain finite numbers"),
     "a negative constant": (("--sweep", "k=-1:1:3"), "must contain finite numbers above 0"),
     "no mass": (("--sweep", "mass=0"), "must contain finite numbers above 0"),
+    "no wire": (("--sweep", "k=1e300"), "above 0 and at most 1e+06"),
     "no such wire": (("--wire", "test.5"), "names no wire"),
     "no such body": (("--body", "tset"), "names no stage"),
     "no such motion": (("--over", "test.w"), "names no motion"),
