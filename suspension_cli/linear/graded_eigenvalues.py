@@ -178,13 +178,13 @@ def rounding_with_low_parts(
     """
     stretched = model.stretched
     assert stretched is not None and model.low is not None
-    low = np.real(model.low)
+    low, stiffness = np.real(model.low), np.real(stretched.stiffness)
     if "unstretched" not in model.prepared:
         model.prepared["unstretched"] = stretched.added(
-            DoubleDouble(model.stiffness, low), -stretched.stiffness
+            DoubleDouble(model.stiffness, low), -stiffness
         ).value
     soft = model.prepared["unstretched"]
-    pull = np.abs(shapes @ stretched.form.T) * stretched.stiffness
+    pull = np.abs(shapes @ stretched.form.T) * stiffness
     return rounding(soft, shapes) + 2 * EPS * (
         pull * (np.abs(shapes) @ np.abs(stretched.form).T)
     ).sum(-1)

@@ -11,7 +11,6 @@ from suspension_cli.elements import string
 from suspension_cli.equilibrium.energy import gradient_and_stiffness
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.linear.double_double import DoubleDouble
-from suspension_cli.linear.rigid_motion_invariance import TOGETHER
 from suspension_cli.linear.stretching import Stretching
 from suspension_cli.linear.symmetry import Symmetry
 from suspension_cli.scene.pose import Layout, Pose, rigid_motion
@@ -21,9 +20,13 @@ if TYPE_CHECKING:
     from jaxtyping import Float, Inexact, Int
 
 
+TOGETHER = (0, 1, 2, 5)
+"""Rigid motions in which no wire stretches: x, y, z and yaw."""
+
+
 def separate_stretching(
     scene: Scene, numbering: Layout, balanced: Equilibrium, adapted: Symmetry
-) -> tuple[Inexact[np.ndarray, "coordinate coordinate"], Stretching]:
+) -> Stretching:
     """Compute the tangent stiffness without the stretching of wires, and that stretching.
 
     In symmetry-adapted coordinates, for a scene without batch axes.
@@ -32,8 +35,12 @@ def separate_stretching(
     soft, form = soft_part(scene, numbering, pose)
     place = scene.bodies.position + pose.shift
     low = _low_parts(form, rigid_motion(numbering.size, place), wires.lower)
-    return adapted.apply(soft), Stretching(
-        form @ adapted.basis, low @ adapted.basis, wires.stiffness, adapted.allowed
+    return Stretching(
+        form @ adapted.basis,
+        low @ adapted.basis,
+        wires.stiffness,
+        adapted.allowed,
+        adapted.apply(soft),
     )
 
 

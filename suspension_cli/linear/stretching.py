@@ -42,15 +42,18 @@ class Stretching:
     form, low
         Elongation of each wire per coordinate, and its low part.
     stiffness
-        N/m.
+        N/m; complex if lossy.
     allowed
         Elements of a matrix that the symmetry allows.
+    soft
+        The stiffness without the stretching; complex if lossy.
     """
 
     form: Float[np.ndarray, "wire coordinate"]
     low: Float[np.ndarray, "wire coordinate"]
     stiffness: Inexact[np.ndarray, " wire"]
     allowed: Bool[np.ndarray, "coordinate coordinate"]
+    soft: Inexact[np.ndarray, "coordinate coordinate"]
 
     def added(self, matrix: DoubleDouble, stiffness: Float[np.ndarray, " wire"]) -> DoubleDouble:
         """Add the sum of k a a^T, for stiffnesses k, to a matrix, exactly symmetric.

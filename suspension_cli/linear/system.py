@@ -209,7 +209,12 @@ def replace_support(model: LinearSystem, ground: Ground) -> LinearSystem:
         low=None if model.low is None else only(model.low),
         stretched=None
         if stretched is None
-        else replace(stretched, form=without(stretched.form), low=without(stretched.low)),
+        else replace(
+            stretched,
+            form=without(stretched.form),
+            low=without(stretched.low),
+            soft=only(stretched.soft, ground.stiffness),
+        ),
         separated=None
         if separated is None
         else replace(

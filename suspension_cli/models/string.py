@@ -91,6 +91,13 @@ def linear_model(
         if low is not None:
             assert lossy_low is not None
             low = low + 1j * lossy_low
+        if stretched is not None:
+            rest = adapted.apply(loss_matrix(scene, numbering, pose, stretching=False))
+            stretched = replace(
+                stretched,
+                stiffness=scene.wires.stiffness * (1 + 1j * scene.wires.loss),
+                soft=stretched.soft + 1j * rest,
+            )
     terms, of_ground = spring_terms(scene, numbering, pose, adapted, tables=True)
     model = LinearSystem(
         body=scene.bodies.name,
@@ -181,7 +188,9 @@ def _on_ground(
     whole = stiffness + 1j * loss if loss.any() else stiffness
     columns, resisted = whole[..., :6].copy(), damping[..., :6].copy()
     columns[..., :6, :], resisted[..., :6, :] = 0.0, 0.0
-    lossy, separated = model.lossy, model.separated
+    lossy, separated, stretched = model.lossy, model.separated, model.stretched
+    if stretched is not None:
+        stretched = replace(stretched, soft=without_ground(stretched.soft, whole))
     if lossy is not None:
         lost = without_ground(np.imag(lossy), loss)
         lossy = without_ground(np.real(lossy), stiffness) + 1j * lost
@@ -196,6 +205,7 @@ def _on_ground(
         damping=without_ground(model.damping, damping),
         lossy=lossy,
         separated=separated,
+        stretched=stretched,
         low=low,
         ground=Ground(columns, resisted, terms if not np.ndim(model.stiffness) > 2 else ()),
     )
@@ -217,8 +227,8 @@ def _stiffness(
         if stiffness is None:
             stiffness = gradient_and_stiffness(scene, numbering, balanced.pose)[1]
         return adapted.apply(stiffness), None, None
-    soft, stretched = separated_stiffness.separate_stretching(scene, numbering, balanced, adapted)
-    whole = stretched.added(DoubleDouble.of(soft), stretched.stiffness)
+    stretched = separated_stiffness.separate_stretching(scene, numbering, balanced, adapted)
+    whole = stretched.added(DoubleDouble.of(stretched.soft), stretched.stiffness)
     return whole.high, whole.low, stretched
 
 

@@ -41,7 +41,7 @@ def test_stretching_added() -> None:
     allowed = np.ones((7, 7), dtype=bool)
     allowed[2, 5] = allowed[5, 2] = False
     stiffness = 10 ** rng.uniform(3, 9, 9)
-    wires = Stretching(form, 1e-17 * form, stiffness, allowed)
+    wires = Stretching(form, 1e-17 * form, stiffness, allowed, np.zeros((7, 7)))
     start = DoubleDouble.of(np.diag(rng.random(7)))
     total = wires.added(start, stiffness)
     assert (total.high == total.high.T).all()
