@@ -104,7 +104,6 @@ def with_frame(model: LinearSystem, design: Design) -> LinearSystem:
         stiffness=widened(model.stiffness, own["stiffness"]),
         damping=widened(model.damping, own["damping"]),
         lossy=lossy,
-        low=None if model.low is None else spread.T @ model.low @ spread,
         separated=separated,
         stretched=stretched,
         terms=tuple(term.spread(spread) for term in model.terms),
