@@ -216,11 +216,18 @@ class Equations:
             self.parts, self.support, functions, strict=True
         ):
             if len(place) and values.any():
-                elements[place] += multiply_real(weights, values)
+                elements[place] += _multiply(weights, values)
             if len(row) and moves.any():
-                pull = np.einsum("rsn,si->rin", towards, moves).reshape(-1, len(values))
-                right[row] -= multiply_real(pull, values).reshape(-1, inputs, count)
+                pull = np.swapaxes(np.swapaxes(towards, 1, 2) @ moves, 1, 2)
+                right[row] -= _multiply(pull, values)
         return self.pattern.solve(elements, right)[:own]
+
+
+def _multiply(
+    weights: Float[np.ndarray, "*rows function"],
+    functions: Inexact[np.ndarray, "function frequency"],
+) -> Inexact[np.ndarray, "*rows frequency"]:
+    return weights * functions if len(functions) == 1 else multiply_real(weights, functions)
 
 
 @dataclass(frozen=True)
@@ -248,6 +255,11 @@ class Block:
             for n, term in terms
             if isinstance(term, WireTerm) or term.matrices[:, 6:].any()
         ]
+
+    @cached_property
+    def used(self) -> list[Int[np.ndarray, " _"]]:
+        """Functions f_n of each term that are needed."""
+        return [np.flatnonzero(term.matrices[:, 6:].any((1, 2))) for _, term in self.terms]
 
     @cached_property
     def loss(self) -> Float[np.ndarray, "own own"]:
@@ -300,9 +312,9 @@ class Block:
         matrices = (*_parts(pencil.soft), pencil.model.damping, pencil.model.mass)
         base[:, :count, :outer] = [matrix[at] * kept for matrix in matrices]
         of_terms = []
-        for _, term in self.terms:
-            weights = np.zeros((len(term.matrices) + 2, size, 6 + size))
-            weights[:-2, :count, :outer] = term.matrices[:, 6:] * kept
+        for (_, term), used in zip(self.terms, self.used, strict=True):
+            weights = np.zeros((len(used) + 2, size, 6 + size))
+            weights[:-2, :count, :outer] = term.matrices[used, 6:] * kept
             of_terms.append(weights)
         start = count
         for rows in self.rows:
@@ -390,13 +402,12 @@ class EvaluatedBlock:
         lossy = [self.lossy and bool(len(part.row)) for part in self.block.parts[1:3]]
         result = [here, 1j * here if lossy[0] else 0 * here]
         result += [1j * self.omega * here if lossy[1] else 0 * here, -(self.omega**2) * here]
-        for term, part in zip(self.terms, self.block.parts[4:], strict=True):
-            functions = term.functions(np.arange(len(part.weights) - 2))
-            if isinstance(term.term, WireTerm):
+        stretched = {rows.term for rows in self.block.rows}
+        for n, (term, used) in enumerate(zip(self.terms, self.block.used, strict=True)):
+            functions = [*term.functions(used), 0 * here[0], 0 * here[0]]
+            if n in stretched:
                 _, mixed, odd = term.stretching
-                functions += [mixed / odd, -1 / odd]
-            else:
-                functions += [0 * here[0]] * 2
+                functions[-2:] = mixed / odd, -1 / odd
             result.append(np.array(np.broadcast_arrays(*functions)))
         return result
 

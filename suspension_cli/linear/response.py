@@ -21,7 +21,7 @@ from suspension_cli.linear.system import LinearSystem
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float
 
-CHUNK = 1 << 15
+CHUNK = 1 << 16
 """Unknowns (coordinates and tensions, times inputs, times frequencies) solved at once."""
 
 
