@@ -4,7 +4,7 @@
     stiffness does not depend on frequency).
 
 Eigenvalues of the lossy system would lose a Q of 1e9 in the rounding of the frequency; sums of
-squares keep all its digits. `analyses.modes.damped` goes beyond first order. The dilution factor is
+squares keep all its digits. `linear.damped` goes beyond first order. The dilution factor is
 the total energy over that in lossy elements (bending, stretching, blades, ...; not the energy of
 the tension): 1/Q = phi / dilution for a single loss angle phi.
 """
@@ -71,7 +71,7 @@ def dissipation(
             dissipation += quadratic_form(np.imag(model.stretched.soft), shapes)
             elongation = shapes @ model.stretched.form.T
             dissipation += elongation**2 @ np.imag(model.stretched.stiffness)
-    return dissipation, elastic
+    return dissipation if model.active else np.maximum(dissipation, 0.0), elastic
 
 
 def quadratic_form(

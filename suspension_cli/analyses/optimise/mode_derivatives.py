@@ -78,6 +78,7 @@ class ModeDerivatives:
 def differentiate(
     model: LinearSystem,
     block: int,
+    top: int,
     shape: Float[np.ndarray, " coordinate"],
     squared: float,
     here: tuple[Stiffness, Array],
@@ -90,6 +91,8 @@ def differentiate(
     model : LinearSystem
     block : int
         Number of the mode's block.
+    top : int
+        Number of its top mass.
     shape : array
         In the named coordinates.
     squared : float
@@ -127,19 +130,19 @@ def differentiate(
         ]
         return np.array(products) / (shape @ of @ shape)
 
-    def of_blocks(count: int) -> Array:
-        own = _blocks(mass.shape, count)
+    def of_blocks(bodies: range) -> Array:
+        own = _blocks(mass.shape, bodies)
         return logarithm_rates(own * mass, [own * one for one in dm])
 
     bodies = len(model.body)
     with np.errstate(invalid="ignore", divide="ignore"):
-        fraction = of_blocks(1) - of_blocks(bodies)
+        fraction = of_blocks(range(top, top + 1)) - of_blocks(range(bodies))
         fraction += logarithm_rates(mass, dm) - logarithm_rates(inertia, dt)
     return ModeDerivatives(rates, fraction)
 
 
-def _blocks(shape: tuple[int, ...], count: int) -> Float[np.ndarray, "coordinate coordinate"]:
-    """Ones in the blocks of the first bodies of a mass matrix; of several also on its diagonal."""
+def _blocks(shape: tuple[int, ...], bodies: range) -> Float[np.ndarray, "coordinate coordinate"]:
+    """Ones in the blocks of some bodies of a mass matrix; of several also on its diagonal."""
     body = np.arange(shape[0]) // 6
-    result = (body[:, None] == body) & (body < count)
-    return (result | (count > 1) & np.eye(*shape, dtype=bool)).astype(float)
+    result = (body[:, None] == body) & np.isin(body, bodies)
+    return (result | (len(bodies) > 1) & np.eye(*shape, dtype=bool)).astype(float)

@@ -44,7 +44,7 @@ from suspension_cli.design.schema import Design, Perturbation
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.linear import batch_modes, mode_pairing
-from suspension_cli.linear.eigenmodes import Modes
+from suspension_cli.linear.eigenmodes import Modes, find_top_masses
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array, Index
@@ -215,6 +215,7 @@ class Evaluator:
         energy = mode_families.energy_fractions(solved, len(found.model.body))
         for p in range(len(result)):
             ranked = self.families.ranked(energy[p])
+            body = find_top_masses(energy[p], found.model.top)
             places = find_places(
                 quantities,
                 ranked,
@@ -222,7 +223,10 @@ class Evaluator:
             )
             for k, (item, place) in enumerate(zip(quantities, places, strict=True)):
                 if isinstance(item, OfMode):
-                    top, squared = energy[p, place, 0].sum(), solved.omega_squared[p, place]
+                    top, squared = (
+                        energy[p, place, body[place]].sum(),
+                        solved.omega_squared[p, place],
+                    )
                     result[p, k] = (
                         np.log(max(top, TINY))
                         if item.fraction
@@ -285,6 +289,7 @@ class _Modes:
             cache["derivatives", place] = differentiate(
                 self.model,
                 int(self.found.block[place]),
+                int(self.found.top_mass[place]),
                 self.found.shape[place],
                 squared,
                 (stiffness(self.linear), self.linear.mass[6:, 6:]),
