@@ -1,1 +1,1 @@
-"""Linear system of small motions: symmetry, eigenmodes, responses, state space, double-double."""
+"""Linear system of small motions: symmetry, eigenmodes, responses, state space."""

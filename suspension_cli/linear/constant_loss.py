@@ -37,14 +37,12 @@ def with_constant_loss(model: LinearSystem) -> LinearSystem:
     momentum = model.mass @ np.where(in_block, shapes, 0.0)
     lossy = np.isfinite(modes.q) & (modes.omega_squared > 0)  # an unstable mode has no Q
     dissipation = np.where(lossy, modes.omega_squared / np.where(lossy, modes.q, 1.0), 0.0)
-    loss = (momentum * dissipation) @ momentum.T
-    return replace(
-        model,
-        terms=(),
-        lossy=model.stiffness + 1j * _relative_to_support(loss, model.rigid)
-        if dissipation.any()
-        else None,
-    )
+    loss = 1j * _relative_to_support((momentum * dissipation) @ momentum.T, model.rigid)
+    stretched = model.stretched
+    if stretched is not None:
+        stretched = replace(stretched, soft=np.real(stretched.soft) + loss)
+    lossy = model.stiffness + loss if dissipation.any() else None
+    return replace(model, terms=(), lossy=lossy, stretched=stretched)
 
 
 def _relative_to_support(

@@ -324,31 +324,39 @@ def condense_block(
     massless = model.massless[block]
     kept = block[~massless]
     mass = model.mass[..., kept[:, None], kept]
-    if not model.batch:
-        (stiffness, _), recover = _reduced(model, block)
-        return kept, mass, stiffness, recover
     reduced = static_condensation.condense(model.stiffness[..., block[:, None], block], massless)
     return kept, mass, reduced.matrix, -reduced.follow
 
 
-def _reduced(
+def _condense(
     model: LinearSystem, block: Int[np.ndarray, " own"]
 ) -> tuple[
-    tuple[Float[np.ndarray, "kept kept"], Float[np.ndarray, "kept kept"]],
+    Float[np.ndarray, "kept kept"],
+    Float[np.ndarray, "row kept"],
     Float[np.ndarray, "light kept"],
 ]:
-    """Condense one system in double-double: stiffness, its low part, motion of what is massless."""
-    low = (
-        np.real(model.low)
-        if model.low is not None and graded_eigenvalues.has_low_parts(model)
-        else np.zeros_like(model.stiffness)
-    )
-    rows = np.ix_(block, np.concatenate([np.arange(6), block]))
-    reduced, motion = static_condensation.condense_double_double(
-        model.stiffness[rows], low[rows], model.massless[block]
-    )
-    high, rounding = static_condensation.rounded(reduced)
-    return (high[:, 6:], rounding[:, 6:]), -motion[:, 6:]
+    """Condense one system without its tensions, to a stiffness K + E^T E.
+
+    Massless coordinates b (blade tips) follow the others, a, and the tensions t:
+
+        K_bb x_b = -K_ba x_a - E_b^T t,    (c + E_b K_bb^-1 E_b^T) t = (E_a - E_b K_bb^-1 K_ba) x_a,
+
+    with the compliances c of wires, to which those of blades are added. Returns K, E (with the root
+    of the stiffness), and the motion of b per motion of a.
+    """
+    stretched, massless = model.stretched, model.massless[block]
+    matrix, form, k = model.stiffness, np.zeros((0, model.size)), np.ones(0)
+    if stretched is not None:
+        matrix, form, k = np.real(stretched.soft), stretched.form, np.real(stretched.stiffness)
+    own = form[:, block]
+    own = own[some := own.any(1)]
+    soft = static_condensation.condense(matrix[np.ix_(block, block)], massless)
+    a, b = own[:, ~massless], own[:, massless]
+    follow, pull = -soft.follow, -soft.compliance @ b.T
+    compliance = np.diag(1 / k[some]) - b @ pull
+    elongation = np.linalg.solve(np.linalg.cholesky(compliance), a + b @ follow)
+    tension = np.linalg.solve(compliance, a + b @ follow)
+    return soft.matrix, elongation, follow + pull @ tension
 
 
 def _solve_block(
@@ -360,17 +368,11 @@ def _solve_block(
         return np.zeros(0), np.zeros((len(block), 0))
     kept = block[~massless]
     mass = model.mass[np.ix_(kept, kept)]
-    (stiffness, low), recover = _reduced(model, block)
-    values, vectors = graded_eigenvalues.solve(mass, stiffness, low)
-    shapes_all = np.zeros((len(values), model.size))
-    shapes_all[:, kept], shapes_all[:, block[massless]] = vectors.T, (recover @ vectors).T
-    values = graded_eigenvalues.rigid(
-        values,
-        graded_eigenvalues.rounding_with_low_parts(model, shapes_all)
-        if graded_eigenvalues.has_low_parts(model)
-        else graded_eigenvalues.rounding(stiffness, vectors.T),
-        tension,
-    )
+    soft, form, recover = _condense(model, block)
+    values, vectors = graded_eigenvalues.solve(mass, soft, form)
+    whole = np.zeros((len(values), model.size))
+    whole[:, kept], whole[:, block[massless]] = vectors.T, (recover @ vectors).T
+    values = graded_eigenvalues.rigid(values, graded_eigenvalues.rounding_of(model, whole), tension)
     if (np.diff(values) <= DEGENERATE * np.abs(values[1:])).any():
         root = np.linalg.cholesky(mass)
         vectors = np.linalg.solve(root.T, localise(values, root.T @ vectors))

@@ -7,11 +7,12 @@ product of those of the stages, so it keeps its relative accuracy however small 
 graded matrix; Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., chapter 10). Where a
 part resonates alone its pivots are nearly singular, and the body above loses digits. A correction
 from the residual restores these (ibid., chapter 12); a large one shows that the system needs
-pivoting: `solve` here, `block_response` with more digits.
+pivoting.
 """
 
 from __future__ import annotations
 
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
     Positions = slice | Int[np.ndarray, " _"]
 
-LARGE = 1e-8
+LARGE = 1e-6
 """Relative correction of a coordinate above which a system is solved with pivoting."""
 
 
@@ -110,7 +111,7 @@ class Pattern:
         elements: Inexact[np.ndarray, "element system"],
         rhs: Inexact[np.ndarray, "coordinate input system"],
     ) -> Inexact[np.ndarray, "coordinate input system"]:
-        """Solve D x = b, with one correction, and with pivoting where it is large."""
+        """Solve D x = b with one correction; where that is large, with pivoting."""
         right = rhs[self.order]
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             factors = self.factor(elements.copy())
@@ -120,10 +121,14 @@ class Pattern:
             factors.solve_steps(correction)
             large = ~(np.abs(correction) <= LARGE * np.abs(x)).all((0, 1))
             x += correction
-        result = np.empty_like(x)
-        result[self.order] = x
-        if large.any():
-            result[..., large] = dense(self.assemble(elements[:, large]), rhs[..., large])
+            result = np.empty_like(x)
+            result[self.order] = x
+            if large.any():
+                elements, right = elements[:, large], right[..., large]
+                matrix, residual = self.assemble(elements), np.empty_like(x[..., large])
+                solution = dense(matrix, rhs[..., large])
+                residual[self.order] = self._residual(elements, solution[self.order], right)
+                result[..., large] = solution + dense(matrix, residual)
         return result
 
     def _residual(
@@ -148,14 +153,16 @@ def _as_slice(numbers: Int[np.ndarray, " _"]) -> Positions:
     return slice(numbers[0], numbers[-1] + 1) if len(numbers) else slice(0)
 
 
-def by_body(owner: list[str], coupled: Bool[np.ndarray, "coordinate coordinate"]) -> Pattern:
+def by_body(
+    owner: Sequence[Hashable], coupled: Bool[np.ndarray, "coordinate coordinate"]
+) -> Pattern:
     """Order coordinates for elimination: those of the last body first.
 
-    `owner` names the body of each coordinate, parents first; `coupled` (c, c) marks the non-zero
+    `owner` is the body of each coordinate, parents first; `coupled` (c, c) marks the non-zero
     elements.
     """
-    names = list(dict.fromkeys(owner))
-    order = np.argsort([-names.index(name) for name in owner], kind="stable")
+    rank = {body: n for n, body in enumerate(dict.fromkeys(owner))}
+    order = np.argsort([-rank[body] for body in owner], kind="stable")
     rest = coupled[np.ix_(order, order)]
     rest = rest | rest.T
     later = []
@@ -181,25 +188,6 @@ class Factors:
     pivots: list[Inexact[np.ndarray, " system"]]
     multipliers: list[Inexact[np.ndarray, "_ system"]]
 
-    def select(self, which: Bool[np.ndarray, " system"] | Int[np.ndarray, " some"]) -> Factors:
-        """Select systems."""
-        return Factors(
-            self.pattern,
-            [part[which] for part in self.pivots],
-            [part[:, which] for part in self.multipliers],
-        )
-
-    def solve(
-        self, rhs: Inexact[np.ndarray, "coordinate input system"]
-    ) -> Inexact[np.ndarray, "coordinate input system"]:
-        """Solve for right-hand sides."""
-        order = self.pattern.order
-        x = rhs[order].astype(np.result_type(rhs, *self.pivots), copy=False)
-        self.solve_steps(x)
-        result = np.empty_like(x)
-        result[order] = x
-        return result
-
     def solve_steps(self, x: Inexact[np.ndarray, "coordinate input system"]) -> None:
         """Solve for right-hand sides by steps, in place."""
         multipliers = [part[:, None] for part in self.multipliers]
@@ -212,12 +200,3 @@ class Factors:
         for n in range(len(x) - 1, -1, -1):
             if len(multipliers[n]):
                 x[n] -= (multipliers[n] * x[self.pattern.coupled[n]]).sum(0)
-
-
-def solve(
-    matrix: Inexact[np.ndarray, "coordinate coordinate system"],
-    rhs: Inexact[np.ndarray, "coordinate input system"],
-    pattern: Pattern,
-) -> Inexact[np.ndarray, "coordinate input system"]:
-    """Solve D x = b for many real or complex symmetric (not Hermitian) D."""
-    return pattern.solve(matrix[pattern.row, pattern.column], rhs)

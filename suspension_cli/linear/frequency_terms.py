@@ -109,23 +109,28 @@ class WireTerm:
             ]
         return tuple(result)
 
-    @cached_property
+    @property
     def matrices(self) -> Float[np.ndarray, "function coordinate coordinate"]:
         """The matrices A_n."""
-        result = []
-        for part, i, j in self.functions:
-            total = 0.0
-            for name in ("bend-1", "bend-2") if part == "bend-1" and self.strand.round else (part,):
-                product = self.forms[name][:, i].T @ self.forms[name][:, j]
-                total = total + (product if i == j else product + product.T)
-            result.append(np.where(self.allowed, total, 0.0))
-        return np.array(result)
+        return self.all_matrices[:-1]
 
     @cached_property
     def all_matrices(self) -> Float[np.ndarray, "function coordinate coordinate"]:
         """A_n with that of the odd stretching motion last."""
-        odd = self.forms["stretch"][:, 1]
-        return np.concatenate([self.matrices, np.where(self.allowed, odd.T @ odd, 0.0)[None]])
+        return np.where(self.allowed, self.products(self.forms), 0.0)
+
+    def products(
+        self, forms: dict[str, Float[np.ndarray, "wire _ coordinate"]]
+    ) -> Float[np.ndarray, "function coordinate coordinate"]:
+        """Sum `all_matrices` over the wires, of motions like `forms`."""
+        result = []
+        for part, i, j in (*self.functions, ("stretch", 1, 1)):
+            total = 0.0
+            for name in ("bend-1", "bend-2") if part == "bend-1" and self.strand.round else (part,):
+                product = forms[name][:, i].T @ forms[name][:, j]
+                total = total + (product if i == j else product + product.T)
+            result.append(total)
+        return np.array(result)
 
     def at(self, omega: Inexact[np.ndarray, " frequency"], *, lossy: bool = True) -> EvaluatedWires:
         """Evaluate at frequencies in rad/s."""

@@ -5,9 +5,9 @@ wires 1e12 times stiffer along than across, a pendulum mode is off by 1e-4. Its 
 leave the space of the soft modes only by a rounding error d, which changes Rayleigh quotients in
 second order (d^2 times the stiffness ratio). So K and M are projected on the soft modes and solved
 again there, until all remaining eigenvalues are of one size (Parlett, The Symmetric Eigenvalue
-Problem, chapter 11). Where the low parts of K (its rounding errors) are known, K is projected in
-double-double arithmetic. Then leaning wires or blades with tip masses keep their soft part however
-stiff they are; otherwise it is lost, see `rounding`.
+Problem, chapter 11). Where the stretching of wires is known apart from the rest of K, as E^T E, it
+is E that is projected, which is nearly 0 on soft modes. Then leaning wires or blades with tip
+masses keep their soft part however stiff they are; otherwise it is lost, see `rounding`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.linear.double_double import DoubleDouble
 from suspension_cli.linear.system import LinearSystem
 
 if TYPE_CHECKING:
@@ -38,18 +37,19 @@ EPS = np.finfo(float).eps
 def solve(
     mass: Float[np.ndarray, "*#batch coordinate coordinate"],
     stiffness: Float[np.ndarray, "*#batch coordinate coordinate"],
-    low: Float[np.ndarray, "coordinate coordinate"] | None = None,
+    form: Float[np.ndarray, "row coordinate"] | None = None,
 ) -> tuple[Float[np.ndarray, "*batch mode"], Float[np.ndarray, "*batch coordinate mode"]]:
     """Solve for eigenvalues, ascending, and shapes of unit modal mass.
 
-    The mass (kg, kg m^2) is positive definite, the stiffness (N/m, N m/rad) symmetric. `low` are
-    the low parts of one stiffness.
+    The mass (kg, kg m^2) is positive definite, the stiffness (N/m, N m/rad) symmetric. To that of
+    one system `form`^T `form` is added.
     """
     if stiffness.ndim == 2:
-        values, shapes = solve(mass[None], stiffness[None], low)
+        values, shapes = solve(mass[None], stiffness[None], form)
         return values[0], shapes[0]
     inverse = np.linalg.inv(np.linalg.cholesky(mass))
-    dynamic = inverse @ stiffness @ np.swapaxes(inverse, -1, -2)
+    whole = stiffness if form is None else stiffness + form.T @ form
+    dynamic = inverse @ whole @ np.swapaxes(inverse, -1, -2)
     values, vectors = np.linalg.eigh((dynamic + np.swapaxes(dynamic, -1, -2)) / 2)
     shapes = np.swapaxes(inverse, -1, -2) @ vectors
     soft = np.abs(values) < APART * np.abs(values).max(-1, keepdims=True)
@@ -59,19 +59,11 @@ def solve(
         soft_shapes = shapes[members][:, :, pattern]
         transposed = np.swapaxes(soft_shapes, -1, -2)
         less_mass, less_stiffness = (
-            transposed @ matrix[members] @ soft_shapes for matrix in (mass, stiffness)
+            (less + np.swapaxes(less, -1, -2)) / 2
+            for less in (transposed @ part[members] @ soft_shapes for part in (mass, stiffness))
         )
-        less_low = None
-        if low is not None:
-            projected = DoubleDouble.of(transposed[0]) @ (
-                DoubleDouble(stiffness[0], low) @ DoubleDouble.of(soft_shapes[0])
-            )
-            less_stiffness = projected.high[None]
-            less_low = projected.low + (less_stiffness - np.swapaxes(less_stiffness, -1, -2))[0] / 2
-        less_mass, less_stiffness = (
-            (matrix + np.swapaxes(matrix, -1, -2)) / 2 for matrix in (less_mass, less_stiffness)
-        )
-        soft_values, combination = solve(less_mass, less_stiffness, less_low)
+        less_form = None if form is None else form @ soft_shapes[0]
+        soft_values, combination = solve(less_mass, less_stiffness, less_form)
         values[np.ix_(members, pattern)] = soft_values
         shapes[members[:, None], :, np.flatnonzero(pattern)] = np.swapaxes(
             soft_shapes @ combination, -1, -2
@@ -163,31 +155,19 @@ def rounding(
     return EPS * ((size @ np.abs(stiffness)) * size).sum(-1)
 
 
-def has_low_parts(model: LinearSystem) -> bool:
-    """Whether the low parts of the stiffness of a system are known."""
-    return model.low is not None and not model.batch
-
-
-def rounding_with_low_parts(
+def rounding_of(
     model: LinearSystem, shapes: Float[np.ndarray, "mode coordinate"]
 ) -> Float[np.ndarray, " mode"]:
-    """Bound on the error of omega^2 with the stretching of wires in double-double.
+    """Bound on the error of omega^2 from rounding the stiffness of one system, and elongations.
 
-    From the rounding of all other stiffness and of the elongations, for shapes of unit modal
-    mass in the system's own coordinates.
+    For shapes of unit modal mass in the system's own coordinates.
     """
     stretched = model.stretched
-    assert stretched is not None and model.low is not None
-    low = np.real(model.low)
-    if "unstretched" not in model.prepared:
-        model.prepared["unstretched"] = stretched.added(
-            DoubleDouble(model.stiffness, low), -stretched.stiffness
-        ).value
-    soft = model.prepared["unstretched"]
-    pull = np.abs(shapes @ stretched.form.T) * stretched.stiffness
-    return rounding(soft, shapes) + 2 * EPS * (
-        pull * (np.abs(shapes) @ np.abs(stretched.form).T)
-    ).sum(-1)
+    if stretched is None:
+        return rounding(model.stiffness, shapes)
+    pull = np.abs(shapes @ stretched.form.T) * np.real(stretched.stiffness)
+    terms = (pull * (np.abs(shapes) @ np.abs(stretched.form).T)).sum(-1)
+    return rounding(np.real(stretched.soft), shapes) + 2 * EPS * terms
 
 
 def softest_translation(model: LinearSystem) -> Float[np.ndarray, "*batch"]:
@@ -218,11 +198,7 @@ def relative_error_bound(
     Infinite for a rigid mode. `omega_squared`, (rad/s)^2, and `shape` are as in `eigenmodes.Modes`.
     """
     adapted = np.pad(shape, ((0, 0), (6, 0))) @ model.basis  # the basis is orthogonal
-    size = (
-        rounding_with_low_parts(model, adapted)
-        if has_low_parts(model)
-        else rounding(model.stiffness, adapted)
-    )
+    size = rounding_of(model, adapted)
     return np.where(
         omega_squared != 0,
         size / (2 * np.abs(np.where(omega_squared == 0, 1.0, omega_squared))),

@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.linear import frequency_dependent
 from suspension_cli.linear.frequency_terms import WireTerm
+from suspension_cli.linear.pencil import Pencil
 from suspension_cli.linear.system import LinearSystem
 
 if TYPE_CHECKING:
@@ -64,10 +64,12 @@ def _count_below(
     for term in model.terms:
         if isinstance(term, WireTerm):
             total += len(term.forms["twist"]) * term.strand.resonances_below(omega)
-    for block in frequency_dependent.build_blocks(model):
-        matrix = np.moveaxis(block.at(omega, lossy=False).matrix[:, 6:], -1, 0)
+    pencil = Pencil.of(model)
+    there = pencil.at(omega, lossy=False)
+    for block in pencil.blocks:
+        matrix = np.moveaxis(block.at(there).matrix[:, 6:], -1, 0)
         coordinates = len(block.keep)
-        scale = frequency_dependent.coordinate_scales(
+        scale = coordinate_scales(
             np.diagonal(matrix, axis1=-2, axis2=-1), np.abs(matrix[:, coordinates:, :coordinates])
         )
         # scaling does not change the signs of eigenvalues (Sylvester)
@@ -76,6 +78,33 @@ def _count_below(
             -1
         )
     return total
+
+
+def coordinate_scales(
+    diagonal: Float[np.ndarray, "frequency all"],
+    across: Float[np.ndarray, "frequency tension coordinate"],
+    first: int | None = None,
+) -> Float[np.ndarray, "frequency all"]:
+    """Scale the coordinates so that the elements of a matrix are at most about 1.
+
+    Parameters
+    ----------
+    diagonal
+        Of the matrix; a coordinate without stiffness has scale 1.
+    across
+        Absolute elements between the tensions and the other coordinates.
+    first
+        Number of coordinates from which the scales of tensions follow; default all. The others may
+        have almost no stiffness apart from the tensions.
+    """
+    count = across.shape[-1]
+    result = np.sqrt(np.abs(diagonal))
+    result = np.where(result == 0, 1.0, result)
+    if across.shape[1]:
+        pull = (across[..., :first] / result[:, None, :count][..., :first]).max(-1, initial=0.0)
+        result[:, count:] = np.maximum(np.sqrt(np.abs(diagonal[:, count:])), pull)
+        result[:, :count] = np.maximum(result[:, :count], (across / result[:, count:, None]).max(1))
+    return result
 
 
 def frequencies(

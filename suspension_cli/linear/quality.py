@@ -19,7 +19,6 @@ import numpy as np
 
 from suspension_cli.design.losses.bulk import Bulk
 from suspension_cli.elements.dynamic_wire import PARTS, TautWire
-from suspension_cli.linear.double_double import DoubleDouble
 from suspension_cli.linear.frequency_terms import LossTerm, WireTerm
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.composition import Fibre
@@ -66,9 +65,12 @@ def dissipation(
     if model.damping.any():
         dissipation += omega * quadratic_form(model.damping, shapes)
     if model.lossy is not None:
-        low = np.zeros_like(model.stiffness) if model.low is None else np.imag(model.low)
-        motion = DoubleDouble.of(shapes.T)
-        dissipation += (motion * (DoubleDouble(np.imag(model.lossy), low) @ motion)).summed().value
+        if model.stretched is None:
+            dissipation += quadratic_form(np.imag(model.lossy), shapes)
+        else:
+            dissipation += quadratic_form(np.imag(model.stretched.soft), shapes)
+            elongation = shapes @ model.stretched.form.T
+            dissipation += elongation**2 @ np.imag(model.stretched.stiffness)
     return dissipation if model.active else np.maximum(dissipation, 0.0), elastic
 
 

@@ -23,14 +23,16 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from suspension_cli.conventions import FRAME
 from suspension_cli.errors import Fault, InputError
-from suspension_cli.linear import blocks, response, signals, static_condensation
+from suspension_cli.linear import response, signals, static_condensation
+from suspension_cli.linear.pencil import Block, Pencil
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Complex, Float, Int
+    from jaxtyping import Bool, Complex, Float, Inexact, Int
 
 FAINT = 1e-6
 """Fraction of an output's largest response below which errors are relative to it."""
@@ -121,12 +123,10 @@ def assemble(
     c: list[Array] = []
     feed = rows[:, :6] @ moves
     states: list[str] = []
-    for block in blocks.condense_blocks(model):
-        if (not undriven and not block.is_driven(moves, forces).any()) or not rows[
-            :, [*block.kept, *block.massless]
-        ].any():
+    for block in Pencil.of(model.constant).blocks:
+        if not rows[:, block.keep].any() or not (undriven or block.is_driven(moves, forces).any()):
             continue
-        part = _block(block, moves, forces, rows)
+        part = _block(condense(block), moves, forces, rows)
         a.append(part.a)
         b.append(part.b)
         c.append(part.c)
@@ -172,8 +172,47 @@ class _Part:
     states: tuple[tuple[str, Int[np.ndarray, " _"]], ...]
 
 
+@dataclass(frozen=True)
+class Condensed:
+    """One block without its tensions and its blade tips without mass and damping.
+
+    Attributes
+    ----------
+    kept
+        Its other coordinates.
+    mass, damping, stiffness
+        Towards the support and the coordinates kept; K is complex if lossy.
+    """
+
+    kept: Int[np.ndarray, " kept"]
+    mass: Float[np.ndarray, "kept 6+kept"]
+    damping: Float[np.ndarray, "kept 6+kept"]
+    stiffness: Inexact[np.ndarray, "kept 6+kept"]
+
+
+def condense(block: Block) -> Condensed:
+    """Eliminate the tensions of a block and its blade tips without mass and damping.
+
+    Neither inputs nor outputs act on these.
+    """
+    model, keep, size = block.pencil.model, block.keep, len(block.owner)
+    whole, loss = (part.whole(size)[0] for part in block.parts[:2])
+    if loss.any():
+        whole = whole + 1j * loss
+    frame = np.array([model.coordinate[n].startswith(FRAME) for n in keep], dtype=bool)
+    light = model.massless[keep] & ~frame & ~(model.damping[keep] != 0).any(1)
+    a = np.flatnonzero(~light)
+    b = np.append(np.flatnonzero(light), np.arange(len(keep), size))
+    columns = np.append(np.arange(6), 6 + a)
+    follow = -np.linalg.solve(whole[b[:, None], 6 + b], whole[b[:, None], columns])
+    stiffness = _sum(whole[a[:, None], columns], whole[a[:, None], 6 + b], follow)
+    stiffness[:, 6:] = (stiffness[:, 6:] + stiffness[:, 6:].T) / 2
+    at = np.ix_(keep[a], np.append(np.arange(6), keep[a]))
+    return Condensed(keep[a], model.mass[at], model.damping[at], stiffness)
+
+
 def _block(
-    block: blocks.CondensedBlock,
+    block: Condensed,
     moves: Float[np.ndarray, "6 input"],
     forces: Float[np.ndarray, "coordinate input"],
     rows: Float[np.ndarray, "output coordinate"],
@@ -196,7 +235,7 @@ def _block(
     stiffness, damping = np.real(block.stiffness), block.damping.copy()
     if np.iscomplexobj(block.stiffness):
         damping[np.ix_(heavy, 6 + heavy)] += _equivalent(block, mass, light)
-    force = forces[block.kept] + np.real(block.force_transfer) @ forces[block.massless]
+    force = forces[block.kept]
     k, c = stiffness[:, 6:], damping[:, 6:]
     parts = [np.ix_(r, s) for r in (heavy, light) for s in (heavy, light)]
     (k_hh, k_hl, k_lh, k_ll), (c_hh, c_hl, c_lh, c_ll) = (
@@ -259,17 +298,14 @@ def _block(
     b[z] = -np.linalg.solve(mass, _sum(c_s[heavy], c[heavy], of_u))
     b[w] = np.linalg.solve(mass, force[heavy] - _sum(k_s[heavy], k[heavy], of_u))
     b[p] = resisted @ (force[light] - _sum(k_s[light], k[light], of_u))
-    sensed = rows[:, block.kept] + rows[:, block.massless] @ np.real(block.force_transfer).T
-    massless_motion = np.real(block.compliance) @ (
-        forces[block.massless] - np.real(block.support_stiffness) @ moves
-    )
+    sensed = rows[:, block.kept]
     sensed_z, sensed_p = sensed @ of_z, sensed @ of_p
     leading = light[qr(resisted, mode="r", pivoting=True)[-1][:rank]] if rank else light[:0]
     return _Part(
         a,
         b,
         np.concatenate([sensed_z, np.zeros_like(sensed_z), sensed_p], axis=1),
-        sensed @ of_u + rows[:, block.massless] @ massless_motion,
+        sensed @ of_u,
         (("", block.kept[heavy]), (" rate", block.kept[heavy]), (" momentum", block.kept[leading])),
     )
 
@@ -288,7 +324,7 @@ def _sum(
 
 
 def _equivalent(
-    block: blocks.CondensedBlock,
+    block: Condensed,
     mass: Float[np.ndarray, "kept kept"],
     light: Int[np.ndarray, " light"],
 ) -> Float[np.ndarray, "kept kept"]:

@@ -68,11 +68,8 @@ class LinearSystem:
         is differentiated by complex steps.
     lossy
         The stiffness with loss angles, k (1 + i phi); None if nothing is lossy.
-    low
-        Low parts: rounding errors of the elements of `lossy`, or of `stiffness` if nothing is
-        lossy; None if not known.
     stretched
-        The part of the stiffness from the stretching of wires; None if not known.
+        The stiffness in two parts, one from the stretching of wires; None if not known.
     separated
         In a batch of builds: that stretching, and the stiffness without it; None if not known.
     orientation
@@ -105,7 +102,6 @@ class LinearSystem:
     stiffness: Inexact[np.ndarray, "*#batch coordinate coordinate"]
     damping: Inexact[np.ndarray, "*#batch coordinate coordinate"]
     lossy: Complex[np.ndarray, "*#batch coordinate coordinate"] | None = None
-    low: Inexact[np.ndarray, "coordinate coordinate"] | None = None
     stretched: Stretching | None = None
     separated: Separated | None = None
     orientation: Inexact[np.ndarray, "*#batch _ 3 3"] | None = None
@@ -214,10 +210,13 @@ def replace_support(model: LinearSystem, ground: Ground) -> LinearSystem:
         stiffness=only(model.stiffness, np.real(ground.stiffness)),
         damping=only(model.damping, ground.damping),
         lossy=None if lossy is None else only(lossy, ground.stiffness),
-        low=None if model.low is None else only(model.low),
         stretched=None
         if stretched is None
-        else replace(stretched, form=without(stretched.form), low=without(stretched.low)),
+        else replace(
+            stretched,
+            form=without(stretched.form),
+            soft=only(stretched.soft, ground.stiffness),
+        ),
         separated=None
         if separated is None
         else replace(

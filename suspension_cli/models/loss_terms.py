@@ -73,7 +73,8 @@ def spring_terms(
     """Losses of springs and stiffnesses given as tables, or only the latter; any batch axes.
 
     The terms of the springs on the ground, which is at rest, are first. They are also returned
-    alone, with the coordinates of the ground in place of the support's.
+    alone, with the coordinates of the ground in place of the support's. Springs of one cause and
+    loss share a term, so that what symmetry cancels between them is 0.
     """
     springs = scene.springs
     known = {} if scene.fibres is None else {own.label: own for own in scene.fibres.spring}
@@ -81,7 +82,7 @@ def spring_terms(
         return [], ()
     now = spring.state(scene, pose)
     terms: list[LossTerm] = []
-    ground: list[LossTerm] = []
+    place: dict[tuple[object, ...], int] = {}
     for n in np.argsort(~springs.grounded, kind="stable").tolist():
         spectrum, own = springs.spectrum[n], known.get(springs.label[n])
         if spectrum is None and (tables or not (own or springs.loss[n])):
@@ -95,13 +96,16 @@ def spring_terms(
             stiffness = springs.stiffness[..., n, :, :] * axes
             matrix = adapted.apply(np.swapaxes(jacobian, -1, -2) @ stiffness @ jacobian)
             one = LossTerm(_cause(springs.label[n]), own.temperature, matrix, angle, True, storage)
-            if springs.grounded[n]:
-                ground.append(one)
-                others = np.eye(numbering.size)
-                others[:6] = 0.0
-                one = one.spread(others)
-            terms.append(one)
-    return terms, tuple(ground)
+            alone = (n, len(terms)) if spectrum is not None else ()
+            key = (one.cause, springs.grounded[n], replace(own, label=""), *alone)
+            same = place.setdefault(key, len(terms))
+            if same == len(terms):
+                terms.append(one)
+            else:
+                terms[same] = replace(one, matrix=terms[same].matrix + matrix)
+    ground = tuple(terms[number] for key, number in place.items() if key[1])
+    others = np.diag(np.arange(numbering.size) >= 6).astype(float)
+    return [*(term.spread(others) for term in ground), *terms[len(ground) :]], ground
 
 
 def _functions(

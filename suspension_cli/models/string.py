@@ -21,7 +21,6 @@ from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium, solve
 from suspension_cli.equilibrium.tree import chain_tops
 from suspension_cli.linear import separated_stiffness
-from suspension_cli.linear.double_double import DoubleDouble
 from suspension_cli.linear.stretching import Separated, Stretching
 from suspension_cli.linear.symmetry import Symmetry, find_symmetry, no_symmetry
 from suspension_cli.linear.system import Ground, LinearSystem
@@ -78,23 +77,24 @@ def linear_model(
         light[scene.wires.blade[scene.wires.blade >= 0]] = False
     for number in np.flatnonzero(light):
         tips[numbering.blade[number][scene.blades.axes[number]]] = True
-    separated = mass = low = stretched = None
+    separated = mass = stretched = None
     if _is_compiled(scene):
         separated, stiffness, mass = _separated(scene, numbering, pose, adapted)
     else:
-        stiffness, low, stretched = _stiffness(scene, numbering, balanced, adapted)
+        stiffness, stretched = _stiffness(scene, numbering, balanced, adapted)
     lossy = None
     if any(np.any(getattr(part, "loss", 0.0)) for part in scene.parts.values()):
-        lossy, lossy_low = _loss(scene, numbering, pose, adapted, stretched)
+        whole = stretched is None and separated is None
+        lossy = 1j * adapted.apply(loss_matrix(scene, numbering, pose, stretching=whole))
+        stretching = scene.wires.stiffness * (1 + 1j * scene.wires.loss)
+        if stretched is not None:
+            stretched = replace(stretched, stiffness=stretching, soft=stretched.soft + lossy)
+            lossy = 1j * np.imag(stretched.whole)
         if separated is not None:
-            stretching = scene.wires.stiffness * (1 + 1j * scene.wires.loss)
-            separated = Separated(separated.soft + 1j * lossy, separated.form, stretching)
+            separated = Separated(separated.soft + lossy, separated.form, stretching)
             turned = np.swapaxes(separated.form, -1, -2) * stretching.imag[..., None, :]
-            lossy = lossy + turned @ separated.form
-        lossy = stiffness + 1j * lossy
-        if low is not None:
-            assert lossy_low is not None
-            low = low + 1j * lossy_low
+            lossy = lossy + 1j * (turned @ separated.form)
+        lossy = stiffness + lossy
     terms, of_ground = spring_terms(scene, numbering, pose, adapted, tables=True)
     model = LinearSystem(
         body=scene.bodies.name,
@@ -107,7 +107,6 @@ def linear_model(
         stiffness=stiffness,
         damping=adapted.apply(damping_matrix(scene, numbering, pose)),
         lossy=lossy,
-        low=low,
         stretched=stretched,
         separated=separated,
         orientation=pose.rotation if _is_turned(pose) else None,
@@ -191,45 +190,36 @@ def _on_ground(
     whole = stiffness + 1j * loss if loss.any() else stiffness
     columns, resisted = whole[..., :6].copy(), damping[..., :6].copy()
     columns[..., :6, :], resisted[..., :6, :] = 0.0, 0.0
-    lossy, separated = model.lossy, model.separated
+    lossy, separated, stretched = model.lossy, model.separated, model.stretched
+    if stretched is not None:
+        stretched = replace(stretched, soft=without_ground(stretched.soft, whole))
     if lossy is not None:
         lost = without_ground(np.imag(lossy), loss)
         lossy = without_ground(np.real(lossy), stiffness) + 1j * lost
     if separated is not None:
         separated = replace(separated, soft=without_ground(separated.soft, whole))
-    low = model.low
-    if low is not None:
-        low = np.where(stiffness != 0, 0.0, low)
     return replace(
         model,
         stiffness=without_ground(model.stiffness, stiffness),
         damping=without_ground(model.damping, damping),
         lossy=lossy,
         separated=separated,
-        low=low,
+        stretched=stretched,
         ground=Ground(columns, resisted, terms if not np.ndim(model.stiffness) > 2 else ()),
     )
 
 
 def _stiffness(
     scene: Scene, numbering: Layout, balanced: Equilibrium, adapted: Symmetry
-) -> tuple[
-    Inexact[np.ndarray, "*batch coordinate coordinate"],
-    Float[np.ndarray, "coordinate coordinate"] | None,
-    Stretching | None,
-]:
-    """Stiffness, its rounding error, and its part from the stretching of wires.
-
-    The last two are None for a batch of scenes and for complex steps.
-    """
+) -> tuple[Inexact[np.ndarray, "*batch coordinate coordinate"], Stretching | None]:
+    """Stiffness, and its two parts: None for a batch of scenes and for complex steps."""
     if scene.batch or np.issubdtype(scene.kind, np.complexfloating) or not scene.wires.label:
         stiffness = balanced.stiffness
         if stiffness is None:
             stiffness = gradient_and_stiffness(scene, numbering, balanced.pose)[1]
-        return adapted.apply(stiffness), None, None
-    soft, stretched = separated_stiffness.separate_stretching(scene, numbering, balanced, adapted)
-    whole = stretched.added(DoubleDouble.of(soft), stretched.stiffness)
-    return whole.high, whole.low, stretched
+        return adapted.apply(stiffness), None
+    stretched = separated_stiffness.separate_stretching(scene, numbering, balanced, adapted)
+    return stretched.whole, stretched
 
 
 def _is_compiled(scene: Scene) -> bool:
@@ -258,26 +248,6 @@ def _separated(
     separated = Separated(adapted.apply(soft), adapted.forms(form), scene.wires.stiffness)
     more = scene.blades.tip_mass.any() or scene.wires.mass.any() or scene.bars.label
     return separated, adapted.apply(stiffness), None if more else mass
-
-
-def _loss(
-    scene: Scene, numbering: Layout, pose: Pose, adapted: Symmetry, stretched: Stretching | None
-) -> tuple[
-    Inexact[np.ndarray, "*batch coordinate coordinate"],
-    Float[np.ndarray, "coordinate coordinate"] | None,
-]:
-    """The imaginary part of the stiffness, and its rounding error (None if not known).
-
-    For a batch of builds, without the stretching of wires.
-    """
-    if stretched is None and not _is_compiled(scene):
-        return adapted.apply(loss_matrix(scene, numbering, pose)), None
-    rest = adapted.apply(loss_matrix(scene, numbering, pose, stretching=False))
-    if stretched is None:
-        return rest, None
-    rest = DoubleDouble.of(rest)
-    whole = stretched.added(rest, stretched.stiffness * scene.wires.loss)
-    return whole.high, whole.low
 
 
 def mass_matrix(

@@ -81,15 +81,13 @@ def with_frame(model: LinearSystem, design: Design) -> LinearSystem:
         wide[..., size + np.arange(count), size + np.arange(count)] += np.asarray(diagonal)
         return wide
 
-    lossy = model.lossy
+    lossy, separated, stretched = model.lossy, model.separated, model.stretched
+    added = np.array(own["stiffness"]) * (1 + 1j * support.loss_angle)
     if support.loss_angle or lossy is not None:
-        lossy = widened(
-            model.stiffness.astype(complex) if lossy is None else lossy,
-            np.array(own["stiffness"]) * (1 + 1j * support.loss_angle),
-        )
-    separated = model.separated
+        lossy = widened(model.stiffness if lossy is None else lossy, added)
+    if stretched is not None:
+        stretched = replace(stretched.spread(spread), soft=widened(stretched.soft, added))
     if separated is not None:
-        added = np.array(own["stiffness"]) * (1 + 1j * support.loss_angle)
         separated = replace(
             separated,
             soft=widened(separated.soft, added if lossy is not None else own["stiffness"]),
@@ -106,9 +104,8 @@ def with_frame(model: LinearSystem, design: Design) -> LinearSystem:
         stiffness=widened(model.stiffness, own["stiffness"]),
         damping=widened(model.damping, own["damping"]),
         lossy=lossy,
-        low=None if model.low is None else spread.T @ model.low @ spread,
         separated=separated,
-        stretched=None if model.stretched is None else model.stretched.spread(spread),
+        stretched=stretched,
         terms=tuple(term.spread(spread) for term in model.terms),
         ground=None if model.ground is None else model.ground.widened(count),
         rigid=None

@@ -9,8 +9,8 @@ import pytest
 from scipy.linalg import eigh
 
 from suspension_cli.analyses.export import solve as export
-from suspension_cli.linear import blocks as condensed
 from suspension_cli.linear import eigenmodes, response, signals, statespace
+from suspension_cli.linear.pencil import Pencil
 from suspension_cli.linear.poles import poles
 from suspension_cli.models import registry
 from tests.support import plants, responses_mp, scenes
@@ -193,7 +193,7 @@ def test_isolation_is_the_relative_degree():
 def test_loss_becomes_the_damping_of_each_mode(kind, level):
     model = plants.model(kind, level, loss=True)
     found = eigenmodes.solve(model)
-    for block in condensed.condense_blocks(model):
+    for block in map(statespace.condense, Pencil.of(model).blocks):
         mass, stiffness, loss = (
             block.mass[:, 6:],
             block.stiffness[:, 6:].real,

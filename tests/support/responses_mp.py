@@ -124,16 +124,33 @@ def completed(matrix: Any, model: LinearSystem, low: Any = None) -> list[list[An
 _KEPT: dict[int, Any] = {}
 
 
+def _low(matrix: Any, model: LinearSystem, part: Any) -> Any:
+    """What is missing from the sum of the stretching of wires and all else, rounded to doubles."""
+    if model.stretched is None:
+        return None
+    soft, form, k = (
+        part(model.stretched.soft),
+        model.stretched.form,
+        part(model.stretched.stiffness),
+    )
+    result = np.zeros(matrix.shape)
+    for i, j in zip(*np.nonzero(matrix), strict=True):
+        exact = MP.mpf(float(soft[i, j])) - MP.mpf(float(matrix[i, j]))
+        for n in np.flatnonzero(form[:, i] * form[:, j] * k):
+            exact += MP.mpf(float(k[n])) * MP.mpf(float(form[n, i])) * MP.mpf(float(form[n, j]))
+        result[i, j] = float(exact)
+    return result
+
+
 def _matrices(model: LinearSystem) -> Any:
     """Stiffness, its imaginary part, damping and mass in 50 digits; computed once a model (which
     is kept, so that its id stays its own)."""
     if id(model) not in _KEPT:
         full = model.stiffness if model.lossy is None else model.lossy
         mass = [[MP.mpf(float(value)) if value else MP.zero for value in row] for row in model.mass]
-        low = (None, None) if model.low is None else (model.low.real, model.low.imag)
         stiffness, loss = (
-            completed(matrix, model, part)
-            for matrix, part in zip((full.real, full.imag), low, strict=True)
+            completed(matrix, model, _low(matrix, model, part))
+            for matrix, part in ((full.real, np.real), (full.imag, np.imag))
         )
         _KEPT[id(model)] = (model, stiffness, loss, completed(model.damping, model), mass)
     return _KEPT[id(model)][1:]

@@ -148,7 +148,7 @@ def _detuned(model: LinearSystem, difference: float, angle: float) -> LinearSyst
     direction = np.zeros(model.size)
     direction[x], direction[y] = np.cos(angle), np.sin(angle)
     stiffness += difference * stiffness[x, x] * np.outer(direction, direction)
-    return replace(model, stiffness=stiffness)
+    return replace(model, stiffness=stiffness, stretched=None)
 
 
 def _shipped_fractions(model: LinearSystem) -> Any:
@@ -169,7 +169,7 @@ def _sensitivity_to_rounding(model: LinearSystem, fractions: Any) -> float:
     for _ in range(8):
         noise = np.triu(rng.choice([-1.0, 0.0, 1.0], model.stiffness.shape)) * np.finfo(float).eps
         factor = 1 + noise + np.triu(noise, 1).T
-        found.append(fractions(replace(model, stiffness=model.stiffness * factor)))
+        found.append(fractions(replace(model, stiffness=model.stiffness * factor, stretched=None)))
     return float(np.ptp(np.array(found), axis=0).max())
 
 

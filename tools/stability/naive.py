@@ -77,7 +77,8 @@ def upward(model: LinearSystem, frequency: Any, into: Signal, out: Signal) -> An
         dynamic = model.stiffness[rows][..., None] - square * model.mass[rows][..., None]
         pattern = elimination.by_body([owner[n] for n in order], np.asarray(dynamic.any(-1)))
         right = np.broadcast_to(push[own, None, None], (len(own), 1, len(square)))
-        total += sensed[own] @ elimination.solve(dynamic, right, pattern)[:, 0]
+        elements = dynamic[pattern.row, pattern.column]
+        total += sensed[own] @ pattern.solve(elements, right)[:, 0]
     return total
 
 

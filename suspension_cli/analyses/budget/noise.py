@@ -29,7 +29,8 @@ from suspension_cli.analyses.damp import control
 from suspension_cli.analyses.damp.control import Plant
 from suspension_cli.analyses.thermal.solve import compute_dissipation
 from suspension_cli.conventions import BOLTZMANN, GROUND, SUPPORT
-from suspension_cli.linear import frequency_dependent, signals
+from suspension_cli.linear import signals
+from suspension_cli.linear.pencil import Pencil
 from suspension_cli.linear.signals import Signal
 from suspension_cli.scene.arrays import Array
 
@@ -102,27 +103,28 @@ def compute_thermal(plant: Plant, frequency: Array, rows: Array, temperature: fl
     omega, count = 2 * np.pi * np.asarray(frequency), len(rows)
     forms = np.concatenate([rows, plant.sensed])
     filters = control.evaluate_filters(plant, frequency)
-    blocks = frequency_dependent.build_blocks(plant.model)
+    pencil = Pencil.of(plant.model)
     result = np.zeros((count, len(omega)))
     for start in range(0, len(omega), CHUNK):
         now = slice(start, start + CHUNK)
         h = filters[now]
         solved: list[tuple[Any, Any]] = []
         pushed = np.zeros((len(h), len(plant.loops), len(forms)), dtype=complex)
-        for block in blocks:
+        there = pencil.at(omega[now])
+        for block in pencil.blocks:
             forces = forms[:, block.keep].T
             if not forces.any():
                 continue
-            there = block.at(omega[now])
-            motion = there.solve(np.zeros((6, len(forms))), forces)
+            here, own = block.at(there), np.eye(len(block.keep))
+            motion = here.respond(own, np.zeros((6, len(forms))), forces)
             pushed += np.einsum("lc,cif->fli", plant.pushed[:, block.keep], motion)
-            solved.append((there, motion))
+            solved.append((here, motion))
         feedback = np.eye(len(plant.loops)) + pushed[:, :, count:] * h[:, None, :]
         q = h[:, :, None] * np.linalg.solve(feedback, pushed[:, :, :count])
-        for there, motion in solved:
+        for here, motion in solved:
             moved = motion[:, :count] - np.einsum("clf,flo->cof", motion[:, count:], q)
             for n in range(count):
-                lost = compute_dissipation(there, moved[:, n], temperature)
+                lost = compute_dissipation(here, moved[:, n], temperature)
                 for (_, warmth), power in lost.items():
                     result[n, now] += 4 * BOLTZMANN * warmth * power / omega[now]
     return result

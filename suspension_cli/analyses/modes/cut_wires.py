@@ -17,9 +17,10 @@ import numpy as np
 
 from suspension_cli.elements import joined_sections
 from suspension_cli.elements.dynamic_wire import COORDINATES, PARTS, TautWire
-from suspension_cli.linear import damped, eigenmodes, frequency_dependent
+from suspension_cli.linear import damped, eigenmodes
 from suspension_cli.linear.frequency_terms import LossTerm, WireTerm
-from suspension_cli.linear.mode_count import Progress
+from suspension_cli.linear.mode_count import Progress, coordinate_scales
+from suspension_cli.linear.pencil import Pencil
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.composition import Fibre
 
@@ -134,7 +135,7 @@ def dynamic_stiffness(
 
     At omega (m,), rad/s. Complex omega includes dampers, and loss angles if `lossy`.
     """
-    constant = np.real(frequency_dependent.stiffness_without_stretching(model)).copy()
+    constant = np.real(Pencil.of(model).soft).copy()
     for term in model.terms:
         if isinstance(term, WireTerm):
             for (part, i, j), matrix in zip(term.functions, term.matrices, strict=True):
@@ -221,7 +222,7 @@ def solve_shapes(
             # beside it
             beside = np.maximum(np.abs(np.diag(below)), np.abs(np.diag(above)))[None]
             across = np.abs(matrix[None, size - 6 :, : size - 6])
-            scale = 1 / frequency_dependent.coordinate_scales(beside, across, model.size - 6)[0]
+            scale = 1 / coordinate_scales(beside, across, model.size - 6)[0]
             values, vectors = np.linalg.eigh(matrix * scale[:, None] * scale)
             count = group.stop - group.start
             nearest = np.argsort(np.abs(values))[:count]

@@ -20,9 +20,9 @@ import numpy as np
 
 from suspension_cli.conventions import BOLTZMANN, DOFS
 from suspension_cli.errors import Fault, InputError, format_value
-from suspension_cli.linear import frequency_dependent, signals
-from suspension_cli.linear.frequency_dependent import EvaluatedBlock
+from suspension_cli.linear import signals
 from suspension_cli.linear.frequency_terms import quadratic_form
+from suspension_cli.linear.pencil import EvaluatedBlock, Pencil
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array
@@ -109,21 +109,23 @@ def solve_all(
     """Compute the thermal noise of several motions, which share the evaluation of wires."""
     omega = 2 * np.pi * np.asarray(frequency, dtype=float)
     powers: list[dict[str, Array]] = [{} for _ in motions]
+    pencil = Pencil.of(model)
     blocks = [
         (block, np.flatnonzero(forces.any(1)), forces)
-        for block in frequency_dependent.build_blocks(model)
+        for block in pencil.blocks
         if (forces := np.array([row[block.keep] for _, row in motions])).any()
     ]
-    largest = max((block.pattern.size for block, _, _ in blocks), default=1)
+    largest = max((len(block.owner) for block, _, _ in blocks), default=1)
     step = max(CHUNK // largest**2, 64)
     for start in range(0, len(omega), step):
         now = slice(start, start + step)
         some = omega[now]
+        there = pencil.at(some)
         for block, driven, forces in blocks:
-            there = block.at(some)
-            responses = there.solve(np.zeros((6, len(driven))), forces[driven].T)
+            here, own = block.at(there), np.eye(len(block.keep))
+            responses = here.respond(own, np.zeros((6, len(driven))), forces[driven].T)
             for number, motion in zip(driven, responses.swapaxes(0, 1), strict=True):
-                lost = compute_dissipation(there, motion, temperature)
+                lost = compute_dissipation(here, motion, temperature)
                 for (cause, warmth), power in lost.items():
                     total = powers[number].setdefault(cause, np.zeros(len(omega)))
                     total[now] += 4 * BOLTZMANN * warmth * power / some
@@ -169,7 +171,7 @@ def _check_powers(
 
 
 def compute_dissipation(
-    there: EvaluatedBlock, motion: Inexact[np.ndarray, "coordinate frequency"], temperature: float
+    here: EvaluatedBlock, motion: Inexact[np.ndarray, "coordinate frequency"], temperature: float
 ) -> dict[tuple[str, float], Float[np.ndarray, " frequency"]]:
     """Compute x^H Im(Z) x of motions x of a block, the support at rest.
 
@@ -177,14 +179,14 @@ def compute_dissipation(
     of dampers and of the support's loss, K.
     """
     result: dict[tuple[str, float], Array] = {}
-    block = there.block
+    block = here.block
     whole = np.concatenate([np.zeros((6, motion.shape[1])), motion])
-    for term in there.terms:
+    for term in here.terms:
         for key, lost in term.dissipated(whole).items():
             result[key] = result.get(key, 0.0) + lost
     for cause, matrix, factor in (
-        ("damping", block.damping[:, 6:], there.omega),
-        ("support", np.imag(block.constant[:, 6:]), 1.0),
+        ("damping", block.damping, here.omega),
+        ("support", block.loss, 1.0),
     ):
         if matrix.any():
             power = factor * quadratic_form(matrix, motion)
@@ -204,12 +206,13 @@ def compute_from_susceptibility(
     parts.
     """
     omega = 2 * np.pi * np.asarray(frequency, dtype=float)
-    total = np.zeros(len(omega))
-    for block in frequency_dependent.build_blocks(model):
-        force = row[block.keep][:, None]
+    total, pencil = np.zeros(len(omega)), Pencil.of(model)
+    there = pencil.at(omega)
+    for block in pencil.blocks:
+        force = row[block.keep]
         if force.any():
-            found = np.moveaxis(block.at(omega).solve(np.zeros((6, 1)), force), -1, 0)
-            total += np.imag((force.T @ found)[:, 0, 0])
+            found = block.at(there).respond(force[None], np.zeros((6, 1)), force[:, None])
+            total += np.imag(found[0, 0])
     return -4 * BOLTZMANN * temperature / omega * total
 
 

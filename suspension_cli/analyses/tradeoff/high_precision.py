@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.linear import frequency_dependent, rigid_motion_invariance
 from suspension_cli.linear.graded_eigenvalues import RIGID
+from suspension_cli.linear.pencil import EvaluatedBlock, Pencil
 from suspension_cli.linear.system import LinearSystem
 
 if TYPE_CHECKING:
-    from jaxtyping import Complex, Float, Inexact, Int
+    from jaxtyping import Complex, Float, Inexact
     from mpmath.ctx_mp import MPContext
 
 DIGITS = 50
@@ -58,49 +58,6 @@ def eliminate(matrix: Matrix, right: Matrix) -> Matrix:
     return right
 
 
-def dynamic(
-    stiffness: Inexact[np.ndarray, "row column"],
-    mass: Float[np.ndarray, "row column"],
-    damping: Float[np.ndarray, "row column"],
-    omega: float,
-    low: tuple[Complex[np.ndarray, "row column"], Float[np.ndarray, "row column"]],
-) -> Matrix:
-    """Compute the dynamic stiffness K + i omega C - omega^2 M, omega in rad/s, in 50 digits.
-
-    `low` are the low parts of K and C: what rounding to doubles cut off.
-    """
-    mp = context()
-    w = mp.mpf(float(omega))
-
-    def element(k: complex, m: float, c: float, k_low: complex, c_low: float) -> Number:
-        if not k and not m and not c:
-            return mp.zero
-        elastic = mp.mpc(complex(k)) + mp.mpc(complex(k_low))
-        real = elastic.real - w * w * mp.mpf(float(m))
-        imag = elastic.imag + w * (mp.mpf(float(c)) + mp.mpf(float(c_low)))
-        return mp.mpc(real, imag) if imag else real
-
-    return [
-        [element(*values) for values in zip(*rows, strict=True)]
-        for rows in zip(stiffness, mass, damping, *low, strict=True)
-    ]
-
-
-def _low_parts(
-    model: LinearSystem, keep: Int[np.ndarray, " row"]
-) -> tuple[Complex[np.ndarray, "row row+6"], Float[np.ndarray, "row row+6"]]:
-    full = model.stiffness if model.lossy is None else model.lossy
-    known = (None, None) if model.low is None else (np.real(model.low), np.imag(model.low))
-    columns = np.concatenate([np.arange(6), keep])
-    real, imag, damping = (
-        rigid_motion_invariance.low_parts(matrix, model, keep, low)[0][:, columns]
-        for matrix, low in zip(
-            (np.real(full), np.imag(full), model.damping), (*known, None), strict=True
-        )
-    )
-    return real + 1j * imag, damping
-
-
 def to_mp(matrix: Inexact[np.ndarray, "row column"]) -> Matrix:
     """Convert doubles to mpmath numbers."""
     mp = context()
@@ -121,23 +78,34 @@ def response(
 ) -> Complex[np.ndarray, " frequency"]:
     """Solve for the response of a linear form `row` to a motion `drive` of the support.
 
-    Matrices are those of the model at omega, rad/s, with low parts if constant.
+    The weights and functions of the model's pencil, in doubles, are summed in 50 digits; omega in
+    rad/s.
     """
-    result = np.zeros(len(omega), dtype=complex)
-    for block in frequency_dependent.build_blocks(model):
-        if not row[block.keep].any() or not block.pulled(drive[:6, None]):
+    result, pencil = np.zeros(len(omega), dtype=complex), Pencil.of(model)
+    there = pencil.at(omega)
+    for block in pencil.blocks:
+        if not row[block.keep].any() or not drive[:6][block.pull].any():
             continue
-        low = None if block.terms else _low_parts(model, block.keep)
-        for n, w in enumerate(omega):
-            whole = (
-                to_mp(block.at(omega[n : n + 1]).matrix[..., 0])
-                if low is None
-                else dynamic(block.constant, block.mass, block.damping, w, low)
-            )
+        here = block.at(there)
+        for n in range(len(omega)):
+            whole = _equations(here, n)
             right = [[-_dot(drive[:6], line[:6])] for line in whole]
             moved = eliminate([line[6:] for line in whole], right)
             result[n] += complex(_dot(row[block.keep], [x[0] for x in moved]))
     return result + row[:6] @ drive[:6]
+
+
+def _equations(here: EvaluatedBlock, n: int) -> Matrix:
+    """Sum the elements of a block at its n-th frequency in 50 digits."""
+    mp, size = context(), len(here.block.owner)
+    result = [[mp.zero] * (6 + size) for _ in range(size)]
+    for part, functions in zip(here.block.parts, here.functions, strict=True):
+        values = to_mp(functions[:, n : n + 1])
+        for k, i, j in zip(*np.nonzero(part.weights), strict=True):
+            result[part.row[i]][part.column[j]] += (
+                mp.mpf(float(part.weights[k, i, j])) * values[k][0]
+            )
+    return result
 
 
 def _dot(factors: Float[np.ndarray, " _"], numbers: list[Number]) -> Number:

@@ -11,7 +11,7 @@ from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.analyses.tradeoff import high_precision
 from suspension_cli.analyses.tradeoff.comparison import Batch, Once
 from suspension_cli.analyses.tradeoff.subject import NOISE, Subject
-from suspension_cli.linear import frequency_dependent
+from suspension_cli.linear.pencil import Pencil
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array
@@ -48,11 +48,12 @@ def temperatures(subject: Subject) -> set[float]:
     """Find the temperatures (K) of all lossy parts."""
     model = subject.model(subject.top)
     _, row = thermal.parse_motion(model, f"{subject.last}.x")
-    found = set()
-    for block in frequency_dependent.build_blocks(model):
+    found, pencil = set(), Pencil.of(model)
+    there = pencil.at(OMEGA)
+    for block in pencil.blocks:
         if row[block.keep].any():
-            still, there = np.zeros((len(block.keep), len(NOISE))), block.at(OMEGA)
-            powers = thermal.compute_dissipation(there, still, subject.temperature)
+            still = np.zeros((len(block.keep), len(NOISE)))
+            powers = thermal.compute_dissipation(block.at(there), still, subject.temperature)
             found |= {kelvin for _, kelvin in powers}
     return found
 
@@ -70,15 +71,16 @@ def reference(subject: Subject) -> Float[np.ndarray, " frequency"]:
     """
     model = subject.model(subject.top)
     _, row = thermal.parse_motion(model, f"{subject.last}.x")
-    density = np.zeros(len(OMEGA))
-    for block in frequency_dependent.build_blocks(model):
+    density, pencil = np.zeros(len(OMEGA)), Pencil.of(model)
+    there = pencil.at(OMEGA)
+    for block in pencil.blocks:
         force = row[block.keep]
         if not force.any():
             continue
-        there = block.at(OMEGA)
-        dynamic = np.moveaxis(there.matrix[:, 6:], -1, 0)
+        here = block.at(there)
+        dynamic = np.moveaxis(here.matrix[:, 6:], -1, 0)
         motion = np.stack([high_precision.driven_motion(d, force) for d in dynamic], axis=-1)
-        powers = thermal.compute_dissipation(there, motion, subject.temperature)
+        powers = thermal.compute_dissipation(here, motion, subject.temperature)
         for (_, kelvin), power in powers.items():
             density += 4 * thermal.BOLTZMANN * kelvin * power / OMEGA
     return np.sqrt(density)

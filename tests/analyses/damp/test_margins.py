@@ -205,7 +205,8 @@ def loops_with_limits(plant, constant, found, loops, near):
 def test_a_pole_grows_beyond_the_gain_margin(level, loss):
     """Of the loops whose limit depends on losses: z, where steel is stretched at 36 Hz, and roll at
     52 Hz."""
-    assert loops_with_limits(*both(level, (f"{STEEL}={loss}",), SIDEWAYS_AND_UP), (1, 2), 1e-8)
+    # with losses of 1e-10 the phase that decides is known to 1e-6
+    assert loops_with_limits(*both(level, (f"{STEEL}={loss}",), SIDEWAYS_AND_UP), (1, 2), 1e-6)
 
 
 def test_every_loop_of_the_damped_design():

@@ -14,7 +14,8 @@ from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.conventions import BOLTZMANN
 from suspension_cli.design.reader import template
 from suspension_cli.errors import InputError
-from suspension_cli.linear import eigenmodes, frequency_dependent
+from suspension_cli.linear import eigenmodes
+from suspension_cli.linear.pencil import Pencil
 from tests.support import plants
 from tests.support.lossy import CONFIGS, FREQUENCY, KINDS, LEVELS, lossier, model_of, noise, raw
 from tests.support.pendulums import Pendulum
@@ -65,12 +66,13 @@ def test_parts_sum_to_the_whole(kind, level):
     model = model_of(lossier(raw(kind), 0.05), level)
     omega = 2 * np.pi * FREQUENCY
     _, row = thermal.parse_motion(model, "test.x")
-    for block in frequency_dependent.build_blocks(model):
+    pencil = Pencil.of(model)
+    for block in pencil.blocks:
         force = row[block.keep][:, None]
         if not force.any():
             continue
-        there = block.at(omega)
-        motion = there.solve(np.zeros((6, 1)), force)[:, 0]
+        there = block.at(pencil.at(omega))
+        motion = there.respond(np.eye(len(force)), np.zeros((6, 1)), force)[:, 0]
         parts = sum(thermal.compute_dissipation(there, motion, 290.0).values())
         lossy = without_tensions(there.matrix[:, 6:], len(motion)).imag
         whole = np.einsum("if,ijf,jf->f", motion.conj(), lossy, motion).real
