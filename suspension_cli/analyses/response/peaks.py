@@ -1,8 +1,8 @@
 """Peaks of frequency responses, however narrow, between the points of a grid.
 
 Around every mode and every local maximum on the grid, the interval that contains the peak is
-narrowed to rounding. A response that still varies within it has a pole without loss there: its peak
-is infinite.
+narrowed until the response is flat within it, or to rounding. A response that still varies within
+that has a pole without loss there: its peak is infinite.
 """
 
 from __future__ import annotations
@@ -31,6 +31,8 @@ WIDTH = 2e-3
 """Relative half width of the bracket around a mode."""
 NARROWEST = 1e-13
 """Relative width of a bracket at which the refinement ends: enough for a Q of about 1e12."""
+FLAT = 1e-7
+"""Relative variation of all responses within a bracket at which the refinement ends."""
 STEEP = 2.0
 """Ratio of the largest to the smallest value on the narrowest bracket of an infinite peak."""
 
@@ -67,9 +69,10 @@ def find_peaks(
         where = np.where(better, at.ravel()[flat.argmax(0)], where)
         best = np.maximum(best, reached)
         peak = (value / scale).max((2, 3)).argmax(1)
-        done, top = high - low <= NARROWEST * high, value.max(1)
-        infinite = done[:, None, None] & (top > STEEP * value.min(1)) & (top >= best)
+        done, top, least = high - low <= NARROWEST * high, value.max(1), value.min(1)
+        infinite = done[:, None, None] & (top > STEEP * least) & (top >= best)
         best = np.where(infinite.any(0), np.inf, best)
+        done |= (top - least <= FLAT * top).all((1, 2))
         rows = np.flatnonzero(~done)
         low = at[rows, np.maximum(peak[rows] - 1, 0)]
         high = at[rows, np.minimum(peak[rows] + 1, POINTS - 1)]
