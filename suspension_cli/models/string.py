@@ -20,7 +20,6 @@ from suspension_cli.equilibrium.hinges import hinge_rigidities, to_hinges
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium, solve
 from suspension_cli.equilibrium.tree import chain_tops
-from suspension_cli.linear import separated_stiffness
 from suspension_cli.linear.stretching import Separated, Stretching
 from suspension_cli.linear.symmetry import Symmetry, find_symmetry, no_symmetry
 from suspension_cli.linear.system import Ground, LinearSystem
@@ -218,8 +217,29 @@ def _stiffness(
         if stiffness is None:
             stiffness = gradient_and_stiffness(scene, numbering, balanced.pose)[1]
         return adapted.apply(stiffness), None
-    stretched = separated_stiffness.separate_stretching(scene, numbering, balanced, adapted)
+    soft, form = soft_part(scene, numbering, balanced.pose)
+    form, soft = adapted.forms(form), adapted.apply(soft)
+    stretched = Stretching(form, scene.wires.stiffness, adapted.allowed, soft)
     return stretched.whole, stretched
+
+
+def soft_part(
+    scene: Scene, numbering: Layout, pose: Pose
+) -> tuple[
+    Inexact[np.ndarray, "*batch coordinate coordinate"],
+    Inexact[np.ndarray, "*batch wire coordinate"],
+]:
+    """Compute the tangent stiffness if wires kept their lengths, and their elongations.
+
+    The latter per coordinate; any batch axes.
+    """
+    now = string.state(scene, pose)
+    form = (string.span_jacobian(scene, numbering, pose, now) * now.direction[..., None, :, :]).sum(
+        -1
+    )
+    slack = replace(scene.wires, tension=now.tension, stiffness=np.zeros_like(now.tension))
+    soft = gradient_and_stiffness(replace(scene, wires=slack), numbering, pose)[1]
+    return soft, np.swapaxes(form, -1, -2)
 
 
 def _is_compiled(scene: Scene) -> bool:
@@ -239,7 +259,7 @@ def _separated(
     The mass is None where parts other than bodies may have mass.
     """
     if uncompiled(scene):
-        soft, form = separated_stiffness.soft_part(scene, numbering, pose)
+        soft, form = soft_part(scene, numbering, pose)
         stiffness, mass = gradient_and_stiffness(scene, numbering, pose)[1], None
     else:
         from suspension_cli.equilibrium import compiled  # takes half a second
