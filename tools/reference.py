@@ -81,7 +81,7 @@ def keys(name: str) -> str:
 
 def number(value: float | None) -> str:
     """Format a number; empty if it is unknown."""
-    return "" if value is None else f"{value:g}".replace("e+", "e")
+    return "" if value is None else f"{value:g}".replace("e+0", "e").replace("e+", "e")
 
 
 def built_in(_: str) -> str:

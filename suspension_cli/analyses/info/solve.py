@@ -119,6 +119,7 @@ def solve(source: Source, setting: Settings, log: Log) -> Info:
         response: systems.compare(transfer),
     }
     with attribute_faults_to(source.file):
+        transfer(systems(registry.most_complete(design)))  # refuses signals that do not exist
         errors = {
             model.name: {
                 name: choose(design, model.name, (), compare)
