@@ -56,6 +56,20 @@ VARY = {DEPTH: [1e-3, 2e-3]}
         (lambda: MODES.save(None), r"path = None: must be a path"),
         (lambda: SINGLE.replace([]), r"changes = \[\]: must be a dictionary"),
         (lambda: SINGLE.replace({3: 1}), r"changes = 3: is no path"),
+        *[
+            (
+                lambda value=value: SINGLE.replace({"analysis.modes.tolerance": value}),
+                r"^analysis\.modes\.tolerance: cannot be .*; give a number",
+            )
+            for value in ([None], None, {"a": None}, 1j, {1}, b"x", object(), "\ud800")
+        ],
+        *[
+            (
+                lambda value=value: sus.modes(SINGLE, tolerance=value),
+                r"^tolerance: .*(finite|range)",
+            )
+            for value in (np.nan, np.inf)
+        ],
         (lambda: SINGLE.replace({DEPTH: {1: 1}}), r"stage\.test\.wires\.d = \{1\}: must be a"),
     ],
 )

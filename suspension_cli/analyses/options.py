@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,25 +16,19 @@ TOLERANCE = 1e-3
 """Copy of `models.choice.TOLERANCE`."""
 
 
-class Finite(click.FloatRange):
-    """A number within bounds, not NaN."""
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float:
-        """Refuse NaN, which no bound catches."""
-        found = super().convert(value, param, ctx)
-        if found != found:
-            self.fail("nan is no number.", param, ctx)
-        return found
-
-
 class Option(click.Option):
     """An option with the group under which help lists it."""
 
     def __init__(self, names: list[str], *, group: str, **how: Any) -> None:
         super().__init__(names, **how)
         self.group = group
+
+    def type_cast_value(self, ctx: click.Context, value: Any) -> Any:
+        """Convert a value to the type of the option; numbers must be finite."""
+        found = super().type_cast_value(ctx, value)
+        if isinstance(found, float) and not math.isfinite(found):
+            raise click.BadParameter(f"{found} is not a finite number.", ctx, self)
+        return found
 
 
 def option(*names: str, group: str = "Options", **how: Any) -> Option:
@@ -220,7 +215,7 @@ FIDELITY = option(
 )
 ACCURACY = option(
     "--tolerance",
-    type=Finite(1e-12, 1.0),
+    type=click.FloatRange(1e-12, 1.0),
     default=TOLERANCE,
     show_default=True,
     help="Largest relative error of the result that --fidelity auto accepts.",

@@ -11,9 +11,9 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
-from suspension_cli.errors import format_value
+from suspension_cli.errors import InputError, format_value
+from suspension_cli.files import bounded
 
-MAX_BYTES = 4_000_000
 _SMALL = {"m": 1e3, "u": 1e6, "\u00b5": 1e6, "\u03bc": 1e6, "n": 1e9, "p": 1e12, "f": 1e15}
 PER_M = {"m": 1.0, "cm": 1e2} | {f"{prefix}m": number for prefix, number in _SMALL.items()}
 PER_RAD = {"rad": 1.0} | {f"{prefix}rad": number for prefix, number in _SMALL.items()}
@@ -57,15 +57,10 @@ def read(file: Path) -> tuple[list[str], list[list[float]]]:
     Raises `BadTable` if it cannot be read, or its lines are not numbers in the same columns.
     """
     try:
-        with file.open("rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
-        text = data.decode("utf-8-sig")
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "it is not text"
+        text = bounded.read_text(file, bounded.TOML, "a CSV file")
+    except InputError as error:
         remedy = "give its path from the folder of the design file"
-        raise BadTable(f"cannot be read ({reason})", remedy) from None
-    if len(data) > MAX_BYTES:
-        raise BadTable(f"has more than {MAX_BYTES} bytes", "give a table of fewer lines")
+        raise BadTable(error.faults[0].problem, remedy) from None
     headings: list[str] = []
     rows: list[list[float]] = []
     for number, line in enumerate(text.splitlines(), 1):

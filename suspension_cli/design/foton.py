@@ -94,8 +94,8 @@ def parse(text: str) -> Filter:
         if reader.text == "*":
             reader.advance()
         result = result * reader.factor()
-    if not math.isfinite(result.gain):
-        raise FotonError("its gain is not a finite number", "check the gains and roots")
+    if not all(map(cmath.isfinite, (result.gain, *result.zeros, *result.poles))):
+        raise FotonError("a gain or root is not a finite number", "check the gains and roots")
     return result
 
 
@@ -207,7 +207,11 @@ class _Reader:
             start = self.column
             arguments.append((self._argument(), start))
         self.advance()
-        return self._make(name, column, arguments)
+        try:
+            return self._make(name, column, arguments)
+        except (OverflowError, ZeroDivisionError):
+            problem = f"{name} has numbers too large or too small to compute with"
+            self._fail(column, problem, "check its frequencies, Q and gain")
 
     def _argument(self) -> object:
         if self.kind == "text":
@@ -233,6 +237,8 @@ class _Reader:
         while self.text in ("+", "-"):
             sign = -1.0 if self.advance() == "-" else 1.0
             total += sign * self._term()
+        if not cmath.isfinite(total):
+            self._fail(self.column, "the number before is too large", "write a smaller one")
         return total
 
     def _term(self) -> complex:

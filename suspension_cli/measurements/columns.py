@@ -245,6 +245,10 @@ def check_points(points: Points, place: Callable[[int], str]) -> None:
     frequency, coherence = points.frequency, points.coherence
     if not len(frequency):
         raise InputError.of("", "has no points", "give a frequency and a value per line")
+    if not np.isfinite(frequency).all():
+        n = int(np.argmin(np.isfinite(frequency)))
+        problem = f"the frequency {frequency[n]:g} Hz is not finite"
+        raise InputError.of(place(n), problem, "remove the point or correct it")
     if (frequency < 0).any():
         n = int(np.argmax(frequency < 0))
         problem = f"the frequency {frequency[n]:g} Hz is negative"
@@ -272,6 +276,7 @@ def _check_finite(values: np.ndarray, columns: Columns, name: str) -> None:
         raise InputError.of(columns.place(n), problem, "remove the point or correct it")
 
 
+@np.errstate(over="ignore", invalid="ignore")  # such values are refused with the others
 def _polar(
     data: Mapping[str, Float[np.ndarray, " frequency"]],
     sigma: Float[np.ndarray, " frequency"] | None,

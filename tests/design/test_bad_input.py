@@ -147,6 +147,30 @@ def test_too_big_a_file(tmp_path):
     assert "too many for a design" in line
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a" + ".a" * 20_000 + " = 1",
+        "x = 1\n[" + '"a.b" . ' * 5_000 + "c]",
+        't = { x = """\nit\'s""", a' + ".'a'" * 5_000 + " = 1 }",
+        "x = " + "[" * 20_000,
+    ],
+)
+def test_deep_tables(text, tmp_path):
+    """Of a dotted key, too, whose tables take memory as the square of its parts."""
+    file = written(tmp_path, text)
+    [line] = assert_refused(run("modes", file), file)
+    assert "nested too deeply" in line
+
+
+def test_dots_in_texts_are_no_tables(tmp_path):
+    """Neither in numbers, comments and long texts."""
+    dots = "a." * 200
+    long = f'reference = """\n{dots}\n"""  # {dots}\n'
+    file = written(tmp_path, TEXTS["single"].replace("[design]\n", f"[design]\n{long}", 1))
+    assert run("check", file).exit_code == 0
+
+
 def test_endless_file():
     assert_refused(run("modes", "/dev/zero"), "/dev/zero")
 

@@ -20,7 +20,7 @@ from suspension_cli.analyses.analysis import (
 from suspension_cli.analyses.options import option
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.errors import Fault, InputError, escape_unprintable, format_value
-from suspension_cli.grids import decade_points, parse_grid
+from suspension_cli.grids import decade_points, parse_frequencies
 
 if TYPE_CHECKING:
     import numpy as np
@@ -246,7 +246,7 @@ def _ground(setting: Settings, folder: Path) -> tuple[dict[str, Motion], Array, 
 
     notes: list[str] = []
     motions = ground.parse(setting["ground"], setting["isolation"], folder)
-    frequency = parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0)
+    frequency = parse_frequencies(setting["frequency"])
     grid = np.unique(np.array(frequency))
     low = max([motion.low for motion in motions.values()], default=0.0)
     high = min([motion.high for motion in motions.values()], default=math.inf)

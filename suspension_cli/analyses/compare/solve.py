@@ -24,7 +24,7 @@ from suspension_cli.design.measured import Mode
 from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
-from suspension_cli.grids import parse_grid
+from suspension_cli.grids import parse_frequencies
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import pair_by_overlap
 from suspension_cli.models.registry import FILES, Choice
@@ -378,9 +378,7 @@ def _grid(items: Sequence[Item], curves: dict[int, Curve], run: Run) -> str:
     """
     points = [curve.frequency for curve in curves.values()]
     if all(items[n].kind == "measurement" for n in curves):
-        points.append(
-            np.array(parse_grid(run.setting["frequency"], "--frequency", "log", lowest=0.0))
-        )
+        points.append(np.array(parse_frequencies(run.setting["frequency"])))
     return ",".join(repr(float(x)) for x in np.unique(np.concatenate(points)))
 
 

@@ -84,7 +84,7 @@ class DampAnalysis(Analysis):
         from suspension_cli.analyses import model_choice
         from suspension_cli.analyses.damp import solve as damp
         from suspension_cli.design.derive import mirror
-        from suspension_cli.grids import parse_grid
+        from suspension_cli.grids import parse_frequencies
         from suspension_cli.linear.signals import FORCES
 
         setting = run.setting
@@ -101,7 +101,7 @@ class DampAnalysis(Analysis):
             if dof in DOFS and body in model.body
             else "support.x"
         )
-        frequency = np.array(parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0))
+        frequency = np.array(parse_frequencies(setting["frequency"]))
         found = damp.solve(run.design, model, output, push, frequency, setting["duration"])
         if not found.stable:
             run.log.warn(f"the closed loop is unstable: {growth(found)}")

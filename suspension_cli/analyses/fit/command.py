@@ -61,7 +61,7 @@ class FitAnalysis(Analysis):
         ),
         option(
             "--relative-uncertainty",
-            type=options.Finite(0.0, 10.0, min_open=True),
+            type=click.FloatRange(0.0, 10.0, min_open=True),
             metavar="FRACTION",
             help="Relative uncertainty of transfer functions whose files give none.",
         ),

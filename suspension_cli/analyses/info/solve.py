@@ -94,13 +94,13 @@ def solve(source: Source, setting: Settings, log: Log) -> Info:
     from suspension_cli.analyses.thermal import model as thermal
     from suspension_cli.design.derive import mirror
     from suspension_cli.errors import attribute_faults_to
-    from suspension_cli.grids import parse_grid
+    from suspension_cli.grids import parse_frequencies
     from suspension_cli.linear import signals
     from suspension_cli.models import registry
     from suspension_cli.models.choice import Frequencies, Systems, Transfer, choose, first_violin
 
     design, tolerance = source.design, setting["tolerance"]
-    frequency = np.array(parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0))
+    frequency = np.array(parse_frequencies(setting["frequency"]))
     output = setting["output"] or f"{mirror(design)}.x"
 
     def transfer(model: LinearSystem) -> Transfer:

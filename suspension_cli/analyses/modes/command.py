@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
+import click
+
 from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import (
     Analysis,
@@ -54,7 +56,7 @@ class ModesAnalysis(Analysis):
     parameters = (
         option(
             "--max-frequency",
-            type=options.Finite(1e-6, 1e6),
+            type=click.FloatRange(1e-6, 1e6),
             metavar="HZ",
             help="Highest frequency of the modes listed; auto and violin include violin modes.",
         ),

@@ -308,13 +308,13 @@ def _frequencies(setting: Settings, items: Sequence[Item]) -> Array:
     """Frequencies of the option, or of the measurements."""
     import numpy as np
 
-    from suspension_cli.grids import parse_grid
+    from suspension_cli.grids import parse_frequencies
 
     if items and setting["frequency"] == FREQUENCY:
         from suspension_cli.analyses.response import measured
 
         return measured.default_grid(items)
-    return np.array(parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0))
+    return np.array(parse_frequencies(setting["frequency"]))
 
 
 ANALYSIS = ResponseAnalysis()

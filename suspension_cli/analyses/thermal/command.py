@@ -19,7 +19,7 @@ from suspension_cli.analyses.analysis import (
 from suspension_cli.analyses.options import option
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.errors import Fault, InputError, format_value
-from suspension_cli.grids import decade_points, parse_grid
+from suspension_cli.grids import decade_points, parse_frequencies
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -132,7 +132,7 @@ def _solved(source: Source, setting: Settings, log: Log) -> tuple[Choice, list[T
     from suspension_cli.analyses.thermal import solve as thermal
     from suspension_cli.design.derive import mirror
 
-    frequency = np.array(parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0))
+    frequency = np.array(parse_frequencies(setting["frequency"]))
     outputs = setting["outputs"] or (f"{mirror(source.design)}.x",)
     choice, model = thermal_model.choose(source, setting["fidelity"], frequency, outputs)
     model = model_choice.stable_system(source, choice, setting["allow_unstable"], log, model)

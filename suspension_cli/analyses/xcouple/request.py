@@ -6,7 +6,7 @@ from suspension_cli.analyses.analysis import Settings
 from suspension_cli.analyses.xcouple.solve import CouplingRequest
 from suspension_cli.design.faults import suggest
 from suspension_cli.errors import Fault, InputError, format_value
-from suspension_cli.grids import parse_grid
+from suspension_cli.grids import parse_frequencies
 from suspension_cli.linear import signals
 from suspension_cli.linear.system import LinearSystem
 
@@ -41,5 +41,5 @@ def parse_request(model: LinearSystem, setting: Settings, mirror: str) -> Coupli
         input=signals.parse_input(setting["drive"], known),
         over=signals.parse_output(setting["over"] or f"{observed}.x{at}", known, over),
         under=signals.parse_output(setting["under"] or f"{observed}.z{at}", known, under),
-        frequency=tuple(parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0)),
+        frequency=tuple(parse_frequencies(setting["frequency"])),
     )
