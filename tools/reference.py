@@ -1,9 +1,9 @@
-"""Generate the tables of docs/design-file.md (keys) and docs/commands.md (options).
+"""Generate the tables of docs/design-file.md (keys, materials) and docs/commands.md (options).
 
 Keys come from the types of the file format, options from `--help`. A page marks the place of a
-table with `<!-- keys: WireSet -->` or `<!-- options: modes -->`; the text from there to
-`<!-- end -->` is regenerated. Run by `make reference`; `tests/docs/test_reference.py` fails if a
-page is stale.
+table with `<!-- keys: WireSet -->`, `<!-- options: modes -->` or `<!-- materials: built-in -->`;
+the text from there to `<!-- end -->` is regenerated. Run by `make reference`;
+`tests/docs/test_reference.py` fails if a page is stale.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ import msgspec
 
 from suspension_cli.cli.commands import COMMANDS
 from suspension_cli.cli.main import main
-from suspension_cli.design import filters, inverted_pendulum, links, schema, wires
+from suspension_cli.design import filters, inverted_pendulum, links, materials, schema, wires
 from suspension_cli.design.losses import bulk
 from suspension_cli.design.units import NAMES
 
 ROOT = Path(__file__).parent.parent
 PAGES = (ROOT / "docs" / "design-file.md", ROOT / "docs" / "commands.md")
-BLOCK = re.compile(r"<!-- (keys|options): ([\w-]+) -->\n.*?<!-- end -->", re.DOTALL)
+BLOCK = re.compile(r"<!-- (keys|options|materials): ([\w-]+) -->\n.*?<!-- end -->", re.DOTALL)
 MODULES = (schema, wires, links, inverted_pendulum, filters, bulk)
 """Modules with the types of tables."""
 TYPES = {
@@ -32,26 +32,16 @@ TYPES = {
     for name in schema.json_schema()["$defs"]
 }
 """Tables of the file format, by name."""
-SHARED = (
-    "--set",
-    "--out",
-    "--name",
-    "--fidelity",
-    "--json",
-    "--csv",
-    "--plot",
-    "--format",
-    "--quiet",
-    "--verbose",
-    "--tolerance",
-    "--allow-unstable",
-)
-"""Options that the head of docs/commands.md explains once."""
+SHARED = {
+    *("overrides", "out", "stem", "fidelity", "as_json", "as_csv", "plot", "picture_format"),
+    *("quiet", "verbose", "tolerance", "allow_unstable"),
+}
+"""Parameters whose options the head of docs/commands.md explains once."""
 
 
 def page(text: str) -> str:
     """Regenerate the tables of a page."""
-    makers = {"keys": keys, "options": options}
+    makers = {"keys": keys, "options": options, "materials": built_in}
     return BLOCK.sub(
         lambda found: (
             f"<!-- {found[1]}: {found[2]} -->\n\n{makers[found[1]](found[2])}\n\n<!-- end -->"
@@ -87,6 +77,25 @@ def keys(name: str) -> str:
             )
         )
     return table(("key", "takes", "default", "meaning"), rows)
+
+
+def number(value: float | None) -> str:
+    """Format a number; empty if it is unknown."""
+    return "" if value is None else f"{value:g}".replace("e+0", "e").replace("e+", "e")
+
+
+def built_in(_: str) -> str:
+    """Tabulate the built-in materials."""
+    columns = {
+        "youngs_modulus": "Young's modulus, Pa",
+        "density": "density, kg/m³",
+        "tensile_strength": "tensile strength, Pa",
+    }
+    rows = [
+        (name, *(number(getattr(material, key)) for key in columns))
+        for name, material in materials.BUILT_IN.items()
+    ]
+    return table(("material", *columns.values()), rows)
 
 
 def default(value: Any) -> str:
@@ -196,7 +205,7 @@ def options(name: str) -> str:
     for param in command.params:
         record = param.get_help_record(context)
         longest = max(param.opts, key=len)
-        if longest in SHARED:
+        if param.name in SHARED:
             shared.append(f"`{longest}`")
         elif record is not None and isinstance(param, click.Option):
             rows.append((f"`{record[0]}`", " ".join(record[1].split())))

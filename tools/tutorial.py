@@ -1,8 +1,9 @@
-"""Run the commands and edits of docs/tutorial.md and docs/diagnosis.md in a temporary folder.
+"""Run the commands of README.md and docs/ whose output is shown, in a temporary folder per page.
 
-`make tutorial` copies the output and pictures of the commands into the pages;
-`tests/docs/test_tutorial.py` compares the two. A line `...` in a page stands for any number of
-lines; such an output is left as it is.
+A page shows a command as `$ pendsus ...`, and below it the output. In a tutorial, blocks of TOML
+are edits of the design that the page makes. `make tutorial` copies the output and pictures of the
+commands into the pages; `tests/docs/test_tutorial.py` compares the two. A line `...` stands for any
+number of lines; of such an output each line shown is replaced by the one most like it.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from difflib import SequenceMatcher
 from pathlib import Path
 
 from click.testing import CliRunner
@@ -23,13 +25,18 @@ from suspension_cli.cli.main import main as pendsus
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
-PAGES: dict[str, Path | None] = {
-    "tutorial": None,
-    "diagnosis": ROOT / "measured" / "diagnosis",
+PAGES = {
+    file.stem: file
+    for file in (ROOT / "README.md", *sorted(DOCS.glob("*.md")))
+    if "\n$ pendsus " in file.read_text(encoding="utf-8")
 }
-"""Names of the pages, and the folder of the files that each starts with."""
+"""Pages that show output, by name."""
+FILES = {"diagnosis": ROOT / "measured" / "diagnosis"}
+"""Folder of the files that a page starts with, beside the shipped folders."""
 PART = re.compile(
-    r"^```(console|toml)\n(.*?)^```$|^!\[[^]]*\]\((images/[^)]*)\)$", re.MULTILINE | re.DOTALL
+    r"^(\$ pendsus .*\n(?:(?!```$|\$ ).*\n)*)|^```toml\n((?:(?!```$).*\n)*)"
+    r"|^!\[[^]]*\]\((images/[^)]*)\)$|^(pendsus new .*)$",
+    re.MULTILINE,
 )
 
 
@@ -56,13 +63,15 @@ class Step:
 
 
 @contextmanager
-def folder(files: Path | None = None) -> Iterator[Path]:
-    """Work in a temporary copy of a folder, or an empty one; the old one is restored afterwards."""
+def folder(page: str) -> Iterator[Path]:
+    """Work in a temporary folder with the files of a page; the old one is restored afterwards."""
     before = Path.cwd()
     with tempfile.TemporaryDirectory() as name:
-        if files is not None:
-            shutil.copytree(files, name, dirs_exist_ok=True)
+        if page in FILES:
+            shutil.copytree(FILES[page], name, dirs_exist_ok=True)
         os.chdir(name)
+        for shipped in ("configs", "goals", "measured"):
+            Path(shipped).symlink_to(ROOT / shipped)
         try:
             yield Path(name)
         finally:
@@ -75,22 +84,22 @@ def steps(page: str) -> Iterator[Step]:
     The picture `images/PAGE-KIND.png` is the last `NAME-KIND.png` that was written.
     """
     drawn: dict[str, Path] = {}
-    design = None
+    design = Path()
     for part in PART.finditer(page):
-        if part[1] == "console":
-            line = part[2].partition("\n")[0].removeprefix("$ ")
+        if part[4]:
+            run_command(part[4])
+        elif part[1]:
+            line = part[1].partition("\n")[0].removeprefix("$ ")
             printed = run_command(line)
             pictures = re.findall(r"wrote (\S+\.png)", printed)
             drawn |= {kind_of(name): Path(name) for name in pictures}
-            design = design or next(
-                Path(word) for word in shlex.split(line) if word.endswith(".toml")
-            )
-            yield Step("console", part[2], part.span(2), f"$ {line}\n{printed}")
-        elif part[1] == "toml":
-            assert design is not None
+            new = re.match(r"pendsus new \S+ (\S+)", line)
+            design = Path(new[1]) if new else design
+            yield Step("console", part[1], part.span(1), f"$ {line}\n{printed}")
+        elif part[2] and design.is_file():
             design.write_text(replace_last_table(design.read_text(), part[2]))
             yield Step("toml", part[2], part.span(2))
-        else:
+        elif part[3]:
             yield Step("picture", part[3], part.span(3), drawn[kind_of(part[3])])
 
 
@@ -110,26 +119,40 @@ def replace_last_table(design: str, table: str) -> str:
 
 def run_command(line: str) -> str:
     """Run a command and return its output, both streams as in a terminal."""
-    result = CliRunner().invoke(pendsus, shlex.split(line)[1:], prog_name="pendsus")
+    result = CliRunner().invoke(pendsus, shlex.split(line, comments=True)[1:], prog_name="pendsus")
     if result.exit_code:
         raise SystemExit(f"{line}\n{result.output}")
     return result.output
 
 
+def renew(shown: str, output: str) -> str:
+    """Replace what is shown of an output by the output, or line by line where dots omit some."""
+    if "\n...\n" not in shown:
+        return output
+    lines = output.splitlines()
+
+    def nearest(line: str) -> str:
+        return max(lines, key=lambda other: SequenceMatcher(None, line, other).ratio())
+
+    kept = (line if line in ("", "...") else nearest(line) for line in shown.splitlines())
+    return "\n".join((*kept, ""))
+
+
 def main() -> None:
     """Regenerate the pages and their pictures."""
-    for name, files in PAGES.items():
-        regenerate(DOCS / f"{name}.md", files)
+    for name in PAGES:
+        regenerate(name)
 
 
-def regenerate(file: Path, files: Path | None) -> None:
+def regenerate(name: str) -> None:
     """Regenerate a page and its pictures."""
+    file = PAGES[name]
     page = file.read_text(encoding="utf-8")
     pieces, done = [], 0
-    with folder(files):
+    with folder(name):
         for step in steps(page):
-            if step.kind == "console" and "\n...\n" not in step.text:
-                pieces += [page[done : step.span[0]], str(step.found)]
+            if step.kind == "console":
+                pieces += [page[done : step.span[0]], renew(step.text, str(step.found))]
                 done = step.span[1]
             elif step.kind == "picture":
                 target = file.parent / step.text

@@ -124,7 +124,7 @@ def _check_materials(design: Design) -> Iterator[Fault]:
             )
         elif materials.resolve(design, name).youngs_modulus is None:
             yield Fault(f"materials.{name}.youngs_modulus", "missing", "give Young's modulus in Pa")
-        yield from wire_checks.check_losses(design.materials[name], f"materials.{format_key(name)}")
+        yield from wire_checks.check_losses(design, name, f"materials.{format_key(name)}")
 
 
 def _check_suspension(design: Design, stage: Stage, path: str) -> Iterator[Fault]:

@@ -10,7 +10,8 @@ from suspension_cli.design import materials
 from suspension_cli.design.body_checks import LEAST_MASS, TOO_LIGHT, check_exactly_one
 from suspension_cli.design.cross_sections.round import Round
 from suspension_cli.design.faults import fault_of, suggest
-from suspension_cli.design.schema import Design, Material, Spring
+from suspension_cli.design.losses.registry import MECHANISMS
+from suspension_cli.design.schema import Design, Spring
 from suspension_cli.design.sections import stretches
 from suspension_cli.design.wires import (
     CROSS_SECTIONS,
@@ -33,26 +34,10 @@ SPAN = 1e-6
 """Largest relative difference of a wire's length from the sum of its sections."""
 
 
-def check_losses(material: Material, path: str) -> Iterator[Fault]:
+def check_losses(design: Design, name: str, path: str) -> Iterator[Fault]:
     """Check the losses of one `[materials.NAME]` table."""
-    loss = material.loss
-    if loss is None:
-        return
-    if loss.angle is not None and material.loss_angle is not None:
-        problem = "conflicts with loss_angle, which is short for it"
-        yield fault_of(loss, f"{path}.loss", "angle", problem, "keep one of the two")
-    if loss.table is None:
-        return
-    path = f"{path}.loss.table"
-    if material.loss_angle is not None or loss.angle is not None:
-        yield Fault(path, "conflicts with a constant loss angle", "keep one of the two")
-    frequency, angle = loss.table.frequency, loss.table.angle
-    if len(frequency) != len(angle):
-        problem = f"{len(angle)} loss angles for {len(frequency)} frequencies"
-        yield Fault(f"{path}.angle", problem, "give one for each frequency")
-    if any(after <= before for before, after in pairwise(frequency)):
-        remedy = "sort the table by frequency"
-        yield fault_of(loss.table, path, "frequency", "is not in ascending order", remedy)
+    for mechanism in MECHANISMS:
+        yield from mechanism.check(design.materials[name], materials.resolve(design, name), path)
 
 
 def check_material(design: Design, name: str, key: str) -> Iterator[Fault]:
@@ -75,7 +60,9 @@ def check_loss_material(
 
 
 def check_wire(design: Design, wire: WireSet | Wire, path: str) -> Iterator[Fault]:
-    """Check the composition of a wire: k, or material and cross-section, or sections."""
+    """Check the losses and composition of a wire: k, or material and section, or sections."""
+    for mechanism in MECHANISMS:
+        yield from mechanism.check_wire(wire, path)
     if wire.material is not None:
         yield from check_material(design, wire.material, f"{path}.material")
     if wire.bending is not None and wire.k is not None and not stretches(wire, 1.0):

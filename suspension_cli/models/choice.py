@@ -155,7 +155,11 @@ def _reason(neglected: list[_Step], rejected: _Step | None, *, enough: bool) -> 
 
 
 def percent(value: float) -> str:
-    """A relative change in per cent, to two digits: "0.012 %"; rounding errors are "0 %"."""
+    """Format a relative change in per cent, to two digits; rounding errors are "0 %".
+
+    >>> percent(0.000123)
+    '0.012 %'
+    """
     return f"{0 if value < 1e-15 else float(f'{100 * value:.2g}'):g} %"
 
 

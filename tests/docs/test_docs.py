@@ -7,16 +7,20 @@ import re
 import shlex
 from functools import cache
 from pathlib import Path
+from typing import get_args
 
 import click
 import h5py
 import pytest
 
+from suspension_cli.analyses.budget import ground
+from suspension_cli.analyses.export import file as export
 from suspension_cli.analyses.modes import animation
 from suspension_cli.cli.commands import COMMANDS
 from suspension_cli.cli.main import main
 from suspension_cli.conventions import ANALYSES
 from suspension_cli.design import goals, materials, measured, schema, wires
+from suspension_cli.models import registry
 from tests.support.commandline import run
 from tests.support.optima import EXAMPLE
 from tests.support.paths import ROOT
@@ -421,6 +425,20 @@ def test_every_table_of_the_design_file_is_described():
     assert set(TABLES) <= set(heads)
     described = {re.sub(r"[][]", "", head).split(".")[0] for head in heads}
     assert set(schema.Design.__struct_fields__) <= described
+
+
+@pytest.mark.parametrize(
+    ("page", "heading", "names"),
+    [
+        ("README.md", "model", registry.FILES),
+        ("budget.md", "source", (*ground.SHIPPED, "none")),
+        ("control.md", "`--format`", export.FORMATS),
+        ("optimise.md", "kind", get_args(goals.Kind)),
+    ],
+)
+def test_tables_list_what_the_program_knows(page, heading, names):
+    (body,) = re.findall(rf"^\| {heading} \|.*\n((?:\|.*\n)+)", TEXT[page], re.MULTILINE)
+    assert sorted(re.findall(r"^\| `([^`]+)`", body, re.MULTILINE)) == sorted(names)
 
 
 def test_built_in_losses_are_those_of_the_table():

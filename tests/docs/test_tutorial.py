@@ -1,5 +1,5 @@
-"""The tutorials are what happens: each of their commands prints what the page shows, and draws
-the picture that follows."""
+"""Pages are what happens: each command prints what the page shows, and draws the picture that
+follows."""
 
 from __future__ import annotations
 
@@ -51,13 +51,16 @@ def size(picture: Path) -> tuple[int, int]:
 
 
 COMMANDS = {
+    "README": {"modes"},
+    "budget": {"budget"},
+    "control": {"damp"},
     "tutorial": {"new", "check", "draw", "info", "modes", "sweep", "response", "thermal", "plot"},
     "diagnosis": {"response", "fit", "compare", "budget"},
 }
 PICTURES = {"tutorial": 5, "diagnosis": 2}
 
 
-@pytest.fixture(scope="module", params=tutorial.PAGES)
+@pytest.fixture(scope="module", params=COMMANDS)
 def page(request):
     return request.param
 
@@ -66,7 +69,7 @@ def page(request):
 def steps(page, tmp_path_factory):
     """What the page did, with its pictures out of the folder that is gone afterwards."""
     kept = []
-    with tutorial.folder(tutorial.PAGES[page]):
+    with tutorial.folder(page):
         for number, step in enumerate(tutorial.steps(text_of(page))):
             copy = (
                 shutil.copy(step.found, tmp_path_factory.mktemp("drawn") / f"{number}.png")
@@ -81,7 +84,18 @@ def steps(page, tmp_path_factory):
 
 
 def text_of(page):
-    return (tutorial.DOCS / f"{page}.md").read_text(encoding="utf-8")
+    return tutorial.PAGES[page].read_text(encoding="utf-8")
+
+
+def test_output_is_shown_with_its_command():
+    """So that it is compared here: the line that names the model is in no other block."""
+    assert set(tutorial.PAGES) == set(COMMANDS)
+    for file in (tutorial.ROOT / "README.md", *tutorial.DOCS.glob("*.md")):
+        text = file.read_text(encoding="utf-8")
+        compared = "".join(step[1] or "" for step in tutorial.PART.finditer(text))
+        assert len(re.findall("^ *model: ", text, re.MULTILINE)) == len(
+            re.findall("^ *model: ", compared, re.MULTILINE)
+        ), file
 
 
 def test_every_command_prints_what_is_shown(page, steps):
@@ -95,7 +109,7 @@ def test_every_command_prints_what_is_shown(page, steps):
 
 def test_every_picture_is_drawn(page, steps):
     pictures = [(step, Path(copy)) for step, copy in steps if step.kind == "picture"]
-    assert len(pictures) == PICTURES[page]
+    assert len(pictures) == PICTURES.get(page, 0)
     for step, drawn in pictures:
         inches = [pixels / style.DPI for pixels in size(drawn)]
         shown = [pixels / SHIPPED_DPI for pixels in size(tutorial.DOCS / step.text)]
@@ -137,6 +151,15 @@ def test_pictures_are_all_used():
 )
 def test_what_is_alike(shown, found, same):
     assert alike(shown, found) is same
+
+
+def test_output_shown_in_part_is_made_anew():
+    new = "$ pendsus modes my.toml\nwrote a\nmodel: beam\n\n  1  0.592  roll\n  2  0.6  yaw\n"
+    old = "$ pendsus modes my.toml\n...\nmodel: string\n\n  1  0.591  roll\n...\n"
+    assert tutorial.renew(old, new) == (
+        "$ pendsus modes my.toml\n...\nmodel: beam\n\n  1  0.592  roll\n...\n"
+    )
+    assert tutorial.renew(old.replace("...\n", ""), new) == new
 
 
 def test_dots_match_any_lines():

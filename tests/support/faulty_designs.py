@@ -909,6 +909,26 @@ FIBRES = [
         "in m",
     ),
     fibre(
+        "depth-without-bulk",
+        {("materials", "steel302", "loss"): {"surface_depth": 1e-6}},
+        "materials.steel302.loss.surface_depth = 1e-06: has no effect",
+        "give angle or table too",
+    ),
+    fibre(
+        "thermoelastic-constants",
+        {
+            ("materials", "rough"): {
+                "youngs_modulus": 7e10,
+                "density": 2200.0,
+                "thermal_expansion": 4e-7,
+                "loss": {"thermoelastic": True},
+            }
+        },
+        "materials.rough.loss.thermoelastic = true: has no effect without specific_heat,"
+        " thermal_conductivity",
+        "give what is missing",
+    ),
+    fibre(
         "conductivity",
         {(*GLASS, "thermal_conductivity"): 0.0},
         "materials.glass.thermal_conductivity = 0.0: must be at least",

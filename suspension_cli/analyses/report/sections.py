@@ -357,7 +357,7 @@ def provenance(report: Composition) -> list[str]:
         body += f'<tr>{cells}<td class="t"><code>{html.text(part.command)}</code></td></tr>\n'
     heads = "".join(
         f'<th scope="col" class="t">{head}</th>'
-        for head in ("part", "model", "neglected, estimated", "command")
+        for head in ("part", "model", "neglected", "command")
     )
     source, name = report.source, report.source.design.design.name
     data = base64.b64encode(source.text.encode()).decode()

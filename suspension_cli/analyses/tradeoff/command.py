@@ -131,7 +131,7 @@ def _demand_references(design: Design) -> None:
 
     if reason := beyond_symmetric_chains(design):
         problem = f"the references in 50 digits do not cover this design: {reason}"
-        key, remedy = "stage", "use pendsus info, which estimates the error of each model"
+        key, remedy = "stage", "use pendsus info, which computes the error of each model"
         if "weight" in reason or "gravity" in reason:
             key = "constants"
             remedy = "remove gravity_gradient and wire_weight, and give gravity as a number"

@@ -8,9 +8,12 @@ its ends, at the real part of a complex frequency. The surface adds d_s mu S/V t
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
+from suspension_cli.design.faults import fault_of
 from suspension_cli.design.losses.mechanism import Key, MaterialConstants, Mechanism, Shape
 from suspension_cli.design.units import (
     Frequency,
@@ -20,6 +23,7 @@ from suspension_cli.design.units import (
     Table,
     doc,
 )
+from suspension_cli.errors import Fault
 
 if TYPE_CHECKING:
     from suspension_cli.design.cross_sections.shape import Frequencies, Spectrum
@@ -100,6 +104,33 @@ class Bulk(Mechanism):
             table, angle = built_in.loss.table, built_in.loss.angle
             depth = built_in.loss.surface_depth if depth is None else depth
         return {"angle": angle, "table": table, "surface_depth": depth}
+
+    @classmethod
+    def check(
+        cls, own: MaterialConstants, material: MaterialConstants, path: str
+    ) -> Iterator[Fault]:
+        """Check that one loss of the bulk is given, and that its table is one."""
+        loss, path = own.loss, f"{path}.loss"
+        if loss is None:
+            return
+        if loss.angle is not None and own.loss_angle is not None:
+            problem = "conflicts with loss_angle, which is short for it"
+            yield fault_of(loss, path, "angle", problem, "keep one of the two")
+        if loss.surface_depth and material.loss.angle is None and material.loss.table is None:
+            problem = "has no effect without a loss of the bulk, to which it is relative"
+            yield fault_of(loss, path, "surface_depth", problem, "give angle or table too")
+        if loss.table is None:
+            return
+        path = f"{path}.table"
+        if own.loss_angle is not None or loss.angle is not None:
+            yield Fault(path, "conflicts with a constant loss angle", "keep one of the two")
+        frequency, angle = loss.table.frequency, loss.table.angle
+        if len(frequency) != len(angle):
+            problem = f"{len(angle)} loss angles for {len(frequency)} frequencies"
+            yield Fault(f"{path}.angle", problem, "give one for each frequency")
+        if any(after <= before for before, after in pairwise(frequency)):
+            remedy = "sort the table by frequency"
+            yield fault_of(loss.table, path, "frequency", "is not in ascending order", remedy)
 
     @classmethod
     def of(cls, material: MaterialConstants, wire: Table | None) -> Self | None:

@@ -10,14 +10,21 @@ frequency the angle is continued analytically.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
+from suspension_cli.design.faults import fault_of
 from suspension_cli.design.losses.mechanism import Key, MaterialConstants, Mechanism, Shape
 from suspension_cli.design.units import Table, doc
+from suspension_cli.errors import Fault
 
 if TYPE_CHECKING:
     from suspension_cli.design.cross_sections.shape import Frequencies, Spectrum
+
+
+CONSTANTS = ("density", "thermal_expansion", "specific_heat", "thermal_conductivity")
+"""Keys of a material that thermoelastic loss needs beside Young's modulus."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +65,17 @@ class Thermoelastic(Mechanism):
     modulus_slope: float
     heat_capacity: float
     conductivity: float
+
+    @classmethod
+    def check(
+        cls, own: MaterialConstants, material: MaterialConstants, path: str
+    ) -> Iterator[Fault]:
+        """Check that a material with ``thermoelastic = true`` has the constants."""
+        missing = [key for key in CONSTANTS if getattr(material, key) is None]
+        if own.loss is not None and own.loss.thermoelastic and missing:
+            problem = f"has no effect without {', '.join(missing)}"
+            remedy = "give what is missing, or remove it"
+            yield fault_of(own.loss, f"{path}.loss", "thermoelastic", problem, remedy)
 
     @classmethod
     def of(cls, material: MaterialConstants, wire: Table | None) -> Self | None:

@@ -350,6 +350,7 @@ def test_without_loss_there_is_none():
 def test_what_gives_power_back_is_refused():
     given = raw("single")
     matrix = np.diag([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    given["stage"][0]["spring"] = [{"stiffness": (-10 * matrix).tolist(), "loss_angle": 0.1}]
-    with pytest.raises(InputError, match="drives the motion"):
+    spring = {"stiffness": (-10 * matrix).tolist(), "loss_angle": 0.1, "active": True}
+    given["stage"][0]["spring"] = [spring]
+    with pytest.raises(InputError, match="gives power back"):
         noise(model_of(given), "test.x")
