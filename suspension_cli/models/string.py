@@ -46,6 +46,7 @@ def linear_model(
     *,
     split: bool = True,
     wire_inertia: bool = True,
+    separate: bool = True,
 ) -> LinearSystem:
     """Linear model of small motions about the equilibrium of a scene on strings, any batch axes.
 
@@ -58,6 +59,8 @@ def linear_model(
         forbids are exactly 0. Without them, a scene's result is independent of others in a batch.
     wire_inertia
         Whether wires that have weight also have mass, moving as straight lines between their ends.
+    separate
+        Whether to compute the stretching of wires, and rounding errors, of one design separately.
 
     Raises `InputError` if there is no equilibrium, or a wire is slack in it.
     """
@@ -77,8 +80,12 @@ def linear_model(
     separated = mass = low = stretched = None
     if _is_compiled(scene):
         separated, stiffness, mass = _separated(scene, numbering, pose, adapted)
-    else:
+    elif separate and scene.wires.label and not scene.batch:
         stiffness, low, stretched = _stiffness(scene, numbering, balanced, adapted)
+    else:
+        own = balanced.stiffness
+        own = gradient_and_stiffness(scene, numbering, pose)[1] if own is None else own
+        stiffness = adapted.apply(own)
     lossy = None
     if any(np.any(getattr(part, "loss", 0.0)) for part in scene.parts.values()):
         lossy, lossy_low = _loss(scene, numbering, pose, adapted, stretched)
@@ -204,19 +211,11 @@ def _on_ground(
 def _stiffness(
     scene: Scene, numbering: Layout, balanced: Equilibrium, adapted: Symmetry
 ) -> tuple[
-    Inexact[np.ndarray, "*batch coordinate coordinate"],
-    Float[np.ndarray, "coordinate coordinate"] | None,
-    Stretching | None,
+    Float[np.ndarray, "coordinate coordinate"],
+    Float[np.ndarray, "coordinate coordinate"],
+    Stretching,
 ]:
-    """Stiffness, its rounding error, and its part from the stretching of wires.
-
-    The last two are None for a batch of scenes and for complex steps.
-    """
-    if scene.batch or np.issubdtype(scene.kind, np.complexfloating) or not scene.wires.label:
-        stiffness = balanced.stiffness
-        if stiffness is None:
-            stiffness = gradient_and_stiffness(scene, numbering, balanced.pose)[1]
-        return adapted.apply(stiffness), None, None
+    """Stiffness of one scene, its rounding error, and its part from the stretching of wires."""
     soft, stretched = separated_stiffness.separate_stretching(scene, numbering, balanced, adapted)
     whole = stretched.added(DoubleDouble.of(soft), stretched.stiffness)
     return whole.high, whole.low, stretched
@@ -363,8 +362,6 @@ class String(SceneModel):
     description = "any geometry on taut, straight strings"
     omits = (BENDING, MASS)
     cost = 4.0
-    supports_derivatives = True
-    exact_derivatives = True
 
     def unsuitable(self, design: Design) -> str:
         """Never: every design has strings."""

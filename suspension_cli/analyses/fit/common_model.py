@@ -29,7 +29,7 @@ def choose(
     found: list[Decision] = []
     for source, request in zip(sources, requests, strict=True):
         with attribute_faults_to(source.file):
-            usable = [model for model in registry.MODELS if model.supports_derivatives]
+            usable = [model for model in registry.SCENE_MODELS if not model.has_wire_mass]
             found.append(
                 model_choice.with_derivatives(wanted, source.design, request, tolerance, usable)
             )
