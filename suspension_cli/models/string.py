@@ -223,7 +223,7 @@ def _stiffness(
 
 def _is_compiled(scene: Scene) -> bool:
     """Whether a scene is a batch that compiled loops take."""
-    return len(scene.batch) == 1 and scene.kind == np.float64 and bool(scene.wires.label)
+    return len(scene.batch) == 1 and bool(scene.wires.label)
 
 
 def _separated(
@@ -300,7 +300,7 @@ def _sum_over(
     scene: Scene, numbering: Layout, pose: Pose, parts: Sequence[Matrix | None]
 ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
     """Sum the matrices of the elements, exactly symmetric; without batch axes if all are 0."""
-    result = np.zeros((numbering.size, numbering.size), dtype=scene.kind)
+    result = np.zeros((numbering.size, numbering.size))
     for part in parts:
         if part is not None:
             result = result + part(scene, numbering, pose)

@@ -303,14 +303,15 @@ def _batches(designs: Sequence[Design], level: str) -> Iterator[tuple[list[int],
     """Balance designs in batches of one topology, with their places."""
     for start in range(0, len(designs), TOGETHER):
         for places, scenes, one in variants.alike(designs[start : start + TOGETHER], level):
-            together = stack.stack_scenes(scenes)
-            found = builds.balance(together, one, level=level, allow_unstable=True)
+            scene = stack.stack_scenes(scenes)
+            found = builds.balance(scene, one, level=level, allow_unstable=True)
             yield [start + place for place in places], found
 
 
 def _each_alone(designs: Sequence[Design], level: str) -> Iterator[tuple[list[int], Builds]]:
-    """Balance designs one by one, with their places; without terms in frequency."""
+    """Balance designs one by one; batches of equal coordinates, without terms in frequency."""
     physics = registry.scene_model(level)
+    known: dict[tuple[str, ...], list[tuple[int, LinearSystem]]] = {}
     for place, design in enumerate(designs):
         try:
             scene = physics.completed(expand(design), design)
@@ -322,34 +323,50 @@ def _each_alone(designs: Sequence[Design], level: str) -> Iterator[tuple[list[in
             found.demand(scene)
         except InputError:
             continue
-        yield (
-            [place],
-            alone(surrounded(linear_model(scene, found, split=False, separate=False), design)),
+        model = surrounded(linear_model(scene, found, split=False, separate=False), design)
+        known.setdefault(model.coordinate, []).append((place, model))
+    for members in known.values():
+        yield [place for place, _ in members], together([model for _, model in members])
+
+
+def together(systems: Sequence[LinearSystem]) -> Builds:
+    """Stack systems of equal coordinates, in the named ones, without terms in frequency."""
+    first, count = systems[0], len(systems)
+
+    def stacked(*names: str) -> np.ndarray:
+        rows = []
+        for model in systems:
+            matrix = next(own for name in names if (own := getattr(model, name)) is not None)
+            rows.append(_named(model, matrix))
+        return np.array(rows)
+
+    turned = [
+        np.broadcast_to(
+            np.eye(3) if model.orientation is None else model.orientation,
+            (len(model.body) + 1, 3, 3),
         )
-
-
-def alone(system: LinearSystem) -> Builds:
-    """A batch of one, in the named coordinates, without terms in frequency."""
-    to_own, count = np.linalg.inv(system.basis), len(system.body) + 1
-
-    def named(matrix: np.ndarray) -> np.ndarray:
-        return (to_own.T @ matrix @ to_own)[None]
-
-    turned = np.eye(3) if system.orientation is None else system.orientation
+        for model in systems
+    ]
     model = replace(
-        system,
-        basis=np.eye(system.size),
-        mass=named(system.mass),
-        stiffness=named(system.stiffness),
-        damping=named(system.damping),
-        lossy=None if system.lossy is None else named(system.lossy),
-        orientation=np.broadcast_to(turned, (1, count, 3, 3)),
+        first,
+        basis=np.eye(first.size),
+        mass=stacked("mass"),
+        stiffness=stacked("stiffness"),
+        damping=stacked("damping"),
+        lossy=stacked("lossy", "stiffness"),
+        orientation=np.array(turned),
         low=None,
         stretched=None,
         terms=(),
     )
-    none = np.zeros(1, dtype=int)
-    return Builds(model, none, none - 1, np.zeros(1), np.zeros((1, 2), dtype=bool))
+    none = np.zeros(count, dtype=int)
+    return Builds(model, none, none - 1, np.zeros(count), np.zeros((count, 2), dtype=bool))
+
+
+def _named(model: LinearSystem, matrix: np.ndarray) -> np.ndarray:
+    """Transform a matrix of a system to the named coordinates."""
+    to_own = np.linalg.inv(model.basis)
+    return to_own.T @ matrix @ to_own
 
 
 def _digest(found: Builds) -> Int[np.ndarray, " build"]:

@@ -126,7 +126,7 @@ class Plant:
     def of(design: Design, level: str = registry.STRING.name) -> Plant:
         """Find the equilibrium of a design, its matrices and its modes."""
         system = registry.by_name(level).system(design)
-        row = _flat_matrices(derivatives.alone(system))[0]
+        row = _flat_matrices(derivatives.together([system]))[0]
         modes = eigenmodes.solve(system.constant)
         return Plant(design, level, system, Matrices.of(row, system.size), modes)
 
