@@ -6,9 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from suspension_cli.analyses.modes import damped
 from suspension_cli.design.reader import parse
-from suspension_cli.linear import eigenmodes
+from suspension_cli.linear import damped, eigenmodes
 from suspension_cli.models import registry
 from tests.support.large_tower import large_tower
 

@@ -315,7 +315,7 @@ def response(
     design : Design
     inputs, outputs : str or sequences of str
         Signals: ``"support.x"``, ``"upper.force_x"``; ``"test.x"``, ``"test.x@0,0,0.001"``.
-        Defaults: the support's x, x of the last stage.
+        Defaults: the support's x, x of the mirror.
     frequency : grid
         Hz.
     measured : path or sequence of paths
@@ -367,7 +367,7 @@ def thermal(
     ----------
     design : Design
     outputs : str or sequence of str
-        Motions: ``"test.x"``. Default: x of the last stage.
+        Motions: ``"test.x"``. Default: x of the mirror.
     frequency : grid
         Hz.
     arm : float
@@ -413,7 +413,7 @@ def budget(
     ----------
     design : Design
     outputs : str or sequence of str
-        Motions: ``"test.x"``. Default: x, pitch and yaw of the last stage.
+        Motions: ``"test.x"``. Default: x, pitch and yaw of the mirror.
     ground : str or sequence of str
         Motion of the support: ``"nlnm"``, ``"nhnm"``, ``"aligo-isi"``, a CSV file or ``"none"``;
         ``"z=site.csv"`` for one coordinate. Later items replace earlier ones.
@@ -497,7 +497,7 @@ def xcouple(
     workers : int
         Number of processes.
     scheduler : str, optional
-        Dask scheduler to compute on instead: ``"tcp://HOST:PORT"``.
+        Dask scheduler to compute on instead: ``"tls://HOST:PORT"``.
     chunk : int
         Builds computed at once.
     folder : path, optional
@@ -602,6 +602,7 @@ def sweep(
     design: Design,
     *,
     vary: Mapping[str, Grid],
+    results: Names = (),
     result: Names = (),
     model: str = "auto",
     tolerance: float = 1e-3,
@@ -619,9 +620,11 @@ def sweep(
     design : Design
     vary : mapping
         Dotted paths and their grids: ``{"stage.test.wires.d": "1e-3:5e-3:9"}``.
-    result : str or sequence of str
+    results : str or sequence of str
         Modes by label, responses ``"OUTPUT/INPUT:HZ"``, couplings ``"OVER/UNDER/INPUT:HZ"``.
         Default: every mode.
+    result : str or sequence of str
+        More of `results`, under the name of the option.
     model, workers, scheduler, chunk, folder, resume, allow_unstable
         As in `xcouple`.
     tolerance : float
@@ -643,16 +646,18 @@ def sweep(
     >>> import suspension_cli as sus
     >>> design = sus.example("husman2000/table1-case3")
     >>> lengths = {"stage.test.wires.l": [0.4, 0.5]}
-    >>> found = sus.sweep(design, vary=lengths, result=["test yaw"], model="string")
+    >>> found = sus.sweep(design, vary=lengths, results=["test yaw"], model="string")
     >>> found.value.shape
     (2, 1)
     """
-    return _run("sweep", locals() | {"vary": convert.grids(vary, "vary")})
+    names = _joined(results, result)
+    return _run("sweep", locals() | {"vary": convert.grids(vary, "vary"), "results": names})
 
 
 def sensitivity(
     design: Design,
     *,
+    results: Names = (),
     result: Names = (),
     model: str = "auto",
     tolerance: float = 1e-3,
@@ -663,7 +668,7 @@ def sensitivity(
     Parameters
     ----------
     design : Design
-    result : str or sequence of str
+    results, result : str or sequence of str
         As in `sweep`.
     model, tolerance, allow_unstable
         As in `response`.
@@ -682,11 +687,11 @@ def sensitivity(
     Examples
     --------
     >>> import suspension_cli as sus
-    >>> found = sus.sensitivity(sus.example("double"), result=["test yaw"], model="string")
+    >>> found = sus.sensitivity(sus.example("double"), results=["test yaw"], model="string")
     >>> found.derivative.shape[1]
     1
     """
-    return _run("sensitivity", locals())
+    return _run("sensitivity", locals() | {"results": _joined(results, result)})
 
 
 def damp(
@@ -763,7 +768,7 @@ def export(
     -------
     Result
         With the attributes of `analyses.export.solve.Exported`: `system` with the matrices `a`,
-        `b`, `c`, `d`; `band` in Hz.
+        `b`, `c`, `d`; `band` in Hz; `agreement` with the violin model.
 
     Raises
     ------
@@ -999,7 +1004,7 @@ def info(
     ----------
     design : Design
     input, output : str
-        Signals of the response. Default output: x of the last stage.
+        Signals of the response. Default output: x of the mirror.
     frequency : grid
         Hz.
     tolerance : float
@@ -1119,7 +1124,7 @@ def report(
         ``"drawing"``, ``"numbers"``, ``"check"``, ``"modes"``, ``"response"``, ``"coupling"``,
         ``"thermal"``, ``"budget"``, ``"tolerance"``, ``"damping"``; default: all.
     inputs, outputs : str or sequences of str
-        Signals of the responses. Defaults: motions of the support and of the last stage.
+        Signals of the responses. Defaults: motions of the support and of the mirror.
     builds : int
         Imperfect builds of a design with tolerances.
     model, tolerance
@@ -1159,6 +1164,11 @@ def report(
 def _design(value: object) -> Source:
     """Return a design, read from its file where a path is given."""
     return read(value) if isinstance(value, PathLike) else convert.design(value)
+
+
+def _joined(results: Names, result: Names) -> Names:
+    """Join names given under both of their arguments."""
+    return convert.items(results, "results") + convert.items(result, "result")
 
 
 def _run(name: str, arguments: Settings, files: Settings | None = None) -> Result:

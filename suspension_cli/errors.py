@@ -140,6 +140,12 @@ def format_key(key: str) -> str:
     return key if bare and len(key) <= MAX_VALUE_LENGTH else format_value(key)
 
 
+def one_line(error: Exception) -> str:
+    """Text of an exception on one short line."""
+    text = " ".join(str(error).split()) or type(error).__name__
+    return text if len(text) <= 120 else f"{text[:117]}..."
+
+
 def escape_unprintable(text: str) -> str:
     """Escape line breaks and unprintable characters of a text."""
     if text.isprintable():

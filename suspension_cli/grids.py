@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     import numpy as np
     from jaxtyping import Float
 
+HIGHEST = 1e9
+"""Highest frequency of a result, Hz; numbers of far higher ones overflow."""
 MAX_POINTS = 10_000_000
 """Longest grid; a longer one is taken for a typing error."""
 
@@ -52,6 +54,15 @@ def parse_grid(
         raise InputError(
             [Fault(option, f"must contain finite numbers{bound}", remedy, format_value(text))]
         )
+    return values
+
+
+def parse_frequencies(text: str, option: str = "--frequency") -> list[float]:
+    """Parse a grid of frequencies, Hz, above 0 and at most `HIGHEST`; see `parse_grid`."""
+    values = parse_grid(text, option, "log", lowest=0.0)
+    if max(values) > HIGHEST:
+        problem = f"contains a frequency above {HIGHEST:g} Hz, where no suspension moves"
+        raise InputError.of(option, problem, "give frequencies in Hz", format_value(text))
     return values
 
 

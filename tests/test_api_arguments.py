@@ -12,6 +12,7 @@ import suspension_cli as sus
 SINGLE = sus.template("single")
 MODES = sus.modes(SINGLE, model="string")
 DEPTH = "stage.test.wires.d"
+VARY = {DEPTH: [1e-3, 2e-3]}
 
 
 @pytest.mark.parametrize(
@@ -55,6 +56,20 @@ DEPTH = "stage.test.wires.d"
         (lambda: MODES.save(None), r"path = None: must be a path"),
         (lambda: SINGLE.replace([]), r"changes = \[\]: must be a dictionary"),
         (lambda: SINGLE.replace({3: 1}), r"changes = 3: is no path"),
+        *[
+            (
+                lambda value=value: SINGLE.replace({"analysis.modes.tolerance": value}),
+                r"^analysis\.modes\.tolerance: cannot be .*; give a number",
+            )
+            for value in ([None], None, {"a": None}, 1j, {1}, b"x", object(), "\ud800")
+        ],
+        *[
+            (
+                lambda value=value: sus.modes(SINGLE, tolerance=value),
+                r"^tolerance: .*(finite|range)",
+            )
+            for value in (np.nan, np.inf)
+        ],
         (lambda: SINGLE.replace({DEPTH: {1: 1}}), r"stage\.test\.wires\.d = \{1\}: must be a"),
     ],
 )
@@ -63,6 +78,21 @@ def test_wrong_arguments_are_input_errors(call, message, tmp_path, monkeypatch):
     with pytest.raises(sus.InputError, match=f"^{message}") as caught:
         call()
     assert "\n" not in str(caught.value) and not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "function", [sus.sensitivity, lambda *a, **k: sus.sweep(*a, vary=VARY, **k)]
+)
+def test_results_in_any_form(function):
+    """By the name of other lists (inputs, outputs) or of the option; a text or a list."""
+    found = [
+        function(SINGLE, model="string", **{key: value}).document()["results"]
+        for key in ("results", "result")
+        for value in ("test yaw", ["test yaw"])
+    ]
+    assert len(found[0]) == 1 and found == 4 * found[:1]
+    with pytest.raises(sus.InputError, match=r"^results"):
+        function(SINGLE, results="test yow")
 
 
 @pytest.mark.parametrize(

@@ -35,6 +35,7 @@ TYPES = {
 SHARED = (
     "--set",
     "--out",
+    "--name",
     "--fidelity",
     "--json",
     "--csv",

@@ -97,7 +97,7 @@ class Sourced:
 
     @property
     def name(self) -> str:
-        """Name of the design, which begins the names of its files."""
+        """Name of the design."""
         return self.design.design.name
 
 
@@ -440,7 +440,7 @@ class Analysis(ABC):
 
     def path(self, result: Result, folder: Path) -> Path:
         """Path of the results file."""
-        return folder / f"{result.name}-{self.stem}.h5"
+        return folder / f"{result.source.stem()}-{self.stem}.h5"
 
     def save(self, path: Path, result: Result) -> None:
         """Write the results file."""
@@ -462,7 +462,7 @@ class Analysis(ABC):
             raise InputError.of("--out", problem, remedy, str(path))
         elif stored is None:
             hdf5.write(path, result.provenance, fill)
-        elif path != stored:
+        elif not (path.exists() and path.samefile(stored)):
             atomic.write_bytes(path, stored.read_bytes())
 
     def others(self, result: Result, path: Path) -> list[Path]:
@@ -508,10 +508,18 @@ def reading_all(ask: Callable[..., Run], files: Sequence[str]) -> list[Run]:
             errors.append(error)
     if errors:
         raise join_errors(errors)
-    names = [run.name for run in runs]
-    for n, name in enumerate(names):
-        if name in names[:n]:
-            problem = "is the name of another design of this run"
-            fault = Fault("design.name", problem, "give each a name of its own", format_value(name))
-            raise InputError([fault], runs[n].source.file)
+    demand_distinct_names([run.source for run in runs])
     return runs
+
+
+def demand_distinct_names(sources: Sequence[Source]) -> None:
+    """Raise `InputError` if files of two designs of a run would have the same names."""
+    names = [source.stem() for source in sources]
+    for n, (source, name) in enumerate(zip(sources, names, strict=True)):
+        if name in names[:n]:
+            key, own = "design.name", source.design.design.name
+            problem, remedy = "is the name of another design of this run", "give each its own name"
+            if source.given_stem:
+                key, own, remedy = "--name", name, "leave it out, or give one design"
+                problem = "would name the files of several designs"
+            raise InputError([Fault(key, problem, remedy, format_value(own))], source.file)

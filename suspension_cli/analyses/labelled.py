@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
+from suspension_cli.files.hdf5 import open_results
+
 if TYPE_CHECKING:
     import xarray
 
@@ -20,7 +22,7 @@ def stored_group(result: Any) -> Iterator[Stored]:
     """Open the HDF5 group of an `analysis.Result`: in its file, or as its file would have it."""
     stored = result.stored_file()
     if stored is not None:
-        with h5py.File(stored, "r") as file:
+        with open_results(stored) as file:
             yield file[result.analysis.name]
     else:
         with h5py.File("memory", "w", driver="core", backing_store=False) as file:

@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses.options import TOLERANCE
-from suspension_cli.design.plausibility import RAISE
 
 if TYPE_CHECKING:
     from suspension_cli.analyses.analysis import Log
@@ -62,7 +61,9 @@ def choose(
     if wanted == registry.AUTO:
         limit = registry.MOST_COMPLETE if top is None else top
         return auto.decide(source.design, request, tolerance, limit.name, highest=highest)
-    return auto.estimate_error(source.design, registry.choose(source.design, wanted), request)
+    return auto.estimate_error(
+        source.design, registry.choose(source.design, wanted), request, tolerance
+    )
 
 
 def without_wire_mass(source: Source, wanted: str, tolerance: float) -> Decision:
@@ -161,7 +162,7 @@ class _Step:
     @property
     def size(self) -> str:
         """The physics with the size of its effect."""
-        from suspension_cli.models.auto import percent
+        from suspension_cli.models.wire_mass import percent
 
         known = math.isfinite(self.change)
         return self.physics + (f", {percent(self.change)}" if known else f" ({self.what})")
@@ -169,7 +170,7 @@ class _Step:
 
 def _why(steps: list[_Step]) -> str:
     """Why the model after these steps is needed."""
-    from suspension_cli.models.auto import percent
+    from suspension_cli.models.wire_mass import percent
 
     clauses, before = [], ""
     for step in steps:
@@ -220,13 +221,13 @@ def with_derivatives(
 
     if wanted != registry.AUTO:
         demand_one_of(wanted, models, "cannot compute derivatives")
-        return auto.estimate_error(design, registry.choose(design, wanted), request)
+        return auto.estimate_error(design, registry.choose(design, wanted), request, tolerance)
     decision = auto.decide(design, request, tolerance, models[-1].name)
     if decision.choice.model in models:
         return decision
     # what cheaper models cannot neglect, the first with derivatives includes
     choice = registry.Choice(models[0].name, "the cheapest model with derivatives")
-    return auto.estimate_error(design, choice, request)
+    return auto.estimate_error(design, choice, request, tolerance)
 
 
 def named_results(
@@ -257,30 +258,30 @@ def stable_system(
 ) -> LinearSystem:
     """Linear system of a model (or `system`, if known), with warnings of designs near a limit.
 
-    Raises `InputError` if the equilibrium is unstable, or warns if that is allowed. The message
-    proposes wires that bend, if the analysis can use these (`bends`).
+    Raises `InputError` if the motion grows, or warns if that is allowed. The message proposes wires
+    that bend, if the analysis can use these (`bends`).
     """
+    from suspension_cli.analyses import growth
     from suspension_cli.analyses.check import warnings as near_limits
-    from suspension_cli.errors import Fault, InputError
+    from suspension_cli.errors import InputError
     from suspension_cli.linear import eigenmodes
 
     name = source.design.design.name
     system = choice.model.system(source.design) if system is None else system
     log.detail(f"{name}: {choice.line}; residual force {system.residual:.0e} of the weight")
-    found = eigenmodes.solve(system.constant)
-    if not found.stable:
-        worst = f"{found.label[0]} grows at {found.growth_rate[0]:.4g} 1/s"
+    grows = growth.find_growth(source.design, choice.model, system)
+    if grows is not None:
+        fault = grows.fault
         if not allow_unstable:
-            way = f"{RAISE},"
-            if bends and not choice.model.bends_wires and _stable_with_bending(source.design):
-                way = "take --fidelity beam, whose wires stabilize it by bending,"
-            problem, remedy = (
-                f"the equilibrium is unstable: {worst}",
-                f"{way} or give --allow-unstable",
+            way = fault.remedy
+            bent = grows.static and bends and not choice.model.bends_wires
+            if bent and _stable_with_bending(source.design):
+                way = "take --fidelity beam, whose wires stabilize it by bending"
+            raise InputError(
+                [dataclasses.replace(fault, remedy=f"{way}, or give --allow-unstable")]
             )
-            raise InputError([Fault("stage", problem, remedy)])
-        log.warn(f"{name} is unstable: {worst}; {RAISE}")
-    near_limits.warn(source.design, system, found, log)
+        log.warn(f"{name} is unstable: {grows.worst}; {fault.remedy}")
+    near_limits.warn(source.design, system, eigenmodes.solve(system.constant), log)
     return system
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import os
+import math
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -15,25 +16,19 @@ TOLERANCE = 1e-3
 """Copy of `models.auto.TOLERANCE`."""
 
 
-class Finite(click.FloatRange):
-    """A number within bounds, not NaN."""
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float:
-        """Refuse NaN, which no bound catches."""
-        found = super().convert(value, param, ctx)
-        if found != found:
-            self.fail("nan is no number.", param, ctx)
-        return found
-
-
 class Option(click.Option):
     """An option with the group under which help lists it."""
 
     def __init__(self, names: list[str], *, group: str, **how: Any) -> None:
         super().__init__(names, **how)
         self.group = group
+
+    def type_cast_value(self, ctx: click.Context, value: Any) -> Any:
+        """Convert a value to the type of the option; numbers must be finite."""
+        found = super().type_cast_value(ctx, value)
+        if isinstance(found, float) and not math.isfinite(found):
+            raise click.BadParameter(f"{found} is not a finite number.", ctx, self)
+        return found
 
 
 def option(*names: str, group: str = "Options", **how: Any) -> Option:
@@ -98,6 +93,16 @@ def _demand_folder(_ctx: click.Context, _param: click.Parameter, value: str | No
     return value
 
 
+def _demand_stem(_ctx: click.Context, _param: click.Parameter, value: str | None) -> str | None:
+    """Refuse what is no start of a file's name."""
+    from suspension_cli.errors import InputError, format_value
+
+    if value is not None and not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._=+-]{,149}", value):
+        remedy = "give letters, digits, . _ = + and - (at most 150), for example my-violin"
+        raise InputError.of("--name", "is no name of files", remedy, format_value(value))
+    return value
+
+
 ENDINGS = [
     ".csv",
     ".h5",
@@ -140,6 +145,14 @@ OUT = option(
     metavar="DIR",
     callback=_demand_folder,
     help="Folder for the written files.",
+    group=FILES,
+)
+NAME = option(
+    "--name",
+    "stem",
+    metavar="STEM",
+    callback=_demand_stem,
+    help="Start of the names of written files.  [default: the design's name, and values of --set]",
     group=FILES,
 )
 BESIDE = option(
@@ -202,7 +215,7 @@ FIDELITY = option(
 )
 ACCURACY = option(
     "--tolerance",
-    type=Finite(1e-12, 1.0),
+    type=click.FloatRange(1e-12, 1.0),
     default=TOLERANCE,
     show_default=True,
     help="Largest relative error of the result that --fidelity auto accepts.",
@@ -211,7 +224,7 @@ ACCURACY = option(
 ALLOW_UNSTABLE = option(
     "--allow-unstable",
     is_flag=True,
-    help="Continue with an unstable equilibrium.",
+    help="Continue with motion that grows (an unstable equilibrium, active elements).",
     group=MODEL,
 )
 RESULTS = option(
@@ -237,7 +250,7 @@ COUPLING = (
         metavar="STAGE@X,Y,Z",
         help=(
             "Observed point; the coupling is its motion along x over that along z."
-            "  [default: last stage, 1 mm below its COM]"
+            "  [default: mirror, 1 mm below its COM]"
         ),
     ),
     option("--over", metavar="SIGNAL", help="Numerator of the ratio, instead of the point's x."),
@@ -249,14 +262,13 @@ SWEEP = (
     option(
         "--workers",
         type=click.IntRange(1, 4096),
-        default=os.cpu_count() or 1,
-        show_default="all cores",
+        show_default="all cores, where that is faster",
         help="Number of processes.",
         group=BATCH,
     ),
     option(
         "--scheduler",
-        metavar="tcp://HOST:PORT",
+        metavar="tls://HOST:PORT",
         help="Address of a Dask scheduler that computes instead (pendsus[cluster]).",
         group=BATCH,
     ),
@@ -271,7 +283,7 @@ SWEEP = (
     option("--resume", is_flag=True, help="Continue an interrupted run.", group=BATCH),
 )
 """Options of the computation of a sweep."""
-WRITING = (OVERRIDES, OUT, FIDELITY, AS_JSON, CSV, PLOT, FORMAT, QUIET, VERBOSE)
+WRITING = (OVERRIDES, OUT, NAME, FIDELITY, AS_JSON, CSV, PLOT, FORMAT, QUIET, VERBOSE)
 """Options of every analysis that writes a results file and a picture."""
 INFO = (
     option(
@@ -286,7 +298,7 @@ INFO = (
         "--output",
         "output",
         metavar="SIGNAL",
-        help="Output of the response and of the thermal noise.  [default: x of the last stage]",
+        help="Output of the response and of the thermal noise.  [default: x of the mirror]",
     ),
     frequencies("0.1:100:2000", "Frequencies of the response and the noise, Hz."),
     ACCURACY,
@@ -304,7 +316,7 @@ REPORT = (
         ),
     ),
     signals("input", "Input of the responses", "the support's x, y, z and yaw"),
-    signals("output", "Output of the responses", "motions of the last stage"),
+    signals("output", "Output of the responses", "motions of the mirror"),
     option(
         "--builds",
         type=click.IntRange(100, 1_000_000),

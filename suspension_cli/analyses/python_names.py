@@ -11,7 +11,13 @@ import click
 
 from suspension_cli.errors import InputError, PendsusError
 
-ARGUMENTS = {"fidelity": "model", "drive": "input", "form": "format", "out": "folder"}
+ARGUMENTS = {
+    "fidelity": "model",
+    "drive": "input",
+    "form": "format",
+    "out": "folder",
+    "result": "results",
+}
 """Names of arguments that differ from those of the parameters of a command."""
 CALLS = (
     (r"--fidelity ([a-z]+(-[a-z]+)?)", r'model="\1"'),

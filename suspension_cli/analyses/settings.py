@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,6 +17,10 @@ if TYPE_CHECKING:
     from suspension_cli.errors import Fault
 
 
+NOT_IN_TABLES = ("overrides", "out", "stem", "as_json", "as_csv", "quiet", "verbose", "help")
+"""Options that `[analysis]` tables do not set."""
+
+
 def prepared(
     ctx: click.Context,
     file: str | Source,
@@ -26,9 +31,15 @@ def prepared(
     from suspension_cli.design.reader import read
 
     source = read(file, overrides) if isinstance(file, str) else file
+    source = named(source, ctx.params.get("stem"), ctx.params.get("overrides", ()))
     check_tables(source.design.analysis, source.file)
     table = source.design.analysis.get(str(ctx.command.name), {})
     return source, with_analysis_table(ctx, table, source.file, extra)
+
+
+def named(source: Source, stem: str | None, overrides: tuple[str, ...]) -> Source:
+    """Return a source whose files are named after `--name`, or the design and its overrides."""
+    return dataclasses.replace(source, given_stem=stem, overrides=overrides)
 
 
 def defaults(analysis: Analysis, given: Settings) -> Settings:
@@ -71,8 +82,7 @@ def with_analysis_table(
     params = {
         _long_name(p): p
         for p in ctx.command.params
-        if isinstance(p, click.Option)
-        and p.name not in ("overrides", "out", "as_json", "as_csv", "quiet", "verbose", "help")
+        if isinstance(p, click.Option) and p.name not in NOT_IN_TABLES
     }
     result, faults = dict(ctx.params), []
     for key, value in table.items():

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Protocol
 
 from suspension_cli.analyses.analysis import Analysis, Result, Run
 from suspension_cli.errors import Interrupted, escape_unprintable
-from suspension_cli.files.atomic import writing_to
+from suspension_cli.files.atomic import target, writing_to
 from suspension_cli.files.existing import replacing
 from suspension_cli.files.hdf5 import Provenance, open_results
+from suspension_cli.studies.cluster import describe_exposure
 from suspension_cli.studies.run import Plan
 from suspension_cli.studies.run import run as compute
 from suspension_cli.studies.sweep_file import Job
@@ -24,6 +25,7 @@ UNRECORDED = {
     "--scheduler": 1,
     "--chunk": 1,
     "--out": 1,
+    "--name": 1,
     "--resume": 0,
     "--json": 0,
     "--plot": 0,
@@ -79,7 +81,8 @@ def fill(
     completes the file when it has all points. Raises `Interrupted` after Ctrl-C; the message says
     how to continue.
     """
-    setting, path = run.setting, run.folder / f"{run.name}-{analysis.stem}.h5"
+    setting = run.setting
+    path = target(run.folder / f"{run.source.stem()}-{analysis.stem}.h5")
     origin = Provenance(
         run.source.text,
         recorded(run.command),
@@ -88,6 +91,8 @@ def fill(
         sweep=job.identity,
         error=choice.error,
     )
+    if setting["scheduler"] and (exposure := describe_exposure(setting["scheduler"])):
+        run.log.warn(exposure)
     with writing_to(run.folder):
         run.folder.mkdir(parents=True, exist_ok=True)
     try:

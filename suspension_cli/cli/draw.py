@@ -12,12 +12,20 @@ from suspension_cli.cli.runner import Command
 @click.command(
     "draw",
     cls=Command,
-    params=[options.DESIGNS, options.OVERRIDES, options.OUT, options.FORMAT, options.QUIET],
+    params=[
+        options.DESIGNS,
+        options.OVERRIDES,
+        options.OUT,
+        options.NAME,
+        options.FORMAT,
+        options.QUIET,
+    ],
 )
 def command(
     designs: tuple[str, ...],
     overrides: tuple[str, ...],
     out: str,
+    stem: str | None,
     picture_format: str,
     quiet: bool,
 ) -> None:
@@ -25,6 +33,7 @@ def command(
 
     Example: pendsus draw my.toml
     """
+    from suspension_cli.analyses.analysis import demand_distinct_names
     from suspension_cli.design.reader import read
     from suspension_cli.drawing.quick_import import import_matplotlib
 
@@ -35,10 +44,12 @@ def command(
     from suspension_cli.errors import attribute_faults_to
     from suspension_cli.files.atomic import writing_to
 
-    for source in [read(file, overrides) for file in designs]:
+    sources = [settings.named(read(file, overrides), stem, overrides) for file in designs]
+    demand_distinct_names(sources)
+    for source in sources:
         with attribute_faults_to(source.file):
             scene = expand_nominal(source.design)
-        path = settings.folder(out) / f"{source.design.design.name}-draw.{picture_format}"
+        path = settings.folder(out) / f"{source.stem()}-draw.{picture_format}"
         with writing_to(path):
             save(draw.draw(source.design, scene), path)
         if not quiet:

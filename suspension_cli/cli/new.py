@@ -42,6 +42,9 @@ def command(
     if (not words and example is None) or len(words) > most:
         problem = f"takes a kind of design ({', '.join(KINDS)}) or --from, then at most one file"
         raise InputError.of("new", problem, "write for example pendsus new triple my.toml")
+    if example is not None and words and words[0] in KINDS:
+        problem, remedy = "is a kind of design, beside --from", "give one of both, then a file"
+        raise InputError.of("new", problem, remedy, format_value(words[0]))
     kind, file = (words[0], words[1:]) if example is None else (example.rpartition("/")[2], words)
     if name is None:
         stem = Path(file[0]).stem if file else kind

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import click
@@ -75,7 +73,7 @@ def command(
     import_matplotlib()
     from suspension_cli.drawing.style import encode
     from suspension_cli.files.atomic import write_bytes
-    from suspension_cli.files.hdf5 import open_results
+    from suspension_cli.files.hdf5 import open_results, reporting_damage
 
     limits = _limits("--x", x_limits), _limits("--y", y_limits)
     folder = settings.folder(out) if out else None
@@ -86,11 +84,11 @@ def command(
     else:
         results = []
         for file in files:
-            with _attributing_errors_to(file), open_results(file) as stored:
+            with open_results(file) as stored:
                 results.append(registry.loaded(stored, file))
         paths = [(folder or Path(file).parent) / Path(file).name for file in files]
     for result, path in zip(results, paths, strict=True):
-        with _attributing_errors_to(result.source.file):
+        with reporting_damage(result.source.file, "run the analysis again"):
             figures = result.figures() or {"": result.plot()}  # refused if there is none
             for figure in figures.values():
                 _set_limits(figure, *limits)
@@ -161,26 +159,3 @@ def _set_limits(
             if given and axis.get_scale() == "log" and 2 < given[1] / given[0] < 30:
                 axis.set_major_formatter("{x:g}")
                 axis.set_minor_formatter(lambda x, _: f"{x:g}" if f"{x:e}"[0] in "25" else "")
-
-
-@contextlib.contextmanager
-def _attributing_errors_to(file: str) -> Iterator[None]:
-    """Report any error as a fault of the results file."""
-    import warnings
-
-    from suspension_cli.errors import InputError, attribute_faults_to
-    from suspension_cli.files.hdf5 import one_line
-
-    again = "run the analysis again"
-    with attribute_faults_to(file), warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of numbers that are not finite
-        try:
-            yield
-        except (InputError, MemoryError):
-            raise
-        except KeyError as error:
-            raise InputError.of("", f"is incomplete: {error.args[0]}", again) from None
-        except Exception as error:
-            raise InputError.of(
-                "", f"cannot be drawn, as its contents are inconsistent ({one_line(error)})", again
-            ) from None

@@ -17,6 +17,7 @@ from suspension_cli.cli.runner import Command
         *options.REPORT,
         options.OVERRIDES,
         options.OUT,
+        options.NAME,
         options.QUIET,
         options.VERBOSE,
     ],
@@ -31,6 +32,7 @@ def command(
     tolerance: float,
     overrides: tuple[str, ...],
     out: str,
+    stem: str | None,
     quiet: bool,
     verbose: bool,
 ) -> None:
@@ -52,13 +54,13 @@ def command(
     from suspension_cli.files.atomic import write_bytes
 
     import_matplotlib()
-    source = read(design, overrides)
+    source = settings.named(read(design, overrides), stem, overrides)
     names = tuple(filter(None, (name.strip() for name in (sections or "").split(","))))
     request = Request(
         names, inputs, outputs, builds, fidelity, tolerance, overrides, folder=Path(out)
     )
     page = compose(source, request, terminal.Voice(quiet=quiet, verbose=verbose))
-    path = settings.folder(out) / f"{source.design.design.name}-report.html"
+    path = settings.folder(out) / f"{source.stem()}-report.html"
     write_bytes(path, page.encode())
     if not quiet:
         terminal.tell(f"wrote {path}")

@@ -62,6 +62,8 @@ def check_design(design: Design) -> list[Fault]:
     found += [*_check_gravity(design), *_check_control(design), *_check_tolerance(design)]
     if design.support is not None:
         found += _check_frame(design.support)
+    if not found:
+        found += link_checks.check_active(design)
     commands = [*ANALYSES, "info"]
     for command in design.analysis:
         if command not in commands:
@@ -107,6 +109,9 @@ def _check_names(design: Design) -> Iterator[Fault]:
                 remedy = suggest(name, above)
                 yield fault_of(table, where, key, "names no earlier stage", remedy)
         above += [stage.name, *([stage.name + SUFFIX] if stage.filter is not None else [])]
+    for stage in [stage for stage in design.stage if stage.mirror][1:]:
+        path, problem = f"stage.{stage.name}", "is given for an earlier stage too"
+        yield fault_of(stage, path, "mirror", problem, "keep it on the stage that is the mirror")
 
 
 def _check_materials(design: Design) -> Iterator[Fault]:

@@ -10,6 +10,7 @@ from typing import Any
 from suspension_cli.conventions import SUPPORT
 from suspension_cli.design import inverted_pendulum, materials
 from suspension_cli.design.circles import direction
+from suspension_cli.design.filters import SUFFIX
 from suspension_cli.design.schema import Body, Design, Spring, Stage
 from suspension_cli.design.sections import Stretch, given_sections, stretches, thinnest
 from suspension_cli.design.wires import Blade, BladeGeometry, BladeSet, Wire, WireSet
@@ -64,7 +65,8 @@ def _diagonal(a: float, b: float, c: float) -> Rows:
 def wire_stiffness(design: Design, wire: WireSet | Wire, length: float) -> float:
     """Compute the spring constant of a wire in N/m: given, or k = E A / l.
 
-    l is the loaded length in the nominal pose (Husman et al., equation 15). Sections are in series.
+    l is the loaded length in the nominal pose (Husman et al., equation 15) or the given unstretched
+    one. Sections are in series.
     """
     if wire.k is not None:
         return wire.k
@@ -205,6 +207,28 @@ def com_offset(stage: Stage) -> tuple[float, float, float]:
         return stage.position
     shape = set_geometry(stage.wires)
     return (0.0, 0.0, -(shape.d_upper + shape.height + shape.d))
+
+
+def main_chain(design: Design) -> list[str]:
+    """List the stages from the support to the mirror.
+
+    The mirror is the stage with ``mirror = true``, else the end of the longest chain; of several as
+    long, the one that the file lists first.
+    """
+    chains: dict[str, list[str]] = {SUPPORT: []}
+    above = SUPPORT
+    for stage in design.stage:
+        chains[stage.name] = [*chains[stage.hangs_from or above], stage.name]
+        if stage.filter is not None:
+            chains[stage.name + SUFFIX] = chains[stage.name]
+        above = stage.name
+    named = [chains[stage.name] for stage in design.stage if stage.mirror]
+    return max(named or chains.values(), key=len)
+
+
+def mirror(design: Design) -> str:
+    """Name the mirror, whose motion is the default output of every command."""
+    return main_chain(design)[-1]
 
 
 def com_positions(design: Design) -> dict[str, tuple[float, float, float]]:

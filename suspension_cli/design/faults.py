@@ -36,6 +36,11 @@ _BOUNDS = {
 }
 
 
+TINY = 1e-150
+"""Magnitude below which numbers other than 0 are refused: the square would not be a number of full
+precision (2e-308)."""
+
+
 def convert(raw: Raw, kind: type[T]) -> T:
     """Convert a parsed TOML document to a type of the file format.
 
@@ -93,7 +98,8 @@ def suggest(word: str, known: list[str]) -> str:
 def _is_ordinary(value: Any) -> bool:
     """Whether a document is free of values that msgspec accepts and a design must not contain.
 
-    Those are values of a free type that cannot be written to a file, and a newline after a name.
+    Those are values of a free type that cannot be written to a file, a newline after a name, and
+    numbers whose squares underflow.
     """
     if isinstance(value, dict):
         return all(map(_is_ordinary, value.values()))
@@ -101,7 +107,7 @@ def _is_ordinary(value: Any) -> bool:
         return all(map(_is_ordinary, value))
     if isinstance(value, str):
         return not value.endswith("\n")
-    return not isinstance(value, (int, float)) or abs(value) < 2**63
+    return not isinstance(value, (int, float)) or value == 0 or TINY <= abs(value) < 2**63
 
 
 @cache
@@ -155,7 +161,11 @@ def _walk_table(node: Schema, value: object, path: str) -> Iterator[Fault]:
         yield Fault(path, "must be a table", f"give {give}", format_value(value))
         return
     for key, item in value.items():
-        if key in known or rest is not False:
+        misnamed = isinstance(item, dict) and known.get(key, {}).get("type") == "array"
+        others = [name for name in value if misnamed and name in known and name != key]
+        if (hint := suggest(key, others)).startswith("did you mean"):
+            yield Fault(step(path, key), "must be an array", hint, format_value(item))
+        elif key in known or rest is not False:
             yield from _walk(known.get(key, rest), item, step(path, key))
         else:
             yield Fault(
@@ -214,6 +224,8 @@ def _problem(node: Schema, value: Any) -> str:
     bounds = {key: node[key] for key in _BOUNDS if key in node}
     if any(not _BOUNDS[key][1](value, bound) for key, bound in bounds.items()):
         return f"must be {' and '.join(f'{_BOUNDS[key][0]} {bounds[key]:g}' for key in bounds)}"
+    if isinstance(value, float) and 0 < abs(value) < TINY:
+        return f"is too small (products of numbers below {TINY:g} lose their digits)"
     return _text_problem(node, value) if isinstance(value, str) else ""
 
 

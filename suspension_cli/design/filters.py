@@ -95,8 +95,8 @@ class Filter(Table, frozen=True):
         Annotated[
             Tension,
             doc(
-                "weight under which the keystone is at its nominal point, its own included, N;"
-                " default the weight that hangs on it in the design"
+                "load under which the keystone is at its nominal point, its own weight included,"
+                " N; default that of the design, with vertical preloads of links"
             ),
         ]
         | None
@@ -158,9 +158,9 @@ class FilterStatics:
 
     Attributes
     ----------
-    carried, load
-        Weight on the blades, and that under which the keystone is at its nominal point, both with
-        the keystone's own, N.
+    load
+        Weight and other vertical force on the blades under which the keystone is at its nominal
+        point, with the keystone's own, N.
     stiffness
         Vertical stiffness of the blades, N/m.
     coupling
@@ -171,7 +171,6 @@ class FilterStatics:
         Loss angle, rad.
     """
 
-    carried: float
     load: float
     stiffness: float
     coupling: float
@@ -179,10 +178,19 @@ class FilterStatics:
     loss: float
 
 
-def filter_statics(table: Filter, carried: float, gravity: float) -> FilterStatics:
-    """Compute the blades of a filter whose keystone carries a weight (N), its own included."""
+def filter_statics(table: Filter, carried: float, hung: float, gravity: float) -> FilterStatics:
+    """Compute the blades of a filter.
+
+    Parameters
+    ----------
+    carried
+        Load of the blades in the design, N: the weight of the keystone and of what hangs from it,
+        and the vertical forces of preloads.
+    hung
+        That weight without these forces, N.
+    """
     load = carried if table.load is None else table.load
-    whole = load / gravity
+    whole = (load - carried + hung) / gravity
     coupling = table.mass_coupling or 0.0
     if table.saturation is not None:
         coupling = whole * table.saturation / (1 + table.saturation)
@@ -191,7 +199,7 @@ def filter_statics(table: Filter, carried: float, gravity: float) -> FilterStati
         assert table.frequency is not None
         stiffness = (2 * math.pi * table.frequency) ** 2 * (whole - coupling)
     loss = 1 / table.q if table.q is not None else table.loss_angle or 0.0
-    return FilterStatics(carried, load, stiffness, coupling, whole - coupling, loss)
+    return FilterStatics(load, stiffness, coupling, whole - coupling, loss)
 
 
 def keystone_inertia(keystone: Keystone) -> list[float]:

@@ -94,9 +94,20 @@ def parse(text: str) -> Filter:
         if reader.text == "*":
             reader.advance()
         result = result * reader.factor()
-    if not math.isfinite(result.gain):
-        raise FotonError("its gain is not a finite number", "check the gains and roots")
+    if not all(map(cmath.isfinite, (result.gain, *result.zeros, *result.poles))):
+        raise FotonError("a gain or root is not a finite number", "check the gains and roots")
     return result
+
+
+def find_without_plane(text: str) -> list[str]:
+    """List the factors `pole`, `zero`, `pole2`, `zero2` of a valid string that name no plane.
+
+    Examples
+    --------
+    >>> find_without_plane('gain(2) pole(30) zero(1, "n")')
+    ['pole(30)']
+    """
+    return re.findall(r"(?:pole|zero)2?\s*\([^()\"']*\)", text)
 
 
 def format_filter(filter_: Filter, plane: str = "n") -> str:
@@ -196,7 +207,11 @@ class _Reader:
             start = self.column
             arguments.append((self._argument(), start))
         self.advance()
-        return self._make(name, column, arguments)
+        try:
+            return self._make(name, column, arguments)
+        except (OverflowError, ZeroDivisionError):
+            problem = f"{name} has numbers too large or too small to compute with"
+            self._fail(column, problem, "check its frequencies, Q and gain")
 
     def _argument(self) -> object:
         if self.kind == "text":
@@ -222,6 +237,8 @@ class _Reader:
         while self.text in ("+", "-"):
             sign = -1.0 if self.advance() == "-" else 1.0
             total += sign * self._term()
+        if not cmath.isfinite(total):
+            self._fail(self.column, "the number before is too large", "write a smaller one")
         return total
 
     def _term(self) -> complex:

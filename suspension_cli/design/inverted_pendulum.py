@@ -227,7 +227,7 @@ class LegStatics:
     yaw
         Torsional stiffness of a leg, N m/rad.
     load
-        Weight of the stage and of all that hangs from it, N.
+        Weight of the stage and of all that hangs from it, and vertical forces of preloads, N.
     critical
         Load at which the stage tips over, N.
     stiffness, elastic
@@ -236,8 +236,6 @@ class LegStatics:
         Inertia against lateral motion, kg.
     loss
         Loss angle of the flexures, rad.
-    gravity
-        m/s^2.
     """
 
     count: int
@@ -250,26 +248,29 @@ class LegStatics:
     elastic: float
     mass: float
     loss: float
-    gravity: float
-
-    @property
-    def omega_squared(self) -> float:
-        """Square of the lateral angular frequency, 1/s^2; negative if the stage tips over."""
-        return self.stiffness / self.mass
 
 
-def leg_statics(legs: InvertedPendulum, load: float, gravity: float) -> LegStatics:
-    """Compute the flexures of an inverted pendulum under a load (N); formulas: see the module."""
+def leg_statics(legs: InvertedPendulum, thrust: float, hung: float, gravity: float) -> LegStatics:
+    """Compute the flexures of an inverted pendulum; formulas: see the module.
+
+    Parameters
+    ----------
+    thrust
+        Of all legs at their tops, N: the weight of what moves with the tops, the legs' own share
+        included, and the vertical forces of preloads.
+    hung
+        That weight without these forces, N.
+    """
     count, length, inertia = len(tops(legs)), legs.length, leg_inertia(legs)
-    mass = load / gravity + count * inertia.top
-    weight = load + count * inertia.on_top * gravity
+    own = count * inertia.on_top * gravity
+    mass = (hung - own) / gravity + count * inertia.top
     flexure = legs.stiffness
     if flexure is None:
         assert legs.frequency is not None
         wanted = (2 * math.pi * legs.frequency) ** 2 * mass
-        flexure = (wanted * length**2 + weight * length) / count - legs.top_stiffness
+        flexure = (wanted * length**2 + thrust * length) / count - legs.top_stiffness
     elastic = count * (flexure + legs.top_stiffness) / length**2
-    stiffness = elastic - weight / length
+    stiffness = elastic - thrust / length
     loss = legs.loss_angle or 0.0
     if legs.q is not None:
         loss = stiffness / elastic / legs.q if stiffness.real > 0 else 0.0
@@ -278,13 +279,12 @@ def leg_statics(legs: InvertedPendulum, load: float, gravity: float) -> LegStati
         flexure=flexure,
         top=legs.top_stiffness,
         yaw=flexure / ROUND_ROD if legs.yaw_stiffness is None else legs.yaw_stiffness,
-        load=load,
-        critical=elastic * length - count * inertia.on_top * gravity,
+        load=thrust - own,
+        critical=elastic * length - own,
         stiffness=stiffness,
         elastic=elastic,
         mass=mass,
         loss=loss,
-        gravity=gravity,
     )
 
 

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
 from suspension_cli.conventions import DOFS, FRAME, GROUND, SUPPORT
 from suspension_cli.design import materials
 from suspension_cli.design.body_checks import check_exactly_one
-from suspension_cli.design.derive import com_positions
+from suspension_cli.design.derive import com_positions, spring_loss
 from suspension_cli.design.faults import fault_of, suggest
 from suspension_cli.design.links import Damper, Link, StiffnessTable, Strands
-from suspension_cli.design.schema import Design
+from suspension_cli.design.schema import Design, Spring
+from suspension_cli.design.units import Matrix6
 from suspension_cli.errors import Fault, format_value
 
+ROUNDING = 1e-9
+"""Negative eigenvalue of a matrix, its diagonal scaled to 1, that is an error of its digits."""
 BESIDE = (SUPPORT, GROUND)
 """Second bodies of a link or damper that are not stages."""
 
@@ -41,6 +45,62 @@ def check_links(design: Design, *, placed: bool) -> Iterator[Fault]:
         yield from _check_link(design, link, f"link.{link.name}", placed=placed)
     for damper in design.damper:
         yield from _check_damper(damper, f"damper.{damper.name}")
+
+
+def check_active(design: Design) -> Iterator[Fault]:
+    """Check that springs, links and dampers take power from the motion, unless `active`."""
+    for table, fault in find_active(design):
+        if not table.active:
+            remedy = f"{fault.remedy}, or give active = true if a sensor and an actuator do this"
+            yield replace(fault, remedy=remedy)
+
+
+def find_active(design: Design) -> Iterator[tuple[Link | Damper | Spring, Fault]]:
+    """Find springs, links and dampers that give power to the motion, each with what does so."""
+    parts: list[tuple[Link | Damper | Spring, str]] = [
+        (spring, f"stage.{stage.name}.spring.{number}")
+        for stage in design.stage
+        for number, spring in enumerate(stage.spring, 1)
+    ]
+    parts += [(link, f"link.{link.name}") for link in design.link]
+    parts += [(damper, f"damper.{damper.name}") for damper in design.damper]
+    for part, path in parts:
+        if problem := _negative(part.damping):
+            problem = f"{problem}, so it drives the motion instead of damping it"
+            yield part, fault_of(part, path, "damping", problem, "make it positive")
+        if isinstance(part, Damper):
+            continue
+        angle = spring_loss(design, part) if isinstance(part, Spring) else part.loss_angle
+        problem = _negative(part.stiffness)
+        if angle and problem:
+            problem = f"is that of a stiffness that {problem}, so it drives the motion"
+            yield part, fault_of(part, path, "loss_angle", problem, "give loss_angle = 0.0")
+        table = getattr(part, "table", None)
+        least = min((min(row, default=0.0) for row in table.imaginary), default=0.0) if table else 0
+        if table and least < 0:
+            row = next(row for row in table.imaginary if least in row)
+            axis = table.axis or DOFS[table.imaginary.index(row)]
+            problem = (
+                f"is negative along {axis} at {table.frequency[row.index(least)]:g} Hz, so it"
+                " drives the motion instead of damping it"
+            )
+            yield part, Fault(f"{path}.table.imaginary", problem, "make it positive", f"{least:g}")
+
+
+def _negative(given: Matrix6 | None) -> str:
+    """In which direction a matrix is negative, as a verb phrase; "" if it is not."""
+    import numpy as np
+
+    if given is None or not np.isrealobj(given):
+        return ""
+    matrix = np.array(given, dtype=float)
+    matrix = np.diag(matrix) if matrix.ndim == 1 else matrix
+    diagonal = matrix.diagonal()
+    if (diagonal < 0).any():
+        return f"is negative along {DOFS[int(diagonal.argmin())]}"
+    size = np.sqrt(np.where(diagonal > 0, diagonal, np.abs(matrix).max(initial=0.0) or 1.0))
+    least = np.linalg.eigvalsh(matrix / np.outer(size, size))[0]
+    return "has a negative eigenvalue" if least < -ROUNDING else ""
 
 
 def _check_between(between: list[str], stages: list[str], path: str) -> Iterator[Fault]:

@@ -33,6 +33,13 @@ Between = Annotated[
     ),
 ]
 At = Annotated[Vector, doc("the common point, from the COM of the first body, nominal pose, m")]
+Active = Annotated[
+    bool,
+    doc(
+        "it may give power to the motion, as a sensor with an actuator does; otherwise negative"
+        " damping and loss are refused"
+    ),
+]
 Series = Annotated[list[Coefficient], doc("one number per frequency, at least 2", min_length=2)]
 
 
@@ -157,6 +164,7 @@ class Link(BetweenBodies, frozen=True):
             " second takes the opposite"
         ),
     ] = field(default_factory=lambda: [0.0] * 6)
+    active: Active = False
 
 
 class EddyCurrent(Table, frozen=True):
@@ -210,3 +218,4 @@ class Damper(BetweenBodies, frozen=True):
         | None
     ) = None
     eddy_current: EddyCurrent | None = None
+    active: Active = False

@@ -54,7 +54,7 @@ def assign(document: Raw, keys: list[str], value: object, override: str) -> None
     """Set a value in a parsed document, in place; missing tables are made.
 
     `keys` are the parts of the path, `override` is the setting as given, for errors. Raises
-    `InputError` if a list has no such member, or the path leads through a value.
+    `InputError` if a list is missing or has no such member, or the path leads through a value.
     """
     node: Value = document
     place: Value = ""
@@ -71,6 +71,14 @@ def assign(document: Raw, keys: list[str], value: object, override: str) -> None
                 format_value(override),
             )
         elif not last and key not in node:
+            if keys[depth + 1].isdigit():
+                whole = ".".join(keys[: depth + 1])
+                raise InputError.of(
+                    "--set",
+                    f"the design gives no {whole} of which this is a member",
+                    f"give {whole} whole, or take what the design gives there: {', '.join(node)}",
+                    format_value(override),
+                )
             node[key] = {}
         if not last:
             node = node[place]

@@ -15,12 +15,13 @@ a factor of a thousand exceeds them, an unusual design does not. The physical on
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from suspension_cli.conventions import SUPPORT
-from suspension_cli.design import imperfections
+from suspension_cli.conventions import DOFS, SUPPORT
+from suspension_cli.design import foton, imperfections, loop_filters
 from suspension_cli.design.derive import (
     body_inertia,
     body_mass,
@@ -32,7 +33,16 @@ from suspension_cli.design.derive import (
 from suspension_cli.design.faults import fault_of
 from suspension_cli.design.filters import SUFFIX
 from suspension_cli.design.imperfections import Imperfection
-from suspension_cli.design.schema import Body, Design, Material, NoiseSpectrum, Perturbation, Stage
+from suspension_cli.design.links import Damper
+from suspension_cli.design.schema import (
+    Body,
+    Design,
+    Loop,
+    Material,
+    NoiseSpectrum,
+    Perturbation,
+    Stage,
+)
 from suspension_cli.design.wires import Blade, BladeSet, Profile, Wire, WireSet, cross_sections
 from suspension_cli.errors import Fault, format_key, format_value
 
@@ -76,6 +86,12 @@ LARGE_SHIFT = 0.05
 """Largest error of position or length as a fraction of the wire's length."""
 LARGE_FRACTION = 0.5
 """Largest relative tolerance."""
+FASTEST_LOOP = 100.0
+"""Hz; the unity gain of local control is below about 10 Hz."""
+MAGNETISATION = 1.3e6
+"""A/m; dipole moment per volume of the strongest magnets (a remanence of 1.6 T)."""
+FLAT_MAGNET = 0.1
+"""Least distance from a magnet's centre to a conductor, in radii of the sphere of its volume."""
 SENSOR_NOISE = 1e-4
 """m or rad per sqrt(Hz); optical shadow sensors reach 1e-10."""
 
@@ -157,7 +173,9 @@ def find_implausible(design: Design) -> list[ImplausibleNumber]:
         stages[stage.name] = above = stage
     for number, item in enumerate(design.perturbation, 1):
         found += _check_perturbation(design, item, f"perturbation.{number}")
-    return [*found, *_check_tolerance(design), *_check_noise(design)]
+    for damper in design.damper:
+        found += _check_magnet(damper)
+    return [*found, *_check_tolerance(design), *_check_loops(design), *_check_planes(design)]
 
 
 def _check_tower(stage: Stage, path: str) -> Iterator[ImplausibleNumber]:
@@ -510,6 +528,23 @@ def _check_imperfection(
         yield from _above(key, size, most, problem, f"give it in {row.unit}", units, shown=value)
 
 
+def _check_unity_gain(loop: Loop, body: Body, axis: int) -> Iterator[ImplausibleNumber]:
+    """Report a loop whose unity gain is above `FASTEST_LOOP`, where bodies move as free masses."""
+    inertia = body_mass(body) if axis < 3 else body_inertia(body)[axis - 3][axis - 3]
+    ratio = 0.0
+    with contextlib.suppress(ArithmeticError):  # a root at this frequency
+        size = abs(loop_filters.controller_and_sensor(loop).at(FASTEST_LOOP))
+        ratio = size / (inertia * (2 * math.pi * FASTEST_LOOP) ** 2)
+    if ratio > 1:
+        keys = ("damper", "filter", "gain_at", "gain")
+        key, value = next((key, own) for key in keys if (own := getattr(loop, key)))
+        problem = f"has unity gain above {FASTEST_LOOP:g} Hz (there the gain is {ratio:.2g})"
+        unit = "N s/m or N m s/rad" if key == "damper" else "N/m or N m/rad at each frequency"
+        remedy = f"lower it, or check its unit ({unit})"
+        shown = None if key == "gain_at" else format_value(value)
+        yield ImplausibleNumber(Fault(f"control.loop.{loop.name}.{key}", problem, remedy, shown))
+
+
 def _check_tolerance(design: Design) -> Iterator[ImplausibleNumber]:
     stages = {stage.name: stage for stage in design.stage}
     rows = [
@@ -533,8 +568,27 @@ def _check_tolerance(design: Design) -> Iterator[ImplausibleNumber]:
             yield from _check_imperfection(row, size, stage, key, size)
 
 
-def _check_noise(design: Design) -> Iterator[ImplausibleNumber]:
+def _check_magnet(damper: Damper) -> Iterator[ImplausibleNumber]:
+    """Report a conductor inside a magnet, whose damping grows as 1/gap^3."""
+    magnet = damper.eddy_current
+    if magnet is None:
+        return
+    volume = magnet.volume or (magnet.moment or 0.0) / MAGNETISATION
+    least = FLAT_MAGNET * (3 * volume / (4 * math.pi)) ** (1 / 3)
+    if magnet.gap < least:
+        problem = f"is inside a magnet of this strength, whose centre is above {least:.2g} m away"
+        fault = fault_of(
+            magnet, f"damper.{damper.name}.eddy_current", "gap", problem, "give it in m"
+        )
+        yield ImplausibleNumber(fault, serious=True)
+
+
+def _check_loops(design: Design) -> Iterator[ImplausibleNumber]:
+    bodies = {stage.name: stage.body for stage in design.stage}
     for loop in design.control.loop if design.control is not None else ():
+        name, _, push = loop.actuator.partition("@")[0].rpartition(".")
+        if name in bodies and (dof := push.partition("_")[2]) in DOFS:
+            yield from _check_unity_gain(loop, bodies[name], DOFS.index(dof))
         noise = loop.sensor_noise
         if isinstance(noise, NoiseSpectrum):
             noise = max(noise.asd) if isinstance(noise.asd, list) else noise.asd
@@ -546,3 +600,24 @@ def _check_noise(design: Design) -> Iterator[ImplausibleNumber]:
             "give it in m/sqrt(Hz) or rad/sqrt(Hz)",
             (("nm/sqrt(Hz)", 1e-9),),
         )
+
+
+def _check_planes(design: Design) -> Iterator[ImplausibleNumber]:
+    """Report filters with poles or zeros in rad/s because their strings name no plane."""
+    for loop in design.control.loop if design.control is not None else ():
+        for key in ("filter", "sensor_response"):
+            text = getattr(loop, key) or ""
+            factors = foton.find_without_plane(text)
+            if not factors:
+                continue
+            bare = factors[0][:-1]
+            name, _, numbers = bare.partition("(")
+            scales = "divides" if name.startswith("pole") else "multiplies"
+            size = numbers.partition(",")[0].strip() + ("^2" if "2" in name else "")
+            problem = (
+                f"{' and '.join(factors)} without a plane: in rad/s by Foton's rule, not in Hz, and"
+                f" {factors[0]} {scales} the gain at 0 Hz by {size}"
+            )
+            remedy = f'write {bare}, "n") for Hz and a gain of 1, or {bare}, "s") if this is meant'
+            where = f"control.loop.{loop.name}.{key}"
+            yield ImplausibleNumber(Fault(where, problem, remedy, format_value(text)), serious=True)

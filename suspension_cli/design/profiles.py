@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import math
-import re
 from itertools import pairwise
 from pathlib import Path
 
 from suspension_cli.design import csv_columns
-from suspension_cli.design.csv_columns import BadTable
+from suspension_cli.design.csv_columns import PER_M, BadTable, split_unit
 from suspension_cli.design.units import Raw
 from suspension_cli.design.wires import Profile, WireSection
 from suspension_cli.errors import Fault, InputError, format_value
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
-UNITS = {"nm": 1e-9, "um": 1e-6, "\u00b5m": 1e-6, "\u03bcm": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0}
-"""Units that a column's title may end with, in m."""
 
 
 def resolve_files(raw: Raw, folder: Path) -> None:
@@ -59,25 +56,12 @@ def _read(file: Path) -> dict[str, list[float]]:
         raise BadTable(f"has {len(columns)} columns", "write position,diameter in each line")
     if not columns or len(columns[0]) < 2:
         raise BadTable("has fewer than two lines of numbers", "measure more places")
-    units = [_unit(title) for title in headings] if len(headings) == 2 else [1.0, 1.0]
+    titles = headings if len(headings) == 2 else ["", ""]
     keys = ("position", "diameter")
     return {
-        key: [_scaled(value, unit) for value in column]
-        for key, column, unit in zip(keys, columns, units, strict=True)
+        key: [value / split_unit(title, PER_M)[1] for value in column]
+        for key, column, title in zip(keys, columns, titles, strict=True)
     }
-
-
-def _scaled(value: float, unit: float) -> float:
-    """Convert to m; divided, so that 400 um is the number nearest to 0.0004."""
-    return value if unit == 1.0 else value / round(1 / unit)
-
-
-def _unit(title: str) -> float:
-    """Find the unit (m) in the title of a column: position_mm, "diameter (um)"; m if none."""
-    for word in reversed(re.split(r"[\s()\[\]_/]+", title)):
-        if word in UNITS:
-            return UNITS[word]
-    return 1.0
 
 
 def reduced(profile: Profile, error: float | None = None) -> list[WireSection]:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import copy
 import functools
+import hashlib
 import re
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from datetime import date, time
+from decimal import Decimal
 from pathlib import Path
 
 from suspension_cli.design import checks, faults, link_tables, paths, profiles
@@ -15,10 +18,10 @@ from suspension_cli.design.keystones import add_keystones
 from suspension_cli.design.schema import Design
 from suspension_cli.design.units import Raw
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
+from suspension_cli.files import bounded
 
-MAX_BYTES = 4_000_000
-"""Size above which a file is no design (but a results file, a picture)."""
-
+LONGEST_STEM = 150
+"""Letters of the start of a file's name; systems take 255 bytes for the whole name."""
 TEMPLATES = ("single", "double", "triple", "quad", "blades")
 """Starting designs of `pendsus new`."""
 OTHER_KINDS = {"measurements": ("mode", "transfer_function"), "goals": ("goal",)}
@@ -26,6 +29,14 @@ OTHER_KINDS = {"measurements": ("mode", "transfer_function"), "goals": ("goal",)
 _EXAMPLES = Path(__file__).parents[1] / "examples"
 
 _TOO_DEEP = Fault("", "tables or arrays are nested too deeply", "use fewer levels")
+MAX_PARTS = 50
+"""Longest dotted key; the tables of a longer one take memory as the square of its parts."""
+_KEY = re.compile(r"""[\w-]++|"(?:[^"\\\n]|\\.)*+"?|'[^'\n]*+'?""")
+_DOTTED = re.compile(
+    r'"{3}(?:[^"\\]|\\[\s\S]|"{1,2}(?!"))*+"{0,5}' + r"|'{3}(?:[^']|'{1,2}(?!'))*+'{0,5}"
+    rf"|\#[^\n]*+|(?P<key>(?:{_KEY.pattern})(?:[ \t]*+\.[ \t]*+(?:{_KEY.pattern}))*+)"
+)
+"""Texts of several lines, comments, and dotted keys (or other texts and numbers)."""
 
 
 @dataclass(frozen=True)
@@ -38,11 +49,38 @@ class Source:
         The whole design as TOML with overrides, as results embed it.
     file
         The path as the user gave it.
+    given_stem, overrides
+        Start of the names of written files, if the user gave one, and the overrides that they name.
     """
 
     design: Design
     text: str
     file: str
+    given_stem: str | None = None
+    overrides: tuple[str, ...] = ()
+
+    def stem(self, name: str = "") -> str:
+        """Start of the names of written files: as given, else a name with the overrides.
+
+        `name` is that of the design by default.
+        """
+        return self.given_stem or _with_overrides(name or self.design.design.name, self.overrides)
+
+
+def _with_overrides(name: str, overrides: tuple[str, ...]) -> str:
+    """Add overrides to a name, and a digest of them where letters had to be replaced or left out.
+
+    A name that is itself an override (of `design.name`) suffices.
+
+    >>> _with_overrides("my", ("stage.test.wires.d=0.002", "design.title=Stiffer"))
+    'my-test.wires.d=0.002'
+    """
+    plain = [re.sub(r"\s+", "", text).removeprefix("stage.") for text in overrides]
+    if any(text.startswith("design.name=") for text in plain):
+        return name
+    whole = "-".join([name, *(text for text in plain if not text.startswith("design."))])
+    short = re.sub(r"[^A-Za-z0-9._=+-]+", "_", whole)[:LONGEST_STEM]
+    return short if short == whole else f"{short}-{hashlib.sha256(whole.encode()).hexdigest()[:8]}"
 
 
 def read(file: str | Path, overrides: tuple[str, ...] = ()) -> Source:
@@ -57,13 +95,9 @@ def read(file: str | Path, overrides: tuple[str, ...] = ()) -> Source:
         _check_kind(raw)
         link_tables.insert_tables(raw, folder)
         profiles.resolve_files(raw, folder)
-        design = convert(raw)
+        return Source(convert(raw), write_toml(raw), name)
     except InputError as error:
         raise error.in_file(name) from None
-    try:
-        return Source(design, write_toml(raw), name)
-    except RecursionError:
-        raise InputError([_TOO_DEEP], name) from None
 
 
 def _check_kind(raw: Raw) -> None:
@@ -115,28 +149,17 @@ def convert(raw: Raw) -> Design:
 
 
 def write_toml(raw: Raw) -> str:
-    """Write a parsed document as TOML text."""
+    """Write a parsed document as TOML text; raises `InputError` if it is nested too deeply."""
     import tomli_w
 
-    return tomli_w.dumps(raw)
+    try:
+        return tomli_w.dumps(raw)
+    except RecursionError:
+        raise InputError([_TOO_DEEP]) from None
 
 
 def _text(path: Path) -> str:
-    if path.is_dir():
-        raise InputError.of("", "is a directory", "name a TOML file in it")
-    try:
-        with path.open("rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
-    except (OSError, ValueError) as error:
-        problem = f"cannot be read ({getattr(error, 'strerror', None) or error})"
-        raise InputError.of("", problem, "check the path and its permissions") from None
-    if len(data) > MAX_BYTES:
-        problem = f"has more than {MAX_BYTES} bytes, too many for a design"
-        raise InputError.of("", problem, "name a TOML design file")
-    try:
-        return data.decode("utf-8-sig")  # some editors begin a file with a byte-order mark
-    except UnicodeDecodeError:
-        raise InputError.of("", "is not text (UTF-8)", "name a TOML design file") from None
+    return bounded.read_text(path, bounded.TOML, "a design or another TOML file", pipe=True)
 
 
 def _parse(text: str, remedy: str = "start a design with `pendsus new`") -> Raw:
@@ -157,6 +180,15 @@ def _parse(text: str, remedy: str = "start a design with `pendsus new`") -> Raw:
 @functools.lru_cache(maxsize=8)
 def _parsed(text: str) -> Raw:
     """Parse TOML text; cached, as searches read one text with many overrides."""
+    return _loads(text)
+
+
+def _loads(text: str) -> Raw:
+    for found in _DOTTED.finditer(text):
+        key = found["key"] or ""
+        if key.count(".") >= MAX_PARTS and len(_KEY.findall(key)) > MAX_PARTS:
+            line = text.count("\n", 0, found.start()) + 1
+            raise InputError([replace(_TOO_DEEP, key=f"line {line}")])
     return tomllib.loads(text)
 
 
@@ -172,7 +204,7 @@ def apply_overrides(raw: Raw, overrides: tuple[str, ...]) -> None:
     """
     for override in overrides:
         shown = format_value(override)
-        if any("\ud800" <= letter <= "\udfff" for letter in override):
+        if not _is_text(override):
             problem, remedy = "contains bytes that are not text", "write it in UTF-8"
             raise InputError.of("--set", problem, remedy, shown)
         path, equals, value = override.partition("=")
@@ -181,7 +213,7 @@ def apply_overrides(raw: Raw, overrides: tuple[str, ...]) -> None:
             remedy = "write for example --set stage.test.wires.d=0.002"
             raise InputError.of("--set", "is not of the form path=value", remedy, shown)
         try:
-            parsed = tomllib.loads(f"value = {value}")["value"]
+            parsed = _loads(f"value = {value}")["value"]
         except (tomllib.TOMLDecodeError, RecursionError, ValueError):
             parsed = value.strip()
         paths.assign(raw, keys, parsed, override)
@@ -235,13 +267,23 @@ def replaced(source: Source, changes: Mapping[str, object]) -> Source:
         if not isinstance(path, str):
             remedy = "write it as a text: stage.test.wires.d"
             raise InputError.of("changes", "is no path", remedy, format_value(path))
-        paths.assign(raw, path.split("."), _as_toml(value), path)
+        try:
+            new = _as_toml(value)
+        except RecursionError:
+            raise InputError([replace(_TOO_DEEP, key=path)]) from None
+        except TypeError as error:
+            remedy = "give a number, a text, or a list or dictionary of these"
+            raise InputError.of(path, f"cannot be {error}", remedy) from None
+        paths.assign(raw, path.split("."), new, path)
     profiles.resolve_files(raw, Path(source.file).parent)
     return Source(convert(raw), write_toml(raw), source.file)
 
 
 def _as_toml(value: paths.Value) -> paths.Value:
-    """Convert tuples, paths, and numbers and arrays of numpy or xarray, to types of TOML."""
+    """Convert tuples, paths, and numbers and arrays of numpy or xarray, to types of TOML.
+
+    Raises `TypeError` with what is not one of them.
+    """
     if isinstance(value, Mapping):
         return {str(key): _as_toml(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
@@ -250,4 +292,16 @@ def _as_toml(value: paths.Value) -> paths.Value:
         return str(value)
     if hasattr(value, "__array__") and not hasattr(value, "tolist"):  # arrays of xarray
         value = value.__array__()
-    return value.tolist() if hasattr(value, "tolist") else value
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+        return _as_toml(value) if isinstance(value, list) else value
+    if isinstance(value, str) and not _is_text(value):
+        raise TypeError("bytes that are not text")
+    if not isinstance(value, (str, int, float, Decimal, date, time)):
+        raise TypeError(f"{type(value).__name__} ({format_value(value)})")
+    return value
+
+
+def _is_text(value: str) -> bool:
+    """Whether a string can be written: it has no halves of characters."""
+    return not any("\ud800" <= letter <= "\udfff" for letter in value)

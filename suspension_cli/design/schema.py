@@ -14,7 +14,7 @@ from msgspec import Meta, field
 from suspension_cli.design import imperfections
 from suspension_cli.design.filters import Filter
 from suspension_cli.design.inverted_pendulum import InvertedPendulum
-from suspension_cli.design.links import BetweenBodies, Damper, Link
+from suspension_cli.design.links import Active, BetweenBodies, Damper, Link
 from suspension_cli.design.losses.mechanism import with_keys
 from suspension_cli.design.losses.registry import MECHANISMS
 from suspension_cli.design.units import (
@@ -197,6 +197,7 @@ class Spring(Table, frozen=True):
     temperature: (
         Annotated[Kelvin, doc("temperature in K, for its loss; default that of [constants]")] | None
     ) = None
+    active: Active = False
 
 
 Viscous = Annotated[float, doc("viscous damping in N s/m or N m s/rad", ge=0, le=1e12)]
@@ -262,6 +263,13 @@ class Stage(Table, frozen=True):
         ]
         | None
     ) = None
+    mirror: Annotated[
+        bool,
+        doc(
+            "whether this is the mirror, whose motion commands output by default; without one, the"
+            " end of the longest chain, of several as long the one listed first"
+        ),
+    ] = False
     position: (
         Annotated[
             Vector,
@@ -539,6 +547,12 @@ class Design(Table, frozen=True):
         dict[str, Raw],
         doc("defaults for a command's options, under the options' own names"),
     ] = {}
+
+    @property
+    def is_active(self) -> bool:
+        """Whether a spring, link or damper may give power to the motion."""
+        springs = (spring for stage in self.stage for spring in stage.spring)
+        return any(part.active for part in (*springs, *self.link, *self.damper))
 
     @property
     def between_bodies(self) -> list[tuple[str, BetweenBodies]]:

@@ -277,7 +277,10 @@ class Wire(_WireLosses, frozen=True):
     k: (
         Annotated[
             Stiffness,
-            doc("spring constant, N/m, as in [stage.wires]; default E A over the nominal span"),
+            doc(
+                "spring constant, N/m, as in [stage.wires]; default E A over the natural_length or,"
+                " without it, the nominal span"
+            ),
         ]
         | None
     ) = None

@@ -63,6 +63,7 @@ from suspension_cli.elements.compiled_vectors import (
     vector,
 )
 from suspension_cli.elements.compiled_wire import resting
+from suspension_cli.elements.lean import SERIES, SMALL
 
 if TYPE_CHECKING:
     from jaxtyping import Float, Int
@@ -73,9 +74,9 @@ UPPER_POINT, LOWER_POINT, SPAN, LENGTH, TENSION, STIFFNESS, TORSION = 0, 3, 6, 9
 BLADE = ("stiffness", "load")
 """Fields of `Blades` in a row of 6 numbers."""
 BLADE_STIFFNESS, LOAD = 0, 3
-SPRING = ("upper_point", "lower_point", "stiffness", "preload")
-"""Fields of `Springs` in a row of 48 numbers."""
-SPRING_STIFFNESS, PRELOAD = 6, 42
+SPRING = ("upper_point", "lower_point", "stiffness", "preload", "leg")
+"""Fields of `Springs` in a row of 49 numbers."""
+SPRING_STIFFNESS, PRELOAD, LEG = 6, 42, 48
 FLEX = ("upper", "lower", "bend", "twist")
 """Fields of `Flex` in a row of 19 numbers."""
 UPPER_NORMALS, LOWER_NORMALS, BEND, TWIST = 0, 6, 12, 18
@@ -365,15 +366,43 @@ def add_blades(
 
 
 @inlined
-def _form(springs: Float[np.ndarray, "spring 48"], n: int, first: int) -> Matrix:
+def _form(springs: Float[np.ndarray, "spring 49"], n: int, first: int) -> Matrix:
     """Block of the stiffness (6, 6) of a spring, from its first column."""
     return vector(springs, n, first), vector(springs, n, first + 6), vector(springs, n, first + 12)
+
+
+@inlined
+def _lean(delta: Vector, length: float) -> tuple[Vector, Matrix, Vector, Matrix]:
+    """Lean of a leg with its derivatives by delta, and gradient and Hessian of L f, see `lean`."""
+    x, y, z = delta[0], delta[1], length + delta[2]
+    q = x * x + y * y
+    t, n = q / (z * z), z * z + q
+    if t < SMALL:
+        a, first, second = 0.0, 0.0, 0.0
+        for power in range(SERIES.shape[1] - 1, -1, -1):
+            a = a * t + SERIES[0, power]
+            first = first * t + SERIES[1, power]
+            second = second * t + SERIES[2, power]
+    else:
+        a = math.atan(math.sqrt(t)) / math.sqrt(t)
+        first = (1 / (1 + t) - a) / (2 * t)
+        second = -(1 / (1 + t) ** 2 + 3 * first) / (2 * t)
+    f, f_q, f_qq = length * a / z, length * first / z**3, length * second / z**5
+    f_qz, f_zz = length / n**2, length * 2 * z / n**2
+    across, slope = (x, y, 0.0), (2 * f_q * x, 2 * f_q * y, -length / n)
+    curve = (
+        (2 * f_q + 4 * f_qq * x * x, 4 * f_qq * x * y, 2 * x * f_qz),
+        (4 * f_qq * x * y, 2 * f_q + 4 * f_qq * y * y, 2 * y * f_qz),
+        (2 * x * f_qz, 2 * y * f_qz, f_zz),
+    )
+    rates = added(((f, 0.0, 0.0), (0.0, f, 0.0), (0.0, 0.0, 1.0)), outer(across, slope))
+    return (f * x, f * y, delta[2]), rates, slope, curve
 
 
 @compiled
 def add_springs(
     ends: Int[np.ndarray, "spring 2"],
-    springs: Float[np.ndarray, "spring 48"],
+    springs: Float[np.ndarray, "spring 49"],
     pose: PoseArrays,
     derivatives: Derivatives,
     curved: bool,
@@ -399,11 +428,24 @@ def add_springs(
             _form(springs, n, SPRING_STIFFNESS + 3),
             _form(springs, n, SPRING_STIFFNESS + 21),
         )
+        # d(phi) = spin (t_l - t_u)
+        spin = product(multiple(0.5, subtracted(diagonal(trace(q)), q)), to_upper)
+        length, across, slope = springs[n, LEG], (delta[0], delta[1], 0.0), delta
+        rates, curve = diagonal(1.0), diagonal(0.0)
+        if length > 0:
+            delta, rates, slope, curve = _lean(delta, length)
+            axis = below[0][2], below[1][2], below[2][2]
+            tilts = product(to_upper, cross_matrix(axis))
+            phi, spin = (-q[1][2], q[0][2], phi[2]), (tilts[1], scaled(-1.0, tilts[0]), spin[2])
         pull = minus(plus(times(straight, delta), times(mixed, phi)), vector(springs, n, PRELOAD))
         twist = plus(times(transposed(mixed), delta), times(turns, phi))
         twist = minus(twist, vector(springs, n, PRELOAD + 3))
-        # d(phi) = spin (t_l - t_u)
-        spin = product(multiple(0.5, subtracted(diagonal(trace(q)), q)), to_upper)
+        if length > 0:
+            flat = (pull[0], pull[1], 0.0)
+            curve = added(multiple(dot(flat, across), curve), outer(flat, slope))
+            curve = added(curve, outer(slope, flat))
+            straight = added(product(product(transposed(rates), straight), rates), curve)
+            mixed, pull = product(transposed(rates), mixed), times(transposed(rates), pull)
         force, torque = times(above, pull), times(transposed(spin), twist)
         x_u, t_u, x_l, t_l = 6 * u, 6 * u + 3, 6 * l, 6 * l + 3
         add_vector(gradient, x_u, scaled(-1.0, force))
@@ -416,7 +458,14 @@ def add_springs(
         to_u, to_l = subtracted(times_cross(s, reach), c), subtracted(times_cross(s, arm), c)
         back = transposed(c)
         # second derivatives of phi times its pull
-        g = product(product(above, cross_matrix(twist)), transposed(below))
+        skew = cross_matrix(twist)
+        if length > 0:
+            skew = (
+                (0.0, skew[0][1], 2 * twist[1]),
+                (skew[1][0], 0.0, -2 * twist[0]),
+                (0.0, 0.0, 0.0),
+            )
+        g = product(product(above, skew), transposed(below))
         stiff = product(product(transposed(spin), turns), spin)
         own = subtracted(added(stiff, multiple(0.5, symmetric(g))), diagonal(trace(g) / 2))
         uu = added(

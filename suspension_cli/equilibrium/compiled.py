@@ -113,7 +113,7 @@ class Numbers(NamedTuple):
     bodies: Float[np.ndarray, "*build body 13"]
     wires: Float[np.ndarray, "*build wire 13"]
     blades: Float[np.ndarray, "*build blade 6"]
-    springs: Float[np.ndarray, "*build spring 48"]
+    springs: Float[np.ndarray, "*build spring 49"]
     flex: Float[np.ndarray, "*build _ 19"]
     struts: Float[np.ndarray, "*build strut 13"]
     lines: Float[np.ndarray, "*build line 9"]

@@ -19,6 +19,14 @@ def parents(scene: Scene) -> Index:
     return result
 
 
+def chain_tops(scene: Scene) -> tuple[int, ...]:
+    """Number (from 0) of the body that hangs from the support in the chain of each body."""
+    result: list[int] = []
+    for body, parent in enumerate(parents(scene)[1:]):
+        result.append(result[parent - 1] if parent else body)
+    return tuple(result)
+
+
 def subtree(scene: Scene, body: int) -> list[int]:
     """A body and all that hang from it, directly or not, in ascending order."""
     members, parent = [body], parents(scene)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import stat
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,7 +13,15 @@ from suspension_cli.errors import InputError
 
 
 def replace_file(path: Path, data: bytes) -> None:
-    """Write a file under a temporary name in its folder, then rename it; may raise `OSError`."""
+    """Write a file under a temporary name in its folder, then rename it; may raise `OSError`.
+
+    Of a symbolic link the target is replaced. A device or pipe is written as it is.
+    """
+    if not is_regular(path, follow=True):
+        with path.open("wb") as stream:
+            stream.write(data)
+        return
+    path = target(path)
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with os.fdopen(handle, "wb") as stream:
@@ -25,6 +34,19 @@ def replace_file(path: Path, data: bytes) -> None:
         with contextlib.suppress(OSError):
             os.unlink(temporary)
         raise
+
+
+def target(path: Path) -> Path:
+    """The file that a symbolic link leads to; any other path as it is."""
+    return Path(os.path.realpath(path)) if path.is_symlink() else path
+
+
+def is_regular(path: Path, *, follow: bool = False) -> bool:
+    """Whether a path is free or has a regular file: no device, pipe, folder, unfollowed link."""
+    try:
+        return stat.S_ISREG(os.stat(path, follow_symlinks=follow).st_mode)
+    except FileNotFoundError:
+        return True
 
 
 def _umask() -> int:

@@ -65,5 +65,5 @@ def replacing(path: Path, text: str, say: Callable[[str], None]) -> Iterator[Non
     before = read_design(path)
     yield
     replaced = before is not None and before != text
-    note = " (replaced the result of another design of this name; to keep both, give --out)"
+    note = " (replaced the result of another design of this name; to keep both, give --name)"
     say(f"wrote {path}{note if replaced else ''}")

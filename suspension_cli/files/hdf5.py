@@ -6,9 +6,11 @@ analysis defines the content of its group.
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
-from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.errors import InputError, attribute_faults_to, format_value, one_line
 from suspension_cli.files.atomic import write_bytes
 from suspension_cli.version import __version__
 
@@ -108,30 +110,82 @@ def add_dataset(
     return result
 
 
-def open_results(path: str | Path) -> h5py.File:
-    """Open a results file for reading.
+@contextlib.contextmanager
+def open_results(path: str | Path) -> Iterator[h5py.File]:
+    """Open a results file for reading; failures inside are reported as of `reporting_damage`.
 
     Raises
     ------
     InputError
-        If it was not written by pendsus, or refers to other files.
+        If it was not written by pendsus, refers to other files, or is damaged.
     """
+    remedy = "name a file that this version of pendsus wrote"
+    with reporting_damage(path, "run the analysis again"), _opened(path, remedy) as file:
+        problem = _foreign(file) or _unsafe(file, links=False)
+        if problem:
+            raise InputError.of("", problem, remedy)
+        yield file
+
+
+@contextlib.contextmanager
+def open_data(path: str | Path) -> Iterator[h5py.File]:
+    """Open HDF5 from elsewhere for reading, as `open_results` does; links are not followed."""
+    remedy = "name a CSV, HDF5 or DTT XML file"
+    with reporting_damage(path, remedy), _opened(path, remedy) as file:
+        if problem := _unsafe(file, links=True):
+            raise InputError.of("", problem, remedy)
+        yield file
+
+
+def check_shapes(group: h5py.Group, stored: Stored) -> None:
+    """Raise `ValueError` for a dataset that has not the size of its scales, or not that stored."""
+
+    def check(name: str, item: Stored) -> None:
+        if isinstance(item, h5py.Dataset):
+            if name in stored and stored[name].shape != item.shape:
+                raise ValueError(f"{name} has the shape {stored[name].shape}, not {item.shape}")
+            for size, axis in zip(item.shape, item.dims, strict=True):
+                if len(axis) and axis[0].size != size:
+                    raise ValueError(f"{name} has {size} values where its axis has {axis[0].size}")
+
+    group.visititems(check)
+
+
+def is_results_file(path: str | Path) -> bool:
+    """Whether a file holds results of pendsus."""
+    if not h5py.is_hdf5(path):
+        return False
+    remedy = "name a whole file"
+    with reporting_damage(path, remedy), _opened(path, remedy) as file:
+        return str(file.attrs.get("format")) == "pendsus"
+
+
+@contextlib.contextmanager
+def reporting_damage(path: str | Path, remedy: str) -> Iterator[None]:
+    """Report any failure inside as a fault of the file, whose contents caused it."""
+    with attribute_faults_to(str(path)), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of numbers that are not finite
+        try:
+            yield
+        except (InputError, MemoryError):
+            raise
+        except KeyError as error:
+            raise InputError.of("", f"is incomplete: {error.args[0]}", remedy) from error
+        except Exception as error:  # HDF5 fails in many ways on corrupt bytes
+            raise InputError.of("", f"is damaged: {one_line(error)}", remedy) from error
+
+
+def _opened(path: str | Path, remedy: str) -> h5py.File:
     if not Path(path).exists():
         problem = "is missing"
     elif not Path(path).is_file():
         problem = "is not a regular file"
     else:
         try:
-            file = h5py.File(path, "r")
+            return h5py.File(path, "r")
         except OSError:
             problem = "is not HDF5, or was cut off"
-        else:
-            problem = _foreign(file) or _unsafe(file)
-            if not problem:
-                return file
-            file.close()
-    remedy = "name a file that this version of pendsus wrote"
-    raise InputError([Fault("", problem, remedy)], str(path))
+    raise InputError.of("", problem, remedy)
 
 
 def _foreign(file: h5py.File) -> str:
@@ -147,46 +201,58 @@ def _foreign(file: h5py.File) -> str:
     return ""
 
 
-def _unsafe(file: h5py.File) -> str:
+def _unsafe(file: h5py.File, *, links: bool) -> str:
     """Why a file must not be read; empty if it may be.
 
-    Links and datasets that refer to other files, and sizes beyond what the file can contain. Groups
-    are visited once, as they may contain each other.
+    Datasets that refer to other files, sizes beyond what the file can contain, and links, unless
+    the file may have some that the reader does not follow. Groups are visited once, as they may
+    contain each other.
     """
     largest = max(LARGE, 8 * os.path.getsize(file.filename))
     seen: set[int] = set()
     pending: list[h5py.Group] = [file]
-    try:
-        while pending:
-            group = pending.pop()
-            for name in group:
-                if not isinstance(group.get(name, getlink=True), h5py.HardLink):
-                    return f"contains a link ({format_value(name)}), which is not followed"
-                item = group[name]
-                if isinstance(item, h5py.Dataset) and (item.external or item.is_virtual):
+    while pending:
+        group = pending.pop()
+        for name in group:
+            if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+                if links:
+                    continue
+                return f"contains a link ({format_value(name)}), which is not followed"
+            item: Stored = group[name]
+            if isinstance(item, h5py.Dataset):
+                if item.external or item.is_virtual:
                     return f"keeps {format_value(item.name)} in another file, which is not opened"
-                if isinstance(item, h5py.Dataset) and item.nbytes > largest:
+                if (item.size or 0) * item.id.get_type().get_size() > largest:
                     return (
-                        f"is corrupt: {format_value(item.name)} should have {item.size} values,"
+                        f"is damaged: {format_value(item.name)} should have {item.size} values,"
                         " more than the file can contain"
                     )
-                info = h5py.h5o.get_info(item.id)  # pyright: ignore[reportAttributeAccessIssue]
-                place = info.addr
-                if isinstance(item, h5py.Group) and place not in seen:
-                    pending.append(item)
-                seen.add(place)
-    except MemoryError:
-        raise
-    except Exception as error:  # HDF5 fails in many ways on corrupt bytes
-        return f"is corrupt: {one_line(error)}"
+                if not links and not _has_sound_scales(item):
+                    return f"is damaged: the scales of {format_value(item.name)} cannot be read"
+            place = h5py.h5o.get_info(item.id).addr  # pyright: ignore[reportAttributeAccessIssue]
+            if isinstance(item, h5py.Group) and place not in seen:
+                pending.append(item)
+            seen.add(place)
     return ""
+
+
+def _has_sound_scales(item: h5py.Dataset) -> bool:
+    """Whether the attributes of scales have the types and sizes that HDF5 takes for granted."""
+    expected = {
+        "DIMENSION_LIST": ("O", (item.ndim,)),
+        "DIMENSION_LABELS": ("O", (item.ndim,)),
+        "REFERENCE_LIST": ("V", None),
+    }
+    for name, (kind, shape) in expected.items():
+        if name in item.attrs:
+            found = item.attrs.get_id(name)
+            is_text = h5py.check_string_dtype(found.dtype) is not None
+            if found.dtype.kind != kind or (shape or found.shape) != found.shape:
+                return False
+            if is_text != (name == "DIMENSION_LABELS"):
+                return False
+    return True
 
 
 LARGE = 1 << 26
 """Largest dataset accepted in a much smaller (compressed) file, bytes."""
-
-
-def one_line(error: Exception) -> str:
-    """Text of an exception on one short line."""
-    text = " ".join(str(error).split()) or type(error).__name__
-    return text if len(text) <= 120 else f"{text[:117]}..."

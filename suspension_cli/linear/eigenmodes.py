@@ -65,7 +65,7 @@ class Modes:
         Modes of different blocks do not couple.
     q
         Quality factor from the design's loss angles and dampers; infinite without loss. First
-        order in the loss from `solve`, exact from `analyses.modes.damped`.
+        order in the loss from `solve`, exact from `linear.damped`.
     dilution
         Total energy over the energy in lossy elements (beam and violin models; else NaN).
     wire
@@ -75,7 +75,10 @@ class Modes:
     order
         Number of half waves along the wires in a wire mode; 0 for other modes.
     decay_rate
-        Of the amplitude, 1/s; 0 for a mode that is rigid, unstable or lossless.
+        Of the amplitude, 1/s; 0 for a mode that is rigid, lossless or grows without oscillating,
+        negative for one that oscillates and grows.
+    top
+        Number of the top mass of each body's chain, as in `LinearSystem`.
     """
 
     body: tuple[str, ...]
@@ -91,13 +94,13 @@ class Modes:
     wire_energy: Float[np.ndarray, "mode motion"]
     order: Int[np.ndarray, " mode"]
     decay_rate: Float[np.ndarray, " mode"]
+    top: tuple[int, ...] = ()
 
     @property
     def frequency(self) -> Float[np.ndarray, " mode"]:
         """Frequency in Hz; 0 for a rigid mode, NaN for an unstable or overdamped one."""
-        return np.sqrt(
-            np.where((self.omega_squared < 0) | self.overdamped, np.nan, self.omega_squared)
-        ) / (2 * np.pi)
+        none = (self.growth_rate > 0) | self.overdamped
+        return np.sqrt(np.where(none, np.nan, self.omega_squared)) / (2 * np.pi)
 
     @property
     def overdamped(self) -> Bool[np.ndarray, " mode"]:
@@ -107,12 +110,16 @@ class Modes:
     @property
     def growth_rate(self) -> Float[np.ndarray, " mode"]:
         """Growth rate of the amplitude in 1/s; 0 for a stable mode."""
-        return np.sqrt(np.maximum(-self.omega_squared, 0.0))
+        return np.where(
+            self.omega_squared < 0,
+            np.sqrt(np.abs(self.omega_squared)),
+            np.maximum(-self.decay_rate, 0.0),
+        )
 
     @property
     def stable(self) -> bool:
         """Whether no mode grows."""
-        return not bool((self.omega_squared < 0).any())
+        return not bool(self.growth_rate.any())
 
     @cached_property
     def fractions(self) -> Float[np.ndarray, "mode place"]:
@@ -141,22 +148,27 @@ class Modes:
             for (body, dof), order in zip(self.home, self.order, strict=True)
         ]
 
+    @cached_property
+    def top_mass(self) -> Int[np.ndarray, " mode"]:
+        """Number of the top mass of the chain in which each mode has most kinetic energy."""
+        return find_top_masses(self.energy, self.top)
+
     @property
     def top_fraction(self) -> Float[np.ndarray, " mode"]:
-        """Fraction of each mode's kinetic energy in the top mass."""
-        return self.energy[:, 0].sum(-1)
+        """Fraction of each mode's kinetic energy in its top mass."""
+        return self.energy[np.arange(len(self.energy)), self.top_mass].sum(-1)
 
     @property
     def verdict(self) -> list[str]:
         """Whether each mode can be damped from the top mass (Husman et al. 2000), in words."""
         low, high = DAMPING_BAND
         words = []
-        for square, frequency, fraction in zip(
-            self.omega_squared, self.frequency, self.top_fraction, strict=True
+        for growth, frequency, fraction in zip(
+            self.growth_rate, self.frequency, self.top_fraction, strict=True
         ):
-            if square < 0 or not frequency > 0:
+            if not frequency > 0:
                 words.append(
-                    "unstable" if square < 0 else "rigid" if frequency == 0 else "overdamped"
+                    "unstable" if growth > 0 else "rigid" if frequency == 0 else "overdamped"
                 )
             elif not low <= frequency <= high:
                 words.append(f"below {low:g} Hz" if frequency < low else f"above {high:g} Hz")
@@ -212,6 +224,18 @@ class Modes:
         ]
 
 
+def find_top_masses(
+    energy: Float[np.ndarray, "mode body 6"], top: tuple[int, ...]
+) -> Int[np.ndarray, " mode"]:
+    """Number of the top mass of the chain in which each mode has most kinetic energy.
+
+    Of chains whose energies are equal but for rounding, the first.
+    """
+    own = np.array(top or (0,) * energy.shape[1])
+    chains = energy.sum(-1) @ (own[:, None] == np.arange(len(own)))
+    return np.argmax(chains >= chains.max(-1, keepdims=True) - 1e-9, axis=-1)
+
+
 def place(coordinate: str) -> tuple[str, str]:
     """Split a coordinate's name into body (or blade) and degree of freedom."""
     body, _, dof = coordinate.rpartition(".")
@@ -260,6 +284,7 @@ def _solve(model: LinearSystem) -> Modes:
         *fields,
         *no_wires,
         decay_rates(values[order], q),
+        model.top,
     )
 
 

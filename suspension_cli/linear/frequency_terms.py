@@ -168,6 +168,11 @@ class WireTerm:
         return WireTerm(self.stage, self.strand, forms, reach.T @ self.allowed @ reach > 0)
 
 
+def is_massive(term: Term) -> bool:
+    """Whether a term is that of wires with mass."""
+    return isinstance(term, WireTerm) and term.strand.massive
+
+
 @dataclass(frozen=True)
 class DistinctMotions:
     """Motions of the ends of wires per coordinate, in one part of `dynamic_wire.PARTS`.

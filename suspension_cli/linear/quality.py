@@ -4,7 +4,7 @@
     stiffness does not depend on frequency).
 
 Eigenvalues of the lossy system would lose a Q of 1e9 in the rounding of the frequency; sums of
-squares keep all its digits. `analyses.modes.damped` goes beyond first order. The dilution factor is
+squares keep all its digits. `linear.damped` goes beyond first order. The dilution factor is
 the total energy over that in lossy elements (bending, stretching, blades, ...; not the energy of
 the tension): 1/Q = phi / dilution for a single loss angle phi.
 """
@@ -69,7 +69,7 @@ def dissipation(
         low = np.zeros_like(model.stiffness) if model.low is None else np.imag(model.low)
         motion = DoubleDouble.of(shapes.T)
         dissipation += (motion * (DoubleDouble(np.imag(model.lossy), low) @ motion)).summed().value
-    return dissipation, elastic
+    return dissipation if model.active else np.maximum(dissipation, 0.0), elastic
 
 
 def quadratic_form(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -69,13 +70,13 @@ def bodies_with_signals(model: LinearSystem) -> tuple[str, ...]:
     return (SUPPORT, *model.body, *frame, *ground)
 
 
-def local_control_signals(model: LinearSystem) -> tuple[list[str], list[str]]:
-    """List the signals of local control.
+def local_control_signals(chain: Sequence[str]) -> tuple[list[str], list[str]]:
+    """List the signals of local control of a chain of stages.
 
     Inputs are the motions of the support and the forces on the first stage, outputs the motions of
     the first and the last stage.
     """
-    first, last = model.body[0], model.body[-1]
+    first, last = chain[0], chain[-1]
     inputs = [f"{SUPPORT}.{dof}" for dof in DOFS] + [f"{first}.{force}" for force in FORCES]
     return inputs, [f"{body}.{dof}" for body in dict.fromkeys((first, last)) for dof in DOFS]
 

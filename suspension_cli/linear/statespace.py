@@ -30,10 +30,13 @@ from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
-    from jaxtyping import Complex, Float, Int
+    from jaxtyping import Bool, Complex, Float, Int
 
 FAINT = 1e-6
 """Fraction of an output's largest response below which errors are relative to it."""
+
+GRID = 801
+"""Number of frequencies at which a system is compared with the direct solution."""
 
 
 @dataclass(frozen=True)
@@ -336,8 +339,7 @@ def agreement_band(
     ----------
     system : object with ``at(frequency)``
     tolerance
-        Largest error relative to each response, or to `FAINT` of the output's largest response to
-        an input of the same unit (the direct solution loses digits of fainter ones too).
+        Largest error, as in `relative_errors`.
 
     Returns
     -------
@@ -349,7 +351,24 @@ def agreement_band(
         Lowest and highest frequency tried, Hz: 1/100 of the lowest and 100 times the highest mode.
     """
     lowest, highest = mode_range(model)
-    frequency = np.geomspace(lowest / 100, highest * 100, 801)
+    frequency = np.geomspace(lowest / 100, highest * 100, GRID)
+    error = relative_errors(system, model, frequency, inputs, outputs).max((1, 2))
+    tried = (float(frequency[0]), float(frequency[-1]))
+    return widest_band(frequency, error <= tolerance), float(error.max()), tried
+
+
+def relative_errors(
+    system: TransferMatrix,
+    model: LinearSystem,
+    frequency: Float[np.ndarray, " frequency"],
+    inputs: list[Signal],
+    outputs: list[Signal],
+) -> Float[np.ndarray, "frequency output input"]:
+    """Compute the errors of a system against the direct solution of a model.
+
+    They are relative to each response, or to `FAINT` of the output's largest response to an input
+    of the same unit (the direct solution loses digits of fainter ones too).
+    """
     exact = response.solve(model, frequency, inputs, outputs).value
     values = system.at(frequency)
     size = np.abs(exact)
@@ -364,17 +383,20 @@ def agreement_band(
         size > 0,
         np.abs(values - exact) / np.where(size > 0, size, 1.0),
         np.where(values == 0, 0.0, np.inf),
-    ).max((1, 2))
-    error = np.where(np.isnan(error), np.inf, error)
-    worst, tried = float(error.max()), (float(frequency[0]), float(frequency[-1]))
-    edges = np.flatnonzero(
-        np.diff(np.concatenate([[False], error <= tolerance, [False]]).astype(int))
     )
+    return np.where(np.isnan(error), np.inf, error)
+
+
+def widest_band(
+    frequency: Float[np.ndarray, " frequency"], agrees: Bool[np.ndarray, " frequency"]
+) -> tuple[float, float] | None:
+    """Find the widest band in which a system agrees; None if no two neighbouring frequencies do."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], agrees, [False]]).astype(int)))
     starts, stops = edges[::2], edges[1::2]
     if (stops - starts).max(initial=0) < 2:
-        return None, worst, tried
+        return None
     widest = int((stops - starts).argmax())
-    return (float(frequency[starts[widest]]), float(frequency[stops[widest] - 1])), worst, tried
+    return float(frequency[starts[widest]]), float(frequency[stops[widest] - 1])
 
 
 def mode_range(model: LinearSystem) -> tuple[float, float]:

@@ -5,6 +5,11 @@ onto an equal one, motions even and odd under it do not couple. Which numbers of
 in a mirror is declared with its arrays (`arrays.inner`). The coordinates of a body are even or odd
 already; those of blade tips that are mirror images are combined into even and odd sums. Matrix
 elements between different parities are rounding errors, and are set to exactly 0.
+
+An odd number of equal wires, blades or legs around z has one mirror, say y. But a symmetric matrix
+that also has their rotation couples the n-th harmonic around z to itself alone: x and pitch (cos),
+y and roll (sin), z and yaw (n = 0) are apart as if x were a mirror, too. That of the tips of blades
+then acts harmonic by harmonic.
 """
 
 from __future__ import annotations
@@ -14,12 +19,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from suspension_cli.conventions import PARITY_X, PARITY_Y
-from suspension_cli.scene.arrays import inner_axes, signed
+from suspension_cli.linear.connected_groups import connected_groups
+from suspension_cli.scene.arrays import frames, inner_axes, signed
 from suspension_cli.scene.pose import Layout
 from suspension_cli.scene.scene import Scene
 
@@ -38,6 +44,10 @@ what follows from the ends of a wire."""
 ROUNDING = 1e-13
 """Relative difference up to which computed values (tensions, loads, clamps) count as equal; given
 ones must equal exactly."""
+
+
+ODD = (3, 5, 7)
+"""Odd numbers of equal wires, blades or legs around z that are looked for."""
 
 
 @dataclass(frozen=True)
@@ -88,20 +98,82 @@ class Symmetry:
 def find_symmetry(scene: Scene, numbering: Layout) -> Symmetry:
     """Find the mirror symmetries of a scene, or those common to a batch of scenes."""
     equal = _equal_members(scene)
-    images = {axis: _blade_images(scene, axis, equal) for axis in (0, 1)}
-    operators = [
-        _operator(scene, numbering, axis, image)
-        for axis, image in images.items()
-        if image is not None
-    ]
-    mirrors = [axis for axis in (0, 1) if images[axis] is not None]
-    basis, parity = _adapted_basis(numbering.size, operators)
-    allowed = (
-        (parity[:, :, None] == parity[:, None, :]).all(0)
-        if mirrors
-        else np.ones((numbering.size,) * 2, dtype=bool)
-    )
+    operators, mirrors = [], []
+    size = numbering.size
+    allowed = np.ones((size, size), dtype=bool)
+    within: list[Bool[np.ndarray, "coordinate coordinate"]] = []
+    for axis in (0, 1):
+        whole = _tip_operator(scene, axis, equal)
+        if whole is not None:
+            mirrors.append(axis)
+            operators.append(_operator(scene, numbering, axis, whole))
+            within.append(allowed)
+            continue
+        for chain in _chains(scene):
+            own = None
+            if np.all(_has_mirror(scene, axis, chain)):
+                own = _tip_operator(_seen_from(scene, chain[0]), axis, equal, chain)
+            if own is not None:
+                operators.append(_operator(scene, numbering, axis, own))
+                within.append(_within_chain(scene, numbering, chain, axis))
+    for n, inside in enumerate(within):
+        # a mirror of one chain says nothing about the others
+        operators[n] = np.where(inside.any(0), operators[n], np.eye(size))
+    basis, parity = _adapted_basis(size, operators)
+    for own, inside in zip(parity, within, strict=True):
+        allowed = allowed & (~inside | (own[:, None] == own))
     return Symmetry(basis, allowed, tuple("xy"[axis] for axis in mirrors))
+
+
+def _chains(scene: Scene) -> list[Int[np.ndarray, " body"]]:
+    """Groups of bodies that nothing but the support joins; none if one hangs on the z axis."""
+    count = len(scene.bodies.name) + 1
+    joined = np.eye(count, dtype=bool)
+    for name, part in scene.parts.items():
+        if name != "bodies" and part.label:
+            bodies = _bodies_of(part)
+            for one, other in itertools.combinations(bodies.T, 2):
+                joined[one, other] = True
+    groups = [group + 1 for group in connected_groups((joined | joined.T)[1:, 1:])]
+    return groups if len(groups) > 1 or scene.bodies.position[..., :2].any() else []
+
+
+def _bodies_of(part: DataclassInstance) -> Int[np.ndarray, "member end"]:
+    """Numbers of the bodies of each member of a part."""
+    names = dict.fromkeys(frames(type(part)).values())
+    return np.column_stack([getattr(part, name) for name in names])
+
+
+def _seen_from(scene: Scene, body: int) -> Scene:
+    """The scene with points on the support given from the point above (or below) a body."""
+    parts: dict[str, Any] = dict(scene.parts)
+    for kind, part in scene.parts.items():
+        moved = {}
+        for name, key in frames(type(part)).items() if kind != "bodies" else ():
+            points = np.array(getattr(part, name))
+            here = getattr(part, key) == 0
+            aside = scene.bodies.position[..., body, :2].reshape(-1, 2)[0]
+            points[..., :2] -= here[..., None] * aside
+            moved[name] = points
+        parts[kind] = replace(part, **moved)
+    return scene.with_parts(parts)
+
+
+def _within_chain(
+    scene: Scene, numbering: Layout, chain: Int[np.ndarray, " body"], axis: int
+) -> Bool[np.ndarray, "coordinate coordinate"]:
+    """Elements of a matrix that a mirror of a chain alone concerns: its own, and to the support.
+
+    Rotations of the support that displace the plane of the mirror along it have both parities.
+    """
+    own, base = np.zeros((2, numbering.size), dtype=bool)
+    for body in chain:
+        own[6 * body : 6 * body + 6] = True
+    tips = numbering.blade[_attached(scene, "blades", chain)]
+    own[tips[tips < numbering.size]] = True
+    base[:6] = True
+    base[[4 - axis, 5]] = (scene.bodies.position[..., chain[0], axis] == 0).all()
+    return np.outer(own, own | base) | np.outer(base, own)
 
 
 def no_symmetry(numbering: Layout) -> Symmetry:
@@ -111,9 +183,9 @@ def no_symmetry(numbering: Layout) -> Symmetry:
 
 
 def _operator(
-    scene: Scene, numbering: Layout, axis: int, image: Int[np.ndarray, " blade"]
+    scene: Scene, numbering: Layout, axis: int, image: Float[np.ndarray, "blade blade"]
 ) -> Float[np.ndarray, "coordinate coordinate"]:
-    """Build the signed permutation matrix of a mirror."""
+    """Build the matrix of a mirror, given that of blades."""
     bodies = len(scene.bodies.name) + 1
     result = np.zeros((numbering.size,) * 2)
     np.fill_diagonal(
@@ -122,10 +194,10 @@ def _operator(
             np.tile((PARITY_X, PARITY_Y)[axis], bodies), np.zeros(numbering.size - 6 * bodies)
         ),
     )
-    signs = np.where(np.arange(3) == axis, -1.0, 1.0)
-    for number, other in enumerate(image):
-        moves = scene.blades.axes[number]
-        result[numbering.blade[other, moves], numbering.blade[number, moves]] = signs[moves]
+    for direction, sign in enumerate(np.where(np.arange(3) == axis, -1.0, 1.0)):
+        moves = np.flatnonzero(scene.blades.axes[:, direction])
+        rows = numbering.blade[moves, direction]
+        result[rows[:, None], rows] = sign * image[np.ix_(moves, moves)]
     return result
 
 
@@ -135,23 +207,23 @@ def _adapted_basis(
     """Find common eigenvectors of commuting mirrors (columns), and their parities (mirror, column).
 
     A coordinate that is its own image is kept; the others are projected on each combination of
-    parities, and the results take their places.
+    parities, and the projections that do not depend on earlier ones take their places.
     """
     basis, parities = np.eye(size), np.zeros((size, len(operators)))
     is_own_image = np.ones(size, dtype=bool)
     for n, operator in enumerate(operators):
         parities[:, n] = np.diag(operator)
-        is_own_image &= parities[:, n] != 0
-    covered, identity, place = is_own_image.copy(), np.eye(size), 0
+        is_own_image &= np.abs(parities[:, n]) == 1
+    identity, place = np.eye(size), 0
     others = np.flatnonzero(~is_own_image)
     for start in others:
-        if covered[start]:
-            continue
         for combination in itertools.product((1.0, -1.0), repeat=len(operators)):
             vector = identity[start]
             for sign, operator in zip(combination, operators, strict=True):
                 vector = (vector + sign * (operator @ vector)) / 2
-            covered |= vector != 0
+            known = basis[:, others[:place]]
+            vector = vector - known @ (known.T @ vector)
+            vector = np.where(np.abs(vector) > ROUNDING, vector, 0.0)
             if vector.any():
                 basis[:, others[place]] = vector / np.sqrt((vector**2).sum())
                 parities[others[place]] = combination
@@ -166,39 +238,154 @@ def is_mirror_symmetric(scene: Scene) -> Bool[np.ndarray, "*batch 2"]:
     return np.stack(found, axis=-1)
 
 
-def _blade_images(scene: Scene, axis: int, equal: Pairs) -> Int[np.ndarray, " blade"] | None:
-    """Number of each blade's image in a mirror of x (axis 0) or y (1).
+def _tip_operator(
+    scene: Scene, axis: int, equal: Pairs, chain: Int[np.ndarray, " body"] | None = None
+) -> Float[np.ndarray, "blade blade"] | None:
+    """Matrix of a mirror of x (axis 0) or y (1) for the blades, without the sign of directions.
 
-    None unless all scenes of a batch have that symmetry.
+    None unless all scenes of a batch have that symmetry (those bodies of a `chain` alone).
     """
-    symmetric, images = _mirror(scene, axis, equal)
+    symmetric, images = _mirror(scene, axis, equal, chain)
     if not np.all(symmetric):
         return None
-    pairs = images.get("blades", np.zeros((0, 1), dtype=bool))
-    first = pairs.any(tuple(range(pairs.ndim - 2)))
-    return None if (pairs != first).any() else first.argmax(1)
+    count = len(scene.blades.label)
+    if not count:
+        return np.zeros((0, 0))
+    mirrored = images["blades"].reshape(-1, count, count)
+    if (mirrored != mirrored[:1]).any():
+        return None
+    result = mirrored[0].astype(float)
+    if "turned blades" not in images:
+        return result
+    after = images["turned blades"].reshape(-1, count, count).all(0).argmax(1)
+    tip = np.real(scene.blades.tip.reshape(-1, count, 3)[0])
+    for first in range(count):
+        if images["turned blades"][..., first, :].any() and not result[first].any():
+            ring = [first]
+            while after[ring[-1]] != first:
+                ring.append(int(after[ring[-1]]))
+            angle = np.arctan2(tip[ring, 1], tip[ring, 0])
+            result[np.ix_(ring, ring)] = _mirrored_harmonics(angle, axis)
+    return result
 
 
-def _mirror(scene: Scene, axis: int, equal: Pairs) -> tuple[Bool[np.ndarray, "*batch"], Pairs]:
-    """Whether each scene is symmetric in x (axis 0) or y (1), and its members that are images."""
-    bodies, flip = scene.bodies, _signs((3,), axis)
-    symmetric = (bodies.position[..., axis] == 0).all(-1) & (
-        bodies.inertia == bodies.inertia * np.outer(flip, flip)
-    ).all((-3, -2, -1))
-    if scene.field is not None and not scene.field.has_mirror(axis):
-        symmetric = symmetric & False
+def _mirrored_harmonics(
+    angle: Float[np.ndarray, " blade"], axis: int
+) -> Float[np.ndarray, "blade blade"]:
+    """Mirror functions on an odd number of places around a circle, harmonic by harmonic."""
+    count, result = len(angle), np.full((len(angle), len(angle)), 1 / len(angle))
+    for n in range(1, (count + 1) // 2):
+        sign = (-1.0) ** n if axis == 0 else 1.0
+        even, odd = np.cos(n * angle), np.sin(n * angle)
+        result += 2 / count * sign * (np.outer(even, even) - np.outer(odd, odd))
+    return result
+
+
+def _mirror(
+    scene: Scene, axis: int, equal: Pairs, chain: Int[np.ndarray, " body"] | None = None
+) -> tuple[Bool[np.ndarray, "*batch"], Pairs]:
+    """Whether each scene is symmetric in x (axis 0) or y (1), and its members that are images.
+
+    Members without an image may repeat around z an odd number of times instead, if the other mirror
+    is one of the scene: what they couple has both parities then. `Pairs` has their next ones under
+    "turned blades". With a `chain`, only its bodies and what is attached to them count.
+    """
+    symmetric = _has_mirror(scene, axis, chain)
     if not np.any(symmetric):
         return symmetric, {}
-    pairs = {name: own & _alike(scene.parts[name], axis) for name, own in equal.items()}
+
+    def lack_images(pairs: Pairs) -> Pairs:
+        return {
+            name: ~_has_one_image(own) & _attached(scene, name, chain)
+            for name, own in pairs.items()
+        }
+
+    pairs = _images(scene, equal, np.diag((PARITY_X, PARITY_Y)[axis]))
+    lacking = lack_images(pairs)
+    orders = _orders(scene, lacking)
+    other = _has_mirror(scene, 1 - axis, chain)
+    if orders and other.any() and not scene.blades.axes[:, :2].any():
+        images = _images(scene, equal, np.diag((PARITY_X, PARITY_Y)[1 - axis]))
+        for none in lack_images(images).values():
+            other = other & ~none.any(-1)
+        for order in orders:
+            turned = _images(scene, equal, rotation_about_z(2 * np.pi / order), exact=False)
+            for name, own in turned.items():
+                found = lacking[name] & _has_one_image(own) & other[..., None]
+                lacking[name] = lacking[name] & ~found
+                if name == "blades":
+                    before = pairs.get("turned blades", np.zeros_like(own))
+                    pairs["turned blades"] = before | (own & found[..., None])
+    for none in lacking.values():
+        symmetric = symmetric & ~none.any(-1)
+    return symmetric, pairs
+
+
+def _attached(
+    scene: Scene, name: str, chain: Int[np.ndarray, " body"] | None
+) -> Bool[np.ndarray, " member"]:
+    """Whether each member of a part is attached to bodies of a chain; without one, all are."""
+    part = scene.parts[name]
+    if chain is None:
+        return np.ones(len(part.label), dtype=bool)
+    if name == "blades":
+        wires = scene.wires.blade[np.isin(scene.wires.lower, chain)]
+        return np.isin(np.arange(len(part.label)), wires)
+    return np.asarray(np.isin(_bodies_of(part), chain).any(-1))
+
+
+def _has_mirror(
+    scene: Scene, axis: int, chain: Int[np.ndarray, " body"] | None = None
+) -> Bool[np.ndarray, "*batch"]:
+    """Whether bodies and gravity are symmetric in x (axis 0) or y (1)."""
+    bodies, flip = scene.bodies, _signs((3,), axis)
+    place, inertia = bodies.position[..., axis], bodies.inertia
+    if chain is not None:
+        place, inertia = place[..., chain] - place[..., chain[:1]], inertia[..., chain - 1, :, :]
+    symmetric = (place == 0).all(-1) & (inertia == inertia * np.outer(flip, flip)).all((-3, -2, -1))
+    if scene.field is not None and not scene.field.has_mirror(axis):
+        symmetric = np.zeros_like(symmetric)
+    return symmetric
+
+
+def _has_one_image(
+    pairs: Bool[np.ndarray, "*batch member member"],
+) -> Bool[np.ndarray, "*batch member"]:
+    """Whether each member has exactly one image, and is that of exactly one."""
+    return (pairs.sum(-1) == 1) & (pairs.sum(-2) == 1)
+
+
+def _orders(scene: Scene, lacking: Pairs) -> list[int]:
+    """Odd numbers of times that members which lack an image may repeat around z."""
+    counts = set()
+    for name, none in lacking.items():
+        part = scene.parts[name]
+        together = _equal_items(_bodies_of(part)).sum(-1)
+        counts |= set(together[none.reshape(-1, len(together)).any(0)].tolist())
+    return [order for order in ODD if any(count % order == 0 for count in counts)]
+
+
+def rotation_about_z(angle: float) -> Float[np.ndarray, "6 6"]:
+    """Matrix of a rotation about z, of displacements and of rotations."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    once = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    return np.kron(np.eye(2), once)
+
+
+def _images(
+    scene: Scene, equal: Pairs, operation: Float[np.ndarray, "6 6"], *, exact: bool = True
+) -> Pairs:
+    """Pair the members of all parts that a mirror or rotation maps onto each other."""
+    pairs = {
+        name: own & _alike(scene.parts[name], operation, exact=exact) for name, own in equal.items()
+    }
     if scene.fibres is not None and "wires" in pairs:
-        pairs["wires"] = pairs["wires"] & _wire_images(scene.fibres.wire, flip)
+        pairs["wires"] = pairs["wires"] & _wire_images(scene.fibres.wire, operation[:3, :3])
     if "blades" in pairs:
         blade = scene.wires.blade
         carried = np.where(blade[:, None] >= 0, pairs["blades"][..., blade[:, None], blade], True)
         pairs["wires"] = pairs["wires"] & _equal_items(blade < 0) & carried
-    for own in pairs.values():
-        symmetric = symmetric & (own.sum(-1) == 1).all(-1) & (own.sum(-2) == 1).all(-1)
-    return symmetric, pairs
+    return pairs
 
 
 def _equal_members(scene: Scene) -> Pairs:
@@ -221,25 +408,41 @@ def _equal_members(scene: Scene) -> Pairs:
 
 
 def _alike(
-    part: DataclassInstance, axis: int | None = None
+    part: DataclassInstance,
+    operation: Float[np.ndarray, "6 6"] | None = None,
+    *,
+    exact: bool = True,
 ) -> Bool[np.ndarray, "*#batch member member"]:
-    """Pair members of a part whose vectors are images in a mirror.
+    """Pair members of a part whose vectors are images in a mirror or rotation.
 
-    Without an axis, those that are equal in all else. Computed numbers may differ by rounding.
+    Without one, those that are equal in all else. Computed numbers, and all unless `exact`, may
+    differ by rounding.
     """
     kind, pairs = type(part), np.ones((1, 1), dtype=bool)
     for name, (is_vector, is_computed) in signed(kind).items():
         values, own = getattr(part, name), inner_axes(kind).get(name)
-        if name in APART or is_vector != (axis is not None):
+        if name in APART or is_vector != (operation is not None):
             continue
         if own is None:
             pairs = pairs & _equal_items(values)
             continue
         shape = values.shape[values.ndim - own + 1 :]
         flat = values.reshape(*values.shape[: values.ndim - len(shape)], math.prod(shape))
-        images = flat if axis is None else flat * _signs(shape, axis).ravel()
-        pairs = pairs & (_close if is_computed else _equal)(flat, images)
+        images = flat
+        if operation is not None:
+            images = flat @ _on_components(shape, operation).T
+        pairs = pairs & (_close if is_computed or not exact else _equal)(flat, images)
     return pairs
+
+
+def _on_components(
+    shape: tuple[int, ...], operation: Float[np.ndarray, "6 6"]
+) -> Float[np.ndarray, "component component"]:
+    """Matrix of a mirror or rotation for the components of a vector or tensor of a shape."""
+    result = np.ones((1, 1))
+    for size in shape:
+        result = np.kron(result, operation[:size, :size] if size in (3, 6) else np.eye(size))
+    return result
 
 
 def _signs(shape: tuple[int, ...], axis: int) -> Float[np.ndarray, "*shape"]:
@@ -251,18 +454,19 @@ def _signs(shape: tuple[int, ...], axis: int) -> Float[np.ndarray, "*shape"]:
 
 
 def _wire_images(
-    fibres: tuple[Fibre, ...], flip: Float[np.ndarray, " 3"]
+    fibres: tuple[Fibre, ...], operation: Float[np.ndarray, "3 3"]
 ) -> Bool[np.ndarray, "wire wire"]:
-    """Pair wires whose clamps and bending planes are mirror images."""
+    """Pair wires whose clamps and bending planes are images."""
     pairs = np.ones((len(fibres), len(fibres)), dtype=bool)
     for end in (0, 1):
         clamps = np.array([fibre.clamp[end] for fibre in fibres]).reshape(-1, 3)
-        pairs = pairs & _close(clamps, clamps * flip)
+        pairs = pairs & _close(clamps, clamps @ operation.T)
     planes = np.array([fibre.plane for fibre in fibres]).reshape(-1, 3)
+    turned = planes @ operation.T
     has_plane = ~np.array(
         [all(section.round for section in fibre.sections) for fibre in fibres], dtype=bool
     )
-    return pairs & (_close(planes, planes * flip) | _close(planes, -planes * flip) | ~has_plane)
+    return pairs & (_close(planes, turned) | _close(planes, -turned) | ~has_plane)
 
 
 def _equal_items(items: Sequence[object] | np.ndarray) -> Bool[np.ndarray, "item item"]:

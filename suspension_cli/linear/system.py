@@ -88,6 +88,12 @@ class LinearSystem:
     ground
         Forces of the motion of the ground beside the support; None if nothing is attached to it.
         The ground is at rest in all matrices.
+    active
+        Whether springs, links or dampers may give power to the motion. Else all losses are
+        positive, and a negative one is a rounding error.
+    top
+        Number (from 0) of the body that hangs from the support in the chain of each body; () if
+        that is the first body for all.
     """
 
     body: tuple[str, ...]
@@ -107,6 +113,8 @@ class LinearSystem:
     terms: tuple[Term, ...] = ()
     rigid: Float[np.ndarray, "*#batch coordinate 6"] | None = None
     ground: Ground | None = None
+    active: bool = False
+    top: tuple[int, ...] = ()
 
     @property
     def driven_by_ground(self) -> LinearSystem:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspension_cli.design.csv_columns import PER_HZ, BadTable, split_unit
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.measured import TransferFunction
 from suspension_cli.errors import Fault, InputError, format_value
@@ -193,6 +194,8 @@ def read_points(columns: Columns, table: TransferFunction, unit: Mapping[str, st
     frequency = data["frequency"].astype(float)
     if unit["frequency_unit"] == "rad/s":
         frequency = frequency / (2 * np.pi)
+    elif columns.headed and table.frequency_unit is None:
+        frequency = frequency / _per_hertz(columns.names[chosen["frequency"]])
     sigma = data.get("uncertainty")
     if "value" in data and "real" not in data and "magnitude" not in data:
         value = data["value"].astype(complex)
@@ -208,6 +211,14 @@ def read_points(columns: Columns, table: TransferFunction, unit: Mapping[str, st
     points = Points(frequency, value, unknown if sigma is None else sigma, coherence)
     check_points(points, columns.place)
     return points
+
+
+def _per_hertz(heading: str) -> float:
+    """Find the number per Hz of the unit in the heading of frequencies: "f (kHz)"; 1 for none."""
+    try:
+        return split_unit(heading, PER_HZ)[1]
+    except BadTable as error:
+        raise InputError.of("frequency", error.problem, error.remedy) from None
 
 
 @dataclass(frozen=True)
@@ -234,6 +245,10 @@ def check_points(points: Points, place: Callable[[int], str]) -> None:
     frequency, coherence = points.frequency, points.coherence
     if not len(frequency):
         raise InputError.of("", "has no points", "give a frequency and a value per line")
+    if not np.isfinite(frequency).all():
+        n = int(np.argmin(np.isfinite(frequency)))
+        problem = f"the frequency {frequency[n]:g} Hz is not finite"
+        raise InputError.of(place(n), problem, "remove the point or correct it")
     if (frequency < 0).any():
         n = int(np.argmax(frequency < 0))
         problem = f"the frequency {frequency[n]:g} Hz is negative"
@@ -261,6 +276,7 @@ def _check_finite(values: np.ndarray, columns: Columns, name: str) -> None:
         raise InputError.of(columns.place(n), problem, "remove the point or correct it")
 
 
+@np.errstate(over="ignore", invalid="ignore")  # such values are refused with the others
 def _polar(
     data: Mapping[str, Float[np.ndarray, " frequency"]],
     sigma: Float[np.ndarray, " frequency"] | None,

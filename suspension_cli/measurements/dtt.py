@@ -25,22 +25,30 @@ from __future__ import annotations
 import base64
 import binascii
 import gzip
+import io
 import re
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
+from xml.parsers import expat
 
 import numpy as np
 
 from suspension_cli.design.faults import suggest
-from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.errors import Fault, InputError, format_value, one_line
+from suspension_cli.files import bounded
 from suspension_cli.measurements.columns import Points, check_points
 
 if TYPE_CHECKING:
     from jaxtyping import Float, Inexact
 
+AGAIN = "save the measurement in diaggui again"
+"""Remedy for a damaged file."""
+MAX_ELEMENTS, MAX_DEPTH = 1_000_000, 50
+"""Of an XML file; that of a large measurement has thousands, six deep."""
 Pair = tuple[str, str]
 """Channels (input, output)."""
 Trace = tuple[np.ndarray, np.ndarray, float | None]
@@ -184,7 +192,7 @@ def read(path: Path) -> Dtt:
                 _add(found, node, parameters, *kind)
         except (KeyError, ValueError, binascii.Error) as error:
             problem = f"cannot be read ({_reason(error)})"
-            fault = Fault(node.get("Name", ""), problem, "save the measurement in diaggui again")
+            fault = Fault(node.get("Name", ""), problem, AGAIN)
             raise InputError([fault]) from None
     return found
 
@@ -259,25 +267,51 @@ def _numbers(
 
 
 def _root(path: Path) -> ElementTree.Element:
-    try:
-        data = path.read_bytes()
-        if data[:2] == b"\x1f\x8b":
-            data = gzip.decompress(data)
-    except (OSError, EOFError) as error:
-        reason = getattr(error, "strerror", None) or "compressed data are cut off"
-        fault = Fault("", f"cannot be read ({reason})", "check the path and its permissions")
-        raise InputError([fault]) from None
-    if b"<!ENTITY" in data:
-        raise InputError.of("", "defines XML entities", "save it in diaggui again")
-    try:
-        root = ElementTree.fromstring(data)
-    except ElementTree.ParseError as error:
-        fault = Fault("", f"is not XML ({error})", "save the measurement in diaggui again")
-        raise InputError([fault]) from None
+    kind = "a measurement that diaggui saved"
+    data = bounded.read_bytes(path, bounded.DATA, kind)
+    if data[:2] == b"\x1f\x8b":
+        try:
+            with gzip.open(io.BytesIO(data)) as stream:
+                data = stream.read(bounded.DATA + 1)
+        except (OSError, EOFError, zlib.error) as error:
+            raise InputError.of("", f"is not whole gzip ({error})", AGAIN) from None
+        bounded.checked_size(data, bounded.DATA, kind)
+    root = _parse(data)
     if root.tag != "LIGO_LW":
         problem = f"is XML of {format_value(root.tag)}, not of the diagnostics test tools (LIGO_LW)"
         raise InputError.of("", problem, "name a file that diaggui saved, a CSV or HDF5")
     return root
+
+
+def _parse(data: bytes) -> ElementTree.Element:
+    """Parse XML without entities, of bounded depth and number of elements."""
+    builder, parser = ElementTree.TreeBuilder(), expat.ParserCreate()
+    started = depth = 0
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal started, depth
+        started, depth = started + 1, depth + 1
+        if started > MAX_ELEMENTS or depth > MAX_DEPTH:
+            raise ValueError("too many elements")
+        builder.start(tag, attributes)
+
+    def end(tag: str) -> None:
+        nonlocal depth
+        depth -= 1
+        builder.end(tag)
+
+    def refuse(*_declared: object) -> None:
+        raise InputError.of("", "defines XML entities", AGAIN)
+
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.CharacterDataHandler, parser.EntityDeclHandler = builder.data, refuse
+    parser.buffer_text = True
+    try:
+        parser.Parse(data, True)
+        return builder.close()
+    except (expat.ExpatError, LookupError, ValueError, AssertionError) as error:
+        # of unknown and of multi-byte encodings, too
+        raise InputError.of("", f"is not XML ({one_line(error)})", AGAIN) from None
 
 
 def _reason(error: Exception) -> str:

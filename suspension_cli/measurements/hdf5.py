@@ -8,20 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.errors import InputError, format_value
+from suspension_cli.files.hdf5 import open_data
 from suspension_cli.measurements.columns import Columns
 
 if TYPE_CHECKING:
     from suspension_cli.files.hdf5 import Stored
-
-
-def is_results_file(path: Path) -> bool:
-    """Whether a file holds results of pendsus."""
-    import h5py
-
-    if not h5py.is_hdf5(path):
-        return False
-    with h5py.File(path, "r") as file:
-        return file.attrs.get("format") == "pendsus"
 
 
 def read(path: Path) -> Columns:
@@ -41,16 +32,11 @@ def read(path: Path) -> Columns:
         if isinstance(item, h5py.Dataset) and item.size and max(item.shape, default=0) == item.size:
             names.append(name)
             if {"x0", "dx"} <= set(item.attrs):
-                start, step = (np.asarray(item.attrs[key]).item() for key in ("x0", "dx"))
+                start, step = (_number(name, key, item.attrs[key]) for key in ("x0", "dx"))
                 series.append((name, start, step))
 
-    try:
-        with h5py.File(path, "r") as file:
-            file.visititems(visit)
-    except OSError as error:
-        problem = "cannot be read" if not path.exists() else "is not HDF5, or was cut off"
-        remedy = "check the path" if not path.exists() else "name a CSV, HDF5 or DTT XML file"
-        raise InputError.of("", f"{problem} ({error.strerror or 'HDF5'})", remedy) from None
+    with open_data(path) as file:
+        file.visititems(visit)
     if not names:
         problem = "has no one-dimensional dataset"
         raise InputError.of("", problem, "write frequency and value as datasets")
@@ -61,7 +47,7 @@ def read(path: Path) -> Columns:
         stored += [series[0][0]] * (len(names) - len(stored))
 
     def column(position: int) -> np.ndarray:
-        with h5py.File(path, "r") as file:
+        with open_data(path) as file:
             values = np.asarray(file[stored[position]]).ravel()
         if names[position] == "frequency" and stored[position] != "frequency":
             return series[0][1] + series[0][2] * np.arange(len(values))
@@ -74,3 +60,11 @@ def read(path: Path) -> Columns:
         return values
 
     return Columns(names, column, lambda n: f"element {n}", numbered=False, noun="dataset")
+
+
+def _number(name: str, key: str, value: Stored) -> float:
+    """Return the attribute of a series as a number; raises `InputError` for anything else."""
+    values = np.asarray(value)
+    if values.size != 1 or values.dtype.kind not in "iuf":
+        raise InputError.of(f"{name}.{key}", "must be one number", "write it as one, in Hz")
+    return float(values.item())

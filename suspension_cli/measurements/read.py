@@ -15,7 +15,9 @@ import numpy as np
 
 from suspension_cli.conventions import DOFS
 from suspension_cli.design.measured import Measured, TransferFunction
-from suspension_cli.errors import Fault, InputError, attribute_faults_to, join_errors
+from suspension_cli.errors import InputError, attribute_faults_to, join_errors
+from suspension_cli.files import bounded
+from suspension_cli.files.hdf5 import is_results_file
 from suspension_cli.measurements import columns, dtt, hdf5, text
 from suspension_cli.measurements.columns import Columns, Points
 from suspension_cli.measurements.dtt import Dtt
@@ -75,7 +77,7 @@ def read_bare(
     table = TransferFunction(file=path.name, input=input, output=output, **keys)
     with attribute_faults_to(str(path)):
         source = _open(path)
-        if not keys and hdf5.is_results_file(path):
+        if not keys and is_results_file(path):
             problem = "is a results file of pendsus, not a measurement"
             remedy = "compare it with pendsus compare DESIGN FILE"
             raise InputError.of("", problem, remedy)
@@ -134,15 +136,7 @@ def _read(
 
 
 def _open(path: Path) -> Columns | Dtt:
-    if path.is_dir():
-        raise InputError.of("", "is a directory", "name a file of data in it")
-    try:
-        with path.open("rb") as stream:
-            begin = stream.read(512)
-    except OSError as error:
-        reason = error.strerror or str(error)
-        fault = Fault("", f"cannot be read ({reason})", "check the path and its permissions")
-        raise InputError([fault]) from None
+    begin = bounded.read_head(path, 512, "a file of data")
     if not begin.strip():
         raise InputError.of("", "is empty", "give a frequency and a value per line")
     if begin.startswith(b"\x89HDF") or path.suffix.lower() in (".h5", ".hdf5", ".hdf"):
@@ -161,6 +155,7 @@ def _refuse_channels(table: TransferFunction) -> None:
             raise InputError.of(key, problem, remedy, getattr(table, key))
 
 
+@np.errstate(over="ignore", invalid="ignore")  # such values are refused
 def _calibrated(
     points: Points, table: TransferFunction
 ) -> tuple[
@@ -189,11 +184,15 @@ def _calibrated(
         )
     if not len(frequency):
         raise InputError.of("", "has no points above 0 Hz", "measure again")
-    if not np.isfinite(value).all():
-        at = frequency[~np.isfinite(value)][0]
-        problem = f"the value at {at:.6g} Hz is infinite or no number"
+    usable = np.abs(value) < LARGEST  # false for NaN, too
+    if not usable.all():
+        problem = f"the value at {frequency[~usable][0]:.6g} Hz is no number below {LARGEST:g}"
         raise InputError.of("", problem, 'leave it out with a "band"')
     return frequency, value, sigma, coherence
+
+
+LARGEST = 1e100
+"""Largest value of a transfer function: squares and ratios of larger ones overflow."""
 
 
 def relative_uncertainty(

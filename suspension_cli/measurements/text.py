@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.errors import InputError, format_value
+from suspension_cli.files import bounded
 from suspension_cli.measurements.columns import Columns, recognise
 
 COMMENTS = ("#", "%")
-MAX_BYTES = 400_000_000
 
 
 def read(path: Path) -> Columns:
@@ -61,7 +61,8 @@ def _rows(path: Path) -> tuple[list[tuple[int, list[str]]], list[tuple[int, list
     rows: list[tuple[int, list[str]]] = []
     above: list[tuple[int, list[str]]] = []
     delimiter = None
-    for line, text in enumerate(_text(path).splitlines(), 1):
+    whole = bounded.read_text(path, bounded.TEXT, "a CSV, HDF5 or DTT XML file")
+    for line, text in enumerate(whole.splitlines(), 1):
         bare = text.strip()
         if not bare:
             continue
@@ -74,20 +75,6 @@ def _rows(path: Path) -> tuple[list[tuple[int, list[str]]], list[tuple[int, list
         cells = _split(bare, delimiter)
         (rows if rows or _parsed(cells[0]) is not None else above).append((line, cells))
     return rows, above
-
-
-def _text(path: Path) -> str:
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise InputError.of("", "has more than 400 MB", "give fewer points")
-        return path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        reason = error.strerror or str(error)
-        fault = Fault("", f"cannot be read ({reason})", "check the path and its permissions")
-        raise InputError([fault]) from None
-    except UnicodeDecodeError:
-        fault = Fault("", "is not text (UTF-8)", "name a CSV, HDF5 or DTT XML file")
-        raise InputError([fault]) from None
 
 
 def _delimiter(line: str) -> str | None:

@@ -24,6 +24,7 @@ from suspension_cli.models.base import BENDING, BLADE_TIPS, MASS, Model
 from suspension_cli.models.estimates import Estimates
 from suspension_cli.models.quantity_of_interest import QuantityOfInterest
 from suspension_cli.models.registry import AUTO, MOST_COMPLETE, Choice
+from suspension_cli.models.wire_mass import percent
 from suspension_cli.scene.fibres import explain_unsuitable
 from suspension_cli.scene.scene import Scene
 
@@ -39,6 +40,8 @@ OTHER = 4.0
 """Safety factor on the estimate of wire mass from such modes."""
 ZERO = "symmetry makes the response exactly 0"
 """Reason for the most complete model where a response is 0 in it too."""
+NONZERO = "it makes a result nonzero"
+"""In place of the change of a result that is exactly 0 in the simplest model alone."""
 NOT_MET = " not met by any model of this analysis"
 """Follows the tolerance in a reason if the most complete model allowed exceeds it."""
 MARGIN = 0.8
@@ -147,7 +150,7 @@ def decide(
             if not np.isfinite(bound):
                 why = f"{MASS}: frequencies lie near or above the first violin mode"
             model = build(limit)
-            why = ZERO if make(model).is_zero(model) else why
+            why = ZERO if make(model).zeros(model).all() else why
             return Decision(Choice(limit.name, why, 0.0), model, ())
     quantity, estimate, found = _estimator(build, build(base.model), make)
     refinements = _blade_tip_refinement(
@@ -166,12 +169,12 @@ def decide(
         refinements.append(
             _include_if_large(left, quantity, build, room)
             if name not in limit.omits
-            else _compute_if_large(left, quantity, build)
+            else _compute_if_large(left, quantity, build, tolerance)
         )
     refinements = [replace(item, words=_words(item, found, build)) for item in refinements]
     model = _chosen(refinements) or base.model
     why = base.reason if model is base.model else _clauses(refinements, quantity)
-    why = ZERO if not model.omits and quantity.is_zero(build(model)) else why
+    why = ZERO if not model.omits and quantity.zeros(build(model)).all() else why
     error = _error(refinements, model)
     met = NOT_MET if error > tolerance else ""
     why += _remainder(model, refinements, f" (tolerance {100 * tolerance:g} %{met})")
@@ -179,12 +182,16 @@ def decide(
 
 
 def estimate_error(
-    design: Design, choice: Choice, make: Callable[[LinearSystem], QuantityOfInterest]
+    design: Design,
+    choice: Choice,
+    make: Callable[[LinearSystem], QuantityOfInterest],
+    tolerance: float = TOLERANCE,
 ) -> Decision:
     """Estimate the error of a model that was chosen for another reason.
 
     Fills in the `choice`'s error and, in its reason, the neglected physics. `make` leads from the
-    model's linear system to the quantity of interest.
+    model's linear system to the quantity of interest. Estimates above the relative `tolerance` are
+    replaced by the computed change.
     """
     build, model = _Builder(design), choice.model
     if not model.omits:
@@ -195,7 +202,7 @@ def estimate_error(
         for item in _blade_tip_refinement(design, model, quantity, build, 0.0)
     ]
     refinements += [
-        _compute_if_large(estimate(name), quantity, build)
+        _compute_if_large(estimate(name), quantity, build, tolerance)
         for name in (BENDING, MASS)
         if name in model.omits
     ]
@@ -274,10 +281,14 @@ def _estimator(
 ) -> tuple[QuantityOfInterest, Callable[[str], Refinement], Modes]:
     """The quantity of interest, the estimate of a (neglected) refinement by name, and the modes."""
     quantity, found = make(system), eigenmodes.solve(system.constant)
-    of = Estimates(build.design, found, build.hanging)
+    of, zero = Estimates(build.design, found, build.hanging), quantity.zeros(system)
 
     def estimate(name: str) -> Refinement:
         change = quantity.estimate(name, found, of)
+        if zero.any() and name == BENDING and not np.isnan(change).any():
+            refined = build(registry.cheapest_with(name))
+            if (zero & ~quantity.zeros(refined)).any():
+                return Refinement(name, np.inf, "", None, taken=False, words=NONZERO)
         if name == BENDING and system.orientation is not None:
             change = AWAY * change
         stage = of.stage[int(np.argmax(change))] if of.stage else ""
@@ -313,10 +324,10 @@ def _include_if_large(
 
 
 def _compute_if_large(
-    left: Refinement, quantity: QuantityOfInterest, build: _Builder
+    left: Refinement, quantity: QuantityOfInterest, build: _Builder, tolerance: float
 ) -> Refinement:
     """Compute the change by a neglected refinement where it matters, as estimates are coarse."""
-    return _with_computed_change(left, quantity, build) if left.indicator > TOLERANCE else left
+    return _with_computed_change(left, quantity, build) if left.indicator > tolerance else left
 
 
 def _with_computed_change(
@@ -376,6 +387,8 @@ class _Builder:
 
 def _words(item: Refinement, found: Modes, build: _Builder) -> str:
     """Words in place of an infinite change, given the simplest model's modes; "" if finite."""
+    if item.words and item.change is None:
+        return item.words
     if (
         item.name == BENDING
         and item.taken
@@ -387,7 +400,7 @@ def _words(item: Refinement, found: Modes, build: _Builder) -> str:
         return ""
     if item.name == MASS:
         return "frequencies lie near or above the first violin mode"
-    return unrestrained_mode(found, unstable=item.change is not None) or "it makes a result nonzero"
+    return unrestrained_mode(found, unstable=item.change is not None) or NONZERO
 
 
 def unrestrained_mode(found: Modes, *, unstable: bool) -> str:
@@ -407,11 +420,6 @@ def unrestrained_mode(found: Modes, *, unstable: bool) -> str:
     )
 
 
-def percent(value: float) -> str:
-    """A relative change in per cent, to one digit: "0.01 %"; rounding errors are "0 %"."""
-    return f"{0 if value < 1e-15 else float(f'{100 * value:.1g}'):g} %"
-
-
 def _clauses(refinements: list[Refinement], quantity: QuantityOfInterest) -> str:
     """Why each included refinement is needed."""
     clauses: list[str] = []
@@ -420,8 +428,9 @@ def _clauses(refinements: list[Refinement], quantity: QuantityOfInterest) -> str
         if item.taken and item.words:
             clauses.append(f"{item.name}: {item.words}")
         elif item.taken:
-            size = percent(item.estimate)
-            clauses.append(f"{item.name}{verb} by up to {size}, stage {item.stage}")
+            size = "an estimated" if item.change is None else "up to"
+            size += f" {percent(item.estimate)}"
+            clauses.append(f"{item.name}{verb} by {size}, stage {item.stage}")
             verb = ""
     return ", and ".join(clauses)
 
@@ -430,7 +439,9 @@ def _remainder(model: Model, refinements: list[Refinement], limit: str) -> str:
     """Neglected and unknown physics, for the end of a reason; "" if there is none."""
     left = _neglected(refinements, model)
     small = [
-        f"{item.name} ({item.words})" if item.words else f"{item.name}, {percent(item.estimate)}"
+        f"{item.name} ({item.words})"
+        if item.words
+        else f"{item.name}, {'estimated ' * (item.change is None)}{percent(item.estimate)}"
         for item in left
         if not np.isnan(item.indicator)
     ]

@@ -93,10 +93,10 @@ def _wire_terms(
         )
         strand = TautWire(fibre, tension, massive, lossy=True, surrounded=scene.fibres.gas)
         stage = scene.bodies.name[scene.wires.lower[first] - 1]
-        some = {
-            part: np.transpose(rows[:, alike], (1, 2, 0)) @ adapted.basis
-            for part, rows in forms.items()
-        }
+        some = {}
+        for part, rows in forms.items():
+            moved = np.flatnonzero(rows[:, alike].any((1, 2)))
+            some[part] = np.transpose(rows[moved][:, alike], (1, 2, 0)) @ adapted.basis[moved]
         terms.append(WireTerm(stage, strand, some, adapted.allowed))
     return terms
 

@@ -29,7 +29,7 @@ energy m (a^2 + a.b + b^2) / 6 for ends that move by a and b.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Iterable
 from functools import cached_property
 from typing import TYPE_CHECKING, TypeVar
 
@@ -100,10 +100,10 @@ class Estimates:
         """
         if not self._made:
             return self._unknown
-        stored = [
+        stored = (
             np.sum([part[:, here] @ part[:, here].T for part in self._motion.bent], axis=0)
             for here in self._groups
-        ]
+        )
         return _relative_to_mode(
             _with_repulsion(stored, self._found) / 2, self._found.omega_squared
         )
@@ -125,7 +125,7 @@ class Estimates:
         if not (self._made and self._weighable):
             return self._unknown
         squared = np.abs(self._found.omega_squared)[:, None]
-        moved = [self._motion.inertia(here) for here in self._groups]
+        moved = (self._motion.inertia(here) for here in self._groups)
         change = _with_repulsion(moved, self._found) / np.maximum(squared, 1e-300)
         whole = change.sum(1, keepdims=True)
         slower = np.where(whole < 1, 1 / np.sqrt(np.maximum(1 - whole, 1e-30)) - 1, np.inf)
@@ -180,11 +180,14 @@ def repulsion(
 
 
 def _with_repulsion(
-    parts: list[Float[np.ndarray, "mode mode"]], found: Modes
+    parts: Iterable[Float[np.ndarray, "mode mode"]], found: Modes
 ) -> Float[np.ndarray, "mode stage"]:
     """Diagonals of one matrix per stage, raised by the repulsion of modes."""
-    diagonal = np.stack([part.diagonal() for part in parts], axis=1)
-    coupling = np.sum(parts, axis=0)
+    diagonals, coupling = [], np.zeros((len(found.omega_squared),) * 2)
+    for part in parts:  # one at a time: hundreds of stages would fill the memory
+        diagonals.append(part.diagonal().copy())
+        coupling += part
+    diagonal = np.stack(diagonals, axis=1)
     np.fill_diagonal(coupling, 0.0)
     apart = np.subtract.outer(found.omega_squared, found.omega_squared)
     finite = np.isfinite(coupling).all(1)

@@ -15,6 +15,7 @@ import numpy as np
 from suspension_cli.conventions import DOFS, GROUND, SUPPORT
 from suspension_cli.linear import eigenmodes, quality
 from suspension_cli.linear.eigenmodes import Modes
+from suspension_cli.linear.frequency_terms import is_massive
 from suspension_cli.linear.mode_pairing import body_overlap, pair_by_overlap
 from suspension_cli.linear.named_results import Mode, Ratio, Scalar
 from suspension_cli.linear.signals import Signal
@@ -57,8 +58,8 @@ class QuantityOfInterest(Protocol):
         """Upper estimate of its change by wire mass, without modes; 0 where they are needed."""
         ...
 
-    def is_zero(self, model: LinearSystem) -> bool:
-        """Whether it is exactly 0 in a model."""
+    def zeros(self, model: LinearSystem) -> Bool[np.ndarray, " _"]:
+        """Which parts of it symmetry makes exactly 0 in a model."""
         ...
 
     def change(self, without: LinearSystem, refined: LinearSystem) -> tuple[float, str]:
@@ -88,10 +89,10 @@ class Frequencies:
         del wires
         return 0.0
 
-    def is_zero(self, model: LinearSystem) -> bool:
+    def zeros(self, model: LinearSystem) -> Bool[np.ndarray, " _"]:
         """Return False: the frequencies of a pendulum are not 0."""
         del model
-        return False
+        return np.array([False])
 
     def change(self, without: LinearSystem, refined: LinearSystem) -> tuple[float, str]:
         """Compute the change of the mode that changes most; modes are paired by their shapes."""
@@ -135,13 +136,18 @@ class Transfer:
         """Upper estimate for any response at these frequencies, without modes."""
         return wires().effect_on_response(float(np.max(self.frequency))).error
 
-    def is_zero(self, model: LinearSystem) -> bool:
-        """Whether symmetry forbids all these responses: no block links an input to an output."""
+    def zeros(self, model: LinearSystem) -> Bool[np.ndarray, " _"]:
+        """Which of these responses symmetry forbids: no block links the input to the output."""
         from suspension_cli.linear import response
 
-        if any(SUPPORT in (one.body, one.against) for one in self.outputs):
-            return False
-        return not response.solve(model, np.zeros(0), self.inputs, self.outputs).blocks
+        return np.array(
+            [
+                SUPPORT not in (out.body, out.against)
+                and not response.solve(model, np.zeros(0), [into], [out]).blocks
+                for out in self.outputs
+                for into in self.inputs
+            ]
+        )
 
     def signals(self) -> list[Signal]:
         """List the signals whose blocks matter."""
@@ -214,10 +220,15 @@ class Several:
         del wires
         return 0.0
 
-    def is_zero(self, model: LinearSystem) -> bool:
-        """Return False: the scalars may be modes."""
-        del model
-        return False
+    def zeros(self, model: LinearSystem) -> Bool[np.ndarray, " _"]:
+        """Which of the scalars are responses that symmetry forbids."""
+        return np.array(
+            [
+                isinstance(item, Ratio)
+                and bool(Transfer([item.input], [item.over], np.zeros(0)).zeros(model).all())
+                for item in self.scalars
+            ]
+        )
 
     def _estimate(self, item: Scalar, physics: str, found: Modes, of: Estimates) -> Array:
         if isinstance(item, Mode):
@@ -275,7 +286,7 @@ def _resized(item: Ratio, without: LinearSystem, refined: LinearSystem) -> float
 
 
 def _massive(model: LinearSystem) -> bool:
-    return any(getattr(getattr(term, "strand", None), "massive", False) for term in model.terms)
+    return any(is_massive(term) for term in model.terms)
 
 
 def _shifted(old: Modes, new: Modes, refined: LinearSystem) -> Float[np.ndarray, " mode"]:

@@ -19,6 +19,7 @@ from suspension_cli.equilibrium.energy import gradient_and_stiffness
 from suspension_cli.equilibrium.hinges import hinge_rigidities, to_hinges
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium, solve
+from suspension_cli.equilibrium.tree import chain_tops
 from suspension_cli.linear import separated_stiffness
 from suspension_cli.linear.double_double import DoubleDouble
 from suspension_cli.linear.stretching import Separated, Stretching
@@ -118,6 +119,7 @@ def linear_model(
         wire=scene.wires.label,
         rigid=rigid_motion(numbering.size, scene.bodies.position + pose.shift),
         terms=tuple(terms) if not scene.batch else (),
+        top=chain_tops(scene),
     )
     if not scene.springs.grounded.any():
         return model

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 def surrounded(model: LinearSystem, design: Design) -> LinearSystem:
     """A linear model with the design's dampers and its support structure."""
-    return with_frame(with_dampers(model, design), design)
+    return replace(with_frame(with_dampers(model, design), design), active=design.is_active)
 
 
 def with_dampers(model: LinearSystem, design: Design) -> LinearSystem:

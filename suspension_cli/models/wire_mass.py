@@ -80,7 +80,7 @@ class MassEffect:
     def where(self) -> str:
         """The larger of the two causes, in words."""
         if self.inertia > self.waves:
-            size = _percent(self.inertia)
+            size = percent(self.inertia)
             return f"the kinetic energy of wires is up to {size} of that of bodies"
         return (
             f"the highest frequency is {self.highest:.4g} Hz, the lowest violin mode"
@@ -247,8 +247,9 @@ def _points(size: int, body: Index, arm: Array) -> Array:
     return result
 
 
-def _percent(value: float) -> str:
-    return f"{float(f'{100 * value:.2g}'):g} %"
+def percent(value: float) -> str:
+    """A relative change in per cent, to two digits: "0.012 %"; rounding errors are "0 %"."""
+    return f"{0 if value < 1e-15 else float(f'{100 * value:.2g}'):g} %"
 
 
 def first_violin_of(fibre: Fibre, tension: float) -> float:

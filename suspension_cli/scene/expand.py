@@ -182,12 +182,14 @@ def _blade(
 def _balance(design: Design, parts: list[StagePart]) -> list[Fault]:
     """Set tensions and blade loads of every stage, from the bottom up; return the faults."""
     g = gravity_strength(design)
-    loads = [tensions.weight_wrench(g * body_mass(p.stage.body), np.zeros(3)) for p in parts]
+    # of each stage two wrenches: all that acts on it, and the weight in that, without preloads
+    weights = [tensions.weight_wrench(g * body_mass(p.stage.body), np.zeros(3)) for p in parts]
+    loads = [np.stack([weight, weight]) for weight in weights]
     position = [np.zeros(3)]
     for part in parts:
         position.append(position[part.parent] + part.offset)
     for body, wrench in preload_wrenches(design, np.array(position)):
-        loads[body - 1] = loads[body - 1] + wrench
+        loads[body - 1] = loads[body - 1] + np.stack([wrench, 0.0 * wrench])
     if any(np.any(wire.mass) for part in parts for wire in part.wires):
         _add_wire_weights(parts, loads, g)
     faults: list[Fault] = []
@@ -195,7 +197,7 @@ def _balance(design: Design, parts: list[StagePart]) -> list[Fault]:
         part, load = parts[n - 1], loads[n - 1]
         on_stage, on_parent = towers.bar_weights(part, g)
         load = load + on_stage
-        faults += _balance_stage(design, part, load.copy())
+        faults += _balance_stage(design, part, load[0], -load[1, 2])
         if part.parent > 0:
             above = loads[part.parent - 1] + tensions.move_wrench(load, part.offset) + on_parent
             for blade in part.blades.values():
@@ -216,16 +218,19 @@ def _add_wire_weights(parts: list[StagePart], loads: list[Array], gravity: float
                 loads[body] = loads[body] + tensions.weight_wrench(weight, point)
 
 
-def _balance_stage(design: Design, part: StagePart, load: Array) -> list[Fault]:
-    """Set the tensions of one stage under its load (6,) about its COM; return its faults."""
+def _balance_stage(design: Design, part: StagePart, load: Array, hung: float) -> list[Fault]:
+    """Set the tensions of one stage under its load (6,) about its COM; return its faults.
+
+    `hung` is the weight in the load, N, without the preloads of links.
+    """
     stage, wires, gravity = part.stage, part.wires, gravity_strength(design)
     key, weight = f"stage.{stage.name}", max(float(np.abs(load).max()), 1e-12)
     for spring in stage.spring:
         load = load + tensions.move_wrench(np.array(spring.preload), np.array(spring.at))
     if part.struts:
-        return towers.balance_legs(part, load, gravity, weight)
+        return towers.balance_legs(part, load, hung, gravity, weight)
     if isinstance(stage, Keystone):
-        return towers.hold_keystone(design, part, load, gravity)
+        return towers.hold_keystone(design, part, load, hung, gravity)
     if not wires:
         return tensions.report_imbalance(
             load, weight, f"{key}.spring", "give the springs a preload that carries the body"

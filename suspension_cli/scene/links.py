@@ -37,6 +37,7 @@ class SpringPart:
     loss: float
     grounded: bool = False
     spectrum: Spectrum | None = None
+    leg: float = 0.0
 
 
 def springs(design: Design, parts: Sequence[Any], position: Array) -> Springs:
@@ -47,7 +48,10 @@ def springs(design: Design, parts: Sequence[Any], position: Array) -> Springs:
     """
     rows: list[SpringPart] = []
     for n, part in enumerate(parts, 1):
-        for spring in (*part.stage.spring, *part.flexures):
+        legs = part.stage.inverted_pendulum
+        length = 0.0 if legs is None else legs.length
+        flexures = [(spring, length) for spring in part.flexures]
+        for spring, leg in (*((spring, 0.0) for spring in part.stage.spring), *flexures):
             rows.append(
                 SpringPart(
                     f"{part.stage.name}.spring{len(rows) + 1}",
@@ -58,6 +62,7 @@ def springs(design: Design, parts: Sequence[Any], position: Array) -> Springs:
                     matrix(spring.damping),
                     spring.preload,
                     spring_loss(design, spring),
+                    leg=leg,
                 )
             )
     rows += [*_links(design, position), *_dampers(design, position)]
@@ -80,6 +85,7 @@ def springs(design: Design, parts: Sequence[Any], position: Array) -> Springs:
         stiffness=np.array([row.stiffness for row in rows]).reshape(-1, 6, 6),
         damping=np.array([row.damping for row in rows]).reshape(-1, 6, 6),
         preload=np.array([row.preload for row in rows]).reshape(-1, 6),
+        leg=np.array([row.leg for row in rows]),
         loss=np.array([row.loss for row in rows]),
         grounded=np.array([row.grounded for row in rows], dtype=bool),
         spectrum=tuple(row.spectrum for row in rows),

@@ -164,6 +164,8 @@ class Springs:
         N/m, N m/rad and mixed; N s/m and so on.
     preload
         Force (N) and torque (N m) on the lower body in the nominal pose.
+    leg
+        Length of the leg whose flexures the spring is, m, see `elements.lean`; 0 for other springs.
     loss
         Loss angle, rad; 0 where `spectrum` gives it.
     grounded
@@ -180,6 +182,7 @@ class Springs:
     stiffness: Inexact[np.ndarray, "... spring 6 6"] = field(metadata=inner(3, vector=True))
     damping: Inexact[np.ndarray, "... spring 6 6"] = field(metadata=inner(3, vector=True))
     preload: Inexact[np.ndarray, "... spring 6"] = field(metadata=inner(2, vector=True))
+    leg: Inexact[np.ndarray, "... spring"] = field(metadata=inner(1))
     loss: Inexact[np.ndarray, " spring"]
     grounded: Bool[np.ndarray, " spring"]
     spectrum: tuple[Spectrum | None, ...]

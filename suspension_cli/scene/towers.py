@@ -2,9 +2,8 @@
 
 A leg is a strut from its foot to its top (stiff along its length, with the load as thrust: any lean
 is exact), a spring at its top for the flexures, and a bar for its inertia and weight. The spring's
-strain is in the frame of the body below: the lean (roll and pitch) of the leg relative to that body
-is delta / L, which bends the foot; the rotation of the stage less that lean bends the joint at the
-top.
+strain is in the frame of the body below: the lean of the leg relative to that body (the angle g / L
+of `elements.lean`) bends the foot; the tilt of the stage less that lean bends the joint at the top.
 """
 
 from __future__ import annotations
@@ -66,11 +65,14 @@ def bar_weights(part: StagePart, gravity: float) -> tuple[Array, Array]:
     return totals[0], totals[1]
 
 
-def balance_legs(part: StagePart, load: Array, gravity: float, weight: float) -> list[Fault]:
+def balance_legs(
+    part: StagePart, load: Array, hung: float, gravity: float, weight: float
+) -> list[Fault]:
     """Set thrusts and flexures of the legs of a stage under a load (6,) about its COM.
 
-    The load (N, N m) contains the weight of the legs on the stage; `weight` is its size. Returns
-    the faults: a load that the legs cannot balance, or that pulls one.
+    The load (N, N m) contains the weight of the legs on the stage; `weight` is its size, `hung` the
+    weight in it (N) without preloads. Returns the faults: a load that the legs cannot balance, or
+    that pulls one.
     """
     legs = part.stage.inverted_pendulum
     assert legs is not None
@@ -86,7 +88,7 @@ def balance_legs(part: StagePart, load: Array, gravity: float, weight: float) ->
     upper = np.array([strut.upper_point for strut in part.struts])
     stiffness = np.array([strut.stiffness for strut in part.struts])
     part.thrust = -tensions.equalise_mirrored(tension, upper, lower, stiffness)
-    numbers = stage_legs(part, -load[2], gravity)
+    numbers = leg_statics(legs, -load[2], hung, gravity)
     matrix = flexure_matrix(legs.length, numbers)
     for point in lower:
         part.flexures.append(
@@ -109,18 +111,10 @@ def balance_legs(part: StagePart, load: Array, gravity: float, weight: float) ->
     ]
 
 
-def stage_legs(part: StagePart, load: float, gravity: float) -> LegStatics:
-    """Statics of the legs of a stage under a load (N) that contains their weight on it."""
-    legs = part.stage.inverted_pendulum
-    assert legs is not None
-    own = gravity * leg_inertia(legs).on_top * len(tops(legs))
-    return leg_statics(legs, load - own, gravity)
-
-
 def flexure_matrix(length: float, numbers: LegStatics) -> Matrix6:
     """Stiffness (6 rows of 6) of the flexures of one leg against the strain of its spring.
 
-    k |delta|^2 / (2 L^2) + k_t (phi - lean)^2 / 2, with the lean (-delta_y, delta_x) / L.
+    k |g|^2 / (2 L^2) + k_t (phi - lean)^2 / 2, with the lean (-g_y, g_x) / L.
     """
     foot, top = numbers.flexure / length**2, numbers.top / length**2
     mixed = numbers.top / length
@@ -133,17 +127,20 @@ def flexure_matrix(length: float, numbers: LegStatics) -> Matrix6:
     return [*result]
 
 
-def hold_keystone(design: Design, part: StagePart, load: Array, gravity: float) -> list[Fault]:
+def hold_keystone(
+    design: Design, part: StagePart, load: Array, hung: float, gravity: float
+) -> list[Fault]:
     """Add the blades of a keystone under a load (6,) about its COM to it.
 
-    Their vertical force is the given load, if any. Returns a fault if the mass coupling is as large
-    as the mass of the keystone.
+    `hung` is the weight in the load (N) without preloads. The vertical force of the blades is the
+    given load, if any. Returns a fault if the mass coupling is as large as the mass of the
+    keystone.
     """
     stage = part.stage
     assert isinstance(stage, Keystone)
     table = filter_of(design, stage).filter
     assert table is not None
-    numbers = filter_statics(table, -load[2], gravity)
+    numbers = filter_statics(table, -load[2], hung, gravity)
     preload = -load
     if table.load is not None:
         preload = np.array([*preload[:2], numbers.load, *preload[3:]])

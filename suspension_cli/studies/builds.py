@@ -7,14 +7,16 @@ whichever others are computed with it.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.linalg import eig
 
 from suspension_cli.conventions import PARITY_X, PARITY_Y
 from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.solve import CLEAR, Equilibrium
 from suspension_cli.linear.graded_eigenvalues import RIGID
+from suspension_cli.linear.poles import ROUNDING
 from suspension_cli.linear.signals import Signal, linear_form
 from suspension_cli.linear.symmetry import is_mirror_symmetric
 from suspension_cli.linear.system import LinearSystem
@@ -24,6 +26,7 @@ from suspension_cli.models.surroundings import framed, surrounded
 from suspension_cli.rotations import rotation_vector
 from suspension_cli.scene.pose import Pose
 from suspension_cli.scene.scene import Scene
+from suspension_cli.studies import systems
 from suspension_cli.studies.systems import respond
 
 if TYPE_CHECKING:
@@ -38,6 +41,9 @@ STATUS = (
     "the design is not possible",
 )
 """Meanings of the status of a build."""
+DRIVEN = 1e-6
+"""Growth without oscillation, over the fastest pole of a build, above which it is no rounding error
+of a rigid mode."""
 NOTHING = complex(np.nan, np.nan)
 """Response of a build that failed."""
 SYSTEMS = 4096
@@ -144,6 +150,8 @@ def balance(
             status[_unstable(model, found, design)] = UNSTABLE
         status[slack.any(-1)] = SLACK
         status[~found.converged] = UNBALANCED
+        if not allow_unstable:
+            mark_driven(status, model, terms)
     wire = np.full(status.shape, -1, dtype=np.int16)
     wire[status == SLACK] = slack[status == SLACK].argmax(-1) if slack.shape[-1] else -1
     model, mirrors = oriented(model, found), is_mirror_symmetric(scene)
@@ -203,6 +211,40 @@ def grows(model: LinearSystem) -> Bool[np.ndarray, " build"]:
     mass = compiled.constant(model.mass, model.stiffness.shape)
     compiled.least_pivots(compiled.constant(model.stiffness), mass, RIGID, least)
     return ~(least > 0)
+
+
+def mark_driven(
+    status: Int[np.ndarray, " build"], model: LinearSystem, terms: tuple[BatchTerm, ...] = ()
+) -> None:
+    """Mark, in their status, good builds in which active parts make a mode grow.
+
+    The poles s and shapes x of M, C and the static stiffness give the growth, as in
+    `linear.damped`: -2 sigma omega x^H M x = x^H K''(omega) x + omega x^H C x.
+    """
+    for n in np.flatnonzero(status == GOOD) if model.active else ():
+        own = systems.Systems.of(model, np.array([n]))
+        stiffness, damping, mass = (
+            np.real(part[0, :, 6:]) for part in (own.stiffness, own.damping, own.mass)
+        )
+        zero, one = np.zeros_like(mass), np.eye(len(mass))
+        found: Any = eig(
+            np.block([[zero, one], [-stiffness, -damping]]),
+            np.block([[one, zero], [zero, mass]]),
+        )
+        finite = np.isfinite(found[0])
+        s, x = found[0][finite], found[1][: len(mass), finite]
+        if (np.real(s)[np.imag(s) == 0] > DRIVEN * np.abs(s).max()).any():
+            status[n] = UNSTABLE
+            continue
+        x, omega = x[:, np.imag(s) > 0], np.imag(s)[np.imag(s) > 0]
+        which = np.full(len(omega), n)
+        added = systems.further_stiffness(model, terms, which, omega) if terms else None
+        lossy = np.imag(systems.Systems.of(model, which, added).stiffness[..., 6:])
+        lost = np.einsum("ip,pij,jp->p", x.conj(), lossy, x).real
+        lost += omega * np.einsum("ip,ij,jp->p", x.conj(), damping, x).real
+        energy = np.einsum("ip,ij,jp->p", x.conj(), mass, x).real
+        if (lost < -2 * ROUNDING * omega**2 * energy).any():
+            status[n] = UNSTABLE
 
 
 def transfer(

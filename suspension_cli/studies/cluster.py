@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import socket
 from collections.abc import Generator, Iterator
 from typing import Any
 
@@ -18,14 +19,45 @@ PATIENCE = 5.0
 """Seconds in which a scheduler must answer and have a worker."""
 
 
+def is_encrypted(scheduler: str) -> bool:
+    """Whether an address is one at which only holders of a certificate are answered."""
+    return scheduler.startswith(("tls://", "wss://"))
+
+
+def describe_exposure(scheduler: str) -> str:
+    """Warning of a scheduler without TLS on another machine; "" for any other."""
+    if is_encrypted(scheduler) or _is_on_this_machine(scheduler):
+        return ""
+    return (
+        f"--scheduler {scheduler} has no TLS: whoever reaches it can run programs on its machines"
+        " and on this one, and read and change what is sent; docs/cluster.md shows how to set it up"
+    )
+
+
+def _is_on_this_machine(scheduler: str) -> bool:
+    """Whether a socket can be bound to the host of an address; also if there is no such host."""
+    host = scheduler.rpartition("://")[2].rpartition(":")[0].strip("[]")
+    try:
+        found = socket.getaddrinfo(host or None, None, type=socket.SOCK_DGRAM)
+    except (OSError, UnicodeError):
+        return True
+    for family, kind, protocol, _, address in found:
+        with contextlib.suppress(OSError), socket.socket(family, kind, protocol) as probe:
+            probe.bind(address)
+            return True
+    return False
+
+
 @contextlib.contextmanager
 def connected(scheduler: str) -> Iterator[Client]:
-    """Connect to a Dask scheduler that answers and has workers, such as ``tcp://host:8786``.
+    """Connect to a Dask scheduler that answers and has workers, such as ``tls://host:8786``.
+
+    Certificates are those of Dask's configuration.
 
     Raises `InputError` if Dask is missing, the scheduler does not answer, or it has no workers.
     """
     try:
-        from distributed import Client, comm  # pyright: ignore[reportMissingImports]
+        from distributed import Client, Security, comm  # pyright: ignore[reportMissingImports]
     except ImportError:
         raise InputError.of(
             "--scheduler", "needs Dask", "pip install 'pendsus[cluster]'", format_value(scheduler)
@@ -37,13 +69,16 @@ def connected(scheduler: str) -> Iterator[Client]:
         logging.getLogger(name).setLevel(logging.CRITICAL)
 
     async def probe() -> None:
-        (await comm.connect(scheduler, timeout=PATIENCE)).abort()  # pyright: ignore
+        keys = Security().get_connection_args("client")
+        (await comm.connect(scheduler, timeout=PATIENCE, **keys)).abort()  # pyright: ignore
 
     remedy = "start `dask scheduler` and `dask worker`, and give its address"
+    if is_encrypted(scheduler):
+        remedy = "set the certificate and key of the cluster as docs/cluster.md says"
     try:
         asyncio.run(probe())  # without a scheduler, Client takes long to give up
         client = Client(scheduler, timeout=PATIENCE, set_as_default=False)
-    except (OSError, ValueError, ImportError) as error:
+    except (OSError, ValueError, ImportError, TypeError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError.of(
             "--scheduler", f"does not answer ({reason})", remedy, format_value(scheduler)

@@ -107,10 +107,10 @@ class Differences:
 
 
 def neighbours(
-    design: Design, numbers: Sequence[Parameter]
+    design: Design, numbers: Sequence[Parameter], relative: float = STEP
 ) -> tuple[Float[np.ndarray, " number"], list[Design]]:
     """Choose the steps of numbers; move each up, then down, with those that change with it."""
-    step = np.array([_step(design, item) for item in numbers])
+    step = np.array([relative / STEP * _step(design, item) for item in numbers])
     return step, [
         _moved(design, item, sign * h)
         for item, h in zip(numbers, step, strict=True)
@@ -134,6 +134,7 @@ def differentiate(
     level: str,
     evaluate: Callable[[Builds], Inexact[np.ndarray, "build result"]] = _nothing,
     *,
+    relative: float = STEP,
     few: int = 0,
     nominal: Array | None = None,
 ) -> Differences:
@@ -145,6 +146,8 @@ def differentiate(
         Name of a model that supports builds.
     evaluate
         Results of builds, in the named coordinates; none by default.
+    relative
+        Step, see `STEP`.
     few
         Number of designs up to which each is solved alone, faster than by loops that have to be
         loaded; the builds then lack the terms in frequency.
@@ -153,7 +156,7 @@ def differentiate(
 
     Raises `InputError` if the design has no equilibrium, or a wire is slack in it.
     """
-    step, designs = neighbours(design, numbers)
+    step, designs = neighbours(design, numbers, relative)
     rows: list[Array | None] = [None] * len(designs) + [nominal]
     designs += [design] if nominal is None else []
     matrices: list[int | None] = [None] * len(rows)

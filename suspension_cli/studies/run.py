@@ -32,6 +32,10 @@ if TYPE_CHECKING:
     from suspension_cli.studies.cluster import Client
 
 
+STARTUP = 5.0
+"""Time in which processes start, s: they import the program and load the compiled loops."""
+
+
 @dataclass(frozen=True)
 class Plan:
     """Options of a run.
@@ -39,7 +43,8 @@ class Plan:
     Attributes
     ----------
     workers
-        Number of processes; 1 computes in this one.
+        Number of processes; 1 computes in this one. None starts one per core when the points left
+        take longer here than with these.
     scheduler
         Address of a Dask scheduler instead.
     chunk
@@ -48,7 +53,7 @@ class Plan:
         Called with (points done, total points, points per second).
     """
 
-    workers: int = 1
+    workers: int | None = 1
     scheduler: str | None = None
     chunk: int = 512
     resume: bool = False
@@ -95,14 +100,32 @@ def _connected(plan: Plan) -> contextlib.AbstractContextManager[Client | None]:
     return connected(plan.scheduler)
 
 
-def _results(job: Job, ranges: list[tuple[int, int]], workers: int, client: Client) -> Results:
+def _results(
+    job: Job, ranges: list[tuple[int, int]], workers: int | None, client: Client
+) -> Results:
     if client is not None:
         from suspension_cli.studies.cluster import on_cluster
 
         return on_cluster(job, ranges, client)
-    if workers > 1 and len(ranges) > 1:
+    if workers is not None and workers > 1 and len(ranges) > 1:
         return _on_processes(job, ranges, workers)
-    return ((part, job.compute(*part)) for part in ranges)
+    return _in_turn(job, ranges, (os.cpu_count() or 1) if workers is None else 1)
+
+
+def _in_turn(job: Job, ranges: list[tuple[int, int]], most: int) -> Results:
+    """Compute in this process, and on up to `most` ones once these finish the rest sooner.
+
+    The first range does not count, as loops may be compiled for it.
+    """
+    for n, part in enumerate(ranges, 1):
+        began = time.monotonic()
+        values = job.compute(*part)
+        left = (len(ranges) - n) * (time.monotonic() - began)
+        yield part, values
+        workers = min(most, len(ranges) - n)
+        if n > 1 and workers > 1 and left > STARTUP + left / workers:
+            yield from _on_processes(job, ranges[n:], workers)
+            return
 
 
 _job: Job | None = None

@@ -21,7 +21,7 @@ import h5py
 import numpy as np
 
 from suspension_cli.errors import InputError
-from suspension_cli.files.atomic import writing_to
+from suspension_cli.files.atomic import is_regular, writing_to
 from suspension_cli.files.hdf5 import Provenance, Stored, write_root_attributes
 from suspension_cli.studies.builds import Column, ColumnValues
 from suspension_cli.version import __version__
@@ -154,13 +154,17 @@ def opened(
     """Begin or resume the file of a job; finished results are saved however the block ends."""
     with contextlib.ExitStack() as stack:
         with writing_to(path):
-            record = os.open(_journal(path), os.O_RDWR | os.O_CREAT, 0o666)
+            for own in (path, _part(path), _journal(path)):
+                if not is_regular(own):
+                    remedy = "delete it, or name another folder"
+                    raise InputError.of("--out", "is not a regular file", remedy, str(own))
+            record = os.open(_journal(path), os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
             stack.callback(os.close, record)
             _lock(record, path)
             done = _resume(job, path, group, origin, record, fill) if resume else None
             if done is None:
                 done = _begin(job, path, group, origin, record, fill)
-            handle = os.open(_part(path), os.O_RDWR)
+            handle = os.open(_part(path), os.O_RDWR | os.O_NOFOLLOW)
             stack.callback(os.close, handle)
         store = Store(
             job.count,
@@ -221,8 +225,6 @@ def _explain_mismatch(job: Job, part: Path, group: str, origin: Provenance, fill
 
     Everything is compared with the file that the job would begin; of columns only place and size.
     """
-    if not part.is_file():
-        return "is no regular file"
     try:
         with (
             h5py.File(part, "r") as file,
@@ -305,7 +307,8 @@ def _digest(job: Job, origin: Provenance) -> bytes:
 def _create(job: Job, part: Path, group: str, origin: Provenance, fill: Fill) -> None:
     """Allocate the whole file, with every dataset contiguous and in its final place."""
     try:
-        part.touch()
+        part.unlink(missing_ok=True)
+        os.close(os.open(part, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666))  # follows no link
         _allocate(part, _estimate(job))  # HDF5 crashes where it cannot write
         with h5py.File(part, "w") as file:
             write_root_attributes(file, origin)

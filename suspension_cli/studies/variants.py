@@ -141,6 +141,7 @@ def _balanced_designs(
         status = np.full(count, builds.GOOD, dtype=np.uint8)
         if not allow_unstable:
             status[builds.grows(system)] = builds.UNSTABLE
+            builds.mark_driven(status, system)
         upright = np.broadcast_to(np.eye(3), (count, len(system.body) + 1, 3, 3))
         wire, mirrors = np.full(count, -1, dtype=np.int16), np.ones((count, 2), dtype=bool)
         system = replace(system, orientation=upright)

@@ -5,12 +5,16 @@ from __future__ import annotations
 import math
 import os
 import shlex
+import string
+import subprocess
+import sys
 import tomllib
 
 import click
 import h5py
 import pytest
 
+import suspension_cli as sus
 from suspension_cli.cli.commands import COMMANDS, summary
 from suspension_cli.cli.main import main
 from suspension_cli.conventions import DOFS
@@ -156,7 +160,7 @@ def test_json_of_an_unstable_design(tmp_path):
     assert first["dof"] == "pitch"
     assert all(mode["frequency_hz"] > 0 for mode in rest)
     assert "warning: single is unstable: test pitch grows at " in result.stderr
-    assert (out / "single-modes.h5").exists()
+    assert len(list(out.glob("single-*-modes.h5"))) == 1
 
 
 def test_json_of_two_designs_is_a_list(tmp_path):
@@ -212,7 +216,7 @@ def results(tmp_path_factory):
     ]
     made = process(*args)
     assert made.returncode == 0, made.stderr
-    return folder / "a b" / "rich-modes.h5", args, strict_json(made.stdout)
+    return folder / "a b" / "rich-test.wires.d=0.0015-modes.h5", args, strict_json(made.stdout)
 
 
 def test_root_attributes(results):
@@ -291,6 +295,27 @@ def test_file_names_that_are_no_text(tmp_path):
     assert "not text" in line
 
 
+def test_the_package_runs_as_a_module(tmp_path):
+    """As the command does: the same name in help, the same exit code and line for a bad input."""
+    done = [
+        subprocess.run(
+            [sys.executable, "-m", "suspension_cli", *words], capture_output=True, text=True
+        )
+        for words in (["--version"], ["modes", "--help"], ["modes", str(tmp_path / "x.toml")])
+    ]
+    assert done[0].stdout == f"pendsus, version {__version__}\n"
+    assert done[1].stdout.startswith("Usage: pendsus modes ")
+    assert done[2].returncode == 2 and done[2].stderr.count("\n") == 1
+
+
+def test_licence_and_citation_agree_with_the_package():
+    citation, licence = ((ROOT / name).read_text() for name in ("CITATION.cff", "LICENSE"))
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    lines = citation.splitlines()
+    assert f"version: {__version__}" in lines and f"license: {project['license']}" in lines
+    assert licence.startswith(f"{project['license']} License\n\nCopyright (c) ")
+
+
 def test_overrides(tmp_path):
     file, out = from_template(tmp_path), tmp_path / "out"
     nominal = modes_json(file, "--out", out)
@@ -302,7 +327,71 @@ def test_overrides(tmp_path):
     assert ratio == pytest.approx(math.sqrt(10), rel=0.02)
     by_number = modes_json(file, "--out", out, "--set", "stage.1.wires.l=0.5")
     assert by_number == modes_json(file, "--out", out, "--set", "stage.test.wires.l = 0.5")
-    assert sorted(path.name for path in out.iterdir()) == ["heavy-modes.h5", "single-modes.h5"]
+    assert sorted(path.name for path in out.iterdir()) == [
+        "heavy-modes.h5",
+        "single-1.wires.l=0.5-modes.h5",
+        "single-modes.h5",
+        "single-test.wires.l=0.5-modes.h5",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("command", "files"),
+    [
+        (("modes", "--fidelity", "string"), ["-modes.h5", "-modes.png"]),
+        (
+            ("response", "--no-plot", "--csv"),
+            ["-response-output.csv", "-response.csv", "-response.h5"],
+        ),
+        (("sweep", "--vary", "stage.test.wires.s=0.01,0.02", "--no-plot"), ["-sweep.h5"]),
+        (("export", "--format", "npz"), ["-statespace.npz"]),
+        (("draw",), ["-draw.png"]),
+        (("report", "--sections", "drawing"), ["-report.html"]),
+    ],
+    ids=lambda words: words[0],
+)
+def test_overrides_and_name_give_files_of_their_own(command, files, tmp_path):
+    """Runs of one design that differ in one override leave each other's files as they are."""
+    file, out = from_template(tmp_path), tmp_path / "out"
+    depth, other = (
+        ("--set", "stage.test.wires.d=0.002"),
+        ("--set", "stage.test.wires.d_upper=0.002"),
+    )
+    stems = {"single": (), "single-test.wires.d=0.002": depth, "mine": (*depth, "--name", "mine")}
+    stems["single-test.wires.d_upper=0.002"] = other
+    name, *options = command
+    for words in stems.values():
+        result = run(name, file, *options, *words, "--out", out)
+        assert result.exit_code == 0 and "replaced" not in result.stderr, result.stderr
+    assert {path.name for path in out.iterdir()} == {f"{s}{end}" for s in stems for end in files}
+    assert run(name, file, *options, "--name", "a/b", "--out", out).stderr.startswith("--name = ")
+
+
+def test_names_of_texts_and_long_overrides(tmp_path):
+    """Overrides that differ in letters no name has, or beyond its length, have files apart."""
+    file, out = from_template(tmp_path), tmp_path / "out"
+    for k in ("0.8", "0.9"):
+        line = f"perturbation=[{{wire='test.1', k_factor=1.1}}, {{wire='test.2', k_factor={k}}}]"
+        for words in (("--set", line), ("--set", f"stage.test.wires.d=0.00{'1' * 150}{k[2]}")):
+            assert run("modes", file, "--no-plot", *words, "--out", out).exit_code == 0
+    names = {path.name for path in out.iterdir()}
+    assert len(names) == 4 and max(map(len, names)) < 180
+    assert all(set(name) < set(string.ascii_letters + string.digits + "._=+-") for name in names)
+
+
+@pytest.mark.parametrize("command", ["modes", "draw"])
+def test_one_name_for_several_designs(command, tmp_path):
+    files = [from_template(tmp_path, kind) for kind in ("single", "double")]
+    result = run(command, *files, "--name", "mine", "--out", tmp_path / "out")
+    assert result.exit_code == 2 and not (tmp_path / "out").exists()
+    assert '--name = "mine": would name the files of several designs; ' in result.stderr
+
+
+def test_the_api_names_files_after_the_design(tmp_path):
+    """Overrides of `sus.read` do not change the name of a file that a sweep fills."""
+    design = sus.read(from_template(tmp_path), overrides=["stage.test.wires.d=0.002"])
+    sus.sweep(design, vary={"stage.test.wires.s": [0.01]}, model="string", folder=tmp_path / "out")
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["single-sweep.h5"]
 
 
 def test_last_override_wins(tmp_path):

@@ -43,6 +43,14 @@ def test_what_it_takes_is_said(words):
     assert done.exit_code == 2 and "pendsus new triple my.toml" in done.stderr
 
 
+def test_a_kind_is_no_file_beside_from(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = run("new", "single", "--from", "tower")
+    assert done.exit_code == 2 and not list(tmp_path.iterdir())
+    assert done.stderr.startswith('new = "single": is a kind of design, beside --from; ')
+    assert run("new", "./single", "--from", "tower").exit_code == 0
+
+
 @pytest.mark.parametrize("name", ["response", "sensitivity"])
 def test_examples_of_help_run_on_a_new_triple(name, tmp_path):
     file = tmp_path / "my.toml"

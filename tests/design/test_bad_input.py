@@ -147,6 +147,30 @@ def test_too_big_a_file(tmp_path):
     assert "too many for a design" in line
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a" + ".a" * 20_000 + " = 1",
+        "x = 1\n[" + '"a.b" . ' * 5_000 + "c]",
+        't = { x = """\nit\'s""", a' + ".'a'" * 5_000 + " = 1 }",
+        "x = " + "[" * 20_000,
+    ],
+)
+def test_deep_tables(text, tmp_path):
+    """Of a dotted key, too, whose tables take memory as the square of its parts."""
+    file = written(tmp_path, text)
+    [line] = assert_refused(run("modes", file), file)
+    assert "nested too deeply" in line
+
+
+def test_dots_in_texts_are_no_tables(tmp_path):
+    """Neither in numbers, comments and long texts."""
+    dots = "a." * 200
+    long = f'reference = """\n{dots}\n"""  # {dots}\n'
+    file = written(tmp_path, TEXTS["single"].replace("[design]\n", f"[design]\n{long}", 1))
+    assert run("check", file).exit_code == 0
+
+
 def test_endless_file():
     assert_refused(run("modes", "/dev/zero"), "/dev/zero")
 
@@ -170,6 +194,12 @@ OVERRIDES = [
     ("stage.0.wires.d=1", "there is no '0' here"),
     ("stage.2.wires.d=1", "there is no '2' here"),
     ("stage.test.name.x=1", "stage.test.name is a value, not a table"),
+    (
+        "stage.test.body.inertia.1=0.1",
+        "the design gives no stage.test.body.inertia of which this is a member; give"
+        " stage.test.body.inertia whole, or take what the design gives there: shape, axis, radius",
+    ),
+    ("perturbation.1.k_factor=1.2", "the design gives no perturbation of which this is a member"),
 ]
 
 
@@ -177,13 +207,23 @@ OVERRIDES = [
 def test_bad_override(override, problem, tmp_path):
     file, out = from_template(tmp_path), tmp_path / "out"
     [line] = assert_refused(run("modes", file, "--set", override, "--out", out), file, out)
-    assert line.startswith(f'--set = "{override}": {problem}; ')
+    assert re.match(re.escape(f'--set = "{override}": {problem}') + "[;,]", line)
 
 
 @pytest.mark.parametrize(
     ("override", "says"),
     [
         ("stage.test.wires.d=0.002x", 'stage.test.wires.d = "0.002x": must be a number'),
+        ("stage.test.wires.d_upper=1e-320", "stage.test.wires.d_upper = 1e-320: is too small"),
+        ("stage.test.wires.d=-5e-151", "stage.test.wires.d = -5e-151: is too small"),
+        (
+            "stage.test.wire.d=0.002",
+            "stage.test.wire = {d}: must be an array; did you mean 'wires'?",
+        ),
+        (
+            "stage.test.spring.at=0.002",
+            "stage.test.spring = {at}: must be an array; write it as [[stage.test.spring]]",
+        ),
         ("stage.test.wires.d=nan", "stage.test.wires.d = nan: must be finite"),
         ("stage.test.wires.d=", 'stage.test.wires.d = "": must be a number'),
         ("stage.test.wires.dd=0.1", "stage.test.wires.dd = 0.1: unknown key"),

@@ -64,6 +64,11 @@ def test_round_trip(plane):
         ("gain()", "column 1: gain takes 1 numbers, found 0"),
         ("", "column 1: is empty"),
         ("gain(1e308)gain(1e308)", "not a finite number"),
+        ('gain(1e9,"dB")', "column 1: gain has numbers too large or too small"),
+        ('pole2(1,1e-300,"n")', "column 1: pole2 has numbers too large or too small"),
+        ('gain(2)*zpk([1e-200;1e-200],[1],1,"n")', "column 9: zpk has numbers too large"),
+        ('pole2(1,1e-160,"n")', "not a finite number"),
+        ('zpk([1e999],[1],1,"n")', "column 11: the number before is too large"),
     ],
 )
 def test_errors_name_the_column(text, says):

@@ -308,6 +308,21 @@ NONSENSE = {
         {("control", "loop", 0, "sensor_noise"): 0.1},
         "control.loop.x.sensor_noise = 0.1: .*; did you mean nm/sqrt.Hz.?",
     ),
+    "gain": (
+        "triple-damped",
+        {("control", "loop", 0, "gain"): -1e12},
+        "control.loop.x.gain = -1000000000000.0: has unity gain above 100 Hz .*; lower it, or",
+    ),
+    "damper": (
+        "tower",
+        {("control", "loop", 2, "damper"): 1e9},
+        "control.loop.yaw.damper = 1000000000.0: has unity gain above 100 Hz",
+    ),
+    "gap": (
+        "reaction-chain",
+        {("damper", 0, "eddy_current", "gap"): 1e-9},
+        r"damper\..*\.eddy_current\.gap = 1e-09: is inside a magnet of this strength",
+    ),
     "sensor": (
         "triple-damped",
         {("control", "loop", 0, "sensor"): "uper.x"},
@@ -723,6 +738,34 @@ def test_analyses_repeat_what_is_serious(args, tmp_path):
         " of c70steel (1.98 GPa)"
     )
     assert "far outside the body" not in result.stderr
+
+
+ROOTS = {
+    'pole(30) zpk([0],[9],1,"n") pole2(4,1,"n")': (
+        "pole(30) without a plane: in rad/s by Foton's rule, not in Hz, and pole(30) divides the"
+        ' gain at 0 Hz by 30; write pole(30, "n") for Hz and a gain of 1, or pole(30, "s") if this'
+    ),
+    "zero2(2, 3) * pole (4) pole2(8,1)": (
+        "zero2(2, 3) and pole (4) and pole2(8,1) without a plane: in rad/s by Foton's rule, not in"
+        ' Hz, and zero2(2, 3) multiplies the gain at 0 Hz by 2^2; write zero2(2, 3, "n") for'
+    ),
+    "zpk([0],[-9],1) pole(7,'s') pole(8, \"f\") gain(2)": None,
+}
+
+
+@pytest.mark.parametrize("command", [("check",), ("damp", "--no-plot"), ("response", "--no-plot")])
+@pytest.mark.parametrize("text", ROOTS)
+def test_roots_without_plane_are_noticed_once_per_filter(command, text, tmp_path):
+    loops = ("control", "loop")
+    changes = {(*loops, 0, "sensor_response"): text, (*loops, 1, "sensor_response"): "pole(5)"}
+    file = written(tmp_path, edited(raw("triple-damped"), changes))
+    out = () if command == ("check",) else ("--out", tmp_path, "--fidelity", "string")
+    result = run(*command[:1], file, *command[1:], *out)
+    lines = [line for line in result.stderr.splitlines() if "without a plane" in line]
+    expected = ["pole(5) without a plane", *([ROOTS[text]] if ROOTS[text] else [])]
+    assert len(lines) == len(expected)
+    for one in expected:
+        assert sum(".sensor_response = " in line and one in line for line in lines) == 1
 
 
 def test_numbers_that_keep_a_design_from_balancing_are_named_with_the_fault(tmp_path):

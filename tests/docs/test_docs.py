@@ -337,6 +337,19 @@ def test_every_line_runs(document, block, number, folders, monkeypatch):
     called(line)
 
 
+def test_first_steps_end_with_the_modes_of_the_design_itself(folder):
+    """Runs with overrides or other options leave the file that the last line draws as it is."""
+    *_, block = (block for block in blocks(TEXT["README.md"], "sh") if "plot" in block[-1])
+    new, *rest = [line for line in block if re.search(r"pendsus (new|modes|plot) ", line)]
+    assert files_of(rest[-1]) == ["results/my-modes.h5"] and len(rest) > 3
+    called(new)
+    called(rest[0])
+    first = Path("results/my-modes.h5").read_bytes()
+    for line in rest[1:]:
+        called(line)
+    assert Path("results/my-modes.h5").read_bytes() == first
+
+
 def test_every_command_is_in_the_reference():
     found = sections("commands.md")
     assert [head.removeprefix("pendsus ") for head in found] == list(COMMANDS)

@@ -70,7 +70,7 @@ MODELS = {
 
 def ends(model):
     """The inputs and outputs of a local control problem."""
-    inputs, outputs = signals.local_control_signals(model)
+    inputs, outputs = signals.local_control_signals(model.body)
     return plants.drives(model, *inputs), plants.motions(model, *outputs)
 
 

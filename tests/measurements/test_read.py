@@ -43,6 +43,7 @@ def read(path: Path, **keys):
     [
         ("f, re, im\n", ", ", (F, H.real, H.imag), {}),
         ("# made today\n# freq [Hz]\tReal\tImag\n", "\t", (F, H.real, H.imag), {}),
+        ("f_mHz,re,im\n", ",", (1e3 * F, H.real, H.imag), {}),
         ("Frequency (Hz);mag_dB;phase (deg)\n", ";", "dB", {}),
         ("% omega mag phase_rad\n", " ", "rad", {}),
         ("", " ", (H.imag, F, H.real), {"frequency": 2, "real": 3, "imaginary": 1}),
@@ -185,7 +186,10 @@ HEAD = "f,re,im\n"
         ("f,a,b\n1,2,3\n", {}, "real: no columns of values are recognised (found here: f, a, b)"),
         ("f,re,im,coh\n1,2,3,1.2\n", {}, "line 2: the coherence 1.2 is outside 0 to 1"),
         ("f,mag,phase\n1,2,3e4\n", {}, "line 2: the phase 30000 is beyond 10000"),
+        (HEAD + "1,2,3\n2,1e300,0\n", {}, "the value at 2 Hz is no number below 1e+100"),
+        ("f,db,phase\n1,1e9,0\n", {}, "the value at 1 Hz is no number below 1e+100"),
         ("f,mag,phase\n1,-20,3\n", {}, "line 2: the magnitude -20 is negative"),
+        ("f (1/h),re,im\n1,2,3\n", {}, 'frequency: has the column "f (1/h)", whose unit is not'),
         (HEAD + "1,2,3\n", {"band": [5.0, 9.0]}, "band: no point lies in the band 5 to 9 Hz"),
         (HEAD + "1,2,3\n", {"input_channel": "A"}, "input_channel = A: is for XML"),
         ("f,re,im,sigma\n1,2,3,-1\n", {}, "line 2: a standard deviation is negative"),

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
 
+import suspension_cli as sus
 from suspension_cli.analyses.modes import wire_modes
 from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.design.reader import read
@@ -248,3 +249,65 @@ def test_physics_in_the_model_is_not_listed_as_neglected():
     )
     assert "neglected" not in decision.choice.reason
     assert decision.choice.error == 0.0
+
+
+SINGLE = """
+[design]
+name = "single"
+[[stage]]
+name = "b1"
+body = { shape = "cylinder", axis = "x", radius = 0.09, length = 0.10, mass = 5.6 }
+"""
+TWO_WIRES = """
+[stage.wires]
+count = 2
+l = 0.5
+t1 = 0.08
+t2 = 0.08
+d = 0.1
+material = "c70steel"
+radius = 1e-4
+"""
+BENDING_POINTS = """
+position = [0.0, 0.0, -0.5]
+[[stage.wire]]
+upper = [0.0, 0.08, 0.0]
+lower = [0.0, 0.08, 0.05]
+material = "c70steel"
+radius = 3e-4
+clamp = "bending-point"
+[[stage.wire]]
+upper = [0.0, -0.08, 0.0]
+lower = [0.0, -0.08, 0.05]
+material = "c70steel"
+radius = 3e-4
+clamp = "bending-point"
+"""
+
+
+@pytest.mark.parametrize(
+    ("wires", "tolerance", "simplest"),
+    [
+        pytest.param(TWO_WIRES, 0.1, "force", id="force"),
+        pytest.param(BENDING_POINTS, 1e-2, "string", id="string"),
+    ],
+)
+def test_a_zero_of_a_simpler_model_alone_is_no_answer(wires, tolerance, simplest):
+    """The support tilts about the line through both upper ends. Strings do not move then; wires
+    clamped in the support bend, and tilt the body."""
+    design = sus.parse(SINGLE + wires)
+    asked = {"outputs": ["b1.pitch"], "frequency": [0.1, 1.0, 3.0], "tolerance": tolerance}
+    taken, exact, simple = (
+        sus.response(design, inputs=["support.pitch"], model=model, **asked)
+        for model in ("auto", "violin", simplest)
+    )
+    assert (simple.value == 0).all()
+    assert not simple.estimated_error <= tolerance
+    assert (exact.value != 0).all()
+    assert taken.value == pytest.approx(exact.value, rel=tolerance)
+    # other results on the same wires need no more than before
+    longitudinal = sus.response(design, inputs=["support.x"], **asked | {"outputs": ["b1.x"]})
+    assert longitudinal.model == simplest
+    # one answer that is not 0 does not hide another one that is
+    both = sus.response(design, inputs=["support.x", "support.pitch"], **asked)
+    assert both.model == taken.model

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import suspension_cli as sus
 from suspension_cli.conventions import BOLTZMANN, DOFS
 from suspension_cli.design import reader
 from suspension_cli.errors import InputError
@@ -253,6 +254,55 @@ def test_dampers_resist_relative_motion_at_their_point_alone() -> None:
     assert velocity @ whole @ velocity == pytest.approx(lost, rel=1e-12)
 
 
+TILTED = """
+[design]
+name = "tilted"
+[[stage]]
+name = "base"
+body = {{ mass = 5.0, inertia = [0.05, 0.05, 0.05] }}
+position = [0.0, 0.0, -0.2]
+[[stage.spring]]
+stiffness = [1e5, 1e5, 1e5, 30.0, 30.0, 30.0]
+preload = [0.0, 0.0, 68.67, 0.0, 0.0, 0.0]
+[[stage]]
+name = "test"
+body = {{ mass = 2.0, inertia = [0.01, 0.02, 0.03] }}
+position = [0.0, 0.0, -0.3]
+[[stage.spring]]
+stiffness = [5e4, 6e4, 8e4, 1.3, 1.4, 1.5]
+preload = [0.0, 0.0, 19.62, 0.0, 0.0, 0.0]
+[[perturbation]]
+body = "test"
+com_offset = {offset}
+[[damper]]
+name = "brake"
+between = ["test", "{other}"]
+damping = {damping}
+"""
+
+
+@pytest.mark.parametrize("other", ["support", "ground"])
+@pytest.mark.parametrize("axis", [3, 4, 5])
+def test_rotational_damping_does_not_depend_on_the_pose(axis: int, other: str) -> None:
+    """A damper against one rotation adds i omega c to the dynamic stiffness 1/H, in any pose."""
+    damping = [0.0] * 6
+    damping[axis] = 0.02
+    design = sus.parse(TILTED.format(offset=[0.015, 0.01, 0.0], other=other, damping=damping))
+    body = sus.check(design).document()["bodies"][-1]
+    assert np.linalg.norm(body["rotation_rad"]) > 0.15
+    frequency = np.array([0.3, 2.0, 30.0])
+    name = DOFS[axis]
+    found = sus.response(
+        design,
+        inputs=[f"test.torque_{name}"],
+        outputs=[f"test.{name}"],
+        frequency=frequency,
+        model="string",
+    )
+    rate = np.imag(1 / found.value[:, 0, 0]) / (2 * np.pi * frequency)
+    np.testing.assert_allclose(rate, 0.02, rtol=1e-9)
+
+
 BLOCK = """
 [design]
 name = "block"
@@ -314,9 +364,8 @@ def test_table_of_stiffness(level: str) -> None:
 def test_thermal_noise_and_mode_of_a_tabulated_link(level: str) -> None:
     from scipy.optimize import brentq
 
-    from suspension_cli.analyses.modes import damped
     from suspension_cli.analyses.thermal import solve as thermal
-    from suspension_cli.linear import eigenmodes
+    from suspension_cli.linear import damped, eigenmodes
 
     text = BLOCK.format(link=TABLE.format("20.0, 30.0, 60.0", "1e-4, 2e-4, 9e-4"))
     model = registry.by_name(level).system(reader.parse(text))

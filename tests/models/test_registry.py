@@ -13,9 +13,9 @@ import suspension_cli
 from suspension_cli.design.reader import read
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.models import auto, registry
-from suspension_cli.models.auto import percent
 from suspension_cli.models.quantity_of_interest import Frequencies
 from suspension_cli.models.registry import Choice
+from suspension_cli.models.wire_mass import percent
 from suspension_cli.studies import variants
 from tests.support.paths import CONFIGS
 
@@ -91,7 +91,7 @@ def test_choice_in_one_line(reason, line):
 
 @pytest.mark.parametrize(
     ("value", "text"),
-    [(0.9, "90 %"), (1e-4, "0.01 %"), (5.52, "600 %"), (0.0, "0 %"), (3.4e-7, "3e-05 %")],
+    [(0.9, "90 %"), (1e-4, "0.01 %"), (1.7, "170 %"), (0.0, "0 %"), (3.44e-7, "3.4e-05 %")],
 )
 def test_per_cent(value, text):
     assert percent(value) == text
@@ -124,7 +124,6 @@ def test_the_reason_names_what_matters_and_what_does_not():
     design = read(CONFIGS / "double.toml").design
     line = auto.decide(design, lambda _: Frequencies(), 2.5e-4).choice.line
     assert (
-        line
-        == "model: beam (wire bending shifts the modes by up to 50 %, stage upper); neglected: wire"
-        " mass, 0.01 % (tolerance 0.025 %)"
+        line == "model: beam (wire bending shifts the modes by an estimated 51 %, stage upper);"
+        " neglected: wire mass, estimated 0.015 % (tolerance 0.025 %)"
     )

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import suspension_cli as sus
+from suspension_cli.conventions import DOFS
 from suspension_cli.design import reader
 from suspension_cli.equilibrium import compiled
 from suspension_cli.equilibrium import solve as equilibrium
@@ -15,6 +16,7 @@ from suspension_cli.equilibrium.energy import gradient_and_stiffness
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear.symmetry import find_symmetry
 from suspension_cli.models import registry, string
+from suspension_cli.rotations import rotation_matrix
 from suspension_cli.scene import imperfections, stack
 from suspension_cli.scene.pose import Pose, displace, layout, nominal_pose
 from tests.support import jets
@@ -185,10 +187,11 @@ def test_frequencies_are_those_of_the_energies():
     np.testing.assert_allclose(2 * np.pi * found.frequency[:8], expected[:8], rtol=1e-9)
 
 
-def test_compiled_loops_and_arrays_agree_in_any_pose():
+@pytest.mark.parametrize("size", [1e-2, 0.15])
+def test_compiled_loops_and_arrays_agree_in_any_pose(size):
     scene, rng = expand(reader.parse(TOWER)), np.random.default_rng(3)
     numbering = layout(scene)
-    pose = displace(numbering, nominal_pose(scene), 1e-2 * rng.normal(size=numbering.size))
+    pose = displace(numbering, nominal_pose(scene), size * rng.normal(size=numbering.size))
     pair = stack.stack_scenes([scene, scene])
     poses = Pose(*(np.stack([part] * 2) for part in (pose.shift, pose.turn, pose.deflection)))
     soft, form = compiled.tangent(pair, numbering, poses)[:2]
@@ -267,6 +270,34 @@ def test_measured_frequency_sets_the_flexures():
     np.testing.assert_allclose(found.frequency[:2], 0.06, rtol=1e-9)
 
 
+PRELOADS = {
+    "link": """[[link]]
+name = "push"
+between = ["{body}", "ground"]
+stiffness = [0, 0, 0, 0, 0, 0]
+preload = [0.0, 0.0, {force}, 0.0, 0.0, 0.0]
+""",
+    "spring": """[[stage.spring]]
+stiffness = [0, 0, 0, 0, 0, 0]
+preload = [0.0, 0.0, {force}, 0.0, 0.0, 0.0]
+""",
+}
+
+
+@pytest.mark.parametrize("force", [-981.0, 490.5])
+@pytest.mark.parametrize("kind", PRELOADS)
+def test_preload_on_legs_is_no_mass(kind, force):
+    more = "frequency = 0.1\nleg_mass = 3.0\n" + PRELOADS[kind].format(body="ip", force=force)
+    design = sus.parse(ALONE.format(more=more))
+    found = sus.modes(design, model="string")
+    np.testing.assert_allclose(found.frequency[:2], 0.1, rtol=1e-9)
+    (legs,) = sus.check(design).document()["inverted_pendulums"]
+    assert legs["frequency_hz"] == pytest.approx(0.1, rel=1e-9)
+    assert legs["load_n"] == pytest.approx(300 * G - force, rel=1e-9)
+    # ground motion passes by the inertia of the legs, thin rods
+    assert legs["saturation"] == pytest.approx(-3 * (3.0 / 6) / (300 + 3 * 3.0 / 3), rel=1e-9)
+
+
 def test_ground_tilt_moves_the_stage_by_g_over_omega_squared():
     frequency = np.sqrt(G / 69.5) / (2 * np.pi)  # of KAGRA's signal recycling mirror
     design = alone(frequency=frequency)
@@ -317,6 +348,67 @@ def test_quality_factor_is_that_of_the_loaded_mode():
     np.testing.assert_allclose(found.q[:2], 20.0, rtol=1e-3)
 
 
+def solve_tilted(gravity, flexure, top_joint):
+    """Shift, compliance and frequencies of legs under tilted gravity, from the energies of angles.
+
+    The angle a of a leg to an axis is that of the cosine c: a^2 = 2 y + y^2 / 3 + ..., y = 1 - c.
+    """
+
+    def angle_squared(cosine):
+        y = 1 - cosine
+        return y * (2 + y * (1 / 3 + y * (4 / 45 + y * (1 / 35 + y * 16 / 1575))))
+
+    inertia, thrust = np.diag([20.0, 20.0, 40.0]), 100 * G
+    shift, turned = np.zeros(3), np.eye(3)
+    for _ in range(30):
+        q = jets.coordinates(6)
+        turn = jets.rotation(np.array(q[3:])) @ turned
+        move = shift + np.array(q[:3])
+        potential = -300 * (np.array(gravity) @ move)
+        for n in range(3):
+            foot = 0.6 * np.array([np.cos(2 * np.pi * n / 3), np.sin(2 * np.pi * n / 3), 0])
+            leg = move + turn @ foot - foot + [0, 0, 0.5]
+            size = jets.length(leg)
+            stretch, yaw = size - 0.5 - thrust / 1e8, (turn[1, 0] - turn[0, 1]) / 2
+            potential = potential + 0.5e8 * (stretch * stretch) + 20.0 * (yaw * yaw)
+            potential = potential + flexure / 2 * angle_squared(leg[2] / size)
+            potential = potential + top_joint / 2 * angle_squared(turn[:, 2] @ leg / size)
+        step = -np.linalg.solve(potential.hessian, potential.gradient)
+        shift, turned = shift + step[:3], rotation_matrix(step[3:]) @ turned
+    mass = np.zeros((6, 6))
+    mass[:3, :3], mass[3:, 3:] = 300 * np.eye(3), turned @ inertia @ turned.T
+    compliance = np.linalg.inv(potential.hessian)
+    root = np.linalg.cholesky(mass)
+    square = 1 / np.linalg.eigvalsh(root.T @ compliance @ root)[::-1]
+    return shift, compliance, np.sqrt(square) / (2 * np.pi)
+
+
+@pytest.mark.parametrize(("tilt", "tolerance"), [(2.3e-3, 1e-9), (0.02, 1e-8)])
+@pytest.mark.parametrize(("flexure", "top_joint"), [(600.0, 0.0), (900.0, 70.0)])
+def test_leaning_legs_are_those_of_energies_of_finite_angles(flexure, top_joint, tilt, tolerance):
+    gravity = [0.8 * G * np.sin(tilt), 0.6 * G * np.sin(tilt), -G * np.cos(tilt)]
+    keys = {"stiffness": flexure, "top_stiffness": top_joint, "yaw_stiffness": 40.0}
+    text = ALONE.format(more="".join(f"{key} = {value}\n" for key, value in keys.items()))
+    design = sus.parse(text + f"[constants]\ngravity = {[float(x) for x in gravity]}\n")
+    shift, compliance, frequency = solve_tilted(gravity, flexure, top_joint)
+    assert np.linalg.norm(shift) > 1e-3
+    (body,) = sus.check(design).document()["bodies"]
+    np.testing.assert_allclose(body["shift_m"], shift, rtol=tolerance)
+    found = sus.modes(design, model="string").frequency
+    np.testing.assert_allclose(found, frequency, rtol=tolerance)
+    forces = [f"ip.force_{axis}" for axis in "xyz"] + [f"ip.torque_{axis}" for axis in DOFS[3:]]
+    static = sus.response(
+        design,
+        inputs=forces,
+        outputs=[f"ip.{axis}" for axis in DOFS],
+        frequency=[1e-9],
+        model="string",
+    ).value[0]
+    size = np.sqrt(np.diag(compliance))
+    error = (static.real - compliance) / np.outer(size, size)
+    assert np.abs(error).max() < tolerance
+
+
 def test_legs_stand_on_an_earlier_body_too():
     base = """
 [[stage]]
@@ -364,6 +456,27 @@ def test_a_filter_away_from_its_load_sags():
     scene = expand(design.design)
     found = equilibrium.solve(scene, layout(scene))
     np.testing.assert_allclose(found.pose.shift[2, 2], (400.0 - 40.0 * G) / k, rtol=1e-9)
+
+
+@pytest.mark.parametrize("load", [None, 160.0])
+def test_preload_below_a_filter_is_no_mass(load):
+    more = "" if load is None else f"load = {load}\n"
+    more += f"""[[stage]]
+name = "m"
+body = {{ mass = 9.0, inertia = [1.0, 1.0, 1.0] }}
+wires = {{ count = 4, l = 0.5, s = 0.1, t1 = 0.1, t2 = 0.1, d = 0.1, k = 1e12 }}
+{PRELOADS["link"].format(body="m", force=-49.05)}"""
+    text = FILTER.format(more=more).replace("mass = 40.0", "mass = 1.0")
+    hung, at_load = 10.0, 10.0 if load is None else (load - 49.05) / G
+    k = (2 * np.pi * 0.3) ** 2 * at_load
+    design = sus.parse(text)
+    found = sus.modes(design, model="string").frequency
+    expected = np.sqrt(k / hung) / (2 * np.pi)
+    assert np.abs(found / expected - 1).min() < 1e-8
+    (blades,) = sus.check(design).document()["filters"]
+    sag = (hung - at_load) * G / k
+    numbers = {"stiffness_n_per_m": k, "carried_n": hung * G + 49.05, "sag_m": sag}
+    assert {key: blades[key] for key in numbers} == pytest.approx(numbers, rel=1e-8, abs=1e-12)
 
 
 # ---------------------------------------------------------------- symmetry, models

@@ -68,7 +68,7 @@ def test_ring_of_four_is_a_symmetric_set():
     assert frequencies(single(ring)) == pytest.approx(frequencies(single(square)), rel=1e-12)
 
 
-@pytest.mark.parametrize(("phase", "mirror"), [(0.0, "y"), (math.pi / 2, "x"), (0.1, "")])
+@pytest.mark.parametrize(("phase", "mirror"), [(0.0, "xy"), (math.pi / 2, "xy"), (0.1, "")])
 def test_ring_of_three_has_its_exact_zeros(phase, mirror):
     scene = expand(scenes.design_of(single(STEEL | {"count": 3, "ring": 0.05, "phase": phase})))
     assert "".join(find_symmetry(scene, layout(scene)).mirrors) == mirror
@@ -249,3 +249,27 @@ def test_loss_of_springs_is_that_of_their_material():
     named["materials"] = {"tape": {"youngs_modulus": 1e9, "loss_angle": 3e-3}}
     both = [registry.STRING.system(scenes.design_of(one)).lossy for one in (constant, named)]
     assert np.array_equal(*both)
+
+
+@pytest.mark.parametrize("drawn", [0.5, 0.8])
+def test_spring_constant_is_that_of_the_natural_length_if_given(drawn):
+    """However far apart the ends are in the file: E A over the nominal span without one."""
+    text = f"""
+[design]
+name = "one"
+[materials.soft]
+youngs_modulus = 1e9
+[[stage]]
+name = "test"
+body = {{ mass = 2.0, inertia = [0.01, 0.01, 0.01] }}
+position = [0.0, 0.0, {-drawn - 0.01}]
+[[stage.wire]]
+upper = [0.0, 0.0, 0.0]
+lower = [0.0, 0.0, 0.01]
+material = "soft"
+radius = 1e-4
+"""
+    per_length = 2 * 9.81 / (1e9 * np.pi * 1e-8)
+    for key, length in (("natural_length = 0.6", 0.6), ("", drawn)):
+        (wire,) = sus.check(sus.parse(text + key)).document()["wires"]
+        assert wire["stretch_m"] == pytest.approx(per_length * length, rel=1e-9)

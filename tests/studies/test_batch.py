@@ -24,6 +24,7 @@ from suspension_cli.design import reader
 from suspension_cli.errors import InputError, PendsusError
 from suspension_cli.linear import eigenmodes, named_results, signals
 from suspension_cli.models import registry
+from suspension_cli.studies import run as batch
 from suspension_cli.studies import sweep_file
 from suspension_cli.studies.axes import Axis
 from tests.support import counting_sweep, scenes
@@ -237,6 +238,21 @@ def test_every_point_once_on_several_processes(workers, chunks, tmp_path):
     """With as many and with more chunks than are handed out at first."""
     job = counting_sweep.Toy(64 * chunks - 10, str(tmp_path / "log"))
     counting_sweep.run(job, tmp_path / "toy.h5", chunk=64, workers=workers)
+    assert (job.computed() == 1).all()
+    assert (tmp_path / "toy.h5").read_bytes() == reference(tmp_path, job.count)
+
+
+@pytest.mark.parametrize("pays", [False, True])
+def test_processes_start_where_they_pay(pays, tmp_path, monkeypatch):
+    """The same bytes either way; a short sweep starts none, however many cores there are."""
+    started, on_processes = [], batch._on_processes
+    monkeypatch.setattr(batch, "_on_processes", lambda *a: started.append(a) or on_processes(*a))
+    monkeypatch.setattr(batch.os, "cpu_count", lambda: 2)
+    if pays:
+        monkeypatch.setattr(batch, "STARTUP", 0.0)
+    job = counting_sweep.Toy(64 * 11 - 10, str(tmp_path / "log"))
+    counting_sweep.run(job, tmp_path / "toy.h5", chunk=64, workers=None)
+    assert len(started) == pays
     assert (job.computed() == 1).all()
     assert (tmp_path / "toy.h5").read_bytes() == reference(tmp_path, job.count)
 

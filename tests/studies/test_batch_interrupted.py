@@ -279,7 +279,7 @@ def numbers(image, folder):
 @pytest.mark.parametrize(
     "options",
     [
-        ("--set", "stage.test.wires.s=0.006"),
+        ("--set", "stage.test.wires.s=0.006", "--name", "husman2000-figure6"),
         ("--frequency", "51"),
     ],
 )

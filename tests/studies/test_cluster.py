@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
+import re
+import shlex
+import shutil
+import socket
+import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -10,8 +18,9 @@ import pytest
 from suspension_cli.errors import PendsusError
 from suspension_cli.studies import cluster
 from tests.support import counting_sweep
-from tests.support.commandline import run
+from tests.support.commandline import process, run
 from tests.support.couplings import FILE
+from tests.support.paths import ROOT
 
 distributed = pytest.importorskip("distributed")
 
@@ -91,7 +100,7 @@ def test_nobody_answers(address, monkeypatch, tmp_path):
     result = run("xcouple", FILE, *GRID, "--scheduler", address, "--out", tmp_path)
     assert result.exit_code == 2
     assert result.stderr.count("\n") == 1
-    assert result.stderr.startswith(f'--scheduler = "{address}": does not answer (')
+    assert result.stderr.startswith(f'{FILE}: --scheduler = "{address}": does not answer (')
     assert result.stderr.endswith(
         "; start `dask scheduler` and `dask worker`, and give its address\n"
     )
@@ -131,11 +140,96 @@ def test_a_scheduler_that_goes_away(tmp_path):
     assert job.computed().min() == 1
 
 
+def quoted():
+    """Commands of docs/cluster.md: certificate, scheduler, worker; environment; and pendsus."""
+    page = (ROOT / "docs" / "cluster.md").read_text()
+    lines = "".join(re.findall(r"^```\n(.*?)^```", page, re.MULTILINE | re.DOTALL)).splitlines()
+    *commands, _ = (shlex.split(line) for line in lines if not line.startswith("export "))
+    keys = dict(line.removeprefix("export ").split("=") for line in lines if "export " in line)
+    return commands, keys, shlex.split(lines[-1])
+
+
+@pytest.fixture(scope="module")
+def encrypted(tmp_path_factory):
+    """A cluster with TLS on the loopback address, made by the commands that the page shows."""
+    (certificate, scheduler, worker), keys, _ = quoted()
+    folder = tmp_path_factory.mktemp("tls")
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        address = f"tls://127.0.0.1:{free.getsockname()[1]}"
+    if shutil.which(certificate[0]) is None:
+        pytest.skip("openssl is not installed")
+    subprocess.run(certificate, cwd=folder, check=True, capture_output=True)
+    scheduler[:1] = worker[:1] = [sys.executable, "-m", "dask"]
+    scheduler += ["--host", address, "--dashboard-address", "127.0.0.1:0"]
+    worker = [word.replace("tls://that-machine:8786", address) for word in worker]
+    worker[worker.index("auto")] = "1"
+    worker += ["--host", "127.0.0.1", "--no-dashboard", "--death-timeout", "60"]
+    with contextlib.ExitStack() as stack:
+        log = folder / "log"
+        stream = stack.enter_context(log.open("w"))
+        for words in (scheduler, worker):
+            made = subprocess.Popen(words, cwd=folder, stdout=stream, stderr=stream)
+            stack.callback(made.wait, 30)
+            stack.callback(made.terminate)
+        for _ in range(600):
+            if "Registered to" in log.read_text():
+                break
+            time.sleep(0.1)
+        else:
+            pytest.fail(log.read_text())
+        yield address, {name: str(folder / file) for name, file in keys.items()}
+
+
+def test_the_tls_commands_of_the_page_work(encrypted, tmp_path):
+    address, keys = encrypted
+    assert quoted()[2][-2:] == ["--scheduler", "tls://that-machine:8786"]
+    alone = process("xcouple", FILE, *GRID, "--workers", "1", "--out", tmp_path / "one")
+    assert alone.returncode == 0
+    words = ("xcouple", str(FILE), *GRID, "--scheduler", address, "--out", str(tmp_path / "many"))
+    command = [sys.executable, "-m", "suspension_cli", *words]
+    done = subprocess.run(command, env=os.environ | keys, capture_output=True, timeout=120)
+    assert (done.returncode, done.stderr) == (0, b"")
+    [one], [many] = ((tmp_path / out).iterdir() for out in ("one", "many"))
+    assert one.read_bytes() == many.read_bytes()
+
+
+@pytest.mark.parametrize("scheme", ["tls", "tcp"])
+def test_nobody_without_the_key_is_let_in(scheme, encrypted, monkeypatch, tmp_path):
+    monkeypatch.setattr(cluster, "PATIENCE", 2.0)
+    address = encrypted[0].replace("tls", scheme)
+    done = run("xcouple", FILE, *GRID, "--scheduler", address, "--out", tmp_path)
+    assert done.exit_code == 2 and not list(tmp_path.iterdir())
+    [line] = done.stderr.splitlines()
+    assert line.startswith(f'{FILE}: --scheduler = "{address}": does not answer (')
+    assert ("docs/cluster.md" in line) == (scheme == "tls")
+
+
+@pytest.mark.parametrize(
+    ("address", "exposed"),
+    [
+        ("tcp://192.0.2.1:8786", True),  # an address for documentation, of no machine
+        ("192.0.2.1:8786", True),
+        ("tcp://[2001:db8::1]:8786", True),
+        ("tls://192.0.2.1:8786", False),
+        ("tcp://127.0.0.1:9", False),
+        ("tcp://localhost:9", False),
+        (f"tcp://{socket.gethostname()}:9", False),
+    ],
+)
+def test_a_warning_of_schedulers_elsewhere_without_tls(address, exposed, monkeypatch, tmp_path):
+    monkeypatch.setattr(cluster, "PATIENCE", 0.2)
+    done = run("xcouple", FILE, *GRID, "--scheduler", address, "--out", tmp_path)
+    *warned, line = done.stderr.splitlines()
+    assert line.startswith(f'{FILE}: --scheduler = "{address}": does not answer (')
+    assert len(warned) == exposed
+    assert all(f"warning: --scheduler {address} has no TLS: " in one for one in warned)
+
+
 def test_without_dask(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "distributed", None)
     result = run("xcouple", FILE, *GRID, "--scheduler", "tcp://127.0.0.1:9", "--out", tmp_path)
     assert result.exit_code == 2
     assert (
-        result.stderr
-        == "--scheduler = \"tcp://127.0.0.1:9\": needs Dask; pip install 'pendsus[cluster]'\n"
+        result.stderr == f'{FILE}: --scheduler = "tcp://127.0.0.1:9": needs Dask;'
+        " pip install 'pendsus[cluster]'\n"
     )

@@ -520,7 +520,7 @@ BODIES = [
     Case(
         "inertia-denormal",
         {BODY: {"mass": 1.0, "inertia": [0.1, 1e-320, 0.1]}},
-        "stage.test.body.inertia = [0.1, 1e-320, 0.1]: ",
+        "stage.test.body.inertia.2 = 1e-320: is too small",
     ),
     Case(
         "mass-of-shape",
@@ -575,8 +575,8 @@ AROUND = [
     ),
     Case(
         "frame-light",
-        {("support", "mass"): 1e-300},
-        "support.mass = 1e-300: is too small",
+        {("support", "mass"): 1e-140},
+        "support.mass = 1e-140: is too small",
         "give 0",
         "rich",
     ),

@@ -8,9 +8,8 @@ from typing import Any
 import mpmath
 import numpy as np
 
-from suspension_cli.analyses.modes import damped
 from suspension_cli.equilibrium.nominal import expand
-from suspension_cli.linear import eigenmodes, signals, statespace
+from suspension_cli.linear import damped, eigenmodes, signals, statespace
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.models import string as string_model

@@ -18,9 +18,9 @@ from suspension_cli.analyses.analysis import (
     plain,
 )
 from suspension_cli.analyses.options import option
-from suspension_cli.conventions import SUPPORT
+from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.errors import Fault, InputError, escape_unprintable, format_value
-from suspension_cli.grids import decade_points, parse_grid
+from suspension_cli.grids import decade_points, parse_frequencies
 
 if TYPE_CHECKING:
     import numpy as np
@@ -56,7 +56,7 @@ class BudgetAnalysis(Analysis):
     name = "budget"
     arguments = (options.DESIGN,)
     parameters = (
-        options.signals("output", options.MOTIONS, "x, pitch and yaw of the last stage"),
+        options.signals("output", options.MOTIONS, "x, pitch and yaw of the mirror"),
         option(
             "--ground",
             multiple=True,
@@ -92,13 +92,13 @@ class BudgetAnalysis(Analysis):
 
         from suspension_cli.analyses.budget import solve as budget
         from suspension_cli.analyses.budget.noise import Noises
+        from suspension_cli.design.derive import mirror
         from suspension_cli.linear import signals
 
         setting, folder = run.setting, Path(run.source.file).parent
         motions, grid, notes = _ground(setting, folder)
-        stages = run.design.stage
         outputs = list(setting["outputs"]) or [
-            f"{stages[-1].name}.{dof}" for dof in ("x", "pitch", "yaw")
+            f"{mirror(run.design)}.{dof}" for dof in ("x", "pitch", "yaw")
         ]
         requirements = _requirements(setting["requirements"], outputs, folder, grid)
         choice, model, warm = _model(run, grid, outputs, notes)
@@ -246,7 +246,7 @@ def _ground(setting: Settings, folder: Path) -> tuple[dict[str, Motion], Array, 
 
     notes: list[str] = []
     motions = ground.parse(setting["ground"], setting["isolation"], folder)
-    frequency = parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0)
+    frequency = parse_frequencies(setting["frequency"])
     grid = np.unique(np.array(frequency))
     low = max([motion.low for motion in motions.values()], default=0.0)
     high = min([motion.high for motion in motions.values()], default=math.inf)
@@ -276,7 +276,9 @@ def _requirements(
         if equals and name.strip() not in outputs:
             remedy = f"give one of {', '.join(outputs)}, or add --output {name.strip()}"
             raise _error("--requirement", "names no output", remedy, text)
-        found = table.read(ground.find(source.strip(), folder, "--requirement"))
+        number = outputs.index(name.strip()) if equals else 0
+        unit = "rad" if outputs[number].partition("@")[0].endswith(DOFS[3:]) else "m"
+        found = table.read(ground.find(source.strip(), folder, "--requirement"), unit)
         if len(found.column) != 1:
             problem = f"has {len(found.column)} columns of values instead of one"
             remedy = "write two columns, frequency and asd, and a file per output"
@@ -287,7 +289,7 @@ def _requirements(
                 f" {grid[0]:g} to {grid[-1]:g} Hz of the budget"
             )
             raise InputError([Fault("", problem, "move --frequency there")], found.file)
-        result[outputs.index(name.strip()) if equals else 0] = found
+        result[number] = found
     return result
 
 

@@ -243,7 +243,10 @@ def _read(
 
     A single column without a coordinate is for those `wanted`, or for `every` one.
     """
-    found: Table = table.read(find(source, folder, option, known))
+    unit = "rad" if wanted and not {*wanted} & {*TRANSLATIONS} else "m"
+    if option == "--isolation":
+        unit = "1"
+    found: Table = table.read(find(source, folder, option, known), unit)
     names = list(found.column)
     if len(names) == 1 and names[0] not in DOFS:
         return found.frequency, dict.fromkeys(wanted or every, found.column[names[0]])

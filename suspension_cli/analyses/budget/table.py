@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspension_cli.conventions import DOFS
+from suspension_cli.design.csv_columns import PER_HZ, PER_M, PER_RAD, BadTable, split_unit
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
 from suspension_cli.measurements import text
 from suspension_cli.measurements.columns import Columns, recognise
@@ -16,6 +18,10 @@ from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
     from jaxtyping import Inexact
+
+UNITS = {"m": PER_M, "rad": PER_RAD, "1": {"1": 1.0, "m/m": 1.0, "rad/rad": 1.0, "%": 100.0}}
+"""Units by kind of a column, without "per sqrt(Hz)"; 1 for ratios."""
+PER_ROOT_HZ = r"\s*(/\s*(sqrt\s*\(?Hz\)?|rtHz|\u221aHz|Hz\^\(?(1/2|0\.5)\)?)|Hz\^\(?-(1/2|0\.5)\)?)"
 
 
 @dataclass(frozen=True)
@@ -30,10 +36,15 @@ class Table:
     column: dict[str, Array]
 
 
-def read(path: Path) -> Table:
-    """Read a table: frequency in Hz, then one or more columns (format: `measurements.text`).
+def read(path: Path, unit: str) -> Table:
+    """Read a table: frequency, then one or more columns (format: `measurements.text`).
 
-    Headings are optional for two columns; brackets in a heading (a unit) are ignored.
+    Headings are optional for two columns, and may give units: "f (mHz)", "x (um/sqrt(Hz))".
+
+    Parameters
+    ----------
+    unit
+        SI unit of columns: "m" (coordinates that are rotations have "rad"), "rad", or "1".
 
     Raises
     ------
@@ -46,26 +57,43 @@ def read(path: Path) -> Table:
         if width < 2:
             problem, remedy = "has one column", "write a frequency and a value per line"
             raise InputError([Fault("", problem, remedy)])
-        if columns.headed:
-            names = [re.sub(r"[(\[].*", "", name).strip().lower() for name in columns.names]
-        elif width == 2:
-            names = ["frequency", ""]
-        else:
+        if not columns.headed and width > 2:
             problem = f"has {width} columns without headings"
             raise InputError([Fault("", problem, "begin with a line such as frequency,x,y,z")])
-        for n, name in enumerate(names):
-            if name in names[:n]:
-                remedy = "give each column a heading of its own"
-                raise InputError([Fault("", "has two columns of one name", remedy, name)])
         known = recognise(columns.names) if columns.headed else {}
         if "frequency_unit" in known:
             raise InputError([Fault("", "has frequencies in rad/s", "give them in Hz")])
         first = columns.names.index(known.get("frequency", columns.names[0]))
+        titles = columns.names if columns.headed else ["frequency", ""]
+        names, scales = zip(
+            *(_split(title, "Hz" if n == first else unit) for n, title in enumerate(titles)),
+            strict=True,
+        )
+        for n, name in enumerate(names):
+            if name in names[:n]:
+                remedy = "give each column a heading of its own"
+                raise InputError([Fault("", "has two columns of one name", remedy, name)])
         order = [first, *(n for n in range(width) if n != first)]
         names = [names[n] for n in order]
         values = [np.asarray(columns.read(n)) for n in order]
         _check(np.array(values).T, columns)
+        values = [value / scales[n] for n, value in zip(order, values, strict=True)]
         return Table(str(path), values[0], dict(zip(names[1:], values[1:], strict=True)))
+
+
+def _split(title: str, unit: str) -> tuple[str, float]:
+    """Split a heading into its name, in lower case, and its unit, as the number per SI unit."""
+    if unit == "Hz":
+        units = PER_HZ
+    else:
+        title = re.sub(PER_ROOT_HZ, "", title) if unit != "1" else title
+        units = UNITS["rad" if unit == "m" and title.lower().startswith(DOFS[3:]) else unit]
+    try:
+        name, scale = split_unit(title, units)
+    except BadTable as error:
+        per = " per sqrt(Hz)" if unit in ("m", "rad") else ""
+        raise InputError.of("", error.problem, error.remedy + per) from None
+    return name.lower(), scale
 
 
 def _check(rows: Inexact[np.ndarray, "line column"], columns: Columns) -> None:

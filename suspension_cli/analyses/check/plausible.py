@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from suspension_cli.analyses import growth
 from suspension_cli.analyses.check import statics
 from suspension_cli.analyses.check.statics import (
     BladeLoad,
@@ -17,14 +18,14 @@ from suspension_cli.analyses.check.statics import (
     WireLoad,
     list_wire_tables,
 )
+from suspension_cli.analyses.growth import Growth
 from suspension_cli.design import plausibility
-from suspension_cli.design.plausibility import RAISE, ImplausibleNumber, suggest_unit
+from suspension_cli.design.plausibility import ImplausibleNumber, suggest_unit
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.eigenmodes import Modes
-from suspension_cli.models import auto
-from suspension_cli.models.quantity_of_interest import Frequencies
+from suspension_cli.models import registry
 
 STRAIN = 0.03
 """Largest plausible strain of a wire: steel breaks at 1 %, pristine silica at 5 %."""
@@ -175,27 +176,32 @@ def _check_sag(stage: Stage, blades: list[BladeLoad], path: str) -> Iterator[Imp
     yield ImplausibleNumber(fault, serious=worst.sag > SAG)
 
 
-def solve_stability(design: Design) -> tuple[str, Modes] | tuple[None, None]:
-    """Solve for the modes of the static stiffness in the model that `auto` chooses.
+def solve_stability(design: Design) -> tuple[str, Modes, Growth | None] | None:
+    """Solve for the modes of the static stiffness, with wires that bend where the design says how.
 
-    Returns the name of the model and the modes; None if the model cannot be built.
+    Returns the name of the model, the modes, and why motion grows, if it does; None if no model can
+    be built.
     """
-    try:
-        with np.errstate(all="ignore"):
-            decision = auto.decide(design, lambda _: Frequencies())
-            return decision.choice.level, eigenmodes.solve(replace(decision.model, terms=()))
-    except (InputError, np.linalg.LinAlgError, ArithmeticError):
-        return None, None
+    for model in (registry.BEAM, registry.choose(design).model):
+        with (
+            contextlib.suppress(InputError, np.linalg.LinAlgError, ArithmeticError),
+            np.errstate(all="ignore"),
+        ):
+            if not model.unsuitable(design):
+                system = model.system(design)
+                modes = eigenmodes.solve(system.constant)
+                return model.name, modes, growth.find_growth(design, model, system)
+    return None
 
 
-def find_instability(level: str, found: Modes) -> list[ImplausibleNumber]:
-    """Report an unstable equilibrium, with the growth rate of its fastest mode."""
-    if found.stable:
+def find_instability(level: str, grows: Growth | None) -> list[ImplausibleNumber]:
+    """Report motion that grows, with the growth rate of its fastest mode."""
+    if grows is None:
         return []
-    worst = f"{found.label[0]} grows at {found.growth_rate[0]:.4g} 1/s"
-    problem = f"the equilibrium is unstable in the {level} model: {worst}"
-    remedy = f"{RAISE}, or stiffen the flexures of legs"
-    return [ImplausibleNumber(Fault("stage", problem, remedy))]
+    fault = grows.fault
+    problem = fault.problem.replace(":", f" in the {level} model:", 1)
+    remedy = f"{fault.remedy}, or stiffen the flexures of legs" if grows.static else fault.remedy
+    return [ImplausibleNumber(replace(fault, problem=problem, remedy=remedy))]
 
 
 def find_serious(design: Design) -> list[ImplausibleNumber]:

@@ -196,11 +196,11 @@ def solve(source: Source) -> Check:
         raise InputError([*error.faults, *(item.fault for item in found)], source.file) from None
     found += plausible.find_implausible_loads(design, loads)
     found += towers.find_implausible_towers(design, loads.legs, loads.filters)
-    stable = None
-    level, modes = plausible.solve_stability(design)
-    if level is not None and modes is not None:
-        found += plausible.find_instability(level, modes)
-        stable = bool(modes.stable)
+    stable = level = modes = None
+    if stability := plausible.solve_stability(design):
+        level, modes, grows = stability
+        found += plausible.find_instability(level, grows)
+        stable = grows is None
     near = limits.find_slackest(design, loads)
     if near is not None:
         fault = Fault("", warnings.describe_slack(near), warnings.SHARE)

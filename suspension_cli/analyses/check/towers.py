@@ -66,7 +66,7 @@ class LegLoad:
     thrust : list of float
         At the top of each leg in equilibrium, N.
     load, critical : float
-        Weight on the legs, and that at which they tip over, N.
+        Weight and other vertical force on the legs, and that at which they tip over, N.
     flexure : float
         Bending stiffness at the foot of one leg, N m/rad.
     stiffness, elastic : float
@@ -107,7 +107,7 @@ class FilterLoad:
     Attributes
     ----------
     carried, load : float
-        Weight on the blades, and that for which they are set, N.
+        Weight and other vertical force on the blades, and that for which they are set, N.
     stiffness : float
         N/m.
     frequency : float
@@ -139,6 +139,7 @@ def leg_loads(design: Design, scene: Scene, balanced: Equilibrium) -> tuple[LegL
         return ()
     thrust = -string.state(string.with_struts(scene), balanced.pose).tension
     nominal, gravity = scene.drawn or scene, float(scene.gravity)
+    as_designed, hung = carried_weights(nominal), carried_weights(scene)
     found = []
     for number, stage in enumerate(design.stage, 1):
         legs = stage.inverted_pendulum
@@ -147,10 +148,15 @@ def leg_loads(design: Design, scene: Scene, balanced: Equilibrium) -> tuple[LegL
         own = scene.struts.lower == number
         inertia = leg_inertia(legs)
         weight = gravity * inertia.on_top * own.sum()
-        drawn = leg_statics(legs, float(-nominal.struts.tension[own].sum()) - weight, gravity)
+        drawn = leg_statics(
+            legs,
+            float(-nominal.struts.tension[own].sum()),
+            float(as_designed[number - 1]),
+            gravity,
+        )
         load = float(thrust[own].sum()) - weight
         stiffness = drawn.stiffness - (load - drawn.load) / legs.length
-        mass = load / gravity + drawn.count * inertia.top
+        mass = drawn.mass + float(hung[number - 1] - as_designed[number - 1]) / gravity
         found.append(
             LegLoad(
                 stage=stage.name,
@@ -181,14 +187,17 @@ def filter_loads(design: Design, scene: Scene, balanced: Equilibrium) -> tuple[F
             continue
         spring = int(np.flatnonzero(scene.springs.lower == number)[-1])
         upper = int(scene.springs.upper[spring])
-        pose, carried = balanced.pose, float(carried_weights(scene)[number - 1])
-        numbers = filter_statics(table, carried, float(scene.gravity))
+        pose = balanced.pose
         load = float(scene.springs.preload[spring, 2])
         stiffness = float(scene.springs.stiffness[spring, 2, 2])
         above = scene.springs.upper_point[spring]
         point = pose.shift[upper] + pose.arms(np.array([upper]), above[None])[0]
         own = pose.shift[number] + above
         force = load * (table.modulus_slope + 2 * table.thermal_expansion)
+        sag = float(pose.rotation[upper][:, 2] @ (point - own))
+        carried = load + stiffness * sag
+        hung = float(carried_weights(scene)[number - 1])
+        numbers = filter_statics(table, carried, hung, float(scene.gravity))
         found.append(
             FilterLoad(
                 stage=stage.blades_of,
@@ -196,7 +205,7 @@ def filter_loads(design: Design, scene: Scene, balanced: Equilibrium) -> tuple[F
                 load=load,
                 stiffness=stiffness,
                 frequency=math.sqrt(stiffness / numbers.mass) / (2 * math.pi),
-                sag=float(pose.rotation[upper][:, 2] @ (point - own)),
+                sag=sag,
                 saturation=numbers.coupling / numbers.mass,
                 thermal_force=force,
                 thermal_shift=force / stiffness,

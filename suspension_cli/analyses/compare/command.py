@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import re
 from collections.abc import Callable, Sequence
@@ -54,10 +55,16 @@ class CompareAnalysis(Analysis):
         """Analyse the designs and compare all items."""
         from suspension_cli.analyses.compare import items as reading
         from suspension_cli.analyses.compare import solve as compare
+        from suspension_cli.files.hdf5 import reporting_damage
 
         signals = run.setting["inputs"], run.setting["outputs"]
         items = [reading.resolve_signals(item, *signals) for item in run.inputs["items"]]
-        found, choice = compare.solve(items, run)
+        stored = [item.result.source.file for item in items if item.result]
+        with contextlib.ExitStack() as stack:
+            if stored:  # whose numbers, unlike those of designs, nobody has checked
+                damage = reporting_damage(" or ".join(stored), "run the analysis again")
+                stack.enter_context(damage)
+            found, choice = compare.solve(items, run)
         opened = [i.name for i in items if i.run and i.source and i.source.design.control]
         if found.overlay and opened:
             run.log.say(
@@ -120,7 +127,8 @@ class CompareAnalysis(Analysis):
         """Path of the results file, named after the first two items."""
         names = [re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("-") for name in result.data.name]
         more = f"-and-{len(names) - 2}-more" if len(names) > 2 else ""
-        return folder / f"{names[0]}-and-{names[1]}{more}-{self.stem}.h5"
+        stem = result.source.stem(f"{names[0]}-and-{names[1]}{more}")
+        return folder / f"{stem}-{self.stem}.h5"
 
 
 def _overlay(found: Comparison, overlay: Overlay) -> Document:

@@ -126,16 +126,11 @@ def _result(path: Path) -> Result | None:
     import h5py
 
     from suspension_cli.analyses import registry
-    from suspension_cli.files.hdf5 import open_results
+    from suspension_cli.files.hdf5 import is_results_file, open_results
 
-    try:
-        with h5py.File(path, "r") as file:
-            ours = file.attrs.get("format") == "pendsus"
-    except OSError:
-        ours = True  # whose fault `open_results` reports
-    if not ours:
+    if h5py.is_hdf5(path) and not is_results_file(path):
         return None
-    with open_results(path) as file:
+    with open_results(path) as file:  # reports what is not HDF5
         return registry.loaded(file, str(path))
 
 

@@ -10,7 +10,12 @@ from matplotlib.figure import Figure
 
 from suspension_cli.analyses.compare.fine import refine
 from suspension_cli.analyses.compare.solve import Comparison, Curve, Overlay, PairedModes
-from suspension_cli.analyses.response.picture import find_limits, find_tops, lowest_and_highest
+from suspension_cli.analyses.response.picture import (
+    find_limits,
+    find_tops,
+    lowest_and_highest,
+    say_zero,
+)
 from suspension_cli.drawing import curves
 from suspension_cli.drawing.style import (
     PALE,
@@ -88,11 +93,12 @@ def draw_overlay(found: Comparison, overlay: Overlay) -> Figure:
     response, compared = overlay.kind == "response", len(overlay.curves) > 1
     drawn = refine(overlay)
     with house_style():
-        key = [(found.name[c.item], PALETTE[c.item % len(PALETTE)], _look(found, c)) for c in drawn]
+        key = [(_name(found, c), PALETTE[c.item % len(PALETTE)], _look(found, c)) for c in drawn]
         rooms = [curves.key_room([name for name, *_ in key]) + 0.08, *[0.12] * response]
         rooms += [0.22] * compared
         figure, panels = curves.stack_panels([2.3, *[1.2] * (response + compared)], rooms)
-        panels[0].set(xscale="log", yscale="log")
+        nonzero = any(curve.value.any() for curve in drawn)
+        panels[0].set(xscale="log", yscale="log" if nonzero else "linear")
         for curve, (_, colour, how) in zip(drawn, key, strict=True):
             known = np.isfinite(curve.uncertainty)
             size = np.where(curve.value == 0, np.nan, np.abs(curve.value))
@@ -110,10 +116,15 @@ def draw_overlay(found: Comparison, overlay: Overlay) -> Figure:
         unit = overlay.unit.replace("sqrt(Hz)", "√Hz")
         name = "magnitude" if response else overlay.output
         panels[0].set_ylabel(f"{single_line(name, 30)} ({unit})")
-        curves.label_plainly(panels[0].yaxis)
         if response:
             panels[1].set_ylabel("phase (degrees)")
             curves.label_phases(panels[1])
+        if nonzero:
+            curves.label_plainly(panels[0].yaxis)
+        else:
+            say_zero(panels[0], drawn[0].frequency)
+            for axes in panels[1:]:
+                axes.set_yticks([])
         if compared:
             _finish_ratios(panels[-1], found, overlay)
         panels[-1].set_xlabel("frequency (Hz)")
@@ -138,6 +149,10 @@ def _limit(axes: Axes, drawn: list[Curve], colours: list[str]) -> None:
         axes.set_ylim(low, high)
         for at, colour in endless:
             axes.plot(at, high, "^", color=colour, markersize=3, clip_on=False)
+
+
+def _name(found: Comparison, curve: Curve) -> str:
+    return found.name[curve.item] + ("" if curve.value.any() else " (0 by symmetry)")
 
 
 def _look(found: Comparison, curve: Curve) -> LineLook:

@@ -19,11 +19,12 @@ from suspension_cli.analyses import registry, settings
 from suspension_cli.analyses.analysis import Log, Result, Run
 from suspension_cli.analyses.compare.design_changes import Change, find_changes
 from suspension_cli.analyses.compare.items import Item
+from suspension_cli.design.derive import mirror
 from suspension_cli.design.measured import Mode
 from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
-from suspension_cli.grids import parse_grid
+from suspension_cli.grids import parse_frequencies
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import pair_by_overlap
 from suspension_cli.models.registry import FILES, Choice
@@ -334,7 +335,7 @@ def _overlays(items: Sequence[Item], run: Run, choices: list[list[Choice]]) -> I
     (data, units), setting = _collect_curves(items), run.setting
     if setting["inputs"] or setting["outputs"]:
         first = next(item.source for item in items if item.source is not None)
-        for out in setting["outputs"] or (f"{first.design.stage[-1].name}.x",):
+        for out in setting["outputs"] or (f"{mirror(first.design)}.x",):
             for into in setting["inputs"] or ("support.x",):
                 data.setdefault(("response", out, into), {})
     for out in setting["noises"]:
@@ -377,9 +378,7 @@ def _grid(items: Sequence[Item], curves: dict[int, Curve], run: Run) -> str:
     """
     points = [curve.frequency for curve in curves.values()]
     if all(items[n].kind == "measurement" for n in curves):
-        points.append(
-            np.array(parse_grid(run.setting["frequency"], "--frequency", "log", lowest=0.0))
-        )
+        points.append(np.array(parse_frequencies(run.setting["frequency"])))
     return ",".join(repr(float(x)) for x in np.unique(np.concatenate(points)))
 
 

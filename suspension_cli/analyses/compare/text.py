@@ -69,6 +69,9 @@ def _table(found: Comparison, modes: PairedModes) -> list[str]:
 def _ratios(found: Comparison, overlay: Overlay) -> list[str]:
     reference = found.name[overlay.curves[0].item]
     lines = []
+    zero = [found.name[curve.item] for curve in overlay.curves if not curve.value.any()]
+    if zero:
+        return [f"  0 by symmetry: {', '.join(zero)}"]
     for curve in overlay.curves[1:]:
         size = np.abs(curve.ratio)
         known = np.isfinite(size) & (size > 0)

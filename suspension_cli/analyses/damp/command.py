@@ -42,7 +42,7 @@ class DampAnalysis(Analysis):
             metavar="SIGNAL",
             help=(
                 "Motion whose impulse response and sensor noise are computed."
-                "  [default: x of the last stage]"
+                "  [default: x of the mirror]"
             ),
         ),
         option(
@@ -83,7 +83,8 @@ class DampAnalysis(Analysis):
 
         from suspension_cli.analyses import model_choice
         from suspension_cli.analyses.damp import solve as damp
-        from suspension_cli.grids import parse_grid
+        from suspension_cli.design.derive import mirror
+        from suspension_cli.grids import parse_frequencies
         from suspension_cli.linear.signals import FORCES
 
         setting = run.setting
@@ -94,14 +95,14 @@ class DampAnalysis(Analysis):
         model = model_choice.stable_system(
             run.source, choice, setting["allow_unstable"], run.log, decision.model, bends=True
         )
-        output = setting["output"] or f"{model.body[-1]}.x"
+        output = setting["output"] or f"{mirror(run.design)}.x"
         body, dof = output.partition("@")[0].rpartition(".")[::2]
         push: str = setting["impulse"] or (
             f"{body}.{FORCES[DOFS.index(dof)]}"
             if dof in DOFS and body in model.body
             else "support.x"
         )
-        frequency = np.array(parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0))
+        frequency = np.array(parse_frequencies(setting["frequency"]))
         found = damp.solve(run.design, model, output, push, frequency, setting["duration"])
         if not found.stable:
             run.log.warn(f"the closed loop is unstable: {growth(found)}")
@@ -115,7 +116,7 @@ class DampAnalysis(Analysis):
         from suspension_cli.analyses.damp import foton_file
         from suspension_cli.files import atomic
 
-        made = path.with_name(f"{result.name}-foton.txt")
+        made = path.with_name(f"{result.source.stem()}-foton.txt")
         atomic.write_bytes(made, foton_file.write(result.design).encode())
         return [made]
 

@@ -19,13 +19,16 @@ if TYPE_CHECKING:
 
 FORMATS = ("mat", "npz", "hdf5", "zpk", "control")
 """Keys of `file.FORMATS`, which is not imported just to print help."""
+MOST = 12
+"""Largest number of responses that are all printed."""
 
 
 class ExportAnalysis(Analysis):
     """Export the state space of the model as DIR/NAME-statespace.*.
 
-    States, inputs and outputs have names and units. The band in which the export agrees with the
-    direct solution is measured and recorded in the file.
+    States, inputs and outputs have names and units. The band in which the export agrees with its
+    own model, and those in which it agrees with the violin model to 1 % and 10 %, are measured and
+    recorded in the file.
 
     Example: pendsus export my.toml --format control
     """
@@ -45,7 +48,7 @@ class ExportAnalysis(Analysis):
             "input", "An input", "the support's six motions and six forces on the first stage"
         ),
         options.signals(
-            "output", "An output", "the six motions of the first and of the last stage"
+            "output", "An output", "the six motions of the first stage and of the mirror"
         ),
         option(
             "--loss/--no-loss",
@@ -56,6 +59,7 @@ class ExportAnalysis(Analysis):
         options.ALLOW_UNSTABLE,
         options.OVERRIDES,
         options.OUT,
+        options.NAME,
         options.FIDELITY,
         options.ACCURACY,
         options.AS_JSON_ONLY,
@@ -68,6 +72,7 @@ class ExportAnalysis(Analysis):
         """Build the state space and measure its band."""
         from suspension_cli.analyses import model_choice
         from suspension_cli.analyses.export import solve as export
+        from suspension_cli.design.derive import main_chain
         from suspension_cli.linear import signals
         from suspension_cli.linear.constant_loss import with_constant_loss
 
@@ -84,7 +89,7 @@ class ExportAnalysis(Analysis):
         if not setting["loss"]:
             model = direct = dataclasses.replace(model, lossy=None)
         known = signals.bodies_with_signals(model)
-        drives, motions = signals.local_control_signals(model)
+        drives, motions = signals.local_control_signals(main_chain(run.design))
         inputs = [signals.parse_input(text, known) for text in setting["inputs"] or drives]
         outputs = [signals.parse_output(text, known) for text in setting["outputs"] or motions]
         made = export.build(model, inputs, outputs, direct, zpk=setting["form"] == "zpk")
@@ -98,6 +103,7 @@ class ExportAnalysis(Analysis):
                 "exported without damping: accurate off resonance; --loss gives correct Q but wrong"
                 " isolation"
             )
+        made = export.compare_with_complete(made, run.design, inputs, outputs)
         extra = {"format": setting["form"]}
         return Result(self, run.source, choice, made, extra, command=run.command)
 
@@ -114,6 +120,7 @@ class ExportAnalysis(Analysis):
             "band_hz": list(made.band) if made.band else None,
             "tolerance": made.tolerance,
             "worst_error": as_number(made.worst),
+            "agreement": _agreement(made),
         }
 
     def text(self, result: Result) -> str:
@@ -122,15 +129,16 @@ class ExportAnalysis(Analysis):
         system = made.system
         return (
             f"{result.choice.line}\nstates: {len(system.state)}, inputs: {len(system.input)},"
-            f" outputs: {len(system.output)}; {agreement(made)}\n"
-            f"(worst {made.worst:.1e}, up to 100 times the highest mode)"
+            f" outputs: {len(system.output)}; {agreement(made, result.choice.level)}\n"
+            f"(worst {made.worst:.1e}, up to 100 times the highest mode)\n"
+            f"{_table(made)}"
         )
 
     def path(self, result: Result, folder: Path) -> Path:
         """Return the path of the exported file."""
         from suspension_cli.analyses.export.file import FORMATS
 
-        return folder / f"{result.name}-statespace{FORMATS[result.extra['format']].suffix}"
+        return folder / f"{result.source.stem()}-statespace{FORMATS[result.extra['format']].suffix}"
 
     def save(self, path: Path, result: Result) -> None:
         """Write the exported file, in the format of its ending."""
@@ -148,15 +156,83 @@ class ExportAnalysis(Analysis):
         raise InputError([Fault("", "a state space has no labelled arrays", remedy)])
 
 
-def agreement(made: Exported) -> str:
-    """Describe the band in which an export agrees with the direct solution."""
+def _agreement(made: Exported) -> Document:
+    """Return the bands of agreement with the most complete model."""
+    from suspension_cli.analyses.export.solve import AGREEMENT
+
+    found, system = made.agreement, made.system
+    assert found is not None
+    pairs = [
+        {"output": out, "input": into}
+        | {
+            f"band_hz_{100 * error:g}_percent": [float(low), float(high)] if low > 0 else None
+            for error, low, high in zip(
+                AGREEMENT, found.low[:, o, i], found.high[:, o, i], strict=True
+            )
+        }
+        for o, out in enumerate(system.output)
+        for i, into in enumerate(system.input)
+    ]
+    if found.unknown:
+        return {"model": found.model, "unknown": found.unknown, "pairs": None}
+    return {"model": found.model, "pairs": pairs}
+
+
+def _table(made: Exported) -> str:
+    """Tabulate the bands of agreement with the most complete model.
+
+    Of more than `MOST` responses, only those of equal coordinates.
+    """
+    from suspension_cli.analyses import tables
+    from suspension_cli.analyses.export.solve import AGREEMENT
+
+    found, system = made.agreement, made.system
+    assert found is not None
+    if found.unknown:
+        return (
+            f"agreement with the {found.model} model (wires that bend and have mass) is not known:"
+            f" {found.unknown}; give the material and radius of wires"
+        )
+
+    def coordinate(name: str) -> str:
+        return name.partition("@")[0].rpartition(".")[2].rpartition("_")[2]
+
+    every = [(o, i) for o in range(len(system.output)) for i in range(len(system.input))]
+    equal = [
+        at for at in every if coordinate(system.output[at[0]]) == coordinate(system.input[at[1]])
+    ]
+    shown = equal if equal and len(every) > MOST else every
+    columns = {"output": "", "input": ""}
+    for error in AGREEMENT:
+        columns |= {f"{100 * error:g} % from\nHz": ".3g", f"{100 * error:g} % to\nHz": ".4g"}
+    rows = [
+        (
+            system.output[o],
+            system.input[i],
+            *(
+                float(end)
+                for pair in zip(found.low[:, o, i], found.high[:, o, i], strict=True)
+                for end in pair
+            ),
+        )
+        for o, i in shown
+    ]
+    rest = "" if shown is every else "; all responses are in --json and in the file"
+    return (
+        f"\nbands of agreement with the {found.model} model, off resonance{rest}:\n\n"
+        + tables.render(columns, rows)
+    )
+
+
+def agreement(made: Exported, level: str) -> str:
+    """Describe the band in which an export agrees with the direct solution of its model."""
     if made.band is None:
         return (
-            f"there is no band in which it agrees with the direct solution to {made.tolerance:g}"
+            f"there is no band in which it agrees with the {level} model to {made.tolerance:g}"
             f" ({made.tried[0]:.3g} to {made.tried[1]:.4g} Hz tried)"
         )
     return (
-        f"agrees with the direct solution to {made.tolerance:g} from {made.band[0]:.3g} to"
+        f"agrees with the {level} model to {made.tolerance:g} from {made.band[0]:.3g} to"
         f" {made.band[1]:.4g} Hz"
     )
 

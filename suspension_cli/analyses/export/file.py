@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
-from suspension_cli.analyses.analysis import as_number
-from suspension_cli.analyses.export.solve import Exported
+from suspension_cli.analyses.analysis import as_number, plain
+from suspension_cli.analyses.export.solve import AGREEMENT, Exported
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.files.atomic import write_bytes
 from suspension_cli.files.hdf5 import Provenance, add_dataset, add_scale, write
@@ -73,6 +73,7 @@ def _write_control(path: Path, made: Exported, origin: Provenance) -> None:
         for key, value in _fields(made, origin).items()
     }
     document |= {"band_hz": made.band, "worst_error": as_number(made.worst)}
+    document |= {key: plain(values) for key, values in _bands(made).items()}
     write_bytes(path, json.dumps(document, indent=1, allow_nan=False).encode())
 
 
@@ -101,6 +102,7 @@ def _fields(made: Exported, origin: Provenance) -> dict[str, object]:
         **{name.upper(): getattr(system, name) for name in "abcd"},
         **{name: getattr(system, name) for name in names},
         **_agreement(made),
+        **_bands(made),
         "design": origin.design,
         "command": origin.command,
         "fidelity": origin.fidelity,
@@ -108,10 +110,24 @@ def _fields(made: Exported, origin: Provenance) -> dict[str, object]:
     }
 
 
-def _agreement(made: Exported) -> dict[str, float | Float[np.ndarray, " 2"]]:
+def _agreement(made: Exported) -> dict[str, Any]:
     """Band of agreement (2,), Hz, NaN if there is none, and the errors in and beyond it."""
     band = np.array(made.band or (np.nan, np.nan))
-    return {"band_hz": band, "tolerance": made.tolerance, "worst_error": made.worst}
+    found: dict[str, Any] = {"band_hz": band, "tolerance": made.tolerance}
+    found["worst_error"] = made.worst
+    if made.agreement is not None:
+        found |= {"agreement_model": made.agreement.model}
+        found |= {"agreement_unknown": made.agreement.unknown}
+    return found
+
+
+def _bands(made: Exported) -> dict[str, Float[np.ndarray, "tolerance ..."]]:
+    """Errors against the most complete model, and the ends of their bands, Hz."""
+    found = made.agreement
+    if found is None:
+        return {}
+    ends = {"agreement_from_hz": found.low, "agreement_to_hz": found.high}
+    return {"agreement_tolerance": np.array(AGREEMENT), **ends}
 
 
 def _fill(file: h5py.File, made: Exported) -> None:
@@ -122,6 +138,10 @@ def _fill(file: h5py.File, made: Exported) -> None:
     out = add_scale(group, "output", list(system.output), "name")
     add_dataset(group, "input_unit", list(system.input_unit), "name", into)
     add_dataset(group, "output_unit", list(system.output_unit), "name", out)
+    if bands := _bands(made):
+        error = add_scale(group, "agreement_tolerance", bands.pop("agreement_tolerance"), "1")
+        for name, values in bands.items():
+            add_dataset(group, name, values, "Hz", error, out, into)
     if made.zpk is not None:
         add_dataset(group, "gain", made.zpk.gain, "SI, with roots in rad/s", out, into)
         for o, i in np.ndindex(made.zpk.gain.shape):

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import zip_longest
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspension_cli.design.schema import Design
 from suspension_cli.linear import statespace
 from suspension_cli.linear.connected_groups import connected_groups
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
-    from jaxtyping import Complex
+    from jaxtyping import Complex, Float
 
 
 @dataclass(frozen=True)
@@ -61,8 +63,34 @@ class Exported:
     tolerance: float
     worst: float
     tried: tuple[float, float]
+    agreement: Agreement | None = None
 
 
+@dataclass(frozen=True)
+class Agreement:
+    """Bands in which an export agrees with the most complete model, off resonance.
+
+    Attributes
+    ----------
+    model
+        Name of that model.
+    unknown
+        Why the design has no such model; "" if it has.
+    low, high
+        Ends of the band of each of `AGREEMENT` for each response, Hz; NaN where there is none.
+    """
+
+    model: str
+    unknown: str
+    low: Float[np.ndarray, "tolerance output input"]
+    high: Float[np.ndarray, "tolerance output input"]
+
+
+AGREEMENT = (0.01, 0.1)
+"""Errors against the most complete model whose bands are reported."""
+NARROW = 0.07
+"""Width, relative to its frequency, up to which a resonance or a zero does not interrupt a band: a
+slight shift of either is a large error there."""
 TOLERANCE = 1e-9
 """Relative error of a state space in its band."""
 TOLERANCE_ZPK = 1e-3
@@ -93,6 +121,30 @@ def build(
         form or system, direct or model, inputs, outputs, tolerance
     )
     return Exported(system, form, band, tolerance, worst, tried)
+
+
+def compare_with_complete(
+    made: Exported, design: Design, inputs: list[Signal], outputs: list[Signal]
+) -> Exported:
+    """Add the bands in which an export agrees with the most complete model of the design.
+
+    The errors of each response are smoothed by a running median, which removes what is narrow.
+    """
+    from scipy.ndimage import median_filter
+
+    complete, system = registry.MOST_COMPLETE, made.zpk or made.system
+    unknown = complete.unsuitable(design)
+    band = np.full((len(AGREEMENT), len(outputs), len(inputs), 2), np.nan)
+    if not unknown:
+        frequency = np.geomspace(*made.tried, statespace.GRID)
+        model = complete.system(design)
+        error = statespace.relative_errors(system, model, frequency, inputs, outputs)
+        points = 2 * round(NARROW / np.log(frequency[1] / frequency[0])) + 1
+        error = median_filter(error, (points, 1, 1), mode="nearest")
+        for n, o, i in np.ndindex(band.shape[:-1]):
+            found = statespace.widest_band(frequency, error[:, o, i] <= AGREEMENT[n])
+            band[n, o, i] = found or np.nan
+    return replace(made, agreement=Agreement(complete.name, unknown, band[..., 0], band[..., 1]))
 
 
 def compute_zero_pole_gain(system: statespace.StateSpace) -> ZeroPoleGain:

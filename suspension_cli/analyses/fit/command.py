@@ -67,7 +67,7 @@ class FitAnalysis(Analysis):
         ),
         option(
             "--relative-uncertainty",
-            type=options.Finite(0.0, 10.0, min_open=True),
+            type=click.FloatRange(0.0, 10.0, min_open=True),
             metavar="FRACTION",
             help="Relative uncertainty of transfer functions whose files give none.",
         ),
@@ -138,17 +138,18 @@ class FitAnalysis(Analysis):
         choice = common_model.worst(decisions)
         for source, decision in zip(sources, decisions, strict=True):
             model_choice.warn_of_neglected(source, decision, run.log, (registry.BEAM,))
-        stem = Path(file).stem if joint else found.experiment[0]
+        name = Path(file).stem if joint else found.experiment[0]
         data = dataclasses.replace(
             found,
             design_before=tuple(one.source.text for one in runs),
             measurements=run.inputs["text"],
-            title=(given.title if joint else run.design.design.title) or stem,
+            title=(given.title if joint else run.design.design.title) or name,
         )
         _warn(data, choice, run.log)
         if run.setting.get("as_json", True):  # printed in the text
             for line in report.first_lines(data):
                 run.log.warn(line)
+        stem = run.source.stem(name)
         extra = {"stem": stem, "joint": joint, "designs": designs, "measured_file": file}
         return Result(self, run.source, choice, data, extra, command=run.command)
 
@@ -346,9 +347,8 @@ def _checked(
 def _warn(found: Fit, choice: Choice, log: Log) -> None:
     """Warn of numbers at their bounds, and of fitted designs that are implausible or unstable."""
     from suspension_cli.analyses.check import warnings
+    from suspension_cli.analyses.growth import find_growth
     from suspension_cli.design import reader
-    from suspension_cli.linear import eigenmodes
-    from suspension_cli.models import registry
 
     for label, bound in zip(found.parameters, found.at_bound, strict=True):
         if bound:
@@ -356,12 +356,11 @@ def _warn(found: Fit, choice: Choice, log: Log) -> None:
     for name, fitted in zip(found.experiment, found.design, strict=True):
         design = reader.parse(fitted)
         warnings.warn_implausible(design, log)
-        states = eigenmodes.solve(registry.by_name(choice.level).system(design))
-        if not states.stable:
+        grows = find_growth(design, choice.model, choice.model.system(design))
+        if grows is not None:
             log.warn(
-                f"the fitted design {name} is unstable in the {choice.level} model:"
-                f" {states.label[0]} grows at {states.growth_rate[0]:.4g} 1/s; give bounds or"
-                " priors to the numbers that make it so"
+                f"the fitted design {name} is unstable in the {choice.level} model: {grows.worst};"
+                " give bounds or priors to the numbers that make it so"
             )
 
 

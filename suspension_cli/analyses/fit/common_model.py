@@ -43,7 +43,7 @@ def choose(
     return [
         decision
         if decision.choice.model is common
-        else auto.estimate_error(source.design, Choice(common.name, reason), request)
+        else auto.estimate_error(source.design, Choice(common.name, reason), request, tolerance)
         for source, decision, request in zip(sources, found, requests, strict=True)
     ]
 

@@ -160,7 +160,8 @@ def _start(
             if any(item.name in other for other, _ in mine):
                 remedy = "give a start, or list only experiments whose designs give it"
             else:
-                remedy = f"give a start; {suggest(item.name, list(table))}"
+                member = item.name.rpartition(".")[2].isdigit()  # of a list that is missing
+                remedy = f"{'' if member else 'give a start; '}{suggest(item.name, list(table))}"
         elif item.start is None and len(given) > 1:
             problem = "has different values in the designs that share it"
         if problem:

@@ -130,8 +130,9 @@ def solve(source: Source, setting: Settings, log: Log) -> Info:
         If the design does not balance, or a signal does not exist.
     """
     from suspension_cli.analyses.check import warnings
+    from suspension_cli.design.derive import mirror
     from suspension_cli.errors import attribute_faults_to
-    from suspension_cli.grids import parse_grid
+    from suspension_cli.grids import parse_frequencies
     from suspension_cli.linear import eigenmodes, signals
     from suspension_cli.models import auto, registry
     from suspension_cli.models.estimates import Estimates
@@ -139,8 +140,8 @@ def solve(source: Source, setting: Settings, log: Log) -> Info:
     from suspension_cli.scene.fibres import explain_unsuitable
 
     design, tolerance = source.design, setting["tolerance"]
-    frequency = np.array(parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0))
-    output = setting["output"] or f"{design.stage[-1].name}.x"
+    frequency = np.array(parse_frequencies(setting["frequency"]))
+    output = setting["output"] or f"{mirror(design)}.x"
 
     def transfer(model: LinearSystem) -> Transfer:
         known = signals.bodies_with_signals(model)

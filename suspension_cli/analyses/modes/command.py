@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
+import click
+
 from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import (
     Analysis,
@@ -40,9 +42,9 @@ class ModesAnalysis(Analysis):
     equilibrium is reported with its growth rates; a rigid mode (a body free to spin on one wire)
     has frequency 0; an overdamped mode has a decay rate and no frequency.
 
-    With --max-frequency (or --fidelity violin, then up to 1 kHz) the wires have mass, and violin
-    modes are listed, too. The beam and violin models also give the dilution factor of a mode: its
-    energy over the energy in lossy parts.
+    The modes of bodies are listed. With --max-frequency (or --fidelity violin, then up to 1 kHz)
+    the wires have mass, and violin modes are listed, too. The beam and violin models also give the
+    dilution factor of a mode: its energy over the energy in lossy parts.
 
     With --animate modes are also drawn in motion: DIR/NAME-modes-3.gif is one period of mode 3.
 
@@ -54,7 +56,7 @@ class ModesAnalysis(Analysis):
     parameters = (
         option(
             "--max-frequency",
-            type=options.Finite(1e-6, 1e6),
+            type=click.FloatRange(1e-6, 1e6),
             metavar="HZ",
             help="Highest frequency of the modes listed; auto and violin include violin modes.",
         ),
@@ -84,9 +86,9 @@ class ModesAnalysis(Analysis):
         """Compute the modes of one design."""
         import numpy as np
 
+        from suspension_cli.analyses import growth
         from suspension_cli.analyses.check import warnings
         from suspension_cli.analyses.check.lossless import find_lossless
-        from suspension_cli.design.plausibility import RAISE
 
         choice, model, undamped, modes = _solve(run)
         _animated(modes, run.setting)  # refuse unknown modes before anything is written
@@ -99,9 +101,11 @@ class ModesAnalysis(Analysis):
         if np.isfinite(modes.q).any():
             for line in warnings.describe_lossless(lossless, choice.level):
                 run.log.warn(f"{run.name}: {line}")
-        for label, rate in zip(modes.label, modes.growth_rate, strict=True):
-            if rate > 0:
-                run.log.warn(f"{run.name} is unstable: {label} grows at {rate:.4g} 1/s; {RAISE}")
+        if not modes.stable:
+            grows = growth.find_growth(run.design, choice.model, model)
+            remedy = "" if grows is None else f"; {grows.cause.remedy}"
+            for n in np.flatnonzero(modes.growth_rate):
+                run.log.warn(f"{run.name} is unstable: {growth.describe(modes, int(n))}{remedy}")
         extra = {"without_loss": [part.part for part in lossless]}
         return Result(self, run.source, choice, modes, extra, command=run.command)
 
@@ -134,9 +138,11 @@ class ModesAnalysis(Analysis):
         """Return a table of the modes."""
         import numpy as np
 
+        from suspension_cli.analyses.growth import describe as describe_growth
         from suspension_cli.linear.eigenmodes import describe
 
         modes: Modes = result.data
+        growth = modes.growth_rate
         lossy = bool(np.isfinite(modes.q).any())
         diluted = bool(np.isfinite(modes.dilution).any())
         labels, home, place, verdict = modes.label, modes.home, modes.place, modes.verdict
@@ -158,7 +164,9 @@ class ModesAnalysis(Analysis):
                     for i in order
                     if fractions[i] > 0.02
                 )
-                if modes.overdamped[n]:
+                if growth[n] > 0:
+                    what += f"; {describe_growth(modes, n).removeprefix(labels[n] + ' ')}"
+                elif modes.overdamped[n]:
                     what += f"; decays at {modes.decay_rate[n]:#.4g} 1/s"
                 elif modes.omega_squared[n] > 0 and verdict[n] != "can be damped":
                     what += f"; {verdict[n]}"
@@ -224,12 +232,12 @@ def _warn_of_series(run: Run, choice: Choice, modes: Modes) -> None:
 def _solve(run: Run) -> tuple[Choice, LinearSystem, Modes, Modes]:
     """The choice of model, its system, the modes without damping, and with all losses.
 
-    With wire mass both are the modes with all losses.
+    If modes of wires are listed too, both are the modes with all losses.
     """
     import numpy as np
 
-    from suspension_cli.analyses.modes import damped, wire_modes
-    from suspension_cli.linear import eigenmodes
+    from suspension_cli.analyses.modes import wire_modes
+    from suspension_cli.linear import damped, eigenmodes
     from suspension_cli.models import auto, registry
     from suspension_cli.models.quantity_of_interest import Frequencies
 
@@ -239,25 +247,28 @@ def _solve(run: Run) -> tuple[Choice, LinearSystem, Modes, Modes]:
         decision = auto.decide(design, lambda _: Frequencies(), setting["tolerance"])
     else:
         chosen = registry.choose(design, registry.VIOLIN.name if level == registry.AUTO else level)
-        decision = auto.estimate_error(design, chosen, lambda _: Frequencies())
+        decision = auto.estimate_error(
+            design, chosen, lambda _: Frequencies(), setting["tolerance"]
+        )
     model, choice = decision.model, decision.choice
     still = eigenmodes.solve(model)
-    if not choice.model.has_wire_mass:
+    bodies_only = level == registry.AUTO and highest is None
+    if not choice.model.has_wire_mass or bodies_only:
         listed = damped.solve(model, still)
+        if choice.model.has_wire_mass and not damped.are_poles(listed):
+            top = float(np.nanmax(still.frequency))  # the mass of wires lowers all frequencies
+            _admit(run, wire_modes.count_modes(model, top), top, "that of the highest mode")
+            with run.log.progress() as bar:
+                listed = wire_modes.solve(model, top, damping=True, progress=bar)
+            of_bodies = listed.order == 0
+            listed = listed.select(of_bodies) if of_bodies.any() else listed
         if highest is not None:
             listed = listed.up_to(highest)
             if not len(listed.q):
                 raise wire_modes.no_mode_error(highest)
         return choice, model, still, listed
-    if level == registry.AUTO and highest is None:
-        # the mass of wires lowers all frequencies: those of the bodies lie below the highest
-        # one without it
-        at = int(np.nanargmax(still.frequency))
-        top = float(still.frequency[at])
-        cause = f"that of {still.label[at]}, the highest mode without wire mass"
-    else:
-        top, cause = highest or HIGHEST, "--max-frequency" if highest else "by default"
-        choice = registry.Choice(choice.level, f"all modes up to {top:g} Hz", 0.0)
+    top, cause = highest or HIGHEST, "--max-frequency" if highest else "by default"
+    choice = registry.Choice(choice.level, f"all modes up to {top:g} Hz", 0.0)
     _admit(run, wire_modes.count_modes(model, top), top, cause)
     with run.log.progress() as bar:
         found = wire_modes.solve(model, top, damping=True, progress=bar)
@@ -277,8 +288,9 @@ def _admit(run: Run, number: int, top: float, cause: str) -> None:
             "check lengths and radii of wires (m), give a lower --max-frequency, or --all to"
             " compute all"
         )
-        if causes := plausible.find_serious(run.design):
-            remedy = f"probable cause: {causes[0].line}"
+        causes = [item.line for item in plausible.find_serious(run.design)]
+        if causes and not causes[0].startswith("control."):
+            remedy = f"probable cause: {causes[0]}"
         raise InputError([Fault("", problem, remedy)])
     if number > MANY:
         run.log.say(f"{run.name}: {number:,} modes up to {top:.4g} Hz")

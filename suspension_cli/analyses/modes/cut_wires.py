@@ -15,10 +15,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.modes import damped
 from suspension_cli.elements import joined_sections
 from suspension_cli.elements.dynamic_wire import COORDINATES, PARTS, TautWire
-from suspension_cli.linear import eigenmodes, frequency_dependent
+from suspension_cli.linear import damped, eigenmodes, frequency_dependent
 from suspension_cli.linear.frequency_terms import LossTerm, WireTerm
 from suspension_cli.linear.mode_count import Progress
 from suspension_cli.linear.system import LinearSystem

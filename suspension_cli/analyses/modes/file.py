@@ -13,6 +13,7 @@ from suspension_cli.linear.eigenmodes import Modes
 def fill(group: h5py.Group, modes: Modes) -> None:
     """Write the modes of one design into a group."""
     group.attrs["stable"] = modes.stable
+    group.attrs["top"] = modes.top or (0,) * len(modes.body)
     mode = add_scale(group, "mode", np.arange(1, len(modes.omega_squared) + 1), "1")
     coordinate = add_scale(group, "coordinate", list(modes.coordinate), "name")
     body = add_scale(group, "body", list(modes.body), "name")
@@ -52,4 +53,5 @@ def load(group: Stored) -> Modes:
         wire_energy=group["wire_energy"][:] if some else np.zeros((len(group["q"]), 0)),
         order=group["order"][:],
         decay_rate=group["decay_rate"][:],
+        top=tuple(map(int, group.attrs.get("top", ()))),
     )

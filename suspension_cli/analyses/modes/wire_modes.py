@@ -11,23 +11,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.modes import cut_wires, damped, strong_damping
+from suspension_cli.analyses.modes import cut_wires
 from suspension_cli.analyses.modes.cut_wires import CutWires
-from suspension_cli.analyses.modes.elastic_losses import ElasticLosses
-from suspension_cli.analyses.modes.modal_basis import Basis
 from suspension_cli.elements.dynamic_wire import PARTS, TautWire
 from suspension_cli.errors import Fault, InputError
-from suspension_cli.linear import eigenmodes, mode_count, quality
+from suspension_cli.linear import damped, eigenmodes, mode_count, quality, strong_damping
 from suspension_cli.linear.eigenmodes import Modes
+from suspension_cli.linear.elastic_losses import ElasticLosses
 from suspension_cli.linear.frequency_terms import LossTerm
+from suspension_cli.linear.modal_basis import Basis
 from suspension_cli.linear.mode_count import Progress, silent
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
-    from jaxtyping import Complex, Float, Int
+    from jaxtyping import Bool, Complex, Float, Int
 
-    from suspension_cli.analyses.modes.strong_damping import Dynamic
+    from suspension_cli.linear.strong_damping import Dynamic
 
 SLOWEST = 1e-4
 """Fraction of the lowest static frequency below which modes are not searched for."""
@@ -90,9 +90,10 @@ def solve(
         wire_energy=wire / total[:, None],
         order=np.zeros(len(omega), dtype=np.intp),
         decay_rate=lost / (2 * omega),
+        top=model.top,
     )
     found = replace(found, order=_half_waves(found, kinds))
-    if not damping or not np.isfinite(found.q).any():
+    if not damping or not _is_lossy(found).any():
         return _prepend_static(found, static)
 
     def dynamic(
@@ -242,7 +243,8 @@ def _build_basis(
     """
     own = shapes[:, : model.size]
     viscous = own @ damped.damping_matrix(model) @ own.T
-    loss = np.diag(np.maximum(lost - omega * viscous.diagonal(), 0.0))
+    elastic = lost - omega * viscous.diagonal()
+    loss = np.diag(elastic if model.active else np.maximum(elastic, 0.0))
     apart = np.abs(np.subtract.outer(omega**2, omega**2))
     near = (apart < NEIGHBOURS * np.add.outer(lost, lost)) & (apart < CLOSE * omega**2)
     first, second = np.nonzero(np.triu(near, 1))
@@ -310,7 +312,7 @@ def _solve_damped_part(
 
     Where losses are large, poles are refined in the full system, which has all modes.
     """
-    lossy = np.flatnonzero(np.isfinite(found.q))
+    lossy = np.flatnonzero(_is_lossy(found))
     if not len(lossy):
         return found
     here = damped.find_poles(basis.within(lossy))
@@ -337,9 +339,14 @@ def _solve_damped_part(
         "dilution": 1 / (weight @ (1 / found.dilution)),
         "wire_energy": wires,
         "order": found.order[lead],
-        "decay_rate": -np.real(value),
+        "decay_rate": -np.real(value) if model.active else np.maximum(-np.real(value), 0.0),
     }
-    return damped.merge_modes(found, ~np.isfinite(found.q), new)
+    return damped.merge_modes(found, ~_is_lossy(found), new)
+
+
+def _is_lossy(found: Modes) -> Bool[np.ndarray, " mode"]:
+    """Whether losses, positive or negative, act on each mode."""
+    return np.isfinite(found.q) | (found.decay_rate < 0)
 
 
 def _prepend_static(found: Modes, static: Modes) -> Modes:

@@ -92,4 +92,4 @@ def _choose(
     if level != registry.AUTO or least is None or found.model.cost >= least.model.cost:
         return found
     choice = replace(least, reason="other designs of the search need it")
-    return auto.estimate_error(design, choice, request).choice
+    return auto.estimate_error(design, choice, request, tolerance).choice

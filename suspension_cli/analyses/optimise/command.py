@@ -167,7 +167,7 @@ class OptimiseAnalysis(Analysis):
         """Write the optimised design as NAME-optimised.toml."""
         from suspension_cli.analyses.optimise import file as stored
 
-        made = path.with_name(f"{result.name}-optimised.toml")
+        made = path.with_name(f"{result.source.stem()}-optimised.toml")
         design, goals = result.source.file, result.extra.get("goals_file", "goals")
         stored.save_design(made, result.data, Path(design).name, Path(goals).name, result.command)
         return [made]
@@ -245,10 +245,12 @@ def _limits(found: Optimum, goals: Goals) -> list[Document]:
 
 def _quantities(found: Optimum) -> list[Document]:
     each = found.quantities
-    rows = zip(each.name, each.unit, each.before, each.after, strict=True)
+    models = each.model or [""] * len(each.name)
+    rows = zip(each.name, each.unit, each.before, each.after, models, strict=True)
     return [
         {"name": name, "unit": unit, "before": as_number(before), "after": as_number(after)}
-        for name, unit, before, after in rows
+        | {"model": model or None}
+        for name, unit, before, after, model in rows
     ]
 
 
@@ -321,7 +323,7 @@ def _verdict(found: Optimum) -> str:
         [
             f"{count or 'no'} limit{'' if count == 1 else 's'}",
             *said,
-            f"checked with the {found.fidelity} model",
+            found.checked,
         ]
     )
 

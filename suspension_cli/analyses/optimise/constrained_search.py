@@ -6,9 +6,12 @@ one per mode so that they are smooth. First
 
     minimise s    subject to    c(u) + s >= 0,  -s <= e(u) <= s,  s >= 0,
 
-with the largest violation s and equalities e; from there, minimise the objective subject to c >= 0
-and e = 0. Bounds always apply, also those of dependent numbers, b(u) >= 0. For an invalid design (a
-slack wire, say) the search gets values far worse than the last ones, and shortens its step.
+with the largest violation s and equalities e. If s > 0 remains, as limits exclude each other, then
+minimise the sum of the violations s_i of all limits, none larger than s: limits that can be met
+beside those that cannot are met. From there minimise the objective, subject to c + s_i >= 0 and
+e = 0 (or its violation). Bounds always apply, also those of dependent numbers, b(u) >= 0. For an
+invalid design (a slack wire, say) the search gets values far worse than the last ones, and shortens
+its step.
 """
 
 from __future__ import annotations
@@ -30,12 +33,16 @@ from suspension_cli.scene.arrays import Array
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
 
+LARGEST, TOTAL, OBJECTIVE = "largest violation", "sum of violations", "objective"
+"""What the successive searches minimise."""
 MAX_ITERATIONS = 100
-"""Most iterations of each of the two searches."""
+"""Most iterations of each search."""
 PRECISION = 1e-10
 """Change of the minimised function at which a search ends."""
 FEASIBLE = 1e-8
 """Largest violation of a point that satisfies all limits with the margin of the goals."""
+EQUAL = 1e-6
+"""Difference of violations that count as equal."""
 ACTIVE = 1e-5
 """Margin below which a limit is active."""
 PENALTY = 10.0
@@ -54,6 +61,8 @@ class Point:
         Logarithms of the quantities.
     violation : float
         Largest violation of a limit (logarithm).
+    total : float
+        Sum of the violations of all limits.
     objective : float
     outside : float
         Largest excess of a dependent number over a bound, relative to that.
@@ -62,6 +71,7 @@ class Point:
     fraction: Float[np.ndarray, " number"]
     log: Float[np.ndarray, " quantity"]
     violation: float
+    total: float
     objective: float
     outside: float
 
@@ -71,13 +81,16 @@ class Point:
         return max(self.violation, self.outside)
 
     @property
-    def rank(self) -> tuple[float, float, float]:
-        """Sort key (smallest is best): excess over bounds, violation, objective."""
+    def rank(self) -> tuple[float, float, float, float]:
+        """Sort key (smallest is best): excess over bounds, violations, objective."""
         beyond = self.outside if self.outside > FEASIBLE else 0.0
+        if self.violation <= FEASIBLE:
+            return beyond, 0.0, 0.0, self.objective
         return (
-            (beyond, self.violation, 0.0)
-            if self.violation > FEASIBLE
-            else (beyond, 0.0, self.objective)
+            beyond,
+            1.0 + round(self.violation / EQUAL),
+            round(self.total / EQUAL),
+            self.objective,
         )
 
 
@@ -123,6 +136,8 @@ class Search:
         Best point of the current search.
     pairs : tuple of Limit
         Separations of neighbouring modes.
+    least : tuple of float
+        Least possible largest violation, and least sum of violations; 0 while unknown.
     """
 
     values: Evaluator
@@ -130,6 +145,7 @@ class Search:
     seen: dict[bytes, Evaluation | None] = field(default_factory=dict)
     best: Point | None = None
     pairs: tuple[Limit, ...] = ()
+    least: tuple[float, float] = (0.0, 0.0)
 
     @property
     def freed(self) -> FreeDesign:
@@ -229,12 +245,14 @@ class Search:
         if now is None:
             return None
         c, _, e, _ = self.margins(now)
-        worst = float(np.max(np.concatenate([-c, np.abs(e), [-np.inf]])))
+        missing = np.concatenate([-c, np.abs(e), [-np.inf]])
+        worst = float(missing.max())
         goal = worst if self.maximises_margin else self.objective(now, fraction)[0]
         found = Point(
             fraction.copy(),
             now.log,
-            max(worst, 0.0),
+            _snap(max(worst, 0.0), self.least[0]),
+            _snap(float(np.maximum(missing, 0.0).sum()), self.least[1]),
             goal,
             float(np.max(-self.within(fraction)[0], initial=0.0)),
         )
@@ -244,29 +262,51 @@ class Search:
 
     def run(self, fraction: Float[np.ndarray, " number"]) -> Point | None:
         """Search from fractions; return the best point, or None for an invalid start."""
-        self.best, now = None, self.value(fraction)
+        self.best, self.least, now = None, (0.0, 0.0), self.value(fraction)
         if now is None:
             return None
         self.pairs = self.order(now.log)
         begin = self.point(fraction)
         assert begin is not None
         if begin.worst > FEASIBLE:
-            self._solve(begin.fraction, begin.violation, phase=1)
-        if self.best is not None and self.best.worst <= FEASIBLE:
-            self._solve(self.best.fraction, self.best.objective, phase=2)
+            self._solve(begin.fraction, LARGEST)
+        assert self.best is not None
+        feasible = self.best.worst <= FEASIBLE
+        if not feasible:
+            self.least = (self.best.violation, 0.0)
+            self._solve(self.best.fraction, TOTAL)
+            self.least = (self.best.violation, self.best.total)
+        if feasible or not self.maximises_margin:
+            self._solve(self.best.fraction, OBJECTIVE)
         return self.best
 
-    def _solve(self, fraction: Float[np.ndarray, " number"], worst: float, *, phase: int) -> None:
-        """Minimise the violation (phase 1), or the objective subject to the limits (phase 2)."""
+    def _solve(self, fraction: Float[np.ndarray, " number"], phase: str) -> None:
+        """Minimise the `LARGEST` violation, their `TOTAL`, or the `OBJECTIVE` within the limits."""
         from scipy.optimize import minimize
 
-        # the largest violation s is one more variable
-        extra = phase == 1 or self.maximises_margin
+        size, now = len(fraction), self.value(fraction)
+        assert now is not None
+        c, _, e, _ = self.margins(now)
+        # violations s are more variables: a limit may be violated by its row of these matrices
+        # times s
+        share, most = np.ones((len(c) + len(e), 1)), np.inf
+        lowest = 0.0 if phase == LARGEST else -np.inf
+        begin = np.array([np.max([*-c, *np.abs(e)], initial=lowest)])
+        if phase == TOTAL:
+            share, most = np.eye(len(share)), self.least[0] + EQUAL / 2
+            begin = np.maximum(np.append(-c, np.abs(e)), 0.0)
+        elif phase == OBJECTIVE and not self.maximises_margin:
+            share, begin = share[:, :0], begin[:0]
+        held, fixed = (
+            np.where((np.abs(v) > FEASIBLE) & (phase == OBJECTIVE), v, 0.0)
+            for v in (np.minimum(c, 0.0), e)
+        )
+        of_c, of_e, count = share[: len(c)], share[len(c) :], len(begin)
         last: list[tuple[float, Array, Array, Array, Array, Array]] = []
 
         def evaluate(x: Array) -> tuple[float, Array, Array, Array, Array, Array]:
             """Return objective, gradient, c, slopes, e, slopes; worse by `PENALTY` if invalid."""
-            u = np.clip(x[: len(fraction)], 0.0, 1.0)
+            u = np.clip(x[:size], 0.0, 1.0)
             now = self.value(u)
             if now is None:
                 f, g, c, dc, e, de = last[0]
@@ -275,58 +315,40 @@ class Search:
             last[:] = [(*self.objective(now, u), *self.margins(now))]
             return last[0]
 
-        def widened(slopes: Array, sign: float) -> Array:
-            return np.hstack([slopes, np.full((len(slopes), 1), sign)]) if extra else slopes
-
-        def s(x: Array) -> float:
-            return x[-1] if extra else 0.0
-
         def below(x: Array) -> Array:
             _, _, c, _, e, _ = evaluate(x)
-            return np.concatenate(
-                [
-                    c + s(x),
-                    *([e + s(x), s(x) - e] if phase == 1 else []),
-                    self.within(x[: len(fraction)])[0],
-                ]
-            )
+            either = [e + of_e @ x[size:], of_e @ x[size:] - e] if phase != OBJECTIVE else []
+            return np.concatenate([c - held + of_c @ x[size:], *either, self.within(x[:size])[0]])
 
         def below_slope(x: Array) -> Array:
             _, _, _, dc, _, de = evaluate(x)
-            bounds = widened(self.within(x[: len(fraction)])[1], 0.0)
-            return np.vstack(
-                [
-                    widened(dc, 1.0),
-                    *([widened(de, 1.0), widened(-de, 1.0)] if phase == 1 else []),
-                    bounds,
-                ]
-            )
+            either = [np.hstack([de, of_e]), np.hstack([-de, of_e])] if phase != OBJECTIVE else []
+            bounds = self.within(x[:size])[1]
+            still = np.zeros((len(bounds), count))
+            return np.vstack([np.hstack([dc, of_c]), *either, np.hstack([bounds, still])])
 
         rules: list[dict[str, object]] = [{"type": "ineq", "fun": below, "jac": below_slope}]
-        if phase == 2 and any(limit.sense == "equals" for limit in self.limits):
+        if phase == OBJECTIVE and len(e):
             rules.append(
                 {
                     "type": "eq",
-                    "fun": lambda x: evaluate(x)[4],
-                    "jac": lambda x: widened(evaluate(x)[5], 0.0),
+                    "fun": lambda x: evaluate(x)[4] - fixed,
+                    "jac": lambda x: np.hstack([evaluate(x)[5], np.zeros((len(e), count))]),
                 }
             )
-        if not len(below(np.append(fraction, worst) if extra else fraction)):
+        begin = np.append(fraction, begin)
+        if not len(below(begin)):
             rules = rules[1:]
-        bounds = [(0.0, 1.0)] * len(fraction) + (
-            [(0.0 if phase == 1 else -50.0, None)] if extra else []
-        )
-        up = np.append(np.zeros(len(fraction)), 1.0)
+        up = np.append(np.zeros(size), np.ones(count))
         function: Callable[[Array], float] = (
-            (lambda x: x[-1]) if extra else lambda x: evaluate(x)[0]
+            (lambda x: x[size:].sum()) if count else lambda x: evaluate(x)[0]
         )
-        slope: Callable[[Array], Array] = (lambda _: up) if extra else lambda x: evaluate(x)[1]
-        begin = np.append(fraction, worst) if extra else fraction
+        slope: Callable[[Array], Array] = (lambda _: up) if count else lambda x: evaluate(x)[1]
         minimize(
             function,
             begin,
             jac=slope,
-            bounds=bounds,
+            bounds=[(0.0, 1.0)] * size + [(-50.0 if phase == OBJECTIVE else 0.0, most)] * count,
             constraints=rules,
             method="SLSQP",
             options={"maxiter": MAX_ITERATIONS, "ftol": PRECISION},
@@ -392,6 +414,11 @@ class Search:
             followers,
             float(left / max(np.linalg.norm(right), 1e-12)),
         )
+
+
+def _snap(value: float, least: float) -> float:
+    """Return the least value instead of one that differs by rounding; 0 is no least value."""
+    return least if least and abs(value - least) < EQUAL else value
 
 
 def margin(

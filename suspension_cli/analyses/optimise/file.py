@@ -29,7 +29,7 @@ PARTS: dict[str, tuple[str, type]] = {
     "starts": ("start", Starts),
 }
 """Parts of a result: scale, whose name starts those of the datasets, and type."""
-TEXTS = ("name", "label", "sense", "unit")
+TEXTS = ("name", "label", "sense", "unit", "model")
 """Fields that are text."""
 UNITS = {
     "number": dict.fromkeys(("before", "after", "lower", "upper"), "SI"),
@@ -80,6 +80,7 @@ def load(group: Stored) -> Optimum:
             **{
                 name: tuple(group[key].asstr()[:]) if name in TEXTS else group[key][:]
                 for name, key in names.items()
+                if key in group or name != "model"
             }
         )
     attrs = group.attrs
@@ -101,8 +102,8 @@ def save_design(path: Path, found: Optimum, file: str, goals: str, command: str)
     limits, numbers = found.limits, found.numbers
     head = [f"{file}, optimised for {goals} by pendsus {__version__}:", f"  {command}"]
     head.append(
-        f"{int(limits.met.sum())} of {len(limits.name)} limits are met, checked with the"
-        f" {found.fidelity} model" + (":" if not limits.met.all() else "")
+        f"{int(limits.met.sum())} of {len(limits.name)} limits are met, {found.checked}"
+        + (":" if not limits.met.all() else "")
     )
     head += [
         f"  NOT MET: {name}: {value:.6g}"

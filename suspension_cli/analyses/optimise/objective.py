@@ -34,7 +34,7 @@ from suspension_cli.design.schema import Perturbation
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.linear import batch_modes, mode_pairing
-from suspension_cli.linear.eigenmodes import Modes
+from suspension_cli.linear.eigenmodes import Modes, find_top_masses
 from suspension_cli.linear.named_results import Ratio
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
@@ -56,6 +56,8 @@ if TYPE_CHECKING:
 
 TINY = 1e-30
 """Smallest energy fraction or response, in place of 0, which has no logarithm."""
+STEP = 2e-5
+"""Step of derivatives, as energy fractions of close modes vary fast (see `studies.derivatives`)."""
 APART = 0.1
 """Relative step of omega^2 in the derivative of the stiffness of wires with mass, which is nearly
 linear in omega^2."""
@@ -130,7 +132,7 @@ class Evaluator:
                 columns = [evaluate_ratio(builds, ratio) for ratio in ratios.values()]
                 return np.column_stack([*_of_modes(builds, model, found, places), *columns])
 
-            around = differentiate(imperfect, directions, level, evaluate)
+            around = differentiate(imperfect, directions, level, evaluate, relative=STEP)
             _demand_balance(around, directions)
             if found is not None:
                 for k, (n, item) in enumerate(modes.items()):
@@ -229,6 +231,7 @@ class Evaluator:
         energy = mode_families.energy_fractions(solved, len(found.model.body))
         for p in range(len(result)):
             ranked = self.families.ranked(energy[p])
+            body = find_top_masses(energy[p], found.model.top)
             places = find_places(
                 quantities,
                 ranked,
@@ -236,7 +239,10 @@ class Evaluator:
             )
             for k, (item, place) in enumerate(zip(quantities, places, strict=True)):
                 if isinstance(item, OfMode):
-                    top, squared = energy[p, place, 0].sum(), solved.omega_squared[p, place]
+                    top, squared = (
+                        energy[p, place, body[place]].sum(),
+                        solved.omega_squared[p, place],
+                    )
                     result[p, k] = (
                         np.log(max(top, TINY))
                         if item.fraction
@@ -321,7 +327,12 @@ def _top_fraction(
     body = np.arange(mass.shape[-1]) // 6
     alike = body[:, None] == body
     each = alike & (body < bodies) | np.eye(len(body), dtype=bool)
-    return of(mass * (alike & (body < 1))) / of(mass * each) * of(mass) / of(inertia)
+    return (
+        of(mass * (alike & (body == modes.top_mass[number])))
+        / of(mass * each)
+        * of(mass)
+        / of(inertia)
+    )
 
 
 def _demand_balance(around: Differences, directions: Sequence[Parameter]) -> None:

@@ -55,6 +55,8 @@ class Quantities:
         Number of the mode in the optimised design, from 0; -1 for other quantities.
     weight : array
         Weight in the objective: positive to minimise, negative to maximise, 0 for others.
+    model : tuple of str
+        Model of each mode and response in search and check; "" for loads of straight wires.
     """
 
     name: tuple[str, ...]
@@ -64,6 +66,7 @@ class Quantities:
     searched: Float[np.ndarray, " quantity"]
     mode: Int[np.ndarray, " quantity"]
     weight: Float[np.ndarray, " quantity"] | Int[np.ndarray, " quantity"]
+    model: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -200,3 +203,9 @@ class Optimum:
     def met(self) -> bool:
         """Whether all limits are met and all requested quantities are known."""
         return bool(self.limits.met.all()) and not self.unknown
+
+    @property
+    def checked(self) -> str:
+        """Models with which the quantities were checked, in words."""
+        levels = sorted({level for level in self.quantities.model if level} or {self.fidelity})
+        return f"checked with the {' and '.join(levels)} model{'s' * (len(levels) > 1)}"

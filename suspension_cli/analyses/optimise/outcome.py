@@ -22,7 +22,13 @@ from suspension_cli.analyses.optimise.optimum import (
     Quantities,
     Starts,
 )
-from suspension_cli.analyses.optimise.quantities import Limit, OfMode, Quantity, Requirements
+from suspension_cli.analyses.optimise.quantities import (
+    Limit,
+    OfMode,
+    OfResponse,
+    Quantity,
+    Requirements,
+)
 from suspension_cli.models.registry import Choice
 
 if TYPE_CHECKING:
@@ -61,6 +67,10 @@ def summarise(
                     sum(term.weight for term in requirements.terms if term.quantity == n)
                     for n in range(len(requirements.quantities))
                 ]
+            ),
+            model=tuple(
+                search.values.models.of(item) if isinstance(item, OfMode | OfResponse) else ""
+                for item in requirements.quantities
             ),
         ),
         limits=_limits(search, made, active),

@@ -13,6 +13,7 @@ from suspension_cli.analyses.optimise import loads
 from suspension_cli.analyses.optimise.loads import Part
 from suspension_cli.analyses.optimise.mode_families import Families
 from suspension_cli.conventions import DOFS
+from suspension_cli.design.derive import mirror
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.goals import Goal, Goals
 from suspension_cli.design.schema import Design, Perturbation
@@ -241,7 +242,7 @@ def _of_goal(
                 )
             ]
         )
-    stage = goal.stage or stages[-1]
+    stage = goal.stage or mirror(design)
     return [OfDepth(f"height down to {stage}", "m", stage)], []
 
 

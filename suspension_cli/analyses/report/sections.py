@@ -13,6 +13,7 @@ from suspension_cli.analyses import tables
 from suspension_cli.analyses.report import html
 from suspension_cli.analyses.report.composition import Composition, Omitted
 from suspension_cli.conventions import DOFS
+from suspension_cli.design.derive import mirror
 from suspension_cli.design.imperfections import perturbed_part
 from suspension_cli.design.wires import cross_sections
 from suspension_cli.errors import InputError
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from suspension_cli.design.wires import Wire, WireSet
 
 FLOW = (("x", ("x", "pitch")), ("y", ("y", "roll")), ("z", ("z",)), ("yaw", ("yaw",)))
-"""Motions of the support and of the last stage in the default responses."""
+"""Motions of the support and of the mirror in the default responses."""
 
 Build = Callable[[Composition], Iterator[str]]
 """Yields the HTML of a section, part by part."""
@@ -162,8 +163,8 @@ def modes(report: Composition) -> Iterator[str]:
 
 
 def response(report: Composition) -> Iterator[str]:
-    """Responses of the last stage to the support, with all loops closed."""
-    request, last = report.request, report.source.design.stage[-1].name
+    """Responses of the mirror to the support, with all loops closed."""
+    request, last = report.request, mirror(report.source.design)
     closed = report.source.design.control is not None
     chosen: Sequence[tuple[tuple[str, ...], tuple[str, ...]]]
     if request.inputs or request.outputs:
@@ -207,7 +208,7 @@ def _response_caption(result: Result) -> str:
 
 
 def coupling(report: Composition) -> Iterator[str]:
-    """Couplings of every motion of the support to every motion of the last stage."""
+    """Couplings of every motion of the support to every motion of the mirror."""
     result = report.run("xcouple", "--matrix", matrix=True)
     yield report.answer(result)
     data = result.data
@@ -220,12 +221,12 @@ def coupling(report: Composition) -> Iterator[str]:
         if size.any()
         else "none leads to another coordinate"
     )
-    caption = f"Motion of the last stage per motion of the support at {data.frequency[0]:g} Hz: "
+    caption = f"Motion of the mirror per motion of the support at {data.frequency[0]:g} Hz: "
     yield report.pictures(result, f"{caption}{most}.")
 
 
 def thermal(report: Composition) -> Iterator[str]:
-    """Thermal noise of the last stage along the beam."""
+    """Thermal noise of the mirror along the beam."""
     result = report.run("thermal")
     yield report.answer(result)
     one = result.data[0]
@@ -241,7 +242,7 @@ def thermal(report: Composition) -> Iterator[str]:
 
 
 def budget(report: Composition) -> Iterator[str]:
-    """Motion of the last stage by cause."""
+    """Motion of the mirror by cause."""
     design = report.source.design
     requested = report.request.sections or "budget" in design.analysis
     if design.control is None and not requested:
@@ -302,7 +303,7 @@ def _stored(report: Composition, name: str) -> Any:
     folder, source = report.request.folder, report.source
     if folder is None:
         return None
-    path = folder / f"{source.design.design.name}-{name}.h5"
+    path = folder / f"{source.stem()}-{name}.h5"
     if read_design(path) != source.text:
         return None
     try:

@@ -16,7 +16,7 @@ from suspension_cli.models import registry
 from suspension_cli.models.quantity_of_interest import Transfer
 
 if TYPE_CHECKING:
-    from jaxtyping import Complex
+    from jaxtyping import Bool, Complex
 
     from suspension_cli.analyses.analysis import Log
     from suspension_cli.design.schema import Design
@@ -38,10 +38,10 @@ class ClosedTransfer(Transfer):
         """List the signals whose blocks matter, including sensors and actuators."""
         return [*super().signals(), *self.loops]
 
-    def is_zero(self, model: LinearSystem) -> bool:
+    def zeros(self, model: LinearSystem) -> Bool[np.ndarray, " _"]:
         """Return False: loops may link any input to any output."""
         del model
-        return False
+        return np.array([False])
 
     def values(
         self, model: LinearSystem, frequency: Array

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from suspension_cli.analyses.response.closed_loop import ClosedTransfer
     from suspension_cli.analyses.response.measured import ComparedResponse, Comparison, Item
     from suspension_cli.design.schema import Design
+    from suspension_cli.linear.poles import Poles
     from suspension_cli.linear.response import Response
     from suspension_cli.linear.system import LinearSystem
     from suspension_cli.models.quantity_of_interest import Transfer
@@ -63,7 +64,7 @@ class ResponseAnalysis(Analysis):
         options.signals(
             "input", "Input: support.x, upper.force_x, upper.torque_pitch, ...", "support.x"
         ),
-        options.signals("output", options.MOTIONS, "x of the last stage"),
+        options.signals("output", options.MOTIONS, "x of the mirror"),
         options.frequencies(FREQUENCY),
         option(
             "--measured",
@@ -119,7 +120,7 @@ class ResponseAnalysis(Analysis):
             )
             found, solve = closed_loop.solve(wanted, model), partial(wanted.values, model)
             resonances = poles.frequency
-            closed = wanted, resonances
+            closed = wanted, poles
         else:
             found = response.solve(model, wanted.frequency, wanted.inputs, wanted.outputs)
         if items:
@@ -151,7 +152,10 @@ class ResponseAnalysis(Analysis):
         return answer | ({"measured": [*map(_document, measured)]} if measured else {})
 
     def text(self, result: Result) -> str:
-        """Return the ends of every response, and its peak even between the points of the grid."""
+        """Return the ends of every response, and its peak even between the points of the grid.
+
+        One that symmetry makes exactly 0 has a remark instead.
+        """
         import numpy as np
 
         data: Response = result.data
@@ -166,6 +170,9 @@ class ResponseAnalysis(Analysis):
         for o, out in enumerate(data.output):
             for i, into in enumerate(data.input):
                 size = np.abs(data.value[:, o, i])
+                if not size.any():
+                    lines.append(f"{into} -> {out}: 0 by symmetry")
+                    continue
                 line = (
                     f"{out} / {into} ({data.unit[o][i]}): {size[0]:.4g} at {first:.4g} Hz,"
                     f" {size[-1]:.4g} at {last:.4g} Hz"
@@ -207,7 +214,7 @@ def _compared(
     model: LinearSystem,
     items: Sequence[Item],
     found: Response,
-    closed: tuple[ClosedTransfer, Array] | None,
+    closed: tuple[ClosedTransfer, Poles] | None,
     log: Log,
 ) -> ComparedResponse:
     """Add the comparison with measurements to a response, and warn of units that look wrong."""
@@ -271,8 +278,12 @@ def _table(measured: Sequence[Comparison]) -> str:
         (peak, pole, 100 * shift, mode, one.data.name)[: len(columns)]
         for one in measured
         for peak, pole, mode, shift in zip(one.peak, one.pole, one.mode, one.shift, strict=True)
+        if mode
     ]
-    lines += ["", tables.render(columns, rows)] if rows else ["", "no measured resonances"]
+    alone = [f"{f:.5g}" for one in measured for f in one.peak[[not mode for mode in one.mode]]]
+    lines += ["", tables.render(columns, rows)] if rows else []
+    lines += ["", f"measured resonances of no mode: {', '.join(alone)} Hz"] if alone else []
+    lines += [] if rows or alone else ["", "no measured resonances"]
     return "\n".join(lines)
 
 
@@ -280,6 +291,7 @@ def _request(
     model: LinearSystem, setting: Settings, items: Sequence[Item], design: Design
 ) -> Transfer:
     """Inputs, outputs and frequencies in terms of a model of the design."""
+    from suspension_cli.design.derive import mirror
     from suspension_cli.linear import signals
     from suspension_cli.models.quantity_of_interest import Transfer
 
@@ -292,7 +304,7 @@ def _request(
         inputs, outputs = measured.signals(items, inputs, outputs)
     wanted = Transfer(
         [signals.parse_input(text, bodies) for text in inputs or ("support.x",)],
-        [signals.parse_output(text, bodies) for text in outputs or (f"{model.body[-1]}.x",)],
+        [signals.parse_output(text, bodies) for text in outputs or (f"{mirror(design)}.x",)],
         _frequencies(setting, items),
     )
     if not setting["closed_loop"]:
@@ -306,13 +318,13 @@ def _frequencies(setting: Settings, items: Sequence[Item]) -> Array:
     """Frequencies of the option, or of the measurements."""
     import numpy as np
 
-    from suspension_cli.grids import parse_grid
+    from suspension_cli.grids import parse_frequencies
 
     if items and setting["frequency"] == FREQUENCY:
         from suspension_cli.analyses.response import measured
 
         return measured.default_grid(items)
-    return np.array(parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0))
+    return np.array(parse_frequencies(setting["frequency"]))
 
 
 ANALYSIS = ResponseAnalysis()

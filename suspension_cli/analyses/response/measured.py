@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.signal import find_peaks
 
-from suspension_cli.analyses.modes import damped
 from suspension_cli.design import measured as tables
 from suspension_cli.design.measured import Measured, TransferFunction
 from suspension_cli.errors import Fault, InputError, format_value
-from suspension_cli.linear import eigenmodes, response
+from suspension_cli.linear import damped, eigenmodes, response
 from suspension_cli.linear.response import Response
 from suspension_cli.linear.signals import (
     Signal,
@@ -38,6 +37,7 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Int
 
     from suspension_cli.analyses.response.closed_loop import ClosedTransfer
+    from suspension_cli.linear.poles import Poles
 
 PROMINENCE = 2.0
 """Ratio of a measured peak to the minima beside it from which it counts as a resonance."""
@@ -47,6 +47,11 @@ NOISY = 1 / 3
 """Uncertainty relative to the value from which a point is no evidence of a deviation."""
 RESIDUE = 1e-4
 """Contribution of a mode relative to the largest, from which its pole can explain a peak."""
+MODEL_ERROR = 0.1
+"""Relative error of a computed frequency before anything was fitted; adds to the half width 1/(2 Q)
+of a resonance."""
+FARTHEST = 2.0
+"""Distance, in these widths, from which a mode does not explain a peak."""
 SLIP = 1e3
 """Median ratio of measured to modelled magnitude (or its inverse) that suggests wrong units."""
 UNITS = {1e3: "mm", 1e6: "um", 1e9: "nm", 1e-3: "km"}
@@ -78,8 +83,8 @@ class Comparison:
     peak : (p,) array
         Frequencies of measured resonances, Hz.
     pole, mode : (p,) array, tuple of str
-        Frequency (Hz) of the nearest mode of the model that contributes, and its label; NaN and ""
-        if there is none.
+        Frequency (Hz) of the mode of the model that contributes there, and its label; NaN and "" if
+        there is none. No two peaks have one mode.
     """
 
     data: MeasuredResponse
@@ -219,12 +224,12 @@ def compare(
     model: LinearSystem,
     items: Sequence[Item],
     found: Response,
-    closed: tuple[ClosedTransfer, Array] | None = None,
+    closed: tuple[ClosedTransfer, Poles] | None = None,
 ) -> tuple[Comparison, ...]:
     """Compare measured transfer functions with the responses of a model.
 
     `found` are the responses of all signals on a grid. For closed loops, `closed` solves them, and
-    has the frequencies of the poles, Hz.
+    has the poles.
     """
     known = bodies_with_signals(model)
     plain = replace(model, terms=())  # with dampers, whose effect on poles losses do not have
@@ -239,17 +244,17 @@ def compare(
             value = response.solve(model, at, into, out).value
             poles = _contributing(model, modes, item, into, out)
             pole, label = modes.frequency[poles], [modes.label[n] for n in poles]
+            q = modes.q[poles]
         else:
             value = replace(closed[0], inputs=into, outputs=out).values(model, at)
-            pole = np.array([f for f in closed[1] if np.isfinite(f) and f > 0])
+            resonant = np.abs(closed[1].q) > 0.5
+            pole, q = closed[1].frequency[resonant], np.abs(closed[1].q[resonant])
             label = ["closed loop"] * len(pole)
         rows = [found.output.index(name) for name in names[1]]
         columns = [found.input.index(name) for name in names[0]]
         curve = found.value[:, rows][:, :, columns]
         peaks = resonances(item.data)
-        if not len(pole):
-            pole, label = np.array([np.nan]), [""]
-        nearest = [int(np.argmin(np.abs(np.log(pole / f)))) for f in peaks]
+        paired = _pair(peaks, pole, pole * (MODEL_ERROR + 1 / (2 * q)))
         result.append(
             Comparison(
                 item.data,
@@ -257,11 +262,23 @@ def compare(
                 found.frequency,
                 predict(item.tables, item.table, found.frequency, curve),
                 peaks,
-                pole[nearest],
-                tuple(label[n] for n in nearest),
+                np.append(pole, np.nan)[paired],
+                tuple([*label, ""][n] for n in paired),
             )
         )
     return tuple(result)
+
+
+def _pair(peak: Array, pole: Array, width: Array) -> list[int]:
+    """Number of the mode of each peak, one to one with the least sum of distances; -1 if none."""
+    from scipy.optimize import linear_sum_assignment
+
+    distance = np.abs(peak[:, None] - pole) / width
+    cost = np.pad(
+        np.minimum(distance, FARTHEST), ((0, 0), (0, len(peak))), constant_values=FARTHEST
+    )
+    chosen = linear_sum_assignment(cost)[1]
+    return [n if row[n] < FARTHEST else -1 for n, row in zip(chosen.tolist(), cost, strict=True)]
 
 
 def slip(one: Comparison) -> str:

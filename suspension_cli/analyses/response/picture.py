@@ -53,7 +53,7 @@ def draw(response: Response, title: str, scale: str = "db", stages: Sequence[str
             ]
             curves.write_key(axes, samples, above=curves.PEAKS)
             if not any(response.value[:, o, i].any() for o, i in part):
-                _say_zero(axes, response.frequency)
+                say_zero(axes, response.frequency)
         for o, i in pairs:
             phase = curves.unwrap_phase(response.value[:, o, i])
             colour, dashes = looks[o, i]
@@ -70,18 +70,19 @@ def draw(response: Response, title: str, scale: str = "db", stages: Sequence[str
         return figure
 
 
-def _say_zero(axes: Axes, frequency: Float[np.ndarray, " frequency"]) -> None:
+def say_zero(axes: Axes, frequency: Float[np.ndarray, " frequency"]) -> None:
     """Say that all responses of a panel are 0."""
     axes.set_yticks([])
     if len(frequency) > 1:
         axes.set_xlim(frequency[0], frequency[-1])
-    words = "exactly 0 at all frequencies"
+    words = "0 by symmetry at all frequencies"
     place = {"transform": axes.transAxes, "ha": "center", "va": "center"}
     axes.text(0.5, 0.5, words, bbox={"color": "white"}, **place)
 
 
 def _name(response: Response, o: int, i: int) -> str:
-    return f"{response.output[o]} / {response.input[i]}"
+    zero = "" if response.value[:, o, i].any() else " = 0 by symmetry"
+    return f"{response.output[o]} / {response.input[i]}{zero}"
 
 
 def _looks(

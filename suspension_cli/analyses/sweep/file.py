@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import h5py
 import numpy as np
 
+from suspension_cli.analyses.growth import find_growth
 from suspension_cli.analyses.sweep.solve import (
     STATUS,
     ParameterSweep,
@@ -16,11 +17,13 @@ from suspension_cli.analyses.sweep.solve import (
     evaluate_results,
     has_modes,
 )
+from suspension_cli.design.reader import parse
 from suspension_cli.files.hdf5 import Stored, add_dataset, add_scale
 from suspension_cli.linear import signals
 from suspension_cli.linear.named_results import Mode, Ratio, Scalar, labels
 from suspension_cli.linear.response import solve
 from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models import registry
 from suspension_cli.studies import mode_tracking
 from suspension_cli.studies.axes import Axis, scale_name
 
@@ -134,12 +137,19 @@ def _home(job: ParameterSweep, item: Scalar) -> str:
 
 
 def nominal_results(job: ParameterSweep, model: LinearSystem) -> Float[np.ndarray, " result"]:
-    """Evaluate the results of the nominal design; `model` has its frequency-dependent terms."""
+    """Evaluate the results of the nominal design; `model` has its frequency-dependent terms.
+
+    Without a steady state, responses are NaN unless the job allows it.
+    """
+    steady = not job.ratios or job.allow_unstable
+    steady = steady or not find_growth(parse(job.text), registry.by_name(job.level), model)
     return np.array(
         [
             job.nominal.frequency[item.number]
             if isinstance(item, Mode)
             else _magnitude(model, item)
+            if steady
+            else np.nan
             for item in job.results
         ]
     )

@@ -19,7 +19,7 @@ from suspension_cli.analyses.analysis import (
 from suspension_cli.analyses.options import option
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.errors import Fault, InputError, format_value
-from suspension_cli.grids import decade_points, parse_grid
+from suspension_cli.grids import decade_points, parse_frequencies
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -47,7 +47,7 @@ class ThermalAnalysis(Analysis):
     name = "thermal"
     arguments = (options.DESIGN,)
     parameters = (
-        options.signals("output", options.MOTIONS, "x of the last stage"),
+        options.signals("output", options.MOTIONS, "x of the mirror"),
         options.frequencies("0.1:1000:2000"),
         option(
             "--arm",
@@ -129,9 +129,10 @@ def _solved(source: Source, setting: Settings, log: Log) -> tuple[Choice, list[T
 
     from suspension_cli.analyses import model_choice
     from suspension_cli.analyses.thermal import solve as thermal
+    from suspension_cli.design.derive import mirror
     from suspension_cli.models import auto
 
-    frequency = np.array(parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0))
+    frequency = np.array(parse_frequencies(setting["frequency"]))
     decision = auto.decide_for_thermal_noise(
         source.design, setting["fidelity"], float(frequency.max()), setting["tolerance"]
     )
@@ -142,7 +143,7 @@ def _solved(source: Source, setting: Settings, log: Log) -> tuple[Choice, list[T
         raise InputError([Fault("--arm", "must be a length", remedy, arm)])
     tilt = thermal.compute_arm_tilt(setting["arm"])
     motions = []
-    for text in setting["outputs"] or (f"{model.body[-1]}.x",):
+    for text in setting["outputs"] or (f"{mirror(source.design)}.x",):
         motions.append(thermal.parse_motion(model, text, tilt))
         _demand_observable(motions[-1][0], tilt)
     noises = thermal.solve_all(model, frequency, motions, source.design.constants.temperature)

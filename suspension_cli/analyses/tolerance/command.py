@@ -102,6 +102,7 @@ class ToleranceAnalysis(Analysis):
         from suspension_cli.analyses.tolerance import model_error, quantities
         from suspension_cli.analyses.tolerance.solve import RandomBuilds
         from suspension_cli.analyses.xcouple.request import parse_request
+        from suspension_cli.design.derive import mirror
         from suspension_cli.models import registry
 
         setting, source = run.setting, run.source
@@ -109,7 +110,7 @@ class ToleranceAnalysis(Analysis):
             source.text,
             setting["builds"],
             setting["seed"],
-            parse_request(registry.STRING.system(run.design), setting),
+            parse_request(registry.STRING.system(run.design), setting, mirror(run.design)),
             setting["allow_unstable"],
             method=setting["sampling"],
             with_indices=setting["sobol_indices"],

@@ -25,6 +25,7 @@ from suspension_cli.analyses.tolerance.statistics import (
     rank_correlation,
     signed,
     slopes,
+    unit_ranks,
 )
 from suspension_cli.analyses.xcouple.solve import CouplingRequest
 from suspension_cli.conventions import FRAME, GROUND, SUPPORT
@@ -98,7 +99,7 @@ def complete(path: Path, job: RandomBuilds, limit: float) -> None:
     """Write the statistics into a file with all builds."""
     with h5py.File(path, "r+") as file:
         group: Stored = file["tolerance"]
-        found = summarise_group(group, job, limit)
+        found = summarise_group(group, job, limit, ranked=0)
         shape = (len(job.scene.bodies.name), len(STATIC))
         static = found.static
         group["static_mean"][...] = static.mean.reshape(shape)
@@ -149,12 +150,17 @@ def reconstruct_job(group: Stored, text: str, level: str) -> RandomBuilds:
     return job.requiring(tuple(parse(text, job.names, ratios) for text in texts))
 
 
-def summarise_group(group: Stored, job: RandomBuilds, limit: float) -> Summary:
-    """Compute the statistics of a group, one column of results at a time."""
+def summarise_group(
+    group: Stored, job: RandomBuilds, limit: float, ranked: int = RANKED
+) -> Summary:
+    """Compute the statistics of a group, one column of results at a time.
+
+    Rank correlations and slopes are those of the first `ranked` builds.
+    """
     points, nominal = job.points, job.nominal
     status = group["status"][:]
     rows = slice(0, points.independent)
-    view = _View(group, job, rows)
+    view = _View(group, job, rows, ranked)
     kept = view.kept
     modes = view.spread(job.names.every_mode())
     static = view.spread(job.names.every_static())
@@ -173,7 +179,7 @@ def summarise_group(group: Stored, job: RandomBuilds, limit: float) -> Summary:
         if len(ordered)
         else np.zeros(0, dtype=int)
     )
-    ranked, size = whole[: len(kept)][kept][:, None], np.abs(view.deviations)
+    absolute, size = whole[: len(kept)][kept][:, None], np.abs(view.deviations)
     with_sign = signed(group["ratio"][: len(kept), -1][kept])[:, None]
     yields, joint = _yields(group, job.requirements, points)
     names = indexed(job) if job.with_indices else ()
@@ -198,8 +204,8 @@ def summarise_group(group: Stored, job: RandomBuilds, limit: float) -> Summary:
         ratio_sorted=ordered[thinned],
         factor=tuple(f.label for f in job.factors),
         factor_unit=tuple(f.unit for f in job.factors),
-        ratio_rank=rank_correlation(ranked, size)[0],
-        signed_rank=rank_correlation(with_sign, view.deviations)[0],
+        ratio_rank=rank_correlation(absolute, size)[0],
+        signed_rank=(unit_ranks(with_sign).T @ view.ranks)[0],
         signed_slope=slopes(with_sign, view.deviations)[0],
         mode_rank=modes.rank,
         mode_slope=modes.slope,
@@ -223,11 +229,12 @@ def summarise_group(group: Stored, job: RandomBuilds, limit: float) -> Summary:
 class _View:
     """Independent builds of a group, and deviations of those with rank correlations."""
 
-    def __init__(self, group: Stored, job: RandomBuilds, rows: slice) -> None:
+    def __init__(self, group: Stored, job: RandomBuilds, rows: slice, ranked: int) -> None:
         self.group, self.rows, self.points = group, rows, job.points
         self.good = group["status"][rows] == builds.GOOD
-        self.kept = self.good[:RANKED]
+        self.kept = self.good[:ranked]
         self.deviations = job.deviations(0, len(self.kept))[self.kept]
+        self.ranks = unit_ranks(self.deviations)
 
     def spread(self, quantities: tuple[Quantity, ...]) -> Spread:
         """Compute the distributions of some quantities."""
@@ -253,7 +260,7 @@ class _View:
             error=table[:, 1],
             deviation=table[:, 2],
             quantiles=table[:, 3:],
-            rank=rank_correlation(results, self.deviations),
+            rank=unit_ranks(results).T @ self.ranks,
             slope=slopes(results, self.deviations),
             sample=np.array(sample).T if sample else np.zeros((0, 0)),
         )

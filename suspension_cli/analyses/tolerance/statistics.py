@@ -169,17 +169,21 @@ def rank_correlation(
     >>> rank_correlation(np.array([[1.0], [2.0], [4.0]]), np.array([[3.0], [2.0], [0.0]]))
     array([[-1.]])
     """
-    if not len(a):
-        return np.zeros((a.shape[1], b.shape[1]))
+    return unit_ranks(a).T @ unit_ranks(b)
+
+
+def unit_ranks(values: Float[np.ndarray, "build column"]) -> Float[np.ndarray, "build column"]:
+    """Ranks in each column, less their mean, as unit vectors; 0 for a constant column.
+
+    Products of two such vectors are Spearman's rank correlations.
+    """
+    if not len(values):
+        return np.zeros(values.shape)
     from scipy.stats import rankdata  # spearmanr is slower, as it tests significance
 
-    both = np.hstack([a, b])
-    varies = both.max(0) > both.min(0)
-    result = np.zeros((both.shape[1], both.shape[1]))
-    if varies.sum() > 1:
-        ranks = rankdata(both[:, varies], axis=0)
-        result[np.ix_(varies, varies)] = np.corrcoef(ranks, rowvar=False)
-    return result[: a.shape[1], a.shape[1] :]
+    apart = rankdata(values, axis=0) - (len(values) + 1) / 2
+    size = np.sqrt((apart**2).sum(0))
+    return apart / np.where(size > 0, size, 1.0)
 
 
 def signed(ratio: Complex[np.ndarray, " build"]) -> Float[np.ndarray, " build"]:

@@ -66,6 +66,7 @@ class TradeoffAnalysis(Analysis):
         ),
         options.OVERRIDES,
         options.OUT,
+        options.NAME,
         options.AS_JSON,
         options.CSV,
         options.PLOT,
@@ -138,16 +139,14 @@ def _demand_references(design: Design) -> None:
 
 
 def _demand_stable(design: Design) -> None:
-    from suspension_cli.design.plausibility import RAISE
-    from suspension_cli.linear import eigenmodes
+    from suspension_cli.analyses.growth import find_growth
     from suspension_cli.models import registry
 
-    found = eigenmodes.solve(registry.STRING.system(design))
-    if not found.stable:
-        worst = f"{found.label[0]} grows at {found.growth_rate[0]:.4g} 1/s"
-        problem = f"the equilibrium is unstable in the string model: {worst}"
-        remedy = f"{RAISE}; responses of an unstable design are not compared"
-        raise InputError([Fault("stage", problem, remedy)])
+    grows = find_growth(design, registry.STRING, registry.STRING.system(design))
+    if grows is not None:
+        problem = grows.fault.problem.replace(":", " in the string model:", 1)
+        remedy = f"{grows.fault.remedy}; responses of an unstable design are not compared"
+        raise InputError([Fault(grows.fault.key, problem, remedy)])
 
 
 def _comparison(panel: Panel) -> Document:

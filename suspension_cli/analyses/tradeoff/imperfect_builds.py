@@ -51,7 +51,7 @@ def fractions() -> Float[np.ndarray, " build"]:
 
 def no_wire(subject: Subject) -> str:
     """Return why no wire can be imperfect; empty if one can."""
-    return "" if subject.wire >= 0 else "the last stage hangs on no wire"
+    return "" if subject.wire >= 0 else "the mirror hangs on no wire"
 
 
 def why_no_equilibrium(subject: Subject, levels: tuple[str, ...] = (STRING,)) -> str:

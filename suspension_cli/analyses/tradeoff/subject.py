@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
+from suspension_cli.design.derive import mirror
 from suspension_cli.design.schema import Design, Perturbation
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import signals
@@ -39,7 +40,7 @@ K_FACTOR, OFFSET = 1.2, 1e-3
 """Imperfection of a wire: stiffness factor, and offset of the upper end along x, m (mid-range in
 Figure 6 of Husman et al.)."""
 POINT = "0,0,-0.001"
-"""Point of the laser beam, from the COM of the last stage, m."""
+"""Point of the laser beam, from the COM of the mirror, m."""
 
 
 @dataclass(frozen=True)
@@ -81,20 +82,20 @@ class Subject:
 
     @property
     def last(self) -> str:
-        """Name of the last stage."""
-        return self.design.stage[-1].name
+        """Name of the mirror."""
+        return mirror(self.design)
 
     def forms(
         self, model: LinearSystem
     ) -> tuple[Float[np.ndarray, " coordinate"], Float[np.ndarray, " coordinate"]]:
-        """Linear forms of the motions along x of the support and of the last stage."""
+        """Linear forms of the motions along x of the support and of the mirror."""
         known = signals.bodies_with_signals(model)
         into = signals.parse_input("support.x", known)
         out = signals.parse_output(f"{self.last}.x", known)
         return signals.linear_form(into, model), signals.linear_form(out, model)
 
     def coupled(self, model: LinearSystem) -> tuple[signals.Signal, list[signals.Signal]]:
-        """Signals of the cross-coupling: z of the support; x and z of `POINT` of the last stage."""
+        """Signals of the cross-coupling: z of the support; x and z of `POINT` of the mirror."""
         known = signals.bodies_with_signals(model)
         return signals.parse_input("support.z", known), [
             signals.parse_output(f"{self.last}.{dof}@{POINT}", known) for dof in "xz"
@@ -107,7 +108,7 @@ class Subject:
 
     @cached_property
     def wire(self) -> int:
-        """Number of the first wire of the last stage; -1 if it hangs on none."""
+        """Number of the first wire of the mirror; -1 if it hangs on none."""
         labels = enumerate(self.scene.wires.label)
         return next((n for n, label in labels if label.startswith(f"{self.last}.")), -1)
 

@@ -53,7 +53,7 @@ class CouplingAnalysis(Analysis):
         option(
             "--wire",
             metavar="STAGE.N",
-            help="The imperfect wire.  [default: the first of the last stage]",
+            help="The imperfect wire.  [default: the first of the mirror]",
         ),
         option("--body", metavar="STAGE", help="The imperfect body.  [default: the wire's]"),
         option(
@@ -84,12 +84,13 @@ class CouplingAnalysis(Analysis):
     def solve(self, run: Run) -> Result:
         """Compute the coupling of all builds, or the matrix of one design."""
         from suspension_cli.analyses.xcouple.request import parse_request
+        from suspension_cli.design.derive import mirror
         from suspension_cli.linear import signals
         from suspension_cli.models import registry
 
         setting = run.setting
         strings = registry.STRING.system(run.design)
-        requested = parse_request(strings, setting)
+        requested = parse_request(strings, setting, mirror(run.design))
         if setting["matrix"]:
             return MATRIX.of(run, signals.bodies_with_signals(strings), requested)
         return self._sweep(run, requested)

@@ -6,32 +6,32 @@ from suspension_cli.analyses.analysis import Settings
 from suspension_cli.analyses.xcouple.solve import CouplingRequest
 from suspension_cli.design.faults import suggest
 from suspension_cli.errors import Fault, InputError, format_value
-from suspension_cli.grids import parse_grid
+from suspension_cli.grids import parse_frequencies
 from suspension_cli.linear import signals
 from suspension_cli.linear.system import LinearSystem
 
 
-def parse_request(model: LinearSystem, setting: Settings) -> CouplingRequest:
+def parse_request(model: LinearSystem, setting: Settings, mirror: str) -> CouplingRequest:
     """Interpret the options of a cross-coupling: imperfect wire and body, signals, frequencies.
 
-    Any `model` of the design knows the names of wires and bodies.
+    Any `model` of the design knows the names of wires and bodies; `mirror` is the default body.
 
     Raises `InputError` if an option names no wire, stage or signal.
     """
     known, labels = signals.bodies_with_signals(model), list(model.wire)
     wire = setting.get("wire") or next(
-        (label for label in labels if label.startswith(f"{model.body[-1]}.")), None
+        (label for label in labels if label.startswith(f"{mirror}.")), None
     )
     if wire is not None and wire not in labels:
         raise InputError(
             [Fault("--wire", "names no wire", suggest(wire, labels), format_value(wire))]
         )
-    body = setting.get("body") or (model.body[-1] if wire is None else wire.rsplit(".", 1)[0])
+    body = setting.get("body") or (mirror if wire is None else wire.rsplit(".", 1)[0])
     if body not in model.body:
         raise InputError(
             [Fault("--body", "names no stage", suggest(body, list(model.body)), format_value(body))]
         )
-    observed, _, point = (setting["observe"] or f"{model.body[-1]}@0,0,-0.001").partition("@")
+    observed, _, point = (setting["observe"] or f"{mirror}@0,0,-0.001").partition("@")
     at = f"@{point}" if point else ""
     over, under = (name if setting[name[2:]] else "--observe" for name in ("--over", "--under"))
     return CouplingRequest(
@@ -41,5 +41,5 @@ def parse_request(model: LinearSystem, setting: Settings) -> CouplingRequest:
         input=signals.parse_input(setting["drive"], known),
         over=signals.parse_output(setting["over"] or f"{observed}.x{at}", known, over),
         under=signals.parse_output(setting["under"] or f"{observed}.z{at}", known, under),
-        frequency=tuple(parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0)),
+        frequency=tuple(parse_frequencies(setting["frequency"])),
     )

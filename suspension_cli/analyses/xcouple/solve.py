@@ -107,7 +107,7 @@ class Sweep(Product):
                 [
                     Fault(
                         "--wire",
-                        f"{of_wire[0]} changes a wire, but the last stage hangs on none",
+                        f"{of_wire[0]} changes a wire, but the mirror hangs on none",
                         "name a wire, or sweep mass, com or a path",
                     )
                 ]

@@ -100,7 +100,7 @@ def test_an_imperfect_build_couples(tmp_path):
 
 def test_requirements(file, tmp_path):
     goal = csv(tmp_path, "# goal\n0.5 1e-3\n5 1e-3\n")
-    yaw = csv(tmp_path, "f,asd\n2,1e-12\n3,1e-12\n50,1e-30\n", "yaw.csv")
+    yaw = csv(tmp_path, "f,asd (nrad/sqrt(Hz))\n2,1e-3\n3,1e-3\n50,1e-21\n", "yaw.csv")
     words = ("--ground", "nlnm", "--requirement", goal, "--requirement", f"test.yaw={yaw}")
     answer = json_of(file, tmp_path, *words)
     met, not_met = answer["requirement"], answer["other_outputs"][1]["requirement"]

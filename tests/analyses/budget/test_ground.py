@@ -102,7 +102,45 @@ def test_files_beside_the_design(tmp_path):
     assert [*ground.parse(["z=beside.csv"], [], tmp_path)] == ["z"]
 
 
+@pytest.mark.parametrize(
+    ("heading", "at", "scale"),
+    [
+        ("f,{0}", 1.0, 1.0),
+        ("f (Hz),{0} (um)", 1.0, 1e-6),
+        ("frequency [mHz],{0} [nm/sqrt(Hz)]", 1e-3, 1e-9),
+        ("f_kHz,{0}_mm", 1e3, 1e-3),
+        ("Hz,{0} (\u00b5m/\u221aHz)", 1.0, 1e-6),
+        ("f,{0} (pm Hz^-1/2)", 1.0, 1e-12),
+        ("f,{0} (cm/rtHz)", 1.0, 1e-2),
+    ],
+)
+def test_units_in_headings(heading, at, scale, tmp_path):
+    """Of a coordinate, and of the only column of a file without one."""
+    for name, given in (("x", "{}"), ("motion", "x={}")):
+        file = csv(tmp_path, f"{heading.format(name)}\n2,3\n20,3\n")
+        found = ground.parse([given.format(file)], [], tmp_path)["x"]
+        assert (found.low, found.high) == (2 * at, 20 * at)
+        assert found.density(np.array([4 * at]))[0] == pytest.approx(3 * scale, rel=1e-14, abs=0)
+
+
+def test_units_of_rotations_and_ratios(tmp_path):
+    file = csv(tmp_path, "f,yaw (urad),x (um)\n1,3,1\n2,3,1\n")
+    ratio = csv(tmp_path, "f,yaw (%),x (1)\n1,10,1\n2,10,1\n", "ratio.csv")
+    found = ground.parse([file], [ratio], tmp_path)
+    assert found["yaw"].density(np.array([1.0]))[0] == pytest.approx(3e-7, rel=1e-14, abs=0)
+    alone = csv(tmp_path, "f,asd (nrad)\n1,3\n2,3\n", "alone.csv")
+    found = ground.parse([f"roll={alone}"], [], tmp_path)
+    assert found["roll"].density(np.array([1.0]))[0] == pytest.approx(3e-9, rel=1e-14, abs=0)
+    csv(tmp_path, "f,yaw (um)\n1,10\n2,10\n", "ratio.csv")
+    with pytest.raises(InputError, match=r'ratio.csv: has the column "yaw .um.", whose unit'):
+        ground.parse([file], [ratio], tmp_path)
+
+
 FAULTS = {
+    "unit": ("f,x (furlong)\n1,1\n", '"x .furlong.", whose unit is not known; give it in m, cm'),
+    "power": ("f,x (m^2/Hz)\n1,1\n", "whose unit is not known; give it in .* per sqrt"),
+    "unit of rotation": ("f,roll (um)\n1,1\n", '"roll .um.", whose unit .* give it in rad'),
+    "unit of frequency": ("f (1/day),x\n1,1\n", '"f .1/day.", whose unit .* give it in Hz'),
     "text": ("1,2\n2,three\n", 'line 2: "three" is not a number'),
     "descending": ("2,1\n1,1\n", "line 2 = 1.0: frequency is not above that of the line before"),
     "twice": ("1,1\n1,1\n", "line 2 = 1.0: frequency is not above"),

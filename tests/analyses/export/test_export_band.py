@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
+import tomllib
 
 import numpy as np
 import pytest
 from scipy.io import loadmat
 
+import suspension_cli as sus
 from suspension_cli.analyses.export import solve as export
+from suspension_cli.design.reader import template
 from suspension_cli.linear import statespace
 from tests.support import plants
-from tests.support.commandline import run, strict_json
+from tests.support.commandline import run, strict_json, written
 
 DAMPED = plants.CONFIGS / "triple-damped.toml"
 
@@ -106,3 +109,41 @@ def test_zeros_and_poles_written_are_numbers(tmp_path):
         ).stdout
     )
     assert answer["worst_error"] is not None
+
+
+@pytest.mark.parametrize("output", ["test.x", "test.yaw"])
+@pytest.mark.parametrize("error", [0.01, 0.1])
+def test_bands_of_agreement_with_wires_that_have_mass(output, error, tmp_path):
+    """Where the file departs from `response` on violin, far above the modes."""
+    into = f"support.{output[5:]}"
+    options = ("--input", into, "--output", output, "--format", "npz", "--out", tmp_path)
+    answer = strict_json(run("export", DAMPED, *options, "--json").stdout)["agreement"]
+    assert answer["model"] == "violin"
+    band = answer["pairs"][0][f"band_hz_{100 * error:g}_percent"]
+    with np.load(tmp_path / "triple-damped-statespace.npz") as read:
+        a, b, c, d = (read[name] for name in "ABCD")
+        ends = [read[f"agreement_{end}_hz"][[0.01, 0.1].index(error)] for end in ("from", "to")]
+    assert np.ravel(ends) == pytest.approx(band)
+    f = band[1] * np.array([0.9, 1.1])
+    made = [(c @ np.linalg.solve(2j * np.pi * at * np.eye(len(a)) - a, b) + d)[0, 0] for at in f]
+    design = sus.read(DAMPED)
+    found = sus.response(design, inputs=[into], outputs=[output], frequency=f, model="violin")
+    inside, beyond = np.abs(made / found.value[:, 0, 0] - 1)
+    assert 0.5 * error < inside < error < beyond < 1.5 * error
+    lowest = sus.modes(design, model="string").frequency[0]
+    assert band[0] < lowest  # resonances and zeros do not interrupt it
+
+
+@pytest.mark.parametrize("form", ["mat", "hdf5", "control"])
+def test_agreement_is_not_known_without_cross_sections(form, tmp_path):
+    raw = tomllib.loads(template("single", "single"))
+    wires = raw["stage"][0]["wires"]
+    del wires["radius"], wires["material"]
+    wires["k"] = 4e4
+    file = written(tmp_path, raw)
+    options = ("export", file, "--format", form, "--out", tmp_path)
+    said = run(*options).stdout
+    assert "agreement with the violin model" in said
+    assert "is not known: wire test.1 has no cross-section; give the material" in said
+    answer = strict_json(run(*options, "--json").stdout)["agreement"]
+    assert answer["pairs"] is None and "no cross-section" in answer["unknown"]

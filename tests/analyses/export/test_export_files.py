@@ -26,7 +26,7 @@ NAMES = ("state", "state_unit", "input", "input_unit", "output", "output_unit")
 def made():
     """A triple with dampers, from support and forces to two bodies."""
     model = plants.model("triple", "force", damping=True)
-    inputs, outputs = signals.local_control_signals(model)
+    inputs, outputs = signals.local_control_signals(model.body)
     return export.build(model, plants.drives(model, *inputs), plants.motions(model, *outputs))
 
 

@@ -261,6 +261,16 @@ WRONG = {
         [{"name": "stage.test.wires.q"}],
         'parameter.1.name = "stage.test.wires.q": the design gives no such number',
     ),
+    "member of what is not in the design": (
+        [MODE],
+        [{"name": "stage.test.wires.sections.1.length"}],
+        'parameter.1.name = "stage.test.wires.sections.1.length": the design gives no such number',
+    ),
+    "start of what is not in the design": (
+        [MODE],
+        [{"name": "perturbation.1.k_factor", "start": 1.1}],
+        "parameter.1 = 1.1: perturbation.1.k_factor: the design gives no perturbation of which",
+    ),
     "not in the design": (
         [MODE],
         [{"name": "support.stiffness.z"}],

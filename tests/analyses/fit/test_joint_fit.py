@@ -245,7 +245,7 @@ BAD = {
         },
         (
             'parameter.1.name = "stage.test.wires.d_upper": the design of table1-case1 gives no'
-            " such number; list only experiments"
+            " such number; give a start, or list only experiments"
         ),
     ),
     "leads nowhere": (

@@ -3,15 +3,17 @@ the program."""
 
 from __future__ import annotations
 
+import json
+
 import mpmath
 import numpy as np
 import pytest
 
-from suspension_cli.analyses.modes import damped, wire_modes
 from suspension_cli.analyses.modes import file as stored
+from suspension_cli.analyses.modes import wire_modes
 from suspension_cli.design.reader import template
 from suspension_cli.files.hdf5 import open_results
-from suspension_cli.linear import eigenmodes
+from suspension_cli.linear import damped, eigenmodes
 from suspension_cli.models import registry
 from tests.support import scenes
 from tests.support.commandline import modes_json, run, written
@@ -452,7 +454,35 @@ def test_modes_of_wires_alone(tmp_path):
     wide = ("--set", "stage.test.wires.radius=0.1")
     result = run("modes", tmp_path / "single.toml", *wide, "--out", tmp_path / "out")
     assert result.exit_code == 0, result.stderr
-    assert (tmp_path / "out" / "single-modes.h5").exists()
+    assert (tmp_path / "out" / "single-test.wires.radius=0.1-modes.h5").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("tower", []),  # bodies move far above the first violin mode
+        ("double", ["--tolerance", "1e-8"]),
+        # bodies on wires of 10 mm across, whose modes start far from those without mass
+        ("double", ["--set", "stage.upper.wires.radius=0.005"]),
+    ],
+)
+def test_modes_of_bodies_alone(name, options, tmp_path):
+    """Unless asked for, modes of wires are not listed; those of bodies are as in the list of all,
+    which counts modes one by one."""
+    design = CONFIGS / f"{name}.toml"
+    options = [*options, "--json", "--no-plot", "--out", tmp_path]
+    quick = json.loads(run("modes", design, *options).stdout)
+    assert quick["fidelity"] == "violin"
+    top = 1.001 * max(one["frequency_hz"] for one in quick["modes"])
+    result = run("modes", design, "--max-frequency", repr(top), *options)
+    places = {"x", "y", "z", "roll", "pitch", "yaw"}
+    every = [one for one in json.loads(result.stdout)["modes"] if one["dof"] in places]
+    assert len(quick["modes"]) == len(every)
+    for one, other in zip(quick["modes"], every, strict=True):
+        assert one["dof"] in places
+        assert one["frequency_hz"] == pytest.approx(other["frequency_hz"], rel=1e-7)
+        assert one["q"] == pytest.approx(other["q"], rel=1e-3)
+        assert one["dilution"] == pytest.approx(other["dilution"], rel=1e-3)
 
 
 def test_the_number_of_modes_is_that_of_the_list():

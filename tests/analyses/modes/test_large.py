@@ -9,11 +9,10 @@ import pytest
 import scipy.linalg
 
 from suspension_cli.analyses.check.solve import solve as check
-from suspension_cli.analyses.modes import damped, elastic_losses
 from suspension_cli.design.reader import Source, parse
 from suspension_cli.drawing import draw
 from suspension_cli.equilibrium.nominal import expand
-from suspension_cli.linear import eigenmodes
+from suspension_cli.linear import damped, eigenmodes, elastic_losses
 from suspension_cli.models import registry
 from tests.support.large_tower import large_tower
 

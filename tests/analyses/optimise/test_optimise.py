@@ -311,6 +311,8 @@ def test_the_search_continues_on_the_models_that_its_result_needs(monkeypatch):
     found = solved(VERTICAL, goal, free, level="auto")
     assert models == [["string"], ["string", "violin"], ["beam", "violin"]]
     assert found.met and found.fidelity == "beam"
+    assert found.checked == "checked with the beam and violin models"
+    assert found.quantities.model == ("beam", "violin")
     np.testing.assert_allclose(found.quantities.searched, found.quantities.after, rtol=1e-10)
 
 
@@ -329,6 +331,31 @@ def test_unmet_goals_are_reported():
     np.testing.assert_allclose(found.limits.margin, np.log(l / 0.3), rtol=1e-4)
     # of the largest violation
     np.testing.assert_allclose(found.limits.multiplier, [2 / 3, 1 / 3], rtol=1e-4)
+
+
+@pytest.mark.parametrize("impossible", [{"at_least": 30.0}, {"equals": 30.0}])
+@pytest.mark.parametrize(
+    ("possible", "pitch"),
+    [({"at_most": 4.0}, 4.0), ({"equals": 3.0}, 3.0), ({"at_most": 20.0}, None)],
+)
+def test_a_goal_that_can_be_met_is_met_beside_one_that_cannot(impossible, possible, pitch):
+    """The shortest wires give 1.58 instead of 30 Hz; the pitch is a matter of their distance."""
+    goal = [
+        Goal(kind="band", modes=["test longitudinal"], **impossible),
+        Goal(kind="band", modes=["test pitch"], **possible),
+    ]
+    free = [
+        Free(name=f"{WIRES}.l", lower=0.1, upper=0.5),
+        Free(name=f"{WIRES}.s", lower=0.005, upper=0.06),
+    ]
+    found = solved(VERTICAL, goal, free)
+    assert found.limits.met.tolist() == [False, True]
+    assert found.numbers.after[0] == pytest.approx(0.1, rel=1e-6)
+    assert found.limits.value[0] == pytest.approx(np.sqrt(G / 0.1) / (2 * np.pi), rel=0.01)
+    if pitch is None:  # met as drawn
+        assert found.numbers.after[1] == pytest.approx(found.numbers.before[1], rel=1e-3)
+    else:  # the nearest design
+        assert found.limits.value[1] == pytest.approx(pitch, rel=1e-5)
 
 
 def test_multipliers_are_the_cost_of_a_limit():

@@ -152,6 +152,7 @@ def test_an_optimum_on_violin_meets_its_limits_by_the_plain_commands(tmp_path):
     result = run("optimise", VERTICAL, written(tmp_path, raw, "goals.toml"), "--starts", 1, *common)
     answer = strict_json(result.stdout)
     assert answer["checked_on"] == "violin" and answer["goals_met"]
+    assert [one["model"] for one in answer["quantities"]] == ["violin"] * 2
     made = tmp_path / "husman2000-table1-case1-optimised.toml"
     modes = strict_json(run("modes", made, *common, "--max-frequency", "10").stdout)["modes"]
     (found,) = (mode["frequency_hz"] for mode in modes if mode["label"] == "test longitudinal")

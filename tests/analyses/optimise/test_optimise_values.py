@@ -11,7 +11,7 @@ import pytest
 from suspension_cli.analyses.optimise import loads, mode_families, objective
 from suspension_cli.analyses.optimise.mode_families import Families
 from suspension_cli.design import reader
-from suspension_cli.design.goals import Free, Goal
+from suspension_cli.design.goals import Free, Goal, Goals
 from suspension_cli.equilibrium.nominal import expand_nominal
 from suspension_cli.linear import batch_modes, eigenmodes
 from suspension_cli.linear.symmetry import is_mirror_symmetric
@@ -45,6 +45,24 @@ def test_derivatives_of_every_kind_of_goal(level):
     }
     slope = sum(weight * (sides[n][0] - sides[n][1]) for n, weight in stencil.items()) / step
     np.testing.assert_allclose(every.at(start).slope @ change, slope, rtol=1e-6, atol=1e-6)
+
+
+def test_derivatives_of_the_fraction_in_the_top_mass_of_a_second_chain():
+    """Of a reaction chain of other lengths, whose modes mix with none of the first chain."""
+    goals = Goals(
+        goal=[Goal(kind="coupling", dof=["yaw"], at_least=0.01)],
+        free=[Free(name="stage.reaction-middle.wires.t1", lower=0.01, upper=0.2)],
+    )
+    values = values_of(CONFIGS / "reaction-chain.toml", goals)
+    start, step = values.freed.start, 1e-3 * values.freed.start
+    slope = sum(
+        weight * (values.at(start + n * step).log - values.at(start - n * step).log)
+        for n, weight in differences.STENCIL.items()
+    )
+    found = values.at(start).slope @ step
+    assert (np.abs(found) > 1e-4).sum() >= 3
+    np.testing.assert_allclose(found, slope, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(values.batch(start[None])[0], values.at(start).log, atol=1e-9)
 
 
 def test_the_batch_has_the_values_of_each(every):

@@ -143,6 +143,7 @@ def test_unstable_design_says_why(tmp_path):
     done = run(
         *("report", CONFIGS / "double.toml", "--out", tmp_path, *QUICK),
         *("--set", "stage.test.wires.d=-0.05", "--sections", "modes, response,check"),
+        *("--name", "double"),
     )
     assert done.exit_code == 0
     page = Page((tmp_path / "double-report.html").read_text())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import h5py
@@ -105,6 +106,28 @@ def test_resonance_is_found_between_points():
     assert np.allclose(measured.resonances(data), [1.0137], rtol=2e-4)
 
 
+def test_peaks_are_paired_with_modes_one_to_one(design, tmp_path):
+    """One peak 8 % below a mode, two at another, and those of another structure above all modes."""
+    known = sus.modes(design, model="string")
+    modes = [f for f, name in zip(known.frequency, known.label, strict=True) if "vert" in name]
+    peaks = [0.92 * modes[0], 0.99 * modes[1], 1.05 * modes[1], 0.5 * modes[2], 3.2 * modes[2]]
+    pairs = [modes[0], modes[1], None, None, None]
+    f = np.geomspace(0.3, 200.0, 4000)
+    value = sum(1 / (at**2 - f**2 + 0.02j * f * at) for at in peaks)
+    file = file_of(tmp_path, f, value)
+    options = ("--input", "upper.force_z", "--output", "upper.z", "--fidelity", "string")
+    done = run("response", DESIGN, "--measured", file, *options, "--json", "--out", tmp_path)
+    found = strict_json(done.stdout)["measured"][0]["resonances"]
+    assert [one["measured_hz"] for one in found] == pytest.approx(peaks, rel=2e-3)
+    assert [one["model_hz"] for one in found] == [f and pytest.approx(f, rel=1e-3) for f in pairs]
+    assert [one["shift"] for one in found][2:] == [None] * 3
+    text = run("response", DESIGN, "--measured", file, *options, "--out", tmp_path).stdout
+    [line] = re.findall("measured resonances of no mode: (.*) Hz", text)
+    assert np.allclose([float(word) for word in line.split(",")], peaks[2:], rtol=2e-3)
+    again = sus.load(tmp_path / "triple-response.h5").document()["measured"][0]["resonances"]
+    assert again == found
+
+
 def test_command(tmp_path):
     """The example: table, JSON, HDF5, and the picture redrawn from the file alone."""
     words = ("response", DESIGN, "--measured", FOLDER / "measured.toml", "--fidelity", "beam")
@@ -145,7 +168,7 @@ def test_many_points_are_a_line_and_units_are_checked(design, tmp_path):
         (DESIGN.read_text(), (), "is a design, not a file of measurements"),
         (None, ("--input", "support.x", "--output", "uper.x"), 'did you mean \'upper\'?'),
         (TABLES.replace("upper.yaw", "uper.yaw"), (), "{file}: output signal = "),
-        (TABLES.replace('"osem"', '"ossem"', 1), (), "a signal such as upper.x; did you mean 'osem'?"),
+        (TABLES.replace('"osem"', '"ossem"', 1), (), "as upper.x; did you mean 'osem'?"),
         ('mode = [{ frequency = 1, uncertainty = 1 }]', (), "has no [[transfer_function]]"),
         (TABLES.replace("a.csv", "b.csv"), (), "b.csv: cannot be read"),
         (TABLES.replace('input = "coil"', 'input = "upper.x"'), (), "is an output; give"),

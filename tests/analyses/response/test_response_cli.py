@@ -39,7 +39,8 @@ def out(tmp_path):
 
 def json_of(file, out, *options, model=("--fidelity", "force")):
     """The JSON document of a run that went well and wrote nothing but its results."""
-    result = run("response", file, "--json", "--out", out, *model, *options)
+    name = ("--name", "triple")
+    result = run("response", file, "--json", "--out", out, *name, *model, *options)
     assert result.exit_code == 0, result.stderr
     assert [path.name for path in out.iterdir()] == ["triple-response.h5"]
     return strict_json(result.stdout)

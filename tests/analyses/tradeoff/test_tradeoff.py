@@ -219,7 +219,7 @@ def test_bodies_on_springs_alone_have_every_model(monkeypatch):
     assert [entry.model for entry in found.panels[0].entries] == ["string", "beam", "violin"]
     assert max(entry.error.max() for entry in found.panels[0].entries) < 1e-12
     assert {item.reason for panel in found.panels[2:] for item in panel.left} == {
-        "the last stage hangs on no wire"
+        "the mirror hangs on no wire"
     }
 
 

@@ -276,7 +276,7 @@ def test_a_stage_without_wires(tmp_path):
     [line] = assert_refused(result, file, tmp_path / "out")
     assert (
         line
-        == "--wire: k changes a wire, but the last stage hangs on none; name a wire, or sweep mass,"
+        == "--wire: k changes a wire, but the mirror hangs on none; name a wire, or sweep mass,"
         " com or a path"
     )
     assert (
@@ -293,7 +293,7 @@ def test_picture_unless_switched_off(tmp_path):
     result = run("xcouple", FILE, "--out", tmp_path / "b")
     assert sorted(path.suffix for path in (tmp_path / "b").iterdir()) == [".h5", ".png"]
     first, second, *_ = result.stdout.splitlines()
-    assert first.startswith("model: string (as requested); neglected: wire bending, 0.2 %")
+    assert first.startswith("model: string (as requested); neglected: wire bending, 0.23 %")
     assert second == "205 builds: wire test.1 changes, its loaded length is kept"
 
 

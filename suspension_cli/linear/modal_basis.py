@@ -2,7 +2,7 @@
 
 Z(s) = K + s C + s^2 M + L(omega), with K, C, M symmetric and L the stiffness that loss angles add
 (i phi K, ...) at the frequency omega = Im s of the motion. A loss angle is the phase lag of an
-oscillation, so L(0) = 0.
+oscillation, so L(0) = 0. Of wires with mass, L is also what their mass changes, at omega = -i s.
 
 In the basis of the undamped modes (omega_j, x_j, of unit modal mass) and of the massless directions
 e_j of unit stiffness,
@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.modes.elastic_losses import ElasticLosses
+from suspension_cli.linear.elastic_losses import ElasticLosses
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Inexact, Int
@@ -77,7 +77,7 @@ class Basis:
             return np.broadcast_to(one, (len(s), *one.shape[1:]))
         result = s[:, None, None] * self.viscous
         if oscillates.any():
-            result[oscillates] += self.elastic.at(np.imag(s)[oscillates], self.place)
+            result[oscillates] += self.elastic.at(-1j * s[oscillates], self.place)
         return self._without_rounding(result)
 
     def own_losses(

@@ -16,14 +16,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.modes import strong_damping, weak_damping
-from suspension_cli.analyses.modes.elastic_losses import ElasticLosses, transform
-from suspension_cli.analyses.modes.modal_basis import Basis
 from suspension_cli.linear import eigenmodes as undamped
-from suspension_cli.linear import quality
+from suspension_cli.linear import quality, strong_damping, weak_damping
 from suspension_cli.linear.connected_groups import connected_groups
 from suspension_cli.linear.eigenmodes import Modes
-from suspension_cli.linear.frequency_terms import LossTerm
+from suspension_cli.linear.elastic_losses import ElasticLosses, transform
+from suspension_cli.linear.frequency_terms import LossTerm, is_massive
+from suspension_cli.linear.modal_basis import Basis
+from suspension_cli.linear.poles import ROUNDING
 from suspension_cli.linear.system import LinearSystem
 
 if TYPE_CHECKING:
@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 ALIKE = 1e-12
 """Relative difference of omega^2 that may be a rounding error."""
+ROUNDED = 1e-3
+"""Rounding error of the bodies' share of energy, of modes of the highest Q."""
 UNDAMPED = 1e-24
 """Fraction of the largest damping below which a rigid mode counts as undamped."""
 
@@ -83,8 +85,10 @@ def _split_coupled(basis: Basis) -> list[Int[np.ndarray, " _"]]:
 def solve(model: LinearSystem, found: Modes) -> Modes:
     """Solve for modes with dampers and losses of any size, from the undamped modes `found`.
 
-    For a system without batch axes and wire mass. Modes that do not oscillate are first: unstable,
-    rigid, then overdamped by decay rate.
+    For a system without batch axes. Modes that do not oscillate are first: unstable, rigid, then
+    overdamped by decay rate. With wire mass these are the modes of bodies alone, each followed from
+    the one without, if `are_poles`; a wire's mass acts on the stretching of its even and odd motion
+    apart.
     """
     shapes = np.pad(found.shape, ((0, 0), (6, 0))) @ model.basis
     values, motions, plain = [], [], np.ones(len(shapes), dtype=bool)
@@ -104,6 +108,15 @@ def solve(model: LinearSystem, found: Modes) -> Modes:
         return found
     value, motion = np.concatenate(values), np.concatenate(motions)
     return _build_modes(model, found, plain, *_recompute_decay(model, value, motion))
+
+
+def are_poles(found: Modes) -> bool:
+    """Whether poles of bodies on wires with mass are ones: the bodies' share of energy is below 1.
+
+    An iteration that has lost its pole ends where this share is anything.
+    """
+    share = found.energy.sum((1, 2)) + found.tip_energy.sum(1)
+    return bool((share < 1 + ROUNDED).all())
 
 
 def _build_basis(
@@ -183,13 +196,17 @@ def _recompute_decay(
     value: Complex[np.ndarray, " pole"],
     motion: Complex[np.ndarray, "pole coordinate"],
 ) -> tuple[
-    Complex[np.ndarray, " pole"], Complex[np.ndarray, "pole coordinate"], Float[np.ndarray, " pole"]
+    Complex[np.ndarray, " pole"],
+    Complex[np.ndarray, "pole coordinate"],
+    Float[np.ndarray, " pole"],
+    Float[np.ndarray, " pole"],
 ]:
     """Recompute the decay of poles from the dissipation of their shapes.
 
     x^H Z x = 0 has the imaginary part x^H Im(L) x + omega x^H C x + 2 sigma omega x^H M x = 0, in
-    which nothing cancels. Also returns the shapes, of unit modal mass, and twice the energy in
-    lossy elements.
+    which nothing cancels. Also returns the shapes, of unit modal mass, twice the energy in lossy
+    elements, and the fraction of the kinetic energy that is not in wires, which M lacks: x^H M x
+    over -x^H Im(L + omega C) x / 2 sigma omega.
     """
     mass = sum(quality.quadratic_form(model.mass, part) for part in _parts(motion))
     motion = motion / np.sqrt(np.abs(mass))[:, None]
@@ -200,8 +217,15 @@ def _recompute_decay(
     lost, elastic = (np.sum(both, axis=0) for both in zip(*found, strict=True))
     oscillates = np.imag(value) > 0
     omega = np.where(oscillates, np.imag(value), 1.0)
-    sigma = np.where(lost > quality.NOTHING * omega**2, -lost / (2 * omega), 0.0)
-    return np.where(oscillates, sigma + 1j * np.imag(value), value), motion, elastic
+    sigma = np.where(np.abs(lost) > quality.NOTHING * omega**2, -lost / (2 * omega), 0.0)
+    sigma = np.where(sigma > ROUNDING * omega, sigma, np.minimum(sigma, 0.0))
+    share = np.ones(len(value))
+    if any(is_massive(term) for term in model.terms):
+        share[oscillates] = (
+            np.real(value[oscillates]) / np.where(sigma == 0, np.nan, sigma)[oscillates]
+        )
+    pole = np.where(oscillates, share * sigma + 1j * np.imag(value), value)
+    return pole, motion, elastic * share, share
 
 
 def _parts(
@@ -218,10 +242,11 @@ def _build_modes(
     value: Complex[np.ndarray, " pole"],
     motion: Complex[np.ndarray, "pole coordinate"],
     elastic: Float[np.ndarray, " pole"],
+    share: Float[np.ndarray, " pole"],
 ) -> Modes:
     """Build the modes, ascending, from poles and the undamped modes to keep (`plain`)."""
     oscillates = np.imag(value) > 0
-    decay = np.where(np.abs(value) > 0, np.maximum(-np.real(value), 0.0), 0.0)
+    decay = np.where(oscillates, -np.real(value), np.maximum(-np.real(value), 0.0)) + 0.0
     squared = np.where(
         oscillates, np.abs(value) ** 2, np.where(np.real(value) > 0, -(np.real(value) ** 2), 0.0)
     )
@@ -231,8 +256,8 @@ def _build_modes(
     new = {
         "omega_squared": squared,
         "shape": undamped.fix_signs(shape, np.concatenate([energy, tips], axis=1))[:, 6:],
-        "energy": energy.reshape(len(shape), -1, 6),
-        "tip_energy": tips,
+        "energy": (share[:, None] * energy).reshape(len(shape), -1, 6),
+        "tip_energy": share[:, None] * tips,
         "block": model.member[np.abs(motion).argmax(1)],
         "q": quality_factor(value),
         "dilution": np.where(known, quality.safe_ratio(np.abs(value) ** 2, elastic), np.nan),

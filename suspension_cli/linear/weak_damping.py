@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.modes.modal_basis import CONVERGED, ROUNDING, STEPS, Basis, condense
 from suspension_cli.linear.connected_groups import connected_groups
+from suspension_cli.linear.modal_basis import CONVERGED, ROUNDING, STEPS, Basis, condense
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Int

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.analyses.modes.modal_basis import CONVERGED, STEPS, Basis, condense
+from suspension_cli.linear.modal_basis import CONVERGED, STEPS, Basis, condense
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Inexact, Int
@@ -43,7 +43,8 @@ def solve_strong(
     oscillates = np.flatnonzero(kept & (np.imag(starts) > 0))
     kept[oscillates[linear_sum_assignment(np.abs(starts[oscillates] - light[:, None]))[1]]] = False
     starts, motions = starts[kept], motions[kept]
-    kept = ~_mark_counterparts(starts)
+    saddles = int(((basis.inertia > 0) & (basis.stiffness < 0)).sum())
+    kept = ~_mark_counterparts(starts, saddles)
     still = (basis.inertia > 0) & (basis.stiffness == 0)
     starts = np.concatenate([starts[kept], np.zeros(still.sum())])
     motions = np.concatenate([motions[kept], np.eye(len(still))[still]])
@@ -130,11 +131,16 @@ def _mark_rigid(basis: Basis, values: Inexact[np.ndarray, " pole"]) -> Bool[np.n
     return out
 
 
-def _mark_counterparts(values: Inexact[np.ndarray, " pole"]) -> Bool[np.ndarray, " pole"]:
-    """Mark the real poles that are decaying counterparts of growing ones."""
+def _mark_counterparts(
+    values: Inexact[np.ndarray, " pole"], most: int
+) -> Bool[np.ndarray, " pole"]:
+    """Mark at most so many real poles that are decaying counterparts of growing ones.
+
+    Poles that grow because of negative damping have none.
+    """
     out = np.zeros(len(values), dtype=bool)
     real = np.imag(values) == 0
-    for growing in np.flatnonzero(real & (np.real(values) > 0)):
+    for growing in np.flatnonzero(real & (np.real(values) > 0))[:most]:
         decaying = np.flatnonzero(real & (np.real(values) < 0) & ~out)
         if len(decaying):
             out[decaying[np.abs(values[decaying] + values[growing]).argmin()]] = True

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.linear.frequency_terms import Term
+from suspension_cli.linear.frequency_terms import Term, is_massive
 from suspension_cli.scene.arrays import Array, Index
 
 if TYPE_CHECKING:
@@ -62,9 +62,12 @@ class ElasticLosses:
         return not self._terms
 
     def at(
-        self, omega: Float[np.ndarray, " frequency"], place: Index
+        self, omega: Inexact[np.ndarray, " frequency"], place: Index
     ) -> Complex[np.ndarray, "frequency some some"]:
-        """Elements between the coordinates `place` at frequencies in rad/s."""
+        """Elements between the coordinates `place` at frequencies in rad/s.
+
+        The imaginary part of a frequency counts for the mass of wires alone.
+        """
         values, combined = self._coefficients(omega)
         constant, matrices = self._within(place, combined=combined)
         result = np.empty((len(omega), *constant.shape), dtype=complex)
@@ -102,18 +105,21 @@ class ElasticLosses:
         return self._restricted[key]
 
     def _functions(
-        self, omega: Float[np.ndarray, " frequency"]
+        self, omega: Inexact[np.ndarray, " frequency"]
     ) -> Inexact[np.ndarray, "function frequency"]:
         """All f_n."""
         return np.concatenate(
             [
                 np.zeros((0, len(omega)), dtype=complex),
-                *(term.at(omega).all_functions()[which] for term, which in self._terms),
+                *(
+                    term.at(omega if is_massive(term) else np.real(omega)).all_functions()[which]
+                    for term, which in self._terms
+                ),
             ]
         )
 
     def _coefficients(
-        self, omega: Float[np.ndarray, " frequency"]
+        self, omega: Inexact[np.ndarray, " frequency"]
     ) -> tuple[Inexact[np.ndarray, "function frequency"], bool]:
         """Factors of the matrices at each frequency, and whether these are the combined ones."""
         values = self._functions(omega)

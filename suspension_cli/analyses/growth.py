@@ -1,0 +1,76 @@
+"""Designs whose motion grows, so that they have no steady state: which mode, why, what to do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from suspension_cli.design.link_checks import find_active
+from suspension_cli.design.plausibility import RAISE
+from suspension_cli.design.schema import Design
+from suspension_cli.errors import Fault
+from suspension_cli.linear import damped, eigenmodes
+from suspension_cli.linear.eigenmodes import Modes
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models import registry
+from suspension_cli.models.base import Model
+
+
+@dataclass(frozen=True)
+class Growth:
+    """Why motion grows.
+
+    Attributes
+    ----------
+    cause
+        As a fault, without the mode.
+    modes
+        With the growth rates.
+    static
+        Whether the static stiffness alone makes it grow.
+    """
+
+    cause: Fault
+    modes: Modes
+    static: bool
+
+    @property
+    def worst(self) -> str:
+        """The mode that grows fastest."""
+        return describe(self.modes, int(self.modes.growth_rate.argmax()))
+
+    @property
+    def fault(self) -> Fault:
+        """The cause with the fastest mode."""
+        problem = f"{self.cause.problem}: {self.worst}"
+        return Fault(self.cause.key, problem, self.cause.remedy, self.cause.value)
+
+
+def describe(modes: Modes, number: int) -> str:
+    """Describe how a mode grows: ``test x grows at 0.25 1/s``."""
+    square, rate = modes.omega_squared[number], modes.growth_rate[number]
+    at = f", oscillating at {np.sqrt(square) / (2 * np.pi):.4g} Hz" if square > 0 else ""
+    return f"{modes.label[number]} grows at {rate:.4g} 1/s{at}"
+
+
+def find_growth(design: Design, kind: Model, system: LinearSystem) -> Growth | None:
+    """Find why the motion of a design grows with its control loops open; None if it does not.
+
+    `system` is its linear system in the model `kind`. Where the equilibrium is stable, only active
+    springs, links and dampers can make it grow: their poles are those on wires without mass.
+    """
+    static = eigenmodes.solve(system.constant)
+    if not static.stable:
+        return Growth(Fault("stage", "the equilibrium is unstable", RAISE), static, static=True)
+    if not system.active:
+        return None
+    light = registry.BEAM.system(design) if kind.has_wire_mass else system
+    found = damped.solve(light, eigenmodes.solve(light))
+    if found.stable:
+        return None
+    parts = [fault for part, fault in find_active(design) if part.active]
+    keys = ", ".join(fault.key for fault in parts)
+    remedy = f"make {keys} less negative, or damp this motion more"
+    problem = "an active element makes the motion grow, so there is no steady state"
+    return Growth(Fault(parts[0].key, problem, remedy), found, static=False)

@@ -1,0 +1,88 @@
+"""Damaged results files are refused in one line by every command and function that reads them."""
+
+from __future__ import annotations
+
+import random
+
+import h5py
+import numpy as np
+import pytest
+
+import suspension_cli as sus
+from tests.support.commandline import assert_refused, run, written
+from tests.support.designs import TEXTS
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("results")
+    design = written(folder, TEXTS["double"])
+    for name in ("modes", "response"):
+        words = ("--frequency", "1:10:20") if name == "response" else ()
+        assert run(name, design, *words, "--no-plot", "--out", folder).exit_code == 0
+    return folder
+
+
+def reshaped(file, group, name):
+    data = file[group][name][...]
+    del file[group][name]
+    file[group][name] = np.ravel(data)[:-1]
+
+
+def flip(data, seed, count):
+    draw = random.Random(seed)
+    for place in draw.sample(range(8, len(data)), count):
+        data[place] ^= 1 << draw.randrange(8)
+
+
+DAMAGE = {
+    "no dataset": ("modes", lambda file: file["modes"].pop("shape")),
+    "fewer modes": ("modes", lambda file: reshaped(file, "modes", "frequency")),
+    "other shape": ("modes", lambda file: reshaped(file, "modes", "shape")),
+    "no design": ("response", lambda file: file.attrs.pop("design")),
+    "error as text": ("response", lambda file: file.attrs.__setitem__("estimated_error", "small")),
+    "scales": ("modes", lambda file: file["modes/q"].attrs.__setitem__("DIMENSION_LIST", 1.0)),
+    "other notes": ("response", lambda file: file.attrs.__setitem__("extra", "-1")),
+    "fewer frequencies": ("response", lambda file: reshaped(file, "response", "frequency")),
+}
+READERS = {
+    "compare": lambda file, good: ("compare", file, good, "--no-plot"),
+    "plot": lambda file, good: ("plot", file),
+    "together": lambda file, good: ("plot", file, good, "--together"),
+    "csv": lambda file, good: ("plot", file, "--csv"),
+}
+
+
+@pytest.mark.parametrize("reader", READERS)
+@pytest.mark.parametrize("kind", DAMAGE)
+def test_damaged_results(kind, reader, results, tmp_path):
+    stem, change = DAMAGE[kind]
+    good = results / f"double-{stem}.h5"
+    file = written(tmp_path, good.read_bytes(), "x.h5")
+    with h5py.File(file, "r+") as opened:
+        change(opened)
+    words = READERS[reader](file, good)
+    assert_refused(run(*words, "--out", tmp_path / "out"), file, tmp_path / "out")
+    with pytest.raises(sus.InputError, match="^" + str(file)) as raised:
+        sus.load(file)
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_flipped_bytes(seed, results, tmp_path):
+    data = bytearray((results / "double-response.h5").read_bytes())
+    flip(data, seed, 300)
+    file = written(tmp_path, bytes(data), "x.h5")
+    for words in (READERS["compare"], READERS["csv"]):
+        result = run(*words(file, results / "double-response.h5"), "--out", tmp_path / "out")
+        assert_refused(result, file, tmp_path / "out")
+
+
+def test_results_that_cannot_be_compared(results, tmp_path):
+    """What only a comparison reads is found there, in one of its files."""
+    good = results / "double-modes.h5"
+    file = written(tmp_path, good.read_bytes(), "x.h5")
+    with h5py.File(file, "r+") as opened:
+        opened.attrs["fidelity"] = "nan"
+    result = run("compare", file, good, "--no-plot", "--out", tmp_path / "out")
+    assert_refused(result, f"{file} or {good}", tmp_path / "out")
