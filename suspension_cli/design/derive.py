@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cmath
 import math
 import operator
 from dataclasses import dataclass
@@ -172,8 +171,7 @@ class SetGeometry:
     @property
     def height(self) -> Any:
         """Vertical span of a wire in m."""
-        square = self.height_squared
-        return cmath.sqrt(square) if isinstance(square, complex) else math.sqrt(square)
+        return math.sqrt(self.height_squared)
 
 
 def set_geometry(wires: WireSet) -> SetGeometry:
@@ -285,8 +283,7 @@ def gravity_strength(design: Design) -> Any:
     given = design.constants.gravity
     if not isinstance(given, list):
         return given
-    square = sum(component**2 for component in given)
-    return cmath.sqrt(square) if isinstance(square, complex) else math.sqrt(square)
+    return math.hypot(*given)
 
 
 def gravity_field(design: Design) -> tuple[list[float], list[list[float]]] | None:

@@ -69,7 +69,6 @@ def thinnest(wire: WireSet | Wire | WireSection) -> float | None:
     tables = given or [wire]
     return min(
         (shape.least_area for table in tables for shape in cross_sections(table)),
-        key=lambda area: area.real,  # it may carry complex steps
         default=None,
     )
 

@@ -47,8 +47,6 @@ if TYPE_CHECKING:
 
 KNOWN = 512
 """Wires whose stiffness is kept."""
-STEP = 1e-30
-"""Imaginary step of a number, whose square is far below rounding."""
 
 
 def with_bending(
@@ -76,11 +74,10 @@ def with_bending(
         resistance = (
             _resistance(fibre, *map(np.ravel, own))
             if scene.batch
-            else _resistance_of_one(fibre.sections, *(value.item() for value in own))
+            else _known_resistance(fibre.sections, *(value.item() for value in own))
         )
         found.append((group, *resistance))
-    kind = np.result_type(float, *(part for _, *parts in found for part in parts))
-    bend, twist = np.empty((*shape, 2, 3), dtype=kind), np.empty(shape, dtype=kind)
+    bend, twist = np.empty((*shape, 2, 3)), np.empty(shape)
     for group, slopes, turning in found:
         bend[..., group, :, :] = slopes.reshape(*scene.batch, 1, 2, 3)
         twist[..., group] = turning.reshape(*scene.batch, 1)
@@ -103,45 +100,12 @@ def _resistance(
     return np.stack(planes, axis=-2), strand.resting("twist")[1, 1] / 4
 
 
-def _resistance_of_one(
-    sections: tuple[Section, ...], *numbers: complex
-) -> tuple[Inexact[np.ndarray, "1 2 3"], Inexact[np.ndarray, " 1"]]:
-    """Resistance of one wire; to first order for a complex step of length or tension."""
-    real, step = [number.real for number in numbers], np.array([number.imag for number in numbers])
-    if len(sections) == 1:  # `numbers` give its length
-        sections = (replace(sections[0], length=sections[0].length.real),)
-    if any(np.imag(value) for section in sections for value in _constants(section)):
-        return _known_resistance(sections, *numbers)
-    found = _known_resistance(sections, *real)
-    if not step.any():
-        return found
-    slopes, turning = _rates(sections, *real)
-    return found[0] + 1j * np.tensordot(step, slopes, 1)[None], found[1] + 1j * (step @ turning)
-
-
-def _constants(section: Section) -> tuple[complex, ...]:
-    """Numbers of a section that determine its static stiffness."""
-    return section.length, *section.rigidity, section.stretching, section.twisting
-
-
 @lru_cache(maxsize=KNOWN)
 def _known_resistance(
-    sections: tuple[Section, ...], *numbers: complex
-) -> tuple[Inexact[np.ndarray, "1 2 3"], Inexact[np.ndarray, " 1"]]:
-    """Resistance of one wire, cached: most wires do not differ between designs."""
-    found = _resistance(bare_fibre(sections), *(np.array([number]) for number in numbers))
-    slopes, turning = (part if np.imag(part).any() else np.real(part) for part in found)
-    return slopes, turning  # a complex zero is equal to a real one as a key
-
-
-@lru_cache(maxsize=KNOWN)
-def _rates(
     sections: tuple[Section, ...], *numbers: float
-) -> tuple[Float[np.ndarray, "4 2 3"], Float[np.ndarray, " 4"]]:
-    """Derivatives (4, 2, 3) and (4,) of the resistance of one wire with respect to its numbers."""
-    each = np.array(numbers)[:, None] + 1j * STEP * np.eye(len(numbers))
-    slopes, turning = _resistance(bare_fibre(sections), *each)
-    return np.imag(slopes) / STEP, np.imag(turning) / STEP
+) -> tuple[Float[np.ndarray, "1 2 3"], Float[np.ndarray, " 1"]]:
+    """Resistance of one wire, cached: most wires do not differ between designs."""
+    return _resistance(bare_fibre(sections), *(np.array([number]) for number in numbers))
 
 
 def bare_fibre(sections: tuple[Section, ...]) -> Fibre:
@@ -242,8 +206,8 @@ def add_derivatives(scene: Scene, numbering: Layout, pose: Pose, derivatives: De
         return
     now, normals = string.state(scene, pose), _normals(scene, pose, flex)
     hessian, outer = derivatives.hessian, derivatives.outer
-    pull = np.zeros(now.direction.shape, dtype=scene.kind)
-    second = np.zeros((*now.direction.shape[:-1], 9, 9), dtype=scene.kind)
+    pull = np.zeros(now.direction.shape)
+    second = np.zeros((*now.direction.shape[:-1], 9, 9))
     if flex.bend is not None:
         _add_bending(wires, flex.bend, now, normals, pull, second, outer)
     _add_twisting(wires, flex.twist, normals, second, outer)
@@ -317,7 +281,7 @@ def loss_matrix(
     wires, flex = scene.wires, wire_resistance(scene)
     if flex is None or not wires.loss.any():
         return 0.0
-    result = np.zeros((*scene.batch, numbering.size, numbering.size), dtype=scene.kind)
+    result = np.zeros((*scene.batch, numbering.size, numbering.size))
     turn = _twist_forms(*_normals(scene, pose, flex))
     lost = (flex.twist * wires.loss)[..., None, None] * turn[..., :, None] * turn[..., None, :]
     for n in np.flatnonzero(wires.loss).tolist():

@@ -62,7 +62,7 @@ def loss_matrix(
     if not scene.blades.loss.any():
         return 0.0
     blades, rows = scene.blades, numbering.blade[scene.blades.axes]
-    result = np.zeros((*scene.batch, numbering.size, numbering.size), dtype=scene.kind)
+    result = np.zeros((*scene.batch, numbering.size, numbering.size))
     result[..., rows, rows] = (blades.stiffness * blades.loss[:, None])[..., blades.axes]
     return result
 

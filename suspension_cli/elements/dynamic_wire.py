@@ -77,10 +77,7 @@ class TautWire:
         return {part: self.resting(part)[..., 0] for part in PARTS}
 
     def resting(self, part: str) -> Inexact[np.ndarray, "end end frequency"]:
-        """Static stiffness (c, c, f) of one part, without loss, for f tensions and lengths.
-
-        Complex for a complex step of the tension or of the fibre's numbers.
-        """
+        """Static stiffness (c, c, f) of one part, without loss, for f tensions and lengths."""
         return self._at_rest.stiffness(part)
 
     @cached_property

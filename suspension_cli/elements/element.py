@@ -49,7 +49,7 @@ class Derivatives:
         """Derivatives of a scene without any element."""
         size, bodies, tips = numbering.size, len(scene.bodies.name) + 1, len(scene.blades.label)
         shapes = ((size,), (size + 1, size + 1), (bodies, 3, 3), (tips, 3))
-        return cls(*(np.zeros((*scene.batch, *shape), dtype=scene.kind) for shape in shapes))
+        return cls(*(np.zeros((*scene.batch, *shape)) for shape in shapes))
 
     def add_forces(
         self,

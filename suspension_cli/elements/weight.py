@@ -205,7 +205,7 @@ def mass_matrix(
     scene: Scene, numbering: Layout, pose: Pose
 ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
     """Mass matrix (..., N, N) of the bodies as they are turned, tips of blades, wires and bars."""
-    result = np.zeros((*scene.batch, numbering.size, numbering.size), dtype=scene.kind)
+    result = np.zeros((*scene.batch, numbering.size, numbering.size))
     rows = 6 * np.arange(1, scene.bodies.mass.shape[-1] + 1)[:, None] + np.arange(3)
     result[..., rows, rows] = scene.bodies.mass[..., None]
     turn = pose.rotation[..., 1:, :, :]

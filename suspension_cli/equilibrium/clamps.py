@@ -129,9 +129,8 @@ def _all_distances(
     """Distances of given bending points from their clamps, m; 0 for other wires."""
     fibres, wires = nominal.fibres, nominal.wires
     assert fibres is not None
-    kind = np.result_type(nominal.kind, *(s.rigidity[0] for f in fibres.wire for s in f.sections))
     shape = (*nominal.batch, len(wires.label))
-    result = np.zeros((*shape, 2), dtype=kind)
+    result = np.zeros((*shape, 2))
     at = wires if hanging is None else hanging
     numbers = [np.broadcast_to(v, shape) for v in (at.length, at.tension)]
     for group in group_identical(fibres.wire, *numbers):

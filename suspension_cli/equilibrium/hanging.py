@@ -16,12 +16,8 @@ from suspension_cli.design.imperfections import perturbed, perturbed_part
 from suspension_cli.design.schema import Perturbation
 from suspension_cli.elements import string
 from suspension_cli.equilibrium import solve as equilibrium
-from suspension_cli.equilibrium.energy import gradient_and_stiffness
-from suspension_cli.equilibrium.free_rotations import free_rotations, single_point_stages
-from suspension_cli.equilibrium.residual_scale import residual_scale
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.scene import imperfections
-from suspension_cli.scene.pose import Layout, Pose, displace, layout
 from suspension_cli.scene.scene import Scene, Wires
 
 if TYPE_CHECKING:
@@ -39,7 +35,7 @@ class HangingWires:
     Attributes
     ----------
     found : Equilibrium
-        Of these strings, without complex steps.
+        Of these strings.
     length, tension
         m and N; NaN, as all below, where there is no equilibrium on taut wires.
     rise
@@ -67,7 +63,8 @@ def hang(scene: Scene) -> HangingWires:
         If a single scene has no equilibrium, or a wire is slack in it.
     """
     wires = scene.wires
-    found, pose = _balance_strings(scene)
+    found = _balance_strings(scene)
+    pose = found.pose
     if not scene.batch:
         found.demand(scene)
     now = string.state(scene, pose)
@@ -83,16 +80,10 @@ def hang(scene: Scene) -> HangingWires:
     )
 
 
-def _balance_strings(scene: Scene) -> tuple[Equilibrium, Pose]:
-    """Balance strings without torsion between the given points; the pose has complex steps."""
+def _balance_strings(scene: Scene) -> Equilibrium:
+    """Balance strings without torsion between the given points."""
     wires = replace(scene.wires, torsion=np.zeros_like(scene.wires.torsion))
-    strings = replace(scene, fibres=None, flex=None, wires=wires)
-    numbering = layout(strings)
-    if not np.issubdtype(strings.kind, np.complexfloating):
-        found = equilibrium.solve(strings, numbering)
-        return found, found.pose
-    found = equilibrium.solve(drop_complex_step(strings), numbering)
-    return found, first_order_pose(strings, numbering, found.pose)
+    return equilibrium.solve(replace(scene, fibres=None, flex=None, wires=wires))
 
 
 def _equal_if_mirrored(
@@ -112,11 +103,7 @@ def _equal_if_mirrored(
         paired = ((same.sum(-1) == 1) & (same.sum(-2) == 1)).all(-1)
         images = same.astype(float) @ numbers * np.concatenate([np.ones(3), flip, flip])
         even = (numbers + images) / 2
-        alike = (
-            paired
-            & _close(np.real(even), np.real(numbers))
-            & _close(np.imag(even), np.imag(numbers))
-        )
+        alike = paired & _close(even, numbers)
         numbers = np.where(alike[..., None, None], even, numbers)
     return numbers
 
@@ -194,7 +181,8 @@ def impose(
     if not scene.solves_pose or part != "wire" or hold != "loaded-length":
         return result
     nominal = scene.drawn or scene
-    found, pose = _balance_strings(nominal)
+    found = _balance_strings(nominal)
+    pose = found.pose
     if not (nominal.batch or found.converged):
         found.demand(nominal)
     # a COM that was moved in its body is elsewhere in the pose, too
@@ -207,36 +195,3 @@ def impose(
     tension = result.wires.tension.astype(np.result_type(result.wires.tension, before))
     tension[..., number] += np.where(found.converged, before - after, np.nan)
     return replace(result, wires=replace(result.wires, tension=tension))
-
-
-def drop_complex_step(scene: Scene) -> Scene:
-    """Drop the imaginary part (a complex step) of all numbers of a scene."""
-    parts = {
-        name: replace(
-            part,
-            **{
-                key: value.real
-                for key, value in vars(part).items()
-                if isinstance(value, np.ndarray) and value.dtype == complex
-            },
-        )
-        for name, part in scene.parts.items()
-    }
-    field = scene.field
-    if field is not None:
-        field = replace(field, vector=np.real(field.vector), gradient=np.real(field.gradient))
-    return replace(scene.with_parts(parts), gravity=np.real(scene.gravity), field=field)
-
-
-def first_order_pose(scene: Scene, numbering: Layout, pose: Pose) -> Pose:
-    """Add the effect of a scene's complex step to the pose without it: dq = -K^-1 dg."""
-    gradient, stiffness = gradient_and_stiffness(scene, numbering, pose)
-    free = slice(6, None)
-    without = drop_complex_step(scene)
-    step = equilibrium.newton_step(
-        np.imag(gradient)[free],
-        np.real(stiffness)[free, free],
-        residual_scale(without, numbering),
-        free_rotations(without, numbering, pose, single_point_stages(without)),
-    )
-    return displace(numbering, pose, 1j * np.concatenate([np.zeros(6), step]))

@@ -23,7 +23,7 @@ from suspension_cli.elements import weight as weights
 from suspension_cli.elements.geometric_stiffness import sum_by
 from suspension_cli.elements.registry import with_added
 from suspension_cli.equilibrium import solve as equilibrium
-from suspension_cli.equilibrium.hanging import apply, drop_complex_step, first_order_pose
+from suspension_cli.equilibrium.hanging import apply
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.scene import expand as scene_expand
 from suspension_cli.scene import tensions
@@ -78,36 +78,27 @@ def _unknown_loads(design: Design, scene: Scene) -> Bool[np.ndarray, "blade 3"]:
 
 
 def _with_loads_of_pose(scene: Scene, unknown: Bool[np.ndarray, "blade 3"]) -> Scene:
-    """Set the unknown loads of blades to those in equilibrium, complex steps included."""
-    numbering, whole = layout(scene), drop_complex_step(scene)
+    """Set the unknown loads of blades to those in equilibrium."""
+    numbering = layout(scene)
     poses: list[Pose] = []
 
     def next_loads(loads: Array) -> Array:
-        now = _with_loads(whole, unknown, loads)
+        now = _with_loads(scene, unknown, loads)
         found = equilibrium.solve(now, numbering, start=poses[-1] if poses else None)
         if not found.converged:
             found.demand(now)
         poses.append(found.pose)
         return _blade_loads(now, found.pose)[unknown]
 
-    loads = _fixed_point(next_loads, whole.blades.load[unknown], CONVERGED * float(whole.weight))
-    if not np.issubdtype(scene.kind, np.complexfloating):
-        return _with_loads(whole, unknown, loads)
-
-    def next_rates(rates: Array) -> Array:
-        now = _with_loads(scene, unknown, loads + 1j * rates)
-        return _blade_loads(now, first_order_pose(now, numbering, poses[-1])).imag[unknown]
-
-    first = next_rates(np.zeros(len(loads)))
-    rates = _fixed_point(next_rates, first, CONVERGED * np.abs(first).max())
-    return _with_loads(scene, unknown, loads + 1j * rates)
+    loads = _fixed_point(next_loads, scene.blades.load[unknown], CONVERGED * float(scene.weight))
+    return _with_loads(scene, unknown, loads)
 
 
 def _with_loads(
     scene: Scene, where: Bool[np.ndarray, "blade 3"], loads: Inexact[np.ndarray, " load"]
 ) -> Scene:
     """A scene with loads (k,) of blades replaced `where` a mask (b, 3) is set."""
-    result = scene.blades.load.astype(np.result_type(scene.blades.load, loads))
+    result = scene.blades.load.copy()
     result[where] = loads
     return replace(scene, blades=replace(scene.blades, load=result))
 

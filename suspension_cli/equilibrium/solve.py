@@ -323,7 +323,7 @@ def _newton(
     formulas of an element.
     """
     loops = not uncompiled(scene) and not single_point_stages(scene)
-    if len(scene.batch) == 1 and scene.kind == np.float64 and loops:
+    if len(scene.batch) == 1 and loops:
         return _newton_compiled(
             scene, numbering, pose, target, limit, accept_nominal=accept_nominal
         )

@@ -64,8 +64,7 @@ class LinearSystem:
     massless
         Whether each coordinate has no inertia (blade tips without tip mass).
     mass, stiffness, damping
-        SI; exactly symmetric; exactly 0 where a symmetry forbids a coupling. Complex while a design
-        is differentiated by complex steps.
+        SI; exactly symmetric; exactly 0 where a symmetry forbids a coupling.
     lossy
         The stiffness with loss angles, k (1 + i phi); None if nothing is lossy.
     stretched

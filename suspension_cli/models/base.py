@@ -47,11 +47,6 @@ class Model(ABC):
     supports_builds
         Whether it models imperfect builds, which balance away from the nominal pose, by the methods
         of `string.SceneModel`.
-    supports_derivatives
-        Whether its matrices can be differentiated with respect to a design's numbers.
-    exact_derivatives
-        Whether these derivatives are exact (by a complex step) at any frequency; static ones always
-        are.
     """
 
     name: ClassVar[str]
@@ -61,8 +56,6 @@ class Model(ABC):
     cost: ClassVar[float]
     automatic: ClassVar[bool] = True
     supports_builds: ClassVar[bool] = False
-    supports_derivatives: ClassVar[bool] = False
-    exact_derivatives: ClassVar[bool] = False
 
     @property
     def bends_wires(self) -> bool:

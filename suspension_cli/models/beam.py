@@ -240,7 +240,6 @@ class Beam(string_model.SceneModel):
     description = "wires bend and twist, with all losses"
     omits = (MASS,)
     cost = 20.0
-    supports_derivatives = True
 
     def unsuitable(self, design: Design) -> str:
         """Why wires lack a property that the model needs; "" if none does."""

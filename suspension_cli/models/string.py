@@ -48,6 +48,7 @@ def linear_model(
     *,
     split: bool = True,
     wire_inertia: bool = True,
+    separate: bool = True,
 ) -> LinearSystem:
     """Linear model of small motions about the equilibrium of a scene on strings, any batch axes.
 
@@ -60,6 +61,8 @@ def linear_model(
         forbids are exactly 0. Without them, a scene's result is independent of others in a batch.
     wire_inertia
         Whether wires that have weight also have mass, moving as straight lines between their ends.
+    separate
+        Whether to compute the stretching of wires, and rounding errors, of one design separately.
 
     Raises `InputError` if there is no equilibrium, or a wire is slack in it.
     """
@@ -79,8 +82,12 @@ def linear_model(
     separated = mass = stretched = None
     if _is_compiled(scene):
         separated, stiffness, mass = _separated(scene, numbering, pose, adapted)
-    else:
+    elif separate and scene.wires.label and not scene.batch:
         stiffness, stretched = _stiffness(scene, numbering, balanced, adapted)
+    else:
+        own = balanced.stiffness
+        own = gradient_and_stiffness(scene, numbering, pose)[1] if own is None else own
+        stiffness = adapted.apply(own)
     lossy = None
     if any(np.any(getattr(part, "loss", 0.0)) for part in scene.parts.values()):
         whole = stretched is None and separated is None
@@ -210,13 +217,8 @@ def _on_ground(
 
 def _stiffness(
     scene: Scene, numbering: Layout, balanced: Equilibrium, adapted: Symmetry
-) -> tuple[Inexact[np.ndarray, "*batch coordinate coordinate"], Stretching | None]:
-    """Stiffness, and its two parts: None for a batch of scenes and for complex steps."""
-    if scene.batch or np.issubdtype(scene.kind, np.complexfloating) or not scene.wires.label:
-        stiffness = balanced.stiffness
-        if stiffness is None:
-            stiffness = gradient_and_stiffness(scene, numbering, balanced.pose)[1]
-        return adapted.apply(stiffness), None
+) -> tuple[Float[np.ndarray, "coordinate coordinate"], Stretching]:
+    """Stiffness of one scene, and its two parts."""
     soft, form = soft_part(scene, numbering, balanced.pose)
     form, soft = adapted.forms(form), adapted.apply(soft)
     stretched = Stretching(form, scene.wires.stiffness, adapted.allowed, soft)
@@ -244,7 +246,7 @@ def soft_part(
 
 def _is_compiled(scene: Scene) -> bool:
     """Whether a scene is a batch that compiled loops take."""
-    return len(scene.batch) == 1 and scene.kind == np.float64 and bool(scene.wires.label)
+    return len(scene.batch) == 1 and bool(scene.wires.label)
 
 
 def _separated(
@@ -301,7 +303,7 @@ def _sum_over(
     scene: Scene, numbering: Layout, pose: Pose, parts: Sequence[Matrix | None]
 ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
     """Sum the matrices of the elements, exactly symmetric; without batch axes if all are 0."""
-    result = np.zeros((numbering.size, numbering.size), dtype=scene.kind)
+    result = np.zeros((numbering.size, numbering.size))
     for part in parts:
         if part is not None:
             result = result + part(scene, numbering, pose)
@@ -356,8 +358,6 @@ class String(SceneModel):
     description = "any geometry on taut, straight strings"
     omits = (BENDING, MASS)
     cost = 4.0
-    supports_derivatives = True
-    exact_derivatives = True
 
     def unsuitable(self, design: Design) -> str:
         """Never: every design has strings."""

@@ -22,7 +22,6 @@ class Violin(Beam):
     description = "wires bend and have mass: all violin modes"
     omits = ()
     cost = 20.0
-    supports_derivatives = False
 
     def refined(self, design: Design, built: Mapping[str, LinearSystem]) -> LinearSystem:
         """The system, from that of the beam model if that is `built`."""

@@ -19,7 +19,6 @@ from suspension_cli.scene.arrays import Array, frames, inner_axes
 from suspension_cli.scene.scene import Part, Scene, spring_of_leg
 
 if TYPE_CHECKING:
-    from jaxtyping import Inexact
     from numpy.typing import ArrayLike
 
 
@@ -216,10 +215,8 @@ ACTIONS = {
 """How each imperfection of a part acts on a scene; those of a wire act in `wire`."""
 
 
-def _numbers(values: ArrayLike) -> Inexact[np.ndarray, "*shape"]:
-    """Convert to floats, or keep complex numbers (complex-step derivatives)."""
-    array = np.asarray(values)
-    return array if array.dtype == complex else array.astype(float)
+def _numbers(values: ArrayLike) -> Array:
+    return np.asarray(values, dtype=float)
 
 
 def _with(scene: Scene, part: str, number: int, **items: Array) -> Scene:

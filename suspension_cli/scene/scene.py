@@ -336,21 +336,6 @@ class Scene:
         }
         return shapes.pop() if len(shapes) == 1 else np.broadcast_shapes(*shapes)
 
-    @cached_property
-    def kind(self) -> np.dtype:
-        """Type of the numbers: complex for a complex-step derivative."""
-        return np.result_type(
-            float,
-            self.gravity,
-            *(
-                value
-                for part in (*self.parts.values(), self.flex, self.field)
-                if part is not None
-                for value in vars(part).values()
-                if isinstance(value, np.ndarray) and value.dtype.kind == "c"
-            ),
-        )
-
     @property
     def weight(self) -> Inexact[np.ndarray, "*batch"]:
         """Weight of everything that hangs, N, shape ``batch``."""

@@ -118,7 +118,7 @@ def catenary(end: Inexact[np.ndarray, " 3"], length: float) -> Curve:
         u = u - step
         if abs(step) <= 1e-15 * abs(u):
             break
-    u = u - (np.sinh(u) - ratio * u) / (np.cosh(u) - ratio)  # the last digit, and a complex step
+    u = u - (np.sinh(u) - ratio * u) / (np.cosh(u) - ratio)  # the last digit
     a = width / (2 * u)
     lowest = width / 2 - a * np.arctanh(end[2] / length)
     start, begin = -lowest / a, a * np.sinh(-lowest / a)

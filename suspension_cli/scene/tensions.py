@@ -15,7 +15,7 @@ from suspension_cli.rotations import cross
 from suspension_cli.scene.arrays import Array, Index
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Complex, Float, Inexact
+    from jaxtyping import Bool, Float, Inexact
 
 BALANCE = 1e-9
 """Residual force, over the weight, and torque, over the weight times 1 m, that count as 0."""
@@ -83,8 +83,6 @@ def least_energy(
     left_over : (6,) array
         Unbalanced wrench, N and N m.
     """
-    if complex in (wrenches.dtype, load.dtype, compliance.dtype):
-        return _with_derivative(wrenches, load, compliance)
     scaled = compliance / np.trace(compliance)
     root = _inverse_root(scaled)
     tension = root @ (np.linalg.pinv(wrenches.T @ root, rcond=1e-10) @ -load)
@@ -97,33 +95,6 @@ def least_energy(
         )
         left_over = wrenches.T @ best + load
     return tension, left_over
-
-
-def _with_derivative(
-    wrenches: Array, load: Array, compliance: Array
-) -> tuple[Complex[np.ndarray, " wire"], Complex[np.ndarray, " 6"]]:
-    """Find the tensions of least energy, with the imaginary parts (a complex step) to first order.
-
-    T = R A^+ b with A = W^T R, b = -load and C^-1 = R R^T. For constant rank dA^+ = -A^+ dA A^+ +
-    A^+ A^+^T dA^T (1 - A A^+) + (1 - A^+ A) dA^T A^+^T A^+ (Golub and Pereyra, SIAM J. Numer. Anal.
-    10, 413 (1973)), and for C = L L^T, R = L^-T it is dR = -R P^T with the lower triangle P of L^-1
-    dC L^-T, its diagonal halved.
-    """
-    root = np.linalg.inv(np.linalg.cholesky(compliance.real)).T
-    strain = root.T @ compliance.imag @ root
-    half = np.tril(strain) - np.diag(np.diag(strain)) / 2
-    turned = -root @ half.T
-    a, b = wrenches.real.T @ root, -load.real
-    da, db = wrenches.imag.T @ root + wrenches.real.T @ turned, -load.imag
-    inverse = np.linalg.pinv(a, rcond=1e-10)
-    solution, left = inverse @ b, b - a @ (inverse @ b)
-    change = (
-        inverse @ (db - da @ solution + inverse.T @ (da.T @ left))
-        + (da.T @ (inverse.T @ solution))
-        - inverse @ (a @ (da.T @ (inverse.T @ solution)))
-    )
-    whole = root @ solution + 1j * (turned @ solution + root @ change)
-    return whole, wrenches.T @ whole + load
 
 
 def _inverse_root(matrix: Array) -> Array:
@@ -151,8 +122,6 @@ def compliance(
     It is not diagonal where two wires hang from one blade.
     """
     result = np.diag(1.0 / stiffness)
-    if complex in (direction.dtype, blade_stiffness.dtype):
-        result = result.astype(complex)
     for number in sorted(set(blade[blade >= 0].tolist())):
         on = blade == number
         for axis in np.flatnonzero(axes[number]):

@@ -1,371 +1,385 @@
-"""Exact derivatives of a design's static matrices with respect to its numbers.
+"""Derivatives of results of a design with respect to its numbers, by central differences.
 
-They include the change of the equilibrium. All matrices are closed forms of the scene. A number p
-enters the scene, and through it the gradient g and the Hessian K of the energy in a pose q. In
-equilibrium g(q, p) = 0, so the pose follows with dq/dp = -K^-1 dg/dp (the implicit function
-theorem), and
+    df/dp = (f(p + h) - f(p - h)) / 2h + O(h^2)
 
-    dK/dp = d/dh Im K(q + ih dq/dp, p + ih)   for h -> 0,
+All neighbours of a design are solved as batches. Near a resonance of high quality a response is not
+smooth over a step, but its inverse is; the one that bends less is differentiated.
 
-one complex step (see `parameters`) through the code that computes K; M, C and the losses likewise.
-Newton's iterations are not differentiated.
+Modes may cross or be degenerate, but the matrix of their shapes s in the design itself,
 
-In the beam model K also depends on the bending stiffness S of the wires, which follows from their
-tensions and lengths in equilibrium. The pose changes S, and S the pose. A few more steps with both
-converge, each smaller by the ratio of bending forces to the weight. The losses of wires that bend
-depend on frequency and are not in these matrices (`studies.differences` has them).
+    R_jk = s_j (K(omega_k) - omega_k^2 M) s_k,
+
+is smooth, and its diagonal changes as omega_k^2 does (Rayleigh), also with massless coordinates and
+wire mass. The eigenvalues of its change among modes of one frequency are the derivatives of the
+modes that split off (Lancaster, Numer. Math. 6, 377 (1964)). Stiff parts that resist the shapes s
+are relaxed: else h^2 would count times the ratio of their stiffness to that of a mode.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-import msgspec
 import numpy as np
 
-from suspension_cli.conventions import DOFS
-from suspension_cli.design.derive import gives_natural_lengths, solves_pose
+from suspension_cli.design.path_units import unit_of
 from suspension_cli.design.schema import Design
-from suspension_cli.elements import bending, string
-from suspension_cli.equilibrium import bending_wires, clamps
 from suspension_cli.equilibrium import solve as equilibrium
-from suspension_cli.equilibrium.energy import gradient_and_stiffness
+from suspension_cli.equilibrium.bending_wires import solve_bending
 from suspension_cli.equilibrium.nominal import expand
-from suspension_cli.linear.signals import Signal, linear_form
-from suspension_cli.linear.symmetry import is_mirror_symmetric
+from suspension_cli.errors import InputError
+from suspension_cli.linear.eigenmodes import DEGENERATE, Modes
+from suspension_cli.linear.mode_pairing import pair_by_shape
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
-from suspension_cli.models import string as string_model
 from suspension_cli.models.loss_terms import lossless
-from suspension_cli.models.surroundings import surrounded, with_frame
-from suspension_cli.scene.pose import Layout, Pose, displace, layout, nominal_pose
-from suspension_cli.scene.scene import Part, Scene
-from suspension_cli.studies.parameters import STEP, stepped
+from suspension_cli.models.string import linear_model
+from suspension_cli.models.surroundings import surrounded
+from suspension_cli.scene import stack
+from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.pose import layout
+from suspension_cli.studies import builds, variants
+from suspension_cli.studies.builds import Builds
+from suspension_cli.studies.natural_steps import natural_step
+from suspension_cli.studies.parameters import Parameter, shifted, value_of
+from suspension_cli.studies.systems import evaluate_terms, further_stiffness
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Complex, Float, Inexact
+    from jaxtyping import Bool, Float, Inexact, Int
 
-CONVERGED = 1e-11
-"""Relative change at which the derivative of a pose has converged, where wires bend."""
-PASSES = 12
-"""Largest number of steps to that derivative."""
-MOVED = 1e-7
-"""Residual force (relative to the weight, per relative change of a number) above which that number
-cannot change alone."""
+STEP = 7e-5
+"""Step, relative to a number or to the size of a change that matters. Truncation errors go with its
+square, rounding errors (of 1e-11 at most) with its inverse."""
+TOGETHER = 128
+"""Designs that are in memory at once."""
+ELEMENTS = 1 << 21
+"""Elements of matrices at frequencies that are in memory at once."""
+RANGE = 10.0
+"""Ratio of omega^2 up to which modes are relaxed together; its square makes another mode stiff."""
+SIZES = {"N": 1.0, "N m": 1e-3, "N/m": 1.0, "N m/rad": 1e-3, "kg": 1e-3, "kg m^2": 1e-5}
+"""Changes that matter of numbers that are 0, by unit, per newton that hangs; 1 SI for others."""
 
 
 @dataclass(frozen=True)
-class Linear:
-    """Matrices of a linear model, or their derivatives, in the named coordinates.
+class Differences:
+    """Results of a design, and of its neighbours a step `step` above and below in each number.
 
     Attributes
     ----------
-    mass, stiffness, damping, loss
-        SI, with the support's coordinates; `loss` is the imaginary part of the stiffness.
-    orientation
-        Of each body, the support first.
-    scene
-        The scene of the model, with a complex step where this is a derivative.
-    ground_columns
-        Columns of stiffness, damping and loss for the motion of the ground beside the support.
+    balanced
+        Whether both neighbours have an equilibrium; if not, the number cannot change alone.
+    matters
+        Whether the number changes any matrix of the model or any result.
     """
 
-    mass: Inexact[np.ndarray, "coordinate coordinate"]
-    stiffness: Inexact[np.ndarray, "coordinate coordinate"]
-    damping: Inexact[np.ndarray, "coordinate coordinate"]
-    loss: Inexact[np.ndarray, "coordinate coordinate"]
-    orientation: Inexact[np.ndarray, "1+body 3 3"]
-    scene: Scene
-    ground_columns: Float[np.ndarray, "3 coordinate 6"] | None = field(default=None, kw_only=True)
+    step: Float[np.ndarray, " number"]
+    nominal: Inexact[np.ndarray, " result"]
+    above: Inexact[np.ndarray, "number result"]
+    below: Inexact[np.ndarray, "number result"]
+    balanced: Bool[np.ndarray, " number"]
+    matters: Bool[np.ndarray, " number"]
 
     @property
-    def driven_by_ground(self) -> Linear:
-        """With the motion of the ground in the support's columns, without its rows."""
-        assert self.ground_columns is not None
-        parts = {}
-        for name, columns in zip(
-            ("stiffness", "damping", "loss"), self.ground_columns, strict=True
-        ):
-            matrix = getattr(self, name).copy()
-            matrix[:, :6] = columns
-            parts[name] = matrix
-        mass = self.mass.copy()
-        mass[:, :6] = 0.0
-        return replace(self, mass=mass, **parts)
-
-    @cached_property
-    def mirrors(self) -> Bool[np.ndarray, " axis"]:
-        """Symmetry under mirroring x and y; of a derivative, whether the change keeps it."""
-        return is_mirror_symmetric(_scale_steps(self.scene))
-
-    def dynamic(
-        self, omega: Float[np.ndarray, "*frequency"] | float
-    ) -> Complex[np.ndarray, "*frequency coordinate coordinate"]:
-        """K + i K'' + i omega C - omega^2 M at angular frequencies, rad/s."""
-        w = np.asarray(omega)[..., None, None]
-        return self.stiffness + 1j * (self.loss + w * self.damping) - w**2 * self.mass
+    def central(self) -> Inexact[np.ndarray, "number result"]:
+        """Derivatives of smooth results; NaN where a number cannot change alone."""
+        with np.errstate(invalid="ignore"):  # ratios to 0
+            return (self.above - self.below) / (2 * self.step[:, None])
 
     @property
-    def matters(self) -> bool:
-        """Whether any matrix is not 0."""
-        return any(
-            value.any()
-            for value in (self.mass, self.stiffness, self.damping, self.loss, self.orientation)
-        )
+    def of_responses(self) -> Inexact[np.ndarray, "number result"]:
+        """Derivatives of complex responses, which may be near a resonance."""
+        middle = np.broadcast_to(self.nominal, self.above.shape)
+        sides = np.array([self.above, middle, self.below])
+        with np.errstate(all="ignore"):
+            inverse = 1 / sides
+            smooth = _bend(sides) <= _bend(inverse)
+            along = (inverse[0] - inverse[2]) / (2 * self.step[:, None])
+            return np.where(smooth | (self.nominal == 0), self.central, -(self.nominal**2) * along)
+
+    @property
+    def of_magnitudes(self) -> Float[np.ndarray, "number result"]:
+        """Derivatives of the magnitudes of complex responses; a zero grows with either sign."""
+        rate, value = self.of_responses, self.nominal
+        with np.errstate(all="ignore"):
+            along = np.real(np.conj(value) * rate) / np.abs(value)
+        return np.where(value == 0, np.abs(rate), along)
 
 
-@dataclass(frozen=True)
-class Differentiable:
-    """A design in its equilibrium, with what its derivatives need.
-
-    Attributes
-    ----------
-    stiffness
-        Of the suspension alone, without dampers and a compliant support.
-    model, linear
-        The complete model, without symmetry-adapted coordinates, and its matrices.
-    bends
-        Whether wires bend; `scene` then has their bending stiffness in equilibrium.
-    turned
-        Whether the equilibrium is not the nominal pose.
-    """
-
-    design: Design
-    scene: Scene
-    numbering: Layout
-    pose: Pose
-    stiffness: Float[np.ndarray, "coordinate coordinate"]
-    model: LinearSystem
-    linear: Linear
-    bends: bool = False
-    turned: bool = False
-
-    def row(self, signal: Signal) -> Float[np.ndarray, " coordinate"]:
-        """Compute the linear form of a signal in the named coordinates."""
-        return linear_form(signal, replace(self.model, orientation=self.linear.orientation))
-
-    def row_change(self, change: Linear, signal: Signal) -> Float[np.ndarray, " coordinate"]:
-        """Differentiate that form: points of signals move with their bodies."""
-        if not change.orientation.any():
-            return np.zeros(self.model.size)
-        turned = self.linear.orientation + 1j * STEP * change.orientation
-        return np.imag(linear_form(signal, replace(self.model, orientation=turned))) / STEP
+def neighbours(
+    design: Design, numbers: Sequence[Parameter], relative: float = STEP
+) -> tuple[Float[np.ndarray, " number"], list[Design]]:
+    """Choose the steps of numbers; move each up, then down, with those that change with it."""
+    step = np.array([relative / STEP * _step(design, item) for item in numbers])
+    return step, [
+        _moved(design, item, sign * h)
+        for item, h in zip(numbers, step, strict=True)
+        for sign in (1, -1)
+    ]
 
 
-def prepared(design: Design, level: str = registry.STRING.name) -> Differentiable:
-    """Find the equilibrium of a design, and the static matrices there, in a differentiable model.
-
-    Raises `InputError` if there is no equilibrium, or a wire is slack in it.
-    """
-    physics = registry.scene_model(level)
-    scene = physics.completed(expand(design), design)
-    numbering = layout(scene)
-    if physics.bends_wires:
-        scene, found = bending_wires.solve_bending(scene, numbering)
-        scene = lossless(scene)
-    else:
-        found = equilibrium.solve(scene, numbering)
-    found.demand(scene)
-    assert found.stiffness is not None
-    model = surrounded(string_model.linear_model(scene, found, split=False), design)
-    return Differentiable(
-        design,
-        scene,
-        numbering,
-        found.pose,
-        found.stiffness,
-        model,
-        _linear(design, scene, numbering, found.pose, found.stiffness),
-        physics.bends_wires,
-        found.iterations > 0,
-    )
+def _bend(sides: Inexact[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
+    """Second difference of a function over its first one."""
+    above, nominal, below = sides
+    return np.nan_to_num(np.abs((above - nominal) - (nominal - below)) / np.abs(above - below))
 
 
-def of(base: Differentiable, name: str) -> Linear | None:
-    """Differentiate all matrices with respect to one number by dotted path, per its SI unit.
-
-    None if it cannot change alone: the suspension would not balance in its nominal pose.
-    """
-    return along(base, {name: 1.0})
+def _nothing(found: Builds) -> Float[np.ndarray, "build 0"]:
+    return np.zeros((len(found.status), 0))
 
 
-def along(base: Differentiable, rates: dict[str, float]) -> Linear | None:
-    """Differentiate all matrices as several numbers change together, each at its rate."""
-    now = moved(base, rates)
-    return None if now is None else linear(base, now)
-
-
-def linear(base: Differentiable, now: Moved) -> Linear:
-    """Differentiate all matrices along a complex step."""
-    whole = _linear(now.design, now.scene, base.numbering, now.pose, now.stiffness)
-    parts = (whole.mass, whole.stiffness, whole.damping, whole.loss, whole.orientation)
-    ground_columns = None if whole.ground_columns is None else np.imag(whole.ground_columns) / STEP
-    return Linear(
-        *(np.imag(part) / STEP for part in parts), scene=now.scene, ground_columns=ground_columns
-    )
-
-
-@dataclass(frozen=True)
-class Moved:
-    """A design, its equilibrium and its stiffness after a complex step of some numbers.
-
-    Each number has `STEP` i times its rate added; imaginary parts over `STEP` are derivatives.
-    """
-
-    design: Design
-    scene: Scene
-    pose: Pose
-    stiffness: Inexact[np.ndarray, "coordinate coordinate"]
-
-
-def moved(base: Differentiable, rates: dict[str, float]) -> Moved | None:
-    """Take a complex step of numbers of a design, each at its rate, and of its equilibrium.
-
-    None if the suspension would not balance in its nominal pose.
-    """
-    design = base.design
-    for name, rate in rates.items():
-        design = stepped(design, name, rate)
-    scene = expand(design)
-    if _unbalanced(base, scene, design):
-        return None
-    if base.bends:
-        return _moved_bending(base, design, scene)
-    scene = registry.STRING.completed(scene, design)
-    gradient, stiffness = gradient_and_stiffness(scene, base.numbering, base.pose)
-    pose = base.pose
-    if _solves_for_pose(base):
-        free = slice(6, None)
-        change = np.zeros(base.numbering.size)
-        change[free] = -_solve_scaled(base.stiffness[free, free], np.imag(gradient[free]) / STEP)
-        if change.any():
-            pose = displace(base.numbering, pose, 1j * STEP * change)
-            stiffness = gradient_and_stiffness(scene, base.numbering, pose)[1]
-    return Moved(design, scene, pose, stiffness)
-
-
-def _moved_bending(base: Differentiable, design: Design, scene: Scene) -> Moved:
-    """Take the step of an equilibrium of wires that bend: pose and bending stiffness together."""
-    scene = lossless(registry.BEAM.completed(scene, design))
-    scene, _ = clamps.to_clamps(scene)
-    pose, free = base.pose, slice(6, None)
-    change = np.zeros(base.numbering.size)
-    balanced = MOVED * float(base.scene.weight)
-    stiffness = base.stiffness
-    for _ in range(PASSES):
-        now = string.state(scene, pose)
-        scene = bending.with_bending(scene, now.tension, now.length)
-        gradient, stiffness = gradient_and_stiffness(scene, base.numbering, pose)
-        rest = np.imag(gradient[free]) / STEP
-        if not (base.turned or _solves_for_pose(base) or np.abs(rest).max() > balanced):
-            break
-        step = -_solve_scaled(base.stiffness[free, free], rest)
-        if np.abs(step).max() <= CONVERGED * np.abs(change).max():
-            break
-        change[free] += step
-        pose = displace(base.numbering, base.pose, 1j * STEP * change)
-    return Moved(design, scene, pose, stiffness)
-
-
-def _scale_steps(scene: Scene) -> Scene:
-    """Scale complex steps of a scene to derivatives, for comparisons that allow for rounding."""
-
-    def grown(part: Part) -> Part:
-        steps = {
-            name: value.real + 1j * (value.imag / STEP)
-            for name, value in vars(part).items()
-            if isinstance(value, np.ndarray) and value.dtype == complex
-        }
-        return replace(part, **steps)
-
-    return scene.with_parts({name: grown(part) for name, part in scene.parts.items()})
-
-
-def _solves_for_pose(base: Differentiable) -> bool:
-    """Whether the pose was solved for, and so depends on the design's numbers."""
-    scene = base.scene
-    return scene.drawn is not None or bool(scene.added) or solves_pose(base.design)
-
-
-def _unbalanced(base: Differentiable, scene: Scene, design: Design) -> bool:
-    """Whether a suspension that balances in its nominal pose no longer does after the step."""
-    if gives_natural_lengths(design) or scene.field is not None or scene.added:
-        return False
-    drawn = scene.drawn or scene  # straight wires: blades are loaded as without bending
-    gradient = gradient_and_stiffness(drawn, base.numbering, nominal_pose(drawn))[0]
-    # the loads of blades may differ from those in the nominal pose
-    bodies = slice(6, 6 + 6 * len(drawn.bodies.name))
-    left = np.abs(np.imag(gradient[bodies])).max() / STEP
-    return bool(left > MOVED * float(base.scene.weight))
-
-
-def _solve_scaled(
-    matrix: Float[np.ndarray, "coordinate coordinate"], right: Float[np.ndarray, " coordinate"]
-) -> Float[np.ndarray, " coordinate"]:
-    """Solve K x = f in scaled coordinates; the shortest solution where K is singular."""
-    root = np.sqrt(np.abs(np.diag(matrix)))
-    root[root == 0] = 1.0
-    return np.linalg.lstsq(matrix / np.outer(root, root), right / root, rcond=1e-13)[0] / root
-
-
-def _linear(
+def differentiate(
     design: Design,
-    scene: Scene,
-    numbering: Layout,
-    pose: Pose,
-    stiffness: Inexact[np.ndarray, "coordinate coordinate"],
-) -> Linear:
-    """Compute all matrices in a pose, real or with complex steps."""
-    body = scene.bodies.name
-    plain = LinearSystem(
-        body=body,
-        coordinate=numbering.name,
-        basis=np.eye(numbering.size),
-        massless=np.zeros(numbering.size, dtype=bool),
-        mass=string_model.mass_matrix(scene, numbering, pose),
-        stiffness=stiffness,
-        damping=string_model.damping_matrix(scene, numbering, pose),
-    )
-    loss, ground_columns = string_model.loss_matrix(scene, numbering, pose), None
-    if scene.springs.grounded.any():
-        ground = string_model.ground_couplings(scene, numbering, pose)
-        without = string_model.without_ground
-        plain = replace(
-            plain,
-            stiffness=without(plain.stiffness, ground.stiffness),
-            damping=without(plain.damping, ground.damping),
+    numbers: Sequence[Parameter],
+    level: str,
+    evaluate: Callable[[Builds], Inexact[np.ndarray, "build result"]] = _nothing,
+    *,
+    relative: float = STEP,
+    few: int = 0,
+    nominal: Array | None = None,
+) -> Differences:
+    """Evaluate a design and its neighbours in some numbers.
+
+    Parameters
+    ----------
+    level
+        Name of a model that supports builds.
+    evaluate
+        Results of builds, in the named coordinates; none by default.
+    relative
+        Step, see `STEP`.
+    few
+        Number of designs up to which each is solved alone, faster than by loops that have to be
+        loaded; the builds then lack the terms in frequency.
+    nominal
+        Results of the design itself, if known.
+
+    Raises `InputError` if the design has no equilibrium, or a wire is slack in it.
+    """
+    step, designs = neighbours(design, numbers, relative)
+    rows: list[Array | None] = [None] * len(designs) + [nominal]
+    designs += [design] if nominal is None else []
+    matrices: list[int | None] = [None] * len(rows)
+    solve = _each_alone if len(designs) <= few else _batches
+    for places, found in solve(designs, level):
+        good = np.flatnonzero(found.status == builds.GOOD)
+        if len(good):
+            for n, row, own in zip(good, evaluate(found)[good], _digest(found)[good], strict=True):
+                rows[places[n]], matrices[places[n]] = row, own
+    nominal = rows.pop()
+    if nominal is None:
+        registry.by_name(level).system(design)  # raises the fault of the design
+        raise InputError.of(
+            "stage", "has no equilibrium near the nominal pose", "see pendsus check"
         )
-        loss = without(loss, ground.loss)
-        ground_columns = np.stack([ground.stiffness, ground.damping, ground.loss])[..., :6]
-        ground_columns[:, :6] = 0.0
-    whole = surrounded(plain, design)
-    if design.support is not None:
-        loss = with_frame(replace(plain, stiffness=loss), _lossy_frame(design)).stiffness
-    turned = pose.rotation + np.zeros((len(body) + 1, 3, 3))
-    if ground_columns is not None:
-        ground_columns = np.pad(ground_columns, ((0, 0), (0, whole.size - numbering.size), (0, 0)))
-    return Linear(
-        whole.mass,
-        whole.stiffness,
-        whole.damping,
-        loss,
-        turned,
-        scene,
-        ground_columns=ground_columns,
+    nothing = np.full(nominal.shape, np.nan)
+    filled = np.array([nothing if row is None else row for row in rows])
+    above, below = filled.reshape(len(numbers), 2, nominal.size).swapaxes(0, 1)
+    pairs = list(zip(matrices[:-1:2], matrices[1:-1:2], strict=True))
+    return Differences(
+        step,
+        nominal,
+        above,
+        below,
+        balanced=np.array([None not in pair for pair in pairs], dtype=bool),
+        matters=np.array([one != other for one, other in pairs], dtype=bool)
+        | ((above != below) & ~(np.isnan(above) & np.isnan(below))).any(1),
     )
 
 
-def _lossy_frame(design: Design) -> Design:
-    """The design with the loss of its support structure in place of its stiffness."""
-    support = design.support
-    assert support is not None
-    given = {dof: getattr(support.stiffness, dof) for dof in DOFS}
-    lossy = {dof: value * support.loss_angle for dof, value in given.items() if value is not None}
-    return msgspec.structs.replace(
-        design,
-        support=msgspec.structs.replace(
-            support, stiffness=msgspec.structs.replace(support.stiffness, **lossy)
-        ),
+def mode_matrix(
+    found: Builds, modes: Modes, *, massive: bool
+) -> Float[np.ndarray, "build mode mode"]:
+    """Compute R of builds with the modes of a design; `massive` if its wires have mass."""
+    model, shape, count = found.model, modes.shape, len(found.status)
+    squared = np.maximum(modes.omega_squared, 0.0)
+    own = model.separated
+    soft = np.real(model.stiffness if own is None else own.soft)[..., 6:, 6:] @ shape.T
+    form = np.zeros((count, 0, shape.shape[1])) if own is None else own.form[..., 6:]
+    long = form @ shape.T
+    stiff = np.zeros(0) if own is None else np.broadcast_to(own.stiffness, long.shape[:2])
+    stiff = stiff[..., None] + np.zeros_like(long)
+    force = soft - squared * (model.mass[..., 6:, 6:] @ shape.T)
+    step = max(ELEMENTS // (count * model.size**2), 1)
+    for start in range(0, len(shape) if massive else 0, step):
+        some = slice(start, start + step)
+        omega, every = np.sqrt(squared[some]), np.arange(count)
+        each = np.repeat(every, len(omega)), np.tile(omega, count)
+        added, compliance = evaluate_terms(model, found.terms, *each)
+        if own is not None:
+            stiff[..., some] = np.real(1 / compliance).reshape(count, len(omega), -1).swapaxes(1, 2)
+        if added is not None:
+            added = np.real(added[:, 6:, 6:]).reshape(count, len(omega), *2 * shape.shape[1:])
+            force[..., some] += np.einsum("pkxy,ky->pxk", added, shape[some])
+    pull = stiff * long
+    result = shape @ force + long.swapaxes(1, 2) @ pull
+    force = force + form.swapaxes(1, 2) @ pull
+    for own, soft in _ranges(modes.omega_squared):
+        result[:, own, own] -= _relaxation(found, modes.shape[soft], force[..., own])
+    return result
+
+
+def _ranges(squared: Float[np.ndarray, " mode"]) -> Iterator[tuple[slice, slice]]:
+    """Divide modes into ranges of frequency, each with the modes that are not much stiffer."""
+    start = 0
+    while start < len(squared):
+        positive = squared[start:][squared[start:] > 0]
+        least = positive[0] if len(positive) else 1.0
+        end = int(np.searchsorted(squared, RANGE * least))
+        yield slice(start, end), slice(0, int(np.searchsorted(squared, RANGE**2 * least)))
+        start = end
+
+
+def _relaxation(
+    found: Builds,
+    soft: Float[np.ndarray, "soft coordinate"],
+    force: Float[np.ndarray, "build coordinate mode"],
+) -> Float[np.ndarray, "build mode mode"]:
+    """Work of forces on builds that deform in all ways but those of their soft modes."""
+    stiffness = found.model.stiffness[:, 6:, 6:]
+    held = found.model.mass[..., 6:, 6:] @ soft.T + np.zeros((len(stiffness), 1, 1))
+    size = np.sqrt(np.abs(np.einsum("pxx->px", stiffness)))[..., None]
+    size[size == 0] = 1.0
+    held = held / size
+    held = held / np.sqrt((held**2).sum(1, keepdims=True))
+    none = np.zeros((len(stiffness), len(soft), len(soft)))
+    scaled = stiffness / (size * size.swapaxes(1, 2))
+    matrix = np.block([[scaled, held], [held.swapaxes(1, 2), none]])
+    right = np.pad(force / size, ((0, 0), (0, len(soft)), (0, 0)))
+    return right.swapaxes(1, 2) @ np.linalg.solve(matrix, right)
+
+
+def dynamic_stiffness(
+    found: Builds, squared: float, *, massive: bool
+) -> Float[np.ndarray, "build own own"]:
+    """Compute K(omega) - omega^2 M of builds, without the support; K(0) if wires have no mass."""
+    stiffness, count = found.model.stiffness, len(found.status)
+    if massive:
+        each = np.full(count, np.sqrt(max(squared, 0.0)))
+        more = further_stiffness(found.model, found.terms, np.arange(count), each)
+        stiffness = stiffness + np.real(more)
+    return (stiffness - squared * found.model.mass)[:, 6:, 6:]
+
+
+def frequency_rates(
+    modes: Modes, change: Float[np.ndarray, "mode mode"]
+) -> Float[np.ndarray, " mode"]:
+    """Differentiate mode frequencies, Hz, from the derivative of R; NaN if rigid or unstable."""
+    squared = modes.omega_squared
+    close = np.diff(squared) <= DEGENERATE * np.abs(squared[1:])
+    rates = np.full(len(squared), np.nan)
+    for group in np.split(np.arange(len(squared)), np.flatnonzero(~close) + 1):
+        part = change[np.ix_(group, group)]
+        if np.isfinite(part).all():
+            values, vectors = np.linalg.eigh((part + part.T) / 2)
+            rates[group] = values[pair_by_shape(np.eye(len(group)), vectors.T)[0]]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(squared > 0, rates / (8 * np.pi**2 * modes.frequency), np.nan)
+
+
+def _step(design: Design, item: Parameter) -> float:
+    """Choose the step of a number, SI."""
+    natural, unit = natural_step(item.name, item.value)
+    if item.name.endswith("natural_length"):  # its difference from the loaded length matters
+        return STEP * natural
+    if unit != "%":  # lengths and angles
+        return STEP * max(abs(item.value), natural)
+    return STEP * (abs(item.value) or _typical_size(design, item.name))
+
+
+def _typical_size(design: Design, name: str) -> float:
+    """Choose a change that matters of a number that is 0: by its list, else by what hangs."""
+    head, _, last = name.rpartition(".")
+    siblings = np.array(value_of(design, head) if last.isdigit() else 0.0, dtype=float)
+    weight = float(expand(design).weight)
+    return float(np.abs(siblings).max()) or SIZES.get(unit_of(name), 1 / weight) * weight
+
+
+def _moved(design: Design, item: Parameter, step: float) -> Design:
+    """Add a step times its rate to each of the numbers that change together."""
+    for name, rate in item.rates.items():
+        design = shifted(design, name, rate * step)
+    return design
+
+
+def _batches(designs: Sequence[Design], level: str) -> Iterator[tuple[list[int], Builds]]:
+    """Balance designs in batches of one topology, with their places."""
+    for start in range(0, len(designs), TOGETHER):
+        for places, scenes, one in variants.alike(designs[start : start + TOGETHER], level):
+            scene = stack.stack_scenes(scenes)
+            found = builds.balance(scene, one, level=level, allow_unstable=True)
+            yield [start + place for place in places], found
+
+
+def _each_alone(designs: Sequence[Design], level: str) -> Iterator[tuple[list[int], Builds]]:
+    """Balance designs one by one; batches of equal coordinates, without terms in frequency."""
+    physics = registry.scene_model(level)
+    known: dict[tuple[str, ...], list[tuple[int, LinearSystem]]] = {}
+    for place, design in enumerate(designs):
+        try:
+            scene = physics.completed(expand(design), design)
+            if physics.bends_wires:
+                scene, found = solve_bending(scene, layout(scene))
+                scene = lossless(scene)
+            else:
+                found = equilibrium.solve(scene)
+            found.demand(scene)
+        except InputError:
+            continue
+        model = surrounded(linear_model(scene, found, split=False, separate=False), design)
+        known.setdefault(model.coordinate, []).append((place, model))
+    for members in known.values():
+        yield [place for place, _ in members], together([model for _, model in members])
+
+
+def together(systems: Sequence[LinearSystem]) -> Builds:
+    """Stack systems of equal coordinates, in the named ones, without terms in frequency."""
+    first, count = systems[0], len(systems)
+
+    def stacked(*names: str) -> np.ndarray:
+        rows = []
+        for model in systems:
+            matrix = next(own for name in names if (own := getattr(model, name)) is not None)
+            rows.append(_named(model, matrix))
+        return np.array(rows)
+
+    turned = [
+        np.broadcast_to(
+            np.eye(3) if model.orientation is None else model.orientation,
+            (len(model.body) + 1, 3, 3),
+        )
+        for model in systems
+    ]
+    model = replace(
+        first,
+        basis=np.eye(first.size),
+        mass=stacked("mass"),
+        stiffness=stacked("stiffness"),
+        damping=stacked("damping"),
+        lossy=stacked("lossy", "stiffness"),
+        orientation=np.array(turned),
+        low=None,
+        stretched=None,
+        terms=(),
     )
+    none = np.zeros(count, dtype=int)
+    return Builds(model, none, none - 1, np.zeros(count), np.zeros((count, 2), dtype=bool))
+
+
+def _named(model: LinearSystem, matrix: np.ndarray) -> np.ndarray:
+    """Transform a matrix of a system to the named coordinates."""
+    to_own = np.linalg.inv(model.basis)
+    return to_own.T @ matrix @ to_own
+
+
+def _digest(found: Builds) -> Int[np.ndarray, " build"]:
+    """Compute a number for each build that differs if any of its matrices does."""
+    model = found.model
+    parts = [model.mass, model.stiffness, model.damping, model.lossy, model.orientation]
+    count = len(found.status)
+    each = [
+        np.broadcast_to(part, (count, *part.shape[-3 if part is model.orientation else -2 :])) + 0.0
+        for part in parts
+        if part is not None
+    ]
+    return np.array([hash(tuple(part[n].tobytes() for part in each)) for n in range(count)])

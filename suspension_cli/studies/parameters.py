@@ -1,15 +1,11 @@
-"""The numbers of a design by dotted path, and designs with one of them changed or made complex.
-
-An analytic function of real numbers takes f(p + ih) = f(p) + ih f'(p) + O(h^2). With h = 1e-30 the
-imaginary part gives the derivative to rounding, as nothing is subtracted (Squire and Trapp, SIAM
-Review 40, 110 (1998)). So the code that computes matrices also differentiates them.
-"""
+"""The numbers of a design by dotted path, and designs with one of them changed."""
 
 from __future__ import annotations
 
 import re
 import tomllib
 from dataclasses import dataclass
+from typing import Any
 
 import msgspec
 
@@ -20,9 +16,6 @@ from suspension_cli.design.schema import Design, Material
 from suspension_cli.design.sections import stretches
 from suspension_cli.models import registry
 
-STEP = 1e-30
-"""Imaginary step in a parameter's own unit; its square is far below rounding for any number that a
-design may hold."""
 OTHER_TABLES = ("design", "analysis", "control", "tolerance")
 """Tables that do not describe the suspension itself."""
 NOT_CONTINUOUS = ("count", "steps", "temperature", "profile", "real", "imaginary", "static")
@@ -100,16 +93,23 @@ def _used(design: Design) -> set[str]:
     return named | {blade.geometry.material for blade in blades if blade.geometry is not None}
 
 
-def stepped(design: Design, name: str, rate: float = 1.0) -> Design:
-    """Add `STEP` i, times a rate, to one number of a design."""
-    return shifted(design, name, STEP * rate * 1j)
+def value_of(design: Design, name: str) -> Any:
+    """Get a number of a design, or a list of them, by dotted path."""
+    keys = name.split(".")
+    if keys[0] == "materials":
+        node, keys = materials.resolve(design, keys[1]), keys[2:]
+    else:
+        node = drop_keystones(design)
+    seen: list[Any] = []
+    paths.changed(node, keys, lambda value: seen.append(value) or value)
+    return seen[0]
 
 
-def shifted(design: Design, name: str, by: complex) -> Design:
+def shifted(design: Design, name: str, by: float) -> Design:
     """Add a constant to one number of a design, without the reader's checks."""
     keys = name.split(".")
 
-    def add(number: complex) -> complex:
+    def add(number: float) -> float:
         return number + by
 
     if keys[0] == "materials":  # of the built-in ones too

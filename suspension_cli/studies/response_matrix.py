@@ -5,7 +5,8 @@ the responses by
 
     dH = -Y^T dA X + dC X + Y^T dB,    A X = B,  A^T Y = C^T,
 
-so one factorisation per frequency serves all responses and all numbers. The solutions, in plain
+so one factorisation per frequency serves all responses and all numbers; dA, dB and dC are central
+differences of the matrices (`studies.derivatives`). The solutions, in plain
 double precision, are accurate to some 1e-9, far below the noise of measurements (`linear.response`
 has the last digits).
 
@@ -17,7 +18,7 @@ damping_k M v_k v_k^T M, which lowers its Q to 1/damping_k and leaves all other 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -26,19 +27,77 @@ import numpy as np
 from suspension_cli.design.schema import Design
 from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.eigenmodes import Modes
-from suspension_cli.linear.signals import Signal
+from suspension_cli.linear.signals import Signal, linear_form
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.studies import derivatives
-from suspension_cli.studies.derivatives import Differentiable, Linear
+from suspension_cli.studies.builds import Builds
+from suspension_cli.studies.parameters import Parameter, value_of
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Int
 
 LOSSES = ("loss_angle", "loss")
 """Keys whose numbers change only the frequency-dependent terms of models in which wires bend."""
+FEW = 24
+"""Designs up to which matrices are computed one by one, as loading compiled loops takes longer."""
 CHUNK = 1 << 21
 """Elements of the dynamic matrices that are solved at once."""
+
+
+@dataclass(frozen=True)
+class Matrices:
+    """Static matrices in the named coordinates, or their derivatives.
+
+    `loss` is the imaginary part of the stiffness, `orientation` that of each body, the support
+    first.
+    """
+
+    mass: Float[np.ndarray, "coordinate coordinate"]
+    stiffness: Float[np.ndarray, "coordinate coordinate"]
+    damping: Float[np.ndarray, "coordinate coordinate"]
+    loss: Float[np.ndarray, "coordinate coordinate"]
+    orientation: Float[np.ndarray, "1+body 3 3"]
+
+    @property
+    def matters(self) -> bool:
+        """Whether any matrix is not 0."""
+        return any(part.any() for part in vars(self).values())
+
+    @property
+    def flat(self) -> Float[np.ndarray, " element"]:
+        """All elements."""
+        return np.concatenate([part.ravel() for part in vars(self).values()])
+
+    @staticmethod
+    def of(row: Float[np.ndarray, " element"], size: int) -> Matrices:
+        """Separate the matrices of a row of `_flat_matrices`."""
+        mass, stiffness, damping, loss = row[: 4 * size**2].reshape(4, size, size)
+        return Matrices(mass, stiffness, damping, loss, row[4 * size**2 :].reshape(-1, 3, 3))
+
+    def of_modes(self, modes: Modes) -> Float[np.ndarray, "mode mode"]:
+        """Compute the matrix of modes (see `derivatives`), or its derivative."""
+        moved = self.stiffness[6:, 6:] @ modes.shape.T
+        return modes.shape @ (moved - modes.omega_squared * (self.mass[6:, 6:] @ modes.shape.T))
+
+    def dynamic(
+        self, omega: Float[np.ndarray, " frequency"]
+    ) -> Complex[np.ndarray, "frequency coordinate coordinate"]:
+        """K + i K'' + i omega C - omega^2 M at angular frequencies, rad/s."""
+        w = omega[..., None, None]
+        return self.stiffness + 1j * (self.loss + w * self.damping) - w**2 * self.mass
+
+
+def _flat_matrices(found: Builds) -> Float[np.ndarray, "build element"]:
+    """All elements of the `Matrices` of builds."""
+    model, count, size = found.model, len(found.status), found.model.size
+    loss = np.zeros((size, size)) if model.lossy is None else np.imag(model.lossy)
+    parts = [
+        np.broadcast_to(part, (count, size, size)).reshape(count, -1)
+        for part in (model.mass, model.stiffness, model.damping, loss)
+    ]
+    assert model.orientation is not None
+    return np.hstack([*parts, model.orientation.reshape(count, -1)])
 
 
 @dataclass(frozen=True)
@@ -50,37 +109,66 @@ class Plant:
     level
         Name of a model that supports derivatives.
     system
-        Of the same design, in symmetry-adapted coordinates, with its terms.
+        In symmetry-adapted coordinates, with its terms.
+    matrices
+        Without the terms.
     modes
         Without losses; shapes (m, N - 6) in the named coordinates.
     """
 
     design: Design
     level: str
-    base: Differentiable
     system: LinearSystem
+    matrices: Matrices
     modes: Modes
 
     @staticmethod
     def of(design: Design, level: str = registry.STRING.name) -> Plant:
         """Find the equilibrium of a design, its matrices and its modes."""
         system = registry.by_name(level).system(design)
+        row = _flat_matrices(derivatives.together([system]))[0]
         modes = eigenmodes.solve(system.constant)
-        return Plant(design, level, derivatives.prepared(design, level), system, modes)
+        return Plant(design, level, system, Matrices.of(row, system.size), modes)
+
+    def row(self, signal: Signal) -> Float[np.ndarray, " coordinate"]:
+        """Compute the linear form of a signal in the named coordinates."""
+        turned = replace(
+            self.system, basis=np.eye(self.system.size), orientation=self.matrices.orientation
+        )
+        return linear_form(signal, turned)
+
+    def row_change(self, change: Matrices, signal: Signal) -> Float[np.ndarray, " coordinate"]:
+        """Differentiate that form: points of signals move with their bodies."""
+        turned = self.matrices.orientation + change.orientation
+        return linear_form(signal, replace(self.system, orientation=turned)) - self.row(signal)
 
     @cached_property
     def modal_forces(self) -> Float[np.ndarray, "mode coordinate"]:
         """Rows M v_k of the modes."""
-        return self.modes.shape @ self.base.linear.mass[6:, 6:]
+        return self.modes.shape @ self.matrices.mass[6:, 6:]
 
-    def change(self, name: str) -> Linear | None:
-        """Differentiate all matrices with respect to one number, see `derivatives.of`."""
-        if name not in self._changes:
-            self._changes[name] = derivatives.of(self.base, name)
-        return self._changes[name]
+    def changes(self, names: Sequence[str]) -> list[Matrices | None]:
+        """Differentiate all matrices with respect to each of some numbers.
+
+        None for a number that cannot change alone.
+        """
+        new = [name for name in names if name not in self._changes]
+        if new:
+            numbers = [Parameter(name, value_of(self.design, name)) for name in new]
+            around = derivatives.differentiate(
+                self.design,
+                numbers,
+                self.level,
+                _flat_matrices,
+                few=FEW,
+                nominal=self.matrices.flat,
+            )
+            for name, row, good in zip(new, around.central, around.balanced, strict=True):
+                self._changes[name] = Matrices.of(row, self.system.size) if good else None
+        return [self._changes[name] for name in names]
 
     @cached_property
-    def _changes(self) -> dict[str, Linear | None]:
+    def _changes(self) -> dict[str, Matrices | None]:
         return {}
 
     def dispersive(
@@ -93,7 +181,7 @@ class Plant:
         functions = np.concatenate(
             [np.asarray(term.at(omega).all_functions()) for term in self.system.terms]
         ).astype(complex)
-        size = self.base.model.size
+        size = self.system.size
         result = np.zeros((len(omega), size, size), dtype=complex)
         # real weights times complex functions, in real arithmetic
         result[:, rows, columns] = (weights @ functions.view(float)).view(complex).T
@@ -128,9 +216,9 @@ class Plant:
         `damping` is an added 1/Q, `stiffening` a relative change of omega^2, of each mode.
         """
         omega = 2 * np.pi * np.asarray(frequency, dtype=float)
-        size = self.base.model.size
-        drive = np.array([self.base.row(signal) for signal in inputs]).reshape(-1, size)
-        rows = np.array([self.base.row(signal) for signal in outputs]).reshape(-1, size)
+        size = self.system.size
+        drive = np.array([self.row(signal) for signal in inputs]).reshape(-1, size)
+        rows = np.array([self.row(signal) for signal in outputs]).reshape(-1, size)
         acts = np.array([signal.acts for signal in inputs], dtype=bool)
         moves = np.where(acts, 0.0, drive.T)
         moves[6:] = 0.0
@@ -157,7 +245,7 @@ class Plant:
         damping: Float[np.ndarray, " mode"] | None,
         stiffening: Float[np.ndarray, " mode"] | None,
     ) -> Complex[np.ndarray, "frequency coordinate coordinate"]:
-        matrix, w = self.base.linear.dynamic(omega), omega[:, None, None]
+        matrix, w = self.matrices.dynamic(omega), omega[:, None, None]
         added = self.dispersive(omega)
         if added is not None:
             matrix = matrix + added
@@ -203,7 +291,7 @@ class Responses:
         """Responses, SI."""
         return self.rows @ self.state
 
-    def derivative(self, change: Linear) -> Complex[np.ndarray, "frequency output input"]:
+    def derivative(self, change: Matrices) -> Complex[np.ndarray, "frequency output input"]:
         """Differentiate all responses with respect to the number of a change."""
         w = self.omega[:, None, None]
         result = np.zeros((len(self.omega), len(self.outputs), len(self.inputs)), dtype=complex)
@@ -219,13 +307,10 @@ class Responses:
                 moved = matrix[np.ix_(touched + 6, from_)] @ self.state[:, from_]
                 result -= factor * (self.adjoint[:, touched].transpose(0, 2, 1) @ moved)
         if change.orientation.any():
-            rows = np.array([self.plant.base.row_change(change, signal) for signal in self.outputs])
+            rows = np.array([self.plant.row_change(change, signal) for signal in self.outputs])
             result += rows @ self.state
             pushed = np.array(
-                [
-                    self.plant.base.row_change(change, signal)[6:] * signal.acts
-                    for signal in self.inputs
-                ]
+                [self.plant.row_change(change, signal)[6:] * signal.acts for signal in self.inputs]
             )
             result += self.adjoint.transpose(0, 2, 1) @ pushed.T
         return result

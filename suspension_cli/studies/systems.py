@@ -127,7 +127,7 @@ def respond(
     are those of all builds of the model.
     """
     every, each = np.repeat(which, len(omega)), np.tile(omega, len(which))
-    added, compliance = _terms(model, terms, every, each)
+    added, compliance = evaluate_terms(model, terms, every, each)
     left = np.ones(len(every), dtype=bool)
     result = np.empty((len(every), model.size - 6, moves.shape[-1]), dtype=complex)
     if model.separated is not None:
@@ -144,7 +144,7 @@ def respond(
     return result.reshape(len(which), len(omega), *result.shape[1:])
 
 
-def _terms(
+def evaluate_terms(
     model: LinearSystem,
     terms: tuple[BatchTerm, ...],
     which: Int[np.ndarray, " system"],
@@ -176,7 +176,7 @@ def further_stiffness(
 
     They include the stretching of wires.
     """
-    added, compliance = _terms(model, terms, which, omega)
+    added, compliance = evaluate_terms(model, terms, which, omega)
     if added is None:
         return np.zeros((len(which), model.size, model.size), dtype=complex)
     if model.separated is not None:

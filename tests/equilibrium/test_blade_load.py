@@ -10,8 +10,6 @@ from scipy.optimize import minimize
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
-from suspension_cli.studies import derivatives
-from suspension_cli.studies.parameters import shifted
 from tests.support import scenes
 from tests.support.commandline import run, strict_json, written
 
@@ -145,31 +143,6 @@ def test_least_energy_of_a_lopsided_pair():
     place = (scene.bodies.position + found.pose.shift)[1]
     roll = np.arctan2(found.pose.rotation[1, 2, 1], found.pose.rotation[1, 1, 1])
     np.testing.assert_allclose([*place[1:], roll, *found.pose.deflection[:, 2]], best, atol=2e-6)
-
-
-@pytest.mark.parametrize(
-    "name",
-    [
-        "stage.test.body.mass",
-        "stage.upper.wire.1.natural_length",
-        "stage.test.blade.left.stiffness",
-        "stage.upper.position.0",
-    ],
-)
-def test_derivatives_carry_the_loads_along(name):
-    """Against differences of designs each solved anew; where the file draws a body changes
-    nothing."""
-    design = scenes.design_of(built((0.01, 0.0, 0.0), UNEQUAL))
-    base = derivatives.prepared(design)
-    rate = derivatives.of(base, name)
-    step = 1e-5
-    low, high = (derivatives.prepared(shifted(design, name, side * step)) for side in (-1, 1))
-    turned = (high.linear.stiffness - low.linear.stiffness) / (2 * step)
-    np.testing.assert_allclose(
-        rate.stiffness, turned, atol=1e-6 * np.abs(base.linear.stiffness).max()
-    )
-    if name.endswith("position.0"):
-        assert np.abs(rate.stiffness).max() < 1e-9 * np.abs(base.linear.stiffness).max()
 
 
 def test_bad_loads_are_refused(tmp_path):

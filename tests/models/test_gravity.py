@@ -17,7 +17,7 @@ from suspension_cli.equilibrium.solve import solve
 from suspension_cli.linear import mode_count
 from suspension_cli.models import registry
 from suspension_cli.rotations import rotation_matrix
-from suspension_cli.studies import derivatives, parameters, variants
+from suspension_cli.studies import variants
 from tests.support import scenes
 from tests.support.golden import CONFIGS
 
@@ -262,38 +262,6 @@ def test_batches_are_single_designs(model):
                 assert np.abs(back @ own @ back.T - expected).max() < 1e-9 * np.abs(expected).max()
             count += 1
     assert count == len(values)
-
-
-@pytest.mark.parametrize(
-    "path",
-    ["constants.gravity.1", "constants.gravity.3", "constants.gravity_gradient", "radius", "mass"],
-)
-def test_derivatives(path):
-    """By complex steps, against differences."""
-    raw = scenes.fibred(scenes.chain(np.random.default_rng(6), 2))
-    raw["constants"] = dict(FIELD)
-    for stage in raw["stage"]:
-        stage["wires"] = {k: v for k, v in stage["wires"].items() if k != "section"} | {
-            "radius": 2e-4
-        }
-    name = raw["stage"][0]["name"]
-    whole = {"radius": f"stage.{name}.wires.radius", "mass": f"stage.{name}.body.mass"}
-    path = whole.get(path, path)
-    design = sus.parse(tomli_w.dumps(scenes.plain(raw)))
-    base = derivatives.prepared(design.design)
-    found = derivatives.of(base, path)
-
-    def at(by):
-        one = registry.STRING.system(parameters.shifted(design.design, path, by))
-        return [one.basis @ m @ one.basis.T for m in (one.mass, one.stiffness)]
-
-    h = {"constants.gravity_gradient": 1e-4, whole["radius"]: 1e-7}.get(path, 1e-4)
-    steps = {k: at(k * h) for k in (-2, -1, 1, 2)}
-    for n, own in enumerate((found.mass, found.stiffness)):
-        a = {k: v[n] for k, v in steps.items()}
-        expected = (8 * (a[1] - a[-1]) - (a[2] - a[-2])) / (12 * h)
-        scale = np.abs(expected).max() + np.abs(a[1]).max() * 1e-12 / h
-        assert np.abs(own - expected).max() < 1e-6 * scale
 
 
 def test_random_builds_of_heavy_wires_on_a_tilted_table():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from functools import cache
 
 import numpy as np
@@ -11,7 +10,6 @@ import pytest
 import suspension_cli as sus
 from suspension_cli.conventions import DOFS
 from suspension_cli.design import reader
-from suspension_cli.design.paths import value_at
 from suspension_cli.equilibrium import compiled
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.energy import gradient_and_stiffness
@@ -21,7 +19,6 @@ from suspension_cli.models import registry, string
 from suspension_cli.rotations import rotation_matrix
 from suspension_cli.scene import imperfections, stack
 from suspension_cli.scene.pose import Pose, displace, layout, nominal_pose
-from suspension_cli.studies import derivatives
 from tests.support import jets
 
 G = 9.81
@@ -482,7 +479,7 @@ wires = {{ count = 4, l = 0.5, s = 0.1, t1 = 0.1, t2 = 0.1, d = 0.1, k = 1e12 }}
     assert {key: blades[key] for key in numbers} == pytest.approx(numbers, rel=1e-8, abs=1e-12)
 
 
-# ---------------------------------------------------------------- symmetry, models, derivatives
+# ---------------------------------------------------------------- symmetry, models
 
 
 def test_symmetry_of_legs_and_filters_is_exact():
@@ -501,41 +498,3 @@ def test_chain_models_say_why_they_do_not_fit():
     assert registry.by_name("closed-form").unsuitable(legs) == "it stands on legs"
     gas = reader.parse(FILTER.format(more=""))
     assert registry.by_name("force").unsuitable(gas) == "stage f has a filter"
-
-
-@pytest.mark.parametrize(
-    "path",
-    [
-        "stage.ip.inverted_pendulum.length",
-        "stage.ip.inverted_pendulum.stiffness",
-        "stage.ip.inverted_pendulum.phase",
-        "stage.ip.inverted_pendulum.counterweight.below",
-        "stage.ip.inverted_pendulum.loss_angle",
-        "stage.ip.filter.q",
-        "stage.ip.filter.stiffness",
-        "stage.ip.filter.keystone.mass",
-        "stage.f.body.mass",
-        "constants.gravity",
-    ],
-)
-def test_derivatives_are_those_of_differences(path):
-    text = TOWER + "[constants]\ngravity = 9.81\n"
-    base = derivatives.prepared(reader.parse(text))
-    found = derivatives.of(base, path)
-    assert found is not None
-    value = value_at(tomllib.loads(text), path)
-    step = 1e-4 * value
-
-    def matrices(number):
-        design = reader.parse_with_overrides(text, (f"{path}={number!r}",))
-        now = derivatives.prepared(design).linear
-        return np.stack([now.mass, now.stiffness, now.loss])
-
-    # differences of fourth order
-    near, far = (
-        (matrices(value + n * step) - matrices(value - n * step)) / (2 * n * step) for n in (1, 2)
-    )
-    expected = (4 * near - far) / 3
-    whole = np.stack([found.mass, found.stiffness, found.loss])
-    scale = np.abs(matrices(value)).max((-2, -1))[:, None, None] / abs(value)
-    assert np.abs((whole - expected) / scale).max() < 1e-8

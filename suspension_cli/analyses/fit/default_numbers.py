@@ -47,17 +47,13 @@ def choose(text: str, level: str = registry.STRING.name) -> list[Free]:
     >>> [item.name for item in choose(text)]  # doctest: +SKIP
     ['stage.test.body.mass', 'stage.test.body.inertia.1', ..., 'materials.steel302.youngs_modulus']
     """
-    base = derivatives.prepared(reader.parse(text), level)
-    found = []
-    for item in parameters.every(text, level):
-        sigma = sigma_of(item.name, item.value)
-        if sigma is None:
-            continue
-        change = derivatives.of(base, item.name)
-        if change is None or not change.matters:
-            continue
-        found.append(Free(name=item.name, prior=item.value, uncertainty=sigma))
-    return found
+    numbers = [item for item in parameters.every(text, level) if sigma_of(item.name, item.value)]
+    around = derivatives.differentiate(reader.parse(text), numbers, level)
+    return [
+        Free(name=item.name, prior=item.value, uncertainty=sigma_of(item.name, item.value))
+        for item, matters in zip(numbers, around.balanced & around.matters, strict=True)
+        if matters
+    ]
 
 
 def sigma_of(name: str, value: float) -> float | None:

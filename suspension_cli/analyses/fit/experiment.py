@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.analyses.analysis import Document
-from suspension_cli.analyses.sensitivity.solve import differentiate_frequencies
 from suspension_cli.design import paths, reader
 from suspension_cli.design.measured import Mode
 from suspension_cli.design.schema import Design
@@ -21,7 +20,8 @@ from suspension_cli.linear import batch_modes, eigenmodes, mode_pairing, named_r
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array
-from suspension_cli.studies import differences
+from suspension_cli.studies import derivatives
+from suspension_cli.studies.derivatives import frequency_rates, mode_matrix
 from suspension_cli.studies.parameters import Parameter
 
 if TYPE_CHECKING:
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
     from suspension_cli.analyses.fit.array_types import ModeValues, Numbers
 
+FEW = 24
+"""Designs up to which modes are solved one by one, as loading compiled loops takes longer."""
 FORBIDDEN = 1e6
 """Cost of assigning a measurement to a mode that it cannot belong to; others cost the square of
 ln(measured / computed)."""
@@ -133,17 +135,24 @@ class Experiment:
 
     def _solve(self, x: Numbers) -> tuple[ModeValues, Float[np.ndarray, "mode number"]]:
         design = self.design(x)
-        model = replace(registry.by_name(self.level).system(design), terms=())
+        model = registry.by_name(self.level).system(design).constant
         found, shape = eigenmodes.solve(model), batch_modes.solve_one(model).shape[0]
         order = mode_pairing.pair_by_shape(self.shape, shape)[0]
         slope = np.zeros((len(order), len(self.free)))
         numbers = [Parameter(name, float(value)) for name, value in zip(self.free, x, strict=True)]
-        changes = differences.changes(design, numbers, self.level)[1]
+        around = derivatives.differentiate(
+            design,
+            numbers,
+            self.level,
+            lambda builds: mode_matrix(builds, found, massive=False).reshape(-1, len(order) ** 2),
+            few=FEW,
+            nominal=np.zeros(len(order) ** 2),
+        )
         for n, name in enumerate(self.free):
-            change = changes[name]
-            if change is None:
+            if not around.balanced[n]:
                 raise unbalanced(name)
-            slope[:, n] = differentiate_frequencies(found, change)[order]
+            change = around.central[n].reshape(len(order), -1)
+            slope[:, n] = frequency_rates(found, change)[order]
         return found.frequency[order], slope
 
     def predict(

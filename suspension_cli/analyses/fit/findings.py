@@ -262,8 +262,8 @@ def single_changes(
     plant = problem.predict(found.z).plant
     movable = [
         name
-        for name in names
-        if name in free or ((change := plant.change(name)) is not None and change.matters)
+        for name, change in zip(names, plant.changes(names), strict=True)
+        if name in free or (change is not None and change.matters)
     ]
     wide = _restricted(problem, text, measured, file, movable, changes)
     z = np.concatenate([wide.base.start, found.z[p:]])
@@ -370,8 +370,9 @@ def next_measurements(
     damping[now.order[problem.damped]], stiffening[now.order[problem.stiff]] = added, changed
     response = now.plant.respond(grid, inputs, outputs, damping, stiffening)
     columns = [
-        response.derivative(now.plant.change(name))  # type: ignore[arg-type]
-        for name in problem.base.experiment[0].free
+        response.derivative(change)
+        for change in now.plant.changes(problem.base.experiment[0].free)
+        if change is not None
     ]
     columns += [
         size * response.damping_derivative(int(mode))

@@ -21,12 +21,12 @@ from suspension_cli.analyses.fit.channels import Channels, Nuisance
 from suspension_cli.analyses.fit.experiment import unbalanced
 from suspension_cli.analyses.fit.resonances import Peak, find_peaks, stack_parts
 from suspension_cli.analyses.fit.search import Problem
-from suspension_cli.analyses.sensitivity.solve import differentiate_frequencies
 from suspension_cli.design.measured import Measured
 from suspension_cli.linear.mode_pairing import pair_by_overlap
 from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import response_matrix
+from suspension_cli.studies.derivatives import frequency_rates
 from suspension_cli.studies.response_matrix import Plant, Responses
 
 if TYPE_CHECKING:
@@ -205,7 +205,7 @@ class ResponseProblem:
         """Differentiate the reading of each measured function."""
         now, values = self.predict(z), self.nuisance_values(z)
         item = self.base.experiment[0]
-        changes = [now.plant.change(name) for name in item.free]
+        changes = now.plant.changes(item.free)
         for name, change in zip(item.free, changes, strict=True):
             if change is None:
                 raise unbalanced(name)
@@ -228,7 +228,7 @@ class ResponseProblem:
             whole = np.stack(columns, -1) if columns else np.zeros((*response.value.shape, 0))
             for n in own:
                 result[n] = whole[(slice(None), *self.channels.pair(n))]
-        if not registry.by_name(self.level).exact_derivatives:
+        if registry.by_name(self.level).bends_wires:
             self._add_losses(z, result)
         return result
 
@@ -279,10 +279,9 @@ class ResponseProblem:
         plant = self._plant(z[: self.numbers])
         order = self._order(plant)
         slope = np.zeros((len(order), self.numbers))
-        for n, name in enumerate(self.base.experiment[0].free):
-            change = plant.change(name)
+        for n, change in enumerate(plant.changes(self.base.experiment[0].free)):
             if change is not None:
-                slope[:, n] = differentiate_frequencies(plant.modes, change)[order]
+                slope[:, n] = frequency_rates(plant.modes, change.of_modes(plant.modes))[order]
         return np.nan_to_num(slope)
 
     def _order(self, plant: Plant) -> ModeIndex:
@@ -324,12 +323,12 @@ def build(
 def residues(plant: Plant, channels: Channels) -> Float[np.ndarray, "function mode"]:
     """Compute the residues of the measured functions: H has residue/(w_k^2 - w^2)."""
     rows = [
-        np.array([plant.base.row(signal) for signal in channels.signal[side]]).reshape(
-            -1, plant.base.model.size
+        np.array([plant.row(signal) for signal in channels.signal[side]]).reshape(
+            -1, plant.system.size
         )
         for side in (0, 1)
     ]
-    shape, stiffness = plant.modes.shape, plant.base.linear.stiffness
+    shape, stiffness = plant.modes.shape, plant.matrices.stiffness
     seen = shape @ rows[0][:, 6:].T
     pushed = shape @ rows[1][:, 6:].T
     for n, signal in enumerate(channels.signal[1]):

@@ -1,7 +1,7 @@
 """Nonlinear least squares for numbers that several measured designs share.
 
-Bounded trust regions (Branch, Coleman and Li, SIAM J. Sci. Comput. 21, 1 (1999)) with exact
-derivatives; numbers with positive lower bounds on a logarithmic scale.
+Bounded trust regions (Branch, Coleman and Li, SIAM J. Sci. Comput. 21, 1 (1999)); numbers with
+positive lower bounds on a logarithmic scale.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Constrained search for free numbers: first the smallest violation of limits, then the objective.
 
-Sequential quadratic programming (SLSQP; Kraft, DFVLR-FB 88-28 (1988)) with exact derivatives, in
+Sequential quadratic programming (SLSQP; Kraft, DFVLR-FB 88-28 (1988)) with derivatives, in
 fractions u in [0, 1] of the ranges between the bounds. Limits are logarithmic margins c(u) >= 0,
 one per mode so that they are smooth. First
 

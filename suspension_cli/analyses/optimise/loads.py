@@ -3,13 +3,13 @@
 The stress of a wire under tension T is T/A at its smallest cross-section A. That of a blade is the
 bending stress at its base, moment F L over section modulus b h^2/6: 6 F L/(b h^2) for load F at the
 tip, length L, width b at the base, thickness h and any taper (Torrie, PhD thesis, University of
-Glasgow (2001)). All functions accept complex numbers, for derivatives by complex steps.
+Glasgow (2001)).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from suspension_cli.design.wires import Blade, BladeSet, Wire, WireSet
 from suspension_cli.elements import string
 from suspension_cli.scene.pose import Pose
 from suspension_cli.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 
 @dataclass(frozen=True)
@@ -94,34 +97,39 @@ def _materials(wire: WireSet | Wire) -> set[str]:
     return {name for name in named if name}
 
 
-def _strength(design: Design, names: set[str]) -> complex:
+def _strength(design: Design, names: set[str]) -> float:
     known = [materials.resolve(design, name).tensile_strength or np.nan for name in sorted(names)]
-    return min(known, key=np.real)
+    return min(known)
 
 
-def stress(design: Design, scene: Scene, pose: Pose, part: Part) -> complex:
-    """Compute the stress of a part over its tensile strength in a pose; NaN if unknown."""
+def force(scene: Scene, pose: Pose, part: Part) -> Float[np.ndarray, "*batch"]:
+    """Compute the tension of a wire, or the load of a blade, in a pose, N."""
+    n = part.place
+    if part.blade:
+        blades = scene.blades
+        return blades.load[..., n, 2] - blades.stiffness[..., n, 2] * pose.deflection[..., n, 2]
+    return string.state(scene, pose).tension[..., n]
+
+
+def stress_per_force(design: Design, part: Part) -> float:
+    """Compute the stress of a part over its tensile strength, per newton; NaN if unknown."""
     stage = next(item for item in design.stage if item.name == part.stage)
     whole, single = _tables(stage, part.blade)
-    table, n = whole or single[part.member], part.place
+    table = whole or single[part.member]
     if part.blade:
         shape = table.geometry
-        load = scene.blades.load[n, 2] - scene.blades.stiffness[n, 2] * pose.deflection[n, 2]
-        return (
-            6
-            * load
-            * shape.length
-            / (shape.base_width * shape.thickness**2)
-            / _strength(design, {shape.material})
-        )
-    return (
-        string.state(scene, pose).tension[n]
-        / thinnest(table)
-        / _strength(design, _materials(table))
-    )
+        section = shape.base_width * shape.thickness**2
+        return 6 * shape.length / section / _strength(design, {shape.material})
+    area = thinnest(table)
+    return np.nan if area is None else 1 / area / _strength(design, _materials(table))
 
 
-def depth(scene: Scene, pose: Pose, stage: str) -> complex:
+def stress(design: Design, scene: Scene, pose: Pose, part: Part) -> float:
+    """Compute the stress of a part over its tensile strength in a pose; NaN if unknown."""
+    return float(force(scene, pose, part) * stress_per_force(design, part))
+
+
+def depth(scene: Scene, pose: Pose, stage: str) -> Float[np.ndarray, "*batch"]:
     """Compute the depth of the COM of a stage below the suspension point, m."""
     n = scene.bodies.name.index(stage) + 1
-    return -(scene.bodies.position[n, 2] + pose.shift[n, 2])
+    return -(scene.bodies.position[..., n, 2] + pose.shift[..., n, 2])

@@ -1,19 +1,16 @@
 """Logarithms of quantities of a design and their derivatives by its free numbers.
 
-Quantities include losses and wire mass if their model does. Matrices are differentiated exactly
-where they do not depend on frequency (`studies.derivatives`), else by differences of fourth order
-(`studies.differences`); modes as in `mode_derivatives`, responses as in `response_derivatives`.
-Stresses and heights, of straight wires, take one complex step with the change of the equilibrium
-(`derivatives.moved`).
+Quantities include losses and wire mass if their model does. Derivatives are central differences
+(`studies.derivatives`). Stresses and heights are those of straight wires.
 """
 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -21,13 +18,6 @@ import numpy as np
 from suspension_cli.analyses.optimise import loads, mode_families
 from suspension_cli.analyses.optimise.chosen_models import Models
 from suspension_cli.analyses.optimise.free_parameters import FreeDesign
-from suspension_cli.analyses.optimise.mode_derivatives import (
-    NODES,
-    ModeDerivatives,
-    Stiffness,
-    differentiate,
-    frequencies_around,
-)
 from suspension_cli.analyses.optimise.mode_families import Families, has_wire_mass
 from suspension_cli.analyses.optimise.quantities import (
     OfDepth,
@@ -40,28 +30,37 @@ from suspension_cli.analyses.optimise.quantities import (
 )
 from suspension_cli.analyses.sweep.solve import evaluate_ratio, select_models
 from suspension_cli.design import reader
-from suspension_cli.design.schema import Design, Perturbation
+from suspension_cli.design.schema import Perturbation
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.linear import batch_modes, mode_pairing
 from suspension_cli.linear.eigenmodes import Modes, find_top_masses
+from suspension_cli.linear.named_results import Ratio
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array, Index
-from suspension_cli.scene.pose import Pose, nominal_pose
-from suspension_cli.scene.scene import Scene
-from suspension_cli.studies import builds, derivatives, differences, variants
+from suspension_cli.scene.pose import nominal_pose
+from suspension_cli.studies import builds, variants
 from suspension_cli.studies.builds import Builds
-from suspension_cli.studies.derivatives import Linear
-from suspension_cli.studies.parameters import STEP
-from suspension_cli.studies.response_derivatives import Slope
+from suspension_cli.studies.derivatives import (
+    Differences,
+    differentiate,
+    dynamic_stiffness,
+    mode_matrix,
+    neighbours,
+)
+from suspension_cli.studies.parameters import Parameter
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
 
-Change = TypeVar("Change")
 TINY = 1e-30
 """Smallest energy fraction or response, in place of 0, which has no logarithm."""
+STEP = 2e-5
+"""Step of derivatives, as energy fractions of close modes vary fast (see `studies.derivatives`)."""
+APART = 0.1
+"""Relative step of omega^2 in the derivative of the stiffness of wires with mass, which is nearly
+linear in omega^2."""
 LINEAR_BELOW = 0.1
 """Frequency, over the lowest limit on it, below which its logarithm continues linearly in omega^2,
 to unstable modes."""
@@ -118,41 +117,58 @@ class Evaluator:
         for (perturbation, level), some in self._groups.items():
             imperfect = with_imperfections(design, perturbation)
             model = registry.by_name(level).system(imperfect)
-            modes = [n for n in some if isinstance(quantities[n], OfMode)]
+            modes = {n: item for n in some if isinstance(item := quantities[n], OfMode)}
+            ratios = {n: item.ratio for n in some if isinstance(item := quantities[n], OfResponse)}
             found = mode_families.solve_modes(model) if modes else None
-            places = {} if found is None else self._places(modes, found, model, number)
-            omega = [] if found is None else _around(model, found, places.values())
-            first = len(omega)
-            ratios = [item for n in some if isinstance(item := quantities[n], OfResponse)]
-            omega += [2 * np.pi * item.ratio.frequency for item in ratios]
-            base, by_name = differences.changes(imperfect, directions, level, omega)
-            changes = [_demanded(name, change) for name, change in by_name.items()]
+            places = [] if found is None else self._places(list(modes), found, model, number)
+
+            def evaluate(
+                builds: Builds,
+                model: LinearSystem = model,
+                found: Modes | None = found,
+                places: list[int] = places,
+                ratios: dict[int, Ratio] = ratios,
+            ) -> Array:
+                columns = [evaluate_ratio(builds, ratio) for ratio in ratios.values()]
+                return np.column_stack([*_of_modes(builds, model, found, places), *columns])
+
+            around = differentiate(imperfect, directions, level, evaluate, relative=STEP)
+            _demand_balance(around, directions)
             if found is not None:
-                solved = _Modes(model, found, base.linear, changes, list(places.values()))
-                for n, place in places.items():
-                    item = quantities[n]
-                    assert isinstance(item, OfMode)
-                    log[n], slope[n] = solved.evaluate(
-                        place, self.floors[n], fraction=item.fraction
+                for k, (n, item) in enumerate(modes.items()):
+                    place = places[k]
+                    squared, rate = np.real(around.central[:, [k, len(modes) + k]].T)
+                    top = found.top_fraction[place]
+                    log[n], slope[n] = (
+                        (np.log(max(top, TINY)), rate if top > TINY else 0.0)
+                        if item.fraction
+                        else _of_square(found.omega_squared[place], squared, self.floors[n])
                     )
-            for k, item in enumerate(ratios, first):
-                n = quantities.index(item)
-                own = replace(base, linear=differences.at(base.linear, k))
-                response = Slope.of(own, model, item.ratio)
-                log[n] = np.log(max(response.size, TINY))
-                if response.size > TINY:
-                    rates = [response.of_size(differences.at(change, k)) for change in changes]
-                    slope[n] = np.array(rates) / response.size
-        loads = [n for n, item in enumerate(quantities) if isinstance(item, OfPart | OfDepth)]
-        if loads:
-            base = derivatives.prepared(design)
-            moves = [
-                _demanded(item.name, derivatives.moved(base, item.rates)) for item in directions
-            ]
-            for n in loads:
-                value = _load(quantities[n], base.design, base.scene, base.pose).real
-                rates = [_load(quantities[n], now.design, now.scene, now.pose) for now in moves]
-                log[n], slope[n] = np.log(value), np.imag(rates) / STEP / value
+            for n, value, rate in zip(
+                ratios,
+                np.abs(around.nominal[2 * len(modes) :]),
+                around.of_magnitudes[:, 2 * len(modes) :].T,
+                strict=True,
+            ):
+                log[n] = np.log(max(value, TINY))
+                slope[n] = rate / value if value > TINY else 0.0
+        of_loads = [n for n, item in enumerate(quantities) if isinstance(item, OfPart | OfDepth)]
+        if of_loads:
+            some = [quantities[n] for n in of_loads]
+            around = differentiate(
+                design,
+                directions,
+                registry.STRING.name,
+                lambda builds: np.log([_force_or_depth(item, builds) for item in some]).T,
+            )
+            _demand_balance(around, directions)
+            log[of_loads], slope[of_loads] = around.nominal, around.central.T
+            step, designs = neighbours(design, directions)
+            for n, item in zip(of_loads, some, strict=True):
+                if isinstance(item, OfPart):
+                    factor = np.log([loads.stress_per_force(one, item.part) for one in designs])
+                    log[n] += np.log(loads.stress_per_force(design, item.part))
+                    slope[n] += (factor[::2] - factor[1::2]) / (2 * step)
         return Evaluation(log, slope)
 
     def _places(
@@ -161,8 +177,8 @@ class Evaluator:
         found: Modes,
         model: LinearSystem,
         number: Float[np.ndarray, " number"],
-    ) -> dict[int, int]:
-        """Find the modes of some quantities, by the number of the quantity."""
+    ) -> list[int]:
+        """Find the modes of some quantities."""
         chosen = [self.requirements.quantities[n] for n in some]
         places = find_places(
             chosen, self.families.ranked(found.energy), lambda: self.follow(found, model, number)
@@ -170,7 +186,7 @@ class Evaluator:
         if min(places) < 0:
             problem = "modes named by label cannot be followed to this design"
             raise InputError([Fault("goal", problem, "name them by dof instead")])
-        return dict(zip(some, places, strict=True))
+        return places
 
     def follow(
         self, found: Modes, model: LinearSystem, number: Float[np.ndarray, " number"]
@@ -250,69 +266,82 @@ class Evaluator:
         scene = expand(design)
         pose = nominal_pose(scene)
         for n, item in enumerate(self.requirements.quantities):
-            if isinstance(item, OfPart | OfDepth):
-                row[n] = np.log(np.real(_load(item, design, scene, pose)))
+            if isinstance(item, OfPart):
+                row[n] = np.log(loads.stress(design, scene, pose, item.part))
+            elif isinstance(item, OfDepth):
+                row[n] = np.log(loads.depth(scene, pose, item.stage))
 
 
-@dataclass(frozen=True)
-class _Modes:
-    """Modes of a design, with matrices and their changes at the frequencies `_around` them."""
+def _of_modes(
+    found: Builds, model: LinearSystem, modes: Modes | None, places: list[int]
+) -> list[Float[np.ndarray, " build"]]:
+    """Compute changes of omega^2, then logarithms of the energy fractions in the top mass.
 
-    model: LinearSystem
-    found: Modes
-    linear: Linear
-    changes: list[Linear]
-    places: list[int]
-
-    def evaluate(
-        self, place: int, floor: float, *, fraction: bool
-    ) -> tuple[float, Float[np.ndarray, " number"]]:
-        """Logarithm of a frequency or an energy fraction, and its derivatives."""
-        squared, rates = self.found.omega_squared[place], self._derivatives(place)
-        if not fraction:
-            value, slope = _of_square(squared, rates.squared, floor)
-            return value, np.asarray(slope)
-        top = self.found.top_fraction[place]
-        return np.log(max(top, TINY)), rates.fraction if top > TINY else np.zeros(len(self.changes))
-
-    def _derivatives(self, place: int) -> ModeDerivatives:
-        cache = self.model.prepared
-        if ("derivatives", place) not in cache:
-            squared = float(self.found.omega_squared[place])
-
-            def stiffness(linear: Linear) -> Stiffness:
-                if has_wire_mass(self.model):
-                    start = len(NODES) * sorted(set(self.places)).index(place)
-                    return Stiffness.of(linear, squared, start)
-                return Stiffness(linear.stiffness[6:, 6:])
-
-            cache["derivatives", place] = differentiate(
-                self.model,
-                int(self.found.block[place]),
-                int(self.found.top_mass[place]),
-                self.found.shape[place],
-                squared,
-                (stiffness(self.linear), self.linear.mass[6:, 6:]),
-                [(stiffness(change), change.mass[6:, 6:]) for change in self.changes],
-            )
-        return cache["derivatives", place]
-
-
-def _around(model: LinearSystem, found: Modes, places: Iterable[int]) -> list[float]:
-    """Frequencies, rad/s, at which derivatives of modes need matrices; [] without wire mass."""
-    if not has_wire_mass(model):
+    Of some modes of the design whose neighbours are the builds, by their places among all.
+    """
+    if modes is None:
         return []
-    squared = found.omega_squared[sorted(set(places))]
-    return [float(one) for each in squared for one in frequencies_around(each)]
+    massive = has_wire_mass(model)
+    squares = np.einsum("bkk->kb", mode_matrix(found, modes, massive=massive))[places]
+    each = {
+        k: np.log(np.maximum(_top_fraction(found, model, modes, k, massive=massive), TINY))
+        for k in set(places)
+    }
+    fractions = [each[k] for k in places]
+    return [*squares, *fractions]
 
 
-def _demanded(name: str, change: Change | None) -> Change:
-    """Return the change by a number; raise `InputError` if it cannot change alone."""
-    if change is None:
-        problem = "a change of this number alone unbalances the suspension in its nominal pose"
-        remedy = "let other numbers depend on it by [[equal]]"
-        raise InputError([Fault(f"free.{name}", problem, remedy)])
-    return change
+def _top_fraction(
+    found: Builds, model: LinearSystem, modes: Modes, number: int, *, massive: bool
+) -> Float[np.ndarray, " build"]:
+    """Fraction of the kinetic energy of a mode in the top mass.
+
+    Of bodies (with the blocks E of their mass matrix M, and D of the top mass), wires and tips:
+    (v D v / v E v)(v M v / v T v), with T = M - dK/d(omega^2). The shape v is that of the design's
+    own mode s after one step of inverse iteration, Z v = mu T s with s T v = 1. Within the mode's
+    block: modes of one symmetry do not share a frequency.
+    """
+    squared, bodies = float(modes.omega_squared[number]), len(found.model.body)
+    dynamic = dynamic_stiffness(found, squared, massive=massive)
+    mass = found.model.mass[..., 6:, 6:] + np.zeros_like(dynamic)
+    inertia = mass
+    if massive and squared > 0:
+        above, below = (
+            dynamic_stiffness(found, squared * (1 + side * APART), massive=True) for side in (1, -1)
+        )
+        inertia = (below - above) / (2 * APART * squared)
+    own = model.basis[6:, model.blocks[modes.block[number]]]
+    edge = (inertia @ modes.shape[number]) @ own
+    inner, zero = own.T @ dynamic @ own, np.zeros((len(edge), 1, 1))
+    matrix = np.block([[inner, -edge[..., None]], [-edge[:, None], zero]])
+    size = np.sqrt(np.abs(np.einsum("bnn->bn", own.T @ (dynamic + squared * mass) @ own)))
+    size = np.append(size, (np.abs(edge) / size).max(1)[:, None], axis=1)
+    right = np.zeros((*size.shape, 1))
+    right[:, -1] = -1.0
+    matrix = matrix / (size[:, None] * size[..., None])
+    shape = (np.linalg.solve(matrix, right / size[..., None])[:, :-1, 0] / size[:, :-1]) @ own.T
+
+    def of(form: Array) -> Array:
+        return np.einsum("bx,bxy,by->b", shape, form, shape)
+
+    body = np.arange(mass.shape[-1]) // 6
+    alike = body[:, None] == body
+    each = alike & (body < bodies) | np.eye(len(body), dtype=bool)
+    return (
+        of(mass * (alike & (body == modes.top_mass[number])))
+        / of(mass * each)
+        * of(mass)
+        / of(inertia)
+    )
+
+
+def _demand_balance(around: Differences, directions: Sequence[Parameter]) -> None:
+    """Raise `InputError` if a number cannot change alone."""
+    for item, good in zip(directions, around.balanced, strict=True):
+        if not good:
+            problem = "a change of this number alone unbalances the suspension in its nominal pose"
+            remedy = "let other numbers depend on it by [[equal]]"
+            raise InputError([Fault(f"free.{item.name}", problem, remedy)])
 
 
 def find_places(
@@ -339,9 +368,11 @@ def _of_square(squared: float, rate: Array | float, floor: float) -> tuple[float
     return np.log(size) / 2 - np.log(2 * np.pi) + (squared - size) / (2 * floor), rate / (2 * size)
 
 
-def _load(item: Quantity, design: Design, scene: Scene, pose: Pose) -> complex:
+def _force_or_depth(item: Quantity, found: Builds) -> Float[np.ndarray, " build"]:
+    scene, pose = found.scene, found.pose
+    assert scene is not None and pose is not None
     if isinstance(item, OfPart):
-        return loads.stress(design, scene, pose, item.part)
+        return loads.force(scene, pose, item.part)
     assert isinstance(item, OfDepth)
     return loads.depth(scene, pose, item.stage)
 

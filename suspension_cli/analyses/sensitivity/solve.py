@@ -1,42 +1,28 @@
-"""First derivatives of modes, responses and couplings with respect to the numbers of a design.
-
-Given the derivatives of the matrices they are exact. For a mode K v = lambda M v with v M v = 1:
-
-    dlambda = v (dK - lambda dM) v
-
-(Rayleigh), also with massless coordinates. For modes V of one lambda, the derivatives are the
-eigenvalues of V (dK - lambda dM) V^T, whose eigenvectors give the modes that split off (Lancaster,
-Numer. Math. 6, 377 (1964)).
-"""
+"""First derivatives of modes, responses and couplings with respect to the numbers of a design."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.analyses.optimise.mode_families import has_wire_mass, solve_modes
+from suspension_cli.analyses.sweep.solve import evaluate_ratio
 from suspension_cli.design import reader
-from suspension_cli.linear.eigenmodes import DEGENERATE, Modes
-from suspension_cli.linear.mode_pairing import pair_by_shape
+from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.named_results import Mode, Ratio, Scalar
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array
-from suspension_cli.studies import differences, parameters
-from suspension_cli.studies.derivatives import Linear
-from suspension_cli.studies.differences import DispersiveLinear
+from suspension_cli.studies import derivatives, parameters
+from suspension_cli.studies.builds import Builds
+from suspension_cli.studies.derivatives import frequency_rates, mode_matrix
 from suspension_cli.studies.natural_steps import natural_step
-from suspension_cli.studies.parameters import Parameter
-from suspension_cli.studies.response_derivatives import Slope
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Float, Int
-
-TOGETHER = 16
-"""Numbers whose changes of matrices are in memory at once."""
+    from jaxtyping import Bool, Float
 
 
 @dataclass(frozen=True)
@@ -135,78 +121,33 @@ def solve(text: str, results: tuple[Scalar, ...], level: str = registry.STRING.n
     >>> solve(text, (Mode("test pitch", 3),)).one_percent  # doctest: +SKIP
     """
     design, numbers = reader.parse(text), parameters.every(text, level)
-    model, found = solve_nominal(text, level)
+    model, modes = solve_nominal(text, level)
     ratios = [item for item in results if isinstance(item, Ratio)]
-    omega = [2 * np.pi * item.frequency for item in ratios]
-    if has_wire_mass(model):
-        omega += np.sqrt(np.maximum(found.omega_squared, 0.0)).tolist()
-    slopes: list[Slope] = []
-    kept: list[tuple[Parameter, bool, Array]] = []
-    for start in range(0, len(numbers), TOGETHER):
-        some = numbers[start : start + TOGETHER]
-        base, changes = differences.changes(design, some, level, omega)
-        if not start:
-            slopes = [
-                Slope.of(replace(base, linear=differences.at(base.linear, n)), model, item)
-                for n, item in enumerate(ratios)
-            ]
-        for item in some:
-            change = changes[item.name]
-            if change is None:
-                kept.append((item, False, np.full(len(results), np.nan)))
-            elif change.matters:
-                rates = differentiate_frequencies(found, change, len(ratios))
-                sizes = (slope.of_size(differences.at(change, n)) for n, slope in enumerate(slopes))
-                row = [
-                    rates[one.number] if isinstance(one, Mode) else next(sizes) for one in results
-                ]
-                kept.append((item, True, np.array(row)))
-    sizes = (slope.size for slope in slopes)
-    nominal = [
-        found.frequency[one.number] if isinstance(one, Mode) else next(sizes) for one in results
+    count, massive = len(modes.frequency), has_wire_mass(model)
+
+    def evaluate(found: Builds) -> Array:
+        matrix = mode_matrix(found, modes, massive=massive).reshape(-1, count**2)
+        return np.column_stack([matrix, *(evaluate_ratio(found, ratio) for ratio in ratios)])
+
+    around = derivatives.differentiate(design, numbers, level, evaluate)
+    matrix = np.real(around.central[:, : count**2]).reshape(-1, count, count)
+    rates = np.array([frequency_rates(modes, change) for change in matrix]).reshape(-1, count).T
+    sizes = around.of_magnitudes[:, count**2 :].T
+    value = np.abs(around.nominal[count**2 :])
+    value = np.where(np.isfinite(value), value, np.nan)
+    columns = [
+        (modes.frequency[one.number], rates[one.number])
+        if isinstance(one, Mode)
+        else (value[ratios.index(one)], sizes[ratios.index(one)])
+        for one in results
     ]
+    kept = np.flatnonzero(around.matters | ~around.balanced)
     return Sensitivity(
-        parameter=tuple(item.name for item, _, _ in kept),
-        value=np.array([item.value for item, _, _ in kept]),
-        free=np.array([free for _, free, _ in kept]),
+        parameter=tuple(numbers[n].name for n in kept),
+        value=np.array([numbers[n].value for n in kept]),
+        free=around.balanced[kept],
         result=tuple(item.text for item in results),
         unit=tuple(item.unit for item in results),
-        nominal=np.array(nominal),
-        derivative=np.array([row for _, _, row in kept]).reshape(-1, len(results)),
+        nominal=np.array([nominal for nominal, _ in columns]),
+        derivative=np.array([rate[kept] for _, rate in columns]).reshape(len(results), -1).T,
     )
-
-
-def differentiate_frequencies(
-    found: Modes, change: Linear, first: int = 0
-) -> Float[np.ndarray, " mode"]:
-    """Differentiate the frequency of every mode, Hz per unit; NaN for rigid and unstable modes.
-
-    Parameters
-    ----------
-    found : Modes
-        Of unit modal mass, that of the wires included.
-    change : Linear
-        Derivative of the matrices.
-    first : int
-        Number of the first mode among the frequencies of a `DispersiveLinear`; the others follow.
-    """
-    squared, mass = found.omega_squared, change.mass[6:, 6:]
-
-    def stiffness(number: int) -> Array:
-        own = isinstance(change, DispersiveLinear) and len(change.dispersive) > first
-        return (differences.at(change, first + number) if own else change).stiffness[6:, 6:]
-
-    rates = np.empty(len(squared))
-    for group in _degenerate(squared):
-        own, common = found.shape[group], squared[group].mean()
-        matrix = own @ (stiffness(int(group[0])) - common * mass) @ own.T
-        values, vectors = np.linalg.eigh((matrix + matrix.T) / 2)
-        rates[group] = values[pair_by_shape(np.eye(len(group)), vectors.T)[0]]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(squared > 0, rates / (8 * np.pi**2 * found.frequency), np.nan)
-
-
-def _degenerate(squared: Float[np.ndarray, " mode"]) -> list[Int[np.ndarray, " group"]]:
-    """Indices of modes of equal omega^2."""
-    close = np.diff(squared) <= DEGENERATE * np.abs(squared[1:])
-    return np.split(np.arange(len(squared)), np.flatnonzero(~close) + 1)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import cmath
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from suspension_cli.design.cross_sections.shape import CrossSection
 from suspension_cli.design.units import Length, Table, doc
@@ -110,8 +109,7 @@ def rectangle_torsion(width: float, thickness: float) -> float:
     and Goodier, Theory of Elasticity, section 109). The sum is 31 zeta(5)/32 minus that of (1 -
     tanh)/n^5, which converges to rounding in a few terms.
     """
-    sizes = (width, thickness)  # they may carry complex steps
-    w, t = max(sizes, key=lambda size: size.real), min(sizes, key=lambda size: size.real)
+    t, w = sorted((width, thickness))
     total = ODD_FIFTH - sum(
         _one_less_tanh(n * math.pi * w / (2 * t)) / n**5 for n in range(1, 16, 2)
     )
@@ -122,7 +120,5 @@ ODD_FIFTH = 31 * 1.0369277551433699 / 32
 """Sum of 1/n^5 over odd n: 31 zeta(5)/32."""
 
 
-def _one_less_tanh(x: Any) -> Any:
-    if x.real >= 300:
-        return 0.0
-    return 2 / ((cmath.exp(2 * x) if isinstance(x, complex) else math.exp(2 * x)) + 1)
+def _one_less_tanh(x: float) -> float:
+    return 0.0 if x >= 300 else 2 / (math.exp(2 * x) + 1)

@@ -66,8 +66,7 @@ class Round(CrossSection):
     @property
     def least_area(self) -> float:
         """Area at the thinner end, m^2."""
-        # radii may carry complex steps
-        return math.pi * min(self.upper, self.lower, key=lambda r: r.real) ** 2
+        return math.pi * min(self.upper, self.lower) ** 2
 
     @property
     def depth(self) -> tuple[float, float]:
