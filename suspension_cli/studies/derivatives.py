@@ -358,7 +358,6 @@ def together(systems: Sequence[LinearSystem]) -> Builds:
         damping=stacked("damping"),
         lossy=stacked("lossy", "stiffness"),
         orientation=np.array(turned),
-        low=None,
         stretched=None,
         terms=(),
     )

@@ -341,8 +341,8 @@ def test_the_commands(tmp_path):
     )
     reported = run("sensitivity", DOUBLE, "--fidelity", "string", "--no-plot", "--out", tmp_path)
     assert (
-        "the string model neglects wire bending, which changes the derivatives of test longitudinal"
-        " by 100 % or more; rerun with --fidelity beam" in reported.stderr
+        "the string model neglects wire bending, which changes test pitch by 25 %; rerun with"
+        " --fidelity beam" in reported.stderr
     )
 
 

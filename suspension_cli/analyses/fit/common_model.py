@@ -22,7 +22,7 @@ def choose(wanted: str, sources: Sequence[Source], measured: Measured) -> list[C
     Raises `InputError` if a model is wanted that cannot model imperfect builds, or has wire mass.
     """
     models = [model for model in registry.SCENE_MODELS if not model.has_wire_mass]
-    model_choice.demand_one_of(wanted, models, "cannot compute derivatives of modes")
+    model_choice.demand_one_of(wanted, models, "cannot compute derivatives")
     each = [registry.most_complete(source.design, massless=True) for source in sources]
     common = min(each, key=registry.MODELS.index)
     found = []
