@@ -15,7 +15,7 @@ Each element is a sum of a few functions of frequency with constant weights (`Pa
 that are not 0 are evaluated. Coordinates that do not couple are blocks, solved apart, each body by
 body (`elimination`).
 
-At and above the lowest undamped mode the coordinates of a block are those of the system. Far below
+Around and above the lowest undamped mode the coordinates of a block are those of the system. Below
 it all bodies move with the support, and what is to be found is their small relative motion: there
 each body is counted from the one above it, x = T q. Nothing resists when all move together in x, y,
 z and yaw, so such elements of T^T Z T are 0; what rounding left of them is removed.
@@ -42,6 +42,8 @@ if TYPE_CHECKING:
 
 ROUNDING = 4e-15
 """Fraction of its terms up to which a sum is a rounding error."""
+FAR = 0.5
+"""Fraction of the lowest mode below which coordinates are relative: at it they gain nothing yet."""
 SHIFT = 1e-4
 """(rad/s)^2, by which squared frequencies are shifted to find the lowest: some are 0."""
 
@@ -435,7 +437,7 @@ class EvaluatedBlock:
 
         `direct` is added: the response of the outputs to the support's own motion.
         """
-        below = self.omega < self.block.lowest
+        below = self.omega < FAR * self.block.lowest
         parts = []
         for relative, where in ((True, below), (False, ~below)):
             if not where.any():
