@@ -15,7 +15,7 @@ Each element is a sum of a few functions of frequency with constant weights (`Pa
 that are not 0 are evaluated. Coordinates that do not couple are blocks, solved apart, each body by
 body (`elimination`).
 
-At and above the lowest undamped mode the coordinates of a block are those of the system. Far below
+Around and above the lowest undamped mode the coordinates of a block are those of the system. Below
 it all bodies move with the support, and what is to be found is their small relative motion: there
 each body is counted from the one above it, x = T q. Nothing resists when all move together in x, y,
 z and yaw, so such elements of T^T Z T are 0; what rounding left of them is removed.
@@ -42,6 +42,8 @@ if TYPE_CHECKING:
 
 ROUNDING = 4e-15
 """Fraction of its terms up to which a sum is a rounding error."""
+FAR = 0.5
+"""Fraction of the lowest mode below which coordinates are relative: at it they gain nothing yet."""
 SHIFT = 1e-4
 """(rad/s)^2, by which squared frequencies are shifted to find the lowest: some are 0."""
 
@@ -64,7 +66,7 @@ def sizes(
     return result
 
 
-def _parts(
+def _real_and_imaginary(
     matrix: Inexact[np.ndarray, "row column"],
 ) -> tuple[Float[np.ndarray, "row column"], Float[np.ndarray, "row column"]]:
     return np.real(matrix), np.imag(matrix)
@@ -277,9 +279,14 @@ class Block:
         return np.concatenate([np.arange(6), self.keep])
 
     @cached_property
+    def _kept(self) -> Bool[np.ndarray, " coordinate"]:
+        """Whether each of `_columns` has elements that are more than rounding errors."""
+        return np.append(self.pull, np.ones(len(self.keep), dtype=bool))
+
+    @cached_property
     def rows(self) -> list[Rows]:
         """Elongations of the wires that move with these coordinates."""
-        model, kept = self.pencil.model, np.append(self.pull, np.ones(len(self.keep), dtype=bool))
+        model, kept = self.pencil.model, self._kept
         wires = [(n, term) for n, (_, term) in enumerate(self.terms) if isinstance(term, WireTerm)]
         if wires or model.stretched is None:
             forms = [(term.forms["stretch"][:, ::-1] * kept, n, 0j) for n, term in wires]
@@ -306,10 +313,9 @@ class Block:
         The latter are its f_n, and of wires F_sa / F_aa and -1 / F_aa.
         """
         pencil, count, size = self.pencil, len(self.keep), len(self.owner)
-        at, outer = np.ix_(self.keep, self._columns), 6 + count
-        kept = np.append(self.pull, np.ones(count, dtype=bool))
+        at, outer, kept = np.ix_(self.keep, self._columns), 6 + count, self._kept
         base = np.zeros((4, size, 6 + size))
-        matrices = (*_parts(pencil.soft), pencil.model.damping, pencil.model.mass)
+        matrices = (*_real_and_imaginary(pencil.soft), pencil.model.damping, pencil.model.mass)
         base[:, :count, :outer] = [matrix[at] * kept for matrix in matrices]
         of_terms = []
         for (_, term), used in zip(self.terms, self.used, strict=True):
@@ -338,6 +344,7 @@ class Block:
     def relative(self) -> Equations:
         """Equations in coordinates relative to the body above."""
         joint, tensions = self.pencil.joint(self._columns), len(self.owner) - len(self.keep)
+        joint[6:, :6] *= self.pull
         whole = np.eye(6 + len(self.owner))
         whole[: len(joint), : len(joint)] = joint
         place = np.append(
@@ -430,7 +437,7 @@ class EvaluatedBlock:
 
         `direct` is added: the response of the outputs to the support's own motion.
         """
-        below = self.omega < self.block.lowest
+        below = self.omega < FAR * self.block.lowest
         parts = []
         for relative, where in ((True, below), (False, ~below)):
             if not where.any():
@@ -529,7 +536,7 @@ class Pencil:
         What one wire exerts, an equal one may cancel, so equal wires are taken together.
         """
         model, place = self.model, self.place
-        matrices = [*_parts(self.soft), model.damping, model.mass]
+        matrices = [*_real_and_imaginary(self.soft), model.damping, model.mass]
         pairs = []
         for term in model.terms:
             if isinstance(term, WireTerm):
