@@ -73,8 +73,12 @@ class Symmetry:
     ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
         """Change a symmetric matrix to adapted coordinates, with exact zeros."""
         if not self.trivial:
-            matrix = self.basis.T @ matrix @ self.basis
-            matrix = (matrix + np.swapaxes(matrix, -1, -2)) / 2
+            rows = np.flatnonzero(matrix.any(tuple(range(matrix.ndim - 1))))
+            columns = np.flatnonzero(self.basis[rows].any(0))
+            basis = self.basis[np.ix_(rows, columns)]
+            own = basis.T @ matrix[..., rows[:, None], rows] @ basis
+            matrix = np.zeros_like(matrix)
+            matrix[..., columns[:, None], columns] = (own + np.swapaxes(own, -1, -2)) / 2
         return matrix if self.allowed.all() else np.where(self.allowed, matrix, 0.0)
 
     def forms(
@@ -214,20 +218,22 @@ def _adapted_basis(
     for n, operator in enumerate(operators):
         parities[:, n] = np.diag(operator)
         is_own_image &= np.abs(parities[:, n]) == 1
-    identity, place = np.eye(size), 0
-    others = np.flatnonzero(~is_own_image)
-    for start in others:
+    others, place = np.flatnonzero(~is_own_image), 0
+    within = [operator[np.ix_(others, others)] for operator in operators]
+    adapted = np.zeros((len(others),) * 2)
+    for start in np.eye(len(others)):
         for combination in itertools.product((1.0, -1.0), repeat=len(operators)):
-            vector = identity[start]
-            for sign, operator in zip(combination, operators, strict=True):
+            vector = start
+            for sign, operator in zip(combination, within, strict=True):
                 vector = (vector + sign * (operator @ vector)) / 2
-            known = basis[:, others[:place]]
+            known = adapted[:, :place]
             vector = vector - known @ (known.T @ vector)
             vector = np.where(np.abs(vector) > ROUNDING, vector, 0.0)
             if vector.any():
-                basis[:, others[place]] = vector / np.sqrt((vector**2).sum())
+                adapted[:, place] = vector / np.sqrt((vector**2).sum())
                 parities[others[place]] = combination
                 place += 1
+    basis[np.ix_(others, others)] = adapted
     return basis, parities.T
 
 

@@ -52,7 +52,9 @@ def linear_model(scene: Scene, drag: Drag = (), *, massive: bool) -> LinearSyste
     scene, balanced = bending_wires.solve_bending(scene, numbering)
     balanced.demand(scene)
     adapted = find_symmetry(scene, numbering)
-    model = string_model.linear_model(lossless(scene), balanced, wire_inertia=not massive)
+    model = string_model.linear_model(
+        lossless(scene), balanced, wire_inertia=not massive, adapted=adapted
+    )
     of_springs, of_ground = spring_terms(scene, numbering, balanced.pose, adapted)
     grounded = of_springs[: len(of_ground)]
     terms = [

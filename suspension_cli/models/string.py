@@ -49,6 +49,7 @@ def linear_model(
     split: bool = True,
     wire_inertia: bool = True,
     separate: bool = True,
+    adapted: Symmetry | None = None,
 ) -> LinearSystem:
     """Linear model of small motions about the equilibrium of a scene on strings, any batch axes.
 
@@ -71,7 +72,8 @@ def linear_model(
         balanced = solve(scene, numbering)
         balanced.demand(scene)
     pose = balanced.pose
-    adapted = find_symmetry(scene, numbering) if split else no_symmetry(numbering)
+    if adapted is None:
+        adapted = find_symmetry(scene, numbering) if split else no_symmetry(numbering)
     tips = np.zeros(numbering.size, dtype=bool)
     weightless = scene.blades.tip_mass == 0
     light = weightless.all(tuple(range(weightless.ndim - 1)))
