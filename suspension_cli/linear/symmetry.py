@@ -72,14 +72,18 @@ class Symmetry:
         self, matrix: Inexact[np.ndarray, "*batch coordinate coordinate"]
     ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
         """Change a symmetric matrix to adapted coordinates, with exact zeros."""
+        rows = columns = np.flatnonzero(matrix.any(tuple(range(matrix.ndim - 1))))
+        own = matrix[..., rows[:, None], rows]
         if not self.trivial:
-            rows = np.flatnonzero(matrix.any(tuple(range(matrix.ndim - 1))))
             columns = np.flatnonzero(self.basis[rows].any(0))
             basis = self.basis[np.ix_(rows, columns)]
-            own = basis.T @ matrix[..., rows[:, None], rows] @ basis
-            matrix = np.zeros_like(matrix)
-            matrix[..., columns[:, None], columns] = (own + np.swapaxes(own, -1, -2)) / 2
-        return matrix if self.allowed.all() else np.where(self.allowed, matrix, 0.0)
+            own = basis.T @ own @ basis
+            own = (own + np.swapaxes(own, -1, -2)) / 2
+        result = np.zeros(matrix.shape, dtype=matrix.dtype)  # takes no memory where it stays 0
+        result[..., columns[:, None], columns] = np.where(
+            self.allowed[np.ix_(columns, columns)], own, 0.0
+        )
+        return result
 
     def forms(
         self, form: Inexact[np.ndarray, "*batch coordinate"]
