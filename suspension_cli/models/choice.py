@@ -133,9 +133,10 @@ class _Step:
 
     @property
     def text(self) -> str:
-        """The physics with the size of its effect."""
-        size = f", {percent(self.change)}" if math.isfinite(self.change) else f" ({self.what})"
-        return self.physics + size
+        """The physics with the size of its effect, and on what."""
+        if not math.isfinite(self.change):
+            return f"{self.physics} ({self.what})"
+        return f"{self.physics}, {percent(self.change)} in {self.what}"
 
 
 def _error(steps: list[_Step]) -> float:

@@ -124,6 +124,6 @@ def test_the_reason_names_what_matters_and_what_does_not():
     line = choose(design, "auto", registry.MODELS, compare, 2.5e-4).line
     assert re.fullmatch(
         r"model: beam \(wire bending changes [a-z ]+ by up to 25 %\); neglected: wire mass,"
-        r" 0\.0\d+ % \(tolerance 0\.025 %\)",
+        r" 0\.0\d+ % in [a-z ]+ \(tolerance 0\.025 %\)",
         line,
     )
