@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from itertools import pairwise
 from pathlib import Path
 
@@ -46,7 +47,7 @@ def resolve_files(raw: Raw, folder: Path) -> None:
 def _locate(name: str, folder: Path) -> Path:
     """Path of a file in a folder, or else among the program's examples."""
     shipped = EXAMPLES / Path(name).name
-    return shipped if not (folder / name).exists() and shipped.exists() else folder / name
+    return shipped if not os.path.exists(folder / name) and shipped.exists() else folder / name
 
 
 def _read(file: Path) -> dict[str, list[float]]:

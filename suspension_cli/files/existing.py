@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -18,7 +19,7 @@ def read_design(path: Path) -> str | None:
     path
         Ending in ``.h5``, ``.mat``, ``.npz`` or ``.json``.
     """
-    if not path.is_file():
+    if not os.path.isfile(path):
         return None
     try:
         return str(_READ[path.suffix](path))

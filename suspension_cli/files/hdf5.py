@@ -176,7 +176,7 @@ def reporting_damage(path: str | Path, remedy: str) -> Iterator[None]:
 
 
 def _opened(path: str | Path, remedy: str) -> h5py.File:
-    if not Path(path).exists():
+    if not os.path.exists(path):
         problem = "is missing"
     elif not Path(path).is_file():
         problem = "is not a regular file"

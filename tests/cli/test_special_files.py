@@ -11,6 +11,7 @@ import pytest
 
 import suspension_cli as sus
 from tests.support.commandline import from_template, run
+from tests.support.paths import CONFIGS
 
 RESULT = sus.modes(sus.template("single"), model="string")
 
@@ -146,3 +147,13 @@ def test_a_sweep_needs_a_regular_file(make, tmp_path):
     done = run("sweep", file, *SWEEP, "--out", out)
     assert done.exit_code == 2 and "is not a regular file" in done.stderr
     assert [path.name for path in out.iterdir()] == ["single-sweep.h5"]
+
+
+@pytest.mark.parametrize(
+    ("command", "option"),
+    [("budget", "--ground"), ("budget", "--isolation"), ("response", "--measured")],
+)
+def test_names_that_are_too_long_name_no_file(command, option, tmp_path):
+    done = run(command, CONFIGS / "double.toml", option, "9" * 400, "--out", tmp_path)
+    assert done.exit_code == 2, done.stderr
+    assert "is no file" in done.stderr or "is missing" in done.stderr

@@ -15,6 +15,7 @@ cubic polynomials; here lines are straight in a log-log plot.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -223,7 +224,7 @@ def _split(text: str, option: str) -> tuple[list[str], str]:
 def find(source: str, folder: Path, option: str, known: Sequence[str] = ()) -> Path:
     """Find a file in the current folder or in that of the design; raises `InputError`."""
     for path in (Path(source), folder / source):
-        if path.is_file():
+        if os.path.isfile(path):  # False for names that are too long, too
             return path
     problem = "is no file" + (f" and no shipped model ({', '.join(known)})" if known else "")
     close = suggest(source, list(known))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -83,7 +84,7 @@ def _read(ask: Callable[..., Run], given: Given) -> Item:
         raise InputError.of("items", problem, remedy, format_value(repr(given)).strip('"'))
     path = Path(given)
     ending = path.suffix.lower()
-    if ending in RESULT and path.is_file():
+    if ending in RESULT and os.path.isfile(path):
         found = _result(path)
         if found is not None:
             return _of_result(found)

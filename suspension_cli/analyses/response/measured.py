@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -167,8 +168,8 @@ def read_files(
             pairs = zip(given.transfer_function, found, strict=True)
             items += [Item(given, table, data, file) for table, data in pairs]
             continue
-        if not Path(file).exists() or Path(file).is_dir():
-            problem = "is a directory" if Path(file).is_dir() else "is missing"
+        if not os.path.exists(file) or os.path.isdir(file):
+            problem = "is a directory" if os.path.isdir(file) else "is missing"
             raise InputError([Fault("", problem, "name a file of measurements")], file)
         if len(inputs) != 1 or len(outputs) != 1:
             problem = "does not say what was driven and observed"

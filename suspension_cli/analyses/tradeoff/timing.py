@@ -76,7 +76,7 @@ def call(work: Callable[[], Found]) -> tuple[Found, float]:
     """Return the result of a function, and its processor time, s."""
     begin = time.process_time()
     found = work()
-    return found, time.process_time() - begin
+    return found, max(time.process_time() - begin, RESOLUTION)
 
 
 def _repetitions(work: Work) -> int:
