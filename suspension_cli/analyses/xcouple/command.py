@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 DEFAULT_GRID = {"k": "0.6:1.4:41"}
 FACTOR_GRID = "0.9:1.1:41"
 LARGEST = 1e6
-"""Largest imperfection, a factor or in SI units; far larger ones overflow."""
+"""Largest imperfection, a factor (or its inverse) or in SI units; far larger ones overflow."""
 OTHER_GRID = "-2e-3:2e-3:5"
 
 
@@ -321,7 +321,7 @@ def axes(text: str, table: Document) -> tuple[Axis, ...]:
         factor = UNITS.get(name) == "1"
         default = DEFAULT_GRID.get(name, FACTOR_GRID if factor else OTHER_GRID)
         given = values or _grid_text(table.get(name, default))
-        lowest = 0.0 if factor else -LARGEST
+        lowest = 1 / LARGEST if factor else -LARGEST
         grid = parse_grid(given, f"--sweep {name}", lowest=lowest, highest=LARGEST)
         result.append(Axis(name, tuple(grid)))
     if len({axis.name for axis in result}) < len(result):
