@@ -93,12 +93,11 @@ def command(
             for figure in figures.values():
                 _set_limits(figure, *limits)
             pictures = {end: encode(figure, picture_format) for end, figure in figures.items()}
-        written = []
+        # first, as it refuses damaged numbers that the picture leaves out
+        written = csv_files.write(result, path) if as_csv else []
         for end, picture in pictures.items():
             written.append(path.with_name(f"{path.stem}{end}.{picture_format}"))
             write_bytes(written[-1], picture, key="--out" if out else "")
-        if as_csv:
-            written += csv_files.write(result, path)
         for one in written:
             if not quiet:
                 terminal.tell(f"wrote {one}")
