@@ -233,7 +233,7 @@ class Result(Report):
         error: Document = {"estimated_error": as_number(self.estimated_error)}
         if self.choice.error_unknown:
             error["error_unknown"] = self.choice.error_unknown
-        return head | {"fidelity": self.model} | self.analysis.document(self) | error
+        return _finite(head | {"fidelity": self.model} | self.analysis.document(self) | error)
 
     def figures(self, **setting: object) -> dict[str, Figure]:
         """Draw all pictures: the end of each file name, and the figure; settings as of `plot`."""
@@ -484,6 +484,15 @@ def plain(values: Any) -> Any:
 
     finite: Any = np.where(np.isfinite(values), values, None)
     return finite.tolist()
+
+
+def _finite(part: Any) -> Any:
+    """Replace numbers of a JSON document that are not finite by null, damaged ones too."""
+    if isinstance(part, dict):
+        return {key: _finite(value) for key, value in part.items()}
+    if isinstance(part, list):
+        return [_finite(value) for value in part]
+    return None if isinstance(part, float) and not math.isfinite(part) else part
 
 
 def as_number(value: float) -> float | None:

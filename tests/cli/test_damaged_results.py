@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import random
 
 import h5py
@@ -86,3 +87,14 @@ def test_results_that_cannot_be_compared(results, tmp_path):
         opened.attrs["fidelity"] = "nan"
     result = run("compare", file, good, "--no-plot", "--out", tmp_path / "out")
     assert_refused(result, f"{file} or {good}", tmp_path / "out")
+
+
+def test_numbers_that_became_nan_are_null_in_json(tmp_path):
+    sus.response(sus.example("double"), frequency=[1.0, 2.0]).save(tmp_path / "r.h5")
+    with h5py.File(tmp_path / "r.h5", "a") as file:
+        value = file["response/value"][...]
+        value[0] = complex("nan")
+        file["response/value"][...] = value
+    document = sus.load(tmp_path / "r.h5").document()
+    assert document["real"][0] is None and document["real"][1] is not None
+    json.dumps(document, allow_nan=False)
