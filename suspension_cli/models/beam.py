@@ -224,12 +224,6 @@ def _batch_wires(
     return [WireBatchTerm(fibres.wire, massive, fibres.gas, numbering.size, *geometry)]
 
 
-def with_fibres(scene: Scene, design: Design) -> tuple[Scene, Drag]:
-    """A scene (or batch of builds) with its wires' properties, and gas damping of its bodies."""
-    made = clamps.compose(design)
-    return replace(scene, fibres=made), _gas_damping(made, design)
-
-
 def _gas_damping(made: Fibres, design: Design) -> Drag:
     gas = made.gas
     return () if gas is None else tuple(body_damping(stage.body, gas) for stage in design.stage)

@@ -63,7 +63,9 @@ def linear_model(
     wire_inertia
         Whether wires that have weight also have mass, moving as straight lines between their ends.
     separate
-        Whether to compute the stretching of wires, and rounding errors, of one design separately.
+        Whether to keep the stretching of wires of one design apart from the rest of the stiffness.
+    adapted
+        Symmetry of the scene, if known; otherwise found, if `split`.
 
     Raises `InputError` if there is no equilibrium, or a wire is slack in it.
     """

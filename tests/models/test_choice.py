@@ -129,7 +129,7 @@ def test_models_without_thermal_noise_are_refused(wanted):
 
 
 def test_mass_of_swinging_wires_is_a_third():
-    """Of a body far from the height of its pivot, from the kinetic energy of straight wires."""
+    """Straight wires have a third of the kinetic energy that they would have at their lower end."""
     wires = {"count": 4, "l": 0.5, "s": 0.1, "t1": 0.1, "t2": 0.1, "d": 0.0}
     wires |= {"material": "plain", "radius": 1e-4, "k": 1e6}
     steel = {"youngs_modulus": 2e11, "poisson_ratio": 0.3, "density": 7800.0}
@@ -140,7 +140,6 @@ def test_mass_of_swinging_wires_is_a_third():
     modes, changes = choice.shifts(systems(registry.BEAM), systems(registry.VIOLIN))
     swing = next(n for n, home in enumerate(modes.home) if home[1] == "y")
     weight = 4 * 7800 * math.pi * 1e-8 * 0.5
-    # the wires' kinetic energy, less what their weight of zero adds: m/3, and m/2 as a pendulum
     assert changes[swing] == pytest.approx(weight / 3 / 4.0 / 2, rel=0.05)
 
 

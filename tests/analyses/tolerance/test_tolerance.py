@@ -20,7 +20,7 @@ from suspension_cli.design.imperfections import named
 from suspension_cli.design.schema import Distribution
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.linear import eigenmodes, response, signals
-from suspension_cli.models import beam as beam_model
+from suspension_cli.models import registry
 from suspension_cli.models import string as string_model
 from suspension_cli.models.surroundings import surrounded
 from suspension_cli.studies import builds, sample_points, sampling
@@ -290,7 +290,7 @@ def test_frequencies_are_those_of_each_build_alone(kind):
     for n in good[::4] if bent else good:
         alone = one_of(scene, job.scene, n)
         plain = (
-            beam_model.linear_model(*beam_model.with_fibres(alone, job.design), massive=False)
+            registry.BEAM.of_scene(registry.BEAM.completed(alone, job.design), job.design)
             if bent
             else string_model.linear_model(alone)
         )
