@@ -9,7 +9,8 @@ open-loop ones, which are solved directly: x = G_e e + G_u u, u = -(1 + H G_yu)^
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -48,6 +49,22 @@ class Plant:
     actuator: list[Signal]
     sensed: Float[np.ndarray, "loop coordinate"]
     pushed: Float[np.ndarray, "loop coordinate"]
+
+    @cached_property
+    def dampers(self) -> Float[np.ndarray, " loop"]:
+        """Coefficients that damp strongly what each actuator moves, N s/m or N m s/rad."""
+        size = (self.pushed[:, 6:] ** 2).sum(1)
+        stiffness, mass = (
+            np.einsum("li,ij,lj->l", self.pushed[:, 6:], part[6:, 6:], self.pushed[:, 6:]) / size
+            for part in (np.real(self.model.stiffness), self.model.mass)
+        )
+        return np.sqrt(np.abs(stiffness * mass)) / size
+
+    @cached_property
+    def damped(self) -> LinearSystem:
+        """The model with these dampers."""
+        more = (self.pushed.T * self.dampers) @ self.pushed
+        return replace(self.model, damping=self.model.damping + more)
 
     def with_loops(self, keep: list[int]) -> Plant:
         """Select loops by number."""
@@ -167,7 +184,7 @@ def evaluate_noise(
 
 @dataclass(frozen=True)
 class ClosedLoopResponse:
-    """Closed-loop responses, noise at the outputs, and loop gains.
+    """Closed-loop responses, and noise at the outputs.
 
     Attributes
     ----------
@@ -178,16 +195,12 @@ class ClosedLoopResponse:
     noise, actuator_noise
         Amplitude spectral densities at each output from the noise of each sensor and actuator,
         m/sqrt(Hz) or rad/sqrt(Hz).
-    loop_gain
-        H G of each loop broken at its actuator, the others closed; -1 at a closed-loop pole on the
-        imaginary axis.
     """
 
     frequency: Float[np.ndarray, " frequency"]
     value: Complex[np.ndarray, "frequency output input"]
     noise: Float[np.ndarray, "frequency output loop"]
     actuator_noise: Float[np.ndarray, "frequency output loop"]
-    loop_gain: Complex[np.ndarray, "frequency loop"]
 
 
 def solve_responses(
@@ -196,7 +209,7 @@ def solve_responses(
     inputs: list[Signal],
     outputs: list[Signal],
 ) -> ClosedLoopResponse:
-    """Solve for closed-loop responses, noise at the outputs, and loop gains.
+    """Solve for closed-loop responses, and noise at the outputs.
 
     Parameters
     ----------
@@ -205,37 +218,38 @@ def solve_responses(
     inputs, outputs
         External drives (i) and observed motions (o).
     """
-    model, count = plant.model, len(plant.loops)
-    rows = np.concatenate(
-        [np.array([signals.linear_form(s, model) for s in outputs]), plant.sensed]
-    )
+    model, count = plant.damped, len(plant.loops)
+    observed = np.array([signals.linear_form(s, model) for s in outputs]).reshape(-1, model.size)
+    rows = np.concatenate([observed, plant.sensed, plant.pushed])
     given = np.array([signals.linear_form(s, model) for s in inputs]).reshape(-1, model.size)
     drives = np.concatenate([given, plant.pushed])
     acts = [*(s.acts for s in inputs), *([True] * count)]
     ground = [*(s.is_ground for s in inputs), *([False] * count)]
-    g, _ = response.transfer(model, 2 * np.pi * frequency, drives, acts, rows, ground=ground)
-    i, o = len(inputs), len(outputs)
-    h = evaluate_filters(plant, frequency)
-    to_actuator = np.linalg.solve(
-        np.eye(count) + h[:, :, None] * g[:, o:, i:], h[:, :, None] * np.eye(count)
+    omega = 2 * np.pi * frequency
+    g, _ = response.transfer(model, omega, drives, acts, rows, ground=ground)
+    i, o, one = len(inputs), len(outputs), np.eye(count)
+    h, dampers = evaluate_filters(plant, frequency), 1j * omega[:, None] * plant.dampers
+    feedback = np.concatenate([h[:, :, None] * one, -dampers[:, :, None] * one], axis=-1)
+    # forces e at the actuators become (1 + F G_qu)^-1 e
+    pushed = np.linalg.solve(
+        np.swapaxes(one + feedback @ g[:, o:, i:], -1, -2), np.swapaxes(g[:, :o, i:], -1, -2)
     )
-    from_sensor = g[:, :o, i:] @ to_actuator
-    value = g[:, :o, :i] - from_sensor @ g[:, o:, :i]
+    pushed = np.swapaxes(pushed, -1, -2)
+    value = g[:, :o, :i] - pushed @ (feedback @ g[:, o:, :i])
     noises = [evaluate_noise(loop, frequency) for loop in plant.loops]
     densities = np.array(noises).reshape(count, len(frequency)).T
-    noise = np.abs(from_sensor) * densities[:, None]
-    # a force n at the actuators is u = n - H y: x = G_u (1 + H G_yu)^-1 n
-    pushed = g[:, :o, i:] - from_sensor @ g[:, o:, i:]
+    noise = np.abs(pushed * h[:, None]) * densities[:, None]
     actuator_noise = np.abs(pushed) * np.array([loop.actuator_noise for loop in plant.loops])
-    return ClosedLoopResponse(frequency, value, noise, actuator_noise, _loop_gains(h, g[:, o:, i:]))
+    return ClosedLoopResponse(frequency, value, noise, actuator_noise)
 
 
 def compute_loop_gains(
     plant: Plant, frequency: Float[np.ndarray, " frequency"]
 ) -> Complex[np.ndarray, "frequency loop"]:
-    """Compute the gain of each loop, broken at its actuator with the others closed.
+    """Compute the gain H G of each loop, broken at its actuator with the others closed.
 
-    Frequencies are in Hz; at a resonance without loss the gain is taken beside it.
+    It is -1 at a closed-loop pole on the imaginary axis. Frequencies are in Hz; at a resonance
+    without loss the gain is taken beside it.
     """
     return _from_open_loop(plant, frequency, _loop_gains, (len(plant.loops),))
 

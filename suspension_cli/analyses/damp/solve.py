@@ -140,7 +140,7 @@ def solve(
         undamped=undamped,
         frequency=frequency,
         noise=answer.noise[:, 0],
-        gain=answer.loop_gain,
+        gain=control.compute_loop_gains(plant, frequency),
         sensitivity=peak,
     )
 
