@@ -3,9 +3,11 @@
 The public API is that of `suspension_cli.api`; it is imported when its first name is used.
 """
 
+# pyright: reportUnsupportedDunderAll=false
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from importlib import import_module
+from typing import Any
 
 from suspension_cli.version import __version__
 
@@ -42,48 +44,15 @@ __all__ = [
     "tradeoff",
     "xcouple",
 ]
-
-if TYPE_CHECKING:
-    from suspension_cli.analyses.analysis import Result
-    from suspension_cli.api import (
-        Design,
-        animate,
-        budget,
-        check,
-        compare,
-        damp,
-        draw,
-        example,
-        examples,
-        export,
-        fit,
-        info,
-        load,
-        modes,
-        optimise,
-        parse,
-        read,
-        report,
-        response,
-        sensitivity,
-        sweep,
-        template,
-        thermal,
-        tolerance,
-        tradeoff,
-        xcouple,
-    )
-    from suspension_cli.errors import InputError, PendsusError, PendsusWarning
+HOMES = ("suspension_cli.errors", "suspension_cli.analyses.analysis", "suspension_cli.api")
+"""Modules of the names; the stub beside this file has them for editors."""
 
 
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from suspension_cli import api, errors
-    from suspension_cli.analyses import analysis
-
-    home = next(module for module in (api, errors, analysis) if hasattr(module, name))
-    return getattr(home, name)
+    modules = map(import_module, HOMES)
+    return next(getattr(module, name) for module in modules if hasattr(module, name))
 
 
 def __dir__() -> list[str]:

@@ -21,7 +21,6 @@ import suspension_cli as sus
 from suspension_cli import api
 from suspension_cli.analyses import python_names, registry
 from suspension_cli.analyses.modes import animation
-from suspension_cli.analyses.python_names import ARGUMENTS
 from suspension_cli.conventions import ANALYSES
 from tests.models.test_golden import assert_close
 from tests.support.commandline import run, strict_json
@@ -50,6 +49,7 @@ def test_examples_in_docstrings(tmp_path, monkeypatch):
     monkeypatch.setattr(animation, "FRAMES", 4)
     (tmp_path / "measured").symlink_to(ROOT / "measured")
     monkeypatch.chdir(tmp_path)
+    assert all(getattr(api, name) for name in ANALYSES)  # makes them
     found = doctest.testmod(api, optionflags=doctest.NORMALIZE_WHITESPACE)
     assert found.attempted > 80 and found.failed == 0
     assert doctest.testmod(python_names).failed == 0
@@ -61,8 +61,7 @@ def test_every_option_has_its_argument_or_a_reason(name):
     page = (ROOT / "docs" / "api.md").read_text()
     arguments = inspect.signature(getattr(sus, name)).parameters
     for param in registry.get(name).parameters:
-        argument = ARGUMENTS.get(param.name, param.name)
-        assert argument in arguments or f"`{param.opts[-1]}`" in page, param.opts
+        assert param.name in arguments or f"`{param.opts[-1]}`" in page, param.opts
 
 
 def test_importing_imports_nothing_heavy():
@@ -75,7 +74,7 @@ def test_importing_imports_nothing_heavy():
 
 
 CASES = {
-    "modes": (lambda design: sus.modes(design, model="string"), ("--fidelity", "string")),
+    "modes": (lambda design: sus.modes(design, fidelity="string"), ("--fidelity", "string")),
     "response": (
         lambda design: sus.response(design, inputs=["support.z"], frequency=np.array([0.3, 7.0])),
         ("--input", "support.z", "--frequency", "0.3,7.0"),
@@ -89,17 +88,20 @@ CASES = {
         ("--ground", "nlnm", "--frequency", "1.0,3.0"),
     ),
     "xcouple": (
-        lambda design: sus.xcouple(design, sweep={"k": [0.9, 1.1]}, model="string"),
+        lambda design: sus.xcouple(design, sweep={"k": [0.9, 1.1]}, fidelity="string"),
         ("--sweep", "k=0.9,1.1", "--fidelity", "string"),
     ),
     "sweep": (
         lambda design: sus.sweep(
-            design, vary={"stage.test.wires.d": [1e-3, 2e-3]}, result=["test yaw"], model="string"
+            design,
+            vary={"stage.test.wires.d": [1e-3, 2e-3]},
+            results=["test yaw"],
+            fidelity="string",
         ),
         ("--vary", "stage.test.wires.d=1e-3,2e-3", "--result", "test yaw", "--fidelity", "string"),
     ),
     "sensitivity": (
-        lambda design: sus.sensitivity(design, result=["test yaw"], model="string"),
+        lambda design: sus.sensitivity(design, results=["test yaw"], fidelity="string"),
         ("--result", "test yaw", "--fidelity", "string"),
     ),
 }
@@ -147,7 +149,9 @@ def test_reports_are_those_of_the_command(name):
 
 LOADED = {
     "fit": lambda: sus.fit(FITTED, sus.example("husman2000/table1-case4")),
-    "matrix": lambda: sus.xcouple(sus.read(DOUBLE), matrix=True, observe="upper", model="string"),
+    "matrix": lambda: sus.xcouple(
+        sus.read(DOUBLE), matrix=True, observe="upper", fidelity="string"
+    ),
     "losses": lambda: sus.modes(sus.example("geo-silica-triple").replace(LOSSLESS)),
     "tradeoff": lambda: sus.tradeoff(sus.template("single"), quantities="modes", repeat=2),
 }
@@ -198,10 +202,10 @@ def test_faults_name_arguments():
     ("call", "message"),
     [
         (
-            lambda d: sus.modes(d, model="foo"),
-            r"model: 'foo' is not .*see help\(sus.modes",
+            lambda d: sus.modes(d, fidelity="foo"),
+            r"fidelity: 'foo' is not .*see help\(sus.modes",
         ),
-        (lambda d: sus.report(d, "x.html", model="foo"), r"model: 'foo' is not"),
+        (lambda d: sus.report(d, "x.html", fidelity="foo"), r"fidelity: 'foo' is not"),
         (lambda d: sus.report(d, "x.html", builds=3), r"builds: 3 is not in the range 100<=x"),
         (lambda d: sus.report(d, "x.html", sections="foo"), r'sections = "foo": a report has no'),
         (lambda d: sus.export(d, format="xyz"), r"format: 'xyz' is not one of"),
@@ -210,8 +214,14 @@ def test_faults_name_arguments():
         (lambda d: sus.xcouple(d, input="support.a"), r'input = "support.a": '),
         (lambda d: sus.read(DOUBLE, "stage.tset.d=1"), r'overrides = "stage.tset.d=1": there is'),
         (lambda d: d.replace({"stage.tset.d": 1}), r'changes = "stage.tset.d": there is no'),
-        (lambda d: sus.modes(d, model="string").save("/nope/x.h5"), r"^path = /nope/x.h5: cannot"),
-        (lambda d: sus.modes(d, model="string").plot(scale="db"), r"scale: is no argument of plot"),
+        (
+            lambda d: sus.modes(d, fidelity="string").save("/nope/x.h5"),
+            r"^path = /nope/x.h5: cannot",
+        ),
+        (
+            lambda d: sus.modes(d, fidelity="string").plot(scale="db"),
+            r"scale: is no argument of plot",
+        ),
         (
             lambda d: sus.response(d, frequency=1.0).plot(scale="x"),
             r"scale: 'x' is not one of",
@@ -226,7 +236,7 @@ def test_faults_name_arguments():
         (lambda d: sus.export(d).plot(), r"export has no picture"),
         (lambda d: sus.fit(FITTED), r"write sus.fit\(measured, design\), or name designs"),
         (
-            lambda d: sus.modes(d, model="violin", max_frequency=1e6),
+            lambda d: sus.modes(d, fidelity="violin", max_frequency=1e6),
             r"max_frequency, or every=",
         ),
     ],
@@ -265,10 +275,11 @@ def test_exports_have_the_format_of_their_ending(tmp_path):
 
 def test_sweeps_leave_no_folder_and_continue(tmp_path, monkeypatch):
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    how = {"vary": {"stage.test.wires.d": [1e-3, 2e-3]}, "result": "test yaw", "model": "string"}
+    how = {"vary": {"stage.test.wires.d": [1e-3, 2e-3]}, "results": "test yaw"}
+    how["fidelity"] = "string"
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        sus.modes(sus.read(DOUBLE), model="string")
+        sus.modes(sus.read(DOUBLE), fidelity="string")
         assert not list(tmp_path.iterdir())
         found = sus.sweep(sus.read(DOUBLE), **how)
         assert found.file.exists()
@@ -305,7 +316,7 @@ def test_values_of_numpy_replace_those_of_designs(path, value, plain):
 
 def test_warnings_are_python_warnings():
     with pytest.warns(sus.PendsusWarning, match="unstable"):
-        sus.modes(sus.read(DOUBLE).replace({"stage.test.wires.d": -0.05}), model="string")
+        sus.modes(sus.read(DOUBLE).replace({"stage.test.wires.d": -0.05}), fidelity="string")
 
 
 @pytest.mark.parametrize(
@@ -323,6 +334,6 @@ def test_defaults_are_those_of_the_analysis_table():
     """Of the design's [analysis.xcouple]: its grids and its point; an argument wins."""
     stage = sus.example("husman2000/figure6")
     other = stage.replace({"analysis.xcouple.frequency": 20.0, "analysis.xcouple.k": "0.9:1.1:3"})
-    found = sus.xcouple(other, sweep="k", model="string")
+    found = sus.xcouple(other, sweep="k", fidelity="string")
     assert found.frequency.tolist() == [20.0] and found.ratio.shape == (3, 1)
-    assert sus.xcouple(other, sweep="k", frequency=30.0, model="string").frequency[0] == 30.0
+    assert sus.xcouple(other, sweep="k", frequency=30.0, fidelity="string").frequency[0] == 30.0

@@ -10,7 +10,7 @@ import pytest
 import suspension_cli as sus
 
 SINGLE = sus.template("single")
-MODES = sus.modes(SINGLE, model="string")
+MODES = sus.modes(SINGLE, fidelity="string")
 DEPTH = "stage.test.wires.d"
 VARY = {DEPTH: [1e-3, 2e-3]}
 
@@ -29,7 +29,7 @@ VARY = {DEPTH: [1e-3, 2e-3]}
         (lambda: sus.animate(SINGLE, 1, "x.gif"), r"result = .*: is no result"),
         (lambda: sus.animate(MODES, "all", "x.gif"), r'mode = "all": names several modes'),
         (lambda: sus.animate(MODES, "1,2", "x.gif"), r'mode = "1,2": names several modes'),
-        (lambda: sus.modes(SINGLE, model=None), r"model = None: is not one of 'auto'"),
+        (lambda: sus.modes(SINGLE, fidelity=None), r"fidelity = None: is not one of 'auto'"),
         (lambda: sus.modes(SINGLE, tolerance=None), r"tolerance = None: must be a number"),
         (lambda: sus.modes(SINGLE, tolerance=[0.1]), r"tolerance = \[0\.1\]: must be a number"),
         (lambda: sus.modes(SINGLE, max_frequency="x"), r'max_frequency = "x": must be a number'),
@@ -84,13 +84,12 @@ def test_wrong_arguments_are_input_errors(call, message, tmp_path, monkeypatch):
     "function", [sus.sensitivity, lambda *a, **k: sus.sweep(*a, vary=VARY, **k)]
 )
 def test_results_in_any_form(function):
-    """By the name of other lists (inputs, outputs) or of the option; a text or a list."""
+    """A text or a list."""
     found = [
-        function(SINGLE, model="string", **{key: value}).document()["results"]
-        for key in ("results", "result")
+        function(SINGLE, fidelity="string", results=value).document()["results"]
         for value in ("test yaw", ["test yaw"])
     ]
-    assert len(found[0]) == 1 and found == 4 * found[:1]
+    assert len(found[0]) == 1 and found == 2 * found[:1]
     with pytest.raises(sus.InputError, match=r"^results"):
         function(SINGLE, results="test yow")
 
@@ -108,16 +107,16 @@ def test_results_in_any_form(function):
     ],
 )
 def test_grids_are_taken_in_any_form(frequency):
-    found = sus.response(SINGLE, frequency=frequency, model="string")
+    found = sus.response(SINGLE, frequency=frequency, fidelity="string")
     assert found.frequency.tolist() == [1.0, 2.0]
 
 
 def test_numbers_and_flags_are_taken_in_any_form():
     coupling = {"k": np.float64(1.1)}
-    found = sus.xcouple(SINGLE, sweep=coupling, workers=np.int64(1), chunk=64.0, model="string")
+    found = sus.xcouple(SINGLE, sweep=coupling, workers=np.int64(1), chunk=64.0, fidelity="string")
     assert found.ratio.shape == (1, 1)
     assert sus.modes(SINGLE, every=1, tolerance="1e-3").model == sus.modes(SINGLE).model
-    found = sus.sweep(SINGLE, vary={DEPTH: [1e-3]}, result=1, model="string")
+    found = sus.sweep(SINGLE, vary={DEPTH: [1e-3]}, results=1, fidelity="string")
     assert len(found.result) == 1
 
 

@@ -16,17 +16,17 @@ LONGER = SINGLE.replace({"stage.test.wires.l": 1.0})
 
 
 def coupling(design=SINGLE):
-    return sus.xcouple(design, sweep={"k": [0.9, 1.1]}, model="string")
+    return sus.xcouple(design, sweep={"k": [0.9, 1.1]}, fidelity="string")
 
 
 def test_results_are_compared_by_identity():
-    one, other = (sus.modes(SINGLE, model="string") for _ in range(2))
+    one, other = (sus.modes(SINGLE, fidelity="string") for _ in range(2))
     assert one == one and one != other and len({one, other}) == 2
 
 
 def test_results_with_losses_are_pickled():
     design = sus.example("geo-silica-triple")
-    found = sus.response(design, frequency=[1.0, 10.0], model="beam")
+    found = sus.response(design, frequency=[1.0, 10.0], fidelity="beam")
     again = pickle.loads(pickle.dumps(found))
     assert again.document() == found.document() and str(again) == str(found)
     assert again.plot() is not None
@@ -34,10 +34,10 @@ def test_results_with_losses_are_pickled():
 
 def test_a_loaded_result_does_not_change_with_its_file(tmp_path):
     path = tmp_path / "r.h5"
-    found = sus.modes(SINGLE, model="string")
+    found = sus.modes(SINGLE, fidelity="string")
     found.save(path)
     again = sus.load(path)
-    sus.modes(LONGER, model="string").save(path)
+    sus.modes(LONGER, fidelity="string").save(path)
     assert again.to_xarray().identical(found.to_xarray())
     again.save(tmp_path / "copy.h5")
     assert sus.load(tmp_path / "copy.h5").document() == found.document()
@@ -46,7 +46,7 @@ def test_a_loaded_result_does_not_change_with_its_file(tmp_path):
 
 
 def test_a_loaded_design_is_replaced(tmp_path):
-    sus.modes(SINGLE, model="string").save(tmp_path / "r.h5")
+    sus.modes(SINGLE, fidelity="string").save(tmp_path / "r.h5")
     source = sus.load(tmp_path / "r.h5").source
     assert source.replace({"stage.test.wires.l": 1.0}).design == LONGER.design
 
@@ -78,7 +78,7 @@ def test_copies_of_a_sweep_keep_its_temporary_file(duplicate):
 
 
 def test_csv_is_that_of_the_command(tmp_path):
-    found = sus.modes(SINGLE, model="string")
+    found = sus.modes(SINGLE, fidelity="string")
     found.save(tmp_path / "found.csv")
     (expected,) = write_csv(found, tmp_path / "command.h5")
     text = (tmp_path / "found.csv").read_text()
@@ -88,5 +88,5 @@ def test_csv_is_that_of_the_command(tmp_path):
 
 def test_pictures_are_no_results_files(tmp_path):
     with pytest.raises(sus.InputError, match=r"path = .*m\.png: .*plot\(\)\.savefig"):
-        sus.modes(SINGLE, model="string").save(tmp_path / "m.png")
+        sus.modes(SINGLE, fidelity="string").save(tmp_path / "m.png")
     assert not list(tmp_path.iterdir())

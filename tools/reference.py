@@ -1,4 +1,5 @@
-"""Generate the tables of docs/design-file.md (keys, materials) and docs/commands.md (options).
+"""Generate the tables of docs/design-file.md (keys, materials) and docs/commands.md (options),
+and the stub from which editors know the functions of the analyses (suspension_cli/__init__.pyi).
 
 Keys come from the types of the file format, options from `--help`. A page marks the place of a
 table with `<!-- keys: WireSet -->`, `<!-- options: modes -->` or `<!-- materials: built-in -->`;
@@ -8,7 +9,9 @@ the text from there to `<!-- end -->` is regenerated. Run by `make reference`;
 
 from __future__ import annotations
 
+import inspect
 import re
+import textwrap
 import types
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
@@ -16,8 +19,11 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 import click
 import msgspec
 
+import suspension_cli as sus
+from suspension_cli import errors
 from suspension_cli.cli.commands import COMMANDS
 from suspension_cli.cli.main import main
+from suspension_cli.conventions import ANALYSES
 from suspension_cli.design import filters, inverted_pendulum, links, materials, schema, wires
 from suspension_cli.design.losses import bulk
 from suspension_cli.design.units import NAMES
@@ -25,6 +31,7 @@ from suspension_cli.design.units import NAMES
 ROOT = Path(__file__).parent.parent
 PAGES = (ROOT / "docs" / "design-file.md", ROOT / "docs" / "commands.md")
 BLOCK = re.compile(r"<!-- (keys|options|materials): ([\w-]+) -->\n.*?<!-- end -->", re.DOTALL)
+STUB = ROOT / "suspension_cli" / "__init__.pyi"
 MODULES = (schema, wires, links, inverted_pendulum, filters, bulk)
 """Modules with the types of tables."""
 TYPES = {
@@ -215,8 +222,41 @@ def options(name: str) -> str:
     return "\n\n".join(parts)
 
 
+def stub() -> str:
+    """Stub of the package: the functions of analyses with signatures and docstrings."""
+    lines = [
+        '"""The public API, for editors and type checkers; made by `make reference`."""',
+        "",
+        "from collections.abc import Mapping",
+        "",
+        "from suspension_cli import api, errors",
+        "from suspension_cli.analyses.analysis import Result as Result",
+        "from suspension_cli.api import Design as Design, Grid, Names, PathLike, Paths",
+        "",
+        "__version__: str",
+    ]
+    for name in sus.__all__:
+        if name in ANALYSES:
+            function, keyword_only = getattr(sus, name), False
+            lines += ["", f"def {name}("]
+            for each in inspect.signature(function).parameters.values():
+                if each.kind is each.KEYWORD_ONLY and not keyword_only:
+                    keyword_only = True
+                    if "*items" not in lines[-1]:
+                        lines.append("    *,")
+                star = "*" if each.kind is each.VAR_POSITIONAL else ""
+                given = "" if each.default is each.empty else f" = {each.default!r}"
+                lines.append(f"    {star}{each.name}: {each.annotation}{given},")
+            text = textwrap.indent(inspect.getdoc(function) or "", "    ")
+            lines += [") -> Result:", f'    """{text.strip()}', '    """']
+        elif not name.startswith("_") and name not in ("Result", "Design"):
+            lines.append(f"{name} = {'errors' if hasattr(errors, name) else 'api'}.{name}")
+    return re.sub(r"[ \t]+\n", "\n", "\n".join(lines)) + "\n"
+
+
 def main_pages() -> None:
-    """Regenerate the tables of all pages."""
+    """Regenerate the tables of all pages, and the stub."""
+    STUB.write_text(stub(), encoding="utf-8")
     for path in PAGES:
         old = path.read_text(encoding="utf-8")
         new = page(old)

@@ -58,7 +58,7 @@ def simulate(built: sus.Design, channel: Channel, random: np.random.Generator) -
         inputs=[channel.drive],
         outputs=[channel.signal],
         frequency=FREQUENCY,
-        model="beam",
+        fidelity="beam",
     )
     exact = channel.gain * found.value[:, 0, 0]
     sigma = np.hypot(channel.floor, SCATTER * np.abs(exact))

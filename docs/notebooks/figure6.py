@@ -13,7 +13,7 @@ found = sus.xcouple(
     wire="test.1",
     observe="test@0,0,-0.001",  # 1 mm below the centre of mass
     frequency=50.0,
-    model="string",
+    fidelity="string",
 )
 
 # %% One line per offset of the upper end

@@ -14,7 +14,7 @@ dof |= {"roll": "roll", "tilt": "pitch", "rotation": "yaw"}
 print("case  mode          paper (Hz)  model (Hz)  difference")
 for case in paper["case"]:
     design = sus.example(f"husman2000/table1-case{case['case']}")
-    found = sus.modes(design, model="force")
+    found = sus.modes(design, fidelity="force")
     for word, theory in zip(paper["columns"], case["theory"], strict=True):
         [frequency] = found.of(dof[word])
         change = frequency / theory - 1

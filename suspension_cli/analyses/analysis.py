@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from suspension_cli.analyses.options import Input
 from suspension_cli.errors import (
     Fault,
     InputError,
@@ -349,12 +350,17 @@ def _stamp(file: Path | None) -> tuple[int, ...]:
 class Analysis(ABC):
     """An analysis of a design: its parameters, its physics, its file, its picture, its text.
 
+    The docstring of its class is the help of the command; sections of it (Returns, Raises,
+    Examples) are for the Python function alone.
+
     Attributes
     ----------
     name : str
-        Of the HDF5 group and, unless `command_name` differs, of the command.
+        Of the HDF5 group and, unless `command_name` differs, of the command and the function.
     arguments, parameters : tuple
-        Click's arguments and options; their defaults are those of the Python API too.
+        Click's arguments and options; the latter are arguments of the Python function too.
+    inputs : tuple
+        What the Python function takes in place of `arguments`.
     drawn_with : tuple
         The options that pictures depend on.
     fills_file : bool
@@ -367,6 +373,7 @@ class Analysis(ABC):
     fills_file: ClassVar[bool] = False
     has_model: ClassVar[bool] = True
     arguments: ClassVar[tuple[click.Argument, ...]] = ()
+    inputs: ClassVar[tuple[Input, ...]] = (Input(),)
     parameters: ClassVar[tuple[click.Parameter, ...]] = ()
     drawn_with: ClassVar[tuple[click.Parameter, ...]] = ()
 
@@ -472,6 +479,10 @@ class Analysis(ABC):
     def exit_code(self, result: Result) -> int:
         """1 where the findings must stop a script; else 0."""
         return 0
+
+    def files(self, inputs: Settings) -> Settings:
+        """Values of `arguments` for those of `inputs`."""
+        return inputs
 
     def read(self, ask: Callable[..., Run], files: Settings) -> Sequence[Run]:
         """Read the files that the arguments name, each design by ``ask(file, overrides=())``."""

@@ -1,4 +1,4 @@
-"""Arguments of the Python API, converted to the values that the options of commands take.
+"""Values of arguments of the Python functions, converted to those that options of commands take.
 
 A value of the wrong kind raises `InputError` with the name of its argument.
 """
@@ -15,7 +15,6 @@ import click
 import numpy as np
 
 from suspension_cli.analyses import options
-from suspension_cli.analyses.python_names import ARGUMENTS
 from suspension_cli.design.reader import Source
 from suspension_cli.errors import InputError, format_value
 
@@ -23,8 +22,15 @@ Value = Any
 """An argument before it is checked."""
 Settings = dict[str, Value]
 """Arguments or values of parameters by name."""
-GRID = 'give numbers, or a text such as "1:10:50"'
+GRID = "GRID"
+"""What help calls the value of an option that takes numbers as `grids.parse_grid` does."""
+NUMBERS = 'give numbers, or a text such as "1:10:50"'
 """Remedy for what is no grid."""
+
+
+def is_multiple(param: click.Parameter) -> bool:
+    """Whether an option may be repeated."""
+    return isinstance(param, click.Option) and param.multiple
 
 
 def setting(parameters: Sequence[click.Parameter], arguments: Settings, function: str) -> Settings:
@@ -38,21 +44,23 @@ def setting(parameters: Sequence[click.Parameter], arguments: Settings, function
     defaults = options.context(function, parameters, {}).params
     given = {}
     for param in parameters:
-        key = str(param.name)
-        name = ARGUMENTS.get(key, key)
+        name = str(param.name)
         if name in arguments:
             value = arguments[name]
-            optional = value is None and defaults[key] is None
-            given[key] = None if optional else _convert(param, name, value, function)
+            optional = value is None and defaults[name] is None
+            given[name] = None if optional else _convert(param, name, value, function)
     return given
 
 
 def _convert(param: click.Parameter, name: str, value: Value, function: str) -> Value:
-    if param.metavar == "GRID":
+    kind, metavar = param.type, str(param.metavar)
+    if metavar == GRID:
         return grid(value, name)
-    if isinstance(param, click.Option) and param.multiple:
-        return items(value, name)
-    kind = param.type
+    if is_multiple(param) or metavar.endswith(",..."):
+        if isinstance(value, str) and not is_multiple(param):
+            return value
+        several = grids(value, name) if "GRID" in metavar else items(value, name)
+        return several if is_multiple(param) else ",".join(several) or None
     remedy = f"see help(sus.{function})"
     if isinstance(kind, click.types.BoolParamType):
         if isinstance(value, (bool, np.bool_, int)):
@@ -94,13 +102,13 @@ def grid(values: Value, name: str) -> str:
         values = list(values)
     wanted = "must be real numbers"
     if values is None or isinstance(values, (bytes, Mapping, set)) or np.iscomplexobj(values):
-        raise InputError.of(name, wanted, GRID, shown(values))
+        raise InputError.of(name, wanted, NUMBERS, shown(values))
     try:
         numbers = [float(value) for value in np.ravel(values)]
     except (TypeError, ValueError):
-        raise InputError.of(name, wanted, GRID, shown(values)) from None
+        raise InputError.of(name, wanted, NUMBERS, shown(values)) from None
     if not numbers:
-        raise InputError.of(name, "is empty", GRID)
+        raise InputError.of(name, "is empty", NUMBERS)
     return ",".join(map(repr, numbers))
 
 

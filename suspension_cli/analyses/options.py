@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import click
 
@@ -17,11 +17,15 @@ TOLERANCE = 1e-3
 
 
 class Option(click.Option):
-    """An option with the group under which help lists it."""
+    """An option with the group under which help lists it.
 
-    def __init__(self, names: list[str], *, group: str, **how: Any) -> None:
+    Options about files and messages belong to the command alone; all others are arguments of the
+    Python function of the analysis too, with the default `in_python` if that differs.
+    """
+
+    def __init__(self, names: list[str], *, group: str, in_python: Any = None, **how: Any) -> None:
         super().__init__(names, **how)
-        self.group = group
+        self.group, self.in_python = group, in_python
 
     def type_cast_value(self, ctx: click.Context, value: Any) -> Any:
         """Convert a value to the type of the option; numbers must be finite."""
@@ -29,6 +33,25 @@ class Option(click.Option):
         if isinstance(found, float) and not math.isfinite(found):
             raise click.BadParameter(f"{found} is not a finite number.", ctx, self)
         return found
+
+
+class Input(NamedTuple):
+    """A design, result or file that an analysis reads, as an argument of its function.
+
+    Attributes
+    ----------
+    name
+        Of the argument; with a star for any number.
+    kind
+        ``"Design"``, or what else it may be.
+    about
+        What it is, for the docstring.
+    """
+
+    name: str = "design"
+    kind: str = "Design"
+    about: str = "The design, or the path of its file."
+    optional: bool = False
 
 
 def option(*names: str, group: str = "Options", **how: Any) -> Option:
@@ -229,6 +252,7 @@ ALLOW_UNSTABLE = option(
 )
 RESULTS = option(
     "--result",
+    "results",
     multiple=True,
     metavar="NAME",
     help=(
@@ -239,7 +263,6 @@ RESULTS = option(
 COUPLING = (
     option(
         "--input",
-        "drive",
         default="support.z",
         show_default=True,
         metavar="SIGNAL",
@@ -263,6 +286,7 @@ SWEEP = (
         "--workers",
         type=click.IntRange(1, 4096),
         show_default="all cores, where that is faster",
+        in_python=1,
         help="Number of processes.",
         group=BATCH,
     ),
@@ -288,7 +312,6 @@ WRITING = (OVERRIDES, OUT, NAME, FIDELITY, AS_JSON, CSV, PLOT, FORMAT, QUIET, VE
 INFO = (
     option(
         "--input",
-        "drive",
         default="support.x",
         show_default=True,
         metavar="SIGNAL",

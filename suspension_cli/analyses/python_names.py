@@ -11,16 +11,8 @@ import click
 
 from suspension_cli.errors import InputError, PendsusError
 
-ARGUMENTS = {
-    "fidelity": "model",
-    "drive": "input",
-    "form": "format",
-    "out": "folder",
-    "result": "results",
-}
-"""Names of arguments that differ from those of the parameters of a command."""
 CALLS = (
-    (r"--fidelity ([a-z]+(-[a-z]+)?)", r'model="\1"'),
+    (r"--fidelity ([a-z]+(-[a-z]+)?)", r'fidelity="\1"'),
     (r"--set ([\w.]+)=([^\s,;)]+)", r'replace({"\1": \2})'),
     (r"--vary ([\w.]+)=([^\s,;)]+)", r'vary={"\1": "\2"}'),
     (r"`?pendsus new`?", "sus.template"),
@@ -29,7 +21,7 @@ CALLS = (
     (r"pendsus compare DESIGN FILE", "sus.compare(design, file)"),
     (r"pendsus response DESIGN --measured FILE", "sus.response(design, measured=file)"),
     (r"pendsus ([a-z]+) --help", r"help(sus.\1)"),
-    (r"pendsus (?!schema)([a-z]+) (--|model=)(\S+)", r"sus.\1(\2\3)"),
+    (r"pendsus (?!schema)([a-z]+) (--|fidelity=)(\S+)", r"sus.\1(\2\3)"),
     (r"pendsus (check|damp|info|modes|response)\b", r"sus.\1"),
 )
 """Commands and options with their values, as patterns, and the calls and arguments instead."""
@@ -48,15 +40,15 @@ def translate(text: str, parameters: Sequence[click.Parameter] = (), **names: st
         text = re.sub(pattern, call, text)
     known = {}
     for param in parameters:
-        name = ARGUMENTS.get(str(param.name), str(param.name))
+        name = str(param.name)
         flag = isinstance(param, click.Option) and param.is_flag
         known |= dict.fromkeys(param.opts, f"{name}=True" if flag else name)
         known |= dict.fromkeys(param.secondary_opts, f"{name}=False")
-    known |= {f"--{option}": name for option, name in names.items()}
+    known |= {f"--{option}": name for option, name in ({"out": "folder"} | names).items()}
 
     def argument(match: re.Match[str]) -> str:
         option = match[1].removeprefix("--")
-        name = known.get(match[1], ARGUMENTS.get(option, option.replace("-", "_")))
+        name = known.get(match[1], option.replace("-", "_"))
         return f"{name}={match[2]}" if match[2] else name
 
     return re.sub(r"(?<![\w/-])(--[a-z][a-z-]*[a-z])(?: (\d\S*\d))?", argument, text)
@@ -76,7 +68,7 @@ def python_names(
         key = str(error.param.name) if error.param is not None else ""
         remedy = f"see help(sus.{function})"
         problem = error.message.rstrip(".")
-        raise InputError.of(ARGUMENTS.get(key, key), problem, remedy) from None
+        raise InputError.of(key, problem, remedy) from None
     except PendsusError as error:
 
         def reworded(text: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -34,12 +35,13 @@ class Command(click.Command):
 
 
 def command(analysis: Analysis) -> click.Command:
-    """Make the command of an analysis; its help is the docstring of the class."""
+    """Make the command of an analysis; its help is the docstring of the class, without sections."""
+    text = inspect.getdoc(type(analysis)) or ""
     return Command(
         analysis.name,
         params=[*analysis.arguments, *analysis.parameters],
         callback=click.pass_context(lambda ctx, **_: run(analysis, ctx)),
-        help=type(analysis).__doc__,
+        help=text.split("\n\nReturns\n")[0],
     )
 
 

@@ -64,7 +64,7 @@ def tree(*rows: tuple[str, str], more: str = "", mirror: str = "") -> str:
 )
 def test_the_mirror_is_the_end_of_the_longest_chain_unless_the_file_says_it(rows, mirror, expected):
     design = sus.parse(tree(*rows, mirror=mirror))
-    found = sus.response(design, frequency=[1.0], model="string")
+    found = sus.response(design, frequency=[1.0], fidelity="string")
     assert found.document()["output"] == f"{expected}.x"
 
 
@@ -108,8 +108,8 @@ def test_the_top_mass_is_that_of_the_chain_that_moves(fidelity, tmp_path):
     alone = (("a", "support"), ("b", "a"))
     beside = tuple((f"r{name}", "support" if above == "support" else "ra") for name, above in alone)
     both = sus.parse(tree(*alone, *beside))
-    found = sus.modes(both, model=fidelity, max_frequency=200.0)
-    single = sus.modes(sus.parse(tree(*alone)), model=fidelity, max_frequency=200.0)
+    found = sus.modes(both, fidelity=fidelity, max_frequency=200.0)
+    single = sus.modes(sus.parse(tree(*alone)), fidelity=fidelity, max_frequency=200.0)
     first = np.array([home.startswith(("a ", "b ", "a.", "b.")) for home in found.label])
     # the chains do not touch: each has the modes and the fractions that it has alone
     np.testing.assert_allclose(found.top_fraction[first], single.top_fraction, atol=1e-8)

@@ -27,7 +27,7 @@ def test_sweep(name):
     body, length = last(design)
     path, result = PATH.format(body), f"{body}.x/support.x:10"
     vary = {path: [0.95 * length, 1.05 * length]}
-    modes, shaken = sus.sweep(design, vary=vary), sus.sweep(design, vary=vary, result=[result])
+    modes, shaken = sus.sweep(design, vary=vary), sus.sweep(design, vary=vary, results=[result])
     for n, value in enumerate(vary[path]):
         there = design.replace({path: value})
         found = np.sort(modes.value[n])

@@ -390,7 +390,9 @@ def test_one_name_for_several_designs(command, tmp_path):
 def test_the_api_names_files_after_the_design(tmp_path):
     """Overrides of `sus.read` do not change the name of a file that a sweep fills."""
     design = sus.read(from_template(tmp_path), overrides=["stage.test.wires.d=0.002"])
-    sus.sweep(design, vary={"stage.test.wires.s": [0.01]}, model="string", folder=tmp_path / "out")
+    sus.sweep(
+        design, vary={"stage.test.wires.s": [0.01]}, fidelity="string", folder=tmp_path / "out"
+    )
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["single-sweep.h5"]
 
 

@@ -51,7 +51,7 @@ def test_modes_and_points_of_a_sweep_have_rows(folder, tmp_path):
     head, rows = table(tmp_path / "single-modes.csv")
     assert head[:2] == ["mode (1)", "label"] and len(rows) == 6
     place = head.index("frequency (Hz)")
-    assert float(rows[0][place]) == sus.modes(sus.read(design), model="string").frequency[0]
+    assert float(rows[0][place]) == sus.modes(sus.read(design), fidelity="string").frequency[0]
     vary = ("--vary", "stage.test.wires.l=0.3,0.4,0.5", "--vary", "stage.test.wires.d=0,1e-3")
     options = ("--fidelity", "string", "--workers", "1", "--no-plot", "--csv", "--out", tmp_path)
     done = run("sweep", design, *vary, "--result", "test yaw", *options)

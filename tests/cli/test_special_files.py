@@ -13,7 +13,7 @@ import suspension_cli as sus
 from tests.support.commandline import from_template, run
 from tests.support.paths import CONFIGS
 
-RESULT = sus.modes(sus.template("single"), model="string")
+RESULT = sus.modes(sus.template("single"), fidelity="string")
 
 
 def save(path):

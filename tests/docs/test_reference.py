@@ -18,6 +18,10 @@ def test_pages_are_what_the_program_says(path):
     assert reference.page(text) == text, "run: make reference"
 
 
+def test_the_stub_has_the_functions_as_they_are():
+    assert reference.STUB.read_text() == reference.stub(), "run: make reference"
+
+
 def test_every_command_has_its_table():
     text = (ROOT / "docs" / "commands.md").read_text()
     assert [found[2] for found in reference.BLOCK.finditer(text)] == list(COMMANDS)

@@ -118,7 +118,7 @@ def test_response_has_a_panel_per_unit_and_no_jump_of_phase(triple):
         inputs=["support.x"],
         outputs=["test.x", "test.pitch", "upper.x"],
         frequency="0.1:100:300",
-        model="beam",
+        fidelity="beam",
     )
     figure = found.plot(scale="absolute")
     labels = [axes.get_ylabel() for axes in figure.axes]
@@ -142,7 +142,7 @@ def test_response_has_a_panel_per_unit_and_no_jump_of_phase(triple):
 @pytest.mark.filterwarnings("error")
 def test_a_response_of_zero_is_said_to_be_zero(triple):
     found = sus.response(
-        triple, inputs=["support.z"], outputs=["test.x"], frequency="0.1:100:30", model="string"
+        triple, inputs=["support.z"], outputs=["test.x"], frequency="0.1:100:30", fidelity="string"
     )
     figure = found.plot()
     assert "0 by symmetry at all frequencies" in said(figure)
@@ -205,7 +205,7 @@ def test_avoided_crossings_are_found():
     found = sus.sweep(
         sus.read(CONFIGS / "double.toml"),
         vary={"stage.test.wires.d": "-0.005:0.015:9"},
-        model="string",
+        fidelity="string",
     )
     figure = found.plot()
     words = said(figure)
@@ -244,8 +244,8 @@ def test_shapes_at_a_crossing_are_those_of_its_points():
     found = sus.sweep(
         sus.read(CONFIGS / "double.toml"),
         vary={"stage.test.wires.d": "-0.005:0.015:41"},
-        result=["1", "2", "3", "4", "5"],
-        model="string",
+        results=["1", "2", "3", "4", "5"],
+        fidelity="string",
     )
     with open_results(found.file) as file:
         crossings = find_crossings(file["sweep"], found.data)

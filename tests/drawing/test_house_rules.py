@@ -50,7 +50,7 @@ def double():
 
 def optimise(folder):
     (folder / "goals.toml").write_text(GOALS)
-    return sus.optimise(double(), folder / "goals.toml", starts=1, model="string")
+    return sus.optimise(double(), folder / "goals.toml", starts=1, fidelity="string")
 
 
 def fitted_responses():
@@ -78,15 +78,15 @@ def measured():
 def together():
     """Pictures of two stored results in one, as `plot --together` draws them."""
     stored = [
-        sus.response(sus.example(name), frequency=FREQUENCY, model="string")
+        sus.response(sus.example(name), frequency=FREQUENCY, fidelity="string")
         for name in ("quadruple", "ligo-quad-2005")
     ]
     return sus.compare(*stored)
 
 
 CALLS = {
-    "modes": lambda _: sus.modes(sus.example("geo-silica-triple"), model="string"),
-    "modes-pages": lambda _: sus.modes(sus.example("tower"), model="string"),
+    "modes": lambda _: sus.modes(sus.example("geo-silica-triple"), fidelity="string"),
+    "modes-pages": lambda _: sus.modes(sus.example("tower"), fidelity="string"),
     "modes-wires": lambda _: sus.modes(double(), max_frequency=500.0).figures()["-wires"],
     "draw-imperfect": lambda _: sus.draw(sus.example("imperfect")),
     "draw-wide": lambda _: sus.draw(sus.example("tower")),
@@ -96,7 +96,7 @@ CALLS = {
         inputs=["support.z", "upper.force_x"],
         outputs=["test.z", "upper.z", "test.pitch"],
         frequency=FREQUENCY,
-        model="string",
+        fidelity="string",
     ),
     "measured": lambda _: measured(),
     "thermal": lambda _: sus.thermal(sus.example("geo-silica-triple"), frequency=FREQUENCY),
@@ -107,7 +107,7 @@ CALLS = {
         ground=["aligo-isi"],
         requirements=[f"test.x={ROOT}/goals/mirror-motion.csv"],
         frequency=FREQUENCY,
-        model="string",
+        fidelity="string",
     ),
     "compare-noise": lambda _: sus.compare(
         double(),
@@ -116,47 +116,49 @@ CALLS = {
         outputs=["test.x"],
         noises=["test.x"],
         frequency=FREQUENCY,
-        model="beam",
+        fidelity="beam",
     ),
     "together": lambda _: together(),
     "compare": lambda _: sus.compare(double(), sus.example("five-wires"), frequency=FREQUENCY),
     "sweep": lambda _: sus.sweep(
-        double(), vary={"stage.test.wires.d": "-0.003:0.006:12"}, model="string"
+        double(), vary={"stage.test.wires.d": "-0.003:0.006:12"}, fidelity="string"
     ),
     "sweep-responses": lambda _: sus.sweep(
         double(),
         vary={"stage.test.wires.l": "0.2:0.5:7"},
-        result=["test longitudinal", "test.x/support.x:10"],
-        model="string",
+        results=["test longitudinal", "test.x/support.x:10"],
+        fidelity="string",
     ),
     "map": lambda _: sus.sweep(
         double(),
         vary={"stage.test.wires.d": "0.001:0.006:4", "stage.test.wires.l": "0.1:0.3:4"},
-        model="string",
+        fidelity="string",
     ),
     "xcouple": lambda _: sus.xcouple(
-        double(), sweep={"k": "0.8:1.2:5", "offset": "-1e-3:1e-3:3"}, model="string"
+        double(), sweep={"k": "0.8:1.2:5", "offset": "-1e-3:1e-3:3"}, fidelity="string"
     ),
     "xcouple-frequency": lambda _: sus.xcouple(
         sus.example("husman2000/figure6"),
         sweep={"k": "0.9,1.1"},
         frequency=FREQUENCY,
-        model="string",
+        fidelity="string",
     ),
-    "matrix": lambda _: sus.xcouple(sus.example("imperfect"), matrix=True, model="string"),
+    "matrix": lambda _: sus.xcouple(sus.example("imperfect"), matrix=True, fidelity="string"),
     "tolerance": lambda _: sus.tolerance(
-        sus.example("triple-tolerance"), builds=40, model="string"
+        sus.example("triple-tolerance"), builds=40, fidelity="string"
     ),
-    "sensitivity": lambda _: sus.sensitivity(sus.example("geo-silica-triple"), model="string"),
-    "damp": lambda _: sus.damp(sus.example("triple-damped"), frequency=FREQUENCY, model="string"),
-    "fit": lambda _: sus.fit(ROOT / "measured/husman2000/table1.toml", model="string"),
+    "sensitivity": lambda _: sus.sensitivity(sus.example("geo-silica-triple"), fidelity="string"),
+    "damp": lambda _: sus.damp(
+        sus.example("triple-damped"), frequency=FREQUENCY, fidelity="string"
+    ),
+    "fit": lambda _: sus.fit(ROOT / "measured/husman2000/table1.toml", fidelity="string"),
     "optimise": optimise,
     "tolerance-roll": lambda _: sus.tolerance(
         sus.read(
             CONFIGS / "triple-tolerance.toml", ["tolerance.require.2.quantity=test static pitch"]
         ),
         builds=40,
-        model="string",
+        fidelity="string",
     ),
     "damp-unstable": lambda _: sus.damp(
         sus.read(
@@ -164,19 +166,19 @@ CALLS = {
             ["control.loop.x.gain=-800", "control.loop.yaw.gain=80000"],
         ),
         frequency=FREQUENCY,
-        model="string",
+        fidelity="string",
     ),
     "sensitivity-few": lambda _: sus.sensitivity(
         sus.example("imperfect"),
-        result=["test pitch", "test.x@0,0,-0.001/test.z/support.z:50"],
-        model="string",
+        results=["test pitch", "test.x@0,0,-0.001/test.z/support.z:50"],
+        fidelity="string",
     ),
     "fit-responses": lambda _: fitted_responses(),
     "xcouple-peaks": lambda _: sus.xcouple(
         sus.example("triple-tolerance"),
         sweep={"k": "0.6,1.4", "offset": "-2e-3:2e-3:3"},
         frequency=np.geomspace(1, 100, 60),
-        model="string",
+        fidelity="string",
     ),
 }
 

@@ -30,7 +30,7 @@ def modes(raw, model="string"):
 
 def frequencies(raw, model="string", highest=None):
     design = sus.parse(tomli_w.dumps(scenes.plain(raw)))
-    return sus.modes(design, model=model, max_frequency=highest).frequency
+    return sus.modes(design, fidelity=model, max_frequency=highest).frequency
 
 
 def pendulum(**section):
@@ -267,5 +267,5 @@ def test_batches_are_single_designs(model):
 def test_random_builds_of_heavy_wires_on_a_tilted_table():
     """Blade tips have the inertia of wires in string and beam, none of their own in violin."""
     design = sus.read(CONFIGS / "triple-tolerance.toml").replace({"constants": dict(FIELD)})
-    found = sus.tolerance(design, builds=4, model="string")
+    found = sus.tolerance(design, builds=4, fidelity="string")
     assert "test static height" in str(found)

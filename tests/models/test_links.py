@@ -297,7 +297,7 @@ def test_rotational_damping_does_not_depend_on_the_pose(axis: int, other: str) -
         inputs=[f"test.torque_{name}"],
         outputs=[f"test.{name}"],
         frequency=frequency,
-        model="string",
+        fidelity="string",
     )
     rate = np.imag(1 / found.value[:, 0, 0]) / (2 * np.pi * frequency)
     np.testing.assert_allclose(rate, 0.02, rtol=1e-9)

@@ -183,7 +183,7 @@ def test_frequencies_are_those_of_the_energies():
     # the softest modes are the largest eigenvalues of the compliance
     compliance = root.T @ np.linalg.solve(potential.hessian[6:, 6:], root)
     expected = 1 / np.sqrt(np.linalg.eigvalsh((compliance + compliance.T) / 2)[::-1])
-    found = sus.modes(sus.parse(LOSSLESS), model="string")
+    found = sus.modes(sus.parse(LOSSLESS), fidelity="string")
     np.testing.assert_allclose(2 * np.pi * found.frequency[:8], expected[:8], rtol=1e-9)
 
 
@@ -244,7 +244,7 @@ def transfer(design, source, target, frequency):
         inputs=[source],
         outputs=[target],
         frequency=np.atleast_1d(frequency),
-        model="string",
+        fidelity="string",
     )
     return found.value[:, 0, 0]
 
@@ -254,19 +254,19 @@ def lateral(k, mass=300.0, length=0.5):
 
 
 def test_frequency_is_that_of_the_flexures_less_the_load():
-    found = sus.modes(alone(stiffness=600.0), model="string")
+    found = sus.modes(alone(stiffness=600.0), fidelity="string")
     expected = np.sqrt(lateral(600.0) / 300.0) / (2 * np.pi)
     np.testing.assert_allclose(found.frequency[:2], expected, rtol=1e-9)
 
 
 def test_legs_resist_yaw_by_torsion_and_by_leaning():
-    found = sus.modes(alone(stiffness=600.0, yaw_stiffness=40.0), model="string")
+    found = sus.modes(alone(stiffness=600.0, yaw_stiffness=40.0), fidelity="string")
     expected = np.sqrt((3 * 40.0 + 0.6**2 * lateral(600.0)) / 40.0) / (2 * np.pi)
     np.testing.assert_allclose(found.frequency[2], expected, rtol=1e-9)
 
 
 def test_measured_frequency_sets_the_flexures():
-    found = sus.modes(alone(frequency=0.06, leg_mass=3.0), model="string")
+    found = sus.modes(alone(frequency=0.06, leg_mass=3.0), fidelity="string")
     np.testing.assert_allclose(found.frequency[:2], 0.06, rtol=1e-9)
 
 
@@ -289,7 +289,7 @@ preload = [0.0, 0.0, {force}, 0.0, 0.0, 0.0]
 def test_preload_on_legs_is_no_mass(kind, force):
     more = "frequency = 0.1\nleg_mass = 3.0\n" + PRELOADS[kind].format(body="ip", force=force)
     design = sus.parse(ALONE.format(more=more))
-    found = sus.modes(design, model="string")
+    found = sus.modes(design, fidelity="string")
     np.testing.assert_allclose(found.frequency[:2], 0.1, rtol=1e-9)
     (legs,) = sus.check(design).document()["inverted_pendulums"]
     assert legs["frequency_hz"] == pytest.approx(0.1, rel=1e-9)
@@ -312,7 +312,7 @@ def test_it_tips_over_at_the_critical_load():
     critical = 3 * 600.0 / 0.5 / G  # kg
     for factor, stable in ((1 - 1e-9, True), (1 + 1e-9, False)):
         design = alone(stiffness=600.0).replace({"stage.ip.body.mass": critical * factor})
-        assert sus.modes(design, model="string").stable is stable
+        assert sus.modes(design, fidelity="string").stable is stable
 
 
 @pytest.mark.parametrize("below", [None, 0.1])
@@ -339,12 +339,12 @@ def test_thermal_noise_is_that_of_an_oscillator_with_diluted_loss():
     elastic = k + mass * G / 0.5  # the load takes away stiffness without loss
     admittance = 1 / (k + 1j * 1e-3 * elastic - mass * w**2)
     expected = np.sqrt(4 * 1.380649e-23 * 290.0 / w * np.abs(admittance.imag))
-    found = sus.thermal(design, outputs=["ip.x"], frequency=frequency, model="beam")
+    found = sus.thermal(design, outputs=["ip.x"], frequency=frequency, fidelity="beam")
     np.testing.assert_allclose(np.sqrt(found.data[0].density.sum(0)), expected, rtol=1e-8)
 
 
 def test_quality_factor_is_that_of_the_loaded_mode():
-    found = sus.modes(alone(frequency=0.06, q=20.0), model="string")
+    found = sus.modes(alone(frequency=0.06, q=20.0), fidelity="string")
     np.testing.assert_allclose(found.q[:2], 20.0, rtol=1e-3)
 
 
@@ -394,7 +394,7 @@ def test_leaning_legs_are_those_of_energies_of_finite_angles(flexure, top_joint,
     assert np.linalg.norm(shift) > 1e-3
     (body,) = sus.check(design).document()["bodies"]
     np.testing.assert_allclose(body["shift_m"], shift, rtol=tolerance)
-    found = sus.modes(design, model="string").frequency
+    found = sus.modes(design, fidelity="string").frequency
     np.testing.assert_allclose(found, frequency, rtol=tolerance)
     forces = [f"ip.force_{axis}" for axis in "xyz"] + [f"ip.torque_{axis}" for axis in DOFS[3:]]
     static = sus.response(
@@ -402,7 +402,7 @@ def test_leaning_legs_are_those_of_energies_of_finite_angles(flexure, top_joint,
         inputs=forces,
         outputs=[f"ip.{axis}" for axis in DOFS],
         frequency=[1e-9],
-        model="string",
+        fidelity="string",
     ).value[0]
     size = np.sqrt(np.diag(compliance))
     error = (static.real - compliance) / np.outer(size, size)
@@ -420,8 +420,8 @@ stiffness = [1e9, 1e9, 1e9, 1e9, 1e9, 1e9]
 preload = [0.0, 0.0, 11860.29, 0.0, 0.0, 0.0]
 [[stage]]"""
     text = ALONE.format(more="stiffness = 600.0\nleg_mass = 3.0").replace("\n[[stage]]", base, 1)
-    found = sus.modes(sus.parse(text), model="string")
-    alone_ = sus.modes(alone(stiffness=600.0, leg_mass=3.0), model="string")
+    found = sus.modes(sus.parse(text), fidelity="string")
+    alone_ = sus.modes(alone(stiffness=600.0, leg_mass=3.0), fidelity="string")
     np.testing.assert_allclose(found.frequency[:2], alone_.frequency[:2], rtol=1e-5)
 
 
@@ -470,7 +470,7 @@ wires = {{ count = 4, l = 0.5, s = 0.1, t1 = 0.1, t2 = 0.1, d = 0.1, k = 1e12 }}
     hung, at_load = 10.0, 10.0 if load is None else (load - 49.05) / G
     k = (2 * np.pi * 0.3) ** 2 * at_load
     design = sus.parse(text)
-    found = sus.modes(design, model="string").frequency
+    found = sus.modes(design, fidelity="string").frequency
     expected = np.sqrt(k / hung) / (2 * np.pi)
     assert np.abs(found / expected - 1).min() < 1e-8
     (blades,) = sus.check(design).document()["filters"]

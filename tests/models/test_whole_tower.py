@@ -350,8 +350,8 @@ def test_motion_of_the_ground_moves_the_payload_through_the_link():
     text = DESIGN.replace(str(GRAVITY.tolist()), "9.8").replace(f"{SLOPE}", "0.0", 1)
     design = sus.parse(text)
     signals = {"outputs": ["m.x"], "frequency": [1e-5]}
-    ground = sus.response(design, inputs=["ground.x"], model="string", **signals).value
-    support = sus.response(design, inputs=["support.x"], model="string", **signals).value
+    ground = sus.response(design, inputs=["ground.x"], fidelity="string", **signals).value
+    support = sus.response(design, inputs=["support.x"], fidelity="string", **signals).value
     np.testing.assert_allclose(ground + support, 1.0, rtol=1e-6)
     assert 1e-4 < abs(ground.item()) < 0.1
 
@@ -388,7 +388,7 @@ def test_links_of_wires_have_the_losses_of_their_material():
 
     def noise(**changes):
         changed = design.replace({f"{key}": value for key, value in changes.items()})
-        found = sus.thermal(changed, outputs=["m.x"], frequency=[1.0], model="beam").data[0]
+        found = sus.thermal(changed, outputs=["m.x"], frequency=[1.0], fidelity="beam").data[0]
         return found.density.sum(0)[0]
 
     constant = noise(**{"link.heat.loss_angle": bulk})

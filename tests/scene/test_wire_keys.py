@@ -40,7 +40,7 @@ def explicit(pairs, height, **keys):
 
 
 def frequencies(raw, model="string"):
-    return sus.modes(sus.parse(tomli_w.dumps(scenes.plain(raw))), model=model).frequency
+    return sus.modes(sus.parse(tomli_w.dumps(scenes.plain(raw))), fidelity=model).frequency
 
 
 STEEL = {"material": "steel302", "radius": 1e-4, "d": 0.002, "d_upper": 0.01, "l": 0.3}

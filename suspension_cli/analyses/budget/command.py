@@ -51,6 +51,25 @@ class BudgetAnalysis(Analysis):
     frequencies. Writes DIR/NAME-budget.h5 and .png.
 
     Example: pendsus budget my.toml --ground nlnm --ground z=site.csv --requirement goal.csv
+
+    Returns
+    -------
+    Result
+        Its `data` is a list of `analyses.budget.solve.Budget`, one for each output, with
+        `amplitude` (f,) in m/sqrt(Hz) or rad/sqrt(Hz), `parts` by cause, `rms` and `rms_velocity`
+        (f,) above each frequency, and `requirement`.
+
+    Raises
+    ------
+    InputError
+        If the closed loop is unstable, or a table has faults.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> found = sus.budget(sus.example("double"), frequency=[1.0, 10.0], ground=["nlnm"])
+    >>> found.data[0].cause
+    ('ground.x', 'ground.y', 'ground.z', 'thermal')
     """
 
     name = "budget"

@@ -29,10 +29,37 @@ class CompareAnalysis(Analysis):
     DIR/NAME-and-NAME-compare.h5 and .png.
 
     Example: pendsus compare my.toml new.toml --input support.x --output test.x
+
+    Returns
+    -------
+    Result
+        With the attributes of `analyses.compare.solve.Comparison`: `name`, `change`, `modes`,
+        `overlay`.
+
+    Raises
+    ------
+    InputError
+        If fewer than two things are given, or a file is at fault.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> design = sus.example("double")
+    >>> lower = design.replace({"stage.test.wires.d": 0.0005})
+    >>> found = sus.compare(design, lower, fidelity="string")
+    >>> [change.words for change in found.change[1]], found.modes.frequency.shape
+    (['test wires d'], (12, 2))
     """
 
     name = "compare"
     arguments = (argument("items", nargs=-1, required=True, metavar="ITEM ITEM..."),)
+    inputs = (
+        options.Input(
+            "*items",
+            "Design | Result | PathLike",
+            "Two or more; files as of ``pendsus compare``. At least one has a design.",
+        ),
+    )
     parameters = (
         options.signals("input", "Compare responses to this input, e.g. support.x"),
         options.signals("output", "Compare responses of this output, e.g. test.x"),

@@ -32,6 +32,24 @@ class DampAnalysis(Analysis):
     rate; it has no margins. Writes DIR/NAME-damp.h5 and .png.
 
     Example: pendsus damp configs/triple-damped.toml
+
+    Returns
+    -------
+    Result
+        With the attributes of `analyses.damp.solve.LocalControl`: `closed` poles, `margin` of each
+        loop, `sensitivity` of all at once, `noise` (f, loops), ...
+
+    Raises
+    ------
+    InputError
+        If the design has no loops.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> design = sus.example("triple-damped")
+    >>> sus.damp(design, frequency=[1.0], duration=1.0, fidelity="string").stable
+    True
     """
 
     name = "damp"
@@ -71,6 +89,7 @@ class DampAnalysis(Analysis):
             "--foton",
             is_flag=True,
             help="Also write the filters as Foton strings, to DIR/NAME-foton.txt.",
+            group=options.FILES,
         ),
         options.ALLOW_UNSTABLE,
         options.ACCURACY,

@@ -31,6 +31,23 @@ class ExportAnalysis(Analysis):
     recorded in the file.
 
     Example: pendsus export my.toml --format control
+
+    Returns
+    -------
+    Result
+        With the attributes of `analyses.export.solve.Exported`: `system` with the matrices `a`,
+        `b`, `c`, `d`; `band` in Hz; `agreement` with the violin model.
+
+    Raises
+    ------
+    InputError
+        If a signal does not exist.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> sus.export(sus.example("double"), fidelity="string").system.a.shape
+    (24, 24)
     """
 
     name = "export"
@@ -38,7 +55,6 @@ class ExportAnalysis(Analysis):
     parameters = (
         option(
             "--format",
-            "form",
             type=click.Choice(FORMATS),
             default="mat",
             show_default=True,
@@ -91,7 +107,7 @@ class ExportAnalysis(Analysis):
         drives, motions = signals.local_control_signals(main_chain(run.design))
         inputs = [signals.parse_input(text, known) for text in setting["inputs"] or drives]
         outputs = [signals.parse_output(text, known) for text in setting["outputs"] or motions]
-        made = export.build(model, inputs, outputs, direct, zpk=setting["form"] == "zpk")
+        made = export.build(model, inputs, outputs, direct, zpk=setting["format"] == "zpk")
         if lossy and setting["loss"]:
             run.log.warn(
                 "loss angles are exported as viscous damping of each mode: Q is correct, isolation"
@@ -103,7 +119,7 @@ class ExportAnalysis(Analysis):
                 " isolation"
             )
         made = export.compare_with_complete(made, run.design, inputs, outputs)
-        extra = {"format": setting["form"]}
+        extra = {"format": setting["format"]}
         return Result(self, run.source, choice, made, extra, command=run.command)
 
     def document(self, result: Result) -> Document:

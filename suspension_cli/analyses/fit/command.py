@@ -37,10 +37,41 @@ class FitAnalysis(Analysis):
     designs it is the stem of MEASURED, followed by the experiment's name for fitted designs.
 
     Example: pendsus fit my.toml measured.toml
+
+    Returns
+    -------
+    Result
+        With the attributes of `analyses.fit.solve.Fit`: `name`, `value`, `sigma`, `covariance`,
+        `residual`, ...; for transfer functions `responses`.
+
+    Raises
+    ------
+    InputError
+        With the faults of `measured` or of the design.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> design = sus.example("husman2000/table1-case4")
+    >>> found = sus.fit("measured/husman2000/table1-case4.toml", design)
+    >>> for name, value, sigma in zip(found.parameters, found.value, found.sigma):
+    ...     print(f"{name}: {value:.3g} +- {sigma:.2g}")
+    materials.steel302.youngs_modulus: 1.66e+11 +- 2.8e+09
+    stage.test.body.inertia.2: 0.118 +- 0.0039
     """
 
     name = "fit"
     arguments = (argument("files", nargs=-1, required=True, metavar="[DESIGN] MEASURED"),)
+    inputs = (
+        options.Input(
+            "measured",
+            "PathLike",
+            "TOML file of modes or files of transfer functions, and of the free numbers.",
+        ),
+        options.Input(
+            about="The design; None where `measured` names designs itself.", optional=True
+        ),
+    )
     parameters = (
         option(
             "--starts",
@@ -77,6 +108,11 @@ class FitAnalysis(Analysis):
         options.ACCURACY,
         *options.WRITING,
     )
+
+    def files(self, inputs: Settings) -> Settings:
+        """The designs, then the measurements."""
+        designs = () if inputs["design"] is None else (inputs["design"],)
+        return {"files": (*designs, inputs["measured"])}
 
     def read(self, ask: Callable[..., Run], files: Settings) -> Sequence[Run]:
         """Read the measurements and all designs; the first design gives default options."""

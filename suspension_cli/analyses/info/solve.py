@@ -106,13 +106,13 @@ def solve(source: Source, setting: Settings, log: Log) -> Info:
     def transfer(model: LinearSystem) -> Transfer:
         known = signals.bodies_with_signals(model)
         return Transfer(
-            [signals.parse_input(setting["drive"], known)],
+            [signals.parse_input(setting["input"], known)],
             [signals.parse_output(output, known)],
             frequency,
         )
 
     span = f"{frequency.min():g} to {frequency.max():g} Hz"
-    modes, response = "frequencies of the modes", f"{output} / {setting['drive']}, {span}"
+    modes, response = "frequencies of the modes", f"{output} / {setting['input']}, {span}"
     systems = Systems(design)
     comparisons = {
         modes: systems.compare(lambda _: Frequencies()),

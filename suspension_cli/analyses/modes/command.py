@@ -49,6 +49,24 @@ class ModesAnalysis(Analysis):
     With --animate modes are also drawn in motion: DIR/NAME-modes-3.gif is one period of mode 3.
 
     Examples: pendsus modes my.toml --max-frequency 500, pendsus modes my.toml --animate 3
+
+    Returns
+    -------
+    Result
+        With the attributes of `linear.eigenmodes.Modes`: `frequency` (m,) in Hz, `q` (m,), `label`,
+        `shape`, ...
+
+    Raises
+    ------
+    InputError
+        If the design does not balance, or the model is not valid for it.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> found = sus.modes(sus.example("husman2000/table1-case3"), fidelity="string")
+    >>> found.label[0], round(float(found.frequency[0]), 4)
+    ('test transverse', 0.7914)
     """
 
     name = "modes"
@@ -73,10 +91,15 @@ class ModesAnalysis(Analysis):
                 "Write moving pictures (GIF) of modes: numbers or labels, separated by commas, or"
                 " all."
             ),
+            group=options.FILES,
         ),
         options.ACCURACY,
         *options.WRITING,
     )
+
+    def files(self, inputs: Settings) -> Settings:
+        """One design."""
+        return {"designs": (inputs["design"],)}
 
     def read(self, ask: Callable[..., Run], files: Settings) -> Sequence[Run]:
         """Read any number of designs."""

@@ -42,10 +42,38 @@ class OptimiseAnalysis(Analysis):
     against every goal as by modes, response and check. The exit code is 1 if a limit is not met.
 
     Example: pendsus optimise my.toml goals.toml
+
+    Returns
+    -------
+    Result
+        With the attributes of `analyses.optimise.optimum.Optimum`: `numbers`, `limits`, `met`, ...
+
+    Raises
+    ------
+    InputError
+        With the faults of `goals` or of the design.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import suspension_cli as sus
+    >>> written = Path("goals.toml").write_text('''
+    ... goal = [{ kind = "band", dof = ["yaw"], at_least = 2.0 }]
+    ... free = [{ name = "stage.test.wires.t2", lower = 0.01, upper = 0.2 }]
+    ... ''')
+    >>> found = sus.optimise(sus.template("single"), "goals.toml", starts=1)
+    >>> found.met, found.numbers.after.round(3)
+    (True, array([0.136]))
     """
 
     name = "optimise"
     arguments = (options.DESIGN, argument("goals", metavar="GOALS"))
+    inputs = (
+        options.Input(),
+        options.Input(
+            "goals", "PathLike", "TOML file of goals, and of the free numbers with bounds."
+        ),
+    )
     parameters = (
         option(
             "--starts",

@@ -45,6 +45,7 @@ SCALE = option(
     default="db",
     show_default=True,
     help="Magnitude axis of the plot.",
+    group=options.FILES,
 )
 
 
@@ -56,6 +57,26 @@ class ResponseAnalysis(Analysis):
     shifts of resonances; signals and frequencies are then those of the measurements.
 
     Example: pendsus response my.toml --input support.x --output test.pitch
+
+    Returns
+    -------
+    Result
+        With the attributes of `linear.response.Response`: `frequency` (f,) in Hz, `value`
+        (f, outputs, inputs), complex, in SI units. With `measured`, the attribute `measured` is a
+        tuple of `analyses.response.measured.Comparison`.
+
+    Raises
+    ------
+    InputError
+        If a signal does not exist, the equilibrium or closed loop is unstable, or there are no
+        loops to close.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> found = sus.response(sus.example("double"), frequency=[1.0, 10.0], fidelity="string")
+    >>> found.value.shape
+    (2, 1, 1)
     """
 
     name = "response"

@@ -26,6 +26,24 @@ class SensitivityAnalysis(Analysis):
     relative to the largest effect on each result. Writes DIR/NAME-sensitivity.h5 and .png.
 
     Example: pendsus sensitivity my.toml --result "test longitudinal"
+
+    Returns
+    -------
+    Result
+        With the attributes of `analyses.sensitivity.solve.Sensitivity`: `parameter`, `derivative`
+        (parameters, results).
+
+    Raises
+    ------
+    InputError
+        If a result does not exist.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> found = sus.sensitivity(sus.example("double"), results=["test yaw"], fidelity="string")
+    >>> found.derivative.shape[1]
+    1
     """
 
     name = "sensitivity"
@@ -50,7 +68,7 @@ class SensitivityAnalysis(Analysis):
         choice, model = model_choice.choose(
             source,
             wanted,
-            model_choice.named_results(setting["result"]),
+            model_choice.named_results(setting["results"]),
             candidates=model_choice.with_and_without_wire_mass(source),
             tolerance=setting["tolerance"],
         )
@@ -58,7 +76,7 @@ class SensitivityAnalysis(Analysis):
             source, choice, setting["allow_unstable"], run.log, model, bends=True
         )
         requested = named_results.parse(
-            list(setting["result"]) or [named_results.ALL],
+            list(setting["results"]) or [named_results.ALL],
             eigenmodes.solve(model.constant),
             signals.bodies_with_signals(model),
         )

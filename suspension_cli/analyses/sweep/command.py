@@ -28,6 +28,26 @@ class SweepAnalysis(Analysis):
     Writes DIR/NAME-sweep.h5 and .png.
 
     Example: pendsus sweep my.toml --vary stage.test.wires.d=1e-3:5e-3:41
+
+    Returns
+    -------
+    Result
+        With the attributes of `analyses.sweep.file.SweepResult`: `axes`, `result`, `value`
+        (axis 1, axis 2, ..., results).
+
+    Raises
+    ------
+    InputError
+        If a path leads nowhere or a result does not exist.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> design = sus.example("husman2000/table1-case3")
+    >>> lengths = {"stage.test.wires.l": [0.4, 0.5]}
+    >>> found = sus.sweep(design, vary=lengths, results=["test yaw"], fidelity="string")
+    >>> found.value.shape
+    (2, 1)
     """
 
     name = "sweep"
@@ -73,7 +93,7 @@ class SweepAnalysis(Analysis):
             results = named_results.parse(names, found, known)
             return dataclasses.replace(job, level=level, results=results)
 
-        names = list(setting["result"]) or [named_results.ALL]
+        names = list(setting["results"]) or [named_results.ALL]
         try:
             first = on(simplest.level, names)
         except InputError:  # another model may have a mode of this label

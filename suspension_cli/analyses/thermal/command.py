@@ -42,6 +42,24 @@ class ThermalAnalysis(Analysis):
     vertical motion: --arm. Writes DIR/NAME-thermal.h5 and .png.
 
     Example: pendsus thermal my.toml --arm 4000
+
+    Returns
+    -------
+    Result
+        Its `data` is a list of `analyses.thermal.solve.Thermal`, one for each output, with
+        `amplitude` (f,) in m/sqrt(Hz) or rad/sqrt(Hz) and `parts` by cause.
+
+    Raises
+    ------
+    InputError
+        If an output moves nothing that dissipates.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> found = sus.thermal(sus.example("geo-silica-triple"), frequency=[10.0, 100.0])
+    >>> found.data[0].amplitude.shape
+    (2,)
     """
 
     name = "thermal"

@@ -34,6 +34,25 @@ class ToleranceAnalysis(Analysis):
     .png.
 
     Example: pendsus tolerance configs/triple-tolerance.toml --builds 1000
+
+    Returns
+    -------
+    Result
+        With the attributes of `analyses.tolerance.statistics.Summary`: `mean`, `spread`,
+        `quantiles` of mode frequencies in Hz, `static` (displacements in m and rotations in rad
+        of the stages), `yields`, `joint`, `indices`, ...
+
+    Raises
+    ------
+    InputError
+        If the design has no ``[tolerance]`` table.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> found = sus.tolerance(sus.example("triple-tolerance"), builds=20, fidelity="string")
+    >>> found.good
+    20
     """
 
     name = "tolerance"

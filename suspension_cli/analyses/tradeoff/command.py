@@ -43,6 +43,23 @@ class TradeoffAnalysis(Analysis):
     -methods-batch.png (all comparisons).
 
     Example: pendsus tradeoff my.toml --quantity modes
+
+    Returns
+    -------
+    Result
+        With the attributes of `analyses.tradeoff.result.Tradeoff`: `panels`, `waits`, ...
+
+    Raises
+    ------
+    InputError
+        If the equilibrium is unstable.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> found = sus.tradeoff(sus.template("single"), quantities="modes", repeat=2)
+    >>> [(panel.quantity, panel.compares) for panel in found.panels]
+    [('modes', 'models'), ('modes', 'methods')]
     """
 
     name = "tradeoff"

@@ -38,6 +38,25 @@ class CouplingAnalysis(Analysis):
     Sweeps the product of any number of imperfections; writes DIR/NAME-xcouple.h5 and .png.
 
     Example: pendsus xcouple my.toml --sweep k=0.9:1.1:21,offset=-1e-3,0,1e-3
+
+    Returns
+    -------
+    Result
+        With the attributes of `analyses.xcouple.file.Coupling`: `axes`, `ratio` (axis 1, axis 2,
+        ..., f), complex.
+
+    Raises
+    ------
+    InputError
+        If a wire, body or imperfection does not exist.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> stage = sus.example("husman2000/figure6")
+    >>> found = sus.xcouple(stage, sweep={"k": [0.9, 1.1]}, fidelity="string")
+    >>> found.ratio.shape
+    (2, 1)
     """
 
     name = "xcouple"

@@ -38,7 +38,7 @@ def parse_request(model: LinearSystem, setting: Settings, mirror: str) -> Coupli
         wire=-1 if wire is None else labels.index(wire),
         body=model.body.index(body) + 1,
         hold=setting.get("hold", ""),
-        input=signals.parse_input(setting["drive"], known),
+        input=signals.parse_input(setting["input"], known),
         over=signals.parse_output(setting["over"] or f"{observed}.x{at}", known, over),
         under=signals.parse_output(setting["under"] or f"{observed}.z{at}", known, under),
         frequency=tuple(parse_frequencies(setting["frequency"])),

@@ -139,7 +139,7 @@ def test_files_and_pictures(file, tmp_path):
 
 
 def test_messages(file):
-    found = sus.budget(sus.read(file), model="beam", frequency="0.1:10:30", ground=["nhnm"])
+    found = sus.budget(sus.read(file), fidelity="beam", frequency="0.1:10:30", ground=["nhnm"])
     assert picture.write_message(found.data[0]).startswith("test.x moves by ")
     assert picture.write_message(found.data[2]).endswith("RMS, nearly all due to sensor.yaw")
 
@@ -217,6 +217,6 @@ def test_a_design_without_loops(tmp_path):
     options = ("--output", "test.x", "--frequency", "0.5,2,7", "--ground", f"x={site}")
     answer = json_of(file, tmp_path, *options)
     assert list(answer["contributions"]) == ["ground.x", "thermal"]
-    moved = sus.response(sus.read(file), outputs=["test.x"], frequency=grid, model="beam").value
+    moved = sus.response(sus.read(file), outputs=["test.x"], frequency=grid, fidelity="beam").value
     expected = 1e-6 * np.abs(moved[:, 0, 0])
     assert answer["contributions"]["ground.x"] == pytest.approx(expected, rel=1e-9)

@@ -73,7 +73,7 @@ def test_tipping_is_a_finding():
     assert "inverted_pendulums" in found.document() and "filters" in found.document()
     assert found.document()["inverted_pendulums"][0]["frequency_hz"] is None
     assert "tips over at" in str(found)
-    assert not sus.modes(sus.parse(text), model="string").stable
+    assert not sus.modes(sus.parse(text), fidelity="string").stable
 
 
 def test_a_design_without_towers_reports_none():

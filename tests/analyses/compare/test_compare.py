@@ -41,14 +41,14 @@ def test_modes_of_two_designs_are_those_of_each(folder, tmp_path):
     found = compared(folder, tmp_path, "a.toml", "b.toml")
     assert found["designs"] == ["double", "longer"]
     errors = [
-        sus.modes(sus.read(folder / name), model="beam").estimated_error
+        sus.modes(sus.read(folder / name), fidelity="beam").estimated_error
         for name in ("a.toml", "b.toml")
     ]
     assert (found["fidelity"], found["estimated_error"]) == ("beam", max(errors))
     rows = np.array([row["frequency_hz"] for row in found["modes"]])
     for column, name in ((0, "a.toml"), (1, "b.toml")):
         design = sus.read(folder / name)
-        own = sus.modes(design, model="beam").frequency
+        own = sus.modes(design, fidelity="beam").frequency
         assert np.sort(rows[:, column]) == pytest.approx(np.sort(own), rel=1e-12)
     assert min(row["overlap"][1] for row in found["modes"]) > 0.9
     assert found["changes"]["longer"] == [
@@ -60,16 +60,16 @@ def test_modes_are_paired_by_shape_and_not_by_order():
     # ten times the moments of inertia carry yaw below both pendulum modes
     design = sus.example("husman2000/table1-case3")
     heavy = design.replace({"stage.test.body.inertia": [1.472, 1.176, 1.107]})
-    first, second = sus.modes(design, model="string"), sus.modes(heavy, model="string")
+    first, second = sus.modes(design, fidelity="string"), sus.modes(heavy, fidelity="string")
     assert first.label.index("test yaw") != second.label.index("test yaw")
-    found = sus.compare(design, heavy, model="string").modes
+    found = sus.compare(design, heavy, fidelity="string").modes
     for n, label in enumerate(found.label):
         assert found.frequency[n, 0] == first.frequency[first.label.index(label)]
         assert found.frequency[n, 1] == second.frequency[second.label.index(label)]
 
 
 def test_a_stage_that_only_one_has():
-    found = sus.compare(sus.example("double"), sus.template("triple"), model="string")
+    found = sus.compare(sus.example("double"), sus.template("triple"), fidelity="string")
     paths = [change.path for change in found.change[1]]
     assert any(change.before == "not given" for change in found.change[1])
     assert not any(path.startswith("stage.middle.") for path in paths)
@@ -82,7 +82,7 @@ def test_stored_results_and_designs_on_one_grid(folder, tmp_path):
     (response,), (noise,) = found["responses"], found["noises"]
     f = response["curves"][1]["frequency_hz"]
     at = {
-        name: sus.response(sus.read(folder / name), frequency=f, model="beam").value[:, 0, 0]
+        name: sus.response(sus.read(folder / name), frequency=f, fidelity="beam").value[:, 0, 0]
         for name in ("a.toml", "b.toml")
     }
     ratio = response["curves"][1]["ratio"]
@@ -90,7 +90,7 @@ def test_stored_results_and_designs_on_one_grid(folder, tmp_path):
     value = np.array(ratio["real"]) + 1j * np.array(ratio["imag"])
     assert value == pytest.approx(at["b.toml"] / at["a.toml"], rel=1e-9)
     low = {
-        name: sus.thermal(sus.read(folder / name), frequency=f, model="beam").data[0].amplitude
+        name: sus.thermal(sus.read(folder / name), frequency=f, fidelity="beam").data[0].amplitude
         for name in ("a.toml", "b.toml")
     }
     assert noise["curves"][1]["ratio"]["real"] == pytest.approx(low["b.toml"] / low["a.toml"])
@@ -98,8 +98,8 @@ def test_stored_results_and_designs_on_one_grid(folder, tmp_path):
 
 def test_other_grids_are_interpolated_between_their_points():
     design = sus.example("double")
-    fine = sus.response(design, frequency="20:50:400", model="string")
-    coarse = sus.response(design, frequency="19:49:300", model="string")
+    fine = sus.response(design, frequency="20:50:400", fidelity="string")
+    coarse = sus.response(design, frequency="19:49:300", fidelity="string")
     (overlay,) = sus.compare(fine, coarse).overlay
     ratio = overlay.curves[1].ratio
     # f^-4: between two points of the grid the logarithm is straight
@@ -114,7 +114,7 @@ def test_measured_data_beside_designs(folder, tmp_path):
         inputs=["upper.force_x"],
         outputs=["upper.x"],
         frequency=f,
-        model="beam",
+        fidelity="beam",
     ).value[:, 0, 0]
     text = "f,re,im\n" + "".join(
         f"{x!r},{2 * y.real!r},{2 * y.imag!r}\n"

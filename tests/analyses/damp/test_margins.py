@@ -273,7 +273,7 @@ def test_an_unstable_loop_is_reported_first(tmp_path):
     """No margins, no Q of what grows; the pole, where it lives and its growth rate in the first
     line."""
     with pytest.warns(sus.PendsusWarning, match="closed loop is unstable"):
-        found = sus.damp(sus.read(DAMPED, f"{STEEL}=1e-8"), frequency=[1.0, 2.0], model="string")
+        found = sus.damp(sus.read(DAMPED, f"{STEEL}=1e-8"), frequency=[1.0, 2.0], fidelity="string")
     printed, answer = str(found), found.document()
     first = printed.splitlines()[0]
     assert (

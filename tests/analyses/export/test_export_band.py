@@ -127,10 +127,10 @@ def test_bands_of_agreement_with_wires_that_have_mass(output, error, tmp_path):
     f = band[1] * np.array([0.9, 1.1])
     made = [(c @ np.linalg.solve(2j * np.pi * at * np.eye(len(a)) - a, b) + d)[0, 0] for at in f]
     design = sus.read(DAMPED)
-    found = sus.response(design, inputs=[into], outputs=[output], frequency=f, model="violin")
+    found = sus.response(design, inputs=[into], outputs=[output], frequency=f, fidelity="violin")
     inside, beyond = np.abs(made / found.value[:, 0, 0] - 1)
     assert 0.5 * error < inside < error < beyond < 1.5 * error
-    lowest = sus.modes(design, model="string").frequency[0]
+    lowest = sus.modes(design, fidelity="string").frequency[0]
     assert band[0] < lowest  # resonances and zeros do not interrupt it
 
 

@@ -30,7 +30,7 @@ def few():
 @pytest.fixture(scope="module")
 def moving():
     design = sus.read(SINGLE)
-    found = sus.modes(design, model="string").data
+    found = sus.modes(design, fidelity="string").data
     return animation.animate(found, 0, design.design, expand(design.design))
 
 
@@ -74,7 +74,7 @@ def test_command_writes_each_mode(tmp_path, moving):
 
 
 def test_modes_by_number_and_label():
-    found = sus.modes(sus.read(SINGLE), model="string").data
+    found = sus.modes(sus.read(SINGLE), fidelity="string").data
     assert animation.parse(found, "all") == list(range(6))
     assert animation.parse(found, f"2, {found.label[0]},2") == [1, 0]
 
@@ -103,7 +103,7 @@ def test_modes_of_wires_are_refused():
 
 def test_many_modes_are_split_by_kind():
     design = sus.example("eight-stages").design
-    found = sus.modes(sus.example("eight-stages"), model="string").data
+    found = sus.modes(sus.example("eight-stages"), fidelity="string").data
     pages = picture.draw_pages(found, design, expand(design), "")
     numbers = sorted(n for page in pages for n in page.numbers)
     assert numbers == list(range(48))

@@ -133,7 +133,7 @@ def test_says_what_it_is_of(page, written):
 def test_modes_are_those_of_the_command(page):
     """The same columns as the table in the terminal."""
     design = sus.parse((CONFIGS / "double.toml").read_text() + LOOP)
-    found = sus.modes(design, model="beam")
+    found = sus.modes(design, fidelity="beam")
     for name, frequency in zip(found.label, found.frequency, strict=True):
         assert f"{frequency:#.5g}" in page.text
         assert name.rpartition(" ")[2] in page.text

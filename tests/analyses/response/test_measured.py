@@ -56,7 +56,7 @@ def test_prediction_of_readings(design):
         inputs=["upper.force_x", "upper.torque_yaw"],
         outputs=["upper.x@0,0,0.01", "upper.yaw"],
         frequency=[0.7, 3.0],
-        model="string",
+        fidelity="string",
     )
     tf = TransferFunction(file="a", input="coil", output="osem")
     osem = Transducer(
@@ -83,12 +83,12 @@ def test_model_agrees_with_itself(design, tmp_path):
         inputs=["upper.force_x"],
         outputs=["upper.x@0,0,0.01"],
         frequency=at,
-        model="string",
+        fidelity="string",
     )
     file_of(tmp_path, at, given.value[:, 0, 0] * -2e-3 * np.exp(-2j * np.pi * at * 3e-3))
     tables = TABLES.replace('mix = { "upper.torque_yaw" = 0.02 }', "")
     (tmp_path / "m.toml").write_text(tables)
-    [one] = sus.response(design, measured=[tmp_path / "m.toml"], model="string").measured
+    [one] = sus.response(design, measured=[tmp_path / "m.toml"], fidelity="string").measured
     assert np.allclose(one.ratio, 1, rtol=1e-9) and one.chi_squared < 1e-10
     assert one.extreme[0] == pytest.approx(1)
     assert [name.split()[1] for name in one.mode] == ["longitudinal"] * 3
@@ -108,7 +108,7 @@ def test_resonance_is_found_between_points():
 
 def test_peaks_are_paired_with_modes_one_to_one(design, tmp_path):
     """One peak 8 % below a mode, two at another, and those of another structure above all modes."""
-    known = sus.modes(design, model="string")
+    known = sus.modes(design, fidelity="string")
     modes = [f for f, name in zip(known.frequency, known.label, strict=True) if "vert" in name]
     peaks = [0.92 * modes[0], 0.99 * modes[1], 1.05 * modes[1], 0.5 * modes[2], 3.2 * modes[2]]
     pairs = [modes[0], modes[1], None, None, None]
@@ -151,7 +151,7 @@ def test_command(tmp_path):
 def test_many_points_are_a_line_and_units_are_checked(design, tmp_path):
     """400 points in um instead of m."""
     at = np.geomspace(0.3, 5.0, 400)
-    signals = {"inputs": ["upper.force_x"], "outputs": ["upper.x"], "model": "string"}
+    signals = {"inputs": ["upper.force_x"], "outputs": ["upper.x"], "fidelity": "string"}
     given = sus.response(design, frequency=at, **signals)
     file = file_of(tmp_path, at, 1e6 * given.value[:, 0, 0])
     with pytest.warns(PendsusWarning, match=r"is the file in um\? then set gain = 1e-06"):
@@ -188,7 +188,7 @@ def test_faulty_measurements(tables, words, says, tmp_path):
 def test_results_and_folders_are_no_measurements(design, tmp_path):
     """Each is named for what it is, in one line."""
     stored = tmp_path / "triple-response.h5"
-    sus.response(design, frequency=[1.0, 2.0], model="string").save(stored)
+    sus.response(design, frequency=[1.0, 2.0], fidelity="string").save(stored)
     words = ("--input", "support.x", "--output", "test.x", "--out", tmp_path / "out")
     for given, says in (
         (stored, "is a results file of pendsus, not a measurement"),
@@ -208,12 +208,12 @@ def test_loops_closed(tmp_path):
     damped = sus.example("triple-damped")
     at = np.geomspace(0.3, 6.0, 60)
     signals = {"inputs": ["support.x"], "outputs": ["test.x"]}
-    given = sus.response(damped, **signals, frequency=at, closed_loop=True, model="string")
+    given = sus.response(damped, **signals, frequency=at, closed_loop=True, fidelity="string")
     rows = zip(at.tolist(), given.value[:, 0, 0].tolist(), strict=True)
     text = "".join(f"{f!r},{value.real!r},{value.imag!r}\n" for f, value in rows)
     (tmp_path / "x.csv").write_text("f,re,im\n" + text)
     found = sus.response(
-        damped, **signals, measured=[tmp_path / "x.csv"], closed_loop=True, model="string"
+        damped, **signals, measured=[tmp_path / "x.csv"], closed_loop=True, fidelity="string"
     )
     assert np.allclose(found.measured[0].ratio, 1, rtol=1e-9)
     (tmp_path / "out").mkdir()

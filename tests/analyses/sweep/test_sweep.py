@@ -267,9 +267,9 @@ def test_unstable_and_impossible_points_are_findings(tmp_path):
 def test_slack_points_of_an_imperfect_design_leave_the_others_as_they_are():
     """Where only some of the points of a batch have modes, they are those of each point alone."""
     design, name = sus.example("imperfect"), "perturbation.2.length_change"
-    both = sus.sweep(design, vary={name: "0,-0.002,0.0002"}, model="string", workers=1)
+    both = sus.sweep(design, vary={name: "0,-0.002,0.0002"}, fidelity="string", workers=1)
     assert both.data.status.tolist() == [0, 1, 0]
-    alone = sus.sweep(design, vary={name: "0,0.0002"}, model="string", workers=1)
+    alone = sus.sweep(design, vary={name: "0,0.0002"}, fidelity="string", workers=1)
     assert np.isnan(both.data.value[1]).all()
     np.testing.assert_array_equal(both.data.value[[0, 2]], alone.data.value)
 
@@ -435,7 +435,7 @@ def test_maps_name_the_value_of_a_third_parameter_and_label_contours_inside():
         "stage.test.wires.l": (0.3, 0.4),
         "constants.gravity": (9.0, 10.0),
     }
-    swept = sus.sweep(sus.read(SINGLE), vary=vary, result=["6"], model="force")
+    swept = sus.sweep(sus.read(SINGLE), vary=vary, results=["6"], fidelity="force")
     figure = swept.plot()
     figure.canvas.draw()
     assert "constants.gravity = 9 m/s^2" in figure.texts[1].get_text()

@@ -378,6 +378,6 @@ def test_peaks_reach_their_tips_in_the_picture(file):
     np.testing.assert_allclose(fine.amplitude[at], coarse.data[0].amplitude, rtol=1e-12)
     tip = float(fine.frequency[fine.amplitude.argmax()])
     grid = f"{tip * (1 - 1e-4)!r},{tip!r}"
-    (near,) = sus.thermal(sus.read(file), frequency=grid, model=coarse.model).data
+    (near,) = sus.thermal(sus.read(file), frequency=grid, fidelity=coarse.model).data
     assert fine.amplitude.max() == pytest.approx(near.amplitude[1], rel=1e-6)
     assert fine.amplitude.max() > coarse.data[0].amplitude.max()

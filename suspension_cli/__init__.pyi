@@ -1,0 +1,795 @@
+"""The public API, for editors and type checkers; made by `make reference`."""
+
+from collections.abc import Mapping
+
+from suspension_cli import api, errors
+from suspension_cli.analyses.analysis import Result as Result
+from suspension_cli.api import Design as Design, Grid, Names, PathLike, Paths
+
+__version__: str
+InputError = errors.InputError
+PendsusError = errors.PendsusError
+PendsusWarning = errors.PendsusWarning
+animate = api.animate
+
+def budget(
+    design: Design | PathLike,
+    *,
+    outputs: Names = (),
+    ground: Names = ('nhnm',),
+    isolation: Paths = (),
+    requirements: Paths = (),
+    frequency: Grid = '0.01:100:2000',
+    tolerance: float = 0.001,
+    fidelity: str = 'auto',
+) -> Result:
+    """Compute the motion of the mirror by cause, with cumulative RMS.
+
+    Parameters
+    ----------
+    design : Design
+        The design, or the path of its file.
+    outputs : str or sequence of str
+        Output: test.x, test.pitch, test.x@0,0,0.001, .... Default: x, pitch and yaw of the mirror.
+    ground : str or sequence of str
+        Motion of the support: nlnm (quiet ground), nhnm (noisy ground), aligo-isi (a platform), a
+        CSV file, or none; x,y=SOURCE for some coordinates.
+    isolation : path or sequence of paths
+        CSV of a platform's transmissibility, a factor on the ground.
+    requirements : path or sequence of paths
+        CSV of the required spectrum of an output, by default the first.
+    frequency : grid
+        Frequencies, Hz: start:stop:count[:log|lin], a comma list or a number.
+    tolerance : float
+        Largest relative error of the result that fidelity="auto" accepts.
+    fidelity : {"auto", "closed-form", "force", "string", "beam", "violin"}
+        Model of bodies and wires; auto takes the cheapest that is accurate enough.
+
+    Returns
+    -------
+    Result
+        Its `data` is a list of `analyses.budget.solve.Budget`, one for each output, with
+        `amplitude` (f,) in m/sqrt(Hz) or rad/sqrt(Hz), `parts` by cause, `rms` and `rms_velocity`
+        (f,) above each frequency, and `requirement`.
+
+    Raises
+    ------
+    InputError
+        If the closed loop is unstable, or a table has faults.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> found = sus.budget(sus.example("double"), frequency=[1.0, 10.0], ground=["nlnm"])
+    >>> found.data[0].cause
+    ('ground.x', 'ground.y', 'ground.z', 'thermal')
+    """
+check = api.check
+
+def compare(
+    *items: Design | Result | PathLike,
+    inputs: Names = (),
+    outputs: Names = (),
+    noises: Names = (),
+    frequency: Grid = '0.1:100:2000',
+    tolerance: float = 0.001,
+    fidelity: str = 'auto',
+) -> Result:
+    """Compare designs, results and measurements: modes, responses, noises.
+
+    Parameters
+    ----------
+    *items : Design | Result | PathLike
+        Two or more; files as of ``pendsus compare``. At least one has a design.
+    inputs : str or sequence of str
+        Compare responses to this input, e.g. support.x.
+    outputs : str or sequence of str
+        Compare responses of this output, e.g. test.x.
+    noises : str or sequence of str
+        Compare the thermal noise of this motion, e.g. test.x.
+    frequency : grid
+        Frequencies of responses and noises of designs, Hz.
+    tolerance : float
+        Largest relative error of the result that fidelity="auto" accepts.
+    fidelity : {"auto", "closed-form", "force", "string", "beam", "violin"}
+        Model of bodies and wires; auto takes the cheapest that is accurate enough.
+
+    Returns
+    -------
+    Result
+        With the attributes of `analyses.compare.solve.Comparison`: `name`, `change`, `modes`,
+        `overlay`.
+
+    Raises
+    ------
+    InputError
+        If fewer than two things are given, or a file is at fault.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> design = sus.example("double")
+    >>> lower = design.replace({"stage.test.wires.d": 0.0005})
+    >>> found = sus.compare(design, lower, fidelity="string")
+    >>> [change.words for change in found.change[1]], found.modes.frequency.shape
+    (['test wires d'], (12, 2))
+    """
+
+def damp(
+    design: Design | PathLike,
+    *,
+    output: str | None = None,
+    impulse: str | None = None,
+    duration: float = 60.0,
+    frequency: Grid = '0.1:100:2000',
+    allow_unstable: bool = False,
+    tolerance: float = 0.001,
+    fidelity: str = 'auto',
+) -> Result:
+    """Close the loops of the design's [control] table.
+
+    Parameters
+    ----------
+    design : Design
+        The design, or the path of its file.
+    output : str, optional
+        Motion whose impulse response and sensor noise are computed. Default: x of the mirror.
+    impulse : str, optional
+        Force or torque that gives an impulse of 1 N s or 1 N m s. Default: that along output.
+    duration : float
+        Length of the impulse response, s.
+    frequency : grid
+        Frequencies of loop gains and noise, Hz.
+    allow_unstable : bool
+        Continue with motion that grows (an unstable equilibrium, active elements).
+    tolerance : float
+        Largest relative error of the result that fidelity="auto" accepts.
+    fidelity : {"auto", "closed-form", "force", "string", "beam", "violin"}
+        Model of bodies and wires; auto takes the cheapest that is accurate enough.
+
+    Returns
+    -------
+    Result
+        With the attributes of `analyses.damp.solve.LocalControl`: `closed` poles, `margin` of each
+        loop, `sensitivity` of all at once, `noise` (f, loops), ...
+
+    Raises
+    ------
+    InputError
+        If the design has no loops.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> design = sus.example("triple-damped")
+    >>> sus.damp(design, frequency=[1.0], duration=1.0, fidelity="string").stable
+    True
+    """
+draw = api.draw
+example = api.example
+examples = api.examples
+
+def export(
+    design: Design | PathLike,
+    *,
+    format: str = 'mat',
+    inputs: Names = (),
+    outputs: Names = (),
+    loss: bool = False,
+    allow_unstable: bool = False,
+    fidelity: str = 'auto',
+    tolerance: float = 0.001,
+) -> Result:
+    """Export the state space of the model as DIR/NAME-statespace.*.
+
+    Parameters
+    ----------
+    design : Design
+        The design, or the path of its file.
+    format : {"mat", "npz", "hdf5", "zpk", "control"}
+        mat: MATLAB; zpk: zeros, poles, gain; control: python-control.
+    inputs : str or sequence of str
+        An input. Default: the support's six motions and six forces on the first stage.
+    outputs : str or sequence of str
+        An output. Default: the six motions of the first stage and of the mirror.
+    loss : bool
+        Include loss angles, as viscous damping of each mode.
+    allow_unstable : bool
+        Continue with motion that grows (an unstable equilibrium, active elements).
+    fidelity : {"auto", "closed-form", "force", "string", "beam", "violin"}
+        Model of bodies and wires; auto takes the cheapest that is accurate enough.
+    tolerance : float
+        Largest relative error of the result that fidelity="auto" accepts.
+
+    Returns
+    -------
+    Result
+        With the attributes of `analyses.export.solve.Exported`: `system` with the matrices `a`,
+        `b`, `c`, `d`; `band` in Hz; `agreement` with the violin model.
+
+    Raises
+    ------
+    InputError
+        If a signal does not exist.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> sus.export(sus.example("double"), fidelity="string").system.a.shape
+    (24, 24)
+    """
+
+def fit(
+    measured: PathLike,
+    design: Design | PathLike | None = None,
+    *,
+    starts: int = 1,
+    seed: int = 1,
+    relative_uncertainty: float | None = None,
+    explain: bool = True,
+    tolerance: float = 0.001,
+    fidelity: str = 'auto',
+) -> Result:
+    """Fit numbers of designs to measured mode frequencies and transfer functions.
+
+    Parameters
+    ----------
+    measured : path
+        TOML file of modes or files of transfer functions, and of the free numbers.
+    design : Design, optional
+        The design; None where `measured` names designs itself.
+    starts : int
+        Number of searches, of which the best is kept. All but the first start from random numbers.
+    seed : int
+        Seed of the random numbers.
+    relative_uncertainty : float, optional
+        Relative uncertainty of transfer functions whose files give none.
+    explain : bool
+        With transfer functions, also rank single changes of the design, and measurements to make
+        next.
+    tolerance : float
+        Largest relative error of the result that fidelity="auto" accepts.
+    fidelity : {"auto", "closed-form", "force", "string", "beam", "violin"}
+        Model of bodies and wires; auto takes the cheapest that is accurate enough.
+
+    Returns
+    -------
+    Result
+        With the attributes of `analyses.fit.solve.Fit`: `name`, `value`, `sigma`, `covariance`,
+        `residual`, ...; for transfer functions `responses`.
+
+    Raises
+    ------
+    InputError
+        With the faults of `measured` or of the design.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> design = sus.example("husman2000/table1-case4")
+    >>> found = sus.fit("measured/husman2000/table1-case4.toml", design)
+    >>> for name, value, sigma in zip(found.parameters, found.value, found.sigma):
+    ...     print(f"{name}: {value:.3g} +- {sigma:.2g}")
+    materials.steel302.youngs_modulus: 1.66e+11 +- 2.8e+09
+    stage.test.body.inertia.2: 0.118 +- 0.0039
+    """
+info = api.info
+load = api.load
+
+def modes(
+    design: Design | PathLike,
+    *,
+    max_frequency: float | None = None,
+    every: bool = False,
+    tolerance: float = 0.001,
+    fidelity: str = 'auto',
+) -> Result:
+    """Compute the normal modes: frequencies, shapes, Q.
+
+    Parameters
+    ----------
+    design : Design
+        The design, or the path of its file.
+    max_frequency : float, optional
+        Highest frequency of the modes listed; auto and violin include violin modes.
+    every : bool
+        Compute all modes of wires with mass, even if there are more than 1000.
+    tolerance : float
+        Largest relative error of the result that fidelity="auto" accepts.
+    fidelity : {"auto", "closed-form", "force", "string", "beam", "violin"}
+        Model of bodies and wires; auto takes the cheapest that is accurate enough.
+
+    Returns
+    -------
+    Result
+        With the attributes of `linear.eigenmodes.Modes`: `frequency` (m,) in Hz, `q` (m,), `label`,
+        `shape`, ...
+
+    Raises
+    ------
+    InputError
+        If the design does not balance, or the model is not valid for it.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> found = sus.modes(sus.example("husman2000/table1-case3"), fidelity="string")
+    >>> found.label[0], round(float(found.frequency[0]), 4)
+    ('test transverse', 0.7914)
+    """
+
+def optimise(
+    design: Design | PathLike,
+    goals: PathLike,
+    *,
+    starts: int = 6,
+    seed: int = 1,
+    tolerance: float = 0.001,
+    fidelity: str = 'auto',
+) -> Result:
+    """Choose numbers of a design so that it meets goals.
+
+    Parameters
+    ----------
+    design : Design
+        The design, or the path of its file.
+    goals : path
+        TOML file of goals, and of the free numbers with bounds.
+    starts : int
+        Number of designs from which searches start; the first is the design itself.
+    seed : int
+        Seed of the random starts.
+    tolerance : float
+        Largest relative error of the result that fidelity="auto" accepts.
+    fidelity : {"auto", "closed-form", "force", "string", "beam", "violin"}
+        Model of bodies and wires; auto takes the cheapest that is accurate enough.
+
+    Returns
+    -------
+    Result
+        With the attributes of `analyses.optimise.optimum.Optimum`: `numbers`, `limits`, `met`, ...
+
+    Raises
+    ------
+    InputError
+        With the faults of `goals` or of the design.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import suspension_cli as sus
+    >>> written = Path("goals.toml").write_text('''
+    ... goal = [{ kind = "band", dof = ["yaw"], at_least = 2.0 }]
+    ... free = [{ name = "stage.test.wires.t2", lower = 0.01, upper = 0.2 }]
+    ... ''')
+    >>> found = sus.optimise(sus.template("single"), "goals.toml", starts=1)
+    >>> found.met, found.numbers.after.round(3)
+    (True, array([0.136]))
+    """
+parse = api.parse
+read = api.read
+report = api.report
+
+def response(
+    design: Design | PathLike,
+    *,
+    inputs: Names = (),
+    outputs: Names = (),
+    frequency: Grid = '0.1:100:2000',
+    measured: Paths = (),
+    closed_loop: bool = False,
+    allow_unstable: bool = False,
+    tolerance: float = 0.001,
+    fidelity: str = 'auto',
+) -> Result:
+    """Compute frequency responses of motions to motions of the support and to forces.
+
+    Parameters
+    ----------
+    design : Design
+        The design, or the path of its file.
+    inputs : str or sequence of str
+        Input: support.x, upper.force_x, upper.torque_pitch, .... Default: support.x.
+    outputs : str or sequence of str
+        Output: test.x, test.pitch, test.x@0,0,0.001, .... Default: x of the mirror.
+    frequency : grid
+        Frequencies, Hz: start:stop:count[:log|lin], a comma list or a number.
+    measured : path or sequence of paths
+        Measured transfer functions to compare with: TOML (docs/measurements.md), or CSV, HDF5 or
+        DTT XML with inputs and outputs.
+    closed_loop : bool
+        Close the loops of the design's [control] table.
+    allow_unstable : bool
+        Continue with motion that grows (an unstable equilibrium, active elements).
+    tolerance : float
+        Largest relative error of the result that fidelity="auto" accepts.
+    fidelity : {"auto", "closed-form", "force", "string", "beam", "violin"}
+        Model of bodies and wires; auto takes the cheapest that is accurate enough.
+
+    Returns
+    -------
+    Result
+        With the attributes of `linear.response.Response`: `frequency` (f,) in Hz, `value`
+        (f, outputs, inputs), complex, in SI units. With `measured`, the attribute `measured` is a
+        tuple of `analyses.response.measured.Comparison`.
+
+    Raises
+    ------
+    InputError
+        If a signal does not exist, the equilibrium or closed loop is unstable, or there are no
+        loops to close.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> found = sus.response(sus.example("double"), frequency=[1.0, 10.0], fidelity="string")
+    >>> found.value.shape
+    (2, 1, 1)
+    """
+
+def sensitivity(
+    design: Design | PathLike,
+    *,
+    results: Names = (),
+    allow_unstable: bool = False,
+    tolerance: float = 0.001,
+    fidelity: str = 'auto',
+) -> Result:
+    """Compute the effect of every number of a design on modes, responses and couplings.
+
+    Parameters
+    ----------
+    design : Design
+        The design, or the path of its file.
+    results : str or sequence of str
+        A mode by its label or number, a response OUTPUT/INPUT:HZ, a coupling OVER/UNDER/INPUT:HZ.
+        Default: modes, which stands for every mode.
+    allow_unstable : bool
+        Continue with motion that grows (an unstable equilibrium, active elements).
+    tolerance : float
+        Largest relative error of the result that fidelity="auto" accepts.
+    fidelity : {"auto", "closed-form", "force", "string", "beam", "violin"}
+        Model of bodies and wires; auto takes the cheapest that is accurate enough.
+
+    Returns
+    -------
+    Result
+        With the attributes of `analyses.sensitivity.solve.Sensitivity`: `parameter`, `derivative`
+        (parameters, results).
+
+    Raises
+    ------
+    InputError
+        If a result does not exist.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> found = sus.sensitivity(sus.example("double"), results=["test yaw"], fidelity="string")
+    >>> found.derivative.shape[1]
+    1
+    """
+
+def sweep(
+    design: Design | PathLike,
+    *,
+    vary: Mapping[str, Grid],
+    results: Names = (),
+    workers: int = 1,
+    scheduler: str | None = None,
+    chunk: int = 512,
+    resume: bool = False,
+    tolerance: float = 0.001,
+    allow_unstable: bool = False,
+    fidelity: str = 'auto',
+    folder: PathLike | None = None,
+) -> Result:
+    """Compute modes, responses and couplings over a grid of a design's parameters.
+
+    Parameters
+    ----------
+    design : Design
+        The design, or the path of its file.
+    vary : mapping
+        A parameter and its values: stage.test.wires.s=1e-3:0.05:50:log.
+    results : str or sequence of str
+        A mode by its label or number, a response OUTPUT/INPUT:HZ, a coupling OVER/UNDER/INPUT:HZ.
+        Default: modes, which stands for every mode.
+    workers : int
+        Number of processes.
+    scheduler : str, optional
+        Address of a Dask scheduler that computes instead (pendsus[cluster]).
+    chunk : int
+        Number of builds or points computed at once.
+    resume : bool
+        Continue an interrupted run.
+    tolerance : float
+        Largest relative error of the result that fidelity="auto" accepts.
+    allow_unstable : bool
+        Continue with motion that grows (an unstable equilibrium, active elements).
+    fidelity : {"auto", "closed-form", "force", "string", "beam", "violin"}
+        Model of bodies and wires; auto takes the cheapest that is accurate enough.
+    folder : path, optional
+        Folder of the results file; default: a temporary one, kept as long as the result.
+
+    Returns
+    -------
+    Result
+        With the attributes of `analyses.sweep.file.SweepResult`: `axes`, `result`, `value`
+        (axis 1, axis 2, ..., results).
+
+    Raises
+    ------
+    InputError
+        If a path leads nowhere or a result does not exist.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> design = sus.example("husman2000/table1-case3")
+    >>> lengths = {"stage.test.wires.l": [0.4, 0.5]}
+    >>> found = sus.sweep(design, vary=lengths, results=["test yaw"], fidelity="string")
+    >>> found.value.shape
+    (2, 1)
+    """
+template = api.template
+
+def thermal(
+    design: Design | PathLike,
+    *,
+    outputs: Names = (),
+    frequency: Grid = '0.1:1000:2000',
+    arm: float = 0.0,
+    allow_unstable: bool = False,
+    tolerance: float = 0.001,
+    fidelity: str = 'auto',
+) -> Result:
+    """Compute thermal noise of motions, split by cause.
+
+    Parameters
+    ----------
+    design : Design
+        The design, or the path of its file.
+    outputs : str or sequence of str
+        Output: test.x, test.pitch, test.x@0,0,0.001, .... Default: x of the mirror.
+    frequency : grid
+        Frequencies, Hz: start:stop:count[:log|lin], a comma list or a number.
+    arm : float
+        Observe x along the beam of an arm of this length (m), for example 4000.
+    allow_unstable : bool
+        Continue with motion that grows (an unstable equilibrium, active elements).
+    tolerance : float
+        Largest relative error of the result that fidelity="auto" accepts.
+    fidelity : {"auto", "closed-form", "force", "string", "beam", "violin"}
+        Model of bodies and wires; auto takes the cheapest that is accurate enough.
+
+    Returns
+    -------
+    Result
+        Its `data` is a list of `analyses.thermal.solve.Thermal`, one for each output, with
+        `amplitude` (f,) in m/sqrt(Hz) or rad/sqrt(Hz) and `parts` by cause.
+
+    Raises
+    ------
+    InputError
+        If an output moves nothing that dissipates.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> found = sus.thermal(sus.example("geo-silica-triple"), frequency=[10.0, 100.0])
+    >>> found.data[0].amplitude.shape
+    (2,)
+    """
+
+def tolerance(
+    design: Design | PathLike,
+    *,
+    builds: int = 10000,
+    seed: int = 1,
+    limit: float = 0.001,
+    require: Names = (),
+    sampling: str = 'random',
+    sobol_indices: bool = False,
+    input: str = 'support.z',
+    observe: str | None = None,
+    over: str | None = None,
+    under: str | None = None,
+    frequency: Grid = '50',
+    workers: int = 1,
+    scheduler: str | None = None,
+    chunk: int = 512,
+    resume: bool = False,
+    tolerance: float = 0.001,
+    allow_unstable: bool = False,
+    fidelity: str = 'auto',
+    folder: PathLike | None = None,
+) -> Result:
+    """Compute the scatter of modes and cross-coupling over random builds, and its causes.
+
+    Parameters
+    ----------
+    design : Design
+        The design, or the path of its file.
+    builds : int
+        Number of random builds.
+    seed : int
+        Seed of the random numbers; the same seed gives the same builds.
+    limit : float
+        Limit on the cross-coupling, whose yield is printed.
+    require : str or sequence of str
+        A requirement beside those of the design: 'test pitch in 0.5:0.7', 'coupling < 1e-3', 'test
+        static pitch < 2e-3'; Hz, m, rad.
+    sampling : {"random", "sobol"}
+        Independent builds, or 8 scrambled Sobol sequences, whose statistical errors are smaller.
+    sobol_indices : bool
+        Print Sobol indices: the fraction of the variance of every result that each of the k
+        tolerances causes. Uses (k + 2) N of the builds, with N a power of two.
+    input : str
+        The input: a motion of the support, or a force.
+    observe : str, optional
+        Observed point; the coupling is its motion along x over that along z. Default: mirror, 1 mm
+        below its COM.
+    over : str, optional
+        Numerator of the ratio, instead of the point's x.
+    under : str, optional
+        Denominator of the ratio, instead of the point's z.
+    frequency : grid
+        Frequencies at which the coupling is computed, Hz.
+    workers : int
+        Number of processes.
+    scheduler : str, optional
+        Address of a Dask scheduler that computes instead (pendsus[cluster]).
+    chunk : int
+        Number of builds or points computed at once.
+    resume : bool
+        Continue an interrupted run.
+    tolerance : float
+        Largest relative error of the result that fidelity="auto" accepts.
+    allow_unstable : bool
+        Continue with motion that grows (an unstable equilibrium, active elements).
+    fidelity : {"auto", "closed-form", "force", "string", "beam", "violin"}
+        Model of bodies and wires; auto takes the cheapest that is accurate enough.
+    folder : path, optional
+        Folder of the results file; default: a temporary one, kept as long as the result.
+
+    Returns
+    -------
+    Result
+        With the attributes of `analyses.tolerance.statistics.Summary`: `mean`, `spread`,
+        `quantiles` of mode frequencies in Hz, `static` (displacements in m and rotations in rad
+        of the stages), `yields`, `joint`, `indices`, ...
+
+    Raises
+    ------
+    InputError
+        If the design has no ``[tolerance]`` table.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> found = sus.tolerance(sus.example("triple-tolerance"), builds=20, fidelity="string")
+    >>> found.good
+    20
+    """
+
+def tradeoff(
+    design: Design | PathLike,
+    *,
+    quantities: Names = (),
+    repeat: int = 7,
+) -> Result:
+    """Measure speed and accuracy of every model and every method, for one design.
+
+    Parameters
+    ----------
+    design : Design
+        The design, or the path of its file.
+    quantities : {"modes", "response", "thermal", "coupling", "equilibrium"}
+        Compare only for this quantity. Default: all.
+    repeat : int
+        Samples of each time (fewer for slow methods).
+
+    Returns
+    -------
+    Result
+        With the attributes of `analyses.tradeoff.result.Tradeoff`: `panels`, `waits`, ...
+
+    Raises
+    ------
+    InputError
+        If the equilibrium is unstable.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> found = sus.tradeoff(sus.template("single"), quantities="modes", repeat=2)
+    >>> [(panel.quantity, panel.compares) for panel in found.panels]
+    [('modes', 'models'), ('modes', 'methods')]
+    """
+
+def xcouple(
+    design: Design | PathLike,
+    *,
+    sweep: str | Mapping[str, Grid] = 'k,offset',
+    wire: str | None = None,
+    body: str | None = None,
+    hold: str = 'loaded-length',
+    input: str = 'support.z',
+    observe: str | None = None,
+    over: str | None = None,
+    under: str | None = None,
+    frequency: Grid = '50',
+    matrix: bool = False,
+    workers: int = 1,
+    scheduler: str | None = None,
+    chunk: int = 512,
+    resume: bool = False,
+    tolerance: float = 0.001,
+    allow_unstable: bool = False,
+    fidelity: str = 'auto',
+    folder: PathLike | None = None,
+) -> Result:
+    """Compute the cross-coupling of imperfect builds: the ratio of two motions.
+
+    Parameters
+    ----------
+    design : Design
+        The design, or the path of its file.
+    sweep : str or mapping
+        Imperfections (k, offset, lower_offset, length, mass, com, ...) or dotted paths.
+    wire : str, optional
+        The imperfect wire. Default: the first of the mirror.
+    body : str, optional
+        The imperfect body. Default: the wire's.
+    hold : {"loaded-length", "natural-length"}
+        Length that stays the same when the wire changes.
+    input : str
+        The input: a motion of the support, or a force.
+    observe : str, optional
+        Observed point; the coupling is its motion along x over that along z. Default: mirror, 1 mm
+        below its COM.
+    over : str, optional
+        Numerator of the ratio, instead of the point's x.
+    under : str, optional
+        Denominator of the ratio, instead of the point's z.
+    frequency : grid
+        Frequencies at which the coupling is computed, Hz.
+    matrix : bool
+        The six-by-six table of couplings of this one design instead of a sweep.
+    workers : int
+        Number of processes.
+    scheduler : str, optional
+        Address of a Dask scheduler that computes instead (pendsus[cluster]).
+    chunk : int
+        Number of builds or points computed at once.
+    resume : bool
+        Continue an interrupted run.
+    tolerance : float
+        Largest relative error of the result that fidelity="auto" accepts.
+    allow_unstable : bool
+        Continue with motion that grows (an unstable equilibrium, active elements).
+    fidelity : {"auto", "closed-form", "force", "string", "beam", "violin"}
+        Model of bodies and wires; auto takes the cheapest that is accurate enough.
+    folder : path, optional
+        Folder of the results file; default: a temporary one, kept as long as the result.
+
+    Returns
+    -------
+    Result
+        With the attributes of `analyses.xcouple.file.Coupling`: `axes`, `ratio` (axis 1, axis 2,
+        ..., f), complex.
+
+    Raises
+    ------
+    InputError
+        If a wire, body or imperfection does not exist.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> stage = sus.example("husman2000/figure6")
+    >>> found = sus.xcouple(stage, sweep={"k": [0.9, 1.1]}, fidelity="string")
+    >>> found.ratio.shape
+    (2, 1)
+    """
