@@ -1,8 +1,10 @@
 """Peaks of frequency responses, however narrow, between the points of a grid.
 
-Around every mode and every local maximum on the grid, the interval that contains the peak is
-narrowed until the response is flat within it, or to rounding. A response that still varies within
-that has a pole without loss there: its peak is infinite.
+Around every mode and every local maximum on the grid, parabolas through 1/|H|^2 at three points
+lead to the peak (successive parabolic interpolation; Brent, Algorithms for Minimization without
+Derivatives (1973), chapter 5): near a pole s = i omega_0 - gamma, 1/|H|^2 is proportional to (omega
+- omega_0)^2 + gamma^2, so a few points suffice however narrow the peak. A response that still
+varies within rounding of the frequency has a pole without loss there: its peak is infinite.
 """
 
 from __future__ import annotations
@@ -20,21 +22,27 @@ from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
-    from jaxtyping import Float, Inexact
+    from jaxtyping import Float, Inexact, Int
 
 Solve = Callable[[Array], "Inexact[np.ndarray, 'frequency output input']"]
 """Responses (f, o, i) at frequencies (f,) in Hz."""
 
 POINTS = 17
-"""Frequencies per bracket and step; each step divides the width of the bracket by 8."""
+"""Frequencies in the first look at a bracket."""
 WIDTH = 2e-3
 """Relative half width of the bracket around a mode."""
+NEAR = 1e-5
+"""Relative distance of the first points around the peak of one response among several."""
+STEPS = 16
+"""Most parabolas per bracket; three to six are usual."""
 NARROWEST = 1e-13
-"""Relative width of a bracket at which the refinement ends: enough for a Q of about 1e12."""
+"""Relative step at which the search ends: enough for a Q of about 1e12."""
 FLAT = 1e-7
-"""Relative variation of all responses within a bracket at which the refinement ends."""
+"""Relative change of the peak from step to step at which the search ends."""
+BESIDE = 3e-13
+"""Relative distance from a peak at which it must not have fallen, unless it is infinite."""
 STEEP = 2.0
-"""Ratio of the largest to the smallest value on the narrowest bracket of an infinite peak."""
+"""Ratio of an infinite peak to its value beside."""
 
 
 def find_peaks(
@@ -53,30 +61,82 @@ def find_peaks(
         solve = lambda at: response.solve(model, at, inputs, outputs).value  # noqa: E731
     if resonances is None:
         resonances = eigenmodes.solve(model.constant).frequency
-    size = np.abs(answer.value)
+    size, frequency = np.abs(answer.value), answer.frequency
     top = size.argmax(0)
-    best, where = np.take_along_axis(size, top[None], 0)[0], answer.frequency[top]
+    best, where = np.take_along_axis(size, top[None], 0)[0], frequency[top]
     scale = np.where(best > 0, best, 1.0)
-    low, high = _brackets(resonances, answer.frequency, (size / scale).max((1, 2)))
-    fraction = np.linspace(0.0, 1.0, POINTS)
-    while len(low):
-        at = low[:, None] + (high - low)[:, None] * fraction
+    low, high = _brackets(resonances, frequency, (size / scale).max((1, 2)))
+
+    def look(
+        at: Float[np.ndarray, "bracket point"], pair: Int[np.ndarray, " bracket"] | None
+    ) -> Float[np.ndarray, "bracket point"]:
+        """Keep the largest values at some frequencies; 1/|H|^2, of one response per bracket."""
+        nonlocal best, where
         value = _magnitudes(solve, at)
         if value is None:
-            break
-        flat, reached = value.reshape(-1, *best.shape), value.max((0, 1))
-        better = reached > best
-        where = np.where(better, at.ravel()[flat.argmax(0)], where)
-        best = np.maximum(best, reached)
-        peak = (value / scale).max((2, 3)).argmax(1)
-        done, top, least = high - low <= NARROWEST * high, value.max(1), value.min(1)
-        infinite = done[:, None, None] & (top > STEEP * least) & (top >= best)
-        best = np.where(infinite.any(0), np.inf, best)
-        done |= (top - least <= FLAT * top).all((1, 2))
-        rows = np.flatnonzero(~done)
-        low = at[rows, np.maximum(peak[rows] - 1, 0)]
-        high = at[rows, np.minimum(peak[rows] + 1, POINTS - 1)]
+            return np.full(at.shape, np.nan)
+        flat = value.reshape(-1, *best.shape)
+        reached, top = flat.max(0), at.ravel()[flat.argmax(0)]
+        where, best = np.where(reached > best, top, where), np.maximum(best, reached)
+        shape = (value / scale).reshape(*at.shape, -1)
+        chosen = shape.max(2) if pair is None else shape[np.arange(len(at)), :, pair]
+        with np.errstate(divide="ignore"):
+            return chosen**-2.0
+
+    def search(
+        at: Float[np.ndarray, "bracket point"], pair: Int[np.ndarray, " bracket"] | None = None
+    ) -> None:
+        depth = look(at, pair)
+        for _ in range(STEPS):
+            finite = np.isfinite(depth).all(1)
+            at, depth = _around_least(at[finite], depth[finite])
+            pair = None if pair is None else pair[finite]
+            if not len(at):
+                break
+            place = _vertex(at, depth)[:, None]
+            new, least = look(place, pair), depth.min(1, keepdims=True)
+            near = np.abs(at - place).min(1) <= NARROWEST * place[:, 0]
+            left = ~near & (np.abs(new - least) > FLAT * least)[:, 0]
+            at, depth = np.append(at, place, 1)[left], np.append(depth, new, 1)[left]
+            pair = None if pair is None else pair[left]
+
+    if len(low):
+        search(low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, POINTS))
+        inside = (where > frequency.min()) & (where < frequency.max()) & (best.size > 1)
+        pairs = np.flatnonzero(inside)
+        if len(pairs):  # those of one resonance may peak at places of their own
+            search(where.ravel()[pairs, None] * (1 + NEAR * np.array([-1.0, 0.0, 1.0])), pairs)
+    beside = _magnitudes(solve, where.ravel()[:, None] * (1 + BESIDE * np.array([-1.0, 1.0])))
+    if beside is not None:
+        pairs = np.arange(best.size)
+        level = beside.reshape(best.size, 2, best.size)[pairs, :, pairs].max(1).reshape(best.shape)
+        best = np.where(best > STEEP * level, np.inf, best)
     return Peaks(where, best)
+
+
+def _around_least(
+    at: Float[np.ndarray, "bracket point"], depth: Float[np.ndarray, "bracket point"]
+) -> tuple[Float[np.ndarray, "bracket 3"], Float[np.ndarray, "bracket 3"]]:
+    """Select the least of each row and its neighbours."""
+    order = at.argsort(1)
+    at, depth = np.take_along_axis(at, order, 1), np.take_along_axis(depth, order, 1)
+    middle = depth.argmin(1)[:, None].clip(1, at.shape[1] - 2) + np.array([-1, 0, 1])
+    return np.take_along_axis(at, middle, 1), np.take_along_axis(depth, middle, 1)
+
+
+def _vertex(
+    at: Float[np.ndarray, "bracket 3"], depth: Float[np.ndarray, "bracket 3"]
+) -> Float[np.ndarray, " bracket"]:
+    """Place of the least value of the parabola through three points, between the outer ones."""
+    span = at.T
+    left, right = span[1] - span[0], span[2] - span[1]
+    with np.errstate(all="ignore"):
+        first, second = (depth[:, 1] - depth[:, 0]) / left, (depth[:, 2] - depth[:, 1]) / right
+        curve = (second - first) / (left + right)
+        place = (span[0] + span[1]) / 2 - first / (2 * curve)
+    lowest = span[depth.argmin(1), np.arange(len(at))]
+    place = np.where((curve > 0) & np.isfinite(place), place, lowest)
+    return np.clip(place, span[0], span[2])
 
 
 def _brackets(found: Array, frequency: Array, size: Array) -> tuple[Array, Array]:
