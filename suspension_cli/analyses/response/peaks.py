@@ -93,11 +93,15 @@ def find_peaks(
             pair = None if pair is None else pair[finite]
             if not len(at):
                 break
-            place = _vertex(at, depth)[:, None]
-            new, least = look(place, pair), depth.min(1, keepdims=True)
-            near = np.abs(at - place).min(1) <= NARROWEST * place[:, 0]
-            left = ~near & (np.abs(new - least) > FLAT * least)[:, 0]
-            at, depth = np.append(at, place, 1)[left], np.append(depth, new, 1)[left]
+            place, least = _vertex(at, depth), depth.min(1)
+            # beside it, so that the next parabola is narrow, and far from it where that fails
+            step = np.abs(at - place[:, None]).min(1)
+            near = place[:, None] + step[:, None] * np.array([-0.7, 0.0, 0.7])
+            far = at[:, 1:2] + (at[:, ::2] - at[:, 1:2]) / 5
+            more = np.clip(np.append(near, far, 1), at[:, :1], at[:, -1:])
+            new = look(more, pair)
+            left = (step > NARROWEST * place) & (np.abs(new[:, 1] - least) > FLAT * least)
+            at, depth = np.append(at, more, 1)[left], np.append(depth, new, 1)[left]
             pair = None if pair is None else pair[left]
 
     if len(low):
