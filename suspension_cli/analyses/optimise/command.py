@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -19,6 +19,7 @@ from suspension_cli.analyses.analysis import (
     Run,
     Settings,
     as_number,
+    plain,
 )
 from suspension_cli.analyses.options import argument, option
 
@@ -26,10 +27,46 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.optimise.optimum import Optimum
-    from suspension_cli.design.goals import Goals
 
 STARTS, SEED = 6, 1
 """Copies of those in `optimise.solve`, whose import would delay the help."""
+NUMBERS = {
+    "name": "name",
+    "follows": "tied",
+    "before": "before",
+    "after": "after",
+    "lower": "lower",
+    "upper": "upper",
+    "at_bound": "bound",
+    "multiplier": "multiplier",
+}
+LIMITS = {
+    "goal": "goal",
+    "limit": "name",
+    "value": "value",
+    "margin": "margin",
+    "room": "room",
+    "met": "met",
+    "active": "active",
+    "multiplier": "multiplier",
+}
+QUANTITIES = {
+    "name": "name",
+    "unit": "unit",
+    "before": "before",
+    "after": "after",
+    "model": "model",
+}
+MODES = {
+    "name": "name",
+    "label": "label",
+    "before_hz": "before",
+    "after_hz": "after",
+    "top_mass_fraction_before": "fraction_before",
+    "top_mass_fraction_after": "fraction_after",
+}
+STARTED = {"violation_before": "before", "violation_after": "after", "arrived_at": "place"}
+"""Keys of JSON, with the columns of the result (`optimum`) that they show."""
 NEAREST = 3
 """Printed limits of a goal that is met: those with the least margin."""
 
@@ -104,25 +141,31 @@ class OptimiseAnalysis(Analysis):
     def document(self, result: Result) -> Document:
         """Return numbers, limits, quantities and modes; null where there is none."""
         found: Optimum = result.data
+        names, bounds = _names(found), ("lower", None, "upper")
+        numbers, limits, quantities = (
+            _rows(table, keys)
+            for table, keys in (
+                (found.numbers, NUMBERS),
+                (found.limits, LIMITS),
+                (found.quantities, QUANTITIES),
+            )
+        )
+        for row in numbers:
+            row["at_bound"] = bounds[row["at_bound"] + 1]
+        for row, goal in zip(limits, found.limits.goal, strict=True):
+            row["goal"] = names[goal - 1]
+        for row in quantities:
+            row["model"] = row.get("model") or None
         return {
             "checked_on": found.fidelity,
             "estimated_error": as_number(found.error),
             "goals_met": found.met,
-            "parameters": _numbers(found),
-            "limits": _limits(found, _goals(found)),
-            "quantities": _quantities(found),
+            "parameters": numbers,
+            "limits": limits,
+            "quantities": quantities,
             "unknown": list(found.unknown),
-            "modes": _modes(found),
-            "starts": [
-                {
-                    "violation_before": as_number(before),
-                    "violation_after": as_number(after),
-                    "arrived_at": int(place),
-                }
-                for before, after, place in zip(
-                    found.starts.before, found.starts.after, found.starts.place, strict=True
-                )
-            ],
+            "modes": _rows(found.modes, MODES),
+            "starts": _rows(found.starts, STARTED),
             "objective": found.objective,
             "stationarity": as_number(found.stationarity),
         }
@@ -142,7 +185,7 @@ class OptimiseAnalysis(Analysis):
         rows = zip(numbers.name, units, numbers.before, numbers.after, remarks, strict=True)
         columns = {"number": "", "unit": "", "before": "#.6g", "after": "#.6g", "": ""}
         lines = [result.choice.line, "", tables.render(columns, rows), ""]
-        names = [goal.name or goal.kind for goal in _goals(found).goal]
+        names = _names(found)
         for name in dict.fromkeys(names):
             lines += _goal(found, [n for n, other in enumerate(names, 1) if other == name], name)
         for n in [n for n, weight in enumerate(found.quantities.weight) if weight]:
@@ -203,69 +246,18 @@ def _warn(found: Optimum, log: Log) -> None:
         )
 
 
-def _goals(found: Optimum) -> Goals:
+def _names(found: Optimum) -> list[str]:
+    """Name of each goal, or its kind."""
     from suspension_cli.design import goals
 
-    return goals.read("", found.goals)
+    return [goal.name or goal.kind for goal in goals.read("", found.goals).goal]
 
 
-def _numbers(found: Optimum) -> list[Document]:
-    numbers = found.numbers
-    return [
-        {
-            "name": label,
-            "follows": bool(numbers.tied[n]),
-            "before": float(numbers.before[n]),
-            "after": float(numbers.after[n]),
-            "lower": as_number(numbers.lower[n]),
-            "upper": as_number(numbers.upper[n]),
-            "at_bound": {-1: "lower", 0: None, 1: "upper"}[int(numbers.bound[n])],
-            "multiplier": as_number(numbers.multiplier[n]),
-        }
-        for n, label in enumerate(numbers.name)
-    ]
-
-
-def _limits(found: Optimum, goals: Goals) -> list[Document]:
-    limits, names = found.limits, [goal.name or goal.kind for goal in goals.goal]
-    return [
-        {
-            "goal": names[limits.goal[n] - 1],
-            "limit": text,
-            "value": as_number(limits.value[n]),
-            "margin": as_number(limits.margin[n]),
-            "room": as_number(limits.room[n]),
-            "met": bool(limits.met[n]),
-            "active": bool(limits.active[n]),
-            "multiplier": as_number(limits.multiplier[n]),
-        }
-        for n, text in enumerate(limits.name)
-    ]
-
-
-def _quantities(found: Optimum) -> list[Document]:
-    each = found.quantities
-    models = each.model or [""] * len(each.name)
-    rows = zip(each.name, each.unit, each.before, each.after, models, strict=True)
-    return [
-        {"name": name, "unit": unit, "before": as_number(before), "after": as_number(after)}
-        | {"model": model or None}
-        for name, unit, before, after, model in rows
-    ]
-
-
-def _modes(found: Optimum) -> list[Document]:
-    keys = {
-        "before_hz": found.modes.before,
-        "after_hz": found.modes.after,
-        "top_mass_fraction_before": found.modes.fraction_before,
-        "top_mass_fraction_after": found.modes.fraction_after,
-    }
-    return [
-        {"name": text, "label": found.modes.label[n]}
-        | {key: as_number(values[n]) for key, values in keys.items()}
-        for n, text in enumerate(found.modes.name)
-    ]
+def _rows(table: Any, keys: dict[str, str]) -> list[Document]:
+    """Rows of a table of the result, from the keys of JSON to names of columns."""
+    columns = [getattr(table, name) for name in keys.values()]
+    lists = [column if isinstance(column, tuple) else plain(column) for column in columns]
+    return [dict(zip(keys, row, strict=True)) for row in zip(*lists, strict=True)]
 
 
 def _goal(found: Optimum, numbers: list[int], name: str) -> list[str]:
