@@ -216,7 +216,8 @@ class Evaluator:
         `steps` are those of the path along which modes with a label are followed.
         """
         design = self.freed.design(fraction)
-        model = self.modes.model.system(design)
+        systems: dict[Imperfections, Systems] = {(): Systems(design)}
+        model = systems[()](self.modes.model)
         modes = mode_families.solve_modes(model)
         ranked, followed = self.families.ranked(modes.energy), np.zeros(0, dtype=int)
         if any(isinstance(item, OfMode) and item.number >= 0 for item in self.quantities):
@@ -229,23 +230,23 @@ class Evaluator:
             followed = mode_families.follow_modes(
                 self.freed.text, path, self.modes.level, self._nominal, modes, model
             )
-        systems: dict[tuple[Imperfections, str], LinearSystem] = {((), self.modes.level): model}
         value, place = self._loads(design), np.full(len(self.quantities), -1)
         for n, item in enumerate(self.quantities):
             if isinstance(item, OfMode):
-                own = followed if item.number >= 0 else ranked[item.family]
+                rows = followed if item.number >= 0 else ranked[item.family]
                 number = max(item.number, item.rank)
-                place[n] = own[number] if number < len(own) else -1
+                place[n] = rows[number] if number < len(rows) else -1
                 if place[n] < 0:
                     problem = "modes named by label cannot be followed to this design"
                     raise InputError.of("goal", problem, "name them by dof instead")
                 value[n] = (modes.top_fraction if item.fraction else modes.frequency)[place[n]]
             elif isinstance(item, OfResponse):
-                key = (item.perturbation, self.level(item))
-                if key not in systems:
-                    imperfect = with_imperfections(design, item.perturbation)
-                    systems[key] = registry.by_name(key[1]).system(imperfect)
-                value[n] = _magnitude(systems[key], item.ratio)
+                own = item.perturbation
+                if own not in systems:
+                    systems[own] = Systems(with_imperfections(design, own))
+                value[n] = _magnitude(
+                    systems[own](self.responses.get(item, self.modes).model), item.ratio
+                )
         log = np.log(np.maximum(value, TINY))
         for n in self._frequencies:
             squared = max(float(modes.omega_squared[place[n]]), self._floors[n])
@@ -276,7 +277,7 @@ class Evaluator:
             elif isinstance(item, OfResponse):
                 groups.setdefault((item.perturbation, self.level(item)), {})[n] = item.ratio
         for key, ratios in groups.items():
-            modal = not any(key[0]) and key[1] == self.modes.level
+            modal = key == ((), self.modes.level)
 
             def evaluate(
                 found: Builds, modal: bool = modal, ratios: dict[int, Ratio] = ratios

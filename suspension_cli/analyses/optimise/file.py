@@ -71,7 +71,9 @@ def load(group: Stored) -> Optimum:
         values: dict[str, Any] = {}
         for field in [field.name for field in fields(kind)]:
             key = word if field == "name" else f"{word}_{field}"
-            if key in group or field != "model":
+            if field == "model" and key not in group:  # of an older version
+                values[field] = ("",) * len(group[word])
+            else:
                 values[field] = tuple(group[key].asstr()[:]) if field in TEXTS else group[key][:]
         found[part] = kind(**values)
     found["unknown"] = tuple(str(found["unknown"]).splitlines())

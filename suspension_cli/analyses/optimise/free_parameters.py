@@ -96,7 +96,8 @@ class FreeDesign:
         """Compute the free numbers at fractions of the ranges."""
         low, high = self._scaled(self.lower), self._scaled(self.upper)
         found = low + fraction * (high - low)
-        return np.clip(np.exp(found, out=found, where=self._log), self.lower, self.upper)
+        found = np.clip(np.exp(found, out=found, where=self._log), self.lower, self.upper)
+        return np.where(fraction == self.begin, self.start, found)
 
     def rate(self, fraction: Float[np.ndarray, " number"]) -> Float[np.ndarray, " number"]:
         """Differentiate `numbers`."""
@@ -105,9 +106,8 @@ class FreeDesign:
 
     def values(self, fraction: Float[np.ndarray, " number"]) -> dict[str, float]:
         """Free numbers, then dependent ones, by dotted path."""
-        number = self.start if np.array_equal(fraction, self.begin) else self.numbers(fraction)
         names = (item.name for item in self.goals.free)
-        free = dict(zip(names, number.tolist(), strict=True))
+        free = dict(zip(names, self.numbers(fraction).tolist(), strict=True))
         known = self.fixed | free
         return free | {
             item.name: item.offset + sum(rate * known[term] for term, rate in item.terms.items())

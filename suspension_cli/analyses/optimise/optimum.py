@@ -63,7 +63,7 @@ class Quantities:
     after: Float[np.ndarray, " quantity"]
     mode: Int[np.ndarray, " quantity"]
     weight: Float[np.ndarray, " quantity"]
-    model: tuple[str, ...] = ()
+    model: tuple[str, ...]
 
 
 @dataclass(frozen=True)

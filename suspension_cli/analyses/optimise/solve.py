@@ -9,6 +9,7 @@ at most twice per quantity. Quantities of the result are those of its TOML, read
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -103,7 +104,7 @@ def solve(
         if needed.levels == evaluator.levels or (found := better.run(best.fraction)[1]) is None:
             break
         evaluator, search, best = needed, better, found
-    best, some = search.compromise(best)
+    best, some = search.compromise(search.begin(best.fraction) or best)
     return _summarise(search, needed, best, search.active_set(best, some), _starts(ends))
 
 
@@ -136,12 +137,13 @@ def _bound_faults(freed: FreeDesign, value: dict[str, float]) -> list[Fault]:
 def _choose_starts(
     evaluator: Evaluator, count: int, seed: int
 ) -> list[Float[np.ndarray, " number"]]:
-    """Choose the designs of a Sobol sequence that violate limits least."""
+    """Choose the designs of a Sobol sequence that violate limits least, on the model of modes."""
     from scipy.stats import qmc
 
     if count < 1:
         return []
-    search, found, how = Search(evaluator), [], dict[str, Any](seed=seed)
+    search, found = Search(replace(evaluator, responses={})), []
+    how: dict[str, Any] = {"seed": seed}
     for fraction in qmc.Sobol(len(evaluator.freed.begin), **how).random(SAMPLES):
         begin = search.begin(fraction, steps=1)
         if begin is not None:
