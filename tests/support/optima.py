@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from suspension_cli.analyses.optimise import solve as searching
-from suspension_cli.analyses.optimise.chosen_models import choose
+from suspension_cli.analyses.optimise.evaluate import Evaluator
 from suspension_cli.analyses.optimise.free_parameters import FreeDesign
 from suspension_cli.design.goals import Equal, Free, Goal, Goals
 from suspension_cli.design.schema import Perturbation
@@ -47,10 +47,7 @@ def solved(file, goal, free, equal=(), **how):
 def values_of(file, wanted, level="string"):
     """Quantities of a freed design on one model."""
     freed = FreeDesign.of(file.read_text(), wanted)
-    design = freed.design(freed.start)
-    values = searching._values(freed, wanted, choose(design, (), level, 1e-3))
-    models = choose(design, values.requirements.quantities, level, 1e-3)
-    return searching._values(freed, wanted, models)
+    return Evaluator.of(freed, level, 1e-3, freed.begin)
 
 
 EVERY = Goals(

@@ -19,6 +19,7 @@ from suspension_cli.analyses.analysis import (
     Run,
     Settings,
     as_number,
+    plain,
 )
 from suspension_cli.analyses.options import argument, option
 
@@ -26,10 +27,20 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.optimise.optimum import Optimum
-    from suspension_cli.design.goals import Goals
 
 STARTS, SEED = 6, 1
 """Copies of those in `optimise.solve`, whose import would delay the help."""
+COLUMNS = {
+    "numbers": "name follows=tied before after lower upper at_bound=bound multiplier",
+    "limits": "goal limit=name value margin room met active multiplier",
+    "quantities": "name unit before after model",
+    "modes": (
+        "name label before_hz=before after_hz=after top_mass_fraction_before=fraction_before"
+        " top_mass_fraction_after=fraction_after"
+    ),
+    "starts": "violation_before=before violation_after=after arrived_at=place",
+}
+"""Keys of JSON for each table of the result (`optimum`), with its columns where these differ."""
 NEAREST = 3
 """Printed limits of a goal that is met: those with the least margin."""
 
@@ -132,25 +143,24 @@ class OptimiseAnalysis(Analysis):
     def document(self, result: Result) -> Document:
         """Return numbers, limits, quantities and modes; null where there is none."""
         found: Optimum = result.data
+        names, bounds = _names(found), ("lower", None, "upper")
+        numbers, limits, quantities, modes, starts = (_rows(found, table) for table in COLUMNS)
+        for row in numbers:
+            row["at_bound"] = bounds[row["at_bound"] + 1]
+        for row in limits:
+            row["goal"] = names[row["goal"] - 1]
+        for row in quantities:
+            row["model"] = row["model"] or None
         return {
             "checked_on": found.fidelity,
             "estimated_error": as_number(found.error),
             "goals_met": found.met,
-            "parameters": _numbers(found),
-            "limits": _limits(found, _goals(found)),
-            "quantities": _quantities(found),
+            "parameters": numbers,
+            "limits": limits,
+            "quantities": quantities,
             "unknown": list(found.unknown),
-            "modes": _modes(found),
-            "starts": [
-                {
-                    "violation_before": as_number(before),
-                    "violation_after": as_number(after),
-                    "arrived_at": int(place),
-                }
-                for before, after, place in zip(
-                    found.starts.before, found.starts.after, found.starts.place, strict=True
-                )
-            ],
+            "modes": modes,
+            "starts": starts,
             "objective": found.objective,
             "stationarity": as_number(found.stationarity),
         }
@@ -170,16 +180,15 @@ class OptimiseAnalysis(Analysis):
         rows = zip(numbers.name, units, numbers.before, numbers.after, remarks, strict=True)
         columns = {"number": "", "unit": "", "before": "#.6g", "after": "#.6g", "": ""}
         lines = [result.choice.line, "", tables.render(columns, rows), ""]
-        names = [goal.name or goal.kind for goal in _goals(found).goal]
+        names = _names(found)
         for name in dict.fromkeys(names):
             lines += _goal(found, [n for n, other in enumerate(names, 1) if other == name], name)
-        for n in [n for n, weight in enumerate(found.quantities.weight) if weight]:
-            word = "small" if found.quantities.weight[n] > 0 else "large"
-            unit = "" if found.quantities.unit[n] == "1" else f" {found.quantities.unit[n]}"
-            lines.append(
-                f"{word:7}  {found.quantities.name[n]}: {found.quantities.after[n]:.6g}{unit}, was"
-                f" {found.quantities.before[n]:.6g}{unit}"
-            )
+        each = found.quantities
+        for n in [n for n, weight in enumerate(each.weight) if weight]:
+            word = "small" if each.weight[n] > 0 else "large"
+            unit = "" if each.unit[n] == "1" else f" {each.unit[n]}"
+            values = f"{each.after[n]:.6g}{unit}, was {each.before[n]:.6g}{unit}"
+            lines.append(f"{word:7}  {each.name[n]}: {values}")
         lines += [f"UNKNOWN  {what}" for what in found.unknown]
         return "\n".join([*lines, "", _verdict(found), *_starts(found)])
 
@@ -219,80 +228,26 @@ def _warn(found: Optimum, log: Log) -> None:
                 f"{name} is 0 by the symmetry of the design, whatever its numbers are; give the"
                 " goal a perturbation"
             )
-    unstable = [
-        label
-        for label, after in zip(found.modes.label, found.modes.after, strict=True)
-        if math.isnan(after)
-    ]
-    if unstable:
-        log.warn(
-            f"the design found is unstable: {', '.join(unstable)}; add a goal of kind band for"
-            " these modes"
-        )
+    modes = zip(found.modes.label, found.modes.after, strict=True)
+    if unstable := ", ".join(label for label, after in modes if math.isnan(after)):
+        remedy = "add a goal of kind band for these modes"
+        log.warn(f"the design found is unstable: {unstable}; {remedy}")
 
 
-def _goals(found: Optimum) -> Goals:
+def _names(found: Optimum) -> list[str]:
+    """Name of each goal, or its kind."""
     from suspension_cli.design import goals
 
-    return goals.read("", found.goals)
+    return [goal.name or goal.kind for goal in goals.read("", found.goals).goal]
 
 
-def _numbers(found: Optimum) -> list[Document]:
-    numbers = found.numbers
+def _rows(found: Optimum, table: str) -> list[Document]:
+    """Rows of a table of the result, by the keys of `COLUMNS`."""
+    pairs = [word.partition("=") for word in COLUMNS[table].split()]
+    columns = [getattr(getattr(found, table), name or key) for key, _, name in pairs]
+    lists = [column if isinstance(column, tuple) else plain(column) for column in columns]
     return [
-        {
-            "name": label,
-            "follows": bool(numbers.tied[n]),
-            "before": float(numbers.before[n]),
-            "after": float(numbers.after[n]),
-            "lower": as_number(numbers.lower[n]),
-            "upper": as_number(numbers.upper[n]),
-            "at_bound": {-1: "lower", 0: None, 1: "upper"}[int(numbers.bound[n])],
-            "multiplier": as_number(numbers.multiplier[n]),
-        }
-        for n, label in enumerate(numbers.name)
-    ]
-
-
-def _limits(found: Optimum, goals: Goals) -> list[Document]:
-    limits, names = found.limits, [goal.name or goal.kind for goal in goals.goal]
-    return [
-        {
-            "goal": names[limits.goal[n] - 1],
-            "limit": text,
-            "value": as_number(limits.value[n]),
-            "margin": as_number(limits.margin[n]),
-            "room": as_number(limits.room[n]),
-            "met": bool(limits.met[n]),
-            "active": bool(limits.active[n]),
-            "multiplier": as_number(limits.multiplier[n]),
-        }
-        for n, text in enumerate(limits.name)
-    ]
-
-
-def _quantities(found: Optimum) -> list[Document]:
-    each = found.quantities
-    models = each.model or [""] * len(each.name)
-    rows = zip(each.name, each.unit, each.before, each.after, models, strict=True)
-    return [
-        {"name": name, "unit": unit, "before": as_number(before), "after": as_number(after)}
-        | {"model": model or None}
-        for name, unit, before, after, model in rows
-    ]
-
-
-def _modes(found: Optimum) -> list[Document]:
-    keys = {
-        "before_hz": found.modes.before,
-        "after_hz": found.modes.after,
-        "top_mass_fraction_before": found.modes.fraction_before,
-        "top_mass_fraction_after": found.modes.fraction_after,
-    }
-    return [
-        {"name": text, "label": found.modes.label[n]}
-        | {key: as_number(values[n]) for key, values in keys.items()}
-        for n, text in enumerate(found.modes.name)
+        dict(zip((key for key, *_ in pairs), row, strict=True)) for row in zip(*lists, strict=True)
     ]
 
 
@@ -302,20 +257,15 @@ def _goal(found: Optimum, numbers: list[int], name: str) -> list[str]:
     mine = [n for n, goal in enumerate(limits.goal) if goal in numbers]
     if not mine:
         return []
-    order = sorted(
-        mine, key=lambda n: limits.margin[n] if math.isfinite(limits.margin[n]) else -math.inf
-    )
+    order = sorted(mine, key=lambda n: (math.isfinite(limits.margin[n]), limits.margin[n]))
     shown = [n for n in order if not limits.met[n] or limits.active[n]]
     shown += [n for n in order if n not in shown][: max(NEAREST - len(shown), 0)]
     word = "met" if all(limits.met[n] for n in mine) else "NOT MET"
     lines = [f"{word:7}  {name}" + (f", {len(mine)} limits" if len(mine) > 1 else "")]
     for n in shown:
         state = "NOT MET" if not limits.met[n] else "active" if limits.active[n] else ""
-        was = (
-            f", was {_size(float(quantities.before[limits.quantity[n]]))}"
-            if limits.other[n] < 0
-            else ""
-        )
+        before = _size(float(quantities.before[limits.quantity[n]]))
+        was = f", was {before}" if limits.other[n] < 0 else ""
         room = [f"margin {_percent(limits.room[n])}"] if math.isfinite(limits.room[n]) else []
         lines.append(
             f"         {limits.name[n]}: {_size(limits.value[n])}{was}"
@@ -338,32 +288,23 @@ def _percent(value: float) -> str:
 
 
 def _verdict(found: Optimum) -> str:
-    count, missed, unknown = (
-        len(found.limits.name),
-        int((~found.limits.met).sum()),
-        len(found.unknown),
-    )
-    said = (
-        [f"{missed} NOT MET" if missed else "all are met" if count != 1 else "met"] if count else []
-    )
-    said += [f"{unknown} NOT KNOWN"] if unknown else []
-    return ", ".join(
-        [
-            f"{count or 'no'} limit{'' if count == 1 else 's'}",
-            *said,
-            found.checked,
-        ]
-    )
+    count, missed = len(found.limits.name), int((~found.limits.met).sum())
+    said = [f"{count or 'no'} limit{'' if count == 1 else 's'}"]
+    if count:
+        said += [f"{missed} NOT MET" if missed else "all are met" if count != 1 else "met"]
+    said += [f"{len(found.unknown)} NOT KNOWN"] if found.unknown else []
+    return ", ".join([*said, found.checked])
 
 
 def _starts(found: Optimum) -> list[str]:
-    place, kept = found.starts.place, found.starts.after <= 1e-8
+    """Say how many searches ended at the design found, and at others."""
+    place, met = found.starts.place, found.starts.after <= 1e-8
     if len(place) == 1:
         return []
+    if not met.any():
+        return [f"none of {len(place)} searches met all limits"]
+    others, failed = int(((place > 1) & met).sum()), int((~met).sum())
     text = f"{int((place == 1).sum())} of {len(place)} searches ended at this design"
-    if not kept[place == 1].any():
-        return [text + "; no search met all limits"]
-    others, failed = int(((place > 1) & kept).sum()), int((~kept).sum())
     text += f", {others} at others that meet all limits" if others else ""
     return [text + (f", {failed} met not all limits" if failed else "")]
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import tomllib
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -11,7 +12,7 @@ import numpy as np
 
 from suspension_cli.design import paths, reader
 from suspension_cli.design.faults import suggest
-from suspension_cli.design.goals import Equal, Free, Goals
+from suspension_cli.design.goals import Goals
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.studies import parameters
@@ -23,14 +24,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class FreeDesign:
-    """A design with free and dependent numbers.
+    """A design whose free numbers are fractions u in [0, 1] of the ranges between their bounds.
 
     Attributes
     ----------
     text : str
         The design as TOML, with the starting values.
-    equal : tuple of Equal
-        Dependent numbers, linear in free and fixed ones.
+    goals : Goals
+        With the free numbers, and the dependent ones, which are linear in free and fixed ones.
     start : array
         Starting values of the free numbers, SI.
     fixed : dict of float
@@ -38,8 +39,7 @@ class FreeDesign:
     """
 
     text: str
-    free: tuple[Free, ...]
-    equal: tuple[Equal, ...]
+    goals: Goals
     start: Float[np.ndarray, " number"]
     fixed: dict[str, float]
 
@@ -50,160 +50,129 @@ class FreeDesign:
         Raises `InputError` if the design does not give them, or a start lies out of bounds.
         """
         known = {item.name: item.value for item in parameters.every(text)}
-        faults, start = [], []
-        for n, item in enumerate(goals.free, 1):
-            value = item.start if item.start is not None else known.get(item.name)
-            if item.name not in known:
-                remedy = f"add it to the design (--set); {suggest(item.name, list(known))}"
-                faults.append(
-                    Fault(
-                        f"free.{n}.name",
-                        "the design gives no such number",
-                        remedy,
-                        format_value(item.name),
-                    )
-                )
-            elif value is not None and not item.lower <= value <= item.upper:
-                faults.append(
-                    Fault(
-                        f"free.{n}",
-                        f"the design's value {value:g} lies outside the bounds"
-                        f" {item.lower:g} to {item.upper:g}",
-                        "give a start between them, or widen them",
-                    )
-                )
-            start.append(value)
-        free = {item.name for item in goals.free}
-        for n, item in enumerate(goals.equal, 1):
-            names = {
-                f"equal.{n}.name": [item.name],
-                f"equal.{n}.terms": [term for term in item.terms if term not in free],
-            }
-            for key, some in names.items():
-                faults += [
-                    Fault(
-                        key,
-                        "the design gives no such number",
-                        suggest(name, list(known)),
-                        format_value(name),
-                    )
-                    for name in some
-                    if name not in known
-                ]
-        if faults:
+        if faults := [*_unknown_numbers(goals, known), *_starts_outside(goals, known)]:
             raise InputError(faults)
-        fixed = {
-            term: known[term] for item in goals.equal for term in item.terms if term not in free
-        }
-        made = FreeDesign(
-            text, tuple(goals.free), tuple(goals.equal), np.array(start, dtype=float), fixed
-        )
+        start = [known[item.name] if item.start is None else item.start for item in goals.free]
+        fixed = {term: known[term] for item in goals.equal for term in item.terms}
+        made = FreeDesign(text, goals, np.array(start, dtype=float), fixed)
         try:
-            return FreeDesign(made.toml(made.start), made.free, made.equal, made.start, fixed)
+            text = made.toml(made.begin)
+            reader.parse(text)
         except InputError as error:
+            problem = "makes the starting design invalid"
             raise InputError(
                 [
-                    Fault(
-                        "equal",
-                        f"makes the starting design invalid: {fault.key}: {fault.problem}",
-                        fault.remedy,
-                    )
-                    for fault in error.faults
+                    Fault("equal", f"{problem}: {one.key}: {one.problem}", one.remedy)
+                    for one in error.faults
                 ]
             ) from None
+        return replace(made, text=text)
 
-    @property
+    @cached_property
     def lower(self) -> Float[np.ndarray, " number"]:
         """Lower bounds, SI."""
-        return np.array([item.lower for item in self.free])
+        return np.array([item.lower for item in self.goals.free])
 
-    @property
+    @cached_property
     def upper(self) -> Float[np.ndarray, " number"]:
         """Upper bounds, SI."""
-        return np.array([item.upper for item in self.free])
+        return np.array([item.upper for item in self.goals.free])
 
     @cached_property
     def _log(self) -> Bool[np.ndarray, " number"]:
-        return np.array([item.scale == "log" for item in self.free])
+        return np.array([item.scale == "log" for item in self.goals.free])
+
+    def _scaled(self, number: Float[np.ndarray, " number"]) -> Float[np.ndarray, " number"]:
+        """Numbers, or their logarithms where the search is logarithmic."""
+        return np.log(number, out=number.copy(), where=self._log)
+
+    @cached_property
+    def begin(self) -> Float[np.ndarray, " number"]:
+        """Fractions of the starting design."""
+        low, high = self._scaled(self.lower), self._scaled(self.upper)
+        return (self._scaled(self.start) - low) / (high - low)
 
     def numbers(self, fraction: Float[np.ndarray, " number"]) -> Float[np.ndarray, " number"]:
-        """Compute free numbers from fractions of the ranges between their bounds."""
-        low, high = self.lower, self.upper
-        with np.errstate(invalid="ignore", divide="ignore"):
-            found = np.where(
-                self._log,
-                np.exp(
-                    np.log(np.abs(low)) + fraction * (np.log(np.abs(high)) - np.log(np.abs(low)))
-                ),
-                low + fraction * (high - low),
-            )
-        return np.clip(found, low, high)
+        """Compute the free numbers at fractions of the ranges."""
+        low, high = self._scaled(self.lower), self._scaled(self.upper)
+        found = low + fraction * (high - low)
+        found = np.clip(np.exp(found, out=found, where=self._log), self.lower, self.upper)
+        return np.where(fraction == self.begin, self.start, found)
 
-    def fractions(self, number: Float[np.ndarray, " number"]) -> Float[np.ndarray, " number"]:
-        """Compute the inverse of `numbers`."""
-        low, high = self.lower, self.upper
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return np.where(
-                self._log,
-                np.log(np.abs(number / low)) / np.log(np.abs(high / low)),
-                (number - low) / (high - low),
-            )
+    def rate(self, fraction: Float[np.ndarray, " number"]) -> Float[np.ndarray, " number"]:
+        """Differentiate `numbers`."""
+        span = self._scaled(self.upper) - self._scaled(self.lower)
+        return span * np.where(self._log, self.numbers(fraction), 1.0)
 
-    def rate(self, number: Float[np.ndarray, " number"]) -> Float[np.ndarray, " number"]:
-        """Differentiate `numbers` by the fractions."""
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return np.where(
-                self._log, number * np.log(np.abs(self.upper / self.lower)), self.upper - self.lower
-            )
-
-    def values(self, number: Float[np.ndarray, " number"]) -> dict[str, float]:
+    def values(self, fraction: Float[np.ndarray, " number"]) -> dict[str, float]:
         """Free numbers, then dependent ones, by dotted path."""
-        free = {item.name: float(value) for item, value in zip(self.free, number, strict=True)}
-        known = free | self.fixed
+        names = (item.name for item in self.goals.free)
+        free = dict(zip(names, self.numbers(fraction).tolist(), strict=True))
+        known = self.fixed | free
         return free | {
-            item.name: item.offset
-            + sum(factor * known[term] for term, factor in item.terms.items())
-            for item in self.equal
+            item.name: item.offset + sum(rate * known[term] for term, rate in item.terms.items())
+            for item in self.goals.equal
         }
 
-    def directions(self, number: Float[np.ndarray, " number"]) -> list[Parameter]:
+    def directions(self, fraction: Float[np.ndarray, " number"]) -> list[Parameter]:
         """Free numbers, each with those that change with it."""
-        ties = [
-            [(tie.name, tie.terms[name]) for tie in self.equal if name in tie.terms]
-            for name in (item.name for item in self.free)
-        ]
+        values, equal = self.values(fraction), self.goals.equal
         return [
-            Parameter(item.name, float(value), tuple(tied))
-            for item, value, tied in zip(self.free, number, ties, strict=True)
+            Parameter(
+                name,
+                values[name],
+                tuple((one.name, one.terms[name]) for one in equal if name in one.terms),
+            )
+            for name in (item.name for item in self.goals.free)
         ]
 
-    def ties(self) -> tuple[Float[np.ndarray, "tied number"], Float[np.ndarray, " tied"]]:
-        """Bounds of dependent numbers as A and b, with A x + b >= 0 for free numbers x.
+    def dependent_margins(
+        self, fraction: Float[np.ndarray, " number"]
+    ) -> tuple[Float[np.ndarray, " bound"], Float[np.ndarray, "bound number"]]:
+        """Compute distances of dependent numbers from their bounds, relative to these, and slopes.
 
-        Rows are relative to the bounds.
+        For each number, first from the lower, then from the upper bound, if it has these.
         """
-        rows, sides = [], []
-        for item in self.equal:
-            row = np.array([item.terms.get(one.name, 0.0) for one in self.free])
-            side = item.offset + sum(
-                factor * self.fixed[term]
-                for term, factor in item.terms.items()
-                if term in self.fixed
-            )
+        values, rate = self.values(fraction), self.rate(fraction)
+        margins, slopes = [], []
+        for item in self.goals.equal:
+            slope = rate * [item.terms.get(one.name, 0.0) for one in self.goals.free]
             for bound, sign in ((item.lower, 1.0), (item.upper, -1.0)):
                 if bound is not None:
-                    size = abs(bound) or 1.0
-                    rows.append(sign * row / size)
-                    sides.append(sign * (side - bound) / size)
-        return np.array(rows).reshape(-1, len(self.free)), np.array(sides)
+                    sign /= abs(bound) or 1.0
+                    margins.append(sign * (values[item.name] - bound))
+                    slopes.append(sign * slope)
+        return np.array(margins), np.array(slopes).reshape(-1, len(rate))
 
-    def toml(self, number: Float[np.ndarray, " number"]) -> str:
-        """Design as TOML; raises `InputError` if it is invalid."""
+    def toml(self, fraction: Float[np.ndarray, " number"]) -> str:
+        """Design as TOML."""
         raw = tomllib.loads(self.text)
-        reader.apply_overrides(raw, paths.symmetric_settings(self.values(number)))
-        reader.convert(raw)
+        reader.apply_overrides(raw, paths.symmetric_settings(self.values(fraction)))
         return reader.write_toml(raw)
 
-    def design(self, number: Float[np.ndarray, " number"]) -> Design:
+    def design(self, fraction: Float[np.ndarray, " number"]) -> Design:
         """Parsed design; raises `InputError` if it is invalid."""
-        return reader.parse(self.toml(number))
+        return reader.parse(self.toml(fraction))
+
+
+def _unknown_numbers(goals: Goals, known: dict[str, float]) -> Iterator[Fault]:
+    """Faults of names that the design does not give."""
+    free = [item.name for item in goals.free]
+    named = [(f"free.{n}.name", name) for n, name in enumerate(free, 1)]
+    for n, item in enumerate(goals.equal, 1):
+        named += [(f"equal.{n}.name", item.name)]
+        named += [(f"equal.{n}.terms", term) for term in item.terms if term not in free]
+    for key, name in named:
+        if name not in known:
+            remedy = f"add it to the design (--set); {suggest(name, list(known))}"
+            yield Fault(key, "the design gives no such number", remedy, format_value(name))
+
+
+def _starts_outside(goals: Goals, known: dict[str, float]) -> Iterator[Fault]:
+    """Faults of starting values of the design that lie outside their bounds."""
+    for n, item in enumerate(goals.free, 1):
+        value = known.get(item.name, item.lower) if item.start is None else item.start
+        if not item.lower <= value <= item.upper:
+            bounds = f"{item.lower:g} to {item.upper:g}"
+            problem = f"the design's value {value:g} lies outside the bounds {bounds}"
+            yield Fault(f"free.{n}", problem, "give a start between them, or widen them")

@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 HIGHEST = 1.05
 """Highest frequency of the search for modes of bodies with wire mass, over the highest without;
 wire mass lowers frequencies, except next to a violin mode."""
-PATH_STEPS = 24
-"""Steps between two designs at which shapes are compared."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +48,7 @@ class Families:
 
     @staticmethod
     def of(mirrors: Bool[np.ndarray, " 2"], energy: Float[np.ndarray, "mode body 6"]) -> Families:
-        """Find the families of a design, from its mirror symmetries and modes.
+        """Find the families of a design.
 
         Parameters
         ----------
@@ -59,15 +57,16 @@ class Families:
         energy : array
             Fractions of the kinetic energy of each mode, by body and degree of freedom.
         """
-        parity = [
-            (PARITY_X[n] if mirrors[0] else 0, PARITY_Y[n] if mirrors[1] else 0)
-            for n in range(len(DOFS))
-        ]
+        signs = mirrors[:, None] * np.array([PARITY_X, PARITY_Y])
+        parity = [tuple(column) for column in signs.T.tolist()]
         kinds = list(dict.fromkeys(parity))
         member = np.array([kinds.index(one) for one in parity])
-        return Families(
-            member, np.bincount(_family_energy(member, energy).argmax(1), minlength=len(kinds))
-        )
+        none = Families(member, np.zeros(len(kinds), dtype=int))
+        return Families(member, np.bincount(none.energy(energy).argmax(1), minlength=len(kinds)))
+
+    def energy(self, energy: Float[np.ndarray, "mode body 6"]) -> Float[np.ndarray, "mode family"]:
+        """Fraction of the kinetic energy of each mode in each family."""
+        return energy.sum(-2) @ np.eye(len(self.size))[self.member]
 
     def name(self, family: int) -> str:
         """Name a family, ``longitudinal-pitch``."""
@@ -80,20 +79,10 @@ class Families:
 
         Where imperfections mix families, each keeps its number of modes.
         """
-        energy_by_family = _family_energy(self.member, energy)
-        own = energy_by_family.argmax(1)
-        if (np.bincount(own, minlength=len(self.size)) != self.size).any():
-            slots = np.repeat(np.arange(len(self.size)), self.size)
-            place = pair_by_overlap(energy_by_family[:, slots])
-            own = np.where(place >= 0, slots[place], -1)
+        slots = np.repeat(np.arange(len(self.size)), self.size)
+        place = pair_by_overlap(self.energy(energy)[:, slots])
+        own = np.where(place >= 0, slots[place], -1)
         return [np.flatnonzero(own == family) for family in range(len(self.size))]
-
-
-def _family_energy(
-    member: Int[np.ndarray, " 6"], energy: Float[np.ndarray, "mode body 6"]
-) -> Float[np.ndarray, "mode family"]:
-    """Fraction of the kinetic energy of each mode in each family."""
-    return energy.sum(-2) @ np.eye(int(member.max()) + 1)[member]
 
 
 def has_wire_mass(model: LinearSystem) -> bool:
@@ -113,59 +102,44 @@ def solve_modes(model: LinearSystem) -> Modes:
     return found.select(np.sort(pairs[pairs >= 0]))
 
 
-def energy_fractions(
-    found: batch_modes.Spectrum, bodies: int
-) -> Float[np.ndarray, "build mode body 6"]:
-    """Fractions of kinetic energy of a batch, by mode, body and motion."""
-    squares = found.shape[..., : 6 * bodies] ** 2
-    return squares.reshape(*squares.shape[:-1], bodies, 6)
-
-
 def follow_modes(
     text: str,
-    start: dict[str, float],
-    end: dict[str, float],
+    path: dict[str, Float[np.ndarray, " step"]],
+    level: str,
     nominal: Float[np.ndarray, "mode coordinate"],
     found: Modes,
     model: LinearSystem,
-    level: str,
 ) -> Int[np.ndarray, " mode"]:
-    """Follow the modes of a design along the straight line to another.
+    """Follow the modes of a design along a path to another.
 
     Parameters
     ----------
     text : str
         Either design as TOML.
-    start, end : dict of float
-        Numbers that change, by dotted path, at both ends.
-    nominal : array
-        Shapes at the start, as in `batch_modes.Spectrum`.
-    found : Modes
-        Modes at the end.
-    model : LinearSystem
-        Linear system at the end.
+    path : dict of arrays
+        Numbers that change, by dotted path, at steps from one design to the other.
     level : str
         Name of a model that supports builds.
+    nominal : array
+        Shapes at the start, as in `batch_modes.Spectrum`.
+    found, model : Modes, LinearSystem
+        At the end.
 
     Returns
     -------
     place : array
         Number among the modes at the end of each mode at the start; -1 where it is unknown.
     """
-    fraction = np.linspace(0, 1, PATH_STEPS + 1)
-    path = {name: start[name] + fraction * (end[name] - start[name]) for name in start}
-    squared = np.full((PATH_STEPS + 1, len(nominal)), np.nan)
-    shape = np.zeros((PATH_STEPS + 1, *nominal.shape))
-    good = np.zeros(PATH_STEPS + 1, dtype=bool)
+    count = len(next(iter(path.values())))
+    squared, good = np.full((count, len(nominal)), np.nan), np.zeros(count, dtype=bool)
+    shape = np.zeros((count, *nominal.shape))
     for batch, here in variants.balanced(text, path, level, allow_unstable=True):
-        if batch.model.size - 6 != nominal.shape[1]:
-            continue
-        solved = batch_modes.solve(batch.model)
-        squared[here], shape[here] = solved.omega_squared, solved.shape
-        good[here] = batch.status == builds.GOOD
+        if batch.model.size - 6 == nominal.shape[1]:
+            solved = batch_modes.solve(batch.model)
+            squared[here], shape[here] = solved.omega_squared, solved.shape
+            good[here] = batch.status == builds.GOOD
     if not good[-1]:
         return np.full(len(nominal), -1)
     rank, _ = mode_tracking.follow(squared, shape, good, (0,), nominal)
     mass = np.diag(model.basis @ model.mass @ model.basis.T)
-    mass_normalised = found.shape * np.sqrt(mass[6:])
-    return pair_by_shape(shape[-1], mass_normalised)[0][rank[-1]]
+    return pair_by_shape(shape[-1], found.shape * np.sqrt(mass[6:]))[0][rank[-1]]

@@ -48,25 +48,22 @@ class Quantities:
     ----------
     name, unit : tuple of str
     before, after : arrays
-        Values of `achieved`; NaN for an unstable mode.
-    searched : array
-        Values in the search.
+        Values of both designs; NaN for an unstable mode.
     mode : array
         Number of the mode in the optimised design, from 0; -1 for other quantities.
     weight : array
         Weight in the objective: positive to minimise, negative to maximise, 0 for others.
     model : tuple of str
-        Model of each mode and response in search and check; "" for loads of straight wires.
+        Model of each mode and response; "" for loads of straight wires.
     """
 
     name: tuple[str, ...]
     unit: tuple[str, ...]
     before: Float[np.ndarray, " quantity"]
     after: Float[np.ndarray, " quantity"]
-    searched: Float[np.ndarray, " quantity"]
     mode: Int[np.ndarray, " quantity"]
-    weight: Float[np.ndarray, " quantity"] | Int[np.ndarray, " quantity"]
-    model: tuple[str, ...] = ()
+    weight: Float[np.ndarray, " quantity"]
+    model: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -108,17 +105,17 @@ class Limits:
 
     @property
     def room(self) -> Float[np.ndarray, " limit"]:
-        """Relative distance of each value from its limit, negative if not met.
+        """Relative distance of each value from its limit, negative if not met."""
+        return relative_room(self.value, self.asked, self.sense)
 
-        Of an equality it is never positive.
-        """
-        away = self.value / self.asked - 1
-        sense = np.array(self.sense, dtype=str)
-        # + 0.0 turns -0.0 into 0.0
-        return (
-            np.where(sense == "equals", -np.abs(away), np.where(sense == "at_most", -away, away))
-            + 0.0
-        )
+
+def relative_room(
+    value: Float[np.ndarray, " limit"], asked: Float[np.ndarray, " limit"], sense: tuple[str, ...]
+) -> Float[np.ndarray, " limit"]:
+    """Distances from limits relative to these, negative if not met; of equalities at most 0."""
+    away, senses = value / asked - 1, np.array(sense, dtype=str)
+    away = np.where(senses == "at_most", -away, away)
+    return np.where(senses == "equals", -np.abs(away), away) + 0.0  # -0.0 becomes 0.0
 
 
 @dataclass(frozen=True)
@@ -178,7 +175,7 @@ class Optimum:
     stationarity : float
         See `ActiveSet`.
     fidelity, reason, error : str, str, float
-        Model of the modes in search and check, why, and its estimated relative error.
+        Model of the modes, why, and its estimated relative error.
     design : str
         The optimised design as TOML.
     goals : str
@@ -206,6 +203,6 @@ class Optimum:
 
     @property
     def checked(self) -> str:
-        """Models with which the quantities were checked, in words."""
+        """Models with which the quantities were computed, in words."""
         levels = sorted({level for level in self.quantities.model if level} or {self.fidelity})
         return f"checked with the {' and '.join(levels)} model{'s' * (len(levels) > 1)}"

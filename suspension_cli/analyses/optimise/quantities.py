@@ -1,19 +1,22 @@
 """Goals as limits on, and weights of, positive quantities of a design.
 
-The margin of a lower limit is ln(value/limit): 0.01 means 1 %.
+The residual of a lower limit is ln(value/limit): 0.01 means 1 %.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
 
-import msgspec
+import numpy as np
 
-from suspension_cli.analyses.optimise import loads
-from suspension_cli.analyses.optimise.loads import Part
+from suspension_cli.analyses.check import statics
+from suspension_cli.analyses.check.statics import Statics
 from suspension_cli.analyses.optimise.mode_families import Families
 from suspension_cli.conventions import DOFS
-from suspension_cli.design.derive import mirror
+from suspension_cli.design.derive import com_positions, mirror
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.goals import Goal, Goals
 from suspension_cli.design.schema import Design, Perturbation
@@ -22,9 +25,26 @@ from suspension_cli.linear import named_results
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.named_results import Ratio
 
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
 
 @dataclass(frozen=True)
-class OfMode:
+class Quantity:
+    """A quantity of a design.
+
+    Attributes
+    ----------
+    text : str
+        Its name.
+    """
+
+    text: str
+    unit: str
+
+
+@dataclass(frozen=True)
+class OfMode(Quantity):
     """Frequency of a mode (Hz), or the fraction of its kinetic energy in the top mass.
 
     Attributes
@@ -37,8 +57,6 @@ class OfMode:
         Number in the starting design, from 0; -1 if family and rank identify the mode.
     """
 
-    text: str
-    unit: str
     fraction: bool
     family: int = -1
     rank: int = -1
@@ -46,39 +64,34 @@ class OfMode:
 
 
 @dataclass(frozen=True)
-class OfResponse:
+class OfResponse(Quantity):
     """Magnitude of a response, or of a ratio of two, of a design with imperfections."""
 
-    text: str
-    unit: str
     ratio: Ratio
     perturbation: tuple[Perturbation, ...] = ()
 
 
 @dataclass(frozen=True)
-class OfPart:
-    """Stress of a wire or blade over its tensile strength."""
+class OfStatics(Quantity):
+    """Stress over tensile strength, or depth of a COM below the suspension point (m).
 
-    text: str
-    unit: str
-    part: Part
+    Attributes
+    ----------
+    part : str
+        ``wires`` or ``blades``, or the stage whose depth is meant.
+    place : int
+        Number of the wire or blade among those of the design, from 0; -1 for a depth.
+    """
 
+    part: str
+    place: int = -1
 
-@dataclass(frozen=True)
-class OfDepth:
-    """Depth of the COM of a stage below the suspension point, m."""
-
-    text: str
-    unit: str
-    stage: str
-
-
-Quantity = OfMode | OfResponse | OfPart | OfDepth
-
-
-def with_imperfections(design: Design, perturbation: tuple[Perturbation, ...]) -> Design:
-    """Add imperfections to those of a design."""
-    return msgspec.structs.replace(design, perturbation=[*design.perturbation, *perturbation])
+    def value(self, design: Design, found: Statics) -> float:
+        """Value in the statics of a design; NaN if unknown."""
+        if self.place >= 0:
+            return float(getattr(found, self.part)[self.place].fraction or np.nan)
+        (shift,) = (body.shift for body in found.bodies if body.name == self.part)
+        return -(com_positions(design)[self.part][2] + shift[2])
 
 
 @dataclass(frozen=True)
@@ -89,12 +102,12 @@ class Limit:
     ----------
     goal, quantity : int
         Their numbers, from 0.
-    other : int
-        Number of the lower mode of a separation; else -1.
     sense : str
         ``at_least``, ``at_most`` or ``equals``.
     value : float
         Limit in the unit of the quantity; for a separation a ratio or a difference in Hz.
+    other : int
+        Number of the lower mode of a separation; else -1.
     hertz : bool
         Whether a separation is a difference.
     """
@@ -106,14 +119,40 @@ class Limit:
     other: int = -1
     hertz: bool = False
 
+    def margin(self, log: Float[np.ndarray, " quantity"]) -> tuple[float, dict[int, float]]:
+        """Compute the margin (of an equality: ln of value over limit), and its derivatives.
 
-@dataclass(frozen=True)
-class ObjectiveTerm:
-    """Weighted logarithm of a quantity in the objective."""
+        `log` are logarithms of the quantities; derivatives are by these.
+        """
+        here = float(log[self.quantity])
+        if self.other < 0:
+            sign = -1.0 if self.sense == "at_most" else 1.0
+            return sign * (here - np.log(self.value)), {self.quantity: sign}
+        there = float(log[self.other])
+        if self.hertz:
+            high, low = np.exp(here) / self.value, np.exp(there) / self.value
+            return high - low - 1, {self.quantity: high, self.other: -low}
+        return here - there - np.log(self.value), {self.quantity: 1.0, self.other: -1.0}
 
-    goal: int
-    quantity: int
-    weight: float
+    def of(self, value: Float[np.ndarray, " quantity"]) -> float:
+        """Quantity, ratio or difference that is limited."""
+        if self.other < 0:
+            return float(value[self.quantity])
+        high, low = value[self.quantity], value[self.other]
+        return float(high - low if self.hertz else high / low)
+
+    def name(self, quantities: tuple[Quantity, ...]) -> str:
+        """Name the limit: ``yaw 3 <= 5 Hz``."""
+        item, sign = quantities[self.quantity], SIGNS[self.sense]
+        unit = (
+            " Hz" if self.hertz else "" if item.unit == "1" or self.other >= 0 else f" {item.unit}"
+        )
+        between = " - " if self.hertz else " / "
+        other = "" if self.other < 0 else between + quantities[self.other].text
+        return f"{item.text}{other} {sign} {self.value:g}{unit}"
+
+
+SIGNS = {"at_least": ">=", "at_most": "<=", "equals": "="}
 
 
 @dataclass(frozen=True)
@@ -122,23 +161,31 @@ class Requirements:
 
     Attributes
     ----------
-    separations : tuple of (goal, modes, value, hertz)
-        Sets of modes to be kept apart; neighbours depend on the design.
-    unknown : tuple of (str, str)
+    separations : tuple of (goal, places, value, hertz)
+        Sets of modes to be kept apart, by their numbers among the quantities.
+    terms : tuple of (place, weight)
+        Weights of logarithms of quantities in the objective to be minimised.
+    unknown : tuple of str
         Requested stresses that are unknown, and the keys that the design lacks.
     """
 
     quantities: tuple[Quantity, ...]
     limits: tuple[Limit, ...]
     separations: tuple[tuple[int, tuple[int, ...], float, bool], ...]
-    terms: tuple[ObjectiveTerm, ...]
-    unknown: tuple[tuple[str, str], ...]
+    terms: tuple[tuple[int, float], ...]
+    unknown: tuple[str, ...]
+
+    def neighbours(self, log: Float[np.ndarray, " quantity"]) -> Iterator[Limit]:
+        """Separations of the modes that are neighbours at the logarithms of the quantities."""
+        for goal, places, value, hertz in self.separations:
+            for low, high in pairwise(sorted(places, key=lambda n: log[n])):
+                yield Limit(goal, high, "at_least", value, low, hertz)
 
 
 def interpret(
     goals: Goals,
     design: Design,
-    found: Modes,
+    modes: Modes,
     families: Families,
     known: tuple[str, ...],
     level: str,
@@ -150,7 +197,7 @@ def interpret(
     goals : Goals
     design : Design
         The starting design.
-    found : Modes
+    modes : Modes
         Its modes, to whose labels goals refer.
     families : Families
     known : tuple of str
@@ -166,161 +213,127 @@ def interpret(
     quantities: dict[Quantity, int] = {}
     limits: list[Limit] = []
     separations: list[tuple[int, tuple[int, ...], float, bool]] = []
-    terms: list[ObjectiveTerm] = []
-    unknown: dict[tuple[str, str], None] = {}
+    terms: list[tuple[int, float]] = []
+    unknown: dict[str, str] = {}
     faults: list[Fault] = []
     for n, goal in enumerate(goals.goal):
+        key, some = f"goal.{n + 1}", list[Quantity]()
         try:
-            some, missing = _of_goal(goal, f"goal.{n + 1}", design, found, families, known, level)
+            if goal.kind in ("band", "separation", "coupling"):
+                some += _modes(goal, key, modes, families, level)
+            elif goal.kind in ("isolation", "cross-coupling"):
+                some.append(_response(goal, key, modes, known))
+            elif goal.kind == "height":
+                some.append(_depth(goal, key, design))
+            else:
+                stresses, missing = _stresses(goal, key, design)
+                some, unknown = [*stresses], unknown | missing
         except InputError as error:
             faults += error.faults
             continue
         places = tuple(quantities.setdefault(item, len(quantities)) for item in some)
-        unknown |= dict.fromkeys(missing)
         if goal.kind == "separation":
             separations.append((n, places, goal.at_least or 0.0, goal.apart == "hertz"))
             continue
         given = [
-            (sense, value)
-            for sense in ("at_least", "at_most", "equals")
-            if (value := getattr(goal, sense)) is not None
+            (sense, getattr(goal, sense)) for sense in SIGNS if getattr(goal, sense) is not None
         ]
         limits += [Limit(n, place, sense, value) for place in places for sense, value in given]
         if goal.minimise or goal.maximise:
-            terms += [
-                ObjectiveTerm(n, place, (goal.weight or 1.0) * (1 if goal.minimise else -1))
-                for place in places
-            ]
+            weight = (goal.weight or 1.0) * (1 if goal.minimise else -1)
+            terms += [(place, weight) for place in places]
     if not faults and not quantities:
-        faults.append(
-            Fault(
-                "goal",
-                "no goal names a quantity that is known for this design",
-                f"give {next(iter(unknown))[1]}",
-            )
-        )
+        problem = "no goal names a quantity that is known for this design"
+        faults.append(Fault("goal", problem, f"give {next(iter(unknown.values()))}"))
     if faults:
         raise InputError(faults)
-    return Requirements(
-        tuple(quantities), tuple(limits), tuple(separations), tuple(terms), tuple(unknown)
-    )
+    lacking = tuple(f"{what}: {missing} is not given" for what, missing in unknown.items())
+    return Requirements(tuple(quantities), tuple(limits), tuple(separations), tuple(terms), lacking)
 
 
-def _of_goal(
-    goal: Goal,
-    key: str,
-    design: Design,
-    found: Modes,
-    families: Families,
-    known: tuple[str, ...],
-    level: str,
-) -> tuple[list[Quantity], list[tuple[str, str]]]:
-    """Quantities of one goal, and those whose value is unknown."""
-    if goal.kind in ("band", "separation", "coupling"):
-        chosen = _of_modes(goal, key, found, families, level)
-        if goal.kind == "separation" and len(chosen) < 2:
-            raise InputError([Fault(key, "there are no two modes to separate", "name more modes")])
-        return list(chosen), []
-    if goal.kind in ("isolation", "cross-coupling"):
-        (ratio,) = named_results.parse([goal.response or ""], found, known, f"{key}.response")
-        assert isinstance(ratio, Ratio)
-        text = f"|{ratio.text.partition(':')[0]}| at {ratio.frequency:g} Hz" + (
-            ", imperfect" if goal.perturbation else ""
-        )
-        return [OfResponse(text, ratio.unit, ratio, tuple(goal.perturbation or ()))], []
-    if goal.kind == "stress":
-        return _of_parts(goal, key, design)
-    stages = [stage.name for stage in design.stage]
-    if goal.stage is not None and goal.stage not in stages:
-        raise InputError(
-            [
-                Fault(
-                    f"{key}.stage",
-                    "names no stage",
-                    suggest(goal.stage, stages),
-                    format_value(goal.stage),
-                )
-            ]
-        )
-    stage = goal.stage or mirror(design)
-    return [OfDepth(f"height down to {stage}", "m", stage)], []
-
-
-def _of_modes(goal: Goal, key: str, found: Modes, families: Families, level: str) -> list[OfMode]:
+def _modes(goal: Goal, key: str, modes: Modes, families: Families, level: str) -> list[OfMode]:
+    """Modes of a goal by label, or by family and rank."""
     fraction, unit = goal.kind == "coupling", "1" if goal.kind == "coupling" else "Hz"
+    suffix = " from the top mass" if fraction else ""
+    chosen = []
     if goal.modes is not None:
-        named = [
-            item
-            for item in named_results.parse(goal.modes, found, (), f"{key}.modes")
+        chosen = [
+            OfMode(item.text + suffix, unit, fraction, number=item.number)
+            for item in named_results.parse(goal.modes, modes, (), f"{key}.modes")
             if isinstance(item, named_results.Mode)
         ]
-        if not named:
-            raise InputError(
-                [
-                    Fault(
-                        f"{key}.modes",
-                        "names no mode",
-                        f"list labels with pendsus modes --fidelity {level}",
-                        format_value(goal.modes),
-                    )
-                ]
-            )
-        return [OfMode(item.text, unit, fraction, number=item.number) for item in named]
-    chosen = []
+        if not chosen:
+            remedy = f"list labels with pendsus modes --fidelity {level}"
+            named = format_value(goal.modes)
+            raise InputError.of(f"{key}.modes", "names no mode", remedy, named)
     for family in dict.fromkeys(int(families.member[DOFS.index(dof)]) for dof in goal.dof or ()):
-        count = int(families.size[family])
-        if goal.lowest is not None and goal.lowest > count:
-            problem = f"the design has {count} modes of family {families.name(family)}"
-            raise InputError(
-                [
-                    Fault(
-                        f"{key}.lowest", problem, f"give at most {count}", format_value(goal.lowest)
-                    )
-                ]
-            )
+        count, name = int(families.size[family]), families.name(family)
+        if (lowest := goal.lowest or count) > count:
+            problem = f"the design has {count} modes of family {name}"
+            raise InputError.of(f"{key}.lowest", problem, f"give at most {count}", f"{lowest}")
         chosen += [
-            OfMode(f"{families.name(family)} {rank + 1}", unit, fraction, family, rank)
-            for rank in range(goal.lowest or count)
+            OfMode(f"{name} {rank + 1}{suffix}", unit, fraction, family, rank)
+            for rank in range(lowest)
         ]
+    if goal.kind == "separation" and len(chosen) < 2:
+        raise InputError.of(key, "there are no two modes to separate", "name more modes")
     return chosen
 
 
-def _of_parts(goal: Goal, key: str, design: Design) -> tuple[list[Quantity], list[tuple[str, str]]]:
-    """Known stresses of the named wires and blades, or of all; and the unknown ones."""
-    every = loads.parts(design)
-    chosen, faults = [], []
-    for blade, names in enumerate((goal.wires, goal.blades)):
-        mine = [part for part in every if part.blade == bool(blade)]
-        word = "blades" if blade else "wires"
-        for name in names or ():
-            some = [part for part in mine if part.stage == name]
-            if not some:
-                faults.append(
-                    Fault(
-                        f"{key}.{word}",
-                        f"names no stage with {word}",
-                        suggest(name, list(dict.fromkeys(p.stage for p in mine))),
-                        format_value(name),
-                    )
-                )
-            faults += [
-                Fault(
-                    f"{key}.{word}",
-                    f"the stress of {part.label} is unknown",
-                    f"give {part.missing} in the design",
-                    format_value(name),
-                )
-                for part in some
-                if part.missing
-            ]
-            chosen += some
+def _response(goal: Goal, key: str, modes: Modes, known: tuple[str, ...]) -> OfResponse:
+    (ratio,) = named_results.parse([goal.response or ""], modes, known, f"{key}.response")
+    assert isinstance(ratio, Ratio)
+    imperfect = ", imperfect" if goal.perturbation else ""
+    text = f"|{ratio.text.partition(':')[0]}| at {ratio.frequency:g} Hz{imperfect}"
+    return OfResponse(text, ratio.unit, ratio, tuple(goal.perturbation or ()))
+
+
+def _depth(goal: Goal, key: str, design: Design) -> OfStatics:
+    stages = [stage.name for stage in design.stage]
+    stage = goal.stage or mirror(design)
+    if stage not in stages:
+        named = format_value(stage)
+        raise InputError.of(f"{key}.stage", "names no stage", suggest(stage, stages), named)
+    return OfStatics(f"height down to {stage}", "m", stage)
+
+
+def _stresses(goal: Goal, key: str, design: Design) -> tuple[list[OfStatics], dict[str, str]]:
+    """Known stresses of the named wires and blades, or of all; and keys that others lack.
+
+    One wire or blade stands for all of a symmetric set of a perfect design.
+    """
+    parts: dict[OfStatics, str] = {}
+    faults, loads = [], statics.solve(design)
+    for word, geometry in (("wires", "radius"), ("blades", "geometry")):
+        sets = {stage.name: getattr(stage, word) for stage in design.stage}
+        named, known, single = getattr(goal, word), dict[str, dict[OfStatics, str]](), word[:-1]
+        for place, load in enumerate(getattr(loads, word)):
+            stage, _, name = load.label.partition(".")
+            alike = sets[stage] is not None and not design.perturbation
+            item = OfStatics(
+                f"stress of {stage} {word}" if alike else f"stress of {single} {load.label}",
+                "of breaking",
+                word,
+                place,
+            )
+            table = f"stage.{stage}.{f'{single}.{name}' if sets[stage] is None else word}"
+            missing = f"{table}.{geometry if load.stress is None else 'material'}"
+            if load.stress is not None and load.material:
+                missing = f"materials.{load.material}.tensile_strength"
+            if not (alike and stage in known):
+                own = known.setdefault(stage, {})
+                own[item] = "" if load.fraction is not None else missing
+        everything = goal.wires is None and goal.blades is None
+        for name in known if everything else named or ():
+            if name not in known:
+                problem, remedy = f"names no stage with {word}", suggest(name, list(known))
+                faults.append(Fault(f"{key}.{word}", problem, remedy, format_value(name)))
+            parts |= known.get(name, {})
+            for item, missing in known.get(name, {}).items():
+                if missing and not everything:
+                    problem, remedy = f"the {item.text} is unknown", f"give {missing} in the design"
+                    faults.append(Fault(f"{key}.{word}", problem, remedy, format_value(name)))
     if faults:
         raise InputError(faults)
-    if goal.wires is None and goal.blades is None:
-        chosen = every
-    stressed: list[Quantity] = [
-        OfPart(f"stress of {part.label}", "of breaking", part)
-        for part in chosen
-        if not part.missing
-    ]
-    return stressed, [(f"stress of {part.label}", part.missing) for part in chosen if part.missing]
+    unknown = {item.text: missing for item, missing in parts.items() if missing}
+    return [item for item, missing in parts.items() if not missing], unknown
