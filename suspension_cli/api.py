@@ -932,21 +932,19 @@ def optimise(
     return _run("optimise", locals(), files)
 
 
-def tradeoff(design: Design, *, quantities: Names = (), repeat: int = 7) -> Result:
-    """Measure time and error of every model and method for one design.
+def tradeoff(design: Design, *, quantities: Names = ()) -> Result:
+    """Measure time and error of each model for one design, and advise on a model.
 
     Parameters
     ----------
     design : Design
     quantities : str or sequence of str
-        ``"modes"``, ``"response"``, ``"thermal"``, ``"coupling"``, ``"equilibrium"``; default: all.
-    repeat : int
-        Samples of every time; fewer of slow methods.
+        ``"modes"``, ``"response"``, ``"thermal"``, ``"coupling"``; default: all.
 
     Returns
     -------
     Result
-        With the attributes of `analyses.tradeoff.result.Tradeoff`: `panels`, `waits`, ...
+        With the attributes of `analyses.tradeoff.result.Tradeoff`: `answers`, `entries`.
 
     Raises
     ------
@@ -956,9 +954,9 @@ def tradeoff(design: Design, *, quantities: Names = (), repeat: int = 7) -> Resu
     Examples
     --------
     >>> import suspension_cli as sus
-    >>> found = sus.tradeoff(sus.template("single"), quantities="modes", repeat=2)
-    >>> [(panel.quantity, panel.compares) for panel in found.panels]
-    [('modes', 'models'), ('modes', 'methods')]
+    >>> found = sus.tradeoff(sus.template("single"), quantities="modes")
+    >>> [entry.model for entry in found.answers[0].options]
+    ['closed-form', 'force', 'string', 'beam', 'violin']
     """
     return _run("tradeoff", locals())
 

@@ -149,7 +149,7 @@ LOADED = {
     "fit": lambda: sus.fit(FITTED, sus.example("husman2000/table1-case4")),
     "matrix": lambda: sus.xcouple(sus.read(DOUBLE), matrix=True, observe="upper", model="string"),
     "losses": lambda: sus.modes(sus.example("geo-silica-triple").replace(LOSSLESS)),
-    "tradeoff": lambda: sus.tradeoff(sus.template("single"), quantities="modes", repeat=2),
+    "tradeoff": lambda: sus.tradeoff(sus.template("single"), quantities="modes"),
 }
 LOSSLESS = {"materials.steel302": {"loss_angle": 0.0}}
 
