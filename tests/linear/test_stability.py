@@ -17,7 +17,7 @@ from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
 from tests.support.paths import ROOT
 from tools import atlas
-from tools.stability import beams, blades, couplings, frequency, geometry, masses, modal, poses
+from tools.stability import beams, blades, couplings, frequency, geometry, masses, modal
 from tools.stability.row import BROKEN, Row
 
 EPS = 2.0**-53
@@ -143,18 +143,6 @@ def test_soft_pitch():
     fails(row, difference=(1.0, 1e-8))
 
 
-def test_pitch_of_wires_ever_closer_to_the_com():
-    """Nothing cancels, so no digit is lost however soft pitch is; wires that end in the COM leave
-    it free."""
-    row = geometry.narrow(np.array([1e-2, 1e-4, 1e-6, 1e-9, 1e-12]))
-    assert_within(row, 20 * EPS)
-    fails(row, difference=(1e-4, 1e-9))
-    free = eigenmodes.solve(
-        registry.STRING.system(geometry.design(geometry.document(s=0.0, d=0.0)))
-    )
-    assert free.omega_squared[0] == 0 and free.label[0] == "test pitch"
-
-
 @pytest.mark.parametrize("distance", [1e-6, 1e-12])
 def test_where_pitch_tips_over(distance):
     """At d = -4 k s^2 / (m g): from the side on which gravity wins there is one mode that grows, on
@@ -184,14 +172,6 @@ def test_slack_is_refused():
         geometry.statics.solve(one)
 
 
-def test_nearly_horizontal():
-    """The last bit of the length is EPS / slope^2 of the height."""
-    value = np.array([0.5, 1e-2, 1e-4, 1e-5, 3e-6])
-    row = geometry.nearly_horizontal(value)
-    assert_within(row, 20 * EPS + 3 * EPS / value**2)
-    assert row.error["difference quotients of energy"].max() > 1e-6
-
-
 def test_quality():
     """No rounding shows at any Q, and nothing is left out where losses are large."""
     loss = np.array([1e-2, 1e-5, 1e-8, 1e-11, 1e-14, 1e-15])
@@ -210,22 +190,6 @@ def test_masses():
     fails(row, pitch=(1.0, 1e-3))
 
 
-def test_heavy_wires():
-    """Wires with mass are right whatever they weigh; `auto` to its tolerance."""
-    row = masses.heavy_wires(np.array([1e-6, 1e-3, 0.1, 1.0]))
-    assert_within(row, 1e-6, "pendsus: violin")
-    assert_within(row, 1e-3, "pendsus: auto")
-    fails(row, wires=(1e-3, 0.1), a_third=(1e-3, 1.0))
-
-
-def test_poses_with_two_growing_modes():
-    """The pose of lowest energy is found, alone and in a batch, where Newton's method misses it."""
-    row = poses.row(np.array([1e-4, 0.7]))
-    assert_within(row, 1e-8, "pendsus: a build alone")
-    assert_within(row, 1e-8, "pendsus: among others")
-    fails(row, Newton=(1e-4, 0.7), one_linear=(1e-4, 0.7))
-
-
 def test_every_row_is_tested():
     """The functions of the atlas are those called here, with their own grids."""
     text = (ROOT / "tests" / "linear" / "test_stability.py").read_text()
@@ -240,33 +204,6 @@ def test_the_page_is_that_of_the_rows():
     assert f"**{row.title}** ({row.quantity}). {row.finding}" in page
     assert page.count("\n| **") == len(atlas.ROWS)
     assert atlas.table_row(row).count("|") == atlas.HEAD.splitlines()[-1].count("|")
-
-
-def test_names_cover_no_line():
-    """The names in a panel stand clear of every line, whatever these are."""
-    from suspension_cli.drawing.style import house_style
-    from tools.stability import draw
-
-    value = np.geomspace(1, 1e6, 25)
-    rising, falling = 1e-16 * value**2, 1e-2 / value
-    row = Row(
-        "t",
-        "d",
-        "q",
-        value,
-        {"pendsus: one": rising, "another": falling, "a third": np.full(25, 1e-15)},
-        "",
-        "",
-        mark={"here": 1e2},
-    )
-    with house_style():
-        (figure,) = draw.draw_pages([row])
-        axes = figure.axes[0]
-        box = axes.get_legend().get_window_extent(figure.canvas.get_renderer())
-        for error in row.error.values():
-            assert not box.padded(5).count_contains(
-                axes.transData.transform(np.column_stack(draw._drawn(row, error)))
-            )
 
 
 def test_overview_shows_how_far_each_method_gets():
