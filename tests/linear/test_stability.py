@@ -11,13 +11,16 @@ import re
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
+from suspension_cli.analyses.modes import wire_modes
 from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
 from tests.support.paths import ROOT
 from tools import atlas
 from tools.stability import beams, blades, couplings, frequency, geometry, masses, modal
+from tools.stability.references import SHAPE, design, document, omega_squared, stage
 from tools.stability.row import BROKEN, Row
 
 EPS = 2.0**-53
@@ -143,6 +146,31 @@ def test_soft_pitch():
     fails(row, difference=(1.0, 1e-8))
 
 
+@pytest.mark.parametrize("size", [1e-2, 1e-6, 1e-12])
+def test_pitch_of_wires_ever_closer_to_the_com(size):
+    """Nothing cancels, so no digit is lost however soft pitch is."""
+    shape = {"s": size, "d": size}
+    exact = [float(value) for value in omega_squared(stage(shape=shape))]
+    found = eigenmodes.solve(registry.STRING.system(design(document(**shape))))
+    np.testing.assert_allclose(np.sort(found.omega_squared), exact, rtol=20 * EPS)
+
+
+def test_wires_that_end_in_the_com_leave_pitch_free():
+    free = eigenmodes.solve(registry.STRING.system(design(document(s=0.0, d=0.0))))
+    assert free.omega_squared[0] == 0 and free.label[0] == "test pitch"
+
+
+@pytest.mark.parametrize("slope", [0.5, 1e-2, 1e-4, 3e-6])
+def test_nearly_horizontal_wires(slope):
+    """The last bit of the length is EPS / slope^2 of the height."""
+    reach = SHAPE["l"] * float(np.sqrt((1 - slope) * (1 + slope)))
+    shape = {"t1": 0.01 + reach, "t2": 0.01, "s": 0.05, "k": 5e3 / slope}
+    exact = [float(value) for value in omega_squared(stage(shape=shape))]
+    for model in (registry.STRING, registry.FORCE):
+        found = np.sort(eigenmodes.solve(model.system(design(document(**shape)))).omega_squared)
+        np.testing.assert_allclose(found, exact, rtol=20 * EPS + 3 * EPS / slope**2)
+
+
 @pytest.mark.parametrize("distance", [1e-6, 1e-12])
 def test_where_pitch_tips_over(distance):
     """At d = -4 k s^2 / (m g): from the side on which gravity wins there is one mode that grows, on
@@ -188,6 +216,32 @@ def test_masses():
     assert_within(row, 3e-10, "pendsus: pitch of the light body")
     assert_within(row, 1e-12, "pendsus: ω² of all modes")
     fails(row, pitch=(1.0, 1e-3))
+
+
+@pytest.mark.parametrize("ratio", [1e-6, 1e-3, 0.1, 1.0])
+def test_pendulum_on_heavy_wires(ratio):
+    """A string of mass M_w with a mass M at its end: X tan X = M_w / M, X = omega L / c. The wires
+    are so limp that bending matters less than 1e-6."""
+    length, radius, mass = 0.5, 3e-4, 0.12
+    density = ratio * mass / (4 * length * np.pi * radius**2)
+    wires = {"count": 4, "l": length, "s": 0.02, "t1": 0.02, "t2": 0.02, "d": 0.0, "k": 1e6}
+    raw = {
+        "design": {"name": "light"},
+        "materials": {
+            "limp": {"youngs_modulus": 1.0, "poisson_ratio": 0.3, "density": float(density)}
+        },
+        "stage": [
+            {
+                "name": "light",
+                "body": {"mass": mass, "inertia": [1e-5] * 3},
+                "wires": wires | {"material": "limp", "radius": radius},
+            }
+        ],
+    }
+    x = brentq(lambda x: x * np.sin(x) - ratio * np.cos(x), 1e-9, 1.5, xtol=1e-14)
+    exact = x * np.sqrt(9.81 / length / ratio) / (2 * np.pi)
+    found = wire_modes.solve(registry.VIOLIN.system(design(raw)), 2.0)
+    assert found.frequency[0] == pytest.approx(exact, rel=1e-6)
 
 
 def test_every_row_is_tested():
