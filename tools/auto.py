@@ -23,7 +23,7 @@ from suspension_cli.analyses.tradeoff.picture import COLOUR
 from suspension_cli.analyses.tradeoff.questions import Coupling, ModeFrequencies, Question
 from suspension_cli.analyses.xcouple import model_error
 from suspension_cli.design.reader import Source
-from suspension_cli.drawing.curves import label_plainly, rule
+from suspension_cli.drawing.curves import label_plainly, rule, write_plainly
 from suspension_cli.drawing.style import (
     INK,
     NOTE,
@@ -251,11 +251,13 @@ def _draw_errors(axes: Axes, found: list[Trial]) -> None:
         axes.plot(one.tolerance, max(one.error, FLOOR), "o", **look)
     axes.set(xlabel="requested tolerance", ylabel="error of the result")
     ticks = (1e-7, 1e-5, 1e-3, 1e-1)
-    axes.set_yticks([FLOOR, *ticks], ["none", *map(percent, ticks)])
+    axes.set_yticks(
+        [FLOOR, *ticks], ["none", *(f"{write_plainly(100 * tick)} %" for tick in ticks)]
+    )
     ticks = (1e-4, 1e-3, 1e-2, 1e-1)
     axes.set_xticks(ticks, [percent(tick) for tick in ticks])
     axes.minorticks_off()
-    for text, up in (("too large", 0.96), ("allowed", 0.08)):
+    for text, up in (("too large", 0.99), ("allowed", 0.16)):
         axes.text(0.03, up, text, transform=axes.transAxes, va="top", fontsize=8, color=NOTE)
 
 

@@ -91,7 +91,7 @@ class TradeoffAnalysis(Analysis):
         from suspension_cli.models.choice import percent
 
         found: Tradeoff = result.data
-        names = {entry.model: "-" for entry in found.entries if not entry.left_out}
+        names = dict.fromkeys(one.model for answer in found.answers for one in answer.options)
         advice, rows = [], []
         for answer in found.answers:
             advice.append((answer.question, answer.advice))

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from suspension_cli.analyses.tradeoff.result import EQUAL, Answer, Tradeoff, unit_of_time
+from suspension_cli.analyses.tradeoff.result import Answer, Tradeoff, unit_of_time
 from suspension_cli.drawing.curves import COLUMN, label_plainly, rule, wrap, write_heading
 from suspension_cli.drawing.labels import annotate
 from suspension_cli.drawing.style import (
@@ -34,6 +32,8 @@ HEAD, ABOVE, HIGH, BELOW = 0.46, 0.26, 1.3, 0.56
 LINE = 0.15
 """Height of a line of notes, in."""
 FONT = 7.8
+ROUNDING = 1e-12
+"""Errors below this are drawn with the reference."""
 
 
 def draw(found: Tradeoff, title: str) -> Figure:
@@ -41,8 +41,7 @@ def draw(found: Tradeoff, title: str) -> Figure:
     key = ""
     if any(answer.options for answer in found.answers):
         key = wrap(
-            f"Shaded: accurate enough, {found.within}, the reference. Steps: no other model is both"
-            " faster and more accurate.",
+            f"Left is fast, down is accurate. Shaded: {found.within}. Large: the model to use.",
             COLUMN - 0.2,
         )
     advice = [wrap(answer.advice, COLUMN - 0.2, FONT) for answer in found.answers]
@@ -64,12 +63,12 @@ def draw(found: Tradeoff, title: str) -> Figure:
 
 
 def _draw_chart(axes: Axes, answer: Answer) -> None:
-    """Draw models as points, their Pareto front and the tolerance."""
+    """Draw models as points, and the tolerance as a band."""
     options = answer.options
     unit, size = unit_of_time(min(option.time for option in options))
     time = np.array([option.time for option in options]) / size
-    error = np.array([option.error for option in options])
-    seen = np.append(error[(error > EQUAL) & np.isfinite(error)], TOLERANCE)
+    error = np.nan_to_num([option.error for option in options])
+    seen = np.append(error[(error > ROUNDING) & np.isfinite(error)], TOLERANCE)
     floor = float(10 ** (np.floor(np.log10(seen.min())) - 0.8))
     high = max(float(seen.max()), 10 * TOLERANCE)
     shown = np.clip(error, floor, high)
@@ -82,27 +81,20 @@ def _draw_chart(axes: Axes, answer: Answer) -> None:
     label_plainly(axes.xaxis)
     decades = np.arange(np.ceil(np.log10(floor) + 0.3), np.floor(np.log10(axes.get_ylim()[1])) + 1)
     decades = decades[:: -max(1, -(-len(decades) // 5))][::-1]
-    names = {floor: "reference"} if error.min() <= EQUAL else {}
+    names = {floor: "reference"} if error.min() <= ROUNDING else {}
     names |= {10.0**power: percent(10.0**power) for power in decades.tolist()}
     axes.set_yticks([*names], [*names.values()])
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.minorticks_off()
     enough = with_opacity(PALE, 0.28)
     axes.axhspan(axes.get_ylim()[0], TOLERANCE, color=enough, linewidth=0, zorder=0)
-    on = [options.index(entry) for entry in answer.front]
-    corners = np.repeat(np.stack([time[on], shown[on]], axis=1), 2, axis=0)
-    corners[1::2, 0] = [*time[on][1:], axes.get_xlim()[1]]  # along to the next time, then down
-    path = np.concatenate([[[time[on[0]], axes.get_ylim()[1]]], corners])
-    axes.plot(*path.T, color=NOTE, lw=0.9, alpha=0.75, zorder=1.5, solid_joinstyle="miter")
     for option, x, y in zip(options, time, shown, strict=True):
         look = {"ms": 8.5 if option == answer.best else 5, "zorder": 4}
-        axes.plot(x, y, "o", color=COLOUR[option.model], clip_on=False, **look)
-    pixels = [axes.transData.transform(ends) for ends in pairwise(path)]
+        axes.plot(x, y, "o", color=COLOUR.get(option.model, NOTE), clip_on=False, **look)
     annotate(
         axes,
         list(zip(time.tolist(), shown.tolist(), strict=True)),
         [option.model for option in options],
-        [COLOUR[option.model] for option in options],
+        [COLOUR.get(option.model, NOTE) for option in options],
         8.0,
-        lines=[(*ends.min(0).tolist(), *ends.max(0).tolist()) for ends in pixels],
     )

@@ -46,22 +46,10 @@ SPREAD = 0.01
 """Relative range of the mirror's mass in a sweep, to either side."""
 
 
-def unanswered(reason: str) -> InputError:
-    """Return the error that a model has no answer to a question."""
-    return InputError.of("", reason, "")
-
-
 class Question(ABC):
-    """A quantity of one design.
+    """What is asked about a design: a quantity of `command.QUANTITIES`, in words in `text`.
 
-    Attributes
-    ----------
-    quantity : str
-        As in `command.QUANTITIES`.
-    text : str
-        What is asked; the size of the task after a comma.
-    count : int
-        Number of designs or builds that are computed together; times are for one.
+    `count` designs or builds are computed together; times are for one.
     """
 
     quantity: str
@@ -121,7 +109,7 @@ class ModesInSweep(ModeFrequencies):
     def work(self, model: Model) -> Callable[[], object]:
         """Prepare a sweep of the mirror's mass."""
         if model.has_wire_mass:
-            raise unanswered("a sweep follows the modes of wires without mass")
+            raise InputError.of("", "a sweep follows the modes of wires without mass", "")
         body = next(stage.body for stage in self.design.stage if stage.name == self.mirror)
         key = "density" if body.mass is None else "mass"
         values = getattr(body, key) * np.linspace(1 - SPREAD, 1 + SPREAD, DESIGNS)
@@ -166,13 +154,13 @@ class ThermalNoise(Response):
     def solve(self, model: Model) -> Spectrum:
         """Compute the noise from the design on."""
         if not model.bends_wires:
-            raise unanswered("it does not know where along a wire its loss acts")
+            raise InputError.of("", "it does not know where along a wire its loss acts", "")
         system = model.system(self.design)
         motion = thermal.parse_motion(system, f"{self.mirror}.x")
         warmth = self.design.constants.temperature
         found = thermal.solve_all(system, self.frequency, [motion], warmth)[0].amplitude
         if not found.any():
-            raise unanswered("nothing dissipates")
+            raise InputError.of("", "nothing dissipates", "")
         return system, found
 
 
@@ -197,14 +185,14 @@ class Coupling(Question):
     def solve(self, model: Model) -> Inexact[np.ndarray, "build 1"]:
         """Compute the coupling of all builds."""
         if not model.supports_builds:
-            raise unanswered("it has no imperfect builds")
+            raise InputError.of("", "it has no imperfect builds", "")
         if self.job.question.wire < 0:
-            raise unanswered("the mirror hangs on no wire")
+            raise InputError.of("", "the mirror hangs on no wire", "")
         found = replace(self.job, level=model.name).compute(0, self.count)["ratio"]
         if not np.isfinite(found).any():
-            raise unanswered("no imperfect build has a stable equilibrium on taut wires")
+            raise InputError.of("", "no imperfect build has a stable equilibrium on taut wires", "")
         if not np.nanmax(np.abs(found)) > ROUNDING:
-            raise unanswered("these imperfections couple nothing")
+            raise InputError.of("", "these imperfections couple nothing", "")
         return found
 
     def compare(self, found: np.ndarray, true: np.ndarray) -> tuple[float, str]:

@@ -11,27 +11,15 @@ from suspension_cli.models.choice import TOLERANCE, percent
 
 WORTHWHILE = 1.2
 """Ratio of times from which a faster model is named as an alternative."""
-EQUAL = 1e-12
-"""Difference of errors that is a rounding error."""
 
 
 @dataclass(frozen=True)
 class Entry:
     """Time and error of one model for one question about a design.
 
-    Attributes
-    ----------
-    quantity, question
-        What is asked, as in `--quantity` and in words.
-    time
-        Median processor time of one result, design or build, s; NaN if there is none.
-    error
-        Largest relative error against the most complete model that has a result (its own is 0); NaN
-        without a result.
-    where
-        The mode or frequency of this error.
-    left_out
-        Why there is no time; "" if there is one.
+    `time` is the median processor time of one result, design or build, s; `left_out` says why it is
+    NaN. `error` is the largest relative one against the most complete model that has a result (its
+    own is 0; NaN without a result), `where` its mode or frequency.
     """
 
     quantity: str
@@ -67,7 +55,7 @@ class Answer:
     @property
     def options(self) -> list[Entry]:
         """The models that are not left out."""
-        return [entry for entry in self.entries if not entry.left_out]
+        return [entry for entry in self.entries if 0 < entry.time < math.inf]
 
     @property
     def best(self) -> Entry | None:
@@ -97,15 +85,6 @@ class Answer:
         why = "no other model is faster" if fastest else "simpler models save hardly any time"
         return f"Use {best.model}: {why}."
 
-    @property
-    def front(self) -> list[Entry]:
-        """The Pareto front, fastest first: no other model is both faster and more accurate."""
-        kept: list[Entry] = []
-        for entry in sorted(self.options, key=lambda entry: (entry.time, entry.error)):
-            if not kept or entry.error < kept[-1].error - EQUAL:
-                kept.append(entry)
-        return kept
-
 
 @dataclass(frozen=True)
 class Tradeoff:
@@ -132,10 +111,6 @@ def unit_of_time(seconds: float) -> tuple[str, float]:
 
 
 def format_time(seconds: float) -> str:
-    """Format a time with two digits.
-
-    >>> format_time(0.00234), format_time(0.197)
-    ('2.3 ms', '200 ms')
-    """
+    """Format a time with two digits: ``2.3 ms``."""
     unit, size = unit_of_time(seconds)
     return f"{float(f'{seconds / size:.2g}'):g} {unit}"

@@ -189,21 +189,6 @@ def test_advice():
     )
 
 
-def test_front_against_its_definition():
-    """On it is what nothing beats; each other point is beaten by one that is on it."""
-    rng = np.random.default_rng(1)
-    for _ in range(50):
-        time, error = rng.integers(1, 8, 12).astype(float), 10.0 ** -rng.integers(0, 8, 12)
-        on = [(entry.time, entry.error) for entry in made_up(*zip(time, error, strict=True)).front]
-        beaten = (
-            (time[:, None] >= time)
-            & (error[:, None] >= error)
-            & ((time[:, None] > time) | (error[:, None] > error))
-        )
-        assert set(on) == {(time[n], error[n]) for n in np.flatnonzero(~beaten.any(1))}
-        assert on == sorted(on) and len(set(on)) == len(on)
-
-
 def test_works_take_turns_within_the_budget(monkeypatch):
     clock, calls = [0.0], []
     monkeypatch.setattr(measure.time, "process_time", lambda: clock[0])
