@@ -58,7 +58,7 @@ thermal: $(READY) ## thermal noise of a triple with a fused-silica final stage
 stability: $(READY) ## where methods fail, and that ours does not
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tools.atlas
 
-tradeoff: $(READY) ## speed against accuracy of every model and method (two minutes)
+tradeoff: $(READY) ## speed against accuracy of every model, and of methods for a response (two minutes)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tools.tradeoff
 
 auto: $(READY)   ## what auto leaves out, and what that costs, on random suspensions

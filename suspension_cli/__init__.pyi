@@ -677,23 +677,20 @@ def tradeoff(
     design: Design | PathLike,
     *,
     quantities: Names = (),
-    repeat: int = 7,
 ) -> Result:
-    """Measure speed and accuracy of every model and every method, for one design.
+    """Measure time and error of each model for one design, and advise on a model.
 
     Parameters
     ----------
     design : Design
         The design, or the path of its file.
-    quantities : {"modes", "response", "thermal", "coupling", "equilibrium"}
+    quantities : {"modes", "response", "thermal", "coupling"}
         Compare only for this quantity. Default: all.
-    repeat : int
-        Samples of each time (fewer for slow methods).
 
     Returns
     -------
     Result
-        With the attributes of `analyses.tradeoff.result.Tradeoff`: `panels`, `waits`, ...
+        With the attributes of `analyses.tradeoff.result.Tradeoff`: `answers`, `entries`.
 
     Raises
     ------
@@ -703,9 +700,9 @@ def tradeoff(
     Examples
     --------
     >>> import suspension_cli as sus
-    >>> found = sus.tradeoff(sus.template("single"), quantities="modes", repeat=2)
-    >>> [(panel.quantity, panel.compares) for panel in found.panels]
-    [('modes', 'models'), ('modes', 'methods')]
+    >>> found = sus.tradeoff(sus.template("single"), quantities="modes")
+    >>> [entry.model for entry in found.answers[0].options]
+    ['closed-form', 'force', 'string', 'beam', 'violin']
     """
 
 def xcouple(

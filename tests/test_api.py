@@ -153,7 +153,7 @@ LOADED = {
         sus.read(DOUBLE), matrix=True, observe="upper", fidelity="string"
     ),
     "losses": lambda: sus.modes(sus.example("geo-silica-triple").replace(LOSSLESS)),
-    "tradeoff": lambda: sus.tradeoff(sus.template("single"), quantities="modes", repeat=2),
+    "tradeoff": lambda: sus.tradeoff(sus.template("single"), quantities="modes"),
 }
 LOSSLESS = {"materials.steel302": {"loss_angle": 0.0}}
 

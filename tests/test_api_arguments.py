@@ -34,7 +34,7 @@ VARY = {DEPTH: [1e-3, 2e-3]}
         (lambda: sus.modes(SINGLE, tolerance=[0.1]), r"tolerance = \[0\.1\]: must be a number"),
         (lambda: sus.modes(SINGLE, max_frequency="x"), r'max_frequency = "x": must be a number'),
         (lambda: sus.modes(SINGLE, every=None), r"every = None: must be True or False"),
-        (lambda: sus.tradeoff(SINGLE, repeat=2.5), r"repeat = 2\.5: must be a whole number"),
+        (lambda: sus.tolerance(SINGLE, builds=2.5), r"builds = 2\.5: must be a whole number"),
         (lambda: sus.xcouple(SINGLE, wire=1), r"wire = 1: must be a text"),
         (lambda: sus.xcouple(SINGLE, folder=3), r"folder = 3: must be a path"),
         (lambda: sus.xcouple(SINGLE, sweep=["k"]), r"sweep = \['k'\]: must be a dictionary"),

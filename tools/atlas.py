@@ -12,7 +12,7 @@ from collections.abc import Callable
 from suspension_cli.drawing.style import house_style, save
 from suspension_cli.files.atomic import write_bytes
 from tests.support.paths import ROOT
-from tools.stability import beams, blades, couplings, frequency, geometry, masses, modal, poses
+from tools.stability import beams, blades, couplings, frequency, geometry, masses, modal
 from tools.stability.draw import count_pages, draw_pages
 from tools.stability.overview import draw_overview, format_number
 from tools.stability.row import BROKEN, SHIPPED, Row
@@ -23,18 +23,14 @@ ROWS: dict[str, Callable[[], Row]] = {
     "beam-functions": beams.row,
     "tiny-couplings": couplings.tiny,
     "large-perturbations": couplings.large,
-    "growing-pair": poses.row,
     "equal-modes": modal.equal_modes,
     "rigid-wires": modal.rigid_wires,
     "rigid-chain": modal.graded_chain,
     "soft-blades": blades.row,
     "soft-pitch": geometry.soft_pitch,
-    "narrow": geometry.narrow,
     "slack": geometry.nearly_slack,
-    "horizontal": geometry.nearly_horizontal,
     "quality": modal.quality,
     "masses": masses.row,
-    "heavy-wires": masses.heavy_wires,
     "short-sections": beams.short_sections,
 }
 """Rows of the atlas, in order."""

@@ -1,38 +1,50 @@
-"""Time and error of all models and methods, for the paper's designs and other examples.
+"""Time and error of all models, and of common methods for a response.
 
-Writes `results/tradeoff.md`, `results/tradeoff.png` (the fused-silica triple: which model to use),
-`tradeoff_models.png`, `tradeoff_methods_once.png` and `tradeoff_methods_batch.png` (all its
-comparisons), and the same for a single, a double and a quadruple
-pendulum. Run by `make tradeoff`.
+Writes `results/tradeoff.md`, `tradeoff.png` (which model to use for the fused-silica triple),
+`tradeoff_single.png`, ... (for other pendulums) and `tradeoff_methods.png`. Run by `make tradeoff`.
 """
 
 from __future__ import annotations
 
 import platform
 import sys
-import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import scipy
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from suspension_cli.analyses.tradeoff import headline, picture, summary
-from suspension_cli.analyses.tradeoff import solve as run
-from suspension_cli.analyses.tradeoff.result import (
-    COUNTS,
-    KINDS,
-    Entry,
-    Panel,
-    ResponseTimes,
-    Tradeoff,
-    View,
-    format_error,
-    format_time,
-)
-from suspension_cli.analyses.tradeoff.subject import MODEL_NAMES
+from suspension_cli.analyses import registry
+from suspension_cli.analyses.analysis import Result
+from suspension_cli.analyses.export.solve import compute_zero_pole_gain
+from suspension_cli.analyses.tradeoff import picture
+from suspension_cli.analyses.tradeoff.measure import measure, median_times
+from suspension_cli.analyses.tradeoff.result import Entry, Tradeoff, format_time
+from suspension_cli.design.derive import mirror
 from suspension_cli.design.reader import read
-from suspension_cli.drawing.style import save
+from suspension_cli.drawing.curves import COLUMN, label_plainly, rule, write_heading
+from suspension_cli.drawing.labels import annotate
+from suspension_cli.drawing.style import (
+    PALETTE,
+    add_axes,
+    house_style,
+    new_figure,
+    save,
+    write_text,
+)
 from suspension_cli.files.atomic import write_bytes
-from tools.tables import ROOT
+from suspension_cli.linear import response, signals, statespace
+from suspension_cli.linear.signals import Signal
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models.choice import percent
+from suspension_cli.models.registry import STRING, Choice
+from tests.support.paths import ROOT
+from tools.stability import naive
+from tools.stability.references import compare
+from tools.stability.row import relative
 
 DESIGNS = [
     *sorted((ROOT / "configs" / "husman2000").glob("*.toml")),
@@ -45,213 +57,158 @@ CHARTS = {
     "quadruple": "tradeoff_quadruple",
 }
 """Designs that are shown in full, and the names of their pictures."""
-REPEAT = 7
-COMPARES = {"models": "models", "methods": "methods"}
-BUDGET = 0.2
-"""Processor time for the samples of a time, s; more than by default in `pendsus tradeoff`."""
+BAND = (0.1, 1000.0)
+TIMED, CHECKED = 200, 25
+"""Frequencies of a response whose time is measured, and at which its error is."""
+METHODS: dict[str, Callable[[LinearSystem, Any, Signal, Signal], Any]] = {
+    "pendsus: body by body": lambda model, at, into, out: response.solve(
+        model, at, [into], [out]
+    ).value[:, 0, 0],
+    "dense solve": naive.dense,
+    "modal sum": naive.modal_sum,
+    "state space": lambda model, at, into, out: statespace.build(model, [into], [out]).at(at)[
+        :, 0, 0
+    ],
+    "zpk": lambda model, at, into, out: compute_zero_pole_gain(
+        statespace.build(model, [into], [out])
+    ).at(at)[:, 0, 0],
+}
+"""Methods for a response, from the matrices of a model on."""
+
+
+def compare_methods(design: Any) -> dict[str, tuple[float, float]]:
+    """Measure time (s) and largest error of each method on the string model."""
+    model = STRING.system(design)
+    known = signals.bodies_with_signals(model)
+    into = signals.parse_input("support.x", known)
+    out = signals.parse_output(f"{mirror(design)}.x", known)
+    few, many = (np.geomspace(*BAND, count) for count in (CHECKED, TIMED))
+    exact = compare(model, few, [into], [out]).exact[:, 0, 0]
+    errors = [relative(solve(model, few, into, out), exact).max() for solve in METHODS.values()]
+    # a copy has none of the cached properties of the model
+    works = [
+        lambda solve=solve: solve(replace(model), many, into, out) for solve in METHODS.values()
+    ]
+    return dict(zip(METHODS, zip(median_times(works), errors, strict=True), strict=True))
+
+
+def draw_methods(
+    found: dict[str, dict[str, tuple[float, float]]], titles: dict[str, str]
+) -> Figure:
+    """Draw error against time of the methods, a chart per design."""
+    head, pitch, high = 0.6, 2.1, 1.35
+    with house_style():
+        figure = new_figure(COLUMN, head + pitch * len(found))
+        note = f"Response of the mirror, {TIMED} frequencies; errors against 50 digits."
+        write_heading(figure, "Methods for a response: error against time", note)
+        for n, (name, points) in enumerate(found.items()):
+            write_text(figure, 0.1, head + n * pitch, titles[name], 8.5, bold=True)
+            axes = add_axes(figure, 0.86, head + n * pitch + 0.22, COLUMN - 1.0, high)
+            _draw_chart(axes, points)
+    return figure
+
+
+def _draw_chart(axes: Axes, points: dict[str, tuple[float, float]]) -> None:
+    time, error = np.array(list(points.values())).T * [[1e3], [1.0]]
+    shown = np.clip(error, 1e-16, 1.0)
+    axes.set(xscale="log", yscale="log", ylim=(1e-17, 100), xlim=(time.min() / 2, time.max() * 6))
+    axes.set(xlabel="processor time (ms)", ylabel="relative error")
+    axes.set_yticks([1e-16, 1e-12, 1e-8, 1e-4, 1.0])
+    rule(axes)
+    label_plainly(axes.xaxis)
+    axes.minorticks_off()
+    colours = [PALETTE[0] if name.startswith("pendsus") else PALETTE[1] for name in points]
+    for x, y, colour in zip(time, shown, colours, strict=True):
+        axes.plot(x, y, "o", color=colour, ms=5)
+    annotate(axes, list(zip(time, shown, strict=True)), list(points), colours, 7.8)
+
+
+def tabulate(found: dict[str, Tradeoff], question: str) -> list[str]:
+    """Tabulate errors and times for one question, a row per design."""
+    rows = {
+        name: {entry.model: entry for entry in one.entries if entry.question == question}
+        for name, one in found.items()
+    }
+    models = list(next(iter(rows.values())))
+    lines = [f"| {question} | {' | '.join(models)} |", "|---|" + "---|" * len(models)]
+    for name, entries in rows.items():
+        best = [one.best for one in found[name].answers if one.question == question]
+        cells = [_cell(entries[model], *best) for model in models] if best else ["–"] * len(models)
+        lines.append(f"| {name} | {' | '.join(cells)} |")
+    return [*lines, ""]
+
+
+def _cell(entry: Entry, best: Entry | None) -> str:
+    if entry.left_out:
+        return "–"
+    error = percent(entry.error) if entry.error else "reference"
+    text = f"{error} · {format_time(entry.time)}"
+    return f"**{text}**" if entry == best else text
+
+
+def document(found: dict[str, Tradeoff], methods: Any, text: dict[str, str]) -> str:
+    """Format the page."""
+    versions = (
+        f"Python {platform.python_version()}, numpy {np.__version__}, scipy {scipy.__version__}"
+    )
+    lines = [
+        "# Speed against accuracy",
+        "",
+        f"Made by `make tradeoff` in one run, on one thread ({platform.machine()}, {versions})."
+        " Times are processor times, medians of samples that all models or methods take in turns."
+        " [docs/tradeoff.md](../docs/tradeoff.md) says how this is measured, and what to use when.",
+        "",
+        "![Which model to use for a fused-silica triple](tradeoff.png)",
+        "",
+        "## Models",
+        "",
+        "Largest error against the `violin` model · processor time of one result, design or build."
+        " Bold: the fastest within 0.1 %. A dash: not valid for this design, or for this question.",
+        "",
+    ]
+    for question in dict.fromkeys(
+        entry.question for one in found.values() for entry in one.entries
+    ):
+        lines += tabulate(found, question)
+    lines += [
+        "## Methods for a response",
+        "",
+        "![Error of methods for a response against time](tradeoff_methods.png)",
+        "",
+        f"Largest error from {BAND[0]:g} to {BAND[1]:g} Hz, against 50 digits on the same matrices,"
+        f" and time of a response at {TIMED} frequencies, from the matrices on.",
+        "",
+        f"| {' | '.join(['design', *METHODS])} |",
+        "|---|" + "---|" * len(METHODS),
+    ]
+    for name, points in methods.items():
+        cells = [f"{error:.0e} · {format_time(time)}" for time, error in points.values()]
+        lines.append(f"| {name} | {' | '.join(cells)} |")
+    for name, file in CHARTS.items():
+        lines += ["", f"## {name}", "", f"![Which model to use]({file}.png)", ""]
+        lines += ["```text", text[name], "```"]
+    return "\n".join(lines) + "\n"
 
 
 def main() -> None:
     """Measure all designs."""
-    found, folder, began = {}, ROOT / "results", time.monotonic()
+    found, methods, text, titles = {}, {}, {}, {}
+    folder, analysis = ROOT / "results", registry.get("tradeoff")
     for file in DESIGNS:
-        design = read(file).design
-        name = design.design.name
+        source = read(file)
+        name = source.design.design.name
         print(name, file=sys.stderr)
-        found[name] = run.measure(design, repeat=REPEAT, budget=BUDGET)
+        found[name] = measure(source)
         if name in CHARTS:
-            draw(found[name], name, design.design.title or name)
-    text = document(found)
-    write_bytes(folder / "tradeoff.md", text.encode())
-    print(f"{len(found)} designs in {time.monotonic() - began:.0f} s: {folder / 'tradeoff.md'}")
-
-
-def draw(found: Tradeoff, name: str, title: str) -> None:
-    """Draw the advice and the pages of all comparisons of a design."""
-    folder = ROOT / "results"
-    save(headline.draw(found, title), folder / f"{CHARTS[name]}.png")
-    for end, page in picture.draw(found, title).items():
-        save(page, folder / name_page(name, end))
-
-
-def name_page(name: str, end: str) -> str:
-    """Name the file of a page of comparisons: ``tradeoff_methods_once.png``."""
-    return f"{CHARTS[name]}{end.replace('-', '_')}.png"
-
-
-def document(found: dict[str, Tradeoff]) -> str:
-    """Format the page in Markdown."""
-    machine = (
-        f"{platform.machine()}, Python {platform.python_version()}, numpy {np.__version__}, scipy"
-        f" {scipy.__version__}"
-    )
-    threads = next(iter(found.values())).threads
-    lines = [
-        "# Speed against accuracy",
-        "",
-        (
-            f"Made by `make tradeoff` in one run with {threads or 'an unknown number of'}"
-            f" thread{'s' if threads != 1 else ''} of linear algebra ({machine}). Times are the"
-            f" processor's, medians of up to {REPEAT} samples that all methods take in turns,"
-            " relative to the fastest for that design. Errors are relative, 0 if below the last"
-            " digit of a double. [docs/tradeoff.md](../docs/tradeoff.md) says how this is measured,"
-            " and what to use when."
-        ),
-        "",
-        "![Which model to use for a fused-silica triple](tradeoff.png)",
-        "",
-        (
-            "For each of four questions: every model with its time and error, and the one to use."
-            " All comparisons, of methods too, and other designs follow below."
-        ),
-        "",
-        "## All designs",
-        "",
-        (
-            "Largest error · time for one evaluation / for one item of a batch. Bold: no other is"
-            " both faster (either way) and more accurate. A dash: it is not valid for this design,"
-            " or there is nothing to compare."
-        ),
-        "",
-    ]
-    keys = list(
-        dict.fromkeys(
-            (panel.key, view.title)
-            for one in found.values()
-            for panel in one.panels
-            for view in panel.views
-        )
-    )
-    for key, title in keys:
-        lines += overview(key, title, found)
-    for name in CHARTS:
-        lines += [
-            f"## {name}",
-            "",
-            f"![Which model to use]({CHARTS[name]}.png)",
-            "",
-            *(
-                line
-                for end, (compares, _) in picture.PAGES.items()
-                for line in (f"![Error of all {compares} against time]({name_page(name, end)})", "")
-            ),
-            "```text",
-            summary.text(found[name]),
-            "```",
-            "",
-            *(line for each in found[name].waits for line in responses(each)),
-            *(line for panel in found[name].panels for line in full(panel)),
-        ]
-    return "\n".join(lines).rstrip() + "\n"
-
-
-def overview(key: str, title: str, found: dict[str, Tradeoff]) -> list[str]:
-    """Tabulate one view of a comparison for all designs."""
-    panels = {
-        name: next(panel for panel in one.panels if panel.key == key) for name, one in found.items()
-    }
-    compares = next(iter(panels.values())).compares
-    if compares == "models":
-        found_on = {entry.model for panel in panels.values() for entry in panel.entries}
-        every = [model for model in MODEL_NAMES if model in found_on]
-    else:
-        every = list(
-            dict.fromkeys(entry.method for panel in panels.values() for entry in panel.entries)
-        )
-    lines = [
-        f"### {title}: {COMPARES[compares]}",
-        "",
-        f"| design | {' | '.join(every)} |",
-        "|---|" + "---|" * len(every),
-    ]
-    for name, panel in panels.items():
-        view = next((view for view in panel.views if view.title == title), None)
-        cells = (
-            {}
-            if view is None
-            else {
-                entry.name(compares): cell(panel, view, n) for n, entry in enumerate(panel.entries)
-            }
-        )
-        lines.append(f"| {name} | {' | '.join(cells.get(one, '–') for one in every)} |")
-    return [*lines, ""]
-
-
-def cell(panel: Panel, view: View, n: int) -> str:
-    """Format error and times: ``1.5e-01 · 1 / 25``."""
-    times = (number(panel.entries[n].time(kind) / panel.fastest(kind)) for kind in KINDS)
-    text = f"{format_error(panel.worst(view)[n])} · {' / '.join(times)}"
-    return f"**{text}**" if any(n in panel.front(kind, view) for kind in KINDS) else text
-
-
-def full(panel: Panel) -> list[str]:
-    """Tabulate one comparison of one design."""
-    lines = [f"### {panel.title}: {COMPARES[panel.compares]}", ""]
-    if panel.entries:
-        once, batch = (panel.fastest(kind) for kind in KINDS)
-        lines += [
-            (
-                f"Error against {panel.reference}. Time {panel.start}: 1 is {format_time(once)},"
-                f" {format_time(batch)} a {panel.item} in a batch of {panel.count}."
-            ),
-            "",
-        ]
-        lines.append(
-            f"| {COMPARES[panel.compares][:-1]} | one evaluation | in a batch |"
-            f" {' | '.join(panel.component)} |"
-        )
-        lines.append("|---|" + "---:|" * (2 + len(panel.component)))
-        on = {kind: {n for view in panel.views for n in panel.front(kind, view)} for kind in KINDS}
-        for n, entry in enumerate(panel.entries):
-            times = (
-                marked(entry, kind, fastest, n in on[kind])
-                for kind, fastest in zip(KINDS, (once, batch), strict=True)
+            result = Result(analysis, source, Choice("all", ""), found[name])
+            methods[name], text[name], titles[name] = (
+                compare_methods(source.design),
+                str(result),
+                result.title,
             )
-            lines.append(
-                f"| {entry.label} | {' | '.join(times)} |"
-                f" {' | '.join(format_error(error) for error in entry.error)} |"
-            )
-        lines.append("")
-    left = panel.left_out.items()
-    lines += [f"Left out: {', '.join(names)} ({reason})." for reason, names in left]
-    return [*lines, ""] if left else lines
-
-
-def responses(each: ResponseTimes) -> list[str]:
-    """Tabulate the times of a first response and the next ones."""
-    models = each.compares == "models"
-    heads = [f"{count:,} frequencies" for count in COUNTS] + ([] if models else ["error"])
-    lines = [
-        f"### First and next responses: {'models' if models else 'methods'}",
-        "",
-        (
-            f"The first {each.start} / the next on the same frequencies / the next on others"
-            f"{'' if models else '; largest error over 200 frequencies from 0.1 Hz to 1 kHz'}."
-        ),
-        "",
-        f"| | {' | '.join(heads)} |",
-        "|---|" + "---:|" * len(heads),
-    ]
-    for entry in each.entries:
-        cells = [
-            " / ".join("–" if np.isnan(t) else format_time(t) for t in entry.time[:, n, 1])
-            for n in range(len(COUNTS))
-        ]
-        cells += [] if models else [format_error(entry.error)]
-        lines.append(f"| {entry.model if models else entry.method} | {' | '.join(cells)} |")
-    return [*lines, ""]
-
-
-def marked(entry: Entry, kind: str, fastest: float, best: bool) -> str:
-    """Format relative time with quartiles; bold on the front, ○ where a batch is a loop."""
-    low, middle, high = map(number, getattr(entry, kind) / fastest)
-    text = f"**{middle}**" if best else middle
-    return f"{text} ({low}–{high}){' ○' if kind == 'batch' and not entry.vectorised else ''}"
-
-
-def number(value: float) -> str:
-    """Format to three digits: ``1.88``, ``24,800``."""
-    return f"{value:.3g}" if value < 999.5 else f"{float(f'{value:.3g}'):,.0f}"
+            save(picture.draw(found[name], result.title), folder / f"{CHARTS[name]}.png")
+    save(draw_methods(methods, titles), folder / "tradeoff_methods.png")
+    write_bytes(folder / "tradeoff.md", document(found, methods, text).encode())
 
 
 if __name__ == "__main__":

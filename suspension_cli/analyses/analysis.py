@@ -230,7 +230,7 @@ class Result(Report):
         """Return the JSON document that ``pendsus ... --json`` prints."""
         head: Document = {"command": self.analysis.command_name, "design": self.name}
         if not self.analysis.has_model:
-            return head | self.analysis.document(self)
+            return _finite(head | self.analysis.document(self))
         error: Document = {"estimated_error": as_number(self.estimated_error)}
         if self.choice.error_unknown:
             error["error_unknown"] = self.choice.error_unknown

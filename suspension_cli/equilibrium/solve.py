@@ -206,13 +206,6 @@ def solve_again(
     return _replace(found, which, solve(select_scenes(scene, which), numbering, start=start))
 
 
-def newton_steps(scene: Scene, steps: int) -> Equilibrium:
-    """Take a number of Newton steps from the nominal pose, converged or not: one is the linear
-    solution.
-    """
-    return _newton(scene, layout(scene), nominal_pose(scene), 0.0, steps)
-
-
 def _select_pose(pose: Pose, where: Bool[np.ndarray, "*batch"]) -> Pose:
     return Pose(*(getattr(pose, name)[where] for name in PARTS_OF_POSE))
 

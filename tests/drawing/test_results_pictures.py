@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from suspension_cli.design import reader
 from suspension_cli.drawing.style import house_style
 from tests.support.legible import assert_legible, said
-from tools import figure3, figure4, figure5, figure6
-from tools.choices import draw as choices
-from tools.choices.trial import Trial
+from tools import auto, figure3, figure4, figure5, figure6, tradeoff
 
 
 def test_figure_3_has_the_printed_axes_and_both_limits():
@@ -61,13 +60,12 @@ def test_figure_6_orders_its_colours_and_names_its_largest_ratios():
 def test_auto_counts_what_is_within_the_tolerance():
     rng = np.random.default_rng(1)
     found = [
-        Trial("common", n, "d", 2, quantity, 1e-2, level, error, error, cost, cost / 2, 0.1)
-        for n, quantity in enumerate(list(choices.QUANTITIES) * 5)
+        auto.Trial("common", n, quantity, 1e-2, level, error, cost, cost / 2)
+        for n, quantity in enumerate(auto.QUANTITIES * 5)
         for level, error in (("beam", 3e-3), ("violin", 0.0), ("string", 2e-2 if n == 1 else 1e-3))
         for cost in [float(10 ** rng.uniform(-1, 0.5))]
     ]
-    with house_style():
-        figure = choices.draw(found)
+    figure = auto.draw(found)
     words = said(figure)
     assert "auto kept the requested tolerance in 29 of 30 random suspensions" in words
     errors, models, _ = figure.axes
@@ -75,6 +73,17 @@ def test_auto_counts_what_is_within_the_tolerance():
         "requested tolerance",
         "error of the result",
     )
-    assert len(models.patches) == len(choices.QUANTITIES) * len(choices.COLOUR)
-    assert words.count("33") == 3 * len(choices.QUANTITIES)
+    assert len(models.patches) == len(auto.QUANTITIES) * len(auto.LEVELS)
+    assert words.count("33") == 3 * len(auto.QUANTITIES)
+    assert_legible(figure)
+    assert "| **all** | 30 | 1 | 2 |" in auto.report(found)
+
+
+def test_methods_for_a_response():
+    """The program's own keeps its digits where a sum over modes loses them; all are named."""
+    found = tradeoff.compare_methods(reader.example("double").design)
+    error = {name: error for name, (_, error) in found.items()}
+    assert error["pendsus: body by body"] < 1e-12 < 1e-11 < error["modal sum"]
+    figure = tradeoff.draw_methods({"double": found}, {"double": "Double"})
+    assert {"Double", *tradeoff.METHODS} <= {*said(figure)}
     assert_legible(figure)

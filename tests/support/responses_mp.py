@@ -15,18 +15,46 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import mpmath
 import numpy as np
 
-from suspension_cli.analyses.tradeoff.high_precision import context, eliminate
 from suspension_cli.linear import response, signals
 from suspension_cli.linear.system import LinearSystem
 
-MP = context()
+MP: Any = mpmath.mp.clone()
+MP.dps = 50
 TOGETHER = (0, 1, 2, 5)
 """x, y, z and yaw among the support's coordinates."""
 ROUNDING = 1e-10
 """Share of the sizes of its terms up to which a sum counts as 0; dampers on bodies that have moved
 from where they were drawn do not."""
+
+
+def eliminate(matrix: list[list[Any]], right: list[list[Any]]) -> list[list[Any]]:
+    """Solve linear systems by elimination with partial pivoting; overwrites both arguments."""
+    size = len(matrix)
+    for n in range(size):
+        pivot = max(range(n, size), key=lambda row: abs(complex(matrix[row][n])))
+        for rows in (matrix, right):
+            rows[n], rows[pivot] = rows[pivot], rows[n]
+        beyond = [j for j in range(n + 1, size) if matrix[n][j]]
+        driven = [j for j, value in enumerate(right[n]) if value]
+        for row in range(n + 1, size):
+            if matrix[row][n]:
+                factor = matrix[row][n] / matrix[n][n]
+                for j in beyond:
+                    matrix[row][j] -= factor * matrix[n][j]
+                for j in driven:
+                    right[row][j] -= factor * right[n][j]
+    for n in reversed(range(size)):
+        beyond = [j for j in range(n + 1, size) if matrix[n][j]]
+        for j in range(len(right[n])):
+            value = right[n][j]
+            for m in beyond:
+                if right[m][j]:
+                    value -= matrix[n][m] * right[m][j]
+            right[n][j] = value / matrix[n][n] if value else value
+    return right
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.analyses.tradeoff.high_precision import context, eliminate
-
-MP = context()
+from tests.support.responses_mp import MP, eliminate
 
 
 def vector(values: Any) -> list[Any]:

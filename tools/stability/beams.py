@@ -9,7 +9,7 @@ import numpy as np
 
 from suspension_cli.elements import beam, joined_sections
 from tools.stability import naive
-from tools.stability.row import SHIPPED, Row, relative
+from tools.stability.row import SHIPPED, Row, sample
 
 LENGTH, TENSION, MASS, FREQUENCY = 0.28, 13.7, 1.08e-4, 0.1
 """m, N, kg/m and Hz: a wire of Figure 6 of Husman et al. (2000), far below its pendulum mode."""
@@ -85,18 +85,17 @@ def row(slenderness: Any = SLENDERNESS) -> Row:
             ei, TENSION, MASS, LENGTH, 2 * np.pi * FREQUENCY
         ),
     }
-    error: dict[str, list[float]] = {name: [] for name in methods}
-    for value in slenderness:
-        rigidity = float(TENSION * (LENGTH / value) ** 2)
-        reference = exact(rigidity)
-        for name, method in methods.items():
-            error[name].append(float(relative(method(rigidity), reference).max()))
+
+    def compute(value: float) -> Any:
+        rigidity = TENSION * (LENGTH / value) ** 2
+        return exact(rigidity), {name: method(rigidity) for name, method in methods.items()}
+
     return Row(
         title="Beam functions",
         driver="wire length × √(T / EI)",
         quantity="stiffness elements at 0.1 Hz",
         value=np.asarray(slenderness),
-        error={name: np.array(values) for name, values in error.items()},
+        error=sample(slenderness, compute),
         finding=(
             "cosh and sinh of the whole wire overflow in a slender one, and their differences"
             " cancel in one that is stiff and slow. The program splits the motion into even and odd"
@@ -163,18 +162,17 @@ def short_sections(lengths: Any = None) -> Row:
         f"{SHIPPED}: chord, slopes relative to it": _joined,
         "stiffnesses between the ends, node eliminated": _eliminated,
     }
-    error: dict[str, list[float]] = {name: [] for name in methods}
-    for length in lengths:
-        reference = _exact_joined(float(length))
-        for name, method in methods.items():
-            error[name].append(float(relative(method(float(length)), reference).max()))
+
+    def compute(length: float) -> Any:
+        return _exact_joined(length), {name: method(length) for name, method in methods.items()}
+
     rigidity = _sections(0.0)[0][0]
     return Row(
         title="Short thick sections",
         driver="√(EI / T) / length of the thick end",
         quantity="stiffness elements at 0.1 Hz",
         value=np.sqrt(rigidity / TENSION) / lengths,
-        error={name: np.array(values) for name, values in error.items()},
+        error=sample(lengths, compute),
         finding=(
             "12 EI / l³ of a short section swamps the tension and the long section that it is"
             " joined to. The program joins sections on the slope of the chord and the slopes of the"

@@ -10,7 +10,7 @@ from suspension_cli.linear import response, signals
 from suspension_cli.models import registry
 from tools.stability import naive
 from tools.stability.references import column, design
-from tools.stability.row import SHIPPED, Row, relative
+from tools.stability.row import SHIPPED, Row, sample
 
 RATIO = 10.0 ** np.arange(0, 15)
 FREQUENCY = np.array([0.3, 1.0, 10.0])
@@ -19,11 +19,12 @@ MODELS = (registry.STRING, registry.BEAM, registry.VIOLIN)
 
 def row(ratio: Any = RATIO) -> Row:
     """Compute errors of the vertical response of two masses on blades and vertical wires."""
-    error: dict[str, list[float]] = {}
-    for value in ratio:
-        for kind in MODELS:
+    error: dict[str, Any] = {}
+    for kind in MODELS:
+
+        def compute(value: float, kind: Any = kind) -> Any:
             massive, lossy = kind.has_wire_mass, kind.bends_wires
-            raw, exact = column(float(value), massive=massive, lossy=lossy)
+            raw, exact = column(value, massive=massive, lossy=lossy)
             model = kind.system(design(raw))
             reference = np.array([exact.response(f) for f in FREQUENCY])
             known = signals.bodies_with_signals(model)
@@ -41,14 +42,15 @@ def row(ratio: Any = RATIO) -> Row:
                     "tips with the stage below": naive.upward(model, FREQUENCY, into, out),
                     "tips eliminated first": naive.dense(model, FREQUENCY, into, out),
                 }
-            for name, answer in found.items():
-                error.setdefault(name, []).append(float(relative(answer, reference).max()))
+            return reference, found
+
+        error |= sample(ratio, compute)
     return Row(
         title="Blades softer than their wires",
         driver="stiffness ratio k_wire / k_blade",
         quantity="support.z to test.z at 0.3, 1 and 10 Hz, two stages",
         value=np.asarray(ratio, dtype=float),
-        error={name: np.array(values) for name, values in error.items()},
+        error=error,
         finding=(
             "A nearly rigid wire on a soft blade leaves k − k²/(k + k_b) of its stiffness, and the"
             " sum in one double has already lost k_b; eliminating the tip together with the body"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -30,12 +29,12 @@ SAME = {
 EPS = 2.0**-53
 FLOOR, CEILING = 1e-17, 1e2
 """Errors beyond these are drawn at the edge."""
-CLEAR, EDGE = 6.0, 2.5
-"""Sufficient distance of a legend from lines, and least distance from the frame, points."""
 COLUMNS, LINES = 1, 3
 """Panels across and down a page."""
 WIDTH, HEIGHT = 4.55, 2.9
 """Size of a panel, inches."""
+ROW = 1.5
+"""Height of a row of the legend, decades of error."""
 KEYED = 7.5
 """Font size of legends, points."""
 KEY = 0.62
@@ -64,15 +63,14 @@ def _draw_page(rows: list[Row], start: int) -> Figure:
     for panel in axes[len(rows) :]:
         panel.set_axis_off()
     figure.tight_layout(w_pad=1.6, h_pad=1.4, rect=(0, 0, 1, 1 - KEY / figure.get_figheight()))
-    for panel, row in zip(axes, rows, strict=False):
-        _place_key(panel, row)
     _draw_key(figure)
     return figure
 
 
 def _panel(axes: Axes, row: Row, title: str) -> None:
     backwards = row.value[0] > row.value[-1]
-    axes.set(xscale="log", yscale="log", ylim=(FLOOR / 1.5, CEILING * 1.5))
+    room = 10 ** (ROW * len(row.error) + 0.5)  # for the legend, above all lines
+    axes.set(xscale="log", yscale="log", ylim=(FLOOR / 1.5, CEILING * room))
     span = (row.value.min(), row.value.max())
     margin = (span[1] / span[0]) ** 0.03
     axes.set_xlim(
@@ -111,82 +109,17 @@ def _panel(axes: Axes, row: Row, title: str) -> None:
     if span[1] < 100 * span[0]:
         axes.set_xticks(row.value[::3], [f"{value:g}" for value in row.value[::3]])
     key = axes.legend(
+        loc="upper left",
         fontsize=KEYED,
         handlelength=1.4,
         handletextpad=0.5,
         labelspacing=0.2,
         borderpad=0.1,
-        borderaxespad=0.0,
+        borderaxespad=0.4,
         framealpha=0.85,
     )
     key.get_frame().set_linewidth(0.0)
     key.set_zorder(10)
-
-
-def _place_key(axes: Axes, row: Row) -> None:
-    """Place the legend where no line runs, clear of lines, and then close to a corner.
-
-    Where there is no such place the panel grows upwards.
-    """
-    if _find_place(axes, row):
-        return
-    key: Any = axes.get_legend()
-    high = key.get_window_extent().height / axes.get_window_extent().height + 0.06
-    decades = np.log10(CEILING / FLOOR) * high / (1 - high)
-    axes.set_ylim(top=1.5 * CEILING * 10**decades)
-    _find_place(axes, row)
-
-
-def _find_place(axes: Axes, row: Row) -> bool:
-    """Place the legend at the best place, and return whether it is clear of all lines."""
-    key: Any = axes.get_legend()
-    renderer = key.figure.canvas.get_renderer()
-    frame, box, pixel = (
-        axes.get_window_extent(renderer),
-        key.get_window_extent(renderer),
-        key.figure.dpi / 72,
-    )
-    lines = [np.column_stack(_drawn(row, row.error[name])) for name in row.error]
-    lines += [
-        np.column_stack([np.full(200, at), np.geomspace(FLOOR, CEILING, 200)])
-        for at in row.mark.values()
-    ]
-    lines.append(np.column_stack([np.geomspace(*axes.get_xlim(), 200), np.full(200, BROKEN)]))
-    x, y = axes.transData.transform(np.concatenate(lines)).T
-    words = [text.get_window_extent(renderer) for text in axes.texts]
-    x, y = (
-        np.concatenate([here, *(np.linspace(*ends, 9) for ends in spans)])
-        for here, spans in ((x, [w.intervalx for w in words]), (y, [w.intervaly for w in words]))
-    )
-    edge = EDGE * pixel
-    free = np.array([frame.width - box.width, frame.height - box.height]) - 2 * edge
-    best: Any = (-np.inf, -np.inf, -np.inf), (0.0, 0.0)
-    for across, up in product(np.linspace(0, 1, 61), repeat=2):
-        left, low = frame.x0 + edge + across * free[0], frame.y0 + edge + up * free[1]
-        apart = np.hypot(
-            np.maximum.reduce([left - x, x - left - box.width, 0 * x]),
-            np.maximum.reduce([low - y, y - low - box.height, 0 * y]),
-        )
-        corner = -np.hypot(*(free * [min(across, 1 - across), min(up, 1 - up)]))
-        best = max(
-            best,
-            (
-                (-float((apart == 0).sum()), min(float(apart.min()), CLEAR * pixel), corner),
-                (left, low),
-            ),
-        )
-    key.set_loc(tuple(axes.transAxes.inverted().transform(best[1])))
-    return best[0][0] == 0
-
-
-def _drawn(row: Row, error: Any) -> tuple[Any, Any]:
-    """Sample the line of a method densely."""
-    along = np.linspace(0, len(error) - 1, 20 * len(error))
-    value, shown = (
-        np.exp(np.interp(along, np.arange(len(error)), np.log(part)))
-        for part in (row.value, _shown(error))
-    )
-    return value, shown
 
 
 def _line(axes: Axes, row: Row, name: str, **look: Any) -> None:

@@ -14,7 +14,7 @@ from suspension_cli.models import registry
 from tests.support.paths import CONFIGS
 from tools.stability import naive
 from tools.stability.references import compare, design
-from tools.stability.row import SHIPPED, Row, relative
+from tools.stability.row import SHIPPED, Row, relative, sample
 
 FREQUENCY = np.geomspace(0.1, 1e5, 31)
 STAGES = np.array([1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 25, 30])
@@ -76,27 +76,26 @@ def roll_off(frequency: Any = FREQUENCY) -> Row:
 
 def long_chain(stages: Any = STAGES) -> Row:
     """Compute errors of the response from support to the last of many equal masses."""
-    error: dict[str, list[float]] = {}
-    for count in stages:
+
+    def compute(count: float) -> Any:
         model = chain(int(count))
         into, out = _signals(model)
         at = np.array([CHAIN_FREQUENCY])
         reference = compare(model, at, [into], [out]).exact[0, 0, 0]
-        found = {
+        return reference, {
             f"{SHIPPED}: body by body": response.solve(model, at, [into], [out]).value[0, 0, 0],
             "modal sum": naive.modal_sum(model, at, into, out)[0],
             "state space in SI": naive.unbalanced(statespace.build(model, [into], [out]), at)[0],
             "dense solve": naive.dense(model, at, into, out)[0],
             "transfer matrices": naive.cascade(model, at, "x")[0],
         }
-        for name, value in found.items():
-            error.setdefault(name, []).append(float(relative(value, reference)))
+
     return Row(
         title="Very long chains",
         driver="number of stages",
         quantity=f"support.x to the last mass at {CHAIN_FREQUENCY:g} Hz",
         value=np.asarray(stages, dtype=float),
-        error={name: np.array(values) for name, values in error.items()},
+        error=sample(stages, compute),
         finding=(
             "Thirty stages transmit 10⁻⁵⁸ of the support's motion, which a sum over modes cannot"
             " resolve, and transfer matrices carried from the top grow by as much as the motion"

@@ -1,4 +1,4 @@
-"""Extreme geometries: pitch about to tip over, wires about to go slack, nearly horizontal wires."""
+"""Extreme geometries: pitch about to tip over, wires about to go slack."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
-from tools.stability import naive
 from tools.stability.energy import Stage
 from tools.stability.references import (
     INERTIA,
@@ -21,19 +20,14 @@ from tools.stability.references import (
     SHAPE,
     design,
     document,
-    omega_squared,
     stage,
 )
-from tools.stability.row import SHIPPED, Row, relative
+from tools.stability.row import SHIPPED, Row, sample
 
 DISTANCE = 10.0 ** np.arange(1, -15, -1)
-SLOPE = 10.0 ** np.arange(-0.25, -5.9, -0.25)
 LEFT = 10.0 ** np.arange(0, -14.1, -1)
-SIZE = 10.0 ** np.arange(-2, -12.1, -0.5)
 CLOSE = 5e-4
 """Half the distance of the wires in x for soft pitch, m."""
-WIDE = 0.01
-"""Half the distance of the lower ends in y of nearly horizontal wires, m."""
 
 
 def tipping_height(s: float = CLOSE) -> Any:
@@ -64,10 +58,12 @@ def lowest(d: float, s: float = CLOSE) -> Any:
 
 def soft_pitch(distance: Any = DISTANCE) -> Row:
     """Compute errors of the lowest omega^2 of x and pitch, on both sides of tipping over."""
-    critical, error = tipping_height(), {}
-    for value in distance:
-        for side, sign in (("still stable", -1), ("tipped over", 1)):
-            d = float(critical * (1 + sign * MP.mpf(float(value))))
+    critical = tipping_height()
+    error: dict[str, Any] = {}
+    for side, sign in (("still stable", -1), ("tipped over", 1)):
+
+        def compute(value: float, side: str = side, sign: int = sign) -> Any:
+            d = float(critical * (1 + sign * MP.mpf(value)))
             one = design(document(s=CLOSE, d=d))
             model = registry.STRING.system(one)
             found = eigenmodes.solve(model)
@@ -78,14 +74,15 @@ def soft_pitch(distance: Any = DISTANCE) -> Row:
                 answers["eigenvalues of M⁻¹K"] = np.linalg.eigvals(
                     model.stiffness[6:, 6:] / np.diag(model.mass)[6:, None]
                 ).real.min()
-            for name, omega2 in answers.items():
-                error.setdefault(name, []).append(float(relative(omega2, float(lowest(d)))))
+            return float(lowest(d)), answers
+
+        error |= sample(distance, compute)
     return Row(
         title="Pitch: soft, then unstable",
         driver="height of the wires above tipping, |d / d_c − 1|",
         quantity="lowest ω² of longitudinal and pitch",
         value=np.asarray(distance),
-        error={name: np.array(values) for name, values in error.items()},
+        error=error,
         finding=(
             f"At d = −4 k s² / (m g) (here −{-1e3 * float(critical):.4f} mm) stretch and gravity"
             " cancel, and what is left of the restoring torque keeps as many digits fewer as it is"
@@ -99,48 +96,6 @@ def soft_pitch(distance: Any = DISTANCE) -> Row:
     )
 
 
-def narrow(size: Any = SIZE) -> Row:
-    """Compute errors of the same omega^2 as the wires' distance in x and height d go to 0."""
-    error: dict[str, list[float]] = {}
-    for value in size:
-        for name, s, d in (
-            ("distance and height", value, value),
-            ("distance alone, d = 0", value, 0.0),
-            ("height alone, s = 0", 0.0, value),
-        ):
-            one = design(document(s=float(s), d=float(d)))
-            model = registry.STRING.system(one)
-            found = eigenmodes.solve(model)
-            answers = {
-                f"{SHIPPED}: {name}": (
-                    found.omega_squared[(found.energy[:, 0, 0] + found.energy[:, 0, 4]) > 0.5].min()
-                )
-            }
-            if s and d:
-                answers["difference quotients of energy"] = _softest(one)
-                answers["eigenvalues of M⁻¹K"] = naive.unscaled(model).min()
-            for method, omega2 in answers.items():
-                error.setdefault(method, []).append(
-                    float(relative(omega2, float(lowest(float(d), float(s)))))
-                )
-    return Row(
-        title="Pitch: wires ever closer to the COM",
-        driver="distance of the wires in x, height above the COM (m)",
-        quantity="lowest ω² of longitudinal and pitch",
-        value=np.asarray(size),
-        error={name: np.array(values) for name, values in error.items()},
-        finding=(
-            "Wires that end in the COM leave pitch free, and what restores it close by drowns in"
-            " difference quotients of an energy whose other parts stay. In the program's closed"
-            " forms of wires and weight each part shrinks with it, so that nothing cancels."
-        ),
-        limit=(
-            "none found; `modes` warns where lowering wires by less than 0.1 mm would tip a body"
-            " over, and reports a mode that costs no energy as rigid"
-        ),
-    )
-
-
 def _softest(one: Design) -> float:
     """Lowest omega^2 of longitudinal and pitch by difference quotients of the energy."""
     block = np.array([0, 4])
@@ -150,27 +105,26 @@ def _softest(one: Design) -> float:
 
 def nearly_slack(left: Any = LEFT) -> Row:
     """Compute errors of the smallest tension of four wires of which one is too long."""
-    critical, error = slack_length(), {}
+    critical = slack_length()
     nominal = MP.mpf(MASS) * MP.mpf(9.81) / 4
     slope = (_tension(critical * MP.mpf("1e-6")) - nominal) / (critical * MP.mpf("1e-6"))
-    for value in left:
-        change = float(critical * (1 - MP.mpf(float(value))))
-        exact = float(_tension(change))
+
+    def compute(value: float) -> Any:
+        change = float(critical * (1 - MP.mpf(value)))
         one = design(document() | {"perturbation": [{"wire": "test.1", "length_change": change}]})
         settled = Stage.nominal(expand(one)).balanced()
-        answers = {
+        return float(_tension(change)), {
             SHIPPED: min(wire.tension for wire in statics.solve(one).wires),
             "lengths from coordinates": settled.wires[3].min(),
             "in proportion to the length": float(nominal + slope * MP.mpf(change)),
         }
-        for name, tension in answers.items():
-            error.setdefault(name, []).append(float(relative(tension, exact)))
+
     return Row(
         title="Wires about to go slack",
         driver="tension left, fraction of the nominal one",
         quantity="the smallest tension",
         value=np.asarray(left),
-        error={name: np.array(values) for name, values in error.items()},
+        error=sample(left, compute),
         finding=(
             f"A wire that is {1e3 * float(critical):.3f} mm too long carries nothing; close to that"
             " its tension is a difference of lengths, and a linear estimate is off by the rest."
@@ -205,65 +159,3 @@ def slack_length() -> Any:
         if abs(b - a) < MP.mpf(10) ** -35:
             break
     return b
-
-
-def nearly_horizontal(slope: Any = SLOPE) -> Row:
-    """Compute errors of all modes of a mass on four wires that rise by `slope` of their length."""
-    error: dict[str, list[float]] = {}
-    for value in slope:
-        length = SHAPE["l"]
-        shape = {
-            "t1": WIDE + length * float(np.sqrt((1 - value) * (1 + value))),
-            "t2": WIDE,
-            "s": 0.05,
-            "k": float(5e3 / value),
-        }
-        exact = np.array([float(v) for v in omega_squared(stage(shape=shape))])
-        one = design(document(**shape))
-        general = registry.STRING.system(one)
-        answers = {
-            f"{SHIPPED}: string": np.sort(eigenmodes.solve(general).omega_squared),
-            f"{SHIPPED}: force": np.sort(
-                eigenmodes.solve(registry.FORCE.system(one)).omega_squared
-            ),
-            "closed form, cos² = 1 − sin²": _textbook(shape, exact),
-            "eigenvalues of M⁻¹K": naive.unscaled(general),
-            "difference quotients of energy": _quotients(one),
-        }
-        for name, omega2 in answers.items():
-            error.setdefault(name, []).append(float(relative(omega2, exact).max()))
-    return Row(
-        title="Nearly horizontal wires",
-        driver="rise of the wires, fraction of their length",
-        quantity="ω² of all modes",
-        value=np.asarray(slope),
-        error={name: np.array(values) for name, values in error.items()},
-        finding=(
-            "The height of the suspension is the small difference of the wires' length and their"
-            " span, so that the last bit of either is ε / slope² of it, and difference quotients"
-            " amplify what is left by the wires' stiffness. The program takes l² − span², which"
-            " loses less than twice what the file's own last bit does."
-        ),
-        limit="ε / slope²; a rise of less than 10⁻⁶ of the length is refused",
-    )
-
-
-def _quotients(one: Design) -> Any:
-    """omega^2 by difference quotients of the energy, ascending."""
-    stage_ = Stage.nominal(expand(one))
-    root = np.sqrt(np.concatenate([[MASS] * 3, INERTIA]))
-    return np.linalg.eigvalsh(stage_.quotients() / root[:, None] / root)
-
-
-def _textbook(shape: dict[str, float], exact: Any) -> Any:
-    """Replace the vertical mode in `exact` by equation 6 as printed.
-
-    4 k cos^2 / m + g sin^2 / (l cos).
-    """
-    sine = (shape["t2"] - shape["t1"]) / SHAPE["l"]
-    with np.errstate(all="ignore"):
-        cosine = np.sqrt(1 - sine**2)
-        vertical = 4 * shape["k"] * cosine**2 / MASS + 9.81 * sine**2 / (SHAPE["l"] * cosine)
-    result = exact.copy()
-    result[np.abs(exact - vertical).argmin() if np.isfinite(vertical) else 0] = vertical
-    return result

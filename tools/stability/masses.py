@@ -6,21 +6,17 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.analyses import model_choice
-from suspension_cli.analyses.modes import wire_modes
-from suspension_cli.design.reader import Source
 from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.energy import gradient_and_stiffness
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
-from suspension_cli.models.choice import TOLERANCE
 from suspension_cli.scene.pose import displace, layout, nominal_pose
 from suspension_cli.scene.scene import Scene
 from tools.stability import naive
 from tools.stability.references import MP, Pair, design, given_omega_squared
-from tools.stability.row import SHIPPED, Row, relative
+from tools.stability.row import SHIPPED, Row, sample
 
 MASS = 10.0 ** np.arange(3, -7, -1)
 HEAVY = 1000.0
@@ -99,103 +95,31 @@ def balance_by_total_weight(scene: Scene) -> Any:
 
 def row(mass: Any = MASS) -> Row:
     """Compute errors of the modes of the pair as drawn, and of the imperfect light body's pitch."""
-    error: dict[str, list[float]] = {}
-    for value in mass:
-        drawn, scene = (
-            registry.STRING.system(pair(float(value), 0.0)),
-            expand(pair(float(value))),
-        )
-        exact, reference = exact_pitch(float(value)), given_omega_squared(drawn)
-        answers = {
-            f"{SHIPPED}: pitch of the light body": relative(
-                equilibrium.solve(scene).pose.turn[2, 0, 2], exact
-            ),
-            f"{SHIPPED}: ω² of all modes": relative(
-                np.sort(eigenmodes.solve(drawn).omega_squared), reference
-            ),
-            "pitch, by the whole weight": relative(
-                balance_by_total_weight(scene).turn[2, 0, 2], exact
-            ),
-            "ω², eigenvalues of M⁻¹K": relative(naive.unscaled(drawn), reference),
+
+    def pitch(value: float) -> Any:
+        scene = expand(pair(value))
+        return exact_pitch(value), {
+            f"{SHIPPED}: pitch of the light body": equilibrium.solve(scene).pose.turn[2, 0, 2],
+            "pitch, by the whole weight": balance_by_total_weight(scene).turn[2, 0, 2],
         }
-        for name, errors in answers.items():
-            error.setdefault(name, []).append(float(errors.max()))
+
+    def modes(value: float) -> Any:
+        drawn = registry.STRING.system(pair(value, 0.0))
+        return given_omega_squared(drawn), {
+            f"{SHIPPED}: ω² of all modes": np.sort(eigenmodes.solve(drawn).omega_squared),
+            "ω², eigenvalues of M⁻¹K": naive.unscaled(drawn),
+        }
+
     return Row(
         title="Masses from 1 t to 1 mg",
         driver="mass below one of a tonne (kg)",
         quantity="modes, and pitch by an offset of 10⁻⁶ of the size",
         value=np.asarray(mass),
-        error={name: np.array(values) for name, values in error.items()},
+        error=sample(mass, pitch) | sample(mass, modes),
         finding=(
             "Balanced against the weight of a tonne, whatever a milligram pulls is rounding, and a"
             " light stage stays as drawn. The program judges the forces on every body by what that"
             " body carries; eigenvalues do not mind, as each mass scales its own rows."
         ),
         limit="none found",
-    )
-
-
-WIRES = 10.0 ** np.arange(-6.0, 0.5, 0.5)
-LENGTH = 0.5
-RADIUS = 3e-4
-"""Length and radius of the wires of the light body, m."""
-
-
-def light_body(fraction: float) -> Design:
-    """Build a body of 0.12 kg on four vertical wires that weigh a fraction of it together.
-
-    The wires are so limp that bending matters less than 1e-6.
-    """
-    area = np.pi * RADIUS**2
-    limp = {
-        "youngs_modulus": 1.0,
-        "poisson_ratio": 0.3,
-        "density": float(fraction * 0.12 / (4 * LENGTH * area)),
-    }
-    wires = {"count": 4, "l": LENGTH, "s": 0.02, "t1": 0.02, "t2": 0.02, "d": 0.0, "k": 1e6}
-    wires |= {"material": "limp", "radius": RADIUS}
-    body = {"mass": 0.12, "inertia": [1e-5] * 3}
-    stages = [{"name": "light", "body": body, "wires": wires}]
-    return design({"design": {"name": "light"}, "materials": {"limp": limp}, "stage": stages})
-
-
-def exact_swing(fraction: float) -> float:
-    """Compute the frequency (Hz) at which it swings: X tan X = fraction, X = omega L / c."""
-    x = MP.findroot(
-        lambda value: value * MP.sin(value) - fraction * MP.cos(value),
-        MP.sqrt(fraction / (1 + fraction / 3)) if fraction < 1 else 1.4,
-    )
-    return float(x * MP.sqrt(MP.mpf(9.81) / LENGTH / MP.mpf(fraction)) / (2 * MP.pi))
-
-
-def heavy_wires(fraction: Any = WIRES) -> Row:
-    """Compute errors of the frequency at which a light body swings on wires with mass."""
-    error: dict[str, list[float]] = {}
-    for value in fraction:
-        one, exact = light_body(float(value)), exact_swing(float(value))
-        massless = float(eigenmodes.solve(registry.BEAM.system(one)).frequency[0])
-        choice, model = model_choice.for_modes(Source(one, "", ""), registry.AUTO, TOLERANCE)
-        taken = (
-            wire_modes.solve(model, 2.0) if choice.model.has_wire_mass else eigenmodes.solve(model)
-        )
-        answers = {
-            f"{SHIPPED}: violin": wire_modes.solve(registry.VIOLIN.system(one), 2.0).frequency[0],
-            f"{SHIPPED}: auto": taken.frequency[0],
-            "wires without mass": massless,
-            "a third of their mass on the body": massless / np.sqrt(1 + value / 3),
-        }
-        for name, found in answers.items():
-            error.setdefault(name, []).append(float(relative(found, exact)))
-    return Row(
-        title="Light bodies on heavy wires",
-        driver="mass of the wires over that of the body",
-        quantity="frequency of the pendulum",
-        value=np.asarray(fraction),
-        error={name: np.array(values) for name, values in error.items()},
-        finding=(
-            "Wires that weigh a hundredth of their body slow it by a six-hundredth, however far"
-            " their own modes are. `auto` estimates this from the wires' inertia against that of"
-            " the bodies, and takes wires with mass in time."
-        ),
-        limit="none found; `auto` is within its tolerance, 10⁻³",
     )

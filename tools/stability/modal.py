@@ -24,7 +24,7 @@ from tools.stability.references import (
     omega_squared,
     stage,
 )
-from tools.stability.row import SHIPPED, Row, relative
+from tools.stability.row import SHIPPED, Row, relative, sample
 
 STIFFNESS_RATIO = 10.0 ** np.arange(1, 16)
 DETUNING = 10.0 ** np.arange(0, -16, -1)
@@ -37,10 +37,11 @@ CHAIN = 4
 
 def rigid_wires(ratio: Any = STIFFNESS_RATIO) -> Row:
     """Compute errors of soft modes on wires `ratio` times stiffer along than across."""
-    error: dict[str, list[float]] = {}
-    for value in ratio:
-        k = float(value * TENSION / SHAPE["l"])
-        for kind, more in (("", {}), (", wires at 3°", {"t1": 0.0815})):
+    error: dict[str, Any] = {}
+    for kind, more in (("", {}), (", wires at 3°", {"t1": 0.0815})):
+
+        def compute(value: float, kind: str = kind, more: Any = more) -> Any:
+            k = float(value * TENSION / SHAPE["l"])
             model = registry.STRING.system(design(document(k=k, **more)))
             reference = np.array(
                 [float(v) for v in omega_squared(stage(shape={"k": k, **more}))[:SOFT]]
@@ -51,14 +52,15 @@ def rigid_wires(ratio: Any = STIFFNESS_RATIO) -> Row:
                     "eigenvalues of M⁻¹K": naive.unscaled(model)[:SOFT],
                     "symmetric eigenvalues": naive.symmetric(model)[:SOFT],
                 }
-            for name, omega2 in found.items():
-                error.setdefault(name, []).append(float(relative(omega2, reference).max()))
+            return reference, found
+
+        error |= sample(ratio, compute)
     return Row(
         title="Nearly rigid wires",
         driver="stiffness ratio k l / T",
         quantity="ω² of the two pendulum modes",
         value=np.asarray(ratio),
-        error={name: np.array(values) for name, values in error.items()},
+        error=error,
         finding=(
             "Eigenvalue solvers leave rounding errors of the largest ω² in the smallest. The"
             " program projects on the soft modes and solves them again alone; where wires"
@@ -74,23 +76,21 @@ def rigid_wires(ratio: Any = STIFFNESS_RATIO) -> Row:
 
 def graded_chain(ratio: Any = STIFFNESS_RATIO) -> Row:
     """Compute errors of all modes of a chain, with several soft modes per block."""
-    error: dict[str, list[float]] = {}
-    for value in ratio:
-        model = registry.STRING.system(_chain(float(value)))
-        reference = given_omega_squared(model)
-        found = {
+
+    def compute(value: float) -> Any:
+        model = registry.STRING.system(_chain(value))
+        return given_omega_squared(model), {
             SHIPPED: np.sort(eigenmodes.solve(model).omega_squared),
             "eigenvalues of M⁻¹K": naive.unscaled(model),
             "symmetric eigenvalues": naive.symmetric(model),
         }
-        for name, omega2 in found.items():
-            error.setdefault(name, []).append(float(relative(omega2, reference).max()))
+
     return Row(
         title="Nearly rigid wires, four stages",
         driver="stiffness ratio k l / T",
         quantity="ω² of all modes, given the matrices",
         value=np.asarray(ratio),
-        error={name: np.array(values) for name, values in error.items()},
+        error=sample(ratio, compute),
         finding=(
             "In a chain several soft modes share a block with stiff ones, and rounding mixes them"
             " with each other too. The program takes the stiff modes out first, so that each group"

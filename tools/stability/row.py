@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,6 +68,19 @@ class Row:
     def worst(self, method: str) -> float:
         """Return the largest error of a method along the row."""
         return float(self.error[method].max())
+
+
+def sample(values: Any, compute: Callable[[float], tuple[Any, dict[str, Any]]]) -> dict[str, Array]:
+    """Compute the largest error of each method at some values of a parameter.
+
+    `compute` returns the exact result at a value, and those of the methods by name.
+    """
+    error: dict[str, list[float]] = {}
+    for value in values:
+        exact, found = compute(float(value))
+        for name, one in found.items():
+            error.setdefault(name, []).append(float(np.max(relative(one, exact))))
+    return {name: np.array(one) for name, one in error.items()}
 
 
 def relative(found: object, exact: object) -> Array:

@@ -1,53 +1,37 @@
-"""`pendsus tradeoff`: time and error of every model and method for a design."""
+"""`pendsus tradeoff`: time and error of each model for a design, and which one to use."""
 
 from __future__ import annotations
 
 import time
-from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import click
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import (
-    Analysis,
-    Document,
-    Result,
-    Run,
-    Settings,
-    as_number,
-    plain,
-)
+from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings
 from suspension_cli.analyses.options import option
-from suspension_cli.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.tradeoff.result import Entry, Panel, ResponseTimes, Tradeoff
-    from suspension_cli.analyses.tradeoff.summary import Answer
-    from suspension_cli.design.schema import Design
+    from suspension_cli.analyses.tradeoff.result import Tradeoff
 
-NAMES = ("modes", "response", "thermal", "coupling", "equilibrium")
-"""Copy of `comparisons.QUANTITIES`, whose import would delay the help."""
-REPEAT = 7
+QUANTITIES = ("modes", "response", "thermal", "coupling")
 
 
 class TradeoffAnalysis(Analysis):
-    """Measure speed and accuracy of every model and every method, for one design.
+    """Measure time and error of each model for one design, and advise on a model.
 
-    Models are compared with the most complete valid one, methods with 50-digit arithmetic in the
-    same model. Times are processor times, measured in turns. Prints for each question the fastest
-    model or method that is accurate enough; with -v all times and errors. Writes
-    DIR/NAME-tradeoff.h5, .png (which model to use), -models.png, -methods-once.png and
-    -methods-batch.png (all comparisons).
+    Asks for modes, responses, thermal noise and cross-coupling. The error of a model is its largest
+    relative difference to the most complete one that is valid; times are processor times, measured
+    in turns. Prints which model to use for each question; writes DIR/NAME-tradeoff.h5 and .png.
 
     Example: pendsus tradeoff my.toml --quantity modes
 
     Returns
     -------
     Result
-        With the attributes of `analyses.tradeoff.result.Tradeoff`: `panels`, `waits`, ...
+        With the attributes of `analyses.tradeoff.result.Tradeoff`: `answers`, `entries`.
 
     Raises
     ------
@@ -57,9 +41,9 @@ class TradeoffAnalysis(Analysis):
     Examples
     --------
     >>> import suspension_cli as sus
-    >>> found = sus.tradeoff(sus.template("single"), quantities="modes", repeat=2)
-    >>> [(panel.quantity, panel.compares) for panel in found.panels]
-    [('modes', 'models'), ('modes', 'methods')]
+    >>> found = sus.tradeoff(sus.template("single"), quantities="modes")
+    >>> [entry.model for entry in found.answers[0].options]
+    ['closed-form', 'force', 'string', 'beam', 'violin']
     """
 
     name = "tradeoff"
@@ -70,208 +54,94 @@ class TradeoffAnalysis(Analysis):
             "--quantity",
             "quantities",
             multiple=True,
-            type=click.Choice(NAMES),
+            type=click.Choice(QUANTITIES),
             help="Compare only for this quantity (repeatable).  [default: all]",
         ),
-        option(
-            "--repeat",
-            type=click.IntRange(2, 1000),
-            default=REPEAT,
-            show_default=True,
-            metavar="N",
-            help="Samples of each time (fewer for slow methods).",
-        ),
-        options.OVERRIDES,
-        options.OUT,
-        options.NAME,
-        options.AS_JSON,
-        options.CSV,
-        options.PLOT,
-        options.FORMAT,
-        options.QUIET,
-        options.VERBOSE,
+        *(one for one in options.WRITING if one is not options.FIDELITY),
     )
 
     def solve(self, run: Run) -> Result:
-        """Measure every model and method."""
+        """Measure every model."""
         from suspension_cli.analyses.check import warnings
-        from suspension_cli.analyses.tradeoff import solve as tradeoff
+        from suspension_cli.analyses.tradeoff.measure import measure
         from suspension_cli.models.registry import Choice
 
-        _demand_references(run.design)
+        began = time.monotonic()
         with run.log.progress() as bar:
-            _demand_stable(run.design)
-            began = time.monotonic()
-            found = tradeoff.measure(
-                run.design,
+            found = measure(
+                run.source,
                 run.setting["quantities"],
-                run.setting["repeat"],
                 lambda done, count: bar(done, count, done / max(time.monotonic() - began, 1e-9)),
             )
         warnings.warn_implausible(run.design, run.log)
-        for line in [*table(found).split("\n"), ""]:
-            run.log.detail(line)
         choice = Choice("all", "every valid model is compared")
         return Result(self, run.source, choice, found, command=run.command)
 
     def document(self, result: Result) -> Document:
-        """Return all comparisons and answers."""
-        from suspension_cli.analyses.tradeoff import summary
-
+        """Return times, errors and advice by question."""
         found: Tradeoff = result.data
-        return {
-            "repeat": found.repeat,
-            "threads": found.threads,
-            "comparisons": [_comparison(panel) for panel in found.panels],
-            "response_times": [_waits(each) for each in found.waits],
-            "answers": [_answer(answer) for answer in summary.answers(found)],
-        }
+        questions = [
+            {
+                "quantity": answer.entries[0].quantity,
+                "question": answer.question,
+                "reference": answer.reference or None,
+                "best": answer.best and answer.best.model,
+                "advice": answer.advice,
+                "models": [
+                    {
+                        "model": entry.model,
+                        "time_s": entry.time,
+                        "error": entry.error,
+                        "where": entry.where,
+                        "left_out": entry.left_out,
+                    }
+                    for entry in answer.entries
+                ],
+            }
+            for answer in found.answers
+        ]
+        return {"questions": questions}
 
     def text(self, result: Result) -> str:
-        """Return the headline and one line per question."""
-        from suspension_cli.analyses.tradeoff import summary
+        """Return the advice for each question, and all times and errors."""
+        from suspension_cli.analyses.tradeoff.result import format_time
+        from suspension_cli.models.choice import percent
 
-        return summary.text(result.data)
+        found: Tradeoff = result.data
+        names = dict.fromkeys(one.model for answer in found.answers for one in answer.options)
+        advice, rows = [], []
+        for answer in found.answers:
+            advice.append((answer.question, answer.advice))
+            cells = dict.fromkeys(names, "-")
+            for one in answer.options:
+                error = "reference" if one.model == answer.reference else percent(one.error)
+                cells[one.model] = f"{format_time(one.time)}, {error}"
+            rows.append((answer.question, *cells.values()))
+        heads = ("question", f"fastest model {found.within}"), ("processor time and error", *names)
+        parts = [
+            tables.render(dict.fromkeys(head, ""), table)
+            for head, table in zip(heads, (advice, rows), strict=True)
+        ]
+        return "\n\n".join([*parts, "\n".join(_left_out(found))]).rstrip()
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
-        """Draw advice on the models, and all errors against times."""
-        from suspension_cli.analyses.tradeoff import headline, picture
+        """Draw error against time, a chart per question."""
+        from suspension_cli.analyses.tradeoff import picture
 
-        pages = picture.draw(result.data, result.title)
-        if not any(panel.compares == "models" and panel.entries for panel in result.data.panels):
-            return pages
-        return {"": headline.draw(result.data, result.title), **pages}
+        return {"": picture.draw(result.data, result.title)}
 
 
-def _demand_references(design: Design) -> None:
-    from suspension_cli.design.derive import beyond_symmetric_chains
-
-    if reason := beyond_symmetric_chains(design):
-        problem = f"the references in 50 digits do not cover this design: {reason}"
-        key, remedy = "stage", "use pendsus info, which computes the error of each model"
-        if "weight" in reason or "gravity" in reason:
-            key = "constants"
-            remedy = "remove gravity_gradient and wire_weight, and give gravity as a number"
-        raise InputError([Fault(key, problem, remedy)])
-
-
-def _demand_stable(design: Design) -> None:
-    from suspension_cli.analyses.growth import find_growth
-    from suspension_cli.models import registry
-
-    grows = find_growth(design, registry.STRING, registry.STRING.system(design))
-    if grows is not None:
-        problem = grows.fault.problem.replace(":", " in the string model:", 1)
-        remedy = f"{grows.fault.remedy}; responses of an unstable design are not compared"
-        raise InputError([Fault(grows.fault.key, problem, remedy)])
-
-
-def _comparison(panel: Panel) -> Document:
-    from suspension_cli.analyses.tradeoff.result import KINDS
-
-    labels = [entry.label for entry in panel.entries]
-    fronts = [
-        {"title": view.title}
-        | {kind: [labels[n] for n in panel.front(kind, view)] for kind in KINDS}
-        for view in panel.views
+def _left_out(found: Tradeoff) -> list[str]:
+    """List the models that are left out, a line per model and reason."""
+    lines: dict[tuple[str, str], list[str]] = {}
+    for entry in found.entries:
+        if entry.left_out:
+            asked = entry.question.partition(",")[0]
+            lines.setdefault((entry.model, entry.left_out), []).append(asked)
+    return [
+        f"{model} left out{'' if len(asked) == len(found.answers) else f' of {asked[0]}'}: {reason}"
+        for (model, reason), asked in lines.items()
     ]
-    return {
-        "quantity": panel.quantity,
-        "compares": panel.compares,
-        "time": panel.start,
-        "item": panel.item,
-        "count": panel.count,
-        "reference": panel.reference,
-        "entries": [_entry(panel, entry) for entry in panel.entries],
-        "left_out": [asdict(item) for item in panel.left],
-        "fronts": fronts,
-    }
-
-
-def _waits(each: ResponseTimes) -> Document:
-    from suspension_cli.analyses.tradeoff.result import COUNTS, OCCASIONS
-
-    entries = [
-        {"model": e.model, "method": e.method, "error": as_number(e.error), "time_s": plain(e.time)}
-        for e in each.entries
-    ]
-    return {
-        "compares": each.compares,
-        "time": each.start,
-        "occasions": list(OCCASIONS),
-        "frequencies": list(COUNTS),
-        "entries": entries,
-    }
-
-
-def _answer(answer: Answer) -> Document:
-    found: Document = {"compares": answer.compares, "question": answer.question}
-    for key, one in (("best", answer.best), ("other", answer.other)):
-        found[key] = one and {"name": one.name, "time_s": one.time, "error": one.error}
-    return found
-
-
-def _entry(panel: Panel, entry: Entry) -> Document:
-    return {
-        "model": entry.model,
-        "method": entry.method,
-        "error": dict(zip(panel.component, plain(entry.error), strict=True)),
-        "once_s": entry.once.tolist(),
-        "batch_s": entry.batch.tolist(),
-        "once_relative": entry.time("once") / panel.fastest("once"),
-        "batch_relative": entry.time("batch") / panel.fastest("batch"),
-        "vectorised": entry.vectorised,
-    }
-
-
-def table(found: Tradeoff) -> str:
-    """Return all times and errors, one part per comparison."""
-    from suspension_cli.analyses.tradeoff import summary
-
-    threads = f" on {found.threads} thread" + "s" * (found.threads > 1) if found.threads else ""
-    head = (
-        f"median times of up to {found.repeat} samples{threads}, relative to the fastest;"
-        " quartiles in brackets\n*: no other is both faster and more accurate    o: not vectorised,"
-        " so a batch is a loop    kept: prepared beforehand\nerrors are relative; below 1e-12 they"
-        " are rounding errors"
-    )
-    waits = [summary.response_table(found)] if found.waits else []
-    return "\n\n".join([head, *map(_table, found.panels), *waits])
-
-
-def _table(panel: Panel) -> str:
-    from suspension_cli.analyses.tradeoff.result import KINDS, format_error, format_time
-
-    lines = [f"{panel.title}: {'models' if panel.compares == 'models' else 'methods'}"]
-    if panel.entries:
-        fastest = {kind: panel.fastest(kind) for kind in KINDS}
-        fronts = {
-            kind: {n for view in panel.views for n in panel.front(kind, view)} for kind in KINDS
-        }
-        lines.append(f"  error against {panel.reference}")
-        lines.append(
-            f"  time {panel.start}: 1 is {format_time(fastest['once'])} once, and"
-            f" {format_time(fastest['batch'])} per {panel.item} in a batch of {panel.count}"
-        )
-        rows = []
-        for n, entry in enumerate(panel.entries):
-            times = (_time(entry, kind, fastest[kind], n in fronts[kind]) for kind in KINDS)
-            rows.append((entry.label, *times, *map(format_error, entry.error)))
-        columns = {"": "", "once": "", "in a batch": "", **dict.fromkeys(panel.component, ".1e")}
-        lines.append(tables.render(columns, rows))
-    for reason, names in panel.left_out.items():
-        lines.append(f"  left out: {', '.join(names)}: {reason}")
-    return "\n".join(lines)
-
-
-def _time(entry: Entry, kind: str, fastest: float, best: bool) -> str:
-    """``1.88 (1.82 to 1.93) *``."""
-    low, middle, high = (
-        f"{value:.3g}" if value < 999.5 else f"{float(f'{value:.3g}'):,.0f}"
-        for value in getattr(entry, kind) / fastest
-    )
-    marks = ("*" if best else "") + ("o" if kind == "batch" and not entry.vectorised else "")
-    return f"{middle} ({low} to {high}) {marks}"
 
 
 ANALYSIS = TradeoffAnalysis()

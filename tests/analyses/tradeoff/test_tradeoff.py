@@ -1,239 +1,281 @@
-"""What `pendsus tradeoff` makes of what it measures: the front, the timing, what is left out and
-why."""
+"""`pendsus tradeoff`: errors against the commands' own results, advice, files, refusals."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+import tomli_w
 
-from suspension_cli.analyses.tradeoff import imperfect_builds, response_times, timing
-from suspension_cli.analyses.tradeoff import solve as run
-from suspension_cli.analyses.tradeoff.comparisons import COMPARISONS, QUANTITIES
-from suspension_cli.analyses.tradeoff.result import GAIN, ROUNDING, format_error, format_time, front
-from suspension_cli.analyses.tradeoff.subject import MODEL_NAMES, Subject
-from suspension_cli.design.reader import read
-from suspension_cli.equilibrium import solve as equilibrium
+import suspension_cli as sus
+from suspension_cli.analyses import registry
+from suspension_cli.analyses.tradeoff import measure, picture
+from suspension_cli.analyses.tradeoff.result import Answer, Entry, Tradeoff, format_time
+from suspension_cli.drawing.curves import COLUMN
+from suspension_cli.files.hdf5 import open_results
 from tests.support import scenes
+from tests.support.commandline import (
+    assert_refused,
+    from_template,
+    python,
+    run,
+    strict_json,
+    written,
+)
+from tests.support.legible import assert_legible, said
 from tests.support.paths import CONFIGS
 from tests.support.quick_tradeoff import hurry
 
-
-def subject(name):
-    return Subject(read(CONFIGS / f"{name}.toml").design)
-
-
-# The front.
+CASE = CONFIGS / "husman2000" / "table1-case3.toml"
+STEM = "husman2000-table1-case3-tradeoff"
+MODELS = ["closed-form", "force", "string", "beam", "violin"]
 
 
-def test_front_of_made_up_points():
-    time, error = [2.0, 1.0, 4.0, 3.0, 5.0], [1e-3, 1e-1, 1e-5, 1e-2, 1e-5]
-    assert front(time, error) == [1, 0, 2]
-    assert front([1.0], [0.3]) == [0]
-    assert front([], []) == []
+@pytest.fixture(scope="module")
+def out(tmp_path_factory):
+    """A folder with everything that a run writes, and its JSON."""
+    folder = tmp_path_factory.mktemp("out")
+    with pytest.MonkeyPatch.context() as patch:
+        hurry(patch)
+        result = run("tradeoff", CASE, "--json", "--out", folder)
+    assert result.exit_code == 0, result.stderr
+    (folder / "answer.json").write_text(result.stdout)
+    return folder
 
 
-def test_front_takes_rounding_for_no_gain():
-    assert front([1.0, 2.0], [0.9 * ROUNDING, 0.0]) == [0]
-    assert front([1.0, 2.0, 3.0], [1e-3, 1e-3 * (1 - GAIN / 2), 1e-3 * (1 - 2 * GAIN)]) == [0, 2]
+@pytest.fixture(scope="module")
+def loaded(out):
+    with open_results(out / f"{STEM}.h5") as results:
+        return registry.loaded(results, "")
 
 
-def test_front_of_equal_times_keeps_the_better():
-    assert front([1.0, 1.0], [1e-2, 1e-3]) == [1]
+@pytest.fixture(scope="module")
+def answers(loaded):
+    modes, sweep, low, high, noise, coupling = loaded.answers
+    return {
+        "modes": modes,
+        "sweep": sweep,
+        "low": low,
+        "high": high,
+        "noise": noise,
+        "coupling": coupling,
+    }
 
 
-def test_front_against_its_definition():
-    """On it is what nothing beats; each other point is beaten by one that is on it."""
-    rng = np.random.default_rng(1)
-    for _ in range(50):
-        time, error = rng.integers(1, 8, 12).astype(float), 10.0 ** -rng.integers(0, 8, 12)
-        on = front(time, error)
-        beaten = (
-            (time[:, None] >= time)
-            & (error[:, None] >= error)
-            & ((time[:, None] > time) | (error[:, None] > error))
-        )
-        assert {(time[n], error[n]) for n in on} == {
-            (time[n], error[n]) for n in np.flatnonzero(~beaten.any(1))
-        }
-        assert all(beaten[n][on].any() for n in np.flatnonzero(beaten.any(1)))
-        assert (np.diff(time[on]) > 0).all() and (np.diff(error[on]) < 0).all()
+def errors(answer):
+    return {entry.model: entry.error for entry in answer.entries if np.isfinite(entry.error)}
 
 
-# Measuring.
+def test_json(out, loaded):
+    answer = strict_json((out / "answer.json").read_text())
+    assert list(answer) == ["command", "design", "questions"]
+    assert {part["quantity"] for part in answer["questions"]} == {
+        "modes",
+        "response",
+        "thermal",
+        "coupling",
+    }
+    for part in answer["questions"]:
+        assert [one["model"] for one in part["models"]] == MODELS
+        assert (part["reference"], part["models"][-1]["error"]) == ("violin", 0.0)
+        assert all((one["time_s"] is None) == bool(one["left_out"]) for one in part["models"])
+        assert part["advice"].startswith(f"Use {part['best']}")
+    assert loaded.document() == answer
 
 
-def test_works_take_turns(monkeypatch):
-    monkeypatch.setattr(timing, "LEAST", 0.0)
-    calls = []
-    found = timing.quartiles([lambda name=name: calls.append(name) for name in "abc"], 4)
-    assert "".join(calls[-12:]) == "abcabcabcabc"
-    assert found.shape == (3, 3)
-    assert (np.diff(found, axis=1) >= 0).all()
+# Errors, against the results of the other commands.
 
 
-def test_quick_works_are_done_often():
-    calls = []
-    timing.quartiles([lambda: calls.append(1)], 2)
-    assert len(calls) == 1 + timing.TRIES + 2 * timing.MOST
-    assert timing.quartiles([], 2).shape == (0, 3)
+def test_errors_of_modes(answers):
+    """Each mode has its own label in every model of a single pendulum."""
+    design = sus.read(str(CASE))
+    modes = {name: sus.modes(design, model=name, max_frequency=20.0) for name in MODELS[2:4]}
+    modes["violin"] = sus.modes(design, fidelity="violin", max_frequency=20.0)
+    frequency = {name: dict(zip(m.label, m.frequency, strict=True)) for name, m in modes.items()}
+    exact = frequency["violin"]
+    for name in ("string", "beam"):
+        wanted = {label: abs(f / exact[label] - 1) for label, f in frequency[name].items()}
+        (entry,) = (one for one in answers["modes"].entries if one.model == name)
+        assert entry.error == pytest.approx(max(wanted.values()), rel=1e-3)
+        assert wanted[entry.where] == max(wanted.values())
+    assert errors(answers["sweep"]) == errors(answers["modes"])
+    assert "wires without mass" in answers["sweep"].entries[-1].left_out
 
 
-def test_slow_works_have_fewer_samples(monkeypatch):
-    """Called until the budget is spent; what took ten budgets before is not called again."""
-    clock = [0.0]
-    monkeypatch.setattr(timing.time, "process_time", lambda: clock[0])
-    calls = {0.3: 0, 0.05: 0, 2.0: 0}
-
-    def work(seconds):
-        calls[seconds] += 1
-        clock[0] += seconds
-
-    works = [lambda s=seconds: work(s) for seconds in calls]
-    found = timing.quartiles(works, 5, [0.4, 0.06, 2.1], budget=0.1)
-    assert calls == {0.3: 2, 0.05: 3, 2.0: 0}  # one call before those that are samples
-    np.testing.assert_allclose(found[:, 1], [0.3, 0.05, 2.1])
-
-
-def test_sessions_time_a_first_response_and_the_next_ones(monkeypatch):
-    """What is kept from the first response, and from one grid, is found again."""
-    clock, budget = [0.0], 0.1
-    monkeypatch.setattr(timing.time, "process_time", lambda: clock[0])
-
-    def begin(scale):
-        def start():
-            clock[0] += 5 * scale
-            grids = []
-
-            def answer(omega):
-                clock[0] += scale * (1 if not grids or (grids[-1] != omega).any() else 0.5)
-                grids.append(omega)
-
-            return answer
-
-        return lambda: start
-
-    quick, slow = response_times._times([begin(1e-3), begin(1.0)], 5, 3, budget)
-    np.testing.assert_allclose(quick[:, 1], [6e-3, 0.5e-3, 1e-3])
-    assert slow[0, 1] == pytest.approx(6.0) and np.isnan(slow[1:]).all()
+@pytest.mark.parametrize("band", ["low", "high"])
+def test_errors_of_responses(answers, band):
+    """At the frequency that is given."""
+    design = sus.read(str(CASE))
+    for entry in answers[band].options[:-1]:
+        at = float(entry.where.split()[1])
+        values = [
+            sus.response(design, inputs="support.x", outputs="test.x", frequency=at, model=name)
+            for name in (entry.model, "violin")
+        ]
+        one, exact = (complex(found.value.ravel()[0]) for found in values)
+        assert entry.error == pytest.approx(abs(one / exact - 1), rel=0.02)
+    low, high = errors(answers["low"]), errors(answers["high"])
+    assert low["beam"] < low["string"] < 0.05 and min(high["beam"], high["string"]) > 0.5
 
 
-def test_invalid_methods_are_left_out_with_a_reason(monkeypatch):
-    """Strings known by k alone: no model with bending, no thermal noise; explicit wires: no force
-    model."""
+def test_errors_of_noise_and_coupling(answers):
+    design = sus.read(str(CASE))
+    frequency = np.geomspace(10.0, 100.0, 200)
+    beam, violin = (
+        sus.thermal(design, outputs="test.x", frequency=frequency, model=name).data[0].amplitude
+        for name in MODELS[3:]
+    )
+    assert errors(answers["noise"])["beam"] == pytest.approx(np.abs(beam / violin - 1).max(), 0.02)
+    assert [entry.model for entry in answers["noise"].options] == ["beam", "violin"]
+    builds = {name: sus.xcouple(design, sweep="k,offset", model=name).ratio for name in MODELS[2:]}
+    exact = builds["violin"]
+    for name in ("string", "beam"):
+        wanted = np.abs(builds[name] - exact).max() / np.abs(exact).max()
+        assert errors(answers["coupling"])[name] == pytest.approx(wanted, rel=1e-9)
+
+
+def hanging(stage):
+    return sus.parse(tomli_w.dumps(scenes.raw_of(stage)))
+
+
+def test_models_that_are_left_out(monkeypatch):
+    """Wires known by k alone: no bending, no noise. Bodies on springs: no imperfect wire."""
     hurry(monkeypatch)
     body = {"mass": 2.0, "inertia": [0.014, 0.011, 0.012]}
-    raw = scenes.raw_of(
-        {
-            "name": "test",
-            "body": body,
-            "wires": {"count": 2, "l": 0.3, "t1": 0.05, "t2": 0.05, "d": 0.01, "k": 1e4},
-        }
-    )
-    found = run.measure(scenes.design_of(raw), ("modes", "thermal", "coupling"), repeat=2)
-    assert [panel.key for panel in found.panels] == [
-        "modes-models",
-        "modes-methods",
-        "thermal-models",
-        "thermal-methods",
-        "coupling-models",
-        "coupling-methods",
-    ]
-    models = found.panels[0]
-    assert [entry.model for entry in models.entries] == ["force", "string"]
-    assert {item.model: item.reason for item in models.left} == {
-        "closed-form": "it does not hang on one symmetric set of four wires",
-        "beam": "wire test.1 has no cross-section",
-        "violin": "wire test.1 has no cross-section",
-    }
-    for panel in found.panels[2:4]:
-        assert panel.entries == () and panel.views == ()
-        assert all("wire test.1 has no cross-section" in item.reason for item in panel.left)
-
-
-def four_wires(**wires):
-    body = {"mass": 2.0, "inertia": [0.014, 0.011, 0.012]}
-    shape = {"count": 4, "s": 0.03, "t1": 0.05, "t2": 0.05, "d": 0.002}
-    return Subject(
-        scenes.design_of(scenes.raw_of({"name": "test", "body": body, "wires": shape | wires}))
-    )
-
-
-def test_builds_without_equilibrium_are_reported_with_the_model(monkeypatch):
-    """Leaning wires too stiff to be balanced hang on no model; thick short ones, where one is slack
-    once they bend, on strings alone."""
-    hurry(monkeypatch)
-    # what hangs nowhere is given up early
-    monkeypatch.setattr(equilibrium, "STEPS", equilibrium.STEPS[:1])
-    rigid = four_wires(l=0.3, t1=0.04, k=1e17)
-    reason = "imperfect builds in the string model: no equilibrium near the nominal pose"
-    assert (
-        imperfect_builds.why_no_equilibrium(rigid)
-        == imperfect_builds.uncoupled(rigid)
-        == imperfect_builds.unbalanced(rigid)
-        == reason
-    )
-    # these do not hold at all, for another reason
-    assert imperfect_builds.why_no_equilibrium(rigid, ("beam", "violin")) == ""
-    thick = four_wires(l=0.05, material="steel302", radius=1e-3)
-    assert imperfect_builds.why_no_equilibrium(thick) == imperfect_builds.uncoupled(thick) == ""
-    assert (
-        imperfect_builds.incomparable(thick)
-        == "imperfect builds in the beam model: a wire is slack"
-    )
-    models, methods = run.measure(thick.design, ("coupling",), repeat=2).panels
-    assert models.entries == () and {item.reason for item in models.left} == {
-        imperfect_builds.incomparable(thick)
-    }
-    assert [entry.method for entry in methods.entries] == [
-        "first order",
-        "nominal pose",
-        "linear pose",
-        "rebuilt",
-    ]
-    good = four_wires(l=0.3, material="steel302", radius=1e-4)
-    assert imperfect_builds.incomparable(good) == ""
-
-
-def test_every_model_is_compared():
-    for item in COMPARISONS:
-        if item.compares == "models":
-            assert [method.model for method in item.methods] == list(MODEL_NAMES)
-    assert set(QUANTITIES) == {"modes", "response", "thermal", "coupling", "equilibrium"}
-
-
-def test_bodies_on_springs_alone_have_every_model(monkeypatch):
-    hurry(monkeypatch)
+    wires = {"count": 2, "l": 0.3, "t1": 0.05, "t2": 0.05, "d": 0.01, "k": 1e4}
+    bare = hanging({"name": "test", "body": body, "wires": wires})
+    modes, _, noise = sus.tradeoff(bare, quantities=["modes", "thermal"]).answers
+    assert [entry.model for entry in modes.options] == ["force", "string"]
+    reasons = {entry.model: entry.left_out for entry in modes.entries if entry.left_out}
+    assert reasons.pop("closed-form") == "it does not hang on one symmetric set of four wires"
+    assert set(reasons.values()) == {"wire test.1 has no cross-section"}
+    assert noise.best is None and "no cross-section" in noise.advice and noise.reference == ""
     spring = {
         "stiffness": [100.0, 200.0, 300.0, 1.0, 2.0, 3.0],
         "preload": [0.0, 0.0, 19.62, 0.0, 0.0, 0.0],
     }
-    raw = scenes.raw_of(
-        {
-            "name": "test",
-            "position": [0.0, 0.0, -0.1],
-            "body": {"mass": 2.0, "inertia": [0.014, 0.011, 0.012]},
-            "spring": [spring],
-        }
+    stage = {"name": "test", "position": [0.0, 0.0, -0.1], "body": body, "spring": [spring]}
+    found = sus.tradeoff(hanging(stage))
+    assert [entry.model for entry in found.answers[0].options] == MODELS[2:]
+    assert max(entry.error for entry in found.answers[0].options) < 1e-12
+    assert found.answers[4].advice == "left out: nothing dissipates"
+    assert found.answers[5].advice == "left out: the mirror hangs on no wire"
+    assert_legible(picture.draw(found.data, "Springs"))
+
+
+def test_designs_beyond_symmetric_chains(monkeypatch):
+    hurry(monkeypatch)
+    found = sus.tradeoff(sus.example("five-wires"), quantities="modes")
+    assert [entry.model for entry in found.answers[0].options] == MODELS[2:]
+
+
+# Advice.
+
+
+def made_up(*points):
+    return Answer(
+        tuple(Entry("modes", "modes", f"m{n}", *point, "yaw", "") for n, point in enumerate(points))
     )
-    found = run.measure(scenes.design_of(raw), ("modes", "coupling", "equilibrium"), repeat=2)
-    assert [entry.model for entry in found.panels[0].entries] == ["string", "beam", "violin"]
-    assert max(entry.error.max() for entry in found.panels[0].entries) < 1e-12
-    assert {item.reason for panel in found.panels[2:] for item in panel.left} == {
-        "the mirror hangs on no wire"
-    }
+
+
+def test_advice():
+    fine, coarse = (0.037, 9e-5), (0.007, 0.15)
+    assert made_up(coarse, fine, (0.3, 0.0)).advice == (
+        "Use m1: m0 is 5.3 times faster, but off by 15 % (yaw)."
+    )
+    assert made_up(fine).advice == "Use m0: no other model is faster."
+    assert made_up((0.036, 0.1), fine).advice == "Use m1: simpler models save hardly any time."
+    assert (
+        made_up(coarse, (0.1, 0.02)).advice == "Use m1: it is off by 2 % (yaw), the others by more."
+    )
+
+
+def test_works_take_turns_within_the_budget(monkeypatch):
+    clock, calls = [0.0], []
+    monkeypatch.setattr(measure.time, "process_time", lambda: clock[0])
+
+    def work(name, seconds):
+        calls.append(name)
+        clock[0] += seconds
+
+    found = measure.median_times([lambda: work("a", 0.1), lambda: work("b", 0.6)])
+    assert found == pytest.approx([0.1, 0.6])
+    assert "".join(calls) == "abab" + 5 * "a"
+    assert measure.median_times([lambda: None])[0] > 0  # others are divided by it
 
 
 def test_words():
-    assert [format_time(value) for value in (2.0, 0.0123, 83e-6, 5e-10)] == [
-        "2 s",
-        "12.3 ms",
-        "83 µs",
-        "0.5 ns",
-    ]
-    assert (format_error(3.8e-7), format_error(1e-17), format_error(0.0)) == ("3.8e-07", "0", "0")
+    assert [format_time(value) for value in (2.0, 0.0123, 83e-6)] == ["2 s", "12 ms", "83 µs"]
 
 
-def test_no_time_is_zero(monkeypatch):
-    """Where the clock of processor time stands still within a sample; others are divided by it."""
-    monkeypatch.setattr(timing.time, "process_time", lambda: 1.0)
-    assert (timing.quartiles([lambda: None], 1) > 0).all()
+# Text, files, pictures.
+
+
+def test_text(loaded):
+    text = str(loaded)
+    assert "fastest model within 0.1 % of violin" in text
+    for answer in loaded.answers:
+        assert f"  {answer.question}  " in text and answer.advice in text
+    assert "force left out of cross-coupling at 50 Hz: it has no imperfect builds" in text
+    assert max(map(len, text.splitlines())) < 150
+
+
+def test_picture(out, loaded):
+    """One column wide, one chart per question, with its advice; the same from the file alone."""
+    figure = picture.draw(loaded.data, "Made up")
+    words = said(figure)
+    assert_legible(figure)
+    assert figure.get_figwidth() == COLUMN and len(figure.axes) == len(loaded.answers)
+    for axes, answer in zip(figure.axes, loaded.answers, strict=True):
+        assert {one.model for one in answer.options} <= {text.get_text() for text in axes.texts}
+        assert any(" ".join(text.split()) == answer.advice for text in words)
+        (best,) = [line for line in axes.lines if line.get_markersize() > 8]
+        unit = {"processor time (ms)": 1e-3, "processor time (µs)": 1e-6}[axes.get_xlabel()]
+        assert best.get_xdata()[0] * unit == pytest.approx(answer.best.time)
+    assert run("plot", out / f"{STEM}.h5", "--out", out).exit_code == 0
+    assert (out / f"{STEM}.png").stat().st_size > 10_000
+
+
+def test_quantity(tmp_path, monkeypatch):
+    """On the command line and in the design's table."""
+    hurry(monkeypatch)
+    text = CASE.read_text() + '\n[analysis.tradeoff]\nquantity = ["thermal"]\n'
+    file = written(tmp_path, text)
+    for options, wanted in (((), ["thermal"]), (("--quantity", "coupling"), ["coupling"])):
+        result = run("tradeoff", file, *options, "--json", "--csv", "--out", tmp_path / "out")
+        assert result.exit_code == 0, result.stderr
+        found = strict_json(result.stdout)["questions"]
+        assert [part["quantity"] for part in found] == wanted
+    rows = (tmp_path / "out" / f"{STEM}.csv").read_text().splitlines()
+    assert len([row for row in rows if "cross-coupling" in row]) == len(MODELS)
+
+
+def test_refusals(tmp_path):
+    out, file = tmp_path / "out", from_template(tmp_path)
+    (line,) = assert_refused(
+        run("tradeoff", file, "--set", "stage.test.wires.d=-0.3", "--out", out), file, out
+    )
+    assert "unstable" in line and "--allow-unstable" not in line
+    missing = tmp_path / "missing.toml"
+    assert_refused(run("tradeoff", missing, "--out", out), missing, out)
+    for options in (["--quantity", "mode"], ["--fidelity", "beam"]):
+        assert run("tradeoff", file, *options, "--out", out).exit_code == 2
+    assert not out.exists()
+
+
+def test_nothing_to_compare():
+    entry = Entry("thermal", "noise", "violin", np.nan, np.nan, "", "nothing dissipates")
+    found = Tradeoff((entry,))
+    assert found.answers[0].advice == "left out: nothing dissipates"
+    assert picture.draw(found, "Nothing").axes == []
+
+
+def test_numpy_reads_the_number_of_threads():
+    """It is set before numpy is imported."""
+    code = (
+        "import os, sys; [os.environ.pop(f'{name}_NUM_THREADS', None) for name in ('OPENBLAS',"
+        " 'OMP', 'MKL')];from suspension_cli.analyses.tradeoff.command import TradeoffAnalysis as"
+        " T;T.read = lambda *_: sys.exit(f\"{'numpy' in sys.modules}"
+        " {os.environ['OPENBLAS_NUM_THREADS']}\");from suspension_cli.cli.main import main;"
+        " main(['tradeoff', 'x.toml'])"
+    )
+    assert python(code).stderr == "False 1\n"

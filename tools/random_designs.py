@@ -1,16 +1,20 @@
-"""Random suspensions of unusual kinds, to test the choice of the model away from common designs."""
+"""Random suspensions, common and unusual, to test the choice of the model.
+
+Common ones are chains of one to four stages. Unusual ones are light bodies on wires of up to 0.7 of
+their mass, one and two wires, wires that cross, offset centres of mass, a recoil mass beside a
+mirror, masses that differ 300-fold, ribbons, tapers and thick ends.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.random import Generator
 
 from suspension_cli.design import reader
-from suspension_cli.design.schema import Design
+from suspension_cli.design.reader import Source
 from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
@@ -27,48 +31,53 @@ MATERIALS: dict[str, tuple[float, float]] = {
 }
 """Young's modulus (Pa) and density (kg/m^3) of the wires' materials, to size wires by."""
 CORD = {"youngs_modulus": 4e9, "poisson_ratio": 0.4, "density": 1140.0, "loss_angle": 1e-2}
+STRESS = (2e6, 2e9)
+"""Stress in the wires, Pa, which sets their thickness: steel is used at 0.3 to 1 GPa."""
+IMPERFECT = 0.25
+"""Fraction of common suspensions that are built imperfectly."""
 
 
-def unusual_design(seed: int) -> Design:
-    """Return a random design that hangs stably on at least one model."""
-    rng = np.random.default_rng([4388, seed])
+def random_source(seed: int, *, common: bool) -> Source:
+    """Draw a design that hangs stably on strings and on wires that bend."""
+    rng = np.random.default_rng([4388, seed, common])
     while True:
+        raw = draw_design(rng, _chain if common else KINDS[int(rng.integers(len(KINDS)))])
+        text = reader.write_toml(raw)
         try:
-            design = reader.convert(unusual(rng))
+            source = Source(reader.parse(text), text, "")
+            models = (registry.STRING, registry.BEAM)
+            if all(eigenmodes.solve(model.system(source.design)).stable for model in models):
+                return source
         except InputError:
             continue
-        if hangs(design):
-            return design
 
 
-def hangs(design: Design) -> bool:
-    """Whether the equilibrium is stable on strings or on wires that bend."""
-    for model in (registry.STRING, registry.BEAM):
-        try:
-            if eigenmodes.solve(replace(model.system(design), terms=())).stable:
-                return True
-        except InputError:
-            pass
-    return False
-
-
-def unusual(rng: Generator) -> Raw:
-    """Draw a design file; not every one hangs stably."""
-    kind = KINDS[int(rng.integers(len(KINDS)))]
-    gravity = GRAVITY["Moon" if rng.random() < 0.2 else "Earth"]
+def draw_design(rng: Generator, kind: Callable[[Generator], list[Raw]]) -> Raw:
+    """Draw a design file of a kind; not every one hangs stably."""
+    gravity = GRAVITY["Moon" if rng.random() < 0.1 else "Earth"]
     stages = kind(rng)
     for stage, load in zip(stages, loads(stages, gravity), strict=True):
         _give_wires(rng, stage, load)
         if "wires" in stage and rng.random() < 0.3:
             _give_blades(rng, stage, load)
-        if rng.random() < 0.15:
+        if rng.random() < 0.1:
             stage["damping"] = {"x": _between(rng, 1e-3, 1.0), "yaw": _between(rng, 1e-5, 1e-2)}
-    return {
+    raw = {
         "design": {"name": kind.__name__.strip("_").replace("_", "-")},
         "constants": {"gravity": gravity, "temperature": float(rng.choice([20.0, 123.0, 290.0]))},
         "materials": {"cord": CORD},
         "stage": stages,
     }
+    if kind is _chain and rng.random() < IMPERFECT:
+        raw["perturbation"] = [
+            {
+                "wire": f"{stage['name']}.1",
+                "k_factor": float(rng.uniform(0.9, 1.1)),
+                "upper_offset": (1e-4 * rng.uniform(-1, 1, 3)).tolist(),
+            }
+            for stage in stages
+        ]
+    return raw
 
 
 def loads(stages: list[Raw], gravity: float) -> list[float]:
@@ -83,6 +92,11 @@ def loads(stages: list[Raw], gravity: float) -> list[float]:
         if above[name] != "support":
             carried[above[name]] += carried[name]
     return [gravity * carried[name] for name in mass]
+
+
+def _chain(rng: Generator) -> list[Raw]:
+    """One to four stages of similar masses."""
+    return [_stage(rng, f"mass{n}", _between(rng, 1.0, 40.0)) for n in range(1 + rng.integers(4))]
 
 
 def _light_body(rng: Generator) -> list[Raw]:
@@ -221,7 +235,7 @@ def _give_wires(rng: Generator, stage: Raw, load: float) -> None:
     given, every = stage.get("wires"), stage.get("wire", [])
     count = given["count"] if given else len(every)
     length = given["l"] if given else -stage["position"][2]
-    area = load / count / _between(rng, 2e6, 6e8)
+    area = load / count / _between(rng, *STRESS)
     heavy = stage.pop("heavy", None)
     if heavy is not None:
         area = heavy * stage["body"]["mass"] / (count * length * density)

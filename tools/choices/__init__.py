@@ -1,1 +1,0 @@
-"""Error and cost of `auto` on random suspensions and quantities of interest."""
