@@ -88,7 +88,7 @@ def test_json(out, loaded):
 def test_errors_of_modes(answers):
     """Each mode has its own label in every model of a single pendulum."""
     design = sus.read(str(CASE))
-    modes = {name: sus.modes(design, model=name, max_frequency=20.0) for name in MODELS[2:4]}
+    modes = {name: sus.modes(design, fidelity=name, max_frequency=20.0) for name in MODELS[2:4]}
     modes["violin"] = sus.modes(design, fidelity="violin", max_frequency=20.0)
     frequency = {name: dict(zip(m.label, m.frequency, strict=True)) for name, m in modes.items()}
     exact = frequency["violin"]
@@ -108,7 +108,7 @@ def test_errors_of_responses(answers, band):
     for entry in answers[band].options[:-1]:
         at = float(entry.where.split()[1])
         values = [
-            sus.response(design, inputs="support.x", outputs="test.x", frequency=at, model=name)
+            sus.response(design, inputs="support.x", outputs="test.x", frequency=at, fidelity=name)
             for name in (entry.model, "violin")
         ]
         one, exact = (complex(found.value.ravel()[0]) for found in values)
@@ -121,12 +121,12 @@ def test_errors_of_noise_and_coupling(answers):
     design = sus.read(str(CASE))
     frequency = np.geomspace(10.0, 100.0, 200)
     beam, violin = (
-        sus.thermal(design, outputs="test.x", frequency=frequency, model=name).data[0].amplitude
+        sus.thermal(design, outputs="test.x", frequency=frequency, fidelity=name).data[0].amplitude
         for name in MODELS[3:]
     )
     assert errors(answers["noise"])["beam"] == pytest.approx(np.abs(beam / violin - 1).max(), 0.02)
     assert [entry.model for entry in answers["noise"].options] == ["beam", "violin"]
-    builds = {name: sus.xcouple(design, sweep="k,offset", model=name).ratio for name in MODELS[2:]}
+    builds = {name: sus.xcouple(design, sweep="k,offset", fidelity=name).ratio for name in MODELS[2:]}
     exact = builds["violin"]
     for name in ("string", "beam"):
         wanted = np.abs(builds[name] - exact).max() / np.abs(exact).max()
