@@ -29,6 +29,7 @@ from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.bending_wires import solve_bending
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
+from suspension_cli.linear.batches import evaluate_terms, further_stiffness
 from suspension_cli.linear.eigenmodes import DEGENERATE, Modes
 from suspension_cli.linear.mode_pairing import pair_by_shape
 from suspension_cli.linear.system import LinearSystem
@@ -43,7 +44,6 @@ from suspension_cli.studies import builds, variants
 from suspension_cli.studies.builds import Builds
 from suspension_cli.studies.natural_steps import natural_step
 from suspension_cli.studies.parameters import Parameter, shifted, value_of
-from suspension_cli.studies.systems import evaluate_terms, further_stiffness
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Inexact, Int
