@@ -115,4 +115,5 @@ def solve_matrices(
 
 def solve_one(model: LinearSystem) -> Spectrum:
     """Solve for the modes of one system, as a batch of one."""
-    return solve(replace(model, mass=model.mass[None], stiffness=model.stiffness[None]))
+    mass, stiffness = model.mass[None], model.stiffness[None]
+    return solve(replace(model, mass=mass, stiffness=stiffness, stretched=None))

@@ -211,8 +211,8 @@ def _pattern(owner: bytes, coupled: bytes) -> Pattern:
 def of_stiffness(model: LinearSystem, *, lossy: bool = True) -> Equations:
     """Static equations of builds, with or without losses that do not depend on frequency."""
     full, form = model.stiffness if model.lossy is None else model.lossy, np.zeros((0, model.size))
-    if model.separated is not None:
-        full, form = model.separated.soft, model.separated.form
+    if model.stretched is not None:
+        full, form = model.stretched.soft, model.stretched.form
     return Equations([Part.of(full if lossy else np.real(full))], form)
 
 
@@ -268,10 +268,12 @@ def further_stiffness(
     added, compliance = evaluate_terms(model, terms, which, omega)
     if added is None:
         return np.zeros((len(which), model.size, model.size), dtype=complex)
-    if model.separated is not None:
-        form, stiffness = model.separated.form[which], model.separated.stiffness
-        stiffness = np.broadcast_to(stiffness, (*model.batch, len(model.wire)))[which]
-        added += (np.swapaxes(form, -1, -2) * (1 / compliance - stiffness)[:, None]) @ form
+    if model.stretched is not None:
+        form, change = (
+            model.stretched.form[which],
+            1 / compliance - model.stretched.stiffness[which],
+        )
+        added += (np.swapaxes(form, -1, -2) * change[:, None]) @ form
     return added
 
 
@@ -285,9 +287,8 @@ def evaluate_terms(
 ]:
     """Compute the further stiffness of systems, and the compliance of their wires."""
     compliance: np.ndarray = np.zeros((len(which), 0))
-    if model.separated is not None:
-        stiffness = np.broadcast_to(model.separated.stiffness, (*model.batch, len(model.wire)))
-        compliance = 1 / stiffness[which]
+    if model.stretched is not None:
+        compliance = 1 / model.stretched.stiffness[which]
     if not terms:
         return None, compliance
     compliance = compliance.astype(complex)

@@ -181,11 +181,11 @@ def mode_matrix(
     """Compute R of builds with the modes of a design; `massive` if its wires have mass."""
     model, shape, count = found.model, modes.shape, len(found.status)
     squared = np.maximum(modes.omega_squared, 0.0)
-    own = model.separated
+    own = model.stretched
     soft = np.real(model.stiffness if own is None else own.soft)[..., 6:, 6:] @ shape.T
     form = np.zeros((count, 0, shape.shape[1])) if own is None else own.form[..., 6:]
     long = form @ shape.T
-    stiff = np.zeros(0) if own is None else np.broadcast_to(own.stiffness, long.shape[:2])
+    stiff = np.zeros(0) if own is None else own.stiffness
     stiff = stiff[..., None] + np.zeros_like(long)
     force = soft - squared * (model.mass[..., 6:, 6:] @ shape.T)
     step = max(ELEMENTS // (count * model.size**2), 1)

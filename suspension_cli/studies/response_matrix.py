@@ -125,12 +125,13 @@ class Plant:
         system = registry.by_name(level).system(design)
         full = system.stiffness if system.lossy is None else system.lossy
         to_own = np.linalg.inv(system.basis)
-        static = [
+        mass, stiffness, damping, loss = (
             to_own.T @ part @ to_own
             for part in (system.mass, system.stiffness, system.damping, np.imag(full))
-        ]
+        )
         turn = np.eye(3) if system.orientation is None else system.orientation
-        matrices = Matrices(*static, np.broadcast_to(turn, (len(system.body) + 1, 3, 3)))
+        turn = np.broadcast_to(turn, (len(system.body) + 1, 3, 3))
+        matrices = Matrices(mass, stiffness, damping, loss, turn)
         return Plant(design, level, system, matrices, eigenmodes.solve(system.constant))
 
     def row(self, signal: Signal) -> Float[np.ndarray, " coordinate"]:

@@ -244,16 +244,12 @@ def _lock(handle: int, path: Path) -> None:
 
 def _check(handle: int, part: Path, digest: bytes, size: int) -> None:
     """Raise `InputError` for an unfinished file that is not that of the job."""
-    anew, problem = "start anew without --resume", ""
-    if os.fstat(handle).st_size < HEAD:
-        problem, remedy = "was cut off", anew
-    elif os.pread(handle, HEAD, 0) != digest:
-        problem = "belongs to another design or sweep"
-        remedy = f"take the same design and options, or {anew}"
-    elif os.fstat(handle).st_size != size:
-        problem, remedy = "was cut off", anew
-    if problem:
-        raise InputError.of("--resume", f"{part.name} {problem}", remedy)
+    anew, found = "start anew without --resume", os.fstat(handle).st_size
+    if found >= HEAD and os.pread(handle, HEAD, 0) != digest:
+        problem = f"{part.name} belongs to another design or sweep"
+        raise InputError.of("--resume", problem, f"take the same design and options, or {anew}")
+    if found != size:
+        raise InputError.of("--resume", f"{part.name} was cut off", anew)
 
 
 def _allocate(handle: int, size: int) -> None:
