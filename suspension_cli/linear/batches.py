@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from suspension_cli.conventions import FRAME, SUPPORT
-from suspension_cli.linear.elimination import Pattern, by_body
+from suspension_cli.linear.elimination import Pattern, Positions, as_slice, by_body
 from suspension_cli.linear.graded_eigenvalues import RIGID
 from suspension_cli.linear.system import LinearSystem
 
@@ -48,9 +48,9 @@ class Part:
     Attributes
     ----------
     matrix
-        Of all builds, or (N, N).
+        Of all builds, or (N, N); without `factor`, of some builds at each frequency.
     factor
-        The function; None if each matrix is that of one build at one frequency.
+        The function; None if there is a matrix for each build and frequency.
     used
         Elements that are not 0 in all builds.
     """
@@ -69,14 +69,14 @@ class Part:
 
     def elements(
         self,
-        some: Int[np.ndarray, " build"],
+        some: Positions,
         row: Int[np.ndarray, " element"],
         column: Int[np.ndarray, " element"],
     ) -> Inexact[np.ndarray, "element build frequency"]:
         """Gather elements of some builds."""
         if self.factor is None:
-            chosen = gather(self.matrix, np.arange(len(self.matrix)), row, column)
-            return chosen.reshape(len(row), len(some), len(self.matrix) // len(some))
+            chosen = gather(self.matrix, slice(None), row, column)
+            return chosen.reshape(len(row), *self.matrix.shape[:-2])
         return gather(self.matrix, some, row, column) * self.factor
 
 
@@ -84,22 +84,22 @@ def used(matrix: Inexact[np.ndarray, "*build row column"]) -> Bool[np.ndarray, "
     """Find elements that are not 0 in all builds: fast, from their bits but for the signs."""
     row, column = matrix.shape[-2:]
     count, words = math.prod(matrix.shape[:-2]), matrix.itemsize // 8
-    bits = np.ascontiguousarray(matrix).view(np.uint64).reshape(count, row * column, words)
+    bits = np.ascontiguousarray(matrix).view(np.uint64).reshape(count, row * column * words)
     some = np.bitwise_or.reduce(bits, axis=0) << np.uint64(1)
-    return (some != 0).any(-1).reshape(row, column)
+    return (some != 0).reshape(row, column, words).any(-1)
 
 
 def gather(
     matrix: Inexact[np.ndarray, "*build row column"],
-    some: Int[np.ndarray, " build"],
+    some: Positions,
     row: Int[np.ndarray, " element"],
     column: Int[np.ndarray, " element"],
 ) -> Inexact[np.ndarray, "element build 1"]:
     """Gather elements of some builds, the builds on a contiguous axis."""
     rows, columns = matrix.shape[-2:]
-    flat = matrix.reshape(math.prod(matrix.shape[:-2]), rows * columns).T
-    place = row * columns + column
-    return flat[place[:, None], some if flat.shape[1] > 1 else 0, None]
+    flat = matrix.reshape(math.prod(matrix.shape[:-2]), rows * columns)
+    chosen = flat[some] if len(flat) > 1 else flat
+    return chosen[:, row * columns + column].T[..., None]
 
 
 def owners(model: LinearSystem) -> Int[np.ndarray, " own"]:
@@ -156,7 +156,7 @@ class Equations:
     def elements(
         self,
         pattern: Pattern,
-        some: Int[np.ndarray, " build"],
+        some: Positions,
         compliance: Inexact[np.ndarray, "wire build frequency"],
     ) -> Inexact[np.ndarray, "element build frequency"]:
         """Assemble the elements of some builds."""
@@ -186,7 +186,7 @@ class Equations:
 
     def pull(
         self,
-        some: Int[np.ndarray, " build"],
+        some: Positions,
         moves: Float[np.ndarray, "build 6 input"],
         result: Inexact[np.ndarray, "unknown input build frequency"],
     ) -> None:
@@ -238,13 +238,17 @@ def transfer(
     seen = np.flatnonzero(rows.any((0, 1)))
     step = max(1, CHUNK // len(omega))
     for start in range(0, len(which), step):
-        some = which[start : start + step]
-        shape = (len(some), len(omega))
-        every = np.repeat(some, len(omega)), np.tile(omega, len(some))
+        chosen = which[start : start + step]
+        some = as_slice(chosen)
+        shape = (len(chosen), len(omega))
+        every = np.repeat(chosen, len(omega)), np.tile(omega, len(chosen))
         added, compliance = evaluate_terms(model, terms, *every)
         equations = static
         if added is not None:
-            equations = replace(static, parts=[*static.parts, Part.of(added, None)])
+            equations = replace(
+                static,
+                parts=[*static.parts, Part.of(added.reshape(*shape, *added.shape[1:]), None)],
+            )
         pattern = equations.pattern(owner)
         elements = equations.elements(pattern, some, compliance.T.reshape(-1, *shape))
         right = np.zeros((pattern.size, moves.shape[-1], *shape), dtype=elements.dtype)
@@ -315,12 +319,12 @@ def condensed_stiffness(
     result = np.empty((count, len(keep), len(keep)))
     number = np.cumsum(owner == 0) - 1
     for start in range(0, count, CHUNK):
-        some = np.arange(start, min(start + CHUNK, count))
+        some = slice(start, min(start + CHUNK, count))
         elements = equations.elements(pattern, some, compliance[some].T[..., None])[..., 0]
         pattern.factor(elements, steps)
         rest = slice(pattern.start[steps], None)
         row, column = (number[place[rest]] for place in (pattern.row, pattern.column))
-        whole = np.zeros((len(keep), len(keep), len(some)))
+        whole = np.zeros((len(keep), len(keep), elements.shape[-1]))
         whole[row, column] = whole[column, row] = elements[rest]
         result[some] = np.moveaxis(whole, -1, 0)
     return result

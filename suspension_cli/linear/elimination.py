@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -23,7 +23,8 @@ from suspension_cli.linear.small_matrices import dense
 if TYPE_CHECKING:
     from jaxtyping import Bool, Inexact, Int
 
-    Positions = slice | Int[np.ndarray, " _"]
+
+Positions: TypeAlias = "slice | Int[np.ndarray, ' _']"
 
 LARGE = 1e-6
 """Relative correction of a coordinate above which a system is solved with pivoting."""
@@ -68,7 +69,7 @@ class Pattern:
     @cached_property
     def coupled(self) -> list[Positions]:
         """`later`, as slices where the steps are consecutive."""
-        return [_as_slice(steps) for steps in self.later]
+        return [as_slice(steps) for steps in self.later]
 
     @cached_property
     def updated(self) -> list[list[Positions]]:
@@ -80,7 +81,7 @@ class Pattern:
         }
         return [
             [
-                _as_slice(np.array([self.start[m], *(position[m, other] for other in steps[k:])]))
+                as_slice(np.array([self.start[m], *(position[m, other] for other in steps[k:])]))
                 for k, m in enumerate(steps, start=1)
             ]
             for steps in (later.tolist() for later in self.later)
@@ -152,7 +153,8 @@ class Pattern:
         return result
 
 
-def _as_slice(numbers: Int[np.ndarray, " _"]) -> Positions:
+def as_slice(numbers: Int[np.ndarray, " _"]) -> Positions:
+    """Positions as a slice where they are consecutive."""
     if len(numbers) and numbers[-1] - numbers[0] + 1 != len(numbers):
         return numbers
     return slice(numbers[0], numbers[-1] + 1) if len(numbers) else slice(0)

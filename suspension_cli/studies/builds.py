@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.linalg import eig
 
 from suspension_cli.conventions import PARITY_X, PARITY_Y
 from suspension_cli.design.schema import Design
@@ -191,10 +190,14 @@ def mark_driven(
     `linear.damped`: -2 sigma omega x^H M x = x^H K''(omega) x + omega x^H C x. Coordinates without
     inertia and damping follow statically.
     """
+    if not model.active:
+        return
+    from scipy.linalg import eig
+
     loss = np.zeros((1, 1)) if model.lossy is None else np.imag(model.lossy)
     whole = np.broadcast_arrays(model.mass, model.damping, model.stiffness, loss)
     light = model.massless[6:] & ~whole[1][..., 6:, 6:].any((0, -1))
-    for n in np.flatnonzero(status == GOOD) if model.active else ():
+    for n in np.flatnonzero(status == GOOD):
         *own, loss = (matrix[n, 6:, 6:] for matrix in whole)
         to_all = np.eye(len(light))[:, ~light]
         to_all[light] = -solve_each(own[2][np.ix_(light, light)], own[2][np.ix_(light, ~light)])
