@@ -37,8 +37,8 @@ SYNC_SECONDS = 2.0
 """Interval at which results are forced to disk and marked, s."""
 HEAD = 32
 """Bytes of the digest of the job, so that a changed design is not resumed."""
-BLOCK = 1 << 16
-"""Points that are copied to the HDF5 file at once."""
+BLOCK = 1 << 24
+"""Bytes that are copied to the HDF5 file at once."""
 
 Fill = Callable[[h5py.Group], None]
 """Writes the rest of the group beside the columns."""
@@ -163,17 +163,12 @@ class Store:
         for column in job.columns:
             home.create_dataset(column.name, (*shape, *column.shape), column.dtype)
             home[column.name].attrs["units"] = column.units
-        rest = math.prod(shape[1:])
-        step = max(1, BLOCK // rest)
-        for start in range(0, shape[0], step):
-            stop = min(start + step, shape[0])
-            size = (stop - start) * rest * self.record.itemsize
-            found = os.pread(self.handle, size, self._offset(start * rest))
-            points = np.frombuffer(found, dtype=self.record)
+        for place, start, block in _blocks(shape, BLOCK // self.record.itemsize):
+            size = math.prod(block) * self.record.itemsize
+            points = np.frombuffer(os.pread(self.handle, size, self._offset(start)), self.record)
             for column in job.columns:
                 values: Stored = home[column.name]
-                whole = (stop - start, *shape[1:], *column.shape)
-                values[start:stop] = points[column.name].reshape(whole)
+                values[place] = points[column.name].reshape(*block, *column.shape)
         for name in job.scales:
             axis: Stored = home[name]
             if not axis.is_scale:
@@ -187,6 +182,24 @@ class Store:
 
     def _offset(self, point: int) -> int:
         return HEAD + len(self.done) + point * self.record.itemsize
+
+
+def _blocks(
+    shape: tuple[int, ...], most: int
+) -> Iterator[tuple[tuple[int | slice, ...], int, tuple[int, ...]]]:
+    """Divide a grid into blocks of consecutive points, if possible of at most so many.
+
+    Yields their places in the grid, numbers of their first points, and shapes.
+    """
+    inner = [math.prod(shape[n + 1 :]) for n in range(len(shape))]
+    axis = next(n for n, size in enumerate(inner) if size <= most or size == 1)
+    step = max(1, most // inner[axis])
+    for outer in np.ndindex(shape[:axis]):
+        first = sum(n * size for n, size in zip(outer, inner, strict=False))
+        for start in range(0, shape[axis], step):
+            stop = min(start + step, shape[axis])
+            block = (stop - start, *shape[axis + 1 :])
+            yield (*outer, slice(start, stop)), first + start * inner[axis], block
 
 
 @contextlib.contextmanager

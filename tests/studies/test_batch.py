@@ -314,6 +314,16 @@ def test_resume_of_something_else_is_refused(other, tmp_path):
     assert path.read_bytes() == reference(tmp_path, 500)
 
 
+@given(st.lists(st.integers(1, 6), min_size=1, max_size=4), st.integers(1, 50))
+def test_blocks_of_a_grid(shape, most):
+    """Every point once, in the order of the points."""
+    grid = np.full(shape, -1)
+    for place, first, block in sweep_file._blocks(tuple(shape), most):
+        assert grid[place].shape == block and np.prod(block) <= most
+        grid[place] = first + np.arange(np.prod(block)).reshape(block)
+    assert grid.ravel().tolist() == list(range(grid.size))
+
+
 def test_resume_with_nothing_to_take_up_starts(tmp_path):
     counting_sweep.run(
         counting_sweep.Toy(100, str(tmp_path / "log")), tmp_path / "toy.h5", resume=True
