@@ -17,6 +17,7 @@ import numpy as np
 from suspension_cli.conventions import FRAME, SUPPORT
 from suspension_cli.linear.elimination import Pattern, Positions, as_slice, by_body
 from suspension_cli.linear.graded_eigenvalues import RIGID
+from suspension_cli.linear.stretching import Stretching
 from suspension_cli.linear.system import LinearSystem
 
 if TYPE_CHECKING:
@@ -208,11 +209,17 @@ def _pattern(owner: bytes, coupled: bytes) -> Pattern:
     return by_body(order, np.frombuffer(coupled, dtype=bool).reshape(len(order), -1))
 
 
+def stretching_of(model: LinearSystem) -> Stretching | None:
+    """Stretching of the wires of each build; None if only the whole stiffness is known."""
+    own = model.stretched
+    return own if own is not None and own.form.ndim > 2 else None
+
+
 def of_stiffness(model: LinearSystem, *, lossy: bool = True) -> Equations:
     """Static equations of builds, with or without losses that do not depend on frequency."""
     full, form = model.stiffness if model.lossy is None else model.lossy, np.zeros((0, model.size))
-    if model.stretched is not None:
-        full, form = model.stretched.soft, model.stretched.form
+    if (own := stretching_of(model)) is not None:
+        full, form = own.soft, own.form
     return Equations([Part.of(full if lossy else np.real(full))], form)
 
 
@@ -272,11 +279,8 @@ def further_stiffness(
     added, compliance = evaluate_terms(model, terms, which, omega)
     if added is None:
         return np.zeros((len(which), model.size, model.size), dtype=complex)
-    if model.stretched is not None:
-        form, change = (
-            model.stretched.form[which],
-            1 / compliance - model.stretched.stiffness[which],
-        )
+    if (own := stretching_of(model)) is not None:
+        form, change = own.form[which], 1 / compliance - own.stiffness[which]
         added += (np.swapaxes(form, -1, -2) * change[:, None]) @ form
     return added
 
@@ -291,8 +295,8 @@ def evaluate_terms(
 ]:
     """Compute the further stiffness of systems, and the compliance of their wires."""
     compliance: np.ndarray = np.zeros((len(which), 0))
-    if model.stretched is not None:
-        compliance = 1 / model.stretched.stiffness[which]
+    if (own := stretching_of(model)) is not None:
+        compliance = 1 / own.stiffness[which]
     if not terms:
         return None, compliance
     compliance = compliance.astype(complex)

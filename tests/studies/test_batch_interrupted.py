@@ -257,27 +257,6 @@ def numbers(image, folder):
     return result
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
-        ("--set", "stage.test.wires.s=0.006", "--name", "husman2000-figure6"),
-        ("--frequency", "51"),
-    ],
-)
-def test_resume_of_another_question_is_refused(options, monkeypatch, tmp_path):
-    with monkeypatch.context() as patch:
-        interrupt_after(patch, 4, full())
-        assert run("xcouple", FILE, "--out", tmp_path, *TINY, "--workers", "1").exit_code == 2
-    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    result = run("xcouple", FILE, "--out", tmp_path, *TINY, "--resume", *options)
-    assert result.exit_code == 2
-    remedy = "take the same design and options, or start anew without --resume"
-    assert result.stderr == f"--resume: {NAME}.part belongs to another design or sweep; {remedy}\n"
-    assert before == {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    # anew
-    assert run("xcouple", FILE, "--out", tmp_path, *TINY, "--workers", "1", *options).exit_code == 0
-
-
 def test_a_folder_that_cannot_be_written(tmp_path):
     (tmp_path / "file").write_text("")
     result = run("xcouple", FILE, "--out", tmp_path / "file" / "below")

@@ -8,7 +8,6 @@ import os
 import shutil
 
 import h5py
-import numpy as np
 import pytest
 
 from suspension_cli.studies import sweep_file
@@ -108,11 +107,3 @@ def test_refused(kind, broken_off):
     assert before == {path.name: path.stat().st_size for path in broken_off.iterdir()}
     if part.is_file():
         assert run("xcouple", FILE, "--out", broken_off, *SMALL).exit_code == 0
-
-
-def test_a_sound_file_is_taken_up(broken_off, tmp_path_factory):
-    assert run("xcouple", FILE, "--out", broken_off, *SMALL, "--resume").exit_code == 0
-    whole = tmp_path_factory.mktemp("whole")
-    assert run("xcouple", FILE, "--out", whole, *SMALL).exit_code == 0
-    with h5py.File(broken_off / NAME) as found, h5py.File(whole / NAME) as expected:
-        np.testing.assert_array_equal(found["xcouple/ratio"][:], expected["xcouple/ratio"][:])
