@@ -12,10 +12,9 @@ pivoting.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -24,7 +23,8 @@ from suspension_cli.linear.small_matrices import dense
 if TYPE_CHECKING:
     from jaxtyping import Bool, Inexact, Int
 
-    Positions = slice | Int[np.ndarray, " _"]
+
+Positions: TypeAlias = "slice | Int[np.ndarray, ' _']"
 
 LARGE = 1e-6
 """Relative correction of a coordinate above which a system is solved with pivoting."""
@@ -69,7 +69,7 @@ class Pattern:
     @cached_property
     def coupled(self) -> list[Positions]:
         """`later`, as slices where the steps are consecutive."""
-        return [_as_slice(steps) for steps in self.later]
+        return [as_slice(steps) for steps in self.later]
 
     @cached_property
     def updated(self) -> list[list[Positions]]:
@@ -81,16 +81,22 @@ class Pattern:
         }
         return [
             [
-                _as_slice(np.array([self.start[m], *(position[m, other] for other in steps[k:])]))
+                as_slice(np.array([self.start[m], *(position[m, other] for other in steps[k:])]))
                 for k, m in enumerate(steps, start=1)
             ]
             for steps in (later.tolist() for later in self.later)
         ]
 
-    def factor(self, elements: Inexact[np.ndarray, "element system"]) -> Factors:
-        """Eliminate systems, in place; singular parts give infinite or NaN solutions."""
+    def factor(
+        self, elements: Inexact[np.ndarray, "element system"], steps: int | None = None
+    ) -> Factors:
+        """Eliminate systems, in place; singular parts give infinite or NaN solutions.
+
+        If only the first `steps` are eliminated, the elements of the others are those of the
+        condensed systems.
+        """
         pivots, multipliers = [], []
-        for n, updated in enumerate(self.updated):
+        for n, updated in enumerate(self.updated[:steps]):
             row = elements[self.start[n] : self.start[n + 1]]
             pivots.append(1.0 / row[0])
             multipliers.append(row[1:] * pivots[-1])
@@ -147,22 +153,22 @@ class Pattern:
         return result
 
 
-def _as_slice(numbers: Int[np.ndarray, " _"]) -> Positions:
+def as_slice(numbers: Int[np.ndarray, " _"]) -> Positions:
+    """Positions as a slice where they are consecutive."""
     if len(numbers) and numbers[-1] - numbers[0] + 1 != len(numbers):
         return numbers
     return slice(numbers[0], numbers[-1] + 1) if len(numbers) else slice(0)
 
 
 def by_body(
-    owner: Sequence[Hashable], coupled: Bool[np.ndarray, "coordinate coordinate"]
+    owner: Int[np.ndarray, " coordinate"], coupled: Bool[np.ndarray, "coordinate coordinate"]
 ) -> Pattern:
     """Order coordinates for elimination: those of the last body first.
 
-    `owner` is the body of each coordinate, parents first; `coupled` (c, c) marks the non-zero
-    elements.
+    `owner` is the number of the body of each coordinate, larger than that of its parent; `coupled`
+    (c, c) marks the non-zero elements.
     """
-    rank = {body: n for n, body in enumerate(dict.fromkeys(owner))}
-    order = np.argsort([-rank[body] for body in owner], kind="stable")
+    order = np.argsort(-owner, kind="stable")
     rest = coupled[np.ix_(order, order)]
     rest = rest | rest.T
     later = []
@@ -188,15 +194,18 @@ class Factors:
     pivots: list[Inexact[np.ndarray, " system"]]
     multipliers: list[Inexact[np.ndarray, "_ system"]]
 
-    def solve_steps(self, x: Inexact[np.ndarray, "coordinate input system"]) -> None:
-        """Solve for right-hand sides by steps, in place."""
-        multipliers = [part[:, None] for part in self.multipliers]
+    def reduce(self, x: Inexact[np.ndarray, "coordinate input system"]) -> None:
+        """Multiply right-hand sides by L^-1, in place."""
         driven = np.asarray(x.any((1, 2)))
         for n, coupled in enumerate(self.pattern.coupled):
-            if driven[n]:
-                x[coupled] -= multipliers[n] * x[n]
-                x[n] *= self.pivots[n]
+            if driven[n] and len(self.multipliers[n]):
+                x[coupled] -= self.multipliers[n][:, None] * x[n]
                 driven[coupled] = True
+
+    def solve_steps(self, x: Inexact[np.ndarray, "coordinate input system"]) -> None:
+        """Solve for right-hand sides by steps, in place."""
+        self.reduce(x)
+        x *= np.array(self.pivots)[:, None]
         for n in range(len(x) - 1, -1, -1):
-            if len(multipliers[n]):
-                x[n] -= (multipliers[n] * x[self.pattern.coupled[n]]).sum(0)
+            if len(self.multipliers[n]):
+                x[n] -= (self.multipliers[n][:, None] * x[self.pattern.coupled[n]]).sum(0)

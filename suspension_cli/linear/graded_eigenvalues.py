@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 APART = 1e-3
 """Modes below this fraction of the largest omega^2 are solved again; the others lose at most three
 digits."""
-WIDE = 1e-6
-"""Fraction of the largest omega^2 below which the batched solver has errors above 1e-9."""
 RIGID = 64 * np.finfo(float).eps
 """Fraction of its terms below which omega^2 is a rounding error and the mode rigid."""
 TURNING = 1e3
@@ -82,41 +80,6 @@ def _group_rows(
         (pattern, np.flatnonzero(pattern_of.ravel() == number))
         for number, pattern in enumerate(patterns)
     ]
-
-
-def solve_batch(
-    mass: Float[np.ndarray, "build coordinate coordinate"],
-    stiffness: Float[np.ndarray, "build coordinate coordinate"],
-    tension: Float[np.ndarray, " build"],
-    *,
-    loops: bool = False,
-) -> tuple[Float[np.ndarray, "build mode"], Float[np.ndarray, "build coordinate mode"]]:
-    """Solve for eigenvalues and orthonormal vectors L^T v, M = L L^T, of a batch.
-
-    Only systems with modes that are `WIDE` apart are solved again in soft subspaces; for these,
-    `tension` is as for `rigid`. Compiled `loops` are faster in large batches.
-    """
-    if loops:
-        from suspension_cli.compiled import constant  # takes half a second
-        from suspension_cli.linear import compiled
-
-        root, dynamic = np.empty(mass.shape), np.empty(mass.shape)
-        compiled.scale_by_mass(constant(mass), constant(stiffness), root, dynamic)
-    else:
-        root = np.linalg.cholesky(mass)
-        inverse = np.linalg.inv(root)
-        dynamic = inverse @ stiffness @ np.swapaxes(inverse, -1, -2)
-        dynamic = (dynamic + np.swapaxes(dynamic, -1, -2)) / 2
-    values, vectors = np.linalg.eigh(dynamic)
-    size = np.abs(values)
-    wide = size.min(-1) < WIDE * size.max(-1)
-    if wide.any():
-        resolved, shapes = solve(mass[wide], stiffness[wide])
-        values[wide] = rigid(
-            resolved, rounding(stiffness[wide], np.swapaxes(shapes, -1, -2)), tension[wide]
-        )
-        vectors[wide] = np.swapaxes(root[wide], -1, -2) @ shapes
-    return values, vectors
 
 
 def rigid(

@@ -185,7 +185,7 @@ class Equations:
         coupled = np.zeros((size, 6 + size), dtype=bool)
         for part in parts:
             coupled[np.ix_(part.row, part.column)] |= part.weights.any(0)
-        pattern = elimination.by_body(owner, coupled[:, 6:])
+        pattern = elimination.by_body(np.array(owner), coupled[:, 6:])
         number = np.full((size, 6 + size), -1)
         number[pattern.row, 6 + pattern.column] = np.arange(len(pattern.row))
         elements, support = [], []

@@ -24,7 +24,7 @@ ALIKE = 1e-13
 
 @dataclass(frozen=True)
 class Stretching:
-    """Elongations and stiffnesses of wires.
+    """Elongations and stiffnesses of wires, of one design or many builds.
 
     Attributes
     ----------
@@ -38,16 +38,17 @@ class Stretching:
         The stiffness without the stretching; complex if lossy.
     """
 
-    form: Float[np.ndarray, "wire coordinate"]
-    stiffness: Inexact[np.ndarray, " wire"]
+    form: Float[np.ndarray, "*batch wire coordinate"]
+    stiffness: Inexact[np.ndarray, "*#batch wire"]
     allowed: Bool[np.ndarray, "coordinate coordinate"]
-    soft: Inexact[np.ndarray, "coordinate coordinate"]
+    soft: Inexact[np.ndarray, "*batch coordinate coordinate"]
 
     @property
-    def whole(self) -> Inexact[np.ndarray, "coordinate coordinate"]:
+    def whole(self) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
         """The stiffness, exactly symmetric."""
-        stretching = np.where(self.allowed, (self.form.T * self.stiffness) @ self.form, 0.0)
-        return self.soft + (stretching + stretching.T) / 2
+        pulled = np.swapaxes(self.form, -1, -2) * self.stiffness[..., None, :]
+        stretching = np.where(self.allowed, pulled @ self.form, 0.0)
+        return self.soft + (stretching + np.swapaxes(stretching, -1, -2)) / 2
 
     def spread(self, from_new: Float[np.ndarray, "coordinate new"]) -> Stretching:
         """Change to new coordinates: old = `from_new` @ new."""
@@ -57,25 +58,6 @@ class Stretching:
             form=self.form @ from_new,
             allowed=reach.T @ self.allowed @ reach > 0,
         )
-
-
-@dataclass(frozen=True)
-class Separated:
-    """Stiffness of many builds, apart from the stretching of wires.
-
-    Attributes
-    ----------
-    soft
-        Stiffness without the stretching, with its losses; N/m, N and N m.
-    form
-        Elongation of each wire per coordinate.
-    stiffness
-        k of the wires, with their losses, N/m: the rest of the stiffness is the sum of k a a^T.
-    """
-
-    soft: Inexact[np.ndarray, "build coordinate coordinate"]
-    form: Float[np.ndarray, "build wire coordinate"]
-    stiffness: Inexact[np.ndarray, "*#build wire"]
 
 
 def distinct(

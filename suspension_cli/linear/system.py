@@ -11,7 +11,7 @@ import numpy as np
 from suspension_cli.conventions import DOFS
 from suspension_cli.linear.connected_groups import connected_groups
 from suspension_cli.linear.frequency_terms import Term
-from suspension_cli.linear.stretching import Separated, Stretching
+from suspension_cli.linear.stretching import Stretching
 from suspension_cli.scene.arrays import Index
 
 if TYPE_CHECKING:
@@ -69,8 +69,6 @@ class LinearSystem:
         The stiffness with loss angles, k (1 + i phi); None if nothing is lossy.
     stretched
         The stiffness in two parts, one from the stretching of wires; None if not known.
-    separated
-        In a batch of builds: that stretching, and the stiffness without it; None if not known.
     orientation
         Rotation of each body (support first) from its nominal orientation; None if none is rotated.
     residual
@@ -102,7 +100,6 @@ class LinearSystem:
     damping: Inexact[np.ndarray, "*#batch coordinate coordinate"]
     lossy: Complex[np.ndarray, "*#batch coordinate coordinate"] | None = None
     stretched: Stretching | None = None
-    separated: Separated | None = None
     orientation: Inexact[np.ndarray, "*#batch _ 3 3"] | None = None
     residual: float = 0.0
     wire: tuple[str, ...] = ()
@@ -197,7 +194,7 @@ def replace_support(model: LinearSystem, ground: Ground) -> LinearSystem:
         result[..., :6] = 0.0
         return result
 
-    lossy, separated, stretched = model.lossy, model.separated, model.stretched
+    lossy, stretched = model.lossy, model.stretched
     if lossy is None and np.iscomplexobj(ground.stiffness):
         lossy = model.stiffness.astype(complex)
     others = np.eye(model.size)
@@ -215,13 +212,6 @@ def replace_support(model: LinearSystem, ground: Ground) -> LinearSystem:
             stretched,
             form=without(stretched.form),
             soft=only(stretched.soft, ground.stiffness),
-        ),
-        separated=None
-        if separated is None
-        else replace(
-            separated,
-            soft=only(separated.soft, ground.stiffness),
-            form=without(separated.form),
         ),
         # of many builds, whose terms are not here, ground.terms are `BatchTerm`s
         terms=(*ground.terms, *(term.spread(others) for term in rest)) if model.terms else (),

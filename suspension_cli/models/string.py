@@ -20,7 +20,7 @@ from suspension_cli.equilibrium.hinges import hinge_rigidities, to_hinges
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium, solve
 from suspension_cli.equilibrium.tree import chain_tops
-from suspension_cli.linear.stretching import Separated, Stretching
+from suspension_cli.linear.stretching import Stretching
 from suspension_cli.linear.symmetry import Symmetry, find_symmetry, no_symmetry
 from suspension_cli.linear.system import Ground, LinearSystem
 from suspension_cli.models.base import BENDING, MASS, Model
@@ -83,9 +83,9 @@ def linear_model(
         light[scene.wires.blade[scene.wires.blade >= 0]] = False
     for number in np.flatnonzero(light):
         tips[numbering.blade[number][scene.blades.axes[number]]] = True
-    separated = mass = stretched = None
+    mass = stretched = None
     if _is_compiled(scene):
-        separated, stiffness, mass = _separated(scene, numbering, pose, adapted)
+        stretched, stiffness, mass = _separated(scene, numbering, pose, adapted)
     elif separate and scene.wires.label and not scene.batch:
         stiffness, stretched = _stiffness(scene, numbering, balanced, adapted)
     else:
@@ -94,16 +94,14 @@ def linear_model(
         stiffness = adapted.apply(own)
     lossy = None
     if any(np.any(getattr(part, "loss", 0.0)) for part in scene.parts.values()):
-        whole = stretched is None and separated is None
-        lossy = 1j * adapted.apply(loss_matrix(scene, numbering, pose, stretching=whole))
-        stretching = scene.wires.stiffness * (1 + 1j * scene.wires.loss)
+        whole = loss_matrix(scene, numbering, pose, stretching=stretched is None)
+        lossy = 1j * adapted.apply(whole)
         if stretched is not None:
-            stretched = replace(stretched, stiffness=stretching, soft=stretched.soft + lossy)
-            lossy = 1j * np.imag(stretched.whole)
-        if separated is not None:
-            separated = Separated(separated.soft + lossy, separated.form, stretching)
-            turned = np.swapaxes(separated.form, -1, -2) * stretching.imag[..., None, :]
-            lossy = lossy + 1j * (turned @ separated.form)
+            lost = stretched.stiffness * scene.wires.loss
+            soft_loss = lossy
+            lossy = 1j * replace(stretched, stiffness=lost, soft=np.imag(lossy)).whole
+            stiff = stretched.stiffness + 1j * lost
+            stretched = replace(stretched, stiffness=stiff, soft=stretched.soft + soft_loss)
         lossy = stiffness + lossy
     terms, of_ground = spring_terms(scene, numbering, pose, adapted, tables=True)
     model = LinearSystem(
@@ -118,7 +116,6 @@ def linear_model(
         damping=adapted.apply(damping_matrix(scene, numbering, pose)),
         lossy=lossy,
         stretched=stretched,
-        separated=separated,
         orientation=pose.rotation if _is_turned(pose) else None,
         residual=float(np.max(balanced.residual)),
         wire=scene.wires.label,
@@ -200,20 +197,17 @@ def _on_ground(
     whole = stiffness + 1j * loss if loss.any() else stiffness
     columns, resisted = whole[..., :6].copy(), damping[..., :6].copy()
     columns[..., :6, :], resisted[..., :6, :] = 0.0, 0.0
-    lossy, separated, stretched = model.lossy, model.separated, model.stretched
+    lossy, stretched = model.lossy, model.stretched
     if stretched is not None:
         stretched = replace(stretched, soft=without_ground(stretched.soft, whole))
     if lossy is not None:
         lost = without_ground(np.imag(lossy), loss)
         lossy = without_ground(np.real(lossy), stiffness) + 1j * lost
-    if separated is not None:
-        separated = replace(separated, soft=without_ground(separated.soft, whole))
     return replace(
         model,
         stiffness=without_ground(model.stiffness, stiffness),
         damping=without_ground(model.damping, damping),
         lossy=lossy,
-        separated=separated,
         stretched=stretched,
         ground=Ground(columns, resisted, terms if not np.ndim(model.stiffness) > 2 else ()),
     )
@@ -256,7 +250,7 @@ def _is_compiled(scene: Scene) -> bool:
 def _separated(
     scene: Scene, numbering: Layout, pose: Pose, adapted: Symmetry
 ) -> tuple[
-    Separated,
+    Stretching,
     Float[np.ndarray, "*batch coordinate coordinate"],
     Float[np.ndarray, "*batch coordinate coordinate"] | None,
 ]:
@@ -271,9 +265,10 @@ def _separated(
         from suspension_cli.equilibrium import compiled  # takes half a second
 
         soft, form, stiffness, mass = compiled.tangent(scene, numbering, pose)
-    separated = Separated(adapted.apply(soft), adapted.forms(form), scene.wires.stiffness)
+    stiff = np.broadcast_to(scene.wires.stiffness, form.shape[:-1])
+    stretched = Stretching(adapted.forms(form), stiff, adapted.allowed, adapted.apply(soft))
     more = scene.blades.tip_mass.any() or scene.wires.mass.any() or scene.bars.label
-    return separated, adapted.apply(stiffness), None if more else mass
+    return stretched, adapted.apply(stiffness), None if more else mass
 
 
 def mass_matrix(

@@ -81,18 +81,13 @@ def with_frame(model: LinearSystem, design: Design) -> LinearSystem:
         wide[..., size + np.arange(count), size + np.arange(count)] += np.asarray(diagonal)
         return wide
 
-    lossy, separated, stretched = model.lossy, model.separated, model.stretched
+    lossy, stretched = model.lossy, model.stretched
     added = np.array(own["stiffness"]) * (1 + 1j * support.loss_angle)
     if support.loss_angle or lossy is not None:
         lossy = widened(model.stiffness if lossy is None else lossy, added)
     if stretched is not None:
-        stretched = replace(stretched.spread(spread), soft=widened(stretched.soft, added))
-    if separated is not None:
-        separated = replace(
-            separated,
-            soft=widened(separated.soft, added if lossy is not None else own["stiffness"]),
-            form=separated.form @ spread,
-        )
+        more = added if lossy is not None else own["stiffness"]
+        stretched = replace(stretched.spread(spread), soft=widened(stretched.soft, more))
     basis = np.eye(size + count)
     basis[:size, :size] = model.basis
     return replace(
@@ -104,7 +99,6 @@ def with_frame(model: LinearSystem, design: Design) -> LinearSystem:
         stiffness=widened(model.stiffness, own["stiffness"]),
         damping=widened(model.damping, own["damping"]),
         lossy=lossy,
-        separated=separated,
         stretched=stretched,
         terms=tuple(term.spread(spread) for term in model.terms),
         ground=None if model.ground is None else model.ground.widened(count),

@@ -10,14 +10,14 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.linalg import eig
 
 from suspension_cli.conventions import PARITY_X, PARITY_Y
 from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.solve import CLEAR, Equilibrium
-from suspension_cli.linear.graded_eigenvalues import RIGID
+from suspension_cli.linear import batches
 from suspension_cli.linear.poles import ROUNDING
 from suspension_cli.linear.signals import Signal, linear_form
+from suspension_cli.linear.small_matrices import solve_each
 from suspension_cli.linear.symmetry import is_mirror_symmetric
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
@@ -26,8 +26,6 @@ from suspension_cli.models.surroundings import framed, surrounded
 from suspension_cli.rotations import rotation_vector
 from suspension_cli.scene.pose import Pose
 from suspension_cli.scene.scene import Scene
-from suspension_cli.studies import systems
-from suspension_cli.studies.systems import respond
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Int
@@ -46,9 +44,6 @@ DRIVEN = 1e-6
 of a rigid mode."""
 NOTHING = complex(np.nan, np.nan)
 """Response of a build that failed."""
-SYSTEMS = 4096
-"""Largest number of systems (builds times frequencies) solved at once, but never less than all
-builds at one frequency; a quarter of that where wires bend, which takes more memory."""
 
 
 @dataclass(frozen=True)
@@ -177,24 +172,13 @@ def _unstable(
     if found.pivot is not None and design.support is None:
         unclear = ~(found.pivot > CLEAR)
     if unclear.all():
-        return grows(model)
+        return batches.grows(model)
     if unclear.any():
         mass = np.broadcast_to(model.mass, model.stiffness.shape)[unclear]
-        unclear[unclear] = grows(replace(model, stiffness=model.stiffness[unclear], mass=mass))
+        unclear[unclear] = batches.grows(
+            replace(model, stiffness=model.stiffness[unclear], mass=mass)
+        )
     return unclear
-
-
-def grows(model: LinearSystem) -> Bool[np.ndarray, " build"]:
-    """Find models with an unstable mode: K + c M is not positive definite.
-
-    The small c covers the rounding error of a rigid mode.
-    """
-    from suspension_cli import compiled  # takes half a second
-
-    least = np.empty(len(model.stiffness))
-    mass = compiled.constant(model.mass, model.stiffness.shape)
-    compiled.least_pivots(compiled.constant(model.stiffness), mass, RIGID, least)
-    return ~(least > 0)
 
 
 def mark_driven(
@@ -203,13 +187,21 @@ def mark_driven(
     """Mark, in their status, good builds in which active parts make a mode grow.
 
     The poles s and shapes x of M, C and the static stiffness give the growth, as in
-    `linear.damped`: -2 sigma omega x^H M x = x^H K''(omega) x + omega x^H C x.
+    `linear.damped`: -2 sigma omega x^H M x = x^H K''(omega) x + omega x^H C x. Coordinates without
+    inertia and damping follow statically.
     """
-    for n in np.flatnonzero(status == GOOD) if model.active else ():
-        own = systems.Systems.of(model, np.array([n]))
-        stiffness, damping, mass = (
-            np.real(part[0, :, 6:]) for part in (own.stiffness, own.damping, own.mass)
-        )
+    if not model.active:
+        return
+    from scipy.linalg import eig
+
+    loss = np.zeros((1, 1)) if model.lossy is None else np.imag(model.lossy)
+    whole = np.broadcast_arrays(model.mass, model.damping, model.stiffness, loss)
+    light = model.massless[6:] & ~whole[1][..., 6:, 6:].any((0, -1))
+    for n in np.flatnonzero(status == GOOD):
+        *own, loss = (matrix[n, 6:, 6:] for matrix in whole)
+        to_all = np.eye(len(light))[:, ~light]
+        to_all[light] = -solve_each(own[2][np.ix_(light, light)], own[2][np.ix_(light, ~light)])
+        mass, damping, stiffness = (to_all.T @ matrix @ to_all for matrix in own)
         zero, one = np.zeros_like(mass), np.eye(len(mass))
         found: Any = eig(
             np.block([[zero, one], [-stiffness, -damping]]),
@@ -217,17 +209,15 @@ def mark_driven(
         )
         finite = np.isfinite(found[0])
         s, x = found[0][finite], found[1][: len(mass), finite]
-        if (np.real(s)[np.imag(s) == 0] > DRIVEN * np.abs(s).max()).any():
-            status[n] = UNSTABLE
-            continue
         x, omega = x[:, np.imag(s) > 0], np.imag(s)[np.imag(s) > 0]
-        which = np.full(len(omega), n)
-        added = systems.further_stiffness(model, terms, which, omega) if terms else None
-        lossy = np.imag(systems.Systems.of(model, which, added).stiffness[..., 6:])
+        more = batches.further_stiffness(model, terms, np.full(len(omega), n), omega)
+        lossy = (
+            to_all.T @ (loss + np.imag(more[:, 6:, 6:])) @ to_all + omega[:, None, None] * damping
+        )
         lost = np.einsum("ip,pij,jp->p", x.conj(), lossy, x).real
-        lost += omega * np.einsum("ip,ij,jp->p", x.conj(), damping, x).real
         energy = np.einsum("ip,ij,jp->p", x.conj(), mass, x).real
-        if (lost < -2 * ROUNDING * omega**2 * energy).any():
+        creeps = (np.real(s)[np.imag(s) == 0] > DRIVEN * np.abs(s).max()).any()
+        if creeps or (lost < -2 * ROUNDING * omega**2 * energy).any():
             status[n] = UNSTABLE
 
 
@@ -256,12 +246,10 @@ def transfer(
     omega = 2 * np.pi * np.asarray(frequency)
     result = np.full((*builds.status.shape, len(omega), len(outputs), len(inputs)), NOTHING)
     good = np.flatnonzero(builds.status == GOOD)
-    step = max(1, SYSTEMS // (4 if builds.terms else 1) // max(len(good), 1))
-    for start in range(0, len(omega) if len(good) else 0, step):
-        now = slice(start, start + step)
-        x = respond(builds.model, builds.terms, good, omega[now], moves, forces)
-        direct = (rows[good][..., :6] @ moves[good])[:, None]
-        result[good, now] = rows[good][:, None, :, 6:] @ x + direct
+    if len(good):
+        own = rows[..., 6:]
+        value = batches.transfer(builds.model, builds.terms, good, omega, moves, forces, own)
+        result[good] = value + (rows[..., :6] @ moves)[good, None]
     for o, out in enumerate(outputs):
         for i, into in enumerate(inputs):
             none = forbidden(builds.mirrors, out, into) & (builds.status == GOOD)

@@ -18,32 +18,25 @@ are relaxed: else h^2 would count times the ratio of their stiffness to that of 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.design.path_units import unit_of
 from suspension_cli.design.schema import Design
-from suspension_cli.equilibrium import solve as equilibrium
-from suspension_cli.equilibrium.bending_wires import solve_bending
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
+from suspension_cli.linear.batches import evaluate_terms, further_stiffness
 from suspension_cli.linear.eigenmodes import DEGENERATE, Modes
 from suspension_cli.linear.mode_pairing import pair_by_shape
-from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
-from suspension_cli.models.loss_terms import lossless
-from suspension_cli.models.string import linear_model
-from suspension_cli.models.surroundings import surrounded
 from suspension_cli.scene import stack
 from suspension_cli.scene.arrays import Array
-from suspension_cli.scene.pose import layout
 from suspension_cli.studies import builds, variants
 from suspension_cli.studies.builds import Builds
 from suspension_cli.studies.natural_steps import natural_step
 from suspension_cli.studies.parameters import Parameter, shifted, value_of
-from suspension_cli.studies.systems import evaluate_terms, further_stiffness
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Inexact, Int
@@ -135,7 +128,6 @@ def differentiate(
     evaluate: Callable[[Builds], Inexact[np.ndarray, "build result"]] = _nothing,
     *,
     relative: float = STEP,
-    few: int = 0,
     nominal: Array | None = None,
 ) -> Differences:
     """Evaluate a design and its neighbours in some numbers.
@@ -148,9 +140,6 @@ def differentiate(
         Results of builds, in the named coordinates; none by default.
     relative
         Step, see `STEP`.
-    few
-        Number of designs up to which each is solved alone, faster than by loops that have to be
-        loaded; the builds then lack the terms in frequency.
     nominal
         Results of the design itself, if known.
 
@@ -160,8 +149,7 @@ def differentiate(
     rows: list[Array | None] = [None] * len(designs) + [nominal]
     designs += [design] if nominal is None else []
     matrices: list[int | None] = [None] * len(rows)
-    solve = _each_alone if len(designs) <= few else _batches
-    for places, found in solve(designs, level):
+    for places, found in _batches(designs, level):
         good = np.flatnonzero(found.status == builds.GOOD)
         if len(good):
             for n, row, own in zip(good, evaluate(found)[good], _digest(found)[good], strict=True):
@@ -193,11 +181,11 @@ def mode_matrix(
     """Compute R of builds with the modes of a design; `massive` if its wires have mass."""
     model, shape, count = found.model, modes.shape, len(found.status)
     squared = np.maximum(modes.omega_squared, 0.0)
-    own = model.separated
+    own = model.stretched
     soft = np.real(model.stiffness if own is None else own.soft)[..., 6:, 6:] @ shape.T
     form = np.zeros((count, 0, shape.shape[1])) if own is None else own.form[..., 6:]
     long = form @ shape.T
-    stiff = np.zeros(0) if own is None else np.broadcast_to(own.stiffness, long.shape[:2])
+    stiff = np.zeros(0) if own is None else own.stiffness
     stiff = stiff[..., None] + np.zeros_like(long)
     force = soft - squared * (model.mass[..., 6:, 6:] @ shape.T)
     step = max(ELEMENTS // (count * model.size**2), 1)
@@ -309,66 +297,6 @@ def _batches(designs: Sequence[Design], level: str) -> Iterator[tuple[list[int],
             scene = stack.stack_scenes(scenes)
             found = builds.balance(scene, one, level=level, allow_unstable=True)
             yield [start + place for place in places], found
-
-
-def _each_alone(designs: Sequence[Design], level: str) -> Iterator[tuple[list[int], Builds]]:
-    """Balance designs one by one; batches of equal coordinates, without terms in frequency."""
-    physics = registry.scene_model(level)
-    known: dict[tuple[str, ...], list[tuple[int, LinearSystem]]] = {}
-    for place, design in enumerate(designs):
-        try:
-            scene = physics.completed(expand(design), design)
-            if physics.bends_wires:
-                scene, found = solve_bending(scene, layout(scene))
-                scene = lossless(scene)
-            else:
-                found = equilibrium.solve(scene)
-            found.demand(scene)
-        except InputError:
-            continue
-        model = surrounded(linear_model(scene, found, split=False, separate=False), design)
-        known.setdefault(model.coordinate, []).append((place, model))
-    for members in known.values():
-        yield [place for place, _ in members], together([model for _, model in members])
-
-
-def together(systems: Sequence[LinearSystem]) -> Builds:
-    """Stack systems of equal coordinates, in the named ones, without terms in frequency."""
-    first, count = systems[0], len(systems)
-
-    def stacked(*names: str) -> np.ndarray:
-        rows = []
-        for model in systems:
-            matrix = next(own for name in names if (own := getattr(model, name)) is not None)
-            rows.append(_named(model, matrix))
-        return np.array(rows)
-
-    turned = [
-        np.broadcast_to(
-            np.eye(3) if model.orientation is None else model.orientation,
-            (len(model.body) + 1, 3, 3),
-        )
-        for model in systems
-    ]
-    model = replace(
-        first,
-        basis=np.eye(first.size),
-        mass=stacked("mass"),
-        stiffness=stacked("stiffness"),
-        damping=stacked("damping"),
-        lossy=stacked("lossy", "stiffness"),
-        orientation=np.array(turned),
-        stretched=None,
-        terms=(),
-    )
-    none = np.zeros(count, dtype=int)
-    return Builds(model, none, none - 1, np.zeros(count), np.zeros((count, 2), dtype=bool))
-
-
-def _named(model: LinearSystem, matrix: np.ndarray) -> np.ndarray:
-    """Transform a matrix of a system to the named coordinates."""
-    to_own = np.linalg.inv(model.basis)
-    return to_own.T @ matrix @ to_own
 
 
 def _digest(found: Builds) -> Int[np.ndarray, " build"]:

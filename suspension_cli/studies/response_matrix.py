@@ -1,14 +1,13 @@
 """Responses of all outputs of a design to all inputs, with their derivatives by its numbers.
 
-With A x = f, y = C x and A = K + i K'' + i omega C - omega^2 M, a change of the matrices changes
-the responses by
+With A x = f, y = C x and A = K + i K'' + i omega C - omega^2 M, which is symmetric, a change of the
+matrices changes the responses by
 
-    dH = -Y^T dA X + dC X + Y^T dB,    A X = B,  A^T Y = C^T,
+    dH = -Y^T dA X + dC X + Y^T dB,    A X = B,  A Y = C^T,
 
 so one factorisation per frequency serves all responses and all numbers; dA, dB and dC are central
-differences of the matrices (`studies.derivatives`). The solutions, in plain
-double precision, are accurate to some 1e-9, far below the noise of measurements (`linear.response`
-has the last digits).
+differences of the matrices (`studies.derivatives`). The solutions are accurate to some 1e-9, far
+below the noise of measurements (`linear.response` has the last digits).
 
 Modes may be damped beyond the losses of the design: `damping` of mode k adds i omega omega_k
 damping_k M v_k v_k^T M, which lowers its Q to 1/damping_k and leaves all other modes as they are
@@ -35,12 +34,10 @@ from suspension_cli.studies.builds import Builds
 from suspension_cli.studies.parameters import Parameter, value_of
 
 if TYPE_CHECKING:
-    from jaxtyping import Complex, Float, Int
+    from jaxtyping import Complex, Float
 
 LOSSES = ("loss_angle", "loss")
 """Keys whose numbers change only the frequency-dependent terms of models in which wires bend."""
-FEW = 24
-"""Designs up to which matrices are computed one by one, as loading compiled loops takes longer."""
 CHUNK = 1 << 21
 """Elements of the dynamic matrices that are solved at once."""
 
@@ -126,9 +123,16 @@ class Plant:
     def of(design: Design, level: str = registry.STRING.name) -> Plant:
         """Find the equilibrium of a design, its matrices and its modes."""
         system = registry.by_name(level).system(design)
-        row = _flat_matrices(derivatives.together([system]))[0]
-        modes = eigenmodes.solve(system.constant)
-        return Plant(design, level, system, Matrices.of(row, system.size), modes)
+        full = system.stiffness if system.lossy is None else system.lossy
+        to_own = np.linalg.inv(system.basis)
+        mass, stiffness, damping, loss = (
+            to_own.T @ part @ to_own
+            for part in (system.mass, system.stiffness, system.damping, np.imag(full))
+        )
+        turn = np.eye(3) if system.orientation is None else system.orientation
+        turn = np.broadcast_to(turn, (len(system.body) + 1, 3, 3))
+        matrices = Matrices(mass, stiffness, damping, loss, turn)
+        return Plant(design, level, system, matrices, eigenmodes.solve(system.constant))
 
     def row(self, signal: Signal) -> Float[np.ndarray, " coordinate"]:
         """Compute the linear form of a signal in the named coordinates."""
@@ -155,13 +159,9 @@ class Plant:
         new = [name for name in names if name not in self._changes]
         if new:
             numbers = [Parameter(name, value_of(self.design, name)) for name in new]
+            flat = self.matrices.flat
             around = derivatives.differentiate(
-                self.design,
-                numbers,
-                self.level,
-                _flat_matrices,
-                few=FEW,
-                nominal=self.matrices.flat,
+                self.design, numbers, self.level, _flat_matrices, nominal=flat
             )
             for name, row, good in zip(new, around.central, around.balanced, strict=True):
                 self._changes[name] = Matrices.of(row, self.system.size) if good else None
@@ -173,35 +173,17 @@ class Plant:
 
     def dispersive(
         self, omega: Float[np.ndarray, " frequency"]
-    ) -> Complex[np.ndarray, "frequency coordinate coordinate"] | None:
-        """Frequency-dependent part of the stiffness in the named coordinates, or None."""
-        if not self.system.terms:
-            return None
-        rows, columns, weights = self._dispersive_elements
-        functions = np.concatenate(
-            [np.asarray(term.at(omega).all_functions()) for term in self.system.terms]
-        ).astype(complex)
-        size = self.system.size
-        result = np.zeros((len(omega), size, size), dtype=complex)
-        # real weights times complex functions, in real arithmetic
-        result[:, rows, columns] = (weights @ functions.view(float)).view(complex).T
-        return result
-
-    @cached_property
-    def _dispersive_elements(
-        self,
-    ) -> tuple[
-        Int[np.ndarray, " element"],
-        Int[np.ndarray, " element"],
-        Float[np.ndarray, "element function"],
-    ]:
-        """Rows and columns of elements that depend on frequency; weights of functions in them."""
-        to_named = np.linalg.inv(self.system.basis)
-        matrices = np.concatenate(
-            [to_named.T @ np.asarray(term.all_matrices) @ to_named for term in self.system.terms]
-        )
-        rows, columns = np.nonzero(matrices.any(0))
-        return rows, columns, np.ascontiguousarray(matrices[:, rows, columns].T)
+    ) -> Complex[np.ndarray, "frequency coordinate coordinate"]:
+        """Frequency-dependent part of the stiffness in the named coordinates."""
+        size, to_named = self.system.size, np.linalg.inv(self.system.basis)
+        result = np.zeros((size**2, len(omega)), dtype=complex)
+        for term in self.system.terms:
+            functions = np.array(np.broadcast_arrays(*term.at(omega).all_functions()), complex)
+            weights = to_named.T @ np.asarray(term.all_matrices) @ to_named
+            # real weights times complex functions, in real arithmetic
+            flat = np.ascontiguousarray(weights.reshape(-1, size**2).T)
+            result += (flat @ functions.view(float)).view(complex)
+        return result.T.reshape(-1, size, size)
 
     def respond(
         self,
@@ -229,14 +211,15 @@ class Plant:
         for begin in range(0, len(omega), step):
             span = slice(begin, begin + step)
             matrix = self._dynamic(omega[span], damping, stiffening)
-            root = np.sqrt(np.abs(np.einsum("fnn->fn", matrix[:, 6:, 6:])))
-            root[root == 0] = 1.0
-            own = matrix[:, 6:, 6:] / (root[:, :, None] * root[:, None, :])
             right = forces - matrix[:, 6:, :6] @ moves[:6]
-            state[span, :6] = moves[:6]
-            state[span, 6:] = np.linalg.solve(own, right / root[..., None]) / root[..., None]
-            watch = rows[:, 6:].T / root[..., None]
-            adjoint[span] = np.linalg.solve(own.transpose(0, 2, 1), watch) / root[..., None]
+            watched = np.broadcast_to(rows[:, 6:].T, (len(right), size - 6, len(rows)))
+            root = np.sqrt(np.abs(np.einsum("fnn->fn", matrix[:, 6:, 6:])))[..., None]
+            root[root == 0] = 1.0
+            own = matrix[:, 6:, 6:] / (root * root.swapaxes(1, 2))
+            both = np.concatenate([right, watched], axis=-1)
+            x = np.linalg.solve(own, both / root) / root
+            state[span, :6], state[span, 6:] = moves[:6], x[..., : len(inputs)]
+            adjoint[span] = x[..., len(inputs) :]
         return Responses(self, omega, tuple(inputs), tuple(outputs), rows, state, adjoint)
 
     def _dynamic(
@@ -245,20 +228,13 @@ class Plant:
         damping: Float[np.ndarray, " mode"] | None,
         stiffening: Float[np.ndarray, " mode"] | None,
     ) -> Complex[np.ndarray, "frequency coordinate coordinate"]:
-        matrix, w = self.matrices.dynamic(omega), omega[:, None, None]
-        added = self.dispersive(omega)
-        if added is not None:
-            matrix = matrix + added
+        matrix, w = self.matrices.dynamic(omega) + self.dispersive(omega), omega[:, None, None]
+        squared, forces = self.modes.omega_squared, self.modal_forces
         if damping is not None:
-            used = np.flatnonzero(damping)
-            rates = np.sqrt(np.clip(self.modes.omega_squared[used], 0.0, None)) * damping[used]
-            forces = self.modal_forces[used]
+            rates = np.sqrt(np.clip(squared, 0.0, None)) * damping
             matrix[:, 6:, 6:] += 1j * w * ((forces.T * rates) @ forces)
-        if stiffening is not None and stiffening.any():
-            used = np.flatnonzero(stiffening)
-            forces = self.modal_forces[used]
-            added = (forces.T * (self.modes.omega_squared[used] * stiffening[used])) @ forces
-            matrix[:, 6:, 6:] += added
+        if stiffening is not None:
+            matrix[:, 6:, 6:] += (forces.T * (squared * stiffening)) @ forces
         return matrix
 
 

@@ -1,11 +1,8 @@
 """Run a sweep: points in chunks, on processes or a Dask cluster, with results straight to disk.
 
-A job computes any range of its points independently, with the same bits, so chunk size, number of
-workers and engine do not matter. The HDF5 datasets are allocated in full when the file is made, and
-chunks are written in place. A killed run leaves a valid file (``NAME.h5.part``) and a journal of
-the finished points (``NAME.h5.journal``), from which ``resume`` continues. When all points are done
-the file gets its name and the journal is deleted. The journal is locked during a run, so that two
-runs never write one file.
+A job computes any range of its points independently, so number of workers and engine do not matter.
+A killed run leaves its finished points in ``NAME.h5.part`` (`sweep_file`), from which ``resume``
+continues. When all are done the HDF5 file is written.
 """
 
 from __future__ import annotations
@@ -33,7 +30,7 @@ if TYPE_CHECKING:
 
 
 STARTUP = 5.0
-"""Time in which processes start, s: they import the program and load the compiled loops."""
+"""Time, s, that a sweep must still take for further processes to start: they import the program."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +40,7 @@ class Plan:
     Attributes
     ----------
     workers
-        Number of processes; 1 computes in this one. None starts one per core when the points left
-        take longer here than with these.
+        Number of processes, with this one. None starts one per core when the points left take long.
     scheduler
         Address of a Dask scheduler instead.
     chunk
@@ -71,12 +67,11 @@ def run(
 ) -> None:
     """Compute all points of a job into one HDF5 file.
 
-    The finished file is `path`; its group has the columns. When the file is made, `fill` writes the
-    rest of the group (axes, names). Given the path of the unfinished file, `after` fills the
-    columns that need all points.
+    The finished file is `path`; its group has the columns, and what `fill` writes (axes, names).
+    Given the path of the unfinished file, `after` fills the columns that need all points.
     """
     chunk = max(UNIT, plan.chunk // UNIT * UNIT)
-    with _connected(plan) as client, opened(job, path, group, origin, plan.resume, fill) as store:
+    with _connected(plan) as client, opened(job, path, origin, plan.resume) as store:
         ranges = store.missing(chunk)
         done, began, fresh = job.count - sum(b - a for a, b in ranges), time.monotonic(), 0
         plan.progress(done, job.count, 0.0)
@@ -85,7 +80,7 @@ def run(
                 store.put(start, stop, values)
                 done, fresh = done + stop - start, fresh + stop - start
                 plan.progress(done, job.count, fresh / max(time.monotonic() - began, 1e-9))
-        store.finish(after)
+        store.finish(group, origin, fill, after)
 
 
 Results = Generator[tuple[tuple[int, int], ColumnValues], None, None]
@@ -113,9 +108,9 @@ def _results(
 
 
 def _in_turn(job: Job, ranges: list[tuple[int, int]], most: int) -> Results:
-    """Compute in this process, and on up to `most` ones once these finish the rest sooner.
+    """Compute in this process, and on up to `most` ones if the rest takes long.
 
-    The first range does not count, as loops may be compiled for it.
+    The first range does not count, as modules are imported for it.
     """
     for n, part in enumerate(ranges, 1):
         began = time.monotonic()
@@ -123,7 +118,7 @@ def _in_turn(job: Job, ranges: list[tuple[int, int]], most: int) -> Results:
         left = (len(ranges) - n) * (time.monotonic() - began)
         yield part, values
         workers = min(most, len(ranges) - n)
-        if n > 1 and workers > 1 and left > STARTUP + left / workers:
+        if n > 1 and workers > 1 and left > STARTUP:
             yield from _on_processes(job, ranges[n:], workers)
             return
 
@@ -154,27 +149,26 @@ def _work(part: tuple[int, int]) -> tuple[tuple[int, int], ColumnValues]:
 
 
 def _on_processes(job: Job, ranges: list[tuple[int, int]], workers: int) -> Results:
-    from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+    """Compute in this process, which collects the results, and in others."""
+    from concurrent.futures import Future, ProcessPoolExecutor, as_completed
     from concurrent.futures.process import BrokenProcessPool
     from multiprocessing import get_context
 
-    waiting = iter(ranges)
+    waiting, others = iter(ranges), workers - 1
+    running: set[Future[tuple[tuple[int, int], ColumnValues]]] = set()
     with ProcessPoolExecutor(
-        workers, mp_context=get_context("spawn"), initializer=_initialise, initargs=(job,)
+        others, mp_context=get_context("spawn"), initializer=_initialise, initargs=(job,)
     ) as pool:
         try:
-            with _uninterrupted():
-                running = {
-                    pool.submit(_work, part) for part in itertools.islice(waiting, 2 * workers)
-                }
-            while running:
-                finished, running = wait(running, return_when=FIRST_COMPLETED)
-                for future in finished:
-                    yield future.result()
-                    with _uninterrupted():
-                        running |= {
-                            pool.submit(_work, part) for part in itertools.islice(waiting, 1)
-                        }
+            for part in waiting:
+                with _uninterrupted():
+                    fresh = itertools.islice(waiting, 2 * others - len(running))
+                    running |= {pool.submit(_work, other) for other in fresh}
+                yield part, job.compute(*part)
+                finished = {future for future in running if future.done()}
+                running -= finished
+                yield from (future.result() for future in finished)
+            yield from (future.result() for future in as_completed(running))
         except BrokenProcessPool:
             raise PendsusError(
                 "a worker was killed, perhaps out of memory; give fewer --workers or a smaller"

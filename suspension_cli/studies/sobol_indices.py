@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -59,23 +60,15 @@ def _estimate(
     values: Float[np.ndarray, "group+2 sample result"],
 ) -> tuple[Float[np.ndarray, "group result"], Float[np.ndarray, "group result"]]:
     """Estimate first-order and total indices."""
-    plain = values[:2].reshape(-1, values.shape[-1])
-    known = np.isfinite(plain)
-    count = known.sum(0)
-    with np.errstate(all="ignore"):
-        mean = np.where(known, plain, 0.0).sum(0) / count
-        scale = np.abs(np.where(known, plain, 0.0)).max(0, initial=0.0)
-        variance = np.where(known, plain - mean, 0.0).__pow__(2).sum(0) / count
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # means of nothing
+        plain = values[:2].reshape(-1, values.shape[-1])
+        variance, scale = np.nanvar(plain, axis=0), np.nanmax(np.abs(plain), axis=0, initial=0.0)
         # what rounding leaves is no variance
         variance = np.where(variance > (1e-12 * scale) ** 2, variance, np.nan)
-        a, b, mixed = values[0] - mean, values[1] - mean, values[2:] - mean
-        return (
-            _mean(b * (mixed - a)) / variance,
-            _mean((a - mixed) ** 2) / (2 * variance),
+        a, b, *mixed = values - np.nanmean(plain, axis=0)
+        first, total = (
+            np.array([np.nanmean(product(part), axis=0) for part in mixed]) / variance
+            for product in (lambda part: b * (part - a), lambda part: (a - part) ** 2 / 2)
         )
-
-
-def _mean(products: Float[np.ndarray, "group sample result"]) -> Float[np.ndarray, "group result"]:
-    """Average over the rows in which nothing failed."""
-    known = np.isfinite(products)
-    return np.where(known, products, 0.0).sum(1) / known.sum(1)
+    return first, total

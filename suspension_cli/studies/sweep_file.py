@@ -1,7 +1,8 @@
-"""The HDF5 file that a sweep fills, and the journal of its finished points.
+"""The results file of a sweep, and the points that are done while it runs.
 
-Every dataset is allocated in full when the file is made, and written in place. The journal lists
-the points whose results are safely on disk, so that a killed run can be resumed.
+During a run the points are records of one size in ``NAME.h5.part``, after a digest of the job and a
+mark for each unit of points that is safely on disk; so a killed run can be resumed. From all of
+them the HDF5 file is written.
 """
 
 from __future__ import annotations
@@ -10,10 +11,11 @@ import contextlib
 import errno
 import fcntl
 import hashlib
+import math
 import os
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -30,21 +32,22 @@ if TYPE_CHECKING:
     from jaxtyping import Int
 
 UNIT = 64
-"""Points per entry of the journal; chunks are multiples of it."""
+"""Points per mark; chunks are multiples of it."""
 SYNC_SECONDS = 2.0
-"""Interval at which results are forced to disk and entered into the journal, s."""
+"""Interval at which results are forced to disk and marked, s."""
+HEAD = 32
+"""Bytes of the digest of the job, so that a changed design is not resumed."""
+BLOCK = 1 << 24
+"""Bytes that are copied to the HDF5 file at once."""
 
-
-Place = tuple[int, np.dtype, tuple[int, ...]]
-"""Offset of a column in the file, its type, and the shape of one point."""
 Fill = Callable[[h5py.Group], None]
-"""Writes the rest of the group beside the columns into a new file."""
+"""Writes the rest of the group beside the columns."""
 After = Callable[[Path], None]
 """Completes an unfinished file that has all its points."""
 
 
 class Job(Protocol):
-    """A sweep's points. It is picklable, with results that do not depend on their grouping."""
+    """A sweep's points; picklable."""
 
     @property
     def count(self) -> int:
@@ -73,24 +76,33 @@ class Job(Protocol):
 
 @dataclass
 class Store:
-    """The file that is being filled, and the journal of its finished points."""
+    """The points of a run that are done.
 
-    count: int
+    Attributes
+    ----------
+    path
+        Of the finished file.
+    handle
+        Of the unfinished one.
+    done
+        uint8: 1 for each unit that is safely on disk.
+    record
+        Type of one point.
+    """
+
+    job: Job
     path: Path
-    """Path of the finished file."""
     handle: int
-    record: int
     done: Int[np.ndarray, " unit"]
-    """uint8: 1 for each unit of points that is safely on disk."""
-    place: dict[str, Place]
-    pending: list[tuple[int, int]]
-    synced: float
+    record: np.dtype
+    pending: list[tuple[int, int]] = field(default_factory=list)
+    synced: float = field(default_factory=lambda: time.monotonic())
 
     def missing(self, chunk: int) -> list[tuple[int, int]]:
         """Ranges of points still to be computed, each of at most a chunk."""
         ranges: list[tuple[int, int]] = []
         for unit in np.flatnonzero(self.done == 0).tolist():
-            start, stop = unit * UNIT, min((unit + 1) * UNIT, self.count)
+            start, stop = unit * UNIT, min((unit + 1) * UNIT, self.job.count)
             if ranges and ranges[-1][1] == start and stop - ranges[-1][0] <= chunk:
                 ranges[-1] = (ranges[-1][0], stop)
             else:
@@ -98,84 +110,129 @@ class Store:
         return ranges
 
     def put(self, start: int, stop: int, values: ColumnValues) -> None:
-        """Write the results of one chunk in place."""
+        """Write the results of one chunk."""
+        points = np.zeros(stop - start, dtype=self.record)
+        for name in self.record.names or ():
+            points[name] = values[name]
         with writing_to(self.path):
-            for name, (offset, dtype, shape) in self.place.items():
-                data = np.ascontiguousarray(values[name], dtype=dtype)
-                assert data.shape == (stop - start, *shape), name
-                size = int(dtype.itemsize * np.prod(shape, dtype=int))
-                _write_all(self.handle, data.tobytes(), offset + start * size)
+            _write_all(self.handle, points.tobytes(), self._offset(start))
         self.pending.append((start, stop))
         if time.monotonic() - self.synced > SYNC_SECONDS:
             self.sync()
 
     def sync(self) -> None:
-        """Force results to disk, then enter them in the journal.
+        """Force results to disk, then mark them.
 
-        In this order a power cut loses work, but the journal never lists missing results.
+        In this order a power cut loses work, but no missing result is ever marked.
         """
         with writing_to(self.path):
             os.fsync(self.handle)
             for start, stop in self.pending:
                 self.done[start // UNIT : -(-stop // UNIT)] = 1
-            _write_all(self.record, self.done.tobytes(), JOURNAL_HEAD)
-            os.fsync(self.record)
+            _write_all(self.handle, self.done.tobytes(), HEAD)
+            os.fsync(self.handle)
         self.pending.clear()
         self.synced = time.monotonic()
 
-    def finish(self, after: After | None = None) -> None:
-        """Let `after` fill the columns that need all points, then give the file its name."""
+    def finish(self, group: str, origin: Provenance, fill: Fill, after: After | None) -> None:
+        """Write the HDF5 file, let `after` fill the columns that need all points."""
         self.sync()
         assert self.done.all(), "every unit must have been written"
+        new = self.path.with_name(self.path.name + ".new")
         with writing_to(self.path):
-            if after is not None:
-                after(_part(self.path))
-                os.fsync(self.handle)
-            os.replace(_part(self.path), self.path)
-            _journal(self.path).unlink()
+            try:
+                new.unlink(missing_ok=True)
+                with open(os.open(new, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666), "rb") as stream:
+                    _allocate(stream.fileno(), os.fstat(self.handle).st_size)  # or HDF5 crashes
+                with h5py.File(new, "w") as file:
+                    write_root_attributes(file, origin)
+                    self._write_group(file.create_group(group), fill)
+                if after is not None:
+                    after(new)
+                with new.open("rb") as stream:
+                    os.fsync(stream.fileno())
+                os.replace(new, self.path)
+            except BaseException:
+                new.unlink(missing_ok=True)
+                raise
+            _part(self.path).unlink()
+
+    def _write_group(self, home: h5py.Group, fill: Fill) -> None:
+        job, shape = self.job, self.job.shape
+        fill(home)
+        for column in job.columns:
+            home.create_dataset(column.name, (*shape, *column.shape), column.dtype)
+            home[column.name].attrs["units"] = column.units
+        for place, start, block in _blocks(shape, BLOCK // self.record.itemsize):
+            size = math.prod(block) * self.record.itemsize
+            points = np.frombuffer(os.pread(self.handle, size, self._offset(start)), self.record)
+            for column in job.columns:
+                values: Stored = home[column.name]
+                values[place] = points[column.name].reshape(*block, *column.shape)
+        for name in job.scales:
+            axis: Stored = home[name]
+            if not axis.is_scale:
+                axis.make_scale(name)
+        for column in job.columns:
+            values = home[column.name]
+            for axis, name in zip(values.dims, (*job.scales, *column.axes), strict=True):
+                axis.label = name
+                if name != column.name:  # a scale has none itself
+                    axis.attach_scale(home[name])
+
+    def _offset(self, point: int) -> int:
+        return HEAD + len(self.done) + point * self.record.itemsize
 
 
-def _part(path: Path) -> Path:
-    return path.with_name(path.name + ".part")
+def _blocks(
+    shape: tuple[int, ...], most: int
+) -> Iterator[tuple[tuple[int | slice, ...], int, tuple[int, ...]]]:
+    """Divide a grid into blocks of consecutive points, if possible of at most so many.
 
-
-def _journal(path: Path) -> Path:
-    return path.with_name(path.name + ".journal")
-
-
-JOURNAL_HEAD = 32
-"""Bytes of the journal's head: a digest of the job, so that a changed design is not resumed."""
+    Yields their places in the grid, numbers of their first points, and shapes.
+    """
+    inner = [math.prod(shape[n + 1 :]) for n in range(len(shape))]
+    axis = next(n for n, size in enumerate(inner) if size <= most or size == 1)
+    step = max(1, most // inner[axis])
+    for outer in np.ndindex(shape[:axis]):
+        first = sum(n * size for n, size in zip(outer, inner, strict=False))
+        for start in range(0, shape[axis], step):
+            stop = min(start + step, shape[axis])
+            block = (stop - start, *shape[axis + 1 :])
+            yield (*outer, slice(start, stop)), first + start * inner[axis], block
 
 
 @contextlib.contextmanager
-def opened(
-    job: Job, path: Path, group: str, origin: Provenance, resume: bool, fill: Fill
-) -> Iterator[Store]:
-    """Begin or resume the file of a job; finished results are saved however the block ends."""
+def opened(job: Job, path: Path, origin: Provenance, resume: bool) -> Iterator[Store]:
+    """Begin or resume the points of a job; finished ones are saved however the block ends."""
+    record = np.dtype([(column.name, column.dtype, column.shape) for column in job.columns])
+    part, units = _part(path), -(-job.count // UNIT)
+    key = (__version__, job.count, job.columns, origin.design, origin.sweep)
+    digest = hashlib.sha256(repr(key).encode()).digest()
+    size = HEAD + units + job.count * record.itemsize
     with contextlib.ExitStack() as stack:
         with writing_to(path):
-            for own in (path, _part(path), _journal(path)):
+            for own in (path, part):
                 if not is_regular(own):
                     remedy = "delete it, or name another folder"
                     raise InputError.of("--out", "is not a regular file", remedy, str(own))
-            record = os.open(_journal(path), os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
-            stack.callback(os.close, record)
-            _lock(record, path)
-            done = _resume(job, path, group, origin, record, fill) if resume else None
-            if done is None:
-                done = _begin(job, path, group, origin, record, fill)
-            handle = os.open(_part(path), os.O_RDWR | os.O_NOFOLLOW)
+            fresh = not part.exists()
+            handle = os.open(part, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
             stack.callback(os.close, handle)
-        store = Store(
-            job.count,
-            path,
-            handle,
-            record,
-            done,
-            _places(job, _part(path), group),
-            [],
-            time.monotonic(),
-        )
+            _lock(handle, path)
+            done = np.zeros(units, dtype=np.uint8)
+            if resume and not fresh:
+                _check(handle, part, digest, size)
+                done[:] = np.frombuffer(os.pread(handle, units, HEAD), dtype=np.uint8)
+            else:
+                try:
+                    os.ftruncate(handle, 0)
+                    _allocate(handle, size)
+                    _write_all(handle, digest, 0)
+                except BaseException:
+                    part.unlink(missing_ok=True)
+                    raise
+        store = Store(job, path, handle, done, record)
         try:
             yield store
         except BaseException:
@@ -184,199 +241,39 @@ def opened(
             raise
 
 
-def _lock(record: int, path: Path) -> None:
+def _part(path: Path) -> Path:
+    return path.with_name(path.name + ".part")
+
+
+def _lock(handle: int, path: Path) -> None:
     try:
-        fcntl.flock(record, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
-        raise InputError.of(
-            "--out",
-            "another run is writing this file",
-            "wait for it, or name another folder",
-            str(path),
-        ) from None
+        problem, remedy = "another run is writing this file", "wait for it, or name another folder"
+        raise InputError.of("--out", problem, remedy, str(path)) from None
     except OSError:
         pass  # a file system without locks
 
 
-ANEW = "start anew without --resume"
-"""Remedy for an unfinished file that cannot be resumed."""
+def _check(handle: int, part: Path, digest: bytes, size: int) -> None:
+    """Raise `InputError` for an unfinished file that is not that of the job."""
+    anew, found = "start anew without --resume", os.fstat(handle).st_size
+    if found >= HEAD and os.pread(handle, HEAD, 0) != digest:
+        problem = f"{part.name} belongs to another design or sweep"
+        raise InputError.of("--resume", problem, f"take the same design and options, or {anew}")
+    if found != size:
+        raise InputError.of("--resume", f"{part.name} was cut off", anew)
 
 
-def _resume(
-    job: Job, path: Path, group: str, origin: Provenance, record: int, fill: Fill
-) -> Int[np.ndarray, " unit"] | None:
-    """Read the journal of an interrupted run; None if there is nothing to resume."""
-    head = os.pread(record, JOURNAL_HEAD + _units(job) + 1, 0)
-    if len(head) < JOURNAL_HEAD or not _part(path).exists():
-        return None
-    if head[:JOURNAL_HEAD] != _digest(job, origin) or len(head) != JOURNAL_HEAD + _units(job):
-        remedy = f"take the same design and options, or {ANEW}"
-        raise InputError.of(
-            "--resume", f"{_part(path).name} belongs to another design or sweep", remedy
-        )
-    problem = _explain_mismatch(job, _part(path), group, origin, fill)
-    if problem:
-        raise InputError.of("--resume", f"{_part(path).name} {problem}", ANEW)
-    return np.frombuffer(head[JOURNAL_HEAD:], dtype=np.uint8).copy()
-
-
-def _explain_mismatch(job: Job, part: Path, group: str, origin: Provenance, fill: Fill) -> str:
-    """Why an unfinished file with this job's journal is not its file; "" if it is.
-
-    Everything is compared with the file that the job would begin; of columns only place and size.
-    """
-    try:
-        with (
-            h5py.File(part, "r") as file,
-            h5py.File("expected", "w", driver="core", backing_store=False) as expected,
-        ):
-            home: Stored
-            drawn: Stored
-            write_root_attributes(expected, origin)
-            fill(expected.create_group(group))
-            names = [
-                name
-                for name in ("format", "format_version", "pendsus_version", "design", "fidelity")
-                if not _has_same_attribute(file.attrs, expected.attrs, name)
-            ]
-            home, drawn = file.get(group, {}), expected[group]
-            grids = [name for name in job.scales if name in drawn]
-            names += [
-                name
-                for name in grids
-                if name not in home or home[name][()].tolist() != drawn[name][()].tolist()
-            ]
-            names += [
-                column.name
-                for column in job.columns
-                if not _is_complete(home.get(column.name), column, job.shape, part)
-            ]
-    except Exception as error:  # HDF5 raises many types for other files
-        return "is no sound HDF5 file" + (
-            " (it was cut off)" if "truncated" in str(error) or part.stat().st_size == 0 else ""
-        )
-    return f"is of another run, or was changed since ({names[0]})" if names else ""
-
-
-def _has_same_attribute(
-    found: h5py.AttributeManager, expected: h5py.AttributeManager, name: str
-) -> bool:
-    return name in found and bool(found[name] == expected[name])
-
-
-def _is_complete(found: Stored, column: Column, shape: tuple[int, ...], part: Path) -> bool:
-    """Whether a column has its place, type and size in the file."""
-    if (
-        not isinstance(found, h5py.Dataset)
-        or found.shape != (*shape, *column.shape)
-        or found.dtype != np.dtype(column.dtype)
-    ):
-        return False
-    offset = found.id.get_offset()
-    return (
-        not found.external and offset is not None and offset + found.nbytes <= part.stat().st_size
-    )
-
-
-def _begin(
-    job: Job, path: Path, group: str, origin: Provenance, record: int, fill: Fill
-) -> Int[np.ndarray, " unit"]:
-    """Make a new file with its journal; an older journal is emptied first."""
-    try:
-        os.ftruncate(record, 0)
-        _create(job, _part(path), group, origin, fill)
-        done = np.zeros(_units(job), dtype=np.uint8)
-        _write_all(record, _digest(job, origin) + done.tobytes(), 0)
-    except BaseException:
-        _part(path).unlink(missing_ok=True)
-        _journal(path).unlink(missing_ok=True)
-        raise
-    return done
-
-
-def _units(job: Job) -> int:
-    return -(-job.count // UNIT)
-
-
-def _digest(job: Job, origin: Provenance) -> bytes:
-    return hashlib.sha256(
-        repr((__version__, job.count, job.columns, origin.design, origin.sweep)).encode()
-    ).digest()
-
-
-def _create(job: Job, part: Path, group: str, origin: Provenance, fill: Fill) -> None:
-    """Allocate the whole file, with every dataset contiguous and in its final place."""
-    try:
-        part.unlink(missing_ok=True)
-        os.close(os.open(part, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666))  # follows no link
-        _allocate(part, _estimate(job))  # HDF5 crashes where it cannot write
-        with h5py.File(part, "w") as file:
-            write_root_attributes(file, origin)
-            home = file.create_group(group)
-            fill(home)
-            made = [_contiguous(home, column, job.shape) for column in job.columns]
-            for name in job.scales:
-                axis: Stored = home[name]
-                if not axis.is_scale:
-                    axis.make_scale(name)
-            for column, values in zip(job.columns, made, strict=True):
-                values.attrs["units"] = column.units
-                for axis, name in zip(values.dims, (*job.scales, *column.axes), strict=True):
-                    axis.label = name
-                    if name != column.name:  # a scale has none itself
-                        axis.attach_scale(home[name])
-        size = max(
-            offset + job.count * dtype.itemsize * int(np.prod(shape, dtype=int))
-            for offset, dtype, shape in _places(job, part, group).values()
-        )
-        _allocate(part, size)
-    except OSError as error:
-        if error.errno is None:
-            raise
-        raise OSError(error.errno, os.strerror(error.errno)) from None  # HDF5 gives a long message
-
-
-def _estimate(job: Job) -> int:
-    """Estimate the size of the file, bytes: columns, scales, and their descriptions."""
-    each = sum(
-        np.dtype(column.dtype).itemsize * int(np.prod(column.shape, dtype=int))
-        for column in job.columns
-    )
-    return job.count * each + 16 * sum(job.shape) + HEADROOM
-
-
-HEADROOM = 1 << 16
-"""Bytes for attributes, names and the design's text."""
-
-
-def _allocate(part: Path, size: int) -> None:
+def _allocate(handle: int, size: int) -> None:
     """Allocate the space now, so that a full disk is reported at once."""
-    with part.open("r+b") as stream:
-        if hasattr(os, "posix_fallocate"):
-            os.posix_fallocate(stream.fileno(), 0, max(size, part.stat().st_size))
-        elif os.statvfs(part).f_bavail * os.statvfs(part).f_frsize < size:
+    if hasattr(os, "posix_fallocate"):
+        os.posix_fallocate(handle, 0, size)
+    else:
+        system = os.fstatvfs(handle)
+        if system.f_bavail * system.f_frsize < size:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-
-def _contiguous(home: h5py.Group, column: Column, shape: tuple[int, ...]) -> h5py.Dataset:
-    layout = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
-    layout.set_layout(h5py.h5d.CONTIGUOUS)
-    layout.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
-    layout.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
-    layout.set_obj_track_times(False)  # identical runs write identical bytes
-    space = h5py.h5s.create_simple((*shape, *column.shape))
-    kind = h5py.h5t.py_create(np.dtype(column.dtype), logical=True)
-    return h5py.Dataset(h5py.h5d.create(home.id, column.name.encode(), kind, space, dcpl=layout))
-
-
-def _places(job: Job, part: Path, group: str) -> dict[str, Place]:
-    """Find the place of each column in the file."""
-    with h5py.File(part, "r") as file:
-        home: Stored = file[group]
-        return {
-            column.name: (home[column.name].id.get_offset(), np.dtype(column.dtype), column.shape)
-            for column in job.columns
-        }
+        os.ftruncate(handle, size)
 
 
 def _write_all(handle: int, data: bytes, offset: int) -> None:

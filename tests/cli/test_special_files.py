@@ -108,13 +108,12 @@ SWEEP = ("--vary", "stage.test.wires.s=0.01,0.02", "--fidelity", "string", "--no
 
 @pytest.mark.parametrize("resume", [(), ("--resume",)])
 @pytest.mark.parametrize("exists", [True, False])
-@pytest.mark.parametrize("ending", [".part", ".journal"])
-def test_unfinished_files_are_not_written_through_links(ending, exists, resume, tmp_path):
+def test_unfinished_files_are_not_written_through_links(exists, resume, tmp_path):
     file, out, victim = from_template(tmp_path), tmp_path / "out", tmp_path / "victim"
     out.mkdir()
     if exists:
         victim.write_text("precious")
-    link = out / f"single-sweep.h5{ending}"
+    link = out / "single-sweep.h5.part"
     link.symlink_to(victim)
     done = run("sweep", file, *SWEEP, *resume, "--out", out)
     assert done.exit_code == 2

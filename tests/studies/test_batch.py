@@ -10,7 +10,6 @@ import tomllib
 from dataclasses import replace
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -144,15 +143,20 @@ def jobs():
         "indices",
     ],
 )
-def test_a_build_alone_gives_the_same_bits(kind):
-    """In this process and, as far as that takes a pickled job, in another."""
+def test_a_build_alone_gives_the_same(kind):
+    """But for rounding; in this process and, as far as that takes a pickled job, in another."""
     job = jobs()[kind]()
     sent = pickle.loads(pickle.dumps(job))
     found = job.compute(0, job.count)
     for start, stop in [(0, 1), (1, 3), (25, 64), (job.count - 1, job.count)]:
         alone = sent.compute(start, stop)
         for name, values in found.items():
-            assert alone[name].tobytes() == np.ascontiguousarray(values[start:stop]).tobytes(), name
+            some = values[start:stop]
+            if name not in ("shape", "residual"):  # signs of modes, and rounding errors alone
+                size = np.nanmax(np.abs(some), initial=1e-300)
+                np.testing.assert_allclose(
+                    alone[name], some, rtol=1e-11, atol=1e-12 * size, err_msg=name
+                )
 
 
 def reference(folder, count):
@@ -180,10 +184,9 @@ def test_resume_after_an_exception(count, fails, chunk, other):
         assert not path.exists()
         done = counting_sweep.Toy(count, log).computed()
         assert np.array_equal(done == 1, counting_sweep.marked(path, count))
-        with h5py.File(counting_sweep.part(path)) as file:
-            assert np.array_equal(
-                file["toy/value"][:][done == 1], counting_sweep.Toy(count, log).values()[done == 1]
-            )
+        job = counting_sweep.Toy(count, log)
+        kept = counting_sweep.records(counting_sweep.part(path), job)["value"]
+        assert np.array_equal(kept[done == 1], job.values()[done == 1])
         counting_sweep.run(counting_sweep.Toy(count, log), path, chunk=other, resume=True)
         assert (counting_sweep.Toy(count, log).computed() == 1).all()
         assert path.read_bytes() == reference(folder, count)
@@ -212,11 +215,7 @@ def test_resume_after_a_kill(count, fails, chunk, sync):
             def compute(self, start, stop):
                 if start <= self.fails < stop:
                     left.mkdir()
-                    for file in (
-                        counting_sweep.part(path),
-                        counting_sweep.journal(path),
-                        Path(self.log),
-                    ):
+                    for file in (counting_sweep.part(path), Path(self.log)):
                         if file.exists():
                             shutil.copy(file, left)
                 return super().compute(start, stop)
@@ -278,25 +277,23 @@ def test_a_worker_that_fails(dies, tmp_path):
 
 
 def test_starting_anew_forgets_the_interrupted_run(tmp_path):
-    """Killed while the new file is laid out: the old journal must not speak for it."""
+    """Killed when the first chunk of the new run is computed: no old mark speaks for it."""
     path, left = tmp_path / "toy.h5", tmp_path / "left"
     with pytest.raises(RuntimeError):
         counting_sweep.run(counting_sweep.Toy(500, str(tmp_path / "log"), 400), path, chunk=64)
     assert counting_sweep.marked(path, 500).any()
 
-    def snapshot(group):
-        counting_sweep.fill(group)
-        group.file.flush()
-        left.mkdir()
-        for file in (counting_sweep.part(path), counting_sweep.journal(path)):
-            shutil.copy(file, left)
+    class Snapshot(counting_sweep.Toy):
+        def compute(self, start, stop):
+            if not left.exists():
+                left.mkdir()
+                shutil.copy(counting_sweep.part(path), left)
+            return super().compute(start, stop)
 
-    counting_sweep.run(
-        counting_sweep.Toy(500, str(tmp_path / "again")), path, chunk=64, fill=snapshot
-    )
-    for file in ("toy.h5.part", "toy.h5.journal"):
-        assert (left / file).exists()
-    counting_sweep.run(counting_sweep.Toy(500, str(left / "log")), left / "toy.h5", resume=True)
+    counting_sweep.run(Snapshot(500, str(tmp_path / "again")), path, chunk=64)
+    job = counting_sweep.Toy(500, str(left / "log"))
+    counting_sweep.run(job, left / "toy.h5", resume=True)
+    assert job.computed().min() == 1
     assert (left / "toy.h5").read_bytes() == path.read_bytes() == reference(tmp_path, 500)
 
 
@@ -305,19 +302,26 @@ def test_resume_of_something_else_is_refused(other, tmp_path):
     path, log = tmp_path / "toy.h5", str(tmp_path / "log")
     with pytest.raises(RuntimeError):
         counting_sweep.run(counting_sweep.Toy(500, log, 400), path, chunk=64)
-    before = counting_sweep.part(path).read_bytes(), counting_sweep.journal(path).read_bytes()
+    before = counting_sweep.part(path).read_bytes()
     with pytest.raises(
         InputError, match=r"--resume: toy\.h5\.part belongs to another design or sweep"
     ):
         counting_sweep.run(
             counting_sweep.Toy(other.pop("count", 500), log), path, resume=True, **other
         )
-    assert before == (
-        counting_sweep.part(path).read_bytes(),
-        counting_sweep.journal(path).read_bytes(),
-    )
+    assert before == counting_sweep.part(path).read_bytes()
     counting_sweep.run(counting_sweep.Toy(500, log), path, resume=True)
     assert path.read_bytes() == reference(tmp_path, 500)
+
+
+@given(st.lists(st.integers(1, 6), min_size=1, max_size=4), st.integers(1, 50))
+def test_blocks_of_a_grid(shape, most):
+    """Every point once, in the order of the points."""
+    grid = np.full(shape, -1)
+    for place, first, block in sweep_file._blocks(tuple(shape), most):
+        assert grid[place].shape == block and np.prod(block) <= most
+        grid[place] = first + np.arange(np.prod(block)).reshape(block)
+    assert grid.ravel().tolist() == list(range(grid.size))
 
 
 def test_resume_with_nothing_to_take_up_starts(tmp_path):

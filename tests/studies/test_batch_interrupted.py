@@ -18,6 +18,7 @@ import pytest
 
 from suspension_cli.studies import sweep_file
 from tests.support.commandline import become, process, run
+from tests.support.counting_sweep import marks
 from tests.support.couplings import FILE
 
 NAME = "husman2000-figure6-xcouple.h5"
@@ -91,11 +92,10 @@ def alive(pid):
 
 
 def waited(process, out, units):
-    """Wait until so many units have been entered into the journal (or all is done)."""
-    journal, until = out / f"{NAME}.journal", time.monotonic() + 60
+    """Wait until so many units are marked (or all is done)."""
+    part, until = out / f"{NAME}.part", time.monotonic() + 60
     while process.poll() is None and time.monotonic() < until:
-        noted = journal.read_bytes() if journal.exists() else b""
-        if len(noted) > sweep_file.JOURNAL_HEAD and sum(noted[sweep_file.JOURNAL_HEAD :]) >= units:
+        if part.exists() and marks(part, 40 * 60).sum() >= units:
             return
         time.sleep(0.002)
 
@@ -112,10 +112,6 @@ def killed(out, units, *options):
     while any(map(alive, workers)) and time.monotonic() < until:
         time.sleep(0.01)
     assert not any(map(alive, workers))
-    if (out / NAME).exists():  # this machine was too quick
-        return
-    with h5py.File(out / f"{NAME}.part") as file:
-        assert file["xcouple/ratio"].shape == (40, 60, 1)
 
 
 @pytest.fixture(scope="module")
@@ -146,7 +142,7 @@ def test_interrupted_from_the_keyboard(workers, when, small, tmp_path):
     process = Started(tmp_path, *SMALL, "--workers", workers)
     waited(process, tmp_path, 5 if when == "computing" else 0)
     # with the one that looks after what they share
-    while workers == "2" and len(children(process.pid)) < 3 and process.poll() is None:
+    while workers == "2" and len(children(process.pid)) < 2 and process.poll() is None:
         time.sleep(0.002)
     if when == "importing":
         time.sleep(0.1)
@@ -157,16 +153,13 @@ def test_interrupted_from_the_keyboard(workers, when, small, tmp_path):
         assert process.returncode == 130
         assert stderr.count("\n") == 1, stderr
         assert stderr.startswith("interrupted; ") and "--resume" in stderr
-        assert sorted(path.name for path in tmp_path.iterdir()) == [
-            f"{NAME}.journal",
-            f"{NAME}.part",
-        ]
+        assert [path.name for path in tmp_path.iterdir()] == [f"{NAME}.part"]
     assert finished(tmp_path, *SMALL, "--resume") == small
 
 
-@pytest.mark.parametrize("writes", [0, 1, 12])
+@pytest.mark.parametrize("writes", [0, 1, 3])
 def test_interrupted_from_the_keyboard_without_workers(writes, monkeypatch, tiny, tmp_path):
-    """Before the journal, in the first chunk and in a later one."""
+    """Before the digest, in the first chunk and in a later one."""
 
     def interrupt():
         raise KeyboardInterrupt
@@ -179,10 +172,7 @@ def test_interrupted_from_the_keyboard_without_workers(writes, monkeypatch, tiny
     [line] = result.stderr.splitlines()
     if writes:
         assert line.startswith("interrupted; ") and "--resume" in line
-        assert sorted(path.name for path in tmp_path.iterdir()) == [
-            f"{NAME}.journal",
-            f"{NAME}.part",
-        ]
+        assert [path.name for path in tmp_path.iterdir()] == [f"{NAME}.part"]
     assert finished(tmp_path, *TINY, "--resume") == tiny
 
 
@@ -235,7 +225,7 @@ def test_a_file_larger_than_allowed(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("writes", [0, 1, 4, 20])
+@pytest.mark.parametrize("writes", [0, 1, 2, 5])
 def test_a_disk_that_fills_up(writes, monkeypatch, tiny, tmp_path):
     """One line, exit code 2; what was done can be read, and the run goes on from there."""
     monkeypatch.setattr(sweep_file, "SYNC_SECONDS", -1.0)  # after every chunk
@@ -246,20 +236,11 @@ def test_a_disk_that_fills_up(writes, monkeypatch, tiny, tmp_path):
     assert result.stdout == ""
     assert result.stderr.count("\n") == 1
     assert "cannot be written (No space left on device)" in result.stderr
-    if writes == 0:  # not even the journal
+    if writes == 0:  # not even the digest
         assert list(tmp_path.iterdir()) == []
     else:
-        with h5py.File(tmp_path / f"{NAME}.part") as file:
-            ratio = file["xcouple/ratio"][:].ravel()
-        done = np.repeat(
-            np.frombuffer(
-                (tmp_path / f"{NAME}.journal").read_bytes()[sweep_file.JOURNAL_HEAD :], dtype=bool
-            ),
-            sweep_file.UNIT,
-        )[: len(ratio)]
-        assert done.any() == (writes > 7)  # the journal, six columns, the journal
-        assert np.array_equal(ratio[done], numbers(tiny, tmp_path)["ratio"].ravel()[done])
-        assert (ratio != 0).any() == (writes > 1)
+        done = marks(tmp_path / f"{NAME}.part", 15 * 15)
+        assert done.sum() == (writes - 1) // 2  # the digest, then a chunk, its mark, ...
     result = run("xcouple", FILE, "--out", tmp_path, *TINY, "--workers", "1", "--resume")
     assert result.exit_code == 0, result.stderr
     found, expected = numbers((tmp_path / NAME).read_bytes(), tmp_path), numbers(tiny, tmp_path)
@@ -274,27 +255,6 @@ def numbers(image, folder):
         result = {name: values[:] for name, values in file["xcouple"].items()}
     path.unlink()
     return result
-
-
-@pytest.mark.parametrize(
-    "options",
-    [
-        ("--set", "stage.test.wires.s=0.006", "--name", "husman2000-figure6"),
-        ("--frequency", "51"),
-    ],
-)
-def test_resume_of_another_question_is_refused(options, monkeypatch, tmp_path):
-    with monkeypatch.context() as patch:
-        interrupt_after(patch, 20, full())
-        assert run("xcouple", FILE, "--out", tmp_path, *TINY, "--workers", "1").exit_code == 2
-    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    result = run("xcouple", FILE, "--out", tmp_path, *TINY, "--resume", *options)
-    assert result.exit_code == 2
-    remedy = "take the same design and options, or start anew without --resume"
-    assert result.stderr == f"--resume: {NAME}.part belongs to another design or sweep; {remedy}\n"
-    assert before == {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    # anew
-    assert run("xcouple", FILE, "--out", tmp_path, *TINY, "--workers", "1", *options).exit_code == 0
 
 
 def test_a_folder_that_cannot_be_written(tmp_path):

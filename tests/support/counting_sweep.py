@@ -22,7 +22,7 @@ class Toy:
     """Points 0 to count - 1.
 
     `log` takes a line for each range that was computed to its end; at point `fails` an exception is
-    raised (or, with `dies`, a worker process ends without a word).
+    raised; with `dies`, further processes end without a word.
     """
 
     count: int
@@ -47,9 +47,9 @@ class Toy:
         )
 
     def compute(self, start: int, stop: int) -> dict[str, Any]:
-        if start <= self.fails < stop:
-            if self.dies and multiprocessing.parent_process() is not None:
-                os._exit(3)
+        if self.dies and multiprocessing.parent_process() is not None:
+            os._exit(3)
+        if start <= self.fails < stop and not self.dies:
             raise RuntimeError("failure on request")
         point = np.arange(start, stop)
         with Path(self.log).open("a") as stream:
@@ -95,11 +95,21 @@ def part(path: Path) -> Path:
     return path.with_name(path.name + ".part")
 
 
-def journal(path: Path) -> Path:
-    return path.with_name(path.name + ".journal")
-
-
 def marked(path: Path, count: int) -> Any:
-    """Points that the journal says are done."""
-    units = np.frombuffer(journal(path).read_bytes()[sweep_file.JOURNAL_HEAD :], dtype=np.uint8)
-    return np.repeat(units, sweep_file.UNIT)[:count].astype(bool)
+    """Points that are marked as done."""
+    return np.repeat(marks(part(path), count), sweep_file.UNIT)[:count].astype(bool)
+
+
+def marks(file: Path, count: int) -> Any:
+    """Marks of the units of points in an unfinished file."""
+    units = -(-count // sweep_file.UNIT)
+    return np.frombuffer(
+        file.read_bytes()[sweep_file.HEAD : sweep_file.HEAD + units], dtype=np.uint8
+    )
+
+
+def records(file: Path, job: Any) -> Any:
+    """Points of an unfinished file."""
+    kind = np.dtype([(column.name, column.dtype, column.shape) for column in job.columns])
+    start = sweep_file.HEAD - (-job.count // sweep_file.UNIT)
+    return np.frombuffer(file.read_bytes()[start:], dtype=kind)

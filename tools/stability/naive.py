@@ -71,11 +71,11 @@ def upward(model: LinearSystem, frequency: Any, into: Signal, out: Signal) -> An
     push, sensed = -model.stiffness[:, :6] @ linear_form(into, model)[:6], linear_form(out, model)
     total = np.zeros(len(square))
     for block in model.blocks:
-        owner = [model.coordinate[n].split(".")[0] for n in block]
-        order = np.argsort([model.body.index(name) for name in owner], kind="stable")
+        owner = np.array([model.body.index(model.coordinate[n].split(".")[0]) for n in block])
+        order = np.argsort(owner, kind="stable")
         own, rows = block[order], np.ix_(block[order], block[order])
         dynamic = model.stiffness[rows][..., None] - square * model.mass[rows][..., None]
-        pattern = elimination.by_body([owner[n] for n in order], np.asarray(dynamic.any(-1)))
+        pattern = elimination.by_body(owner[order], np.asarray(dynamic.any(-1)))
         right = np.broadcast_to(push[own, None, None], (len(own), 1, len(square)))
         elements = dynamic[pattern.row, pattern.column]
         total += sensed[own] @ pattern.solve(elements, right)[:, 0]

@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
     from suspension_cli.analyses.fit.array_types import ModeValues, Numbers
 
-FEW = 24
-"""Designs up to which modes are solved one by one, as loading compiled loops takes longer."""
 FORBIDDEN = 1e6
 """Cost of assigning a measurement to a mode that it cannot belong to; others cost the square of
 ln(measured / computed)."""
@@ -145,7 +143,6 @@ class Experiment:
             numbers,
             self.level,
             lambda builds: mode_matrix(builds, found, massive=False).reshape(-1, len(order) ** 2),
-            few=FEW,
             nominal=np.zeros(len(order) ** 2),
         )
         for n, name in enumerate(self.free):

@@ -171,12 +171,12 @@ def select_models(model: LinearSystem, which: Bool[np.ndarray, " build"]) -> Lin
     def cut(matrix: np.ndarray) -> np.ndarray:
         return np.broadcast_to(matrix, (count, *matrix.shape[-2:]))[which]
 
-    own = model.separated
+    own = model.stretched
     if own is not None:
-        wires = np.broadcast_to(own.stiffness, own.form.shape[:2])
-        own = replace(own, soft=own.soft[which], form=own.form[which], stiffness=wires[which])
+        wires = own.stiffness[which]
+        own = replace(own, soft=own.soft[which], form=own.form[which], stiffness=wires)
     return replace(
-        model, mass=cut(model.mass), stiffness=cut(model.stiffness), lossy=None, separated=own
+        model, mass=cut(model.mass), stiffness=cut(model.stiffness), lossy=None, stretched=own
     )
 
 

@@ -17,10 +17,9 @@ from suspension_cli.analyses.xcouple.solve import CouplingRequest, couplings, qu
 from suspension_cli.design import reader
 from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.nominal import expand
-from suspension_cli.linear import eigenmodes, graded_eigenvalues, signals
+from suspension_cli.linear import batch_modes, batches, eigenmodes, signals
 from suspension_cli.linear.mode_pairing import pair_by_overlap
 from suspension_cli.linear.named_results import Ratio
-from suspension_cli.linear.static_condensation import condense
 from suspension_cli.models import registry, string
 from suspension_cli.models.surroundings import surrounded
 from suspension_cli.scene.arrays import Array, Index
@@ -225,22 +224,11 @@ def follow_modes(
     keep
         Their coordinates, which have inertia.
     """
-    from suspension_cli.linear import compiled  # takes half a second
-
     model = found.model
-    if model.separated is None:
-        light = ~np.isin(np.arange(6, model.size), keep)
-        stiffness = condense(model.stiffness[..., 6:, 6:], light).matrix
-    else:
-        model = compiled.without_tips(model)
-        stiffness = model.stiffness[..., keep[:, None], keep]
-    bad = found.status != builds.GOOD
-    mass = np.where(bad[:, None, None], np.eye(len(keep)), model.mass[..., keep[:, None], keep])
-    tension = np.where(
-        bad, 0.0, graded_eigenvalues.TURNING * graded_eigenvalues.softest_translation(model)
-    )
-    values, vectors = graded_eigenvalues.solve_batch(
-        mass, np.where(bad[:, None, None], mass, stiffness), tension, loops=True
+    stiffness = batches.condensed_stiffness(model, keep)
+    mass = np.broadcast_to(model.mass, model.stiffness.shape)[:, keep[:, None], keep]
+    values, vectors = batch_modes.solve_matrices(
+        mass, stiffness, batch_modes.largest_from_tension(model)
     )
     overlap = (shapes @ vectors) ** 2  # (p, m, m): nominal, build
     choice = overlap.argmax(-1)
