@@ -126,7 +126,8 @@ def test_errors_of_noise_and_coupling(answers):
     )
     assert errors(answers["noise"])["beam"] == pytest.approx(np.abs(beam / violin - 1).max(), 0.02)
     assert [entry.model for entry in answers["noise"].options] == ["beam", "violin"]
-    builds = {name: sus.xcouple(design, sweep="k,offset", fidelity=name).ratio for name in MODELS[2:]}
+    sweep = {"sweep": "k,offset"}
+    builds = {name: sus.xcouple(design, **sweep, fidelity=name).ratio for name in MODELS[2:]}
     exact = builds["violin"]
     for name in ("string", "beam"):
         wanted = np.abs(builds[name] - exact).max() / np.abs(exact).max()
