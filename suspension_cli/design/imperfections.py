@@ -6,16 +6,15 @@ function (for a wire, the argument) of its name.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Optional
 
-from msgspec import defstruct
-
-from suspension_cli.design.units import Angle, Factor, Position, Table, doc, unit
+from suspension_cli.design.units import Angle, Factor, Position, Table, doc, extend_table, unit
 
 AXES = ("x", "y", "z")
-PARTS = ("wire", "body", "blade", "leg", "link")
+Part = Literal["wire", "body", "blade", "leg", "link"]
+PARTS: tuple[Part, ...] = ("wire", "body", "blade", "leg", "link")
 """Parts of a build that have imperfections; blades are those of wires and of filters."""
 
 
@@ -44,7 +43,7 @@ class Imperfection:
     """
 
     name: str
-    part: Literal["wire", "body", "blade", "leg", "link"]
+    part: Part
     kind: object
     quantity: str
     vector: bool = False
@@ -236,32 +235,23 @@ def scattered(part: str) -> tuple[Imperfection, ...]:
 
 def with_perturbations(base: type[Table]) -> type:
     """Derive a table of the file from `base`, with a key per imperfection of any part."""
-    keys: dict[str, tuple[str, object, str]] = {}
+    keys: dict[str, Any] = {}
     for item in (item for part in PARTS for item in perturbed(part)):
-        kind = tuple[item.kind, item.kind, item.kind] if item.vector else item.kind
-        text = item.help("x, y, z")
-        if item.name in keys:
-            text = SHARED[item.name]
-        keys[item.name] = (item.name, kind, text)
-    return _with_keys(base, list(keys.values()))
+        kind: Any = tuple[item.kind, item.kind, item.kind] if item.vector else item.kind
+        text = SHARED[item.name] if item.name in keys else item.help("x, y, z")
+        described: Any = Annotated[kind, doc(text)]
+        keys[item.name] = described | None
+    return extend_table(base, keys)
 
 
 def with_spreads(base: type[Table], part: str, distribution: type[Table]) -> type:
     """Derive a table of the file from `base`, with a distribution per imperfection of a part."""
-    keys = []
-    for item in scattered(part):
+    keys: dict[str, Any] = {}
+    rows = scattered(part)
+    for item in rows:
         each = " (each axis)" * item.vector
         text = f"relative error of {item.quantity}" if item.relative else item.help("x, y and z")
-        keys.append((item.spread, distribution, text + each))
-    return _with_keys(base, keys)
-
-
-def _with_keys(base: type[Table], keys: Sequence[tuple[str, object, str]]) -> type:
-    fields: list[Any] = []
-    for key, kind, text in keys:
-        described: Any = Annotated[kind, doc(text)]
-        required = len(keys) == 1  # a table without it would say nothing
-        fields.append((key, described) if required else (key, described | None, None))
-    return defstruct(
-        f"_{base.__name__}", fields, bases=(base,), frozen=True, module=base.__module__
-    )
+        kind: Any = Annotated[distribution, doc(text + each)]
+        # a table without its only quantity would say nothing
+        keys[item.spread] = kind if len(rows) == 1 else Optional[kind]  # noqa: UP045
+    return extend_table(base, keys)

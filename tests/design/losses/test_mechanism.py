@@ -7,13 +7,12 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from suspension_cli.design import materials, wire_checks
+from suspension_cli.design import materials, wires
 from suspension_cli.design.losses.bulk import Bulk
 from suspension_cli.design.losses.mechanism import Key, Mechanism, with_keys
 from suspension_cli.design.losses.registry import MECHANISMS, mechanisms_of
 from suspension_cli.design.schema import MaterialLoss
 from suspension_cli.design.units import LossAngle, Table
-from suspension_cli.errors import Fault
 from tests.support.commandline import run
 from tests.support.paths import ROOT
 
@@ -24,9 +23,9 @@ class Rubbing(Mechanism):
     keys = (Key("rubbing", Annotated[LossAngle, Meta(description="of its clamps")], "wire"),)
 
     @classmethod
-    def check_wire(cls, wire, path):
+    def check_wire(cls, wire):
         if wire.k is None:
-            yield Fault(f"{path}.rubbing", "has no effect without k", "give k too")
+            yield "rubbing", "has no effect without k", "give k too"
 
 
 def test_keys_go_to_their_tables():
@@ -44,7 +43,7 @@ def test_keys_go_to_their_tables():
 
 
 def test_a_mechanism_checks_its_keys_of_wires(tmp_path, monkeypatch):
-    monkeypatch.setattr(wire_checks, "MECHANISMS", (*MECHANISMS, Rubbing))
+    monkeypatch.setattr(wires, "MECHANISMS", (*MECHANISMS, Rubbing))
     result = run("modes", ROOT / "configs" / "husman2000" / "table1-case1.toml", "--out", tmp_path)
     assert result.exit_code == 2 and not list(tmp_path.iterdir())
     [line] = result.stderr.splitlines()
