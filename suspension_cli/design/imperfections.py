@@ -47,7 +47,7 @@ class Imperfection:
     kind: object
     quantity: str
     vector: bool = False
-    perturbation: bool = False
+    perturbation: bool = True
     spread: str = ""
     sweep: str = ""
 
@@ -79,28 +79,20 @@ class Imperfection:
 
 
 IMPERFECTIONS = (
-    Imperfection(
-        "k_factor",
-        "wire",
-        Factor,
-        "the wire's spring constant",
-        perturbation=True,
-        spread="k",
-        sweep="k",
-    ),
+    Imperfection("k_factor", "wire", Factor, "the wire's spring constant", spread="k", sweep="k"),
     Imperfection(
         "radius_factor",
         "wire",
         Factor,
         "the wire's radius (its spring constant goes with the square)",
         spread="radius",
+        perturbation=False,
     ),
     Imperfection(
         "length_change",
         "wire",
         Position,
         "change of the wire's unstretched length, after trimming",
-        perturbation=True,
         spread="length",
         sweep="length",
     ),
@@ -110,7 +102,6 @@ IMPERFECTIONS = (
         Position,
         "offset of the wire's upper end",
         vector=True,
-        perturbation=True,
         spread="upper",
         sweep="offset",
     ),
@@ -120,11 +111,18 @@ IMPERFECTIONS = (
         Position,
         "offset of the wire's lower end",
         vector=True,
-        perturbation=True,
         spread="lower",
         sweep="lower_offset",
     ),
-    Imperfection("mass_factor", "body", Factor, "the body's mass", spread="mass", sweep="mass"),
+    Imperfection(
+        "mass_factor",
+        "body",
+        Factor,
+        "the body's mass",
+        spread="mass",
+        sweep="mass",
+        perturbation=False,
+    ),
     Imperfection(
         "inertia_factor",
         "body",
@@ -133,6 +131,7 @@ IMPERFECTIONS = (
         vector=True,
         spread="inertia",
         sweep="inertia",
+        perturbation=False,
     ),
     Imperfection(
         "com_offset",
@@ -140,7 +139,6 @@ IMPERFECTIONS = (
         Position,
         "offset of the body's COM relative to the attachments",
         vector=True,
-        perturbation=True,
         spread="com",
         sweep="com",
     ),
@@ -150,40 +148,15 @@ IMPERFECTIONS = (
         Angle,
         "rotation vector of the mass relative to the attachments",
         vector=True,
-        perturbation=True,
+    ),
+    Imperfection("stiffness_factor", "blade", Factor, "the blade's stiffness", spread="stiffness"),
+    Imperfection(
+        "stiffness_factor", "leg", Factor, "the stiffness of the leg's flexures", spread="stiffness"
     ),
     Imperfection(
-        "stiffness_factor",
-        "blade",
-        Factor,
-        "the blade's stiffness",
-        perturbation=True,
-        spread="stiffness",
+        "length_change", "leg", Position, "change of the leg's unloaded length", spread="length"
     ),
-    Imperfection(
-        "stiffness_factor",
-        "leg",
-        Factor,
-        "the stiffness of the leg's flexures",
-        perturbation=True,
-        spread="stiffness",
-    ),
-    Imperfection(
-        "length_change",
-        "leg",
-        Position,
-        "change of the leg's unloaded length",
-        perturbation=True,
-        spread="length",
-    ),
-    Imperfection(
-        "stiffness_factor",
-        "link",
-        Factor,
-        "the link's stiffness",
-        perturbation=True,
-        spread="stiffness",
-    ),
+    Imperfection("stiffness_factor", "link", Factor, "the link's stiffness", spread="stiffness"),
 )
 
 

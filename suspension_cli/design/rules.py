@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator
 from functools import cache
 from itertools import pairwise
-from typing import Any, TypeVar, get_args, get_type_hints
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from msgspec import Meta, Struct
 
@@ -59,17 +59,28 @@ def tables(node: Any, path: str = "") -> Iterator[tuple[str, Any]]:
 
 
 @cache
-def declared(kind: type[Struct]) -> dict[str, dict[str, Any]]:
-    """Units and other facts of the keys of a kind of table, from their types."""
+def declared(kind: type[Table]) -> dict[str, dict[str, Any]]:
+    """Facts of the keys of a kind of table, from their types.
+
+    Those that `units` declares (``unit``, ``plausible``, ``names``), kinds of ``tables`` below the
+    key, and whether these are ``listed``, behind names or numbers.
+    """
     hints = get_type_hints(kind, include_extras=True)
-    return {key: found for key in kind.__struct_fields__ if (found := _facts(hints[key]))}
+    return {key: _facts(hints[key]) for key in kind.__struct_fields__}
 
 
-def _facts(hint: object) -> dict[str, Any]:
+def _facts(hint: Any) -> dict[str, Any]:
+    if isinstance(hint, type) and issubclass(hint, Table):
+        return {"tables": (hint,)}
     found: dict[str, Any] = {}
-    for inner in get_args(hint)[: 1 if hasattr(hint, "__metadata__") else None]:
-        found = _facts(inner) | found
-    for meta in getattr(hint, "__metadata__", ()):
+    metadata = getattr(hint, "__metadata__", ())
+    for inner in get_args(hint)[: 1 if metadata else None]:
+        below = _facts(inner)
+        tables = found.get("tables", ()) + below.get("tables", ())
+        found = below | found | ({"tables": tables} if tables else {})
+    if get_origin(hint) in (list, dict) and "tables" in found:
+        found["listed"] = True
+    for meta in metadata:
         found |= (isinstance(meta, Meta) and meta.extra) or {}
     return found
 

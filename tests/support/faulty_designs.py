@@ -654,7 +654,7 @@ AROUND = [
     Case(
         "loop-sensor",
         {(*LOOP, "sensor_response"): "gain(2"},
-        'control.loop.swing.sensor_response = "gain(2": column 7: "," expected, found the end',
+        'control.loop.swing.sensor_response = "gain(2": column 1:',
         "zpk",
         "rich",
     ),
@@ -1208,7 +1208,7 @@ NEW_WIRES = [
     Case(
         "hinged-k",
         {(*WIRES, "bending"): "hinged", (*WIRES, "k"): 1e4, (*WIRES, "radius"): MISSING},
-        "stage.test.wires.bending = \"hinged\": needs the wire's cross-section",
+        'stage.test.wires.bending = "hinged": needs the wire\'s cross-section',
         "radius",
     ),
     wires("bending", "clamped", "must be one of hinged", '"clamped"'),

@@ -1,36 +1,27 @@
-"""Errors by the reduction of measured profiles of fibres to sections."""
+"""Measured profiles of fibres beside the uniform sections to which they are reduced."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-import numpy as np
-
-from suspension_cli.analyses.check.statics import Statics
-from suspension_cli.design import materials
+from suspension_cli.design.profiles import reduced, tapers
 from suspension_cli.design.schema import Design
-from suspension_cli.design.sections import stretches
-from suspension_cli.design.wires import Profile, Wire, WireSet
-from suspension_cli.elements import joined_sections
-from suspension_cli.elements.dynamic_wire import TautWire
-from suspension_cli.equilibrium.nominal import expand
-from suspension_cli.models import registry
-
-if TYPE_CHECKING:
-    from jaxtyping import Float
-
-ELEMENTS = 6000
-"""Elements of the unreduced fibre; a second mesh has twice as many."""
+from suspension_cli.design.wires import Profile, WireSection, WireSet, cross_sections
 
 
 @dataclass(frozen=True)
 class ReducedProfile:
-    """A measured profile and its sections: their numbers, and relative changes of stiffness.
+    """A measured profile and its sections.
 
-    The change in bending is the largest of the static stiffness (displacement and rotation of
-    either end). `allowed` is the error that the design allows.
+    Attributes
+    ----------
+    places, sections
+        Their numbers.
+    stretching_change, bending_change
+        Relative changes of the compliance, the integral along the fibre of 1/(pi r^2) or
+        4/(pi r^4).
+    allowed
+        The error that the design allows.
     """
 
     wire: str
@@ -52,109 +43,28 @@ class ReducedProfile:
         )
 
 
-def solve(design: Design, statics: Statics) -> list[ReducedProfile]:
+def solve(design: Design) -> list[ReducedProfile]:
     """Compare every measured profile with its sections."""
     found: list[ReducedProfile] = []
-    measured = [item for item in _tables(design) if isinstance(item[1].profile, Profile)]
-    if not measured:
-        return found
-    scene = registry.BEAM.completed(expand(design), design)
-    assert scene.fibres is not None
-    for name, table, number in measured:
-        own = table.profile
-        assert isinstance(own, Profile)
-        length, tension = float(scene.wires.length[number]), statics.wires[number].tension
-        fibre = scene.fibres.wire[number]
-        modulus = materials.resolve(design, table.material or "").youngs_modulus
-        assert modulus is not None
-        z = np.array(own.position) - own.position[0]
-        z *= length / z[-1]
-        d = np.array(own.diameter)
-        exact = _converged(z, d, modulus, tension)
-        wire = TautWire(fibre, tension, massive=False, lossy=False)
-        ends = joined_sections.to_ends(wire.resting("bend-1"))[..., 0]
-        change = np.abs(ends[np.ix_([1, 3, 2], [1, 3, 2])] - exact)
-        root = np.sqrt(np.diag(exact))
-        compliance = (np.diff(z) / (d[1:] * d[:-1])).sum() * 4 / np.pi / modulus
-        pieces = stretches(table, length)
-        reduced = sum(piece.length / (modulus * piece.shape.area) for piece in pieces)
-        found.append(
-            ReducedProfile(
-                name,
-                len(own.position),
-                len(pieces),
-                abs(compliance / reduced - 1),
-                float((change / np.outer(root, root)).max()),
-                own.error,
-            )
-        )
+    for stage in design.stage:
+        for number, table in enumerate(stage.wire_tables, 1):
+            own = table.profile
+            if not isinstance(own, Profile):
+                continue
+            name = "wires" if isinstance(table, WireSet) else number
+            sections = reduced(own)
+            pairs = zip(_compliances(tapers(own)), _compliances(sections), strict=True)
+            changes = [abs(exact / coarse - 1) for exact, coarse in pairs]
+            places = len(own.position)
+            label = f"{stage.name}.{name}"
+            found.append(ReducedProfile(label, places, len(sections), *changes, own.error))
     return found
 
 
-def _tables(design: Design) -> list[tuple[str, WireSet | Wire, int]]:
-    """Name, table and number of the first wire of every table."""
-    result: list[tuple[str, WireSet | Wire, int]] = []
-    first = 0
-    for stage in design.stage:
-        if stage.wires is not None:
-            result.append((f"{stage.name}.wires", stage.wires, first))
-            first += stage.wires.count
-        for n, wire in enumerate(stage.wire, 1):
-            result.append((f"{stage.name}.{n}", wire, first))
-            first += 1
-    return result
-
-
-def _converged(
-    z: Sequence[float] | Float[np.ndarray, " node"],
-    d: Sequence[float] | Float[np.ndarray, " node"],
-    modulus: float,
-    tension: float,
-) -> Float[np.ndarray, "3 3"]:
-    """Static stiffness extrapolated from two meshes (Richardson), of second order."""
-    coarse, fine = (bending_stiffness(z, d, modulus, tension, n * ELEMENTS) for n in (1, 2))
-    return fine + (fine - coarse) / 3
-
-
-def bending_stiffness(
-    z: Sequence[float] | Float[np.ndarray, " node"],
-    d: Sequence[float] | Float[np.ndarray, " node"],
-    modulus: float,
-    tension: float,
-    count: int,
-) -> Float[np.ndarray, "3 3"]:
-    """Static stiffness (3, 3) of a fibre against the slopes of its ends and the shift of one.
-
-    Linear finite elements of the slope f = w', with (E I f')' - T f = const and the mean of f given
-    by the shift. Unlike elements of w they lose no digits.
-
-    Parameters
-    ----------
-    z, d : (n,) arrays
-        Places and diameters, linear in between, m.
-    modulus, tension : float
-        Pa and N.
-    """
-    from scipy.linalg import solve_banded
-
-    x = np.linspace(z[0], z[-1], count + 1)
-    h = x[1] - x[0]
-    rigid = modulus * np.pi / 64 * np.interp((x[1:] + x[:-1]) / 2, z, d) ** 4
-    diagonal, beside = np.zeros(count + 1), -rigid / h + tension * h / 6
-    diagonal[1:] += rigid / h + tension * h / 3
-    diagonal[:-1] += rigid / h + tension * h / 3
-    band = np.zeros((3, count - 1))
-    band[0, 1:], band[1], band[2, :-1] = beside[1:-1], diagonal[1:-1], beside[1:-1]
-    weight = np.full(count + 1, h)
-    weight[[0, -1]] = h / 2
-    right = np.zeros((count - 1, 3))
-    right[0, 0], right[-1, 1], right[:, 2] = beside[0], beside[-1], weight[1:-1]
-    inner = solve_banded((1, 1), band, right)
-    ends = np.diag(diagonal[[0, -1]]) - right[:, :2].T @ inner[:, :2]
-    moved = weight[[0, -1]] - right[:, :2].T @ inner[:, 2]
-    give = weight[1:-1] @ inner[:, 2]
-    result = np.zeros((3, 3))
-    result[:2, :2] = ends + np.outer(moved, moved) / give
-    result[:2, 2] = result[2, :2] = -moved / give
-    result[2, 2] = 1 / give
-    return result
+def _compliances(pieces: list[WireSection]) -> tuple[float, float]:
+    """Integrals of 1/A and 1/I along tapered or uniform pieces, 1/m and 1/m^3."""
+    shapes = [(piece.length or 0.0, *cross_sections(piece)) for piece in pieces]
+    return (
+        sum(length / shape.area for length, shape in shapes),
+        sum(length / shape.moments[0] for length, shape in shapes),
+    )

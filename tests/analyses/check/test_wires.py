@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 import suspension_cli as sus
 from suspension_cli.analyses.check import profiles
+from suspension_cli.design.profiles import reduced
 from tests.support.golden import CONFIGS
 
 FILE = CONFIGS / "pulled-fibres.toml"
@@ -35,10 +37,15 @@ def test_heavy_wires_that_are_left_out_are_told():
     assert "constants.wire_weight = true includes" in str(sus.check(light))
 
 
-def test_uniform_fibre_in_closed_form():
-    """T u (1 - u/l)/(1 - 2u/l) and T/(l - 2u) with u = sqrt(E I / T), but for exp(-l/u)."""
-    modulus, tension, d, length = 7.2e10, 100.0, 4e-4, 0.3
-    k = profiles._converged([0.0, length], [d, d], modulus, tension)
-    u = math.sqrt(modulus * math.pi / 64 * d**4 / tension)
-    assert k[0, 0] == pytest.approx(tension * u * (1 - u / length) / (1 - 2 * u / length), rel=1e-7)
-    assert k[2, 2] == pytest.approx(tension / (length - 2 * u), rel=1e-7)
+def test_reduced_profile_has_the_compliances_of_the_measured_one():
+    """Against quadrature of 1/d^2 and 1/d^4 along the measured diameters."""
+    [wires] = (stage.wires for stage in sus.read(FILE).design.stage if stage.wires.profile)
+    own = wires.profile
+    z = np.linspace(own.position[0], own.position[-1], 400_001)
+    d = np.interp(z, own.position, own.diameter)
+    [profile] = profiles.solve(sus.read(FILE).design)
+    sections = reduced(own)
+    for power, change in ((2, profile.stretching_change), (4, profile.bending_change)):
+        exact = np.trapezoid(d**-power, z)
+        coarse = sum(piece.length / (2 * piece.radius) ** power for piece in sections)
+        assert change == pytest.approx(abs(exact / coarse - 1), rel=1e-3, abs=1e-9)
