@@ -65,7 +65,7 @@ def step(path: str, key: object, item: object = None) -> str:
     """Extend a key path by one level; members of a list go by name, else by number from 1."""
     if isinstance(key, int):
         name = item.get("name") if isinstance(item, dict) else getattr(item, "name", None)
-        key = name if isinstance(name, str) and name and format_key(name) == name else key + 1
+        key = name if isinstance(name, str) and name else key + 1
     text = format_key(str(key))
     return f"{path}.{text}" if path else text
 
@@ -75,8 +75,8 @@ def fault_of(table: object, path: str, key: str, problem: str, remedy: str) -> F
     value: Any = table if key else None
     for name in key.split("."):
         if isinstance(value, list):
-            known = (getattr(item, "name", None) or str(n) for n, item in enumerate(value, 1))
-            value = dict(zip(known, value, strict=True)).get(name)
+            named = [item for item in value if getattr(item, "name", None) == name]
+            value = named[0] if named else value[int(name) - 1] if name.isdigit() else None
         else:
             value = getattr(value, name, None)
     tables = isinstance(value[0] if isinstance(value, list) and value else value, Struct)

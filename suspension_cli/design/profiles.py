@@ -65,15 +65,6 @@ def _read(file: Path) -> dict[str, list[float]]:
     }
 
 
-def tapers(profile: Profile) -> list[WireSection]:
-    """List the pieces between the places, along which the diameter is linear."""
-    points = zip(profile.position, profile.diameter, strict=True)
-    return [
-        WireSection(length=low - high, radius=[above / 2, below / 2])
-        for (high, above), (low, below) in pairwise(points)
-    ]
-
-
 def reduced(profile: Profile, error: float | None = None) -> list[WireSection]:
     """Reduce a profile to uniform sections, from the upper end.
 
@@ -91,11 +82,11 @@ def reduced(profile: Profile, error: float | None = None) -> list[WireSection]:
     sections: list[WireSection] = []
     length = volume = 0.0
     low, high = math.inf, 0.0
-    for piece in tapers(profile):
-        above, below = (2 * radius for radius in piece.radius)
+    points = zip(profile.position, profile.diameter, strict=True)
+    for (top, above), (bottom, below) in pairwise(points):
         # a steep stretch is divided, so that none exceeds the limit
         parts = max(1, math.ceil(abs(math.log(below / above)) / limit)) if wanted else 1
-        span = piece.length / parts
+        span = (bottom - top) / parts
         for n in range(parts):
             ends = [above + (below - above) * k / parts for k in (n, n + 1)]
             low, high = min(*ends, low), max(*ends, high)

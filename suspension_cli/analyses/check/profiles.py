@@ -1,27 +1,34 @@
-"""Measured profiles of fibres beside the uniform sections to which they are reduced."""
+"""Errors by the reduction of measured profiles of fibres to uniform sections."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from suspension_cli.design.profiles import reduced, tapers
+import msgspec
+import numpy as np
+
+from suspension_cli.analyses.check.statics import Statics
+from suspension_cli.design import paths
 from suspension_cli.design.schema import Design
-from suspension_cli.design.wires import Profile, WireSection, WireSet, cross_sections
+from suspension_cli.design.sections import stretches
+from suspension_cli.design.wires import Profile, WireSet
+from suspension_cli.elements import joined_sections
+from suspension_cli.elements.dynamic_wire import TautWire
+from suspension_cli.equilibrium.nominal import expand
+from suspension_cli.models import registry
+
+
+FINER = 2
+"""Sections per pair of places of the reference."""
 
 
 @dataclass(frozen=True)
 class ReducedProfile:
-    """A measured profile and its sections.
+    """A measured profile and its sections: their numbers, and relative changes of stiffness.
 
-    Attributes
-    ----------
-    places, sections
-        Their numbers.
-    stretching_change, bending_change
-        Relative changes of the compliance, the integral along the fibre of 1/(pi r^2) or
-        4/(pi r^4).
-    allowed
-        The error that the design allows.
+    The changes are against `FINER` sections per pair of places; that in bending is the largest of the
+    static stiffness (displacement and rotation of either end). `allowed` is the error that the
+    design allows.
     """
 
     wire: str
@@ -43,28 +50,51 @@ class ReducedProfile:
         )
 
 
-def solve(design: Design) -> list[ReducedProfile]:
+def solve(design: Design, statics: Statics) -> list[ReducedProfile]:
     """Compare every measured profile with its sections."""
     found: list[ReducedProfile] = []
+    first = 0
     for stage in design.stage:
-        for number, table in enumerate(stage.wire_tables, 1):
-            own = table.profile
+        for n, table in enumerate(stage.wire_tables, 1):
+            own, number, is_set = table.profile, first, isinstance(table, WireSet)
+            first += table.count if isinstance(table, WireSet) else 1
             if not isinstance(own, Profile):
                 continue
-            name = "wires" if isinstance(table, WireSet) else number
-            sections = reduced(own)
-            pairs = zip(_compliances(tapers(own)), _compliances(sections), strict=True)
-            changes = [abs(exact / coarse - 1) for exact, coarse in pairs]
-            places = len(own.position)
-            label = f"{stage.name}.{name}"
-            found.append(ReducedProfile(label, places, len(sections), *changes, own.error))
+            member = ["wires"] if is_set else ["wire", str(n)]
+            keys = ["stage", stage.name, *member, "profile"]
+            finer = paths.changed(design, keys, _refined)
+            tension = statics.wires[number].tension
+            exact, k = _stiffness(finer, number, tension)
+            reduced, reduced_k = _stiffness(design, number, tension)
+            scale = np.sqrt(np.diag(exact))
+            found.append(
+                ReducedProfile(
+                    wire=f"{stage.name}.{'wires' if is_set else n}",
+                    places=len(own.position),
+                    sections=len(stretches(table, own.position[-1] - own.position[0])),
+                    stretching_change=abs(reduced_k / k - 1),
+                    bending_change=float((abs(reduced - exact) / np.outer(scale, scale)).max()),
+                    allowed=own.error,
+                )
+            )
     return found
 
 
-def _compliances(pieces: list[WireSection]) -> tuple[float, float]:
-    """Integrals of 1/A and 1/I along tapered or uniform pieces, 1/m and 1/m^3."""
-    shapes = [(piece.length or 0.0, *cross_sections(piece)) for piece in pieces]
-    return (
-        sum(length / shape.area for length, shape in shapes),
-        sum(length / shape.moments[0] for length, shape in shapes),
+def _refined(profile: Profile) -> Profile:
+    """The same diameters at `FINER` times as many places, to be taken without reduction."""
+    places = np.arange(len(profile.position))
+    between = np.linspace(0, places[-1], FINER * int(places[-1]) + 1)
+    position, diameter = (
+        np.interp(between, places, values).tolist()
+        for values in (profile.position, profile.diameter)
     )
+    return msgspec.structs.replace(profile, position=position, diameter=diameter, error=0.0)
+
+
+def _stiffness(design: Design, number: int, tension: float) -> tuple[np.ndarray, float]:
+    """Static stiffness of a wire in bending in one plane, and its spring constant, N/m."""
+    scene = registry.BEAM.completed(expand(design), design)
+    assert scene.fibres is not None
+    wire = TautWire(scene.fibres.wire[number], tension, massive=False, lossy=False)
+    ends = joined_sections.to_ends(wire.resting("bend-1"))[..., 0]
+    return ends, float(scene.wires.stiffness[number])

@@ -207,7 +207,7 @@ def solve(source: Source) -> Check:
         found.append(plausibility.ImplausibleNumber(fault))
     raw = tomllib.loads(source.text)
     found += names.find_unknown_names(design, modes, lambda path: value_at(raw, path) is not None)
-    weights, reduced = wire_weights.solve(design, loads), profiles.solve(design)
+    weights, reduced = wire_weights.solve(design, loads), profiles.solve(design, loads)
     return Check(source, choice, loads, stable, level, found, weights, reduced)
 
 
