@@ -105,9 +105,9 @@ def _check_materials(design: Design) -> Iterator[Fault]:
                 yield fault_of(design.materials[name], path, key, problem, remedy)
     known = materials.known(design)
     for path, table in rules.tables(design):
-        for key, facts in rules.declared(type(table)).items():
+        for key, kind in rules.keys_with(type(table), "names"):
             name = getattr(table, key)
-            if facts.get("names") == "material" and name is not None and name not in known:
+            if kind == "material" and name is not None and name not in known:
                 remedy = suggest(name, known) + " or define it as [materials.NAME]"
                 yield fault_of(table, path, key, "unknown material", remedy)
 

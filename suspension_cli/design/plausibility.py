@@ -141,11 +141,10 @@ def _outside(
 def _check_ranges(design: Design) -> Iterator[ImplausibleNumber]:
     """Check all numbers whose keys declare a plausible range."""
     for path, table in rules.tables(design):
-        for key, facts in rules.declared(type(table)).items():
-            sizes = [*_sizes(getattr(table, key))] if "plausible" in facts else []
-            if sizes:
-                where = f"{path}.{key}"
-                yield from _outside(where, max(sizes), facts["plausible"], getattr(table, key))
+        for key, plausible in rules.keys_with(type(table), "plausible"):
+            value = getattr(table, key)
+            if sizes := [*_sizes(value)]:
+                yield from _outside(f"{path}.{key}", max(sizes), plausible, value)
 
 
 def _sizes(value: Any) -> Iterator[float]:

@@ -45,15 +45,14 @@ def tables(node: Any, path: str = "") -> Iterator[tuple[str, Any]]:
     """List a table and all tables in it, each behind its key path."""
     if isinstance(node, Struct):
         yield path, node
-        for key in node.__struct_fields__:
-            value = getattr(node, key)
-            if isinstance(value, (Struct, list, dict)):
-                yield from tables(value, step(path, key))
+        for key, _ in keys_with(type(node), "tables"):
+            if value := getattr(node, key):
+                yield from tables(value, f"{path}.{key}" if path else key)
     elif isinstance(node, dict):
         for key, value in node.items():
             if isinstance(value, Struct):
                 yield from tables(value, step(path, key))
-    elif node and isinstance(node[0], Struct):
+    elif isinstance(node, list) and isinstance(node[0], Struct):
         for number, value in enumerate(node):
             yield from tables(value, step(path, number, value))
 
@@ -83,6 +82,12 @@ def _facts(hint: Any) -> dict[str, Any]:
     for meta in metadata:
         found |= (isinstance(meta, Meta) and meta.extra) or {}
     return found
+
+
+@cache
+def keys_with(kind: type[Table], fact: str) -> tuple[tuple[str, Any], ...]:
+    """Keys of a kind of table that declare a fact, with it."""
+    return tuple((key, facts[fact]) for key, facts in declared(kind).items() if fact in facts)
 
 
 def given(table: object, *keys: str) -> list[str]:

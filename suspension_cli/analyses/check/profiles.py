@@ -17,7 +17,6 @@ from suspension_cli.elements.dynamic_wire import TautWire
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.models import registry
 
-
 FINER = 2
 """Sections per pair of places of the reference."""
 
@@ -26,8 +25,8 @@ FINER = 2
 class ReducedProfile:
     """A measured profile and its sections: their numbers, and relative changes of stiffness.
 
-    The changes are against `FINER` sections per pair of places; that in bending is the largest of the
-    static stiffness (displacement and rotation of either end). `allowed` is the error that the
+    The changes are against `FINER` sections per pair of places; that in bending is the largest of
+    the static stiffness (displacement and rotation of either end). `allowed` is the error that the
     design allows.
     """
 
