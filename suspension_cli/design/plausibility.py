@@ -286,8 +286,7 @@ def _check_wires(stage: Stage, above: Stage | None, path: str) -> Iterator[Impla
         lower, upper = ("s_lower", "s_upper") if wires.s is None else ("s", "s")
         if shape.is_ring:
             lower, upper = ("ring_lower", "ring_upper") if wires.ring is None else ("ring", "ring")
-        yield from _check_length(shape.length, f"{key}.l")
-        yield from _check_thickness(wires, shape.length, key)
+        yield from _check_size(wires, shape.length, key)
         yield from _check_point(
             stage.body,
             (max(shape.s_lower, shape.ring_lower), shape.t2, shape.d),
@@ -303,8 +302,7 @@ def _check_wires(stage: Stage, above: Stage | None, path: str) -> Iterator[Impla
             )
     for number, wire in enumerate(stage.wire, 1):
         key, length = f"{path}.wire.{number}", _span(stage, wire)
-        yield from _check_length(length, key)
-        yield from _check_thickness(wire, length, key)
+        yield from _check_size(wire, length, key)
         yield from _check_point(stage.body, wire.lower, (f"{key}.lower",) * 3, "the lower end lies")
         if above is not None:
             what = f"the upper end lies, on {above.name},"
@@ -317,38 +315,27 @@ def _span(stage: Stage, wire: Wire) -> float:
     return math.hypot(*(p + q - u for p, q, u in ends))
 
 
-def _check_length(length: float, key: str) -> Iterator[ImplausibleNumber]:
-    if length > LONGEST_WIRE:
-        hint = suggest_unit(length, lambda v: v <= LONGEST_WIRE) or "give lengths in m"
-        problem = f"is longer than any suspension ({LONGEST_WIRE:g} m)"
-        yield ImplausibleNumber(Fault(key, problem, hint, f"{length:g}"), serious=True)
-
-
-def _check_thickness(wire: WireSet | Wire, length: float, key: str) -> Iterator[ImplausibleNumber]:
-    """Check that a wire and its sections are thinner than a tenth of the wire's length."""
-    tables = [(key, wire)]
-    if wire.sections is not None:
-        tables = [(f"{key}.sections.{n}", piece) for n, piece in enumerate(wire.sections, 1)]
-    if wire.neck is not None:
-        thick = wire.neck.radius
-        problem = f"the neck is {thick:.3g} m thick, more than a tenth of the wire's length"
-        yield from _above(f"{key}.neck.radius", thick, THICK * length, problem, units=())
-    if isinstance(wire.profile, Profile) and max(wire.profile.diameter) > THICK * length:
+def _check_size(wire: WireSet | Wire, length: float, key: str) -> Iterator[ImplausibleNumber]:
+    """Check that a wire is not too long, and thinner than a tenth of its length."""
+    where = f"{key}.l" if isinstance(wire, WireSet) else key
+    problem = f"is longer than any suspension ({LONGEST_WIRE:g} m)"
+    yield from _above(where, length, LONGEST_WIRE, problem, "give lengths in m", serious=True)
+    own = f"a tenth of its length of {length:.3g} m"
+    if isinstance(wire.profile, Profile):
         thick = max(wire.profile.diameter)
-        problem = f"the fibre is {thick:.3g} m thick, more than a tenth of its length"
         remedy = "write the unit into the titles of the columns: position_mm,diameter_um"
-        yield ImplausibleNumber(Fault(f"{key}.profile", problem, remedy))
+        problem = f"the fibre is {thick:.3g} m thick, more than {own}"
+        yield from _above(f"{key}.profile", thick, THICK * length, problem, remedy, ())
+    sizes = [("neck.radius", wire.neck.radius, wire.neck.radius)] if wire.neck else []
+    tables = [("", wire)] if wire.sections is None else []
+    tables += [(f"sections.{n}.", piece) for n, piece in enumerate(wire.sections or (), 1)]
     for path, table in tables:
-        for name, value, size in (s for shape in cross_sections(table) for s in shape.sizes()):
-            problem = (
-                f"the wire is {size:.3g} m thick, more than a tenth of its length of {length:.3g} m"
-            )
-            found = [
-                *_above(f"{path}.{name}", size, THICK * length, problem, shown=value, serious=True)
-            ]
-            yield from found
-            if found:
-                break
+        given = [size for shape in cross_sections(table) for size in shape.sizes()]
+        sizes += [(path + name, value, size) for name, value, size in given]
+    for name, value, size in sizes:
+        problem = f"the wire is {size:.3g} m thick, more than {own}"
+        where = f"{key}.{name}"
+        yield from _above(where, size, THICK * length, problem, shown=value, serious=True)
 
 
 def _check_blade(blade: BladeSet | Blade, stage: Stage, path: str) -> Iterator[ImplausibleNumber]:

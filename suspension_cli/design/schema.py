@@ -32,7 +32,6 @@ from suspension_cli.design.rules import (
 from suspension_cli.design.units import (
     NAMES,
     Acceleration,
-    Conductivity,
     Density,
     Expansion,
     Frequency,
@@ -46,22 +45,16 @@ from suspension_cli.design.units import (
     MassOrZero,
     MaterialName,
     Matrix6,
-    Modulus,
     ModulusSlope,
-    MolarMass,
     MomentOrZero,
     Name,
     Plausible,
-    Poisson,
-    Pressure,
     Problems,
     Raw,
     Schema,
-    SpecificHeat,
     StageName,
     Stem,
     Stiffness,
-    Strength,
     Table,
     Vector,
     WireName,
@@ -112,21 +105,44 @@ class Constants(Table, frozen=True):
             yield "gravity_gradient", problem, "give dg_i/dx_j = dg_j/dx_i"
 
 
-class MaterialLoss(with_keys(Table, MECHANISMS, "material")):
+class MaterialLoss(with_keys(Table, MECHANISMS, of_wire=False)):
     """Losses of a material, for the models in which wires bend."""
+
+
+_STIFF = "is outside 1e+07 Pa (rubber) to 1.3e+12 Pa (diamond)"
+ELASTIC = Plausible(
+    1.3e12,  # diamond has 1.22 TPa (CRC Handbook)
+    _STIFF,
+    "give it in Pa: 2e11 for steel",
+    (("GPa", 1e9), ("MPa", 1e6), ("kPa", 1e3)),
+    low=1e7,
+    below=_STIFF,
+    serious=True,
+)
 
 
 class Material(Table, frozen=True):
     """A material of wires or blades; defaults are those of the built-in one of the same name."""
 
-    youngs_modulus: Modulus | None = None
-    poisson_ratio: Poisson | None = None
+    youngs_modulus: float | None = key(
+        "Young's modulus in Pa", unit="Pa", plausible=ELASTIC, ge=1.0, le=1e15
+    )
+    poisson_ratio: float | None = key(
+        "Poisson's ratio, for the twisting of wires; 0.3 if not given", unit="1", gt=-1, lt=0.5
+    )
     density: Density | None = None
     thermal_expansion: Expansion | None = None
     modulus_slope: ModulusSlope | None = None
-    specific_heat: SpecificHeat | None = None
-    thermal_conductivity: Conductivity | None = None
-    tensile_strength: Strength | None = None
+    specific_heat: float | None = key("specific heat in J/(kg K)", unit="J/(kg K)", ge=1e-6, le=1e6)
+    thermal_conductivity: float | None = key(
+        "thermal conductivity in W/(m K)", unit="W/(m K)", ge=1e-6, le=1e6
+    )
+    tensile_strength: float | None = key(
+        "stress in Pa at which the material breaks (or, of blades, yields)",
+        unit="Pa",
+        ge=1.0,
+        le=1e13,
+    )
     loss_angle: LossAngle | None = key(
         "constant loss angle in rad: short for angle in the table loss"
     )
@@ -137,8 +153,15 @@ class Material(Table, frozen=True):
 class Gas(Table, frozen=True):
     """Residual gas around the suspension."""
 
-    pressure: Pressure
-    molar_mass: MolarMass = 0.028
+    pressure: float = key(
+        "pressure in Pa, of a gas so dilute that its molecules do not collide",
+        unit="Pa",
+        ge=0,
+        le=1e3,
+    )
+    molar_mass: float = key(
+        "molar mass in kg/mol; 0.028 is nitrogen", 0.028, unit="kg/mol", ge=1e-3, le=1.0
+    )
     temperature: Kelvin | None = key("temperature of the gas in K; default that of [constants]")
 
 

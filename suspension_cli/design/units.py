@@ -157,12 +157,6 @@ Inertia = Annotated[
     float,
     of_unit("kg m^2", "moment or product of inertia in kg m^2", ge=-1e15, le=1e15),
 ]
-Strength = Annotated[
-    float,
-    of_unit(
-        "Pa", "stress in Pa at which the material breaks (or, of blades, yields)", ge=1.0, le=1e13
-    ),
-]
 BodySize = Annotated[
     Length,
     of_unit(
@@ -189,30 +183,6 @@ Density = Annotated[
         ge=1e-3,
         le=1e6,
     ),
-]
-STIFF = "is outside 1e+07 Pa (rubber) to 1.3e+12 Pa (diamond)"
-Modulus = Annotated[
-    float,
-    of_unit(
-        "Pa",
-        "Young's modulus in Pa",
-        # diamond has 1.22 TPa (CRC Handbook)
-        Plausible(
-            1.3e12,
-            STIFF,
-            "give it in Pa: 2e11 for steel",
-            (("GPa", 1e9), ("MPa", 1e6), ("kPa", 1e3)),
-            1e7,
-            STIFF,
-            serious=True,
-        ),
-        ge=1.0,
-        le=1e15,
-    ),
-]
-Poisson = Annotated[
-    float,
-    of_unit("1", "Poisson's ratio, for the twisting of wires; 0.3 if not given", gt=-1, lt=0.5),
 ]
 Stiffness = Annotated[float, of_unit("N/m", "stiffness in N/m", ge=1e-12, le=1e20)]
 Torsion = Annotated[float, of_unit("N m/rad", "torsional stiffness in N m/rad", ge=1e-18, le=1e15)]
@@ -254,19 +224,6 @@ ModulusSlope = Annotated[
         ge=-1.0,
         le=1.0,
     ),
-]
-SpecificHeat = Annotated[float, of_unit("J/(kg K)", "specific heat in J/(kg K)", ge=1e-6, le=1e6)]
-Conductivity = Annotated[
-    float, of_unit("W/(m K)", "thermal conductivity in W/(m K)", ge=1e-6, le=1e6)
-]
-Pressure = Annotated[
-    float,
-    of_unit(
-        "Pa", "pressure in Pa, of a gas so dilute that its molecules do not collide", ge=0, le=1e3
-    ),
-]
-MolarMass = Annotated[
-    float, of_unit("kg/mol", "molar mass in kg/mol; 0.028 is nitrogen", ge=1e-3, le=1.0)
 ]
 GRAVITY = "is outside 1 to 30 m/s^2, of small moons to giant planets"
 Acceleration = Annotated[
@@ -310,12 +267,6 @@ GravityRow = Annotated[list[GravityGradient], Meta(min_length=3, max_length=3)]
 PositiveLossAngle = Annotated[float, of_unit("rad", "loss angle in rad, above zero", gt=0, lt=1)]
 LossAngle = Annotated[float, of_unit("rad", "loss angle in rad", ge=0, lt=1)]
 Factor = Annotated[float, of_unit("1", "factor on the nominal value", ge=1e-6, le=1e6)]
-ShapeFactor = Annotated[
-    float,
-    of_unit(
-        "1", "shape factor of a cantilever blade: 1 rectangular, 1.5 triangular", ge=0.5, le=10
-    ),
-]
 
 Component = Annotated[float, of_unit("1", "component of a direction", ge=-1e5, le=1e5)]
 Vector = Annotated[tuple[Position, Position, Position], doc("x, y, z in m")]

@@ -33,7 +33,6 @@ from suspension_cli.design.units import (
     Position,
     Problems,
     Separation,
-    ShapeFactor,
     Stiffness,
     Table,
     Tension,
@@ -150,7 +149,7 @@ class Profile(Table, frozen=True):
 if TYPE_CHECKING:
     _WireLosses = Table
 else:
-    _WireLosses = with_keys(Table, MECHANISMS, "wire")
+    _WireLosses = with_keys(Table, MECHANISMS, of_wire=True)
 
 
 class AnyWire(_WireLosses, frozen=True):
@@ -338,7 +337,12 @@ class BladeGeometry(Table, frozen=True):
     )
     base_width: Length = key("width at the clamp, m")
     thickness: Length = key("thickness, m")
-    shape_factor: ShapeFactor
+    shape_factor: float = key(
+        "shape factor of a cantilever blade: 1 rectangular, 1.5 triangular",
+        unit="1",
+        ge=0.5,
+        le=10,
+    )
     material: MaterialName
 
 

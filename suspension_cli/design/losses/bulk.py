@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
-from suspension_cli.design.losses.mechanism import Key, Mechanism
+from suspension_cli.design.losses.mechanism import Mechanism
 from suspension_cli.design.rules import ascending
 from suspension_cli.design.units import (
     Frequency,
@@ -60,32 +60,23 @@ class Bulk(Mechanism):
 
     name: ClassVar[str] = "bulk"
     uniform: ClassVar[bool] = True
-    keys: ClassVar[tuple[Key, ...]] = (
-        Key(
-            "angle",
-            Annotated[LossAngle, doc("constant loss angle of the bulk in rad")],
-        ),
-        Key(
-            "table",
-            Annotated[
-                LossTable,
-                doc(
-                    "loss angle of the bulk by frequency, instead of a constant one:"
-                    " interpolated linearly in the logarithms"
-                ),
-            ],
-        ),
-        Key(
-            "surface_depth",
-            Annotated[
-                Separation,
-                doc(
-                    "dissipation depth of the surface in m; default 0, or that of the built-in"
-                    " material unless the design gives another loss of the bulk"
-                ),
-            ],
-        ),
-    )
+    keys: ClassVar[dict[str, Any]] = {
+        "angle": Annotated[LossAngle, doc("constant loss angle of the bulk in rad")],
+        "table": Annotated[
+            LossTable,
+            doc(
+                "loss angle of the bulk by frequency, instead of a constant one:"
+                " interpolated linearly in the logarithms"
+            ),
+        ],
+        "surface_depth": Annotated[
+            Separation,
+            doc(
+                "dissipation depth of the surface in m; default 0, or that of the built-in"
+                " material unless the design gives another loss of the bulk"
+            ),
+        ],
+    }
 
     angle: float
     table: tuple[tuple[float, ...], tuple[float, ...]] | None = None

@@ -3,30 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from suspension_cli.design.units import Problems, Table, extend_table
 
 if TYPE_CHECKING:
     from suspension_cli.design.cross_sections.shape import CrossSection, Frequencies, Spectrum
-
-
-@dataclass(frozen=True)
-class Key:
-    """A key of the design file.
-
-    Attributes
-    ----------
-    kind
-        With its unit, bounds and help text.
-    table : {"material", "wire"}
-        ``[materials.NAME.loss]``, or the tables of wires.
-    """
-
-    name: str
-    kind: Any
-    table: Literal["material", "wire"] = "material"
 
 
 class Mechanism:
@@ -41,6 +23,8 @@ class Mechanism:
     ----------
     name
         For messages.
+    keys, wire_keys
+        Its keys in ``[materials.NAME.loss]`` and in the tables of wires: types by name.
     uniform
         Whether it acts in every deformation; otherwise in bending alone.
     cause
@@ -49,19 +33,18 @@ class Mechanism:
     """
 
     name: ClassVar[str]
-    keys: ClassVar[tuple[Key, ...]] = ()
+    keys: ClassVar[dict[str, Any]] = {}
+    wire_keys: ClassVar[dict[str, Any]] = {}
     uniform: ClassVar[bool] = False
     cause: ClassVar[str] = ""
 
     @classmethod
     def merge(cls, own: Any, built_in: Any) -> dict[str, object]:
         """Merge a design's values of the keys of a material with built-in ones."""
-        result = {}
-        for key in cls.keys:
-            if key.table == "material":
-                given = getattr(own.loss, key.name, None)
-                result[key.name] = given if given is not None else getattr(built_in.loss, key.name)
-        return result
+        values = ((key, getattr(own.loss, key, None)) for key in cls.keys)
+        return {
+            key: getattr(built_in.loss, key) if value is None else value for key, value in values
+        }
 
     @classmethod
     def check(cls, own: Any, material: Any) -> Problems:
@@ -134,7 +117,7 @@ class Mechanism:
         return True
 
 
-def with_keys(base: type[Table], mechanisms: Iterable[type[Mechanism]], table: str) -> Any:
+def with_keys(base: type[Table], mechanisms: Iterable[type[Mechanism]], *, of_wire: bool) -> Any:
     """Derive a table of the design file from `base`, with the keys of all mechanisms."""
-    keys = [key for mechanism in mechanisms for key in mechanism.keys if key.table == table]
-    return extend_table(base, {key.name: key.kind | None for key in keys})
+    keys = (one.wire_keys if of_wire else one.keys for one in mechanisms)
+    return extend_table(base, {name: kind | None for own in keys for name, kind in own.items()})

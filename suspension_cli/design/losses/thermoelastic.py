@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
-from suspension_cli.design.losses.mechanism import Key, Mechanism
+from suspension_cli.design.losses.mechanism import Mechanism
 from suspension_cli.design.units import Problems, Table, doc
 
 if TYPE_CHECKING:
@@ -43,18 +43,15 @@ class Thermoelastic(Mechanism):
     """
 
     name: ClassVar[str] = "thermoelastic"
-    keys: ClassVar[tuple[Key, ...]] = (
-        Key(
-            "thermoelastic",
-            Annotated[
-                bool,
-                doc(
-                    "false omits thermoelastic loss, which needs density, expansion, specific"
-                    " heat and conductivity (the slope of the modulus may be missing)"
-                ),
-            ],
-        ),
-    )
+    keys: ClassVar[dict[str, Any]] = {
+        "thermoelastic": Annotated[
+            bool,
+            doc(
+                "false omits thermoelastic loss, which needs density, expansion, specific"
+                " heat and conductivity (the slope of the modulus may be missing)"
+            ),
+        ],
+    }
 
     youngs_modulus: float
     density: float
