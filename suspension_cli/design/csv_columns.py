@@ -110,7 +110,9 @@ def insert_files(raw: Raw, folder: Path, *, of_links: bool = True) -> None:
         where = f"stage.{stage.get('name', number)}"
         wires = {f"{where}.wire.{n}": wire for n, wire in enumerate(_tables(stage, "wire"), 1)}
         for path, wire in ({f"{where}.wires": stage.get("wires")} | wires).items():
-            given = wire.get("profile") if isinstance(wire, dict) else None
+            if not isinstance(wire, dict):
+                continue
+            given = wire.get("profile")
             own = {"file": given} if isinstance(given, str) else given
             if not isinstance(own, dict) or "position" in own or "diameter" in own:
                 continue

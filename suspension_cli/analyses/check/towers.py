@@ -230,13 +230,14 @@ def lines(legs: tuple[LegLoad, ...], filters: tuple[FilterLoad, ...]) -> list[st
     """Return tables of inverted pendulums and filters, if there are any."""
     made = []
     for columns, found in ((LEGS, legs), (FILTERS, filters)):
-        shown = {field: rest for field, (_, *rest) in columns.items() if rest[0]}
+        shown = [(field, *column) for field, (_, *column) in columns.items() if column[0]]
+        heads = {str(head): str(form) for _, head, form, _ in shown}
         rows = []
         for one in found:
-            values = ((getattr(one, field), factor) for field, (_, _, factor) in shown.items())
+            values = ((getattr(one, field), factor) for field, _, _, factor in shown)
             rows.append([value * factor if factor != 1 else value for value, factor in values])
         if rows:
-            made.append(tables.render({head: form for head, form, _ in shown.values()}, rows))
+            made.append(tables.render(heads, rows))
     return made
 
 
