@@ -43,10 +43,10 @@ def check_design(design: Design) -> list[Fault]:
     found = [*rules.find_faults(design), *_check_names(design), *_check_materials(design)]
     for stage in design.stage:
         found += _check_suspension(stage, f"stage.{stage.name}")
-    if not found:
-        for number, perturbation in enumerate(design.perturbation, 1):
-            found += _check_perturbation(design, perturbation, f"perturbation.{number}")
-    found += link_checks.check_links(design, placed=not found)
+    sound = not any(fault.key.startswith(("stage", "materials")) for fault in found)
+    for number, perturbation in enumerate(design.perturbation if sound else (), 1):
+        found += _check_perturbation(design, perturbation, f"perturbation.{number}")
+    found += link_checks.check_links(design, placed=sound)
     for loop in design.control.loop if design.control is not None else ():
         path = f"control.loop.{loop.name}"
         if not any(fault.key.startswith(path) for fault in found):

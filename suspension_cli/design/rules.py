@@ -53,8 +53,10 @@ def tables(node: Any, path: str = "") -> Iterator[tuple[str, Any]]:
             if isinstance(value, Struct):
                 yield from tables(value, step(path, key))
     elif isinstance(node, list) and isinstance(node[0], Struct):
+        names = [getattr(value, "name", None) for value in node]
         for number, value in enumerate(node):
-            yield from tables(value, step(path, number, value))
+            named = value if names.count(names[number]) == 1 else None
+            yield from tables(value, step(path, number, named))
 
 
 @cache
