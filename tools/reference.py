@@ -73,7 +73,10 @@ def keys(name: str) -> str:
     kind = TYPES[name]
     hints = get_type_hints(kind, include_extras=True)
     rows = []
-    for field in msgspec.structs.fields(kind):
+    private = (one for one in kind.__mro__ if one is kind or one.__name__.startswith("_"))
+    own = {key for one in private for key in getattr(one, "__annotations__", ())}
+    fields = msgspec.structs.fields(kind)  # those that tables share after those of its own
+    for field in sorted(fields, key=lambda field: not (field.required or field.name in own)):
         hint = hints[field.name]
         rows.append(
             (

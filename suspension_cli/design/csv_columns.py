@@ -6,14 +6,18 @@ results embed, is complete.
 
 from __future__ import annotations
 
+import contextlib
 import math
+import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from suspension_cli.errors import InputError, format_value
+from suspension_cli.design.units import Raw
+from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.files import bounded
 
+EXAMPLES = Path(__file__).parents[1] / "examples"
 _SMALL = {"m": 1e3, "u": 1e6, "\u00b5": 1e6, "\u03bc": 1e6, "n": 1e9, "p": 1e12, "f": 1e15}
 PER_M = {"m": 1.0, "cm": 1e2} | {f"{prefix}m": number for prefix, number in _SMALL.items()}
 PER_RAD = {"rad": 1.0} | {f"{prefix}rad": number for prefix, number in _SMALL.items()}
@@ -82,3 +86,83 @@ def read(file: Path) -> tuple[list[str], list[list[float]]]:
             )
         rows.append(row)
     return headings, list(map(list, zip(*rows, strict=True)))
+
+
+def insert_files(raw: Raw, folder: Path, *, of_links: bool = True) -> None:
+    """Replace the CSV files that fibres and links name by their columns, in a parsed document.
+
+    Names are from `folder`, that of the design; profiles may also be among the program's examples.
+    Raises `InputError` for files that cannot be read or have another form.
+    """
+    found: list[Fault] = []
+    for number, link in enumerate(_tables(raw, "link") if of_links else [], 1):
+        table, key = link.get("table"), f"link.{link.get('name', number)}.table"
+        if not isinstance(table, dict) or not isinstance(table.get("file"), str):
+            continue
+        given = [name for name in ("frequency", "real", "imaginary") if name in table]
+        if given:
+            found.append(Fault(f"{key}.{given[0]}", "is also in the file", "remove it, or file"))
+            continue
+        name, form = table.pop("file"), table.pop("form", "real-imaginary")
+        with _reported(found, f"{key}.file", name):
+            table |= _stiffness(folder / name, form)
+    for number, stage in enumerate(_tables(raw, "stage"), 1):
+        where = f"stage.{stage.get('name', number)}"
+        wires = {f"{where}.wire.{n}": wire for n, wire in enumerate(_tables(stage, "wire"), 1)}
+        for path, wire in ({f"{where}.wires": stage.get("wires")} | wires).items():
+            if not isinstance(wire, dict):
+                continue
+            given = wire.get("profile")
+            own = {"file": given} if isinstance(given, str) else given
+            if not isinstance(own, dict) or "position" in own or "diameter" in own:
+                continue
+            if isinstance(name := own.get("file"), str):
+                shipped = EXAMPLES / Path(name).name
+                local = os.path.exists(folder / name) or not shipped.exists()
+                with _reported(found, f"{path}.profile", name):
+                    wire["profile"] = own | _diameters(folder / name if local else shipped)
+    if found:
+        raise InputError(found)
+
+
+def _tables(raw: Raw, key: str) -> list[Raw]:
+    rows = raw.get(key)
+    return [row if isinstance(row, dict) else {} for row in rows] if isinstance(rows, list) else []
+
+
+@contextlib.contextmanager
+def _reported(found: list[Fault], key: str, name: str) -> Iterator[None]:
+    """Collect the fault of a file that is read inside."""
+    try:
+        yield
+    except BadTable as error:
+        found.append(Fault(key, error.problem, error.remedy, format_value(name)))
+
+
+def _diameters(file: Path) -> Raw:
+    """Read positions and diameters (m) from a CSV file of two columns."""
+    headings, columns = read(file)
+    if len(columns) not in (0, 2):
+        raise BadTable(f"has {len(columns)} columns", "write position,diameter in each line")
+    if not columns or len(columns[0]) < 2:
+        raise BadTable("has fewer than two lines of numbers", "measure more places")
+    titles = headings if len(headings) == 2 else ["", ""]
+    keys = ("position", "diameter")
+    return {
+        key: [value / split_unit(title, PER_M)[1] for value in column]
+        for key, column, title in zip(keys, columns, titles, strict=True)
+    }
+
+
+def _stiffness(path: Path, form: str) -> Raw:
+    """Frequency, real and imaginary parts per axis of a CSV file."""
+    _, columns = read(path)
+    if len(columns) not in (3, 13):
+        remedy = "give frequency and two columns per axis: 3 columns for one axis, 13 for six"
+        raise BadTable(f"has {len(columns)} columns", remedy)
+    first, second = columns[1::2], columns[2::2]
+    if form == "modulus-loss":
+        pairs = [list(zip(a, b, strict=True)) for a, b in zip(first, second, strict=True)]
+        first = [[k * math.cos(phi) for k, phi in pair] for pair in pairs]
+        second = [[k * math.sin(phi) for k, phi in pair] for pair in pairs]
+    return {"frequency": columns[0], "real": first, "imaginary": second}

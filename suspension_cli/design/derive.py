@@ -11,55 +11,9 @@ from suspension_cli.conventions import SUPPORT
 from suspension_cli.design import inverted_pendulum, materials
 from suspension_cli.design.circles import direction
 from suspension_cli.design.filters import SUFFIX
-from suspension_cli.design.schema import Body, Design, Spring, Stage
+from suspension_cli.design.schema import Design, Spring, Stage
 from suspension_cli.design.sections import Stretch, given_sections, stretches, thinnest
-from suspension_cli.design.wires import Blade, BladeGeometry, BladeSet, Wire, WireSet
-
-Rows = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
-
-
-def body_mass(body: Body) -> float:
-    """Compute the mass of a body in kg, given or from density and shape."""
-    if body.mass is not None:
-        return body.mass
-    assert body.density is not None
-    return body.density * volume(body)
-
-
-def volume(body: Body) -> float:
-    """Compute the volume of a shape in m^3."""
-    if body.shape == "box":
-        assert body.size is not None
-        return body.size[0] * body.size[1] * body.size[2]
-    assert body.radius is not None and body.length is not None
-    return math.pi * (body.radius**2 - (body.inner_radius or 0.0) ** 2) * body.length
-
-
-def body_inertia(body: Body) -> Rows:
-    """Compute the inertia tensor about the COM in kg m^2, given or of a homogeneous shape.
-
-    A hollow cylinder has m (R^2 + r^2)/2 about its axis and m (3 (R^2 + r^2) + L^2)/12 across it, a
-    box m (b^2 + c^2)/12 about the axis that its sides b, c are normal to (any text on mechanics).
-    """
-    if body.inertia is not None:
-        if isinstance(body.inertia[0], list):
-            return tuple(tuple(row) for row in body.inertia)  # type: ignore[return-value, arg-type]
-        return _diagonal(*body.inertia)  # type: ignore[arg-type]
-    mass = body_mass(body)
-    if body.shape == "box":
-        assert body.size is not None
-        a, b, c = (side**2 for side in body.size)
-        return _diagonal(mass * (b + c) / 12, mass * (a + c) / 12, mass * (a + b) / 12)
-    assert body.radius is not None and body.length is not None
-    radii = body.radius**2 + (body.inner_radius or 0.0) ** 2
-    along, across = mass * radii / 2, mass * (3 * radii + body.length**2) / 12
-    moments = [across, across, across]
-    moments["xyz".index(body.axis or "x")] = along
-    return _diagonal(*moments)
-
-
-def _diagonal(a: float, b: float, c: float) -> Rows:
-    return ((a, 0.0, 0.0), (0.0, b, 0.0), (0.0, 0.0, c))
+from suspension_cli.design.wires import Blade, BladeGeometry, BladeSet, Wire, WireSet, is_ring
 
 
 def wire_stiffness(design: Design, wire: WireSet | Wire, length: float) -> float:
@@ -191,11 +145,6 @@ def set_geometry(wires: WireSet) -> SetGeometry:
         phase=wires.phase,
         is_ring=is_ring(wires),
     )
-
-
-def is_ring(wires: WireSet) -> bool:
-    """Whether the ends of a set lie on circles."""
-    return any(value is not None for value in (wires.ring, wires.ring_upper, wires.ring_lower))
 
 
 def com_offset(stage: Stage) -> tuple[float, float, float]:

@@ -15,6 +15,7 @@ from functools import cache
 from typing import Any, TypeVar
 
 import msgspec
+from msgspec import Struct
 
 from suspension_cli.design.units import Raw, Schema
 from suspension_cli.errors import Fault, InputError, format_key, format_value
@@ -63,26 +64,24 @@ def convert(raw: Raw, kind: type[T]) -> T:
 def step(path: str, key: object, item: object = None) -> str:
     """Extend a key path by one level; members of a list go by name, else by number from 1."""
     if isinstance(key, int):
-        name = item.get("name") if isinstance(item, dict) else None
-        key = name if isinstance(name, str) and name else str(key + 1)
+        name = item.get("name") if isinstance(item, dict) else getattr(item, "name", None)
+        key = name if isinstance(name, str) and name else key + 1
     text = format_key(str(key))
     return f"{path}.{text}" if path else text
 
 
 def fault_of(table: object, path: str, key: str, problem: str, remedy: str) -> Fault:
-    """Make a fault of a key of the table at a path, with the value there."""
-    value = getattr(table, key)
-    return Fault(f"{path}.{key}", problem, remedy, None if value is None else format_value(value))
-
-
-def check_alternatives(
-    table: object, path: str, keys: tuple[str, str], what: str, *, needed: bool = False
-) -> Iterator[Fault]:
-    """Check that at most one of two keys of a table is given, or exactly one if it is `needed`."""
-    given = [key for key in keys if getattr(table, key) is not None]
-    if len(given) == 2 or (needed and not given):
-        have = f"{keys[0]} and {keys[1]} are both given" if given else f"has no {keys[0]}"
-        yield Fault(path, have, f"give exactly one: {what}")
+    """Make a fault of a (dotted) key of the table at a path, or of the table, with its value."""
+    value: Any = table if key else None
+    for name in key.split("."):
+        if isinstance(value, list):
+            named = [item for item in value if getattr(item, "name", None) == name]
+            value = named[0] if named else value[int(name) - 1] if name.isdigit() else None
+        else:
+            value = getattr(value, name, None)
+    tables = isinstance(value[0] if isinstance(value, list) and value else value, Struct)
+    shown = None if value is None or tables or problem == "missing" else format_value(value)
+    return Fault(".".join(filter(None, (path, key))), problem, remedy, shown)
 
 
 def suggest(word: str, known: list[str]) -> str:

@@ -18,25 +18,26 @@ blades. Both include m_c, so a relative inertia of -m_c between the two corrects
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated
 
-from suspension_cli.design.faults import check_alternatives, fault_of
+from suspension_cli.design.rules import at_most_one, exactly_one
 from suspension_cli.design.units import (
+    ISOLATING,
+    PART_SIZE,
     Expansion,
     Frequency,
     LossAngle,
     Mass,
     ModulusSlope,
+    Problems,
     Stiffness,
     Table,
     Tension,
     Vector,
-    doc,
+    key,
     of_unit,
 )
-from suspension_cli.errors import Fault
 
 SUFFIX = "-keystone"
 LATERAL, TILT = 1e7, 1e4
@@ -50,18 +51,12 @@ class Keystone(Table, frozen=True):
     """Mass and inertia of a keystone, the part of the blades that moves with it included."""
 
     mass: Mass
-    inertia: (
-        Annotated[
-            list[Annotated[float, of_unit("kg m^2", "", gt=0, le=1e15)]],
-            doc(
-                "moments of inertia about x, y, z, kg m^2; default those of a steel cylinder as"
-                " high as wide",
-                min_length=3,
-                max_length=3,
-            ),
-        ]
-        | None
-    ) = None
+    inertia: list[Annotated[float, of_unit("kg m^2", "", gt=0, le=1e15)]] | None = key(
+        "moments of inertia about x, y, z, kg m^2; default those of a steel cylinder as"
+        " high as wide",
+        min_length=3,
+        max_length=3,
+    )
 
 
 class Filter(Table, frozen=True):
@@ -72,84 +67,64 @@ class Filter(Table, frozen=True):
     """
 
     keystone: Keystone
-    at: Annotated[Vector, doc("COM of the keystone from this body's COM, m")] = (
-        0.0,
-        0.0,
+    at: Vector = key(
+        "COM of the keystone from this body's COM, m", (0.0, 0.0, 0.0), plausible=PART_SIZE
+    )
+    frequency: Frequency | None = key(
+        "vertical frequency at the working point, Hz, with the load rigid", plausible=ISOLATING
+    )
+    stiffness: Stiffness | None = key(
+        "vertical stiffness of all blades at the working point, N/m, instead of frequency"
+    )
+    load: Tension | None = key(
+        "load under which the keystone is at its nominal point, its own weight included,"
+        " N; default that of the design, with vertical preloads of links"
+    )
+    lateral_stiffness: Stiffness = key(
+        "stiffness of the blades against horizontal motion, N/m", LATERAL
+    )
+    tilt_stiffness: float = key(
+        "stiffness of the blades against rotation, N m/rad", TILT, unit="N m/rad", gt=0, le=1e15
+    )
+    saturation: float | None = key(
+        "fraction of the filter's vertical motion that reaches the keystone at high"
+        " frequency, with the load rigid; negative if the counterweight is too heavy",
+        unit="1",
+        gt=-0.5,
+        lt=0.5,
+    )
+    mass_coupling: float | None = key(
+        "inertia of the blades that couples both bodies, kg, instead of saturation",
+        unit="kg",
+        ge=-1e6,
+        le=1e6,
+    )
+    loss_angle: LossAngle | None = key("loss angle of the blades' stiffness in rad")
+    q: float | None = key("Q of the vertical mode, 1/loss_angle", unit="1", gt=0, le=1e12)
+    modulus_slope: ModulusSlope = key(
+        "relative change of Young's modulus of the blades with temperature, 1/K, for the"
+        " shift of the working point that check reports",
         0.0,
     )
-    frequency: (
-        Annotated[
-            Frequency,
-            doc("vertical frequency at the working point, Hz, with the load rigid"),
-        ]
-        | None
-    ) = None
-    stiffness: (
-        Annotated[
-            Stiffness,
-            doc("vertical stiffness of all blades at the working point, N/m, instead of frequency"),
-        ]
-        | None
-    ) = None
-    load: (
-        Annotated[
-            Tension,
-            doc(
-                "load under which the keystone is at its nominal point, its own weight included,"
-                " N; default that of the design, with vertical preloads of links"
-            ),
-        ]
-        | None
-    ) = None
-    lateral_stiffness: Annotated[
-        Stiffness, doc("stiffness of the blades against horizontal motion, N/m")
-    ] = LATERAL
-    tilt_stiffness: Annotated[
-        float,
-        of_unit("N m/rad", "stiffness of the blades against rotation, N m/rad", gt=0, le=1e15),
-    ] = TILT
-    saturation: (
-        Annotated[
-            float,
-            of_unit(
-                "1",
-                "fraction of the filter's vertical motion that reaches the keystone at high"
-                " frequency, with the load rigid; negative if the counterweight is too heavy",
-                gt=-0.5,
-                lt=0.5,
-            ),
-        ]
-        | None
-    ) = None
-    mass_coupling: (
-        Annotated[
-            float,
-            of_unit(
-                "kg",
-                "inertia of the blades that couples both bodies, kg, instead of saturation",
-                ge=-1e6,
-                le=1e6,
-            ),
-        ]
-        | None
-    ) = None
-    loss_angle: Annotated[LossAngle, doc("loss angle of the blades' stiffness in rad")] | None = (
-        None
+    thermal_expansion: Expansion = key(
+        "thermal expansion of the blades in 1/K; adds to that shift", 0.0
     )
-    q: (
-        Annotated[float, of_unit("1", "Q of the vertical mode, 1/loss_angle", gt=0, le=1e12)] | None
-    ) = None
-    modulus_slope: Annotated[
-        ModulusSlope,
-        doc(
-            "relative change of Young's modulus of the blades with temperature, 1/K, for the"
-            " shift of the working point that check reports"
-        ),
-    ] = 0.0
-    thermal_expansion: Annotated[
-        Expansion,
-        doc("thermal expansion of the blades in 1/K; adds to that shift"),
-    ] = 0.0
+
+    def faults(self) -> Problems:
+        """Check that it has one stiffness, loss and inertia of its blades."""
+        what, none = "stiffness in N/m, or frequency at the load in Hz", "has no stiffness"
+        yield from exactly_one(self, "stiffness", "frequency", give=what, none=none)
+        yield from at_most_one(self, "loss_angle", "q", give="loss_angle in rad, or q")
+        what = "saturation, or mass_coupling in kg"
+        yield from at_most_one(self, "saturation", "mass_coupling", give=what)
+        if self.q is not None and self.q <= 1:
+            remedy = "give a larger one, or damp the stage with [stage.damping]"
+            yield "q", "gives a loss angle of 1 rad or more", remedy
+        mass = self.keystone.mass
+        if self.mass_coupling is not None and self.mass_coupling >= mass:
+            problem = f"is not below the mass of the keystone, {mass:g} kg, which includes it"
+            remedy = "add the part of the blades that moves with the keystone to its mass"
+            yield "mass_coupling", problem, remedy
 
 
 @dataclass(frozen=True)
@@ -213,20 +188,3 @@ def keystone_inertia(keystone: Keystone) -> list[float]:
     square = (keystone.mass / (2 * math.pi * STEEL)) ** (2 / 3)
     across = 7 * keystone.mass * square / 12
     return [across, across, keystone.mass * square / 2]
-
-
-def check_filter(table: Filter, path: str) -> Iterator[Fault]:
-    """Check one `[stage.filter]` table."""
-    what = "stiffness in N/m, or frequency at the load in Hz"
-    yield from check_alternatives(table, path, ("stiffness", "frequency"), what, needed=True)
-    yield from check_alternatives(table, path, ("loss_angle", "q"), "loss_angle in rad, or q")
-    what = "saturation, or mass_coupling in kg"
-    yield from check_alternatives(table, path, ("saturation", "mass_coupling"), what)
-    if table.q is not None and table.q <= 1:
-        remedy = "give a larger one, or damp the stage with [stage.damping]"
-        yield fault_of(table, path, "q", "gives a loss angle of 1 rad or more", remedy)
-    mass = table.keystone.mass
-    if table.mass_coupling is not None and table.mass_coupling >= mass:
-        problem = f"is not below the mass of the keystone, {mass:g} kg, which includes it"
-        remedy = "add the part of the blades that moves with the keystone to its mass"
-        yield fault_of(table, path, "mass_coupling", problem, remedy)

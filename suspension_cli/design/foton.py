@@ -17,13 +17,15 @@ of `FilterDesign` in LIGO's Global Diagnostics System):
 
 from __future__ import annotations
 
+import ast
 import cmath
 import math
+import operator
 import re
-from collections.abc import Iterator
+import warnings
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NoReturn
+from typing import Any, NoReturn
 
 PAIRED = 1e-9
 """Relative distance within which two complex roots are conjugates."""
@@ -31,9 +33,9 @@ SIDE = {"s": "negative", "f": "negative", "n": "positive"}
 """Sign of the real part of a root of `zpk` in the left half plane, per plane."""
 MINIMUM = {"gain": 1, "zpk": 3, "pole": 1, "zero": 1, "pole2": 2, "zero2": 2}
 """Factors, with the number of arguments that each needs; `pole`, `zero` take a gain as well."""
-TOKEN = re.compile(
-    r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)|(?P<name>[A-Za-z_]\w*)"
-    r"|(?P<text>\"[^\"]*\"|'[^']*')|(?P<sign>[][(),;*+-]))"
+FACTOR = re.compile(
+    r"\s*(?P<times>\*?)\s*(?P<name>[A-Za-z_]\w*)\s*"
+    r"\((?P<arguments>(?:[^()\"']|\"[^\"]*\"|'[^']*')*+)\)"
 )
 
 
@@ -88,12 +90,15 @@ def parse(text: str) -> Filter:
     >>> round(abs(parse('zpk([],[1],10,"n")').at(1.0)), 6)
     7.071068
     """
-    reader = _Reader(text)
-    result = reader.factor()
-    while reader.kind != "end":
-        if reader.text == "*":
-            reader.advance()
-        result = result * reader.factor()
+    result, place, end = Filter(1.0), 0, len(text.rstrip())
+    while place < end or not end:
+        found = FACTOR.match(text, place)
+        if found is None or (place == 0 and found["times"]):
+            rest = text[place:].strip()
+            _fail(end - len(rest), f"{rest[:20]!r} is not understood" if rest else "is empty")
+        columns = found.start("name"), found.start("arguments")
+        result *= _factor(found["name"], columns[0], found["arguments"], columns[1])
+        place = found.end()
     if not all(map(cmath.isfinite, (result.gain, *result.zeros, *result.poles))):
         raise FotonError("a gain or root is not a finite number", "check the gains and roots")
     return result
@@ -149,179 +154,134 @@ def _write_root(root: complex) -> str:
     return f"{_write(root.real)}{'-' if root.imag < 0 else '+'}i*{_write(abs(root.imag))}"
 
 
-class _Reader:
-    """Recursive-descent parser of a string, with its next token: kind, text and column from 0."""
+def _factor(name: str, column: int, arguments: str, start: int) -> Filter:
+    """Read one factor from its name and arguments, and their columns."""
+    if name not in MINIMUM:
+        problem = f"{name} is not known here ({', '.join(MINIMUM)})"
+        _fail(column, problem, "have Foton write the filter as zeros, poles and gain")
+    # the same text in Python, column by column
+    text = re.sub(r"(?<=[\d.])[ij]\b", "j", arguments).replace(";", ",")
+    try:
+        with warnings.catch_warnings(action="ignore"):
+            nodes = ast.parse(f"[{text}]", mode="eval").body
+        assert isinstance(nodes, ast.List)
+        given = [(_value(node, start), start + node.col_offset - 1) for node in nodes.elts]
+        return _make(name, column, given)
+    except (
+        SyntaxError,
+        ValueError,
+        AssertionError,
+        TypeError,
+        RecursionError,
+        MemoryError,
+    ) as error:
+        if isinstance(error, FotonError):
+            raise
+        _fail(start, f"the arguments of {name} cannot be read")
+    except (OverflowError, ZeroDivisionError):
+        problem = f"{name} has numbers too large or too small to compute with"
+        _fail(column, problem, "check its frequencies, Q and gain")
 
-    def __init__(self, text: str) -> None:
-        self._tokens = self._split(text)
-        self.advance()
-        if self.kind == "end":
-            self._fail(0, "is empty")
 
-    def _split(self, text: str) -> Iterator[tuple[str, str, int]]:
-        place, end = 0, len(text.rstrip())
-        while place < end:
-            found = TOKEN.match(text, place)
-            if not found:
-                place = end - len(text[place:end].lstrip())
-                self._fail(place, f"{text[place]!r} is not understood")
-            kind, place = str(found.lastgroup), found.end()
-            yield kind, found[kind], found.start(kind)
-        yield "end", "", end
+def _value(node: ast.expr, start: int) -> Any:
+    """A string, a complex number (1, -i*2, 1+i*2, 1+2*i, 1-2i), or roots with their columns."""
+    place = start + node.col_offset - 1
+    match node:
+        case ast.Constant(value=str(text)):
+            return text
+        case ast.Constant(value=int() | float() | complex() as number):
+            if not cmath.isfinite(number):
+                _fail(place, "the number is too large", "write a smaller one")
+            return complex(number)
+        case ast.Name(id="i" | "j"):
+            return 1j
+        case ast.UnaryOp(op=ast.UAdd() | ast.USub() as sign, operand=operand):
+            return complex(_value(operand, start)) * (-1 if isinstance(sign, ast.USub) else 1)
+        case ast.BinOp(left=left, op=ast.Add() | ast.Sub() | ast.Mult() as sign, right=right):
+            combine = {ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul}
+            terms = (complex(_value(one, start)) for one in (left, right))
+            return combine[type(sign)](*terms)
+        case ast.List(elts=members):
+            return [(_value(one, start), start + one.col_offset - 1) for one in members]
+        case _:
+            return _fail(place, "a number, a vector of roots or a plane expected")
 
-    def advance(self) -> str:
-        """Pass over the next token, and return its text."""
-        before = getattr(self, "text", "")
-        self.kind, self.text, self.column = next(self._tokens)
-        return before
 
-    def _take(self, wanted: str) -> None:
-        if self.text != wanted:
-            self._expected(f'"{wanted}"')
-        self.advance()
+def _fail(column: int, problem: str, remedy: str = "") -> NoReturn:
+    raise FotonError(
+        f"column {column + 1}: {problem}",
+        remedy or 'write for example zpk([0],[20;10+i*17.3;10-i*17.3],126,"n")',
+    )
 
-    def _fail(self, column: int, problem: str, remedy: str = "") -> NoReturn:
-        raise FotonError(
-            f"column {column + 1}: {problem}",
-            remedy or 'write for example zpk([0],[20;10+i*17.3;10-i*17.3],126,"n")',
-        )
 
-    def _expected(self, what: str) -> NoReturn:
-        found = "the end" if self.kind == "end" else self.text
-        self._fail(self.column, f"{what} expected, found {found}")
+def _make(name: str, column: int, given: list[tuple[object, int]]) -> Filter:
+    plane = "scalar" if name == "gain" else "s"
+    if given and isinstance(given[-1][0], str):
+        plane, at = str(given[-1][0]), given.pop()[1]
+        allowed = ("scalar", "dB") if name == "gain" else tuple(SIDE)
+        if plane not in allowed:
+            known = " or ".join(f'"{one}"' for one in allowed)
+            _fail(at, f'"{plane}" is not known', f"write {known}")
+    least = MINIMUM[name]
+    most = least + (name not in ("zpk", "gain"))
+    if not least <= len(given) <= most:
+        count = f"{least}" if least == most else f"{least} or {most}"
+        _fail(column, f"{name} takes {count} numbers, found {len(given)}")
+    if name == "zpk":
+        zeros, poles = (_roots(*one) for one in given[:2])
+        made = _normalise(_number(*given[2]), zeros, poles, plane)
+        for pole in made.poles:
+            if pole.real < 0:
+                where = f"at {_write_root(-pole)} Hz is in the right half plane"
+                remedy = f'in plane "{plane}" stable poles have {SIDE[plane]} real parts'
+                _fail(given[1][1], f"a pole {where} and grows", remedy)
+        return made
+    numbers = [_number(*one) for one in given]
+    if name == "gain":
+        return Filter(10 ** (numbers[0] / 20) if plane == "dB" else numbers[0])
+    extra = numbers[least] if len(numbers) > least else 1.0
+    if numbers[0] < 0:
+        _fail(given[0][1], f"the frequency of {name} is negative", "give it positive")
+    roots: tuple[complex, ...] = (complex(numbers[0]),)
+    if name not in ("pole", "zero"):
+        f0, q = numbers[:2]
+        if not q > 0 or f0 == 0:
+            _fail(column, f"{name} takes a positive frequency and Q", "correct them")
+        # f0^2 - f^2 + i f f0 / Q = (i f + r1) (i f + r2), r1 + r2 = f0 / Q, r1 r2 = f0^2
+        half, root = f0 / (2 * q), f0 * cmath.sqrt(1 / (4 * q * q) - 1)
+        roots = (half + root, half - root)
+    if plane != "n":  # `pole` and `zero` have positive frequencies in every plane
+        roots = tuple(-root for root in roots)
+    is_pole = name.startswith("pole")
+    return _normalise(extra, () if is_pole else roots, roots if is_pole else (), plane)
 
-    def factor(self) -> Filter:
-        """Read one factor."""
-        if self.kind != "name":
-            self._expected("a factor")
-        name, column = self.text, self.column
-        if name not in MINIMUM:
-            problem = f"{name} is not known here ({', '.join(MINIMUM)})"
-            self._fail(column, problem, "have Foton write the filter as zeros, poles and gain")
-        self.advance()
-        self._take("(")
-        arguments: list[tuple[object, int]] = []
-        while self.text != ")":
-            if arguments:
-                self._take(",")
-            start = self.column
-            arguments.append((self._argument(), start))
-        self.advance()
-        try:
-            return self._make(name, column, arguments)
-        except (OverflowError, ZeroDivisionError):
-            problem = f"{name} has numbers too large or too small to compute with"
-            self._fail(column, problem, "check its frequencies, Q and gain")
 
-    def _argument(self) -> object:
-        if self.kind == "text":
-            return self.advance()[1:-1]
-        if self.text != "[":
-            return self._complex()
-        self.advance()
-        roots: list[tuple[complex, int]] = []
-        while self.text != "]":
-            if roots:
-                if self.text not in (",", ";"):
-                    self._expected('";" or "]"')
-                self.advance()
-            column = self.column
-            roots.append((self._complex(), column))
-        self.advance()
-        return roots
+def _number(value: object, column: int) -> float:
+    if not isinstance(value, complex) or value.imag:
+        _fail(column, "a real number expected")
+    return value.real
 
-    def _complex(self) -> complex:
-        """Read a complex number: 1, -i*2, 1+i*2, 1+2*i, 1-2i."""
-        sign = -1.0 if self.text in ("+", "-") and self.advance() == "-" else 1.0
-        total = sign * self._term()
-        while self.text in ("+", "-"):
-            sign = -1.0 if self.advance() == "-" else 1.0
-            total += sign * self._term()
-        if not cmath.isfinite(total):
-            self._fail(self.column, "the number before is too large", "write a smaller one")
-        return total
 
-    def _term(self) -> complex:
-        value, units = 1.0 + 0j, 0
-        while True:
-            if self.kind == "number":
-                value *= float(self.advance())
-            elif self.text in ("i", "j"):
-                self.advance()
-                value, units = value * 1j, units + 1
-            else:
-                self._expected("a number")
-            if self.text == "*":
-                self.advance()
-            elif self.text not in ("i", "j") or units:
-                return value
-
-    def _make(self, name: str, column: int, given: list[tuple[object, int]]) -> Filter:
-        plane = "scalar" if name == "gain" else "s"
-        if given and isinstance(given[-1][0], str):
-            plane, at = str(given[-1][0]), given.pop()[1]
-            allowed = ("scalar", "dB") if name == "gain" else tuple(SIDE)
-            if plane not in allowed:
-                known = " or ".join(f'"{one}"' for one in allowed)
-                self._fail(at, f'"{plane}" is not known', f"write {known}")
-        least = MINIMUM[name]
-        most = least + (name not in ("zpk", "gain"))
-        if not least <= len(given) <= most:
-            count = f"{least}" if least == most else f"{least} or {most}"
-            self._fail(column, f"{name} takes {count} numbers, found {len(given)}")
-        if name == "zpk":
-            zeros, poles = (self._roots(*one) for one in given[:2])
-            made = _normalise(self._number(*given[2]), zeros, poles, plane)
-            for pole in made.poles:
-                if pole.real < 0:
-                    where = f"at {_write_root(-pole)} Hz is in the right half plane"
-                    remedy = f'in plane "{plane}" stable poles have {SIDE[plane]} real parts'
-                    self._fail(given[1][1], f"a pole {where} and grows", remedy)
-            return made
-        numbers = [self._number(*one) for one in given]
-        if name == "gain":
-            return Filter(10 ** (numbers[0] / 20) if plane == "dB" else numbers[0])
-        extra = numbers[least] if len(numbers) > least else 1.0
-        if numbers[0] < 0:
-            self._fail(given[0][1], f"the frequency of {name} is negative", "give it positive")
-        roots: tuple[complex, ...] = (complex(numbers[0]),)
-        if name not in ("pole", "zero"):
-            f0, q = numbers[:2]
-            if not q > 0 or f0 == 0:
-                self._fail(column, f"{name} takes a positive frequency and Q", "correct them")
-            # f0^2 - f^2 + i f f0 / Q = (i f + r1) (i f + r2), r1 + r2 = f0 / Q, r1 r2 = f0^2
-            half, root = f0 / (2 * q), f0 * cmath.sqrt(1 / (4 * q * q) - 1)
-            roots = (half + root, half - root)
-        if plane != "n":  # `pole` and `zero` have positive frequencies in every plane
-            roots = tuple(-root for root in roots)
-        is_pole = name.startswith("pole")
-        return _normalise(extra, () if is_pole else roots, roots if is_pole else (), plane)
-
-    def _number(self, value: object, column: int) -> float:
-        if not isinstance(value, complex) or value.imag:
-            self._fail(column, "a real number expected")
-        return value.real
-
-    def _roots(self, value: object, column: int) -> tuple[complex, ...]:
-        """Check the roots of a vector: complex ones come in conjugate pairs."""
-        if isinstance(value, complex):  # Foton takes one root without brackets
-            value = [(value, column)]
-        if not isinstance(value, list):
-            self._fail(column, "a vector of roots expected", "write [0.1;0.2], or [] for none")
-        left: list[tuple[complex, int]] = list(value)
-        result: list[complex] = []
-        while left:
-            root, at = left.pop(0)
-            if root.imag == 0:
-                result.append(root)
-                continue
-            distance = [abs(other - root.conjugate()) for other, _ in left]
-            if not distance or min(distance) > PAIRED * abs(root):
-                problem = f"the complex root {_write_root(root)} has no conjugate"
-                self._fail(at, problem, f"add {_write_root(root.conjugate())}")
-            left.pop(distance.index(min(distance)))
-            result += [root, root.conjugate()]
-        return tuple(result)
+def _roots(value: object, column: int) -> tuple[complex, ...]:
+    """Check the roots of a vector: complex ones come in conjugate pairs."""
+    if isinstance(value, complex):  # Foton takes one root without brackets
+        value = [(value, column)]
+    if not isinstance(value, list):
+        _fail(column, "a vector of roots expected", "write [0.1;0.2], or [] for none")
+    left: list[tuple[complex, int]] = list(value)
+    result: list[complex] = []
+    while left:
+        root, at = left.pop(0)
+        if root.imag == 0:
+            result.append(root)
+            continue
+        distance = [abs(other - root.conjugate()) for other, _ in left]
+        if not distance or min(distance) > PAIRED * abs(root):
+            problem = f"the complex root {_write_root(root)} has no conjugate"
+            _fail(at, problem, f"add {_write_root(root.conjugate())}")
+        left.pop(distance.index(min(distance)))
+        result += [root, root.conjugate()]
+    return tuple(result)
 
 
 def _normalise(

@@ -6,16 +6,15 @@ function (for a wire, the argument) of its name.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Optional
 
-from msgspec import defstruct
-
-from suspension_cli.design.units import Angle, Factor, Position, Table, doc, unit
+from suspension_cli.design.units import Angle, Factor, Position, Table, doc, extend_table, unit
 
 AXES = ("x", "y", "z")
-PARTS = ("wire", "body", "blade", "leg", "link")
+Part = Literal["wire", "body", "blade", "leg", "link"]
+PARTS: tuple[Part, ...] = ("wire", "body", "blade", "leg", "link")
 """Parts of a build that have imperfections; blades are those of wires and of filters."""
 
 
@@ -44,11 +43,11 @@ class Imperfection:
     """
 
     name: str
-    part: Literal["wire", "body", "blade", "leg", "link"]
+    part: Part
     kind: object
     quantity: str
     vector: bool = False
-    perturbation: bool = False
+    perturbation: bool = True
     spread: str = ""
     sweep: str = ""
 
@@ -80,28 +79,20 @@ class Imperfection:
 
 
 IMPERFECTIONS = (
-    Imperfection(
-        "k_factor",
-        "wire",
-        Factor,
-        "the wire's spring constant",
-        perturbation=True,
-        spread="k",
-        sweep="k",
-    ),
+    Imperfection("k_factor", "wire", Factor, "the wire's spring constant", spread="k", sweep="k"),
     Imperfection(
         "radius_factor",
         "wire",
         Factor,
         "the wire's radius (its spring constant goes with the square)",
         spread="radius",
+        perturbation=False,
     ),
     Imperfection(
         "length_change",
         "wire",
         Position,
         "change of the wire's unstretched length, after trimming",
-        perturbation=True,
         spread="length",
         sweep="length",
     ),
@@ -111,7 +102,6 @@ IMPERFECTIONS = (
         Position,
         "offset of the wire's upper end",
         vector=True,
-        perturbation=True,
         spread="upper",
         sweep="offset",
     ),
@@ -121,11 +111,18 @@ IMPERFECTIONS = (
         Position,
         "offset of the wire's lower end",
         vector=True,
-        perturbation=True,
         spread="lower",
         sweep="lower_offset",
     ),
-    Imperfection("mass_factor", "body", Factor, "the body's mass", spread="mass", sweep="mass"),
+    Imperfection(
+        "mass_factor",
+        "body",
+        Factor,
+        "the body's mass",
+        spread="mass",
+        sweep="mass",
+        perturbation=False,
+    ),
     Imperfection(
         "inertia_factor",
         "body",
@@ -134,6 +131,7 @@ IMPERFECTIONS = (
         vector=True,
         spread="inertia",
         sweep="inertia",
+        perturbation=False,
     ),
     Imperfection(
         "com_offset",
@@ -141,7 +139,6 @@ IMPERFECTIONS = (
         Position,
         "offset of the body's COM relative to the attachments",
         vector=True,
-        perturbation=True,
         spread="com",
         sweep="com",
     ),
@@ -151,40 +148,15 @@ IMPERFECTIONS = (
         Angle,
         "rotation vector of the mass relative to the attachments",
         vector=True,
-        perturbation=True,
+    ),
+    Imperfection("stiffness_factor", "blade", Factor, "the blade's stiffness", spread="stiffness"),
+    Imperfection(
+        "stiffness_factor", "leg", Factor, "the stiffness of the leg's flexures", spread="stiffness"
     ),
     Imperfection(
-        "stiffness_factor",
-        "blade",
-        Factor,
-        "the blade's stiffness",
-        perturbation=True,
-        spread="stiffness",
+        "length_change", "leg", Position, "change of the leg's unloaded length", spread="length"
     ),
-    Imperfection(
-        "stiffness_factor",
-        "leg",
-        Factor,
-        "the stiffness of the leg's flexures",
-        perturbation=True,
-        spread="stiffness",
-    ),
-    Imperfection(
-        "length_change",
-        "leg",
-        Position,
-        "change of the leg's unloaded length",
-        perturbation=True,
-        spread="length",
-    ),
-    Imperfection(
-        "stiffness_factor",
-        "link",
-        Factor,
-        "the link's stiffness",
-        perturbation=True,
-        spread="stiffness",
-    ),
+    Imperfection("stiffness_factor", "link", Factor, "the link's stiffness", spread="stiffness"),
 )
 
 
@@ -236,32 +208,23 @@ def scattered(part: str) -> tuple[Imperfection, ...]:
 
 def with_perturbations(base: type[Table]) -> type:
     """Derive a table of the file from `base`, with a key per imperfection of any part."""
-    keys: dict[str, tuple[str, object, str]] = {}
+    keys: dict[str, Any] = {}
     for item in (item for part in PARTS for item in perturbed(part)):
-        kind = tuple[item.kind, item.kind, item.kind] if item.vector else item.kind
-        text = item.help("x, y, z")
-        if item.name in keys:
-            text = SHARED[item.name]
-        keys[item.name] = (item.name, kind, text)
-    return _with_keys(base, list(keys.values()))
+        kind: Any = tuple[item.kind, item.kind, item.kind] if item.vector else item.kind
+        text = SHARED[item.name] if item.name in keys else item.help("x, y, z")
+        described: Any = Annotated[kind, doc(text)]
+        keys[item.name] = described | None
+    return extend_table(base, keys)
 
 
 def with_spreads(base: type[Table], part: str, distribution: type[Table]) -> type:
     """Derive a table of the file from `base`, with a distribution per imperfection of a part."""
-    keys = []
-    for item in scattered(part):
+    keys: dict[str, Any] = {}
+    rows = scattered(part)
+    for item in rows:
         each = " (each axis)" * item.vector
         text = f"relative error of {item.quantity}" if item.relative else item.help("x, y and z")
-        keys.append((item.spread, distribution, text + each))
-    return _with_keys(base, keys)
-
-
-def _with_keys(base: type[Table], keys: Sequence[tuple[str, object, str]]) -> type:
-    fields: list[Any] = []
-    for key, kind, text in keys:
-        described: Any = Annotated[kind, doc(text)]
-        required = len(keys) == 1  # a table without it would say nothing
-        fields.append((key, described) if required else (key, described | None, None))
-    return defstruct(
-        f"_{base.__name__}", fields, bases=(base,), frozen=True, module=base.__module__
-    )
+        kind: Any = Annotated[distribution, doc(text + each)]
+        # a table without its only quantity would say nothing
+        keys[item.spread] = kind if len(rows) == 1 else Optional[kind]  # noqa: UP045
+    return extend_table(base, keys)

@@ -25,13 +25,14 @@ legs is at their tops; a counterweight below the feet can move it there.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated
 
 from suspension_cli.design.circles import direction
-from suspension_cli.design.faults import check_alternatives, fault_of
+from suspension_cli.design.rules import at_most_one, exactly_one
 from suspension_cli.design.units import (
+    ISOLATING,
+    PART_SIZE,
     Angle,
     Frequency,
     Length,
@@ -40,13 +41,13 @@ from suspension_cli.design.units import (
     MassOrZero,
     MomentOrZero,
     Position,
+    Problems,
     Stiffness,
     Table,
     Vector,
-    doc,
+    key,
     of_unit,
 )
-from suspension_cli.errors import Fault
 
 FLEXURE = Annotated[float, of_unit("N m/rad", "", gt=0, le=1e15)]
 AXIAL_STIFFNESS = 1e8
@@ -60,99 +61,93 @@ class Counterweight(Table, frozen=True):
     """A mass on each leg below its foot, to move the leg's centre of percussion."""
 
     mass: Mass
-    below: Annotated[Length, doc("distance below the flexure, m")]
+    below: Length = key("distance below the flexure, m")
+
+
+def _are_on_a_line(points: list[tuple[float, float, float]]) -> bool:
+    (x, y, _), *rest = points
+    size = max(math.hypot(a - x, b - y) for a, b, _ in rest)
+    area = max(abs((a - x) * (d - y) - (b - y) * (c - x)) for a, b, _ in rest for c, d, _ in rest)
+    return area <= 1e-6 * size**2
 
 
 class InvertedPendulum(Table, frozen=True):
     """Legs on which a stage stands: feet on the body above it in the file, or on the support."""
 
-    length: Annotated[Length, doc("length of a leg, foot to top, m")]
-    points: (
-        Annotated[
-            list[Vector],
-            doc(
-                "tops of the legs from this body's COM, m; instead of count and radius",
-                min_length=3,
-                max_length=24,
-            ),
-        ]
-        | None
-    ) = None
-    count: Annotated[int, doc("number of legs, evenly spaced on a circle", ge=3, le=24)] | None = (
-        None
+    length: Length = key("length of a leg, foot to top, m", plausible=PART_SIZE)
+    points: list[Vector] | None = key(
+        "tops of the legs from this body's COM, m; instead of count and radius",
+        min_length=3,
+        max_length=24,
     )
-    radius: Annotated[Length, doc("radius of that circle, m")] | None = None
-    phase: Annotated[Angle, doc("angle of the first leg from the x axis towards y, rad")] = 0.0
-    top: Annotated[Position, doc("height of the tops above this body's COM, with count, m")] = 0.0
-    stiffness: (
-        Annotated[
-            FLEXURE,
-            doc("bending stiffness of the flexure at the foot of a leg, N m/rad"),
-        ]
-        | None
-    ) = None
-    frequency: (
-        Annotated[
-            Frequency,
-            doc(
-                "lateral frequency with the load, Hz, instead of stiffness; the load moves as one"
-                " with the stage"
-            ),
-        ]
-        | None
-    ) = None
-    top_stiffness: Annotated[
-        float,
-        of_unit(
-            "N m/rad", "bending stiffness of the joint at the top of a leg, N m/rad", ge=0, le=1e15
-        ),
-    ] = 0.0
-    yaw_stiffness: (
-        Annotated[
-            float,
-            of_unit(
-                "N m/rad",
-                "torsional stiffness of a leg, N m/rad; default that of a round rod, stiffness/1.3",
-                ge=0,
-                le=1e15,
-            ),
-        ]
-        | None
-    ) = None
-    axial_stiffness: Annotated[Stiffness, doc("stiffness of a leg along its length, N/m")] = (
-        AXIAL_STIFFNESS
+    count: int | None = key("number of legs, evenly spaced on a circle", ge=3, le=24)
+    radius: Length | None = key("radius of that circle, m", plausible=PART_SIZE)
+    phase: Angle = key("angle of the first leg from the x axis towards y, rad", 0.0)
+    top: Position = key(
+        "height of the tops above this body's COM, with count, m", 0.0, plausible=PART_SIZE
     )
-    leg_mass: Annotated[MassOrZero, doc("mass of a leg, kg")] = 0.0
-    leg_com: (
-        Annotated[
-            float,
-            of_unit(
-                "m", "height of the COM of a leg above its foot, m; default half", ge=-1e5, le=1e5
-            ),
-        ]
-        | None
-    ) = None
-    leg_inertia: (
-        Annotated[
-            MomentOrZero,
-            doc("moment of inertia of a leg about its COM, kg m^2; default that of a thin rod"),
-        ]
-        | None
-    ) = None
+    stiffness: FLEXURE | None = key(
+        "bending stiffness of the flexure at the foot of a leg, N m/rad"
+    )
+    frequency: Frequency | None = key(
+        "lateral frequency with the load, Hz, instead of stiffness; the load moves as one"
+        " with the stage",
+        plausible=ISOLATING,
+    )
+    top_stiffness: float = key(
+        "bending stiffness of the joint at the top of a leg, N m/rad",
+        0.0,
+        unit="N m/rad",
+        ge=0,
+        le=1e15,
+    )
+    yaw_stiffness: float | None = key(
+        "torsional stiffness of a leg, N m/rad; default that of a round rod, stiffness/1.3",
+        unit="N m/rad",
+        ge=0,
+        le=1e15,
+    )
+    axial_stiffness: Stiffness = key("stiffness of a leg along its length, N/m", AXIAL_STIFFNESS)
+    leg_mass: MassOrZero = key("mass of a leg, kg", 0.0)
+    leg_com: float | None = key(
+        "height of the COM of a leg above its foot, m; default half", unit="m", ge=-1e5, le=1e5
+    )
+    leg_inertia: MomentOrZero | None = key(
+        "moment of inertia of a leg about its COM, kg m^2; default that of a thin rod"
+    )
     counterweight: Counterweight | None = None
-    loss_angle: Annotated[LossAngle, doc("loss angle of the flexures in rad")] | None = None
-    q: (
-        Annotated[
-            float,
-            of_unit(
-                "1",
-                "Q of the lateral mode with the load, instead of loss_angle",
-                gt=0,
-                le=1e12,
-            ),
-        ]
-        | None
-    ) = None
+    loss_angle: LossAngle | None = key("loss angle of the flexures in rad")
+    q: float | None = key(
+        "Q of the lateral mode with the load, instead of loss_angle", unit="1", gt=0, le=1e12
+    )
+
+    def faults(self) -> Problems:
+        """Check the places of the legs, and their stiffness, loss and inertia."""
+        what = "points, or count with radius"
+        yield from exactly_one(self, "points", "count", give=what, none="has no legs")
+        if self.points is None and self.count is not None and self.radius is None:
+            yield "radius", "missing", "give the radius of the circle of legs in m"
+        elif self.points is not None and self.count is None:
+            for name in ("radius", "phase", "top"):
+                if getattr(self, name):
+                    problem = "goes with count; points place the legs themselves"
+                    yield name, problem, "remove it or give count"
+            if _are_on_a_line(self.points):
+                problem = "has all legs on one line, so that the stage would fall over"
+                yield "points", problem, "place a leg off this line"
+        what = "stiffness in N m/rad, or frequency with the load in Hz"
+        yield from exactly_one(self, "stiffness", "frequency", give=what, none="has no stiffness")
+        yield from at_most_one(self, "loss_angle", "q", give="loss_angle in rad, or q")
+        most, weight = self.leg_mass * self.length**2, self.counterweight
+        if self.leg_mass == 0 and (self.leg_inertia or self.leg_com):
+            yield "leg_mass", "missing", "give the mass of a leg in kg"
+        elif self.leg_inertia is not None and self.leg_inertia > most:
+            problem = f"is more than m L^2 of the leg, {most:g} kg m^2"
+            remedy = "give it about the leg's COM in kg m^2; a thin rod has m L^2 / 12"
+            yield "leg_inertia", problem, remedy
+        if weight is not None and weight.below > 2 * self.length:
+            problem = f"is more than twice the length of the leg, {self.length:g} m"
+            yield "counterweight.below", problem, "give it in m"
 
 
 def tops(legs: InvertedPendulum) -> list[tuple[float, float, float]]:
@@ -286,50 +281,3 @@ def leg_statics(legs: InvertedPendulum, thrust: float, hung: float, gravity: flo
         mass=mass,
         loss=loss,
     )
-
-
-def check_legs(legs: InvertedPendulum, path: str) -> Iterator[Fault]:
-    """Check one `[stage.inverted_pendulum]` table."""
-    if (legs.points is None) == (legs.count is None):
-        both = "points and count are both given" if legs.points is not None else "has no legs"
-        yield Fault(path, both, "give exactly one: points, or count with radius")
-    elif legs.count is not None and legs.radius is None:
-        yield fault_of(
-            legs, path, "radius", "missing", "give the radius of the circle of legs in m"
-        )
-    if legs.points is not None and legs.count is None:
-        problem, remedy = (
-            "goes with count; points place the legs themselves",
-            "remove it or give count",
-        )
-        for key in ("radius", "phase", "top"):
-            if getattr(legs, key):
-                yield fault_of(legs, path, key, problem, remedy)
-        yield from _check_base(legs.points, f"{path}.points")
-    what = "stiffness in N m/rad, or frequency with the load in Hz"
-    yield from check_alternatives(legs, path, ("stiffness", "frequency"), what, needed=True)
-    yield from check_alternatives(legs, path, ("loss_angle", "q"), "loss_angle in rad, or q")
-    if legs.leg_mass == 0 and (legs.leg_inertia or legs.leg_com):
-        yield Fault(f"{path}.leg_mass", "missing", "give the mass of a leg in kg")
-    most = legs.leg_mass * legs.length**2
-    if legs.leg_inertia is not None and legs.leg_inertia > most:
-        problem = f"is more than m L^2 of the leg, {most:g} kg m^2"
-        remedy = "give it about the leg's COM in kg m^2; a thin rod has m L^2 / 12"
-        yield fault_of(legs, path, "leg_inertia", problem, remedy)
-    weight = legs.counterweight
-    if weight is not None and weight.below > 2 * legs.length:
-        problem = f"is more than twice the length of the leg, {legs.length:g} m"
-        yield fault_of(weight, f"{path}.counterweight", "below", problem, "give it in m")
-
-
-def _check_base(points: list[tuple[float, float, float]], path: str) -> Iterator[Fault]:
-    """Check that the legs do not stand on one line."""
-    (x, y, _), rest = points[0], points[1:]
-    size = max(math.hypot(a - x, b - y) for a, b, _ in rest)
-    area = max(abs((a - x) * (d - y) - (b - y) * (c - x)) for a, b, _ in rest for c, d, _ in rest)
-    if area <= 1e-6 * size**2:
-        yield Fault(
-            path,
-            "has all legs on one line, so that the stage would fall over",
-            "place a leg off this line",
-        )

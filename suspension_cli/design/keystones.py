@@ -8,7 +8,7 @@ from suspension_cli.design.filters import SUFFIX, keystone_inertia
 from suspension_cli.design.schema import Body, Design, Stage
 
 
-class Keystone(Stage, frozen=True, kw_only=True):
+class Keystone(Stage, frozen=True):
     """The keystone of a filter: a stage that is not in the file, held by the filter's blades.
 
     Attributes

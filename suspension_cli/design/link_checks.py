@@ -6,14 +6,11 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
 
 from suspension_cli.conventions import DOFS, FRAME, GROUND, SUPPORT
-from suspension_cli.design import materials
-from suspension_cli.design.body_checks import check_exactly_one
 from suspension_cli.design.derive import com_positions, spring_loss
 from suspension_cli.design.faults import fault_of, suggest
-from suspension_cli.design.links import Damper, Link, StiffnessTable, Strands
+from suspension_cli.design.links import Damper, Link, Strands
 from suspension_cli.design.schema import Design, Spring
 from suspension_cli.design.units import Matrix6
 from suspension_cli.errors import Fault, format_value
@@ -36,15 +33,13 @@ def check_links(design: Design, *, placed: bool) -> Iterator[Fault]:
             yield fault_of(item, path, "name", problem, "give each a name of its own")
         taken.append(item.name)
         yield from _check_between(item.between, stages, f"{path}.between")
-        yield from item.faults(path)
     if GROUND in stages and any(GROUND in item.between for _, item in items):
         problem = "is the name of the ground, on which a link or damper ends"
         remedy = "give the stage another name"
         yield Fault(f"stage.{GROUND}.name", problem, remedy, format_value(GROUND))
-    for link in design.link:
-        yield from _check_link(design, link, f"link.{link.name}", placed=placed)
-    for damper in design.damper:
-        yield from _check_damper(damper, f"damper.{damper.name}")
+    for link in design.link if placed else ():
+        if link.strands is not None:
+            yield from _check_strands(design, link, link.strands, f"link.{link.name}.strands")
 
 
 def check_active(design: Design) -> Iterator[Fault]:
@@ -122,83 +117,10 @@ def _check_between(between: list[str], stages: list[str], path: str) -> Iterator
         yield Fault(path, "joins a body to itself", "name two bodies", value)
 
 
-def _check_link(design: Design, link: Link, path: str, *, placed: bool) -> Iterator[Fault]:
-    given = {"stiffness": link.stiffness, "table": link.table, "strands": link.strands}
-    yield from check_exactly_one(path, given, "stiffness, or table, or strands")
-    for key in ("stiffness", "damping"):
-        yield from check_matrix(getattr(link, key), f"{path}.{key}")
-    if link.table is not None:
-        yield from _check_table(link.table, f"{path}.table")
-        if link.loss_angle is not None:
-            problem = "conflicts with the imaginary part of the table"
-            yield fault_of(link, path, "loss_angle", problem, "remove it")
-    if link.strands is not None:
-        yield from _check_strands(design, link, link.strands, f"{path}.strands", placed=placed)
-
-
-def is_symmetric(matrix: list[list[float]]) -> bool:
-    """Whether a square matrix is exactly symmetric."""
-    return all(matrix[i][j] == matrix[j][i] for i in range(len(matrix)) for j in range(i))
-
-
-def check_matrix(matrix: Any, path: str) -> Iterator[Fault]:
-    """Check that a matrix is six numbers, or six rows that are symmetric."""
-    rows = [isinstance(row, list) for row in matrix or ()]
-    value = format_value(matrix)
-    if any(rows) and not all(rows):
-        yield Fault(path, "mixes numbers and rows", "give six numbers or six rows of six", value)
-    elif any(rows) and not is_symmetric(matrix):
-        yield Fault(path, "is not symmetric", "make element (i, j) equal to (j, i)", value)
-
-
-def _check_table(table: StiffnessTable, path: str) -> Iterator[Fault]:
-    if table.file is not None:
-        problem = "is read only with a design file, not with its text alone"
-        remedy = "read the design from its file, or give frequency, real and imaginary"
-        yield fault_of(table, path, "file", problem, remedy)
-        return
-    axes = 6 if table.axis is None else 1
-    if not table.frequency:
-        yield Fault(path, "has no frequencies", "give file, or frequency, real and imaginary")
-        return
-    if any(after <= before for before, after in pairwise(table.frequency)):
-        yield Fault(f"{path}.frequency", "is not in ascending order", "sort the table by frequency")
-    for key in ("real", "imaginary"):
-        columns = getattr(table, key)
-        if len(columns) != axes:
-            remedy = "give one list for the one axis, or remove axis"
-            if axes == 6:
-                one = 'or name the one axis: axis = "x"'
-                remedy = f"give one list per axis, {', '.join(DOFS)}, {one}"
-            yield Fault(f"{path}.{key}", f"has {len(columns)} axes instead of {axes}", remedy)
-            return
-        if any(len(column) != len(table.frequency) for column in columns):
-            problem = f"has an axis without exactly {len(table.frequency)} values"
-            yield Fault(f"{path}.{key}", problem, "give one value per frequency")
-            return
-    static = [row[0] for row in table.real] if table.static is None else table.static
-    if len(static) != axes:
-        problem = f"has {len(static)} numbers for {axes} axes"
-        yield fault_of(table, path, "static", problem, "give one per axis")
-        return
-    for n, value in enumerate(static):
-        if value == 0 and (any(table.real[n]) or any(table.imaginary[n])):
-            axis = table.axis or DOFS[n]
-            problem = f"the static stiffness along {axis} is 0, but at other frequencies it is not"
-            remedy = "give static, or use damping for a viscous force"
-            yield Fault(f"{path}.static", problem, remedy, format_value(value))
-
-
-def _check_strands(
-    design: Design, link: Link, given: Strands, path: str, *, placed: bool
-) -> Iterator[Fault]:
-    known = materials.known(design)
-    if given.material not in known:
-        remedy = suggest(given.material, known)
-        yield fault_of(given, path, "material", "unknown material", remedy)
-    yield from _check_shape(given, path)
+def _check_strands(design: Design, link: Link, given: Strands, path: str) -> Iterator[Fault]:
+    """Check that wires reach from end to end in their shape."""
     bodies = [*BESIDE, *(stage.name for stage in design.stage)]
-    if not placed or any(name not in bodies for name in link.between):
+    if any(name not in bodies for name in link.between):
         return
     position = com_positions(design) | dict.fromkeys(BESIDE, (0.0, 0.0, 0.0))
     first, second = (position[name] for name in link.between)
@@ -221,30 +143,3 @@ def _check_strands(
             )
             remedy = "give a longer wire, or check at and to (m)"
             yield fault_of(given, path, "length", problem, remedy)
-
-
-def _check_shape(given: Strands, path: str) -> Iterator[Fault]:
-    if given.shape == "points":
-        if given.length is not None:
-            yield Fault(f"{path}.length", "follows from the points", "remove it")
-    elif given.points:
-        yield Fault(f"{path}.points", f"conflict with shape {given.shape}", "remove them")
-    elif given.length is None:
-        yield Fault(f"{path}.length", "missing", "give the length of one wire, m")
-
-
-def _check_damper(damper: Damper, path: str) -> Iterator[Fault]:
-    magnet = damper.eddy_current
-    ways = {"damping": damper.damping, "eddy_current": magnet}
-    yield from check_exactly_one(path, ways, "damping or eddy_current")
-    yield from check_matrix(damper.damping, f"{path}.damping")
-    if magnet is None:
-        return
-    path = f"{path}.eddy_current"
-    given = {"moment": magnet.moment, "remanence": magnet.remanence}
-    yield from check_exactly_one(path, given, "moment, or remanence with volume")
-    if (magnet.remanence is None) != (magnet.volume is None):
-        yield Fault(f"{path}.volume", "belongs to remanence", "give both, or moment alone")
-    if not 1e4 <= magnet.conductivity <= 1e12:
-        remedy = "give it in S/m: copper has 5.8e7 at room temperature"
-        yield fault_of(magnet, path, "conductivity", "is not that of a metal", remedy)

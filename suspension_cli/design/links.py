@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Annotated, Literal
 
-from msgspec import field
-
+from suspension_cli.conventions import DOFS
+from suspension_cli.design.rules import ascending, exactly_one, symmetric, together
 from suspension_cli.design.units import (
     Coefficient,
     Frequency,
@@ -15,13 +14,13 @@ from suspension_cli.design.units import (
     MaterialName,
     Matrix6,
     Name,
+    Problems,
     Table,
     Vector,
     Wrench,
     doc,
-    of_unit,
+    key,
 )
-from suspension_cli.errors import Fault
 
 Between = Annotated[
     list[Name],
@@ -46,79 +45,90 @@ Series = Annotated[list[Coefficient], doc("one number per frequency, at least 2"
 class StiffnessTable(Table, frozen=True):
     """Complex stiffness against frequency: a CSV file, or its columns."""
 
-    file: (
-        Annotated[
-            str,
-            doc(
-                "CSV file, from this file's folder: frequency in Hz, then two columns per axis"
-                " (one axis, or x, y, z, roll, pitch, yaw); read once"
-            ),
-        ]
-        | None
-    ) = None
-    form: Annotated[
-        Literal["real-imaginary", "modulus-loss"],
-        doc(
-            "the two columns per axis of the file: real and imaginary part, or modulus and loss"
-            " angle in rad"
-        ),
-    ] = "real-imaginary"
-    axis: (
-        Annotated[
-            Literal["x", "y", "z", "roll", "pitch", "yaw"],
-            doc("axis of a table of one axis; the others have no stiffness"),
-        ]
-        | None
-    ) = None
-    frequency: Annotated[list[Frequency], doc("Hz, ascending")] = []
-    real: Annotated[
-        list[Series], doc("real part: for each axis a list over frequency, N/m or N m/rad")
-    ] = []
-    imaginary: Annotated[
-        list[Series], doc("imaginary part: for each axis a list over frequency, N/m or N m/rad")
-    ] = []
-    static: (
-        Annotated[
-            list[Coefficient],
-            doc(
-                "static stiffness per axis, N/m or N m/rad; default the real part at the lowest"
-                " frequency",
-                min_length=1,
-                max_length=6,
-            ),
-        ]
-        | None
-    ) = None
-    factor: Annotated[
-        float, of_unit("1", "factor on all stiffnesses of the table", gt=0, le=1e6)
-    ] = 1.0
+    file: str | None = key(
+        "CSV file, from this file's folder: frequency in Hz, then two columns per axis"
+        " (one axis, or x, y, z, roll, pitch, yaw); read once"
+    )
+    form: Literal["real-imaginary", "modulus-loss"] = key(
+        "the two columns per axis of the file: real and imaginary part, or modulus and loss"
+        " angle in rad",
+        "real-imaginary",
+    )
+    axis: Literal["x", "y", "z", "roll", "pitch", "yaw"] | None = key(
+        "axis of a table of one axis; the others have no stiffness"
+    )
+    frequency: list[Frequency] = key("Hz, ascending", [])
+    real: list[Series] = key("real part: for each axis a list over frequency, N/m or N m/rad", [])
+    imaginary: list[Series] = key(
+        "imaginary part: for each axis a list over frequency, N/m or N m/rad", []
+    )
+    static: list[Coefficient] | None = key(
+        "static stiffness per axis, N/m or N m/rad; default the real part at the lowest frequency",
+        min_length=1,
+        max_length=6,
+    )
+    factor: float = key("factor on all stiffnesses of the table", 1.0, unit="1", gt=0, le=1e6)
+
+    def faults(self) -> Problems:
+        """Check that each axis has one value per frequency, and a static stiffness."""
+        axes, count = 6 if self.axis is None else 1, len(self.frequency)
+        columns = {"real": self.real, "imaginary": self.imaginary}
+        uneven = [name for name, rows in columns.items() if len(rows) != axes]
+        ragged = [name for name, rows in columns.items() if any(len(row) != count for row in rows)]
+        yield from ascending(self, "frequency")
+        if self.file is not None:
+            remedy = "read the design from its file, or give frequency, real and imaginary"
+            yield "file", "is read only with a design file, not with its text alone", remedy
+        elif not self.frequency:
+            yield "", "has no frequencies", "give file, or frequency, real and imaginary"
+        elif uneven:
+            remedy = "give one list for the one axis, or remove axis"
+            if axes == 6:
+                remedy = f'give a list per axis, {", ".join(DOFS)}, or name the one: axis = "x"'
+            yield uneven[0], f"has {len(columns[uneven[0]])} axes instead of {axes}", remedy
+        elif ragged:
+            problem = f"has an axis without exactly {count} values"
+            yield ragged[0], problem, "give one value per frequency"
+        else:
+            yield from self._static_faults(axes)
+
+    def _static_faults(self, axes: int) -> Problems:
+        static = [row[0] for row in self.real] if self.static is None else self.static
+        if len(static) != axes:
+            yield "static", f"has {len(static)} numbers for {axes} axes", "give one per axis"
+            return
+        for axis, value, *rows in zip(DOFS, static, self.real, self.imaginary, strict=False):
+            if value == 0 and any(map(any, rows)):
+                what = f"the static stiffness along {self.axis or axis} is 0"
+                remedy = "give static, or use damping for a viscous force"
+                yield "static", f"{what}, but at other frequencies it is not", remedy
 
 
 class Strands(Table, frozen=True):
     """Equal curved wires side by side that join the two bodies: a heat link, a cable."""
 
-    to: Annotated[
-        Vector,
-        doc(
-            "far end, from the COM of the second body (support or ground: from the suspension"
-            " point), m; the near end is the link's at"
-        ),
-    ]
+    to: Vector = key(
+        "far end, from the COM of the second body (support or ground: from the suspension"
+        " point), m; the near end is the link's at"
+    )
     material: MaterialName
-    diameter: Annotated[Length, doc("diameter of one wire, m")]
-    shape: Annotated[
-        Literal["u", "catenary", "points"],
-        doc(
-            '"u": vertical legs and a half circle below them; "catenary"; "points": straight'
-            " pieces through points. The shape is that of the wire without load"
-        ),
-    ]
-    count: Annotated[int, doc("number of wires, which bend independently", ge=1, le=1_000_000)] = 1
-    length: Annotated[Length, doc("length of one wire, m; not with points")] | None = None
-    points: Annotated[
-        list[Vector],
-        doc("points between the ends, from the COM of the first body, m"),
-    ] = []
+    diameter: Length = key("diameter of one wire, m")
+    shape: Literal["u", "catenary", "points"] = key(
+        '"u": vertical legs and a half circle below them; "catenary"; "points": straight'
+        " pieces through points. The shape is that of the wire without load"
+    )
+    count: int = key("number of wires, which bend independently", 1, ge=1, le=1_000_000)
+    length: Length | None = key("length of one wire, m; not with points")
+    points: list[Vector] = key("points between the ends, from the COM of the first body, m", [])
+
+    def faults(self) -> Problems:
+        """Check that the length or the points of the shape are given."""
+        if self.shape == "points" and self.length is not None:
+            yield "length", "follows from the points", "remove it"
+        elif self.shape != "points" and self.points:
+            yield "points", f"conflict with shape {self.shape}", "remove them"
+        elif self.shape != "points" and self.length is None:
+            yield "length", "missing", "give the length of one wire, m"
 
 
 class BetweenBodies(Table, frozen=True):
@@ -127,95 +137,80 @@ class BetweenBodies(Table, frozen=True):
     name: Name
     between: Between
 
-    def faults(self, path: str) -> Iterator[Fault]:
-        """Check the element beyond single values, and the names of it and of its bodies."""
-        del path
-        yield from ()
-
 
 class Link(BetweenBodies, frozen=True):
     """A spring between any two bodies at a common point: a heat link, a cable, a stop."""
 
     at: At = (0.0, 0.0, 0.0)
-    stiffness: (
-        Annotated[
-            Matrix6,
-            doc("x, y, z, roll, pitch, yaw at the point, or a full 6x6: N/m, N m/rad"),
-        ]
-        | None
-    ) = None
+    stiffness: Matrix6 | None = key(
+        "x, y, z, roll, pitch, yaw at the point, or a full 6x6: N/m, N m/rad"
+    )
     table: StiffnessTable | None = None
     strands: Strands | None = None
-    loss_angle: (
-        Annotated[
-            LossAngle,
-            doc(
-                "loss angle of the stiffness in rad; default for strands: that of their"
-                " material in the design"
-            ),
-        ]
-        | None
-    ) = None
-    damping: Annotated[Matrix6, doc("six elements or a full 6x6: N s/m, N m s/rad")] | None = None
-    preload: Annotated[
-        Wrench,
-        doc(
-            "force (N) and torque (N m) on the first body at the point in the nominal pose; the"
-            " second takes the opposite"
-        ),
-    ] = field(default_factory=lambda: [0.0] * 6)
+    loss_angle: LossAngle | None = key(
+        "loss angle of the stiffness in rad; default for strands: that of their"
+        " material in the design"
+    )
+    damping: Matrix6 | None = key("six elements or a full 6x6: N s/m, N m s/rad")
+    preload: Wrench = key(
+        "force (N) and torque (N m) on the first body at the point in the nominal pose; the"
+        " second takes the opposite",
+        [0.0] * 6,
+    )
     active: Active = False
+
+    def faults(self) -> Problems:
+        """Check that it has one stiffness, with symmetric matrices."""
+        ways = ("stiffness", "table", "strands")
+        yield from exactly_one(self, *ways, give="stiffness, or table, or strands")
+        yield from symmetric(self, "stiffness", "damping")
+        if self.table is not None and self.loss_angle is not None:
+            yield "loss_angle", "conflicts with the imaginary part of the table", "remove it"
 
 
 class EddyCurrent(Table, frozen=True):
     """A magnet, taken as a dipole along an axis, in front of a plate or inside a tube."""
 
-    shape: Annotated[
-        Literal["plate", "tube"],
-        doc(
-            '"plate": large, across the axis; damps along and (half as much) across it. "tube":'
-            " long, around the axis; damps along it"
-        ),
-    ]
-    axis: Annotated[Literal["x", "y", "z"], doc("direction of the dipole")]
-    conductivity: Annotated[
-        float,
-        of_unit(
-            "S/m", "conductivity of the conductor, at its temperature in use, S/m", gt=0, le=1e13
-        ),
-    ]
-    thickness: Annotated[Length, doc("thickness of the plate or tube wall, m")]
-    gap: Annotated[
-        Length,
-        doc("from the centre of the magnet to the plate, or the inner radius of the tube, m"),
-    ]
-    moment: (
-        Annotated[float, of_unit("A m^2", "dipole moment of one magnet, A m^2", gt=0, le=1e6)]
-        | None
-    ) = None
-    remanence: (
-        Annotated[
-            float,
-            of_unit(
-                "T", "remanence B_r of the magnet, T: the moment is B_r volume / mu_0", gt=0, le=5
-            ),
-        ]
-        | None
-    ) = None
-    volume: Annotated[float, of_unit("m^3", "volume of the magnet, m^3", gt=0, le=1)] | None = None
-    count: Annotated[int, doc("number of equal magnets, far apart", ge=1, le=1000)] = 1
+    shape: Literal["plate", "tube"] = key(
+        '"plate": large, across the axis; damps along and (half as much) across it. "tube":'
+        " long, around the axis; damps along it"
+    )
+    axis: Literal["x", "y", "z"] = key("direction of the dipole")
+    conductivity: float = key(
+        "conductivity of the conductor, at its temperature in use, S/m", unit="S/m", gt=0, le=1e13
+    )
+    thickness: Length = key("thickness of the plate or tube wall, m")
+    gap: Length = key(
+        "from the centre of the magnet to the plate, or the inner radius of the tube, m"
+    )
+    moment: float | None = key("dipole moment of one magnet, A m^2", unit="A m^2", gt=0, le=1e6)
+    remanence: float | None = key(
+        "remanence B_r of the magnet, T: the moment is B_r volume / mu_0", unit="T", gt=0, le=5
+    )
+    volume: float | None = key("volume of the magnet, m^3", unit="m^3", gt=0, le=1)
+    count: int = key("number of equal magnets, far apart", 1, ge=1, le=1000)
+
+    def faults(self) -> Problems:
+        """Check that the magnet has one strength, and the conductor is a metal."""
+        what = "moment, or remanence with volume"
+        yield from exactly_one(self, "moment", "remanence", give=what)
+        yield from together(self, "remanence", "volume", remedy="give both, or moment alone")
+        if not 1e4 <= self.conductivity <= 1e12:
+            remedy = "give it in S/m: copper has 5.8e7 at room temperature"
+            yield "conductivity", "is not that of a metal", remedy
 
 
 class Damper(BetweenBodies, frozen=True):
     """A viscous damper between any two bodies at a common point."""
 
     at: At = (0.0, 0.0, 0.0)
-    damping: (
-        Annotated[
-            Matrix6,
-            doc("x, y, z, roll, pitch, yaw at the point, or a full 6x6: N s/m, N m s/rad"),
-        ]
-        | None
-    ) = None
+    damping: Matrix6 | None = key(
+        "x, y, z, roll, pitch, yaw at the point, or a full 6x6: N s/m, N m s/rad"
+    )
     eddy_current: EddyCurrent | None = None
     active: Active = False
+
+    def faults(self) -> Problems:
+        """Check that it has one damping, with a symmetric matrix."""
+        yield from exactly_one(self, "damping", "eddy_current", give="damping or eddy_current")
+        yield from symmetric(self, "damping")

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import cache
-
-from msgspec import inspect
+from typing import Any
 
 from suspension_cli.conventions import DOFS
+from suspension_cli.design.rules import declared
 from suspension_cli.design.schema import Design
+from suspension_cli.design.units import Table
 
 DISPLAYED = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "Pa": ("GPa", 1e-9)}
 """Customary unit by SI unit, and the factor to it."""
@@ -27,13 +27,18 @@ def unit_of(path: str) -> str:
     >>> unit_of("stage.test.body.inertia.2"), unit_of("design.name")
     ('kg m^2', '')
     """
-    nodes, keys = [_design()], path.split(".")
+    kinds: tuple[type[Table], ...] = (Design,)
+    facts: dict[str, Any] = {}
+    keys = path.split(".")
     for key in keys:
-        nodes = [below for node in nodes for below in _children(node, key)]
-    known = next((unit for node in nodes for unit in _units(node)), "")
-    if not known and keys[-2:-1] == ["damping"] and keys[-1] in DOFS:
+        known = [kind for kind in kinds if key in kind.__struct_fields__]
+        if facts.pop("listed", False) or not known:
+            continue  # the name or number of a member
+        facts = dict(declared(known[0])[key])
+        kinds = facts.get("tables", ())
+    if "unit" not in facts and keys[-2:-1] == ["damping"] and keys[-1] in DOFS:
         return "N s/m" if keys[-1] in DOFS[:3] else "N m s/rad"
-    return known
+    return facts.get("unit", "")
 
 
 def displayed_unit(path: str, value: float) -> tuple[str, float]:
@@ -62,39 +67,3 @@ def format_with_unit(path: str, value: float, digits: int = 4) -> str:
     """
     name, factor = displayed_unit(path, value)
     return f"{value * factor:.{digits}g} {name}".rstrip()
-
-
-@cache
-def _design() -> inspect.Type:
-    return inspect.type_info(Design)
-
-
-def _children(node: inspect.Type, key: str) -> Iterator[inspect.Type]:
-    """Types of the value under a key of a table, or of a member of a list."""
-    if isinstance(node, inspect.Metadata):
-        yield from _children(node.type, key)
-    elif isinstance(node, inspect.UnionType):
-        for one in node.types:
-            yield from _children(one, key)
-    elif isinstance(node, inspect.StructType):
-        yield from (field.type for field in node.fields if field.encode_name == key)
-    elif isinstance(node, inspect.DictType):
-        yield node.value_type
-    elif isinstance(node, inspect.ListType):
-        yield node.item_type
-    elif isinstance(node, inspect.TupleType):
-        yield from node.item_types[:1]
-
-
-def _units(node: inspect.Type) -> Iterator[str]:
-    """Units of a value: its own, or that of the members of a list or union."""
-    if isinstance(node, inspect.Metadata):
-        unit = (node.extra or {}).get("unit", "")
-        if unit:
-            yield unit
-        yield from _units(node.type)
-    elif isinstance(node, inspect.UnionType):
-        for one in node.types:
-            yield from _units(one)
-    elif isinstance(node, (inspect.ListType, inspect.TupleType)):
-        yield from (unit for one in _children(node, "1") for unit in _units(one))

@@ -1,14 +1,14 @@
 """Implausible numbers of a design: millimetres written as metres, grams as kilograms, GPa as Pa.
 
 Such a design is valid, so these are warnings, not faults. Limits are wide: a unit that is wrong by
-a factor of a thousand exceeds them, an unusual design does not. The physical ones:
+a factor of a thousand exceeds them, an unusual design does not. Ranges of single numbers stand
+beside their keys (`units.Plausible`); here are those that depend on other numbers:
 
 - No solid is denser than osmium, 22,590 kg/m^3 (CRC Handbook of Chemistry and Physics); a body
   less dense than air, 1.2 kg/m^3, would float.
 - With S the integral of x x^T over the mass, a body of mass m nowhere denser than rho has det S >=
   m^3 (m/rho)^2 / (5^3 (4 pi/3)^2), that of a homogeneous ellipsoid, the most compact body of given
   mass and density. So mass and moments of inertia give a lower bound on the largest density.
-- No solid is stiffer than diamond, 1.22 TPa (CRC Handbook).
 - No material breaks above a fifth of Young's modulus: the ideal strength is about a tenth of it
   (Orowan, Rep. Prog. Phys. 12, 185 (1949)).
 """
@@ -19,30 +19,25 @@ import contextlib
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 from suspension_cli.conventions import DOFS, SUPPORT
-from suspension_cli.design import foton, imperfections, loop_filters
-from suspension_cli.design.derive import (
+from suspension_cli.design import foton, imperfections, loop_filters, rules
+from suspension_cli.design.bodies import (
+    Body,
     body_inertia,
     body_mass,
-    com_offset,
-    gravity_strength,
-    set_geometry,
+    half_sides,
+    second_moments,
     volume,
 )
+from suspension_cli.design.derive import com_offset, set_geometry
 from suspension_cli.design.faults import fault_of
 from suspension_cli.design.filters import SUFFIX
 from suspension_cli.design.imperfections import Imperfection
 from suspension_cli.design.links import Damper
-from suspension_cli.design.schema import (
-    Body,
-    Design,
-    Loop,
-    Material,
-    NoiseSpectrum,
-    Perturbation,
-    Stage,
-)
+from suspension_cli.design.schema import Design, Loop, Perturbation, Stage
+from suspension_cli.design.units import Plausible
 from suspension_cli.design.wires import Blade, BladeSet, Profile, Wire, WireSet, cross_sections
 from suspension_cli.errors import Fault, format_key, format_value
 
@@ -54,18 +49,10 @@ AIR = 1.2
 """kg/m^3; a lighter body would float."""
 USUAL = 3000.0
 """kg/m^3; typical of masses of silica and steel with gaps."""
-FOAM = 25.0
-"""kg/m^3; only aerogels are less dense."""
-STIFFEST, SOFTEST = 1.3e12, 1e7
-"""Young's modulus in Pa: above diamond, and of soft rubber."""
 IDEAL = 0.2
 """Fraction of Young's modulus that no strength reaches."""
-EXPANSION = 1e-3
-"""1/K; twice that of any solid."""
 LONGEST_WIRE = 50.0
 """m; mirror suspensions are up to about 10 m tall."""
-LARGEST = 10.0
-"""Largest size of a body or blade, m."""
 THICK = 0.1
 """Largest thickness of a wire or blade as a fraction of its length."""
 BEYOND = 0.5
@@ -74,12 +61,6 @@ INFERRED = 3.0
 """Factor on the half sides of the homogeneous box of its inertia, for a body of unknown shape."""
 SERIOUS = 5.0
 """Factor on these bounds beyond which a number is an error."""
-GRADIENT = 1e-3
-"""1/s^2; steep beside any mass in a laboratory."""
-GRAVITY = (1.0, 30.0)
-"""m/s^2; the Moon's is 1.6, Jupiter's 25."""
-BLADE_FREQUENCY = 100.0
-"""Hz; blades that isolate have a few Hz."""
 LARGE_TURN = 0.1
 """rad; a misalignment of 6 degrees."""
 LARGE_SHIFT = 0.05
@@ -92,14 +73,9 @@ MAGNETISATION = 1.3e6
 """A/m; dipole moment per volume of the strongest magnets (a remanence of 1.6 T)."""
 FLAT_MAGNET = 0.1
 """Least distance from a magnet's centre to a conductor, in radii of the sphere of its volume."""
-SENSOR_NOISE = 1e-4
-"""m or rad per sqrt(Hz); optical shadow sensors reach 1e-10."""
 
 MILLIMETRES = (("mm", 1e-3), ("um", 1e-6))
 MOMENTS = (("g m^2", 1e-3), ("kg cm^2", 1e-4), ("kg mm^2", 1e-6), ("g mm^2", 1e-9))
-
-
-MILLIHERTZ = (("mHz", 1e-3),)
 
 
 @dataclass(frozen=True)
@@ -142,27 +118,65 @@ def _above(
     serious: bool = False,
 ) -> Iterator[ImplausibleNumber]:
     """Report a number above `most`, with a likely unit or a remedy."""
-    if value is not None and value > most:
-        hint = suggest_unit(value, lambda v: v <= most, units) or remedy
-        text = format_value(value if shown is None else shown)
-        yield ImplausibleNumber(Fault(key, problem, hint, text), serious)
+    plausible = Plausible(most, problem, remedy, units, serious=serious)
+    if value is not None:
+        yield from _outside(key, value, plausible, value if shown is None else shown)
+
+
+def _outside(
+    key: str, size: float, plausible: Plausible, shown: object
+) -> Iterator[ImplausibleNumber]:
+    """Report a number whose size is outside its plausible range."""
+
+    def good(value: float) -> bool:
+        return plausible.low <= value <= plausible.high
+
+    if not good(size):
+        hint = suggest_unit(size, good, plausible.units) or plausible.remedy
+        problem = plausible.above if size > plausible.high else plausible.below
+        fault = Fault(key, problem, hint, format_value(shown))
+        yield ImplausibleNumber(fault, plausible.serious)
+
+
+def _check_ranges(design: Design) -> Iterator[ImplausibleNumber]:
+    """Check all numbers whose keys declare a plausible range."""
+    for path, table in rules.tables(design):
+        for key, plausible in rules.keys_with(type(table), "plausible"):
+            value = getattr(table, key)
+            if sizes := [*_sizes(value)]:
+                yield from _outside(f"{path}.{key}", max(sizes), plausible, value)
+
+
+def _sizes(value: Any) -> Iterator[float]:
+    if isinstance(value, (list, tuple)):
+        for item in value:
+            yield from _sizes(item)
+    elif isinstance(value, (int, float)):
+        yield abs(value)
 
 
 def find_implausible(design: Design) -> list[ImplausibleNumber]:
     """Find implausible numbers of a design, from its tables alone."""
-    found = [*_check_surroundings(design)]
+    found = [*_check_ranges(design)]
     for name, material in design.materials.items():
-        found += _check_material(material, f"materials.{format_key(name)}")
+        found += _above(
+            f"materials.{format_key(name)}.tensile_strength",
+            material.tensile_strength,
+            IDEAL * (material.youngs_modulus or math.inf),
+            f"is more than {IDEAL:g} times Young's modulus, which no material bears",
+            "give it in Pa: 2e9 for strong steel",
+            (),
+        )
     above: Stage | None = None
     stages: dict[str, Stage | None] = {SUPPORT: None}
     for stage in design.stage:
         path = f"stage.{stage.name}"
         parent = above if stage.hangs_from is None else stages[stage.hangs_from]
-        found += [
-            *_check_body(stage.body, f"{path}.body"),
-            *_check_wires(stage, parent, path),
-            *_check_tower(stage, path),
-        ]
+        if stage.body.density is None and stage.body.shape is not None:
+            found += _check_mean_density(stage.body, f"{path}.body")
+        if stage.body.inertia is not None:
+            found += _check_inertia(stage.body, f"{path}.body")
+        found += _check_wires(stage, parent, path)
         if stage.blades is not None:
             found += _check_blade(stage.blades, stage, f"{path}.blades")
         for blade in stage.blade:
@@ -176,103 +190,6 @@ def find_implausible(design: Design) -> list[ImplausibleNumber]:
     for damper in design.damper:
         found += _check_magnet(damper)
     return [*found, *_check_tolerance(design), *_check_loops(design), *_check_planes(design)]
-
-
-def _check_tower(stage: Stage, path: str) -> Iterator[ImplausibleNumber]:
-    sizes: dict[str, float | None] = {}
-    frequencies: dict[str, float | None] = {}
-    if stage.inverted_pendulum is not None:
-        legs, own = stage.inverted_pendulum, f"{path}.inverted_pendulum"
-        sizes = {"length": legs.length, "radius": legs.radius, "top": abs(legs.top)}
-        sizes = {f"{own}.{key}": size for key, size in sizes.items()}
-        frequencies[own] = legs.frequency
-    if stage.filter is not None:
-        sizes[f"{path}.filter.at"] = max(map(abs, stage.filter.at))
-        frequencies[f"{path}.filter"] = stage.filter.frequency
-    for key, size in sizes.items():
-        problem = f"is larger than any part of a suspension ({LARGEST:g} m)"
-        yield from _above(key, size, LARGEST, problem)
-    for key, frequency in frequencies.items():
-        problem = f"is above {BLADE_FREQUENCY:g} Hz, where it isolates from nothing"
-        yield from _above(
-            f"{key}.frequency", frequency, BLADE_FREQUENCY, problem, "give it in Hz", MILLIHERTZ
-        )
-
-
-def _check_surroundings(design: Design) -> Iterator[ImplausibleNumber]:
-    g, (low, high) = gravity_strength(design), GRAVITY
-    if not low <= g <= high:
-        units = (("cm/s^2", 1e-2), ("mm/s^2", 1e-3))
-        hint = suggest_unit(g, lambda v: low <= v <= high, units)
-        hint = hint or "give it in m/s^2: 9.81 on Earth"
-        problem = f"is outside {low:g} to {high:g} m/s^2, of small moons to giant planets"
-        yield ImplausibleNumber(Fault("constants.gravity", problem, hint, format_value(g)))
-    given = design.constants.gravity_gradient
-    rows = given if isinstance(given, list) else [[given]]
-    yield from _above(
-        "constants.gravity_gradient",
-        max((abs(value) for row in rows for value in row), default=0.0),
-        GRADIENT,
-        f"is more than {GRADIENT:g} 1/s^2, 300 times that of Earth",
-        "give it in 1/s^2: 3.1e-6 on Earth (1 eotvos is 1e-9, 1 mGal/m is 1e-5)",
-        (),
-    )
-
-
-def _check_material(material: Material, path: str) -> Iterator[ImplausibleNumber]:
-    modulus, strength = material.youngs_modulus, material.tensile_strength
-
-    def stiff(value: float) -> bool:
-        return SOFTEST <= value <= STIFFEST
-
-    if modulus is not None and not stiff(modulus):
-        units = (("GPa", 1e9), ("MPa", 1e6), ("kPa", 1e3))
-        hint = suggest_unit(modulus, stiff, units) or "give it in Pa: 2e11 for steel"
-        problem = f"is outside {SOFTEST:g} Pa (rubber) to {STIFFEST:g} Pa (diamond)"
-        fault = fault_of(material, path, "youngs_modulus", problem, hint)
-        yield ImplausibleNumber(fault, serious=True)
-    elif modulus is not None:
-        yield from _above(
-            f"{path}.tensile_strength",
-            strength,
-            IDEAL * modulus,
-            f"is more than {IDEAL:g} times Young's modulus, which no material bears",
-            "give it in Pa: 2e9 for strong steel",
-            (),
-        )
-    yield from _check_given_density(material.density, f"{path}.density")
-    yield from _above(
-        f"{path}.thermal_expansion",
-        abs(material.thermal_expansion or 0.0),
-        EXPANSION,
-        f"is more than {EXPANSION:g} 1/K, twice that of any solid",
-        "give it in 1/K: 1.2e-5 for steel",
-        (("1e-6 1/K", 1e-6),),
-        shown=material.thermal_expansion,
-    )
-
-
-def _check_given_density(density: float | None, key: str) -> Iterator[ImplausibleNumber]:
-    if density is None or FOAM <= density <= OSMIUM:
-        return
-    problem, units = f"is less dense than foam ({FOAM:g} kg/m^3)", (("g/cm^3", 1e3),)
-    if density > OSMIUM:
-        problem, units = f"is denser than osmium ({OSMIUM:g} kg/m^3)", (("g/m^3", 1e-3),)
-    hint = suggest_unit(density, lambda v: FOAM <= v <= OSMIUM, units) or "give it in kg/m^3"
-    yield ImplausibleNumber(Fault(key, problem, hint, format_value(density)), serious=True)
-
-
-def _check_body(body: Body, path: str) -> Iterator[ImplausibleNumber]:
-    for key in ("radius", "inner_radius", "length", "size"):
-        given = getattr(body, key)
-        size = max(given) if isinstance(given, tuple) else given
-        problem = f"is larger than any suspended body ({LARGEST:g} m)"
-        yield from _above(f"{path}.{key}", size, LARGEST, problem, "", shown=given, serious=True)
-    if body.density is None and body.shape is not None:
-        yield from _check_mean_density(body, path)
-    yield from _check_given_density(body.density, f"{path}.density")
-    if body.inertia is not None:
-        yield from _check_inertia(body, path)
 
 
 def _is_plausible(density: float) -> bool:
@@ -291,14 +208,6 @@ def _check_mean_density(body: Body, path: str) -> Iterator[ImplausibleNumber]:
     hint = suggest_unit(density, lambda v: 100 <= v <= OSMIUM, units)
     hint = hint or suggest_unit(density, _is_plausible, units) or "check mass (kg) and sizes (m)"
     yield ImplausibleNumber(fault_of(body, path, "mass", problem, hint), serious=True)
-
-
-def second_moments(body: Body) -> tuple[float, float, float]:
-    """Integrate x^2, y^2, z^2 over the mass of a body, kg m^2: (I_y + I_z - I_x)/2 and so on."""
-    rows = body_inertia(body)
-    moments = [rows[n][n] for n in range(3)]
-    x, y, z = (sum(moments) / 2 - moment for moment in moments)
-    return x, y, z
 
 
 def _check_inertia(body: Body, path: str) -> Iterator[ImplausibleNumber]:
@@ -339,22 +248,6 @@ def _is_possible(body: Body, factor: float) -> bool:
     return max(*small, factor * large) <= (sum(small) + factor * large) / 2
 
 
-def half_sides(body: Body) -> tuple[float, float, float]:
-    """Compute half the size of a body along x, y, z, m; else that of the box of its inertia."""
-    if body.shape == "box":
-        assert body.size is not None
-        x, y, z = (side / 2 for side in body.size)
-    elif body.shape == "cylinder":
-        assert body.radius is not None and body.length is not None
-        halves = [body.radius] * 3
-        halves["xyz".index(body.axis or "x")] = body.length / 2
-        x, y, z = halves
-    else:
-        mass = body_mass(body)
-        x, y, z = (math.sqrt(3 * max(moment, 0.0) / mass) for moment in second_moments(body))
-    return x, y, z
-
-
 def reach(body: Body) -> tuple[float, float, float]:
     """Compute the largest plausible distances of wire ends from a COM along x, y and z, m."""
     halves = half_sides(body)
@@ -393,8 +286,7 @@ def _check_wires(stage: Stage, above: Stage | None, path: str) -> Iterator[Impla
         lower, upper = ("s_lower", "s_upper") if wires.s is None else ("s", "s")
         if shape.is_ring:
             lower, upper = ("ring_lower", "ring_upper") if wires.ring is None else ("ring", "ring")
-        yield from _check_length(shape.length, f"{key}.l")
-        yield from _check_thickness(wires, shape.length, key)
+        yield from _check_size(wires, shape.length, key)
         yield from _check_point(
             stage.body,
             (max(shape.s_lower, shape.ring_lower), shape.t2, shape.d),
@@ -410,8 +302,7 @@ def _check_wires(stage: Stage, above: Stage | None, path: str) -> Iterator[Impla
             )
     for number, wire in enumerate(stage.wire, 1):
         key, length = f"{path}.wire.{number}", _span(stage, wire)
-        yield from _check_length(length, key)
-        yield from _check_thickness(wire, length, key)
+        yield from _check_size(wire, length, key)
         yield from _check_point(stage.body, wire.lower, (f"{key}.lower",) * 3, "the lower end lies")
         if above is not None:
             what = f"the upper end lies, on {above.name},"
@@ -424,65 +315,37 @@ def _span(stage: Stage, wire: Wire) -> float:
     return math.hypot(*(p + q - u for p, q, u in ends))
 
 
-def _check_length(length: float, key: str) -> Iterator[ImplausibleNumber]:
-    if length > LONGEST_WIRE:
-        hint = suggest_unit(length, lambda v: v <= LONGEST_WIRE) or "give lengths in m"
-        problem = f"is longer than any suspension ({LONGEST_WIRE:g} m)"
-        yield ImplausibleNumber(Fault(key, problem, hint, f"{length:g}"), serious=True)
-
-
-def _check_thickness(wire: WireSet | Wire, length: float, key: str) -> Iterator[ImplausibleNumber]:
-    """Check that a wire and its sections are thinner than a tenth of the wire's length."""
-    tables = [(key, wire)]
-    if wire.sections is not None:
-        tables = [(f"{key}.sections.{n}", piece) for n, piece in enumerate(wire.sections, 1)]
-    if wire.neck is not None:
-        thick = wire.neck.radius
-        problem = f"the neck is {thick:.3g} m thick, more than a tenth of the wire's length"
-        yield from _above(f"{key}.neck.radius", thick, THICK * length, problem, units=())
-    if isinstance(wire.profile, Profile) and max(wire.profile.diameter) > THICK * length:
+def _check_size(wire: WireSet | Wire, length: float, key: str) -> Iterator[ImplausibleNumber]:
+    """Check that a wire is not too long, and thinner than a tenth of its length."""
+    where = f"{key}.l" if isinstance(wire, WireSet) else key
+    problem = f"is longer than any suspension ({LONGEST_WIRE:g} m)"
+    yield from _above(where, length, LONGEST_WIRE, problem, "give lengths in m", serious=True)
+    own = f"a tenth of its length of {length:.3g} m"
+    if isinstance(wire.profile, Profile):
         thick = max(wire.profile.diameter)
-        problem = f"the fibre is {thick:.3g} m thick, more than a tenth of its length"
         remedy = "write the unit into the titles of the columns: position_mm,diameter_um"
-        yield ImplausibleNumber(Fault(f"{key}.profile", problem, remedy))
+        problem = f"the fibre is {thick:.3g} m thick, more than {own}"
+        yield from _above(f"{key}.profile", thick, THICK * length, problem, remedy, ())
+    sizes = [("neck.radius", wire.neck.radius, wire.neck.radius)] if wire.neck else []
+    tables = [("", wire)] if wire.sections is None else []
+    tables += [(f"sections.{n}.", piece) for n, piece in enumerate(wire.sections or (), 1)]
     for path, table in tables:
-        for name, value, size in (s for shape in cross_sections(table) for s in shape.sizes()):
-            problem = (
-                f"the wire is {size:.3g} m thick, more than a tenth of its length of {length:.3g} m"
-            )
-            found = [
-                *_above(f"{path}.{name}", size, THICK * length, problem, shown=value, serious=True)
-            ]
-            yield from found
-            if found:
-                break
+        given = [size for shape in cross_sections(table) for size in shape.sizes()]
+        sizes += [(path + name, value, size) for name, value, size in given]
+    for name, value, size in sizes:
+        problem = f"the wire is {size:.3g} m thick, more than {own}"
+        where = f"{key}.{name}"
+        yield from _above(where, size, THICK * length, problem, shown=value, serious=True)
 
 
 def _check_blade(blade: BladeSet | Blade, stage: Stage, path: str) -> Iterator[ImplausibleNumber]:
-    shape, mass, f = blade.geometry, body_mass(stage.body), blade.uncoupled_frequency
-    if shape is not None:
-        key, long = f"{path}.geometry", shape.length
-        problem = f"is longer than any blade ({LARGEST:g} m)"
-        yield from _above(f"{key}.length", long, LARGEST, problem, "", serious=True)
-        for name, limit, word in (
-            ("thickness", THICK * long, "a tenth of "),
-            ("base_width", long, ""),
-        ):
-            value, problem = getattr(shape, name), f"is more than {word}the blade's length of"
+    shape, mass = blade.geometry, body_mass(stage.body)
+    for name, share, word in (("thickness", THICK, "a tenth of "), ("base_width", 1.0, "")):
+        if shape is not None:
+            value, limit = getattr(shape, name), share * shape.length
+            problem = f"is more than {word}the blade's length of {shape.length:g} m"
             serious = value > SERIOUS * limit
-            yield from _above(
-                f"{key}.{name}", value, limit, f"{problem} {long:g} m", serious=serious
-            )
-    problem = "is thicker than any blade (0.1 m)"
-    yield from _above(f"{path}.thickness", blade.thickness, 0.1, problem, "")
-    yield from _above(
-        f"{path}.uncoupled_frequency",
-        f,
-        BLADE_FREQUENCY,
-        f"blades above {BLADE_FREQUENCY:g} Hz do not isolate",
-        "give it in Hz",
-        MILLIHERTZ,
-    )
+            yield from _above(f"{path}.geometry.{name}", value, limit, problem, serious=serious)
     problem = f"is more than the mass of the stage itself ({mass:g} kg)"
     yield from _above(
         f"{path}.tip_mass", blade.tip_mass, mass, problem, "give it in kg", (("g", 1e-3),)
@@ -589,17 +452,6 @@ def _check_loops(design: Design) -> Iterator[ImplausibleNumber]:
         name, _, push = loop.actuator.partition("@")[0].rpartition(".")
         if name in bodies and (dof := push.partition("_")[2]) in DOFS:
             yield from _check_unity_gain(loop, bodies[name], DOFS.index(dof))
-        noise = loop.sensor_noise
-        if isinstance(noise, NoiseSpectrum):
-            noise = max(noise.asd) if isinstance(noise.asd, list) else noise.asd
-        yield from _above(
-            f"control.loop.{loop.name}.sensor_noise",
-            noise,
-            SENSOR_NOISE,
-            f"is more than that of any sensor ({SENSOR_NOISE:g})",
-            "give it in m/sqrt(Hz) or rad/sqrt(Hz)",
-            (("nm/sqrt(Hz)", 1e-9),),
-        )
 
 
 def _check_planes(design: Design) -> Iterator[ImplausibleNumber]:

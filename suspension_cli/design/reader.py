@@ -13,7 +13,7 @@ from datetime import date, time
 from decimal import Decimal
 from pathlib import Path
 
-from suspension_cli.design import checks, faults, link_tables, paths, profiles
+from suspension_cli.design import checks, csv_columns, faults, paths
 from suspension_cli.design.keystones import add_keystones
 from suspension_cli.design.schema import Design
 from suspension_cli.design.units import Raw
@@ -26,7 +26,6 @@ TEMPLATES = ("single", "double", "triple", "quad", "blades")
 """Starting designs of `pendsus new`."""
 OTHER_KINDS = {"measurements": ("mode", "transfer_function"), "goals": ("goal",)}
 """Tables of TOML files that are not designs."""
-_EXAMPLES = Path(__file__).parents[1] / "examples"
 
 _TOO_DEEP = Fault("", "tables or arrays are nested too deeply", "use fewer levels")
 MAX_PARTS = 50
@@ -93,8 +92,7 @@ def read(file: str | Path, overrides: tuple[str, ...] = ()) -> Source:
         raw = _parse(_text(Path(file)))
         apply_overrides(raw, overrides)
         _check_kind(raw)
-        link_tables.insert_tables(raw, folder)
-        profiles.resolve_files(raw, folder)
+        csv_columns.insert_files(raw, folder)
         return Source(convert(raw), write_toml(raw), name)
     except InputError as error:
         raise error.in_file(name) from None
@@ -132,7 +130,7 @@ def parse_with_overrides(text: str, overrides: tuple[str, ...]) -> Design:
     """Parse and check a design from TOML text with overrides applied."""
     raw = _parse(text)
     apply_overrides(raw, overrides)
-    profiles.resolve_files(raw, Path())
+    csv_columns.insert_files(raw, Path(), of_links=False)
     return convert(raw)
 
 
@@ -230,8 +228,10 @@ def template(kind: str, name: str) -> str:
 
 def examples() -> list[str]:
     """List the designs that come with the program, by name."""
-    files = _EXAMPLES.rglob("*.toml")
-    return sorted(file.relative_to(_EXAMPLES).with_suffix("").as_posix() for file in files)
+    files = csv_columns.EXAMPLES.rglob("*.toml")
+    return sorted(
+        file.relative_to(csv_columns.EXAMPLES).with_suffix("").as_posix() for file in files
+    )
 
 
 def example(name: str) -> Source:
@@ -250,7 +250,7 @@ def _example(name: str) -> Path:
     if name not in known:
         remedy = faults.suggest(name, known)
         raise InputError.of("example", "is not an example design", remedy, format_value(name))
-    return _EXAMPLES / f"{name}.toml"
+    return csv_columns.EXAMPLES / f"{name}.toml"
 
 
 def replaced(source: Source, changes: Mapping[str, object]) -> Source:
@@ -275,7 +275,7 @@ def replaced(source: Source, changes: Mapping[str, object]) -> Source:
             remedy = "give a number, a text, or a list or dictionary of these"
             raise InputError.of(path, f"cannot be {error}", remedy) from None
         paths.assign(raw, path.split("."), new, path)
-    profiles.resolve_files(raw, Path(source.file).parent)
+    csv_columns.insert_files(raw, Path(source.file).parent, of_links=False)
     return Source(convert(raw), write_toml(raw), source.file)
 
 

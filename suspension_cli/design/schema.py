@@ -9,18 +9,29 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 import msgspec
-from msgspec import Meta, field
+from msgspec import Meta
 
-from suspension_cli.design import imperfections
+from suspension_cli.conventions import DOFS
+from suspension_cli.design import foton, imperfections
+from suspension_cli.design.bodies import Body
 from suspension_cli.design.filters import Filter
 from suspension_cli.design.inverted_pendulum import InvertedPendulum
 from suspension_cli.design.links import Active, BetweenBodies, Damper, Link
 from suspension_cli.design.losses.mechanism import with_keys
 from suspension_cli.design.losses.registry import MECHANISMS
+from suspension_cli.design.rules import (
+    ascending,
+    exactly_one,
+    excludes,
+    given,
+    is_symmetric,
+    not_tiny,
+    symmetric,
+    unique,
+)
 from suspension_cli.design.units import (
     NAMES,
     Acceleration,
-    Conductivity,
     Density,
     Expansion,
     Frequency,
@@ -28,34 +39,28 @@ from suspension_cli.design.units import (
     GravityRow,
     GravityVector,
     Hold,
-    Inertia,
     Kelvin,
     Length,
     LossAngle,
-    Mass,
     MassOrZero,
+    MaterialName,
     Matrix6,
-    Modulus,
     ModulusSlope,
-    MolarMass,
     MomentOrZero,
     Name,
-    Poisson,
-    Pressure,
+    Plausible,
+    Problems,
     Raw,
-    Row3,
     Schema,
-    SpecificHeat,
     StageName,
     Stem,
     Stiffness,
-    Strength,
     Table,
     Vector,
     WireName,
     Wrench,
     doc,
-    of_unit,
+    key,
 )
 from suspension_cli.design.wires import Blade, BladeSet, Wire, WireSet
 
@@ -64,140 +69,122 @@ class Header(Table, frozen=True):
     """Name and origin of the design."""
 
     name: Stem
-    title: Annotated[str, doc("title, for tables and pictures")] = ""
-    reference: Annotated[str, doc("where the design comes from")] = ""
+    title: str = key("title, for tables and pictures", "")
+    reference: str = key("where the design comes from", "")
 
 
 class Constants(Table, frozen=True):
     """Gravity and temperature."""
 
-    gravity: Annotated[
-        Acceleration | GravityVector,
-        doc(
-            "acceleration due to gravity in m/s^2; a vector [x, y, z] with z below 0 acts after"
-            " the suspension was trimmed level"
-        ),
-    ] = 9.81
-    gravity_gradient: Annotated[
-        GravityGradient | list[GravityRow],
-        doc(
-            "gradient of gravity in 1/s^2: dg_z/dz (3.1e-6 on Earth), or the symmetric 3x3"
-            " dg_i/dx_j"
-        ),
-    ] = 0.0
-    wire_weight: Annotated[
-        bool,
-        doc(
-            "whether wires of known density and cross-section have weight, and inertia in all"
-            " models"
-        ),
-    ] = False
-    temperature: Annotated[Kelvin, doc("temperature in K where no other is given")] = 290.0
+    gravity: Acceleration | GravityVector = key(
+        "acceleration due to gravity in m/s^2; a vector [x, y, z] with z below 0 acts after"
+        " the suspension was trimmed level",
+        9.81,
+    )
+    gravity_gradient: GravityGradient | list[GravityRow] = key(
+        "gradient of gravity in 1/s^2: dg_z/dz (3.1e-6 on Earth), or the symmetric 3x3 dg_i/dx_j",
+        0.0,
+    )
+    wire_weight: bool = key(
+        "whether wires of known density and cross-section have weight, and inertia in all models",
+        False,
+    )
+    temperature: Kelvin = key("temperature in K where no other is given", 290.0)
+
+    def faults(self) -> Problems:
+        """Check that gravity points down, and its gradient is that of a potential."""
+        gradient = self.gravity_gradient
+        if isinstance(self.gravity, list) and not self.gravity[2] < 0:
+            remedy = "give [x, y, z] with z below 0: [0.0, 0.0, -9.81]"
+            yield "gravity", "does not point down, so that nothing hangs", remedy
+        if isinstance(gradient, list) and len(gradient) != 3:
+            remedy = "give one number dg_z/dz, or three rows of three"
+            yield "gravity_gradient", f"has {len(gradient)} rows", remedy
+        elif isinstance(gradient, list) and not is_symmetric(gradient):
+            problem = "is not symmetric, but gravity is conservative"
+            yield "gravity_gradient", problem, "give dg_i/dx_j = dg_j/dx_i"
 
 
-class MaterialLoss(with_keys(Table, MECHANISMS, "material")):
+class MaterialLoss(with_keys(Table, MECHANISMS, of_wire=False)):
     """Losses of a material, for the models in which wires bend."""
+
+
+_STIFF = "is outside 1e+07 Pa (rubber) to 1.3e+12 Pa (diamond)"
+ELASTIC = Plausible(
+    1.3e12,  # diamond has 1.22 TPa (CRC Handbook)
+    _STIFF,
+    "give it in Pa: 2e11 for steel",
+    (("GPa", 1e9), ("MPa", 1e6), ("kPa", 1e3)),
+    low=1e7,
+    below=_STIFF,
+    serious=True,
+)
 
 
 class Material(Table, frozen=True):
     """A material of wires or blades; defaults are those of the built-in one of the same name."""
 
-    youngs_modulus: Modulus | None = None
-    poisson_ratio: Poisson | None = None
+    youngs_modulus: float | None = key(
+        "Young's modulus in Pa", unit="Pa", plausible=ELASTIC, ge=1.0, le=1e15
+    )
+    poisson_ratio: float | None = key(
+        "Poisson's ratio, for the twisting of wires; 0.3 if not given", unit="1", gt=-1, lt=0.5
+    )
     density: Density | None = None
     thermal_expansion: Expansion | None = None
     modulus_slope: ModulusSlope | None = None
-    specific_heat: SpecificHeat | None = None
-    thermal_conductivity: Conductivity | None = None
-    tensile_strength: Strength | None = None
-    loss_angle: (
-        Annotated[
-            LossAngle,
-            doc("constant loss angle in rad: short for angle in the table loss"),
-        ]
-        | None
-    ) = None
+    specific_heat: float | None = key("specific heat in J/(kg K)", unit="J/(kg K)", ge=1e-6, le=1e6)
+    thermal_conductivity: float | None = key(
+        "thermal conductivity in W/(m K)", unit="W/(m K)", ge=1e-6, le=1e6
+    )
+    tensile_strength: float | None = key(
+        "stress in Pa at which the material breaks (or, of blades, yields)",
+        unit="Pa",
+        ge=1.0,
+        le=1e13,
+    )
+    loss_angle: LossAngle | None = key(
+        "constant loss angle in rad: short for angle in the table loss"
+    )
     loss: MaterialLoss | None = None
-    source: Annotated[str, doc("where the numbers come from")] = ""
+    source: str = key("where the numbers come from", "")
 
 
 class Gas(Table, frozen=True):
     """Residual gas around the suspension."""
 
-    pressure: Pressure
-    molar_mass: MolarMass = 0.028
-    temperature: (
-        Annotated[Kelvin, doc("temperature of the gas in K; default that of [constants]")] | None
-    ) = None
-
-
-class Body(Table, frozen=True):
-    """A rigid body: mass and inertia, or a homogeneous shape with a mass or a density."""
-
-    mass: Mass | None = None
-    inertia: (
-        Annotated[
-            list[Inertia | Row3],
-            doc(
-                "moments of inertia about x, y, z at the COM, or a full 3x3, kg m^2",
-                min_length=3,
-                max_length=3,
-            ),
-        ]
-        | None
-    ) = None
-    shape: (
-        Annotated[
-            Literal["cylinder", "box"],
-            doc("homogeneous shape, instead of moments of inertia"),
-        ]
-        | None
-    ) = None
-    axis: Annotated[Literal["x", "y", "z"], doc("axis of a cylinder")] | None = None
-    radius: Annotated[Length, doc("radius of a cylinder, m")] | None = None
-    inner_radius: Annotated[Length, doc("inner radius of a hollow cylinder, m")] | None = None
-    length: Annotated[Length, doc("length of a cylinder, m")] | None = None
-    size: (
-        Annotated[tuple[Length, Length, Length], doc("sides of a box along x, y and z, m")] | None
-    ) = None
-    density: Annotated[Density, doc("density of a shape in kg/m^3, instead of a mass")] | None = (
-        None
+    pressure: float = key(
+        "pressure in Pa, of a gas so dilute that its molecules do not collide",
+        unit="Pa",
+        ge=0,
+        le=1e3,
     )
+    molar_mass: float = key(
+        "molar mass in kg/mol; 0.028 is nitrogen", 0.028, unit="kg/mol", ge=1e-3, le=1.0
+    )
+    temperature: Kelvin | None = key("temperature of the gas in K; default that of [constants]")
 
 
 class Spring(Table, frozen=True):
     """A linear spring between this body and the one it hangs from: a flexure, a cable."""
 
-    stiffness: Annotated[
-        Matrix6,
-        doc("x, y, z, roll, pitch, yaw at the point, or a full 6x6: N/m, N m/rad"),
-    ]
-    at: Annotated[Vector, doc("the point, from this body's COM, m")] = (0.0, 0.0, 0.0)
-    damping: Annotated[Matrix6, doc("six elements or a full 6x6: N s/m, N m s/rad")] | None = None
-    preload: Annotated[
-        Wrench, doc("force (N) and torque (N m) on this body in the nominal pose")
-    ] = field(default_factory=lambda: [0.0] * 6)
-    loss_angle: (
-        Annotated[
-            LossAngle,
-            doc("loss angle of the stiffness in rad; default that of the material"),
-        ]
-        | None
-    ) = None
-    material: (
-        Annotated[Name, doc(f"name of the spring's material, for its loss: {NAMES}")] | None
-    ) = None
-    thickness: (
-        Annotated[
-            Length,
-            doc("thickness in m of a flexure that bends, for its loss"),
-        ]
-        | None
-    ) = None
-    temperature: (
-        Annotated[Kelvin, doc("temperature in K, for its loss; default that of [constants]")] | None
-    ) = None
+    stiffness: Matrix6 = key("x, y, z, roll, pitch, yaw at the point, or a full 6x6: N/m, N m/rad")
+    at: Vector = key("the point, from this body's COM, m", (0.0, 0.0, 0.0))
+    damping: Matrix6 | None = key("six elements or a full 6x6: N s/m, N m s/rad")
+    preload: Wrench = key("force (N) and torque (N m) on this body in the nominal pose", [0.0] * 6)
+    loss_angle: LossAngle | None = key(
+        "loss angle of the stiffness in rad; default that of the material"
+    )
+    material: MaterialName | None = key(f"name of the spring's material, for its loss: {NAMES}")
+    thickness: Length | None = key("thickness in m of a flexure that bends, for its loss")
+    temperature: Kelvin | None = key("temperature in K, for its loss; default that of [constants]")
     active: Active = False
+
+    def faults(self) -> Problems:
+        """Check that its matrices are symmetric, and its thickness has an effect."""
+        yield from symmetric(self, "stiffness", "damping")
+        if self.thickness is not None and self.material is None:
+            yield "thickness", "has no effect without a material", "name the material too"
 
 
 Viscous = Annotated[float, doc("viscous damping in N s/m or N m s/rad", ge=0, le=1e12)]
@@ -217,7 +204,7 @@ class FrameDamping(Table, frozen=True):
 class Damping(FrameDamping, frozen=True):
     """Viscous damping of a body's motion relative to another body or the support, at its COM."""
 
-    against: Annotated[Name, doc(f'"support", or the name of a stage above: {NAMES}')] = "support"
+    against: Name = key(f'"support", or the name of a stage above: {NAMES}', "support")
 
 
 class Compliance(Table, frozen=True):
@@ -235,17 +222,29 @@ class Support(Table, frozen=True):
     """An elastic support structure between the ground and the suspension point."""
 
     stiffness: Compliance
-    mass: Annotated[MassOrZero, doc("mass that moves with the suspension point, kg")] = 0.0
-    inertia: Annotated[
-        list[MomentOrZero],
-        doc(
-            "moments of inertia about x, y, z at the suspension point, kg m^2",
-            min_length=3,
-            max_length=3,
-        ),
-    ] = field(default_factory=lambda: [0.0] * 3)
+    mass: MassOrZero = key("mass that moves with the suspension point, kg", 0.0)
+    inertia: list[MomentOrZero] = key(
+        "moments of inertia about x, y, z at the suspension point, kg m^2",
+        [0.0] * 3,
+        min_length=3,
+        max_length=3,
+    )
     damping: FrameDamping = FrameDamping()
-    loss_angle: Annotated[LossAngle, doc("loss angle of the stiffness in rad")] = 0.0
+    loss_angle: LossAngle = key("loss angle of the stiffness in rad", 0.0)
+
+    def faults(self) -> Problems:
+        """Check that it moves in some direction, and is damped only where it moves."""
+        elastic = given(self.stiffness, *DOFS)
+        if not elastic:
+            remedy = "give z = ... (N/m), or leave [support] out"
+            yield "stiffness", "leaves the support rigid in every direction", remedy
+            return
+        for dof in DOFS:
+            if getattr(self.damping, dof) and dof not in elastic:
+                remedy = f"give support.stiffness.{dof} too"
+                yield f"damping.{dof}", "damps a rigid direction", remedy
+        yield from not_tiny(self, "mass", "kg")
+        yield from not_tiny(self, "inertia", "kg m^2")
 
 
 class Stage(Table, frozen=True):
@@ -253,41 +252,48 @@ class Stage(Table, frozen=True):
 
     name: Name
     body: Body
-    hangs_from: (
-        Annotated[
-            Name,
-            doc(
-                '"support" or an earlier stage, which makes a tree; default the stage before,'
-                f" or the keystone of its filter ({NAMES})"
-            ),
-        ]
-        | None
-    ) = None
-    mirror: Annotated[
-        bool,
-        doc(
-            "whether this is the mirror, whose motion commands output by default; without one, the"
-            " end of the longest chain, of several as long the one listed first"
-        ),
-    ] = False
-    position: (
-        Annotated[
-            Vector,
-            doc(
-                "nominal COM from the COM above (or support point), m; implied by a symmetric"
-                " set or an inverted pendulum, needed otherwise"
-            ),
-        ]
-        | None
-    ) = None
+    hangs_from: Name | None = key(
+        '"support" or an earlier stage, which makes a tree; default the stage before,'
+        f" or the keystone of its filter ({NAMES})"
+    )
+    mirror: bool = key(
+        "whether this is the mirror, whose motion commands output by default; without one, the"
+        " end of the longest chain, of several as long the one listed first",
+        False,
+    )
+    position: Vector | None = key(
+        "nominal COM from the COM above (or support point), m; implied by a symmetric"
+        " set or an inverted pendulum, needed otherwise"
+    )
     wires: WireSet | None = None
-    wire: Annotated[list[Wire], doc("wires anywhere, instead of a symmetric set")] = []
+    wire: list[Wire] = key("wires anywhere, instead of a symmetric set", [])
     blades: BladeSet | None = None
-    blade: Annotated[list[Blade], doc("blades for wires that name them")] = []
-    spring: Annotated[list[Spring], doc("linear springs to the body above")] = []
+    blade: list[Blade] = key("blades for wires that name them", [])
+    spring: list[Spring] = key("linear springs to the body above", [])
     inverted_pendulum: InvertedPendulum | None = None
     filter: Filter | None = None
     damping: Damping | None = None
+
+    def faults(self) -> Problems:
+        """Check that it hangs or stands in one way, at a known position."""
+        legs = self.inverted_pendulum
+        if self.wires is not None and self.wire:
+            yield "wire", "conflicts with a symmetric set [stage.wires]", "keep one of the two"
+        if self.wires is None and not self.wire and not self.spring and legs is None:
+            ways = "[stage.wires], [[stage.wire]], [[stage.spring]] or [stage.inverted_pendulum]"
+            yield "", "has neither wires nor springs", f"add {ways}"
+        if legs is not None and self.wire_tables:
+            problem = "conflicts with wires: a stage either stands on legs or hangs on wires"
+            yield "inverted_pendulum", problem, "keep one of the two"
+        if self.wires is not None and self.position is not None:
+            yield "position", "a symmetric set implies the position", "remove it"
+        elif self.wires is None and self.position is None and legs is None:
+            remedy = "give the nominal COM from the COM above, [x, y, z] in m"
+            yield "position", "missing", remedy
+        if self.blades is not None and self.wires is None:
+            remedy = "use [[stage.blade]] and name the blade in each wire"
+            yield "blades", "goes with a symmetric set [stage.wires]", remedy
+        yield from unique(self, "blade", "blade")
 
     @property
     def wire_tables(self) -> list[WireSet | Wire]:
@@ -301,19 +307,13 @@ class Stage(Table, frozen=True):
 
 
 class _Imperfect(Table, frozen=True):
-    wire: Annotated[WireName, doc("a stage's name and a wire's number: test.1")] | None = None
-    body: Annotated[Name, doc(f"a stage's name, instead of a wire: {NAMES}")] | None = None
-    blade: (
-        Annotated[
-            str,
-            doc("a blade: test.blade1; for the blades of a filter its stage", max_length=80),
-        ]
-        | None
-    ) = None
-    leg: (
-        Annotated[str, doc("a leg of an inverted pendulum: platform.leg1", max_length=80)] | None
-    ) = None
-    link: Annotated[str, doc("the name of a link", max_length=80)] | None = None
+    wire: WireName | None = key("a stage's name and a wire's number: test.1")
+    body: Name | None = key(f"a stage's name, instead of a wire: {NAMES}")
+    blade: str | None = key(
+        "a blade: test.blade1; for the blades of a filter its stage", max_length=80
+    )
+    leg: str | None = key("a leg of an inverted pendulum: platform.leg1", max_length=80)
+    link: str | None = key("the name of a link", max_length=80)
 
 
 class Perturbation(imperfections.with_perturbations(_Imperfect)):
@@ -329,51 +329,64 @@ Root = Annotated[
 ]
 
 
-SpectralDensity = Annotated[float, Meta(ge=0, le=1e3)]
+SpectralDensity = Annotated[
+    float,
+    Meta(
+        ge=0,
+        le=1e3,
+        extra={
+            # optical shadow sensors reach 1e-10
+            "plausible": Plausible(
+                1e-4,
+                "is more than that of any sensor (0.0001)",
+                "give it in m/sqrt(Hz) or rad/sqrt(Hz)",
+                (("nm/sqrt(Hz)", 1e-9),),
+            )
+        },
+    ),
+]
 
 
 class GainAt(Table, frozen=True):
     """Magnitude of a filter at one frequency, which sets its gain."""
 
     frequency: Frequency
-    magnitude: Annotated[
-        float,
-        doc("|H| there, N/m (N m/rad); if negative, reverses the sign of H", ge=-1e20, le=1e20),
-    ]
+    magnitude: float = key(
+        "|H| there, N/m (N m/rad); if negative, reverses the sign of H", ge=-1e20, le=1e20
+    )
 
 
 class NoiseSpectrum(Table, frozen=True):
     """Amplitude spectral density of a sensor against frequency."""
 
-    asd: Annotated[
-        SpectralDensity | Annotated[list[SpectralDensity], Meta(min_length=2)],
-        doc(
-            "amplitude spectral density in m/sqrt(Hz) or rad/sqrt(Hz): that far above the"
-            " corner, or one per frequency"
-        ),
-    ]
-    corner: (
-        Annotated[
-            float,
-            of_unit(
-                "Hz",
-                "Hz; the density is asd sqrt(1 + corner / f), whose square rises as 1/f below",
-                gt=0,
-                le=1e6,
-            ),
-        ]
-        | None
-    ) = None
-    frequency: (
-        Annotated[
-            list[Frequency],
-            doc(
-                "Hz, ascending; interpolated linearly in the logarithms, constant outside",
-                min_length=2,
-            ),
-        ]
-        | None
-    ) = None
+    asd: SpectralDensity | Annotated[list[SpectralDensity], Meta(min_length=2)] = key(
+        "amplitude spectral density in m/sqrt(Hz) or rad/sqrt(Hz): that far above the"
+        " corner, or one per frequency"
+    )
+    corner: float | None = key(
+        "Hz; the density is asd sqrt(1 + corner / f), whose square rises as 1/f below",
+        unit="Hz",
+        gt=0,
+        le=1e6,
+    )
+    frequency: list[Frequency] | None = key(
+        "Hz, ascending; interpolated linearly in the logarithms, constant outside", min_length=2
+    )
+
+    def faults(self) -> Problems:
+        """Check that a density is given per frequency, or one with a corner."""
+        if isinstance(self.asd, list) != (self.frequency is not None):
+            problem = "asd and frequency are lists of one length, or asd a number without frequency"
+            yield "", problem, "give {asd, corner} or {frequency = [...], asd = [...]}"
+        elif self.frequency is not None and isinstance(self.asd, list):
+            yield from excludes(self, "frequency", "corner", remedy="remove it")
+            if len(self.frequency) != len(self.asd):
+                problem = f"has {len(self.asd)} values for {len(self.frequency)} frequencies"
+                yield "asd", problem, "give one per frequency"
+            yield from ascending(self, "frequency", "sort it, each frequency once")
+            if min(self.asd) <= 0:
+                problem = "must be positive, as its logarithm is interpolated"
+                yield "asd", problem, "give a small number instead of 0"
 
 
 FOTON = 'a Foton string: zpk([z;z],[p;p],k,"n"), gain(k), pole(f,"n"), ... and products of these'
@@ -387,64 +400,67 @@ class Loop(Table, frozen=True):
     """
 
     name: Name
-    sensor: Annotated[str, doc("a motion of a stage: upper.x, upper.x@0,0,0.01")]
-    actuator: Annotated[str, doc("a force or torque on a stage: upper.force_x")]
-    reference: Annotated[
-        Literal["support", "inertial"],
-        doc(
-            '"support": sensor and actuator act between body and support structure;'
-            ' "inertial": against inertial space'
-        ),
-    ] = "support"
-    damper: (
-        Annotated[
-            float,
-            doc(
-                "force per velocity, N s/m (N m s/rad): H = 2 pi i f times this", ge=-1e12, le=1e12
-            ),
-        ]
-        | None
-    ) = None
-    gain: (
-        Annotated[
-            float,
-            doc(
-                "H = gain times the product of (i f + z) over that of (i f + p); N/m (N m/rad)"
-                " times Hz^(number of poles - number of zeros)",
-                ge=-1e20,
-                le=1e20,
-            ),
-        ]
-        | None
-    ) = None
+    sensor: str = key("a motion of a stage: upper.x, upper.x@0,0,0.01")
+    actuator: str = key("a force or torque on a stage: upper.force_x")
+    reference: Literal["support", "inertial"] = key(
+        '"support": sensor and actuator act between body and support structure;'
+        ' "inertial": against inertial space',
+        "support",
+    )
+    damper: float | None = key(
+        "force per velocity, N s/m (N m s/rad): H = 2 pi i f times this", ge=-1e12, le=1e12
+    )
+    gain: float | None = key(
+        "H = gain times the product of (i f + z) over that of (i f + p); N/m (N m/rad)"
+        " times Hz^(number of poles - number of zeros)",
+        ge=-1e20,
+        le=1e20,
+    )
     zeros: Root = []
     poles: Root = []
-    filter: Annotated[str, doc(f"H in N/m (N m/rad) as {FOTON}")] | None = None
-    gain_at: Annotated[GainAt, doc("sets the gain of zeros and poles, or of filter")] | None = None
-    delay: Annotated[
-        float,
-        of_unit("s", "delay of the loop in s, a factor exp(-2 pi i f delay)", ge=0, le=10.0),
-    ] = 0.0
-    sensor_response: Annotated[str, doc(f"reading over motion of the sensor: {FOTON}")] | None = (
-        None
+    filter: str | None = key(f"H in N/m (N m/rad) as {FOTON}")
+    gain_at: GainAt | None = key("sets the gain of zeros and poles, or of filter")
+    delay: float = key(
+        "delay of the loop in s, a factor exp(-2 pi i f delay)", 0.0, unit="s", ge=0, le=10.0
     )
-    sensor_noise: Annotated[
-        SpectralDensity | NoiseSpectrum,
-        doc(
-            "amplitude spectral density as motion, m/sqrt(Hz) or rad/sqrt(Hz): flat, or {asd,"
-            " corner}, or {frequency, asd}"
-        ),
-    ] = 0.0
-    actuator_noise: Annotated[
-        float,
-        doc("amplitude spectral density in N/sqrt(Hz) or N m/sqrt(Hz), flat", ge=0, le=1e3),
-    ] = 0.0
+    sensor_response: str | None = key(f"reading over motion of the sensor: {FOTON}")
+    sensor_noise: SpectralDensity | NoiseSpectrum = key(
+        "amplitude spectral density as motion, m/sqrt(Hz) or rad/sqrt(Hz): flat, or {asd,"
+        " corner}, or {frequency, asd}",
+        0.0,
+    )
+    actuator_noise: float = key(
+        "amplitude spectral density in N/sqrt(Hz) or N m/sqrt(Hz), flat", 0.0, ge=0, le=1e3
+    )
+
+    def faults(self) -> Problems:
+        """Check that it has one filter, and that the strings of filters can be read."""
+        if not (self.gain_at and self.damper is None and self.gain is None):
+            what = "damper, or gain (or gain_at) with zeros and poles, or filter"
+            yield from exactly_one(self, "damper", "gain", "filter", give=what)
+            yield from excludes(self, "gain_at", "damper", "gain")
+        if self.damper is not None or self.filter is not None:
+            problem, other = "a damper has no filter", "damper"
+            if self.damper is None:
+                problem, other = "conflicts with filter, which has its own roots", "filter"
+            for name in ("zeros", "poles"):
+                if getattr(self, name):
+                    yield name, problem, f"give gain instead of {other}"
+        for name in given(self, "filter", "sensor_response"):
+            try:
+                foton.parse(getattr(self, name))
+            except foton.FotonError as error:
+                yield name, error.problem, error.remedy
 
 
 class Control(Table, frozen=True):
     """Local control."""
 
-    loop: Annotated[list[Loop], Meta(min_length=1)]
+    loop: list[Loop] = key(min_length=1)
+
+    def faults(self) -> Problems:
+        """Check that loops have different names."""
+        yield from unique(self, "loop", "loop")
 
 
 Spread = Annotated[float, Meta(ge=0, le=1e3)]
@@ -453,18 +469,35 @@ Spread = Annotated[float, Meta(ge=0, le=1e3)]
 class Distribution(Table, frozen=True):
     """Scatter of builds about the nominal value, independent from build to build."""
 
-    normal: Annotated[Spread, doc("standard deviation")] | None = None
-    uniform: Annotated[Spread, doc("half width")] | None = None
-    truncate: Annotated[Spread, doc("largest deviation of a normal distribution")] | None = None
+    normal: Spread | None = key("standard deviation")
+    uniform: Spread | None = key("half width")
+    truncate: Spread | None = key("largest deviation of a normal distribution")
+
+    def faults(self) -> Problems:
+        """Check that it is normal or uniform."""
+        what = "normal (standard deviation) or uniform (half width)"
+        yield from exactly_one(self, "normal", "uniform", give=what)
+        if self.truncate is not None and not (self.normal and self.truncate > 0):
+            yield (
+                "truncate",
+                "goes with a normal distribution and must be positive",
+                "give normal too",
+            )
 
 
 class _WireScatter(Table, frozen=True):
-    stage: Annotated[Name, doc(f"a stage's name, for each of its wires: {NAMES}")] | None = None
-    wire: Annotated[WireName, doc("one wire, instead of a stage: test.1")] | None = None
+    stage: Name | None = key(f"a stage's name, for each of its wires: {NAMES}")
+    wire: WireName | None = key("one wire, instead of a stage: test.1")
 
 
 class _PartScatter(Table, frozen=True):
     stage: StageName
+
+
+def _spread_faults(item: Table, part: imperfections.Part) -> Problems:
+    known = [row.spread for row in imperfections.scattered(part)]
+    if not given(item, *known):
+        yield "", "has no distribution", f"give {' or '.join(known)}"
 
 
 class WireTolerance(imperfections.with_spreads(_WireScatter, "wire", Distribution)):
@@ -472,9 +505,18 @@ class WireTolerance(imperfections.with_spreads(_WireScatter, "wire", Distributio
 
     hold: Hold = "loaded-length"
 
+    def faults(self) -> Problems:
+        """Check that it names one stage or wire, and a distribution."""
+        yield from exactly_one(self, "stage", "wire", give='stage = "test" or wire = "test.1"')
+        yield from _spread_faults(self, "wire")
+
 
 class BodyTolerance(imperfections.with_spreads(_PartScatter, "body", Distribution)):
     """Scatter of one body."""
+
+    def faults(self) -> Problems:
+        """Check that it has a distribution."""
+        yield from _spread_faults(self, "body")
 
 
 class BladeTolerance(imperfections.with_spreads(_PartScatter, "blade", Distribution)):
@@ -486,7 +528,7 @@ class LegTolerance(imperfections.with_spreads(_PartScatter, "leg", Distribution)
 
 
 class _LinkScatter(Table, frozen=True):
-    link: Annotated[str, doc("the name of a link", max_length=80)]
+    link: str = key("the name of a link", max_length=80)
 
 
 class LinkTolerance(imperfections.with_spreads(_LinkScatter, "link", Distribution)):
@@ -499,23 +541,23 @@ Limit = Annotated[float, doc("limit above zero, SI", gt=0, le=1e20)]
 class Requirement(Table, frozen=True):
     """Requirement on every build, in SI units (Hz for modes)."""
 
-    quantity: Annotated[
-        str,
-        doc(
-            "a mode's label, coupling, STAGE static DOF (x, y, height, roll, pitch or yaw), or"
-            " a response OUTPUT/INPUT:FREQUENCY",
-            max_length=200,
-        ),
-    ]
-    band: (
-        Annotated[
-            list[Annotated[float, Meta(ge=-1e20, le=1e20)]],
-            doc("least and largest value", min_length=2, max_length=2),
-        ]
-        | None
-    ) = None
-    below: Annotated[Limit, doc("upper limit of the magnitude")] | None = None
-    above: Annotated[Limit, doc("lower limit of the magnitude")] | None = None
+    quantity: str = key(
+        "a mode's label, coupling, STAGE static DOF (x, y, height, roll, pitch or yaw), or"
+        " a response OUTPUT/INPUT:FREQUENCY",
+        max_length=200,
+    )
+    band: list[Annotated[float, Meta(ge=-1e20, le=1e20)]] | None = key(
+        "least and largest value", min_length=2, max_length=2
+    )
+    below: Limit | None = key("upper limit of the magnitude")
+    above: Limit | None = key("lower limit of the magnitude")
+
+    def faults(self) -> Problems:
+        """Check that it has one limit."""
+        what = "band = [least, largest], below = limit or above = limit"
+        yield from exactly_one(self, "band", "below", "above", give=what)
+        if self.band is not None and not self.band[0] < self.band[1]:
+            yield "band", "is reversed or empty, so that no build is in it", "give [least, largest]"
 
 
 class Tolerance(Table, frozen=True):
@@ -528,12 +570,18 @@ class Tolerance(Table, frozen=True):
     link: list[LinkTolerance] = []
     require: list[Requirement] = []
 
+    def faults(self) -> Problems:
+        """Check that anything scatters."""
+        if not any(getattr(self, part) for part in imperfections.PARTS):
+            ways = " or ".join(f"[[tolerance.{part}]]" for part in imperfections.PARTS)
+            yield "", "has no distribution", f"add {ways}"
+
 
 class Design(Table, frozen=True):
     """A whole design file."""
 
     design: Header
-    stage: Annotated[list[Stage], doc("bodies, top to bottom", min_length=1)]
+    stage: list[Stage] = key("bodies, top to bottom", min_length=1)
     constants: Constants = Constants()
     materials: dict[str, Material] = {}
     gas: Gas | None = None
@@ -541,12 +589,11 @@ class Design(Table, frozen=True):
     control: Control | None = None
     tolerance: Tolerance | None = None
     perturbation: list[Perturbation] = []
-    link: Annotated[list[Link], doc("springs between any two bodies")] = []
-    damper: Annotated[list[Damper], doc("dampers between any two bodies")] = []
-    analysis: Annotated[
-        dict[str, Raw],
-        doc("defaults for a command's options, under the options' own names"),
-    ] = {}
+    link: list[Link] = key("springs between any two bodies", [])
+    damper: list[Damper] = key("dampers between any two bodies", [])
+    analysis: dict[str, Raw] = key(
+        "defaults for a command's options, under the options' own names", {}
+    )
 
     @property
     def is_active(self) -> bool:

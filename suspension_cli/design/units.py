@@ -2,24 +2,65 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import (
+    Annotated,
+    Any,
+    Literal,
+    NamedTuple,
+    Optional,
+    Union,
+    dataclass_transform,
+    get_args,
+    get_type_hints,
+)
 
+import msgspec
 from msgspec import Meta, Struct
 
 Raw = dict[str, Any]
 """Tables of a TOML file as they are read, before they are checked."""
 Schema = dict[str, Any]
 """A JSON Schema, or a part of one."""
+Problems = Iterator[tuple[str, str, str]]
+"""Key, problem and remedy of what is wrong with a table ("" for the whole table)."""
+
+
+@dataclass(frozen=True)
+class Plausible:
+    """Range of the magnitude of plausible numbers; others are valid, but rarely meant.
+
+    Attributes
+    ----------
+    above, below
+        The problem of larger and smaller numbers.
+    remedy
+        What to do if no other unit was probably meant.
+    units
+        Other units (name, size in SI) that may have been meant.
+    serious
+        Whether results are meaningless beyond the range, so that analyses warn too.
+    """
+
+    high: float
+    above: str
+    remedy: str = "give it in m"
+    units: tuple[tuple[str, float], ...] = (("mm", 1e-3), ("um", 1e-6))
+    low: float = 0.0
+    below: str = ""
+    serious: bool = False
 
 
 def doc(description: str, **bounds: Any) -> Meta:
     """Describe a value, and bound it."""
-    return Meta(description=description, **bounds)
+    return Meta(description=description or None, **bounds)
 
 
-def of_unit(name: str, description: str, **bounds: Any) -> Meta:
+def of_unit(name: str, description: str, plausible: Plausible | None = None, **bounds: Any) -> Meta:
     """Describe a number in an SI unit; `unit` reads it back from the type."""
-    return Meta(description=description or None, extra={"unit": name}, **bounds)
+    facts = {"unit": name, "plausible": plausible}
+    return doc(description, extra={name: fact for name, fact in facts.items() if fact}, **bounds)
 
 
 def unit(kind: object) -> str:
@@ -32,8 +73,66 @@ def unit(kind: object) -> str:
     return next((extra["unit"] for extra in found if extra and "unit" in extra), "")
 
 
-class Table(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
+class _Key(NamedTuple):
+    default: Any
+    meta: Meta
+
+
+_REQUIRED: Any = object()
+
+
+def key(description: str = "", default: Any = _REQUIRED, *, unit: str = "", **bounds: Any) -> Any:
+    """Declare a key of a table beside its type: description, unit, `plausible` range and bounds.
+
+    A key without a default is required, but for one whose type allows None.
+    """
+    return _Key(default, of_unit(unit, description, **bounds))
+
+
+@dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(msgspec.field,))
+class _Declared(msgspec.StructMeta):
+    """Turns each `key` of a table into its default, and its description into a part of the type."""
+
+    def __new__(
+        cls, name: str, bases: tuple[type, ...], namespace: Raw, **options: Any
+    ) -> _Declared:
+        described: dict[str, Meta] = {}
+        for field, hint in namespace.get("__annotations__", {}).items():
+            if isinstance(namespace.get(field), _Key):
+                default, described[field] = namespace.pop(field)
+                if default is _REQUIRED and str(hint).endswith("| None"):
+                    default = None
+                if isinstance(default, list) and default:
+                    default = msgspec.field(default_factory=default.copy)
+                if default is not _REQUIRED:
+                    namespace[field] = default
+        made = super().__new__(cls, name, bases, namespace, kw_only=True, **options)
+        if described:
+            hints = get_type_hints(made, include_extras=True)
+            for field, meta in described.items():
+                members = [one for one in get_args(hints[field]) if one is not type(None)]
+                optional = type(None) in get_args(hints[field])
+                kind = Union[tuple(members)] if optional else hints[field]  # noqa: UP007
+                kind = Annotated[kind, meta]
+                made.__annotations__[field] = Optional[kind] if optional else kind  # noqa: UP045
+        return made
+
+
+class Table(
+    Struct, metaclass=_Declared, frozen=True, forbid_unknown_fields=True, omit_defaults=True
+):
     """Base of all tables of a file: immutable, and unknown keys are faults."""
+
+    def faults(self) -> Problems:
+        """Find what is wrong beyond single values, by `design.rules` and rules of its own."""
+        yield from ()
+
+
+def extend_table(base: type[Table], keys: Mapping[str, object]) -> Any:
+    """Derive a table from another, with more keys: their types by name, not required with None."""
+    optional = {name: None for name, kind in keys.items() if type(None) in get_args(kind)}
+    namespace = {"__module__": base.__module__, "__annotations__": dict(keys), **optional}
+    return _Declared(f"_{base.__name__}", (base,), namespace, frozen=True)
 
 
 NAMES = "letters, digits, _ and -, starting with a letter"
@@ -58,17 +157,32 @@ Inertia = Annotated[
     float,
     of_unit("kg m^2", "moment or product of inertia in kg m^2", ge=-1e15, le=1e15),
 ]
-Strength = Annotated[
-    float,
+BodySize = Annotated[
+    Length,
     of_unit(
-        "Pa", "stress in Pa at which the material breaks (or, of blades, yields)", ge=1.0, le=1e13
+        "m",
+        "length in m",
+        Plausible(10.0, "is larger than any suspended body (10 m)", "check it", serious=True),
     ),
 ]
-Density = Annotated[float, of_unit("kg/m^3", "density in kg/m^3", ge=1e-3, le=1e6)]
-Modulus = Annotated[float, of_unit("Pa", "Young's modulus in Pa", ge=1.0, le=1e15)]
-Poisson = Annotated[
+Density = Annotated[
     float,
-    of_unit("1", "Poisson's ratio, for the twisting of wires; 0.3 if not given", gt=-1, lt=0.5),
+    of_unit(
+        "kg/m^3",
+        "density in kg/m^3",
+        # osmium: CRC Handbook of Chemistry and Physics; only aerogels are less dense than foam
+        Plausible(
+            22_600.0,
+            "is denser than osmium (22600 kg/m^3)",
+            "give it in kg/m^3",
+            (("g/cm^3", 1e3), ("g/m^3", 1e-3)),
+            25.0,
+            "is less dense than foam (25 kg/m^3)",
+            serious=True,
+        ),
+        ge=1e-3,
+        le=1e6,
+    ),
 ]
 Stiffness = Annotated[float, of_unit("N/m", "stiffness in N/m", ge=1e-12, le=1e20)]
 Torsion = Annotated[float, of_unit("N m/rad", "torsional stiffness in N m/rad", ge=1e-18, le=1e15)]
@@ -78,10 +192,29 @@ Coefficient = Annotated[
 Load = Annotated[float, doc("force in N or torque in N m", ge=-1e12, le=1e12)]
 Tension = Annotated[float, of_unit("N", "tension in N", ge=1e-12, le=1e12)]
 Frequency = Annotated[float, of_unit("Hz", "frequency in Hz", ge=1e-6, le=1e6)]
+ISOLATING = Plausible(
+    100.0,
+    "is above 100 Hz, where it isolates from nothing",
+    "give it in Hz",
+    (("mHz", 1e-3),),
+)
+"""Frequencies of parts that isolate, a few Hz."""
+PART_SIZE = Plausible(10.0, "is larger than any part of a suspension (10 m)")
 Kelvin = Annotated[float, of_unit("K", "temperature in K", gt=0, le=1e4)]
 Expansion = Annotated[
     float,
-    of_unit("1/K", "coefficient of linear thermal expansion in 1/K", ge=-1e-2, le=1e-2),
+    of_unit(
+        "1/K",
+        "coefficient of linear thermal expansion in 1/K",
+        Plausible(
+            1e-3,
+            "is more than 0.001 1/K, twice that of any solid",
+            "give it in 1/K: 1.2e-5 for steel",
+            (("1e-6 1/K", 1e-6),),
+        ),
+        ge=-1e-2,
+        le=1e-2,
+    ),
 ]
 ModulusSlope = Annotated[
     float,
@@ -92,37 +225,48 @@ ModulusSlope = Annotated[
         le=1.0,
     ),
 ]
-SpecificHeat = Annotated[float, of_unit("J/(kg K)", "specific heat in J/(kg K)", ge=1e-6, le=1e6)]
-Conductivity = Annotated[
-    float, of_unit("W/(m K)", "thermal conductivity in W/(m K)", ge=1e-6, le=1e6)
-]
-Pressure = Annotated[
+GRAVITY = "is outside 1 to 30 m/s^2, of small moons to giant planets"
+Acceleration = Annotated[
     float,
     of_unit(
-        "Pa", "pressure in Pa, of a gas so dilute that its molecules do not collide", ge=0, le=1e3
+        "m/s^2",
+        "acceleration in m/s^2",
+        # the Moon's is 1.6, Jupiter's 25
+        Plausible(
+            30.0,
+            GRAVITY,
+            "give it in m/s^2: 9.81 on Earth",
+            (("cm/s^2", 1e-2), ("mm/s^2", 1e-3)),
+            1.0,
+            GRAVITY,
+        ),
+        gt=0,
+        le=1e3,
     ),
 ]
-MolarMass = Annotated[
-    float, of_unit("kg/mol", "molar mass in kg/mol; 0.028 is nitrogen", ge=1e-3, le=1.0)
-]
-Acceleration = Annotated[float, of_unit("m/s^2", "acceleration in m/s^2", gt=0, le=1e3)]
 Pull = Annotated[float, of_unit("m/s^2", "component of gravity in m/s^2", ge=-1e3, le=1e3)]
 GravityVector = Annotated[
     list[Pull], doc("gravity along x, y and z in m/s^2", min_length=3, max_length=3)
 ]
 GravityGradient = Annotated[
-    float, of_unit("1/s^2", "gradient of gravity in 1/s^2", ge=-1.0, le=1.0)
+    float,
+    of_unit(
+        "1/s^2",
+        "gradient of gravity in 1/s^2",
+        Plausible(
+            1e-3,
+            "is more than 0.001 1/s^2, 300 times that of Earth",
+            "give it in 1/s^2: 3.1e-6 on Earth (1 eotvos is 1e-9, 1 mGal/m is 1e-5)",
+            (),
+        ),
+        ge=-1.0,
+        le=1.0,
+    ),
 ]
 GravityRow = Annotated[list[GravityGradient], Meta(min_length=3, max_length=3)]
 PositiveLossAngle = Annotated[float, of_unit("rad", "loss angle in rad, above zero", gt=0, lt=1)]
 LossAngle = Annotated[float, of_unit("rad", "loss angle in rad", ge=0, lt=1)]
 Factor = Annotated[float, of_unit("1", "factor on the nominal value", ge=1e-6, le=1e6)]
-ShapeFactor = Annotated[
-    float,
-    of_unit(
-        "1", "shape factor of a cantilever blade: 1 rectangular, 1.5 triangular", ge=0.5, le=10
-    ),
-]
 
 Component = Annotated[float, of_unit("1", "component of a direction", ge=-1e5, le=1e5)]
 Vector = Annotated[tuple[Position, Position, Position], doc("x, y, z in m")]
@@ -152,7 +296,10 @@ Hold = Annotated[
         ' "natural-length": its unstretched length stays'
     ),
 ]
-MaterialName = Annotated[Name, doc(f"name of a material, built in or of [materials]: {NAMES}")]
+MaterialName = Annotated[
+    Name,
+    doc(f"name of a material, built in or of [materials]: {NAMES}", extra={"names": "material"}),
+]
 WireName = Annotated[
     str,
     doc(

@@ -1,4 +1,4 @@
-"""Wires and blades of the design file format as frozen types."""
+"""Wires and blades of the design file format, with the rules of their keys."""
 
 from __future__ import annotations
 
@@ -9,7 +9,16 @@ from suspension_cli.design.cross_sections.round import Round
 from suspension_cli.design.cross_sections.shape import CrossSection
 from suspension_cli.design.losses.mechanism import with_keys
 from suspension_cli.design.losses.registry import MECHANISMS
+from suspension_cli.design.rules import (
+    ascending,
+    exactly_one,
+    excludes,
+    given,
+    not_tiny,
+    whole_or_parts,
+)
 from suspension_cli.design.units import (
+    ISOLATING,
     NAMES,
     Angle,
     Direction,
@@ -20,37 +29,23 @@ from suspension_cli.design.units import (
     MassOrZero,
     MaterialName,
     Name,
+    Plausible,
     Position,
+    Problems,
     Separation,
-    ShapeFactor,
     Stiffness,
     Table,
     Tension,
     Torsion,
     Vector,
     doc,
-    of_unit,
+    key,
 )
 
-WireMaterial = Annotated[
-    MaterialName,
-    doc(
-        f"name of a material, built in or of [materials] ({NAMES}); with a cross-section: k = E"
-        " A / l"
-    ),
-]
-Radius = Annotated[Length, doc("radius of a round wire, m")]
-
-
-WireTorsion = Annotated[
-    Torsion,
-    doc(
-        "torsional stiffness of the wire about its axis, N m/rad; default: none in the models"
-        " up to string; in beam and violin that of its cross-section, material and tension,"
-        " (G J + T I_p / A) / l"
-    ),
-]
-
+CROSS_SECTIONS: tuple[type[CrossSection], ...] = (Round, Ribbon)
+"""Cross-sections; each has its key in `AnyWire` and `WireSection`."""
+SHAPES = tuple(kind.key for kind in CROSS_SECTIONS)
+"""Keys of the cross-sections."""
 
 Radii = Annotated[
     list[Length],
@@ -66,38 +61,23 @@ Steps = Annotated[
 class WireSection(Table, frozen=True):
     """A stretch of a wire: uniform, or tapered linearly from one radius to another."""
 
-    length: (
-        Annotated[
-            Length,
-            doc(
-                "loaded length, m; the lengths sum to the wire's; one section may leave its own"
-                " out and takes the rest"
-            ),
-        ]
-        | None
-    ) = None
-    radius: (
-        Annotated[
-            Length | Radii,
-            doc("radius of a round stretch, m; [upper, lower] of a tapered one"),
-        ]
-        | None
-    ) = None
-    section: Ribbon | None = None
-    material: Annotated[Name, doc(f"name of a material; default the wire's ({NAMES})")] | None = (
-        None
+    length: Length | None = key(
+        "loaded length, m; the lengths sum to the wire's; one section may leave its own"
+        " out and takes the rest"
     )
+    radius: Length | Radii | None = key(
+        "radius of a round stretch, m; [upper, lower] of a tapered one"
+    )
+    section: Ribbon | None = None
+    material: MaterialName | None = key(f"name of a material; default the wire's ({NAMES})")
     steps: Steps | None = None
 
-
-Sections = Annotated[
-    list[WireSection],
-    doc(
-        "stretches from the upper to the lower end, instead of radius and section",
-        min_length=1,
-        max_length=100,
-    ),
-]
+    def faults(self) -> Problems:
+        """Check that it has one cross-section, and steps only of a taper."""
+        what = " or ".join(kind.form for kind in CROSS_SECTIONS)
+        yield from exactly_one(self, *SHAPES, give=what)
+        if self.steps is not None and not isinstance(self.radius, list):
+            yield "steps", "goes with a taper", "give radius = [upper, lower], or remove it"
 
 
 class Clamp(Table, frozen=True):
@@ -114,7 +94,7 @@ class EndTemperatures(Table, frozen=True):
     lower: Kelvin
 
 
-Clamped = Annotated[
+Clamped = (
     Annotated[
         Literal["wire", "bending-point"],
         doc(
@@ -122,283 +102,307 @@ Clamped = Annotated[
             " y, z] }"
         ),
     ]
-    | Clamp,
-    doc(
-        'how the ends are held: "wire" (along the nominal wire), "bending-point" (the ends are'
-        " the effective bending points, the clamps lie beyond), or directions"
-        " { upper = [x, y, z], lower = [x, y, z] }"
-    ),
-]
-Temperature = Annotated[
-    Kelvin | EndTemperatures,
-    doc("temperature in K, or { upper, lower }; default that of [constants]"),
-]
+    | Clamp
+)
 
 
 class Neck(Table, frozen=True):
     """Thick ends of a fibre, equal above and below: stock, and a taper to the fibre's radius."""
 
-    radius: Annotated[Length, doc("radius of the stock, m")]
-    length: Annotated[Length, doc("length of each linear taper, m")]
-    stock: Annotated[Separation, doc("length of uniform stock beyond each taper, m")] = 0.0
+    radius: Length = key("radius of the stock, m")
+    length: Length = key("length of each linear taper, m")
+    stock: Separation = key("length of uniform stock beyond each taper, m", 0.0)
     steps: Steps | None = None
-
-
-ProfileError = Annotated[
-    float,
-    of_unit(
-        "1",
-        "relative error that reducing the profile to uniform sections may leave",
-        ge=1e-4,
-        le=0.1,
-    ),
-]
 
 
 class Profile(Table, frozen=True):
     """Diameter of a round fibre along its length, as measured."""
 
-    file: (
-        Annotated[
-            str,
-            doc(
-                "CSV file of positions and diameters, from this file's folder; read once",
-                max_length=1000,
-            ),
-        ]
-        | None
-    ) = None
-    position: Annotated[
-        list[Annotated[float, of_unit("m", "position in m", ge=-1e5, le=1e5)]],
-        doc("positions from the upper end down, ascending, m", max_length=20000),
-    ] = []
-    diameter: Annotated[list[Length], doc("diameter at each position, m", max_length=20000)] = []
-    error: ProfileError = 1e-3
+    file: str | None = key(
+        "CSV file of positions and diameters, from this file's folder; read once", max_length=1000
+    )
+    position: list[Position] = key(
+        "positions from the upper end down, ascending, m", [], max_length=20000
+    )
+    diameter: list[Length] = key("diameter at each position, m", [], max_length=20000)
+    error: float = key(
+        "relative error that reducing the profile to uniform sections may leave",
+        1e-3,
+        unit="1",
+        ge=1e-4,
+        le=0.1,
+    )
 
-
-FibreProfile = Annotated[
-    Annotated[str, doc("a CSV file", max_length=1000)] | Profile,
-    doc(
-        "measured diameter against length instead of a radius: a CSV file from this file's"
-        " folder, or { file, error } or { position, diameter, error }"
-    ),
-]
-FibreNeck = Annotated[
-    Neck, doc("thick ends of a fibre of this radius, equal above and below: { radius, length }")
-]
-Hinged = Annotated[
-    Literal["hinged"],
-    doc(
-        'string model: "hinged" ends the string sqrt(E I / T) from each clamp (an'
-        " approximation); beam and violin bend the wire exactly and ignore it"
-    ),
-]
+    def faults(self) -> Problems:
+        """Check that it has a diameter per place, from the upper end down."""
+        places = len(self.position)
+        if self.file is not None and not places:
+            remedy = "read the design from its file, or give { position, diameter }"
+            yield "file", "is a file that was not read", remedy
+        elif places < 2 or places != len(self.diameter):
+            problem = f"has {len(self.diameter)} diameters at {places} places"
+            yield "", problem, "give one diameter per place, at two places or more"
+        else:
+            yield from ascending(self, "position", "sort the table by position, each place once")
 
 
 if TYPE_CHECKING:
     _WireLosses = Table
 else:
-    _WireLosses = with_keys(Table, MECHANISMS, "wire")
+    _WireLosses = with_keys(Table, MECHANISMS, of_wire=True)
 
 
-class WireSet(_WireLosses, frozen=True):
-    """Wires symmetric in x and y, in the paper's symbols: 1, 2 or 4; or any number on a ring."""
+class AnyWire(_WireLosses, frozen=True):
+    """Composition of a wire or of each of a set, and how its ends are held."""
 
-    count: Annotated[int, doc("number of wires: 1, 2 or 4; any with a ring", ge=1, le=100)]
-    l: Annotated[Length, doc("loaded length of each wire, m")]
-    s: Annotated[Separation, doc("half separation in x at both ends, m (four wires)")] | None = None
-    s_upper: Annotated[Separation, doc("half separation in x at the upper end, m")] | None = None
-    s_lower: (
-        Annotated[
-            Position,
-            doc("half separation in x at the lower end, m; negative: wires cross"),
-        ]
-        | None
-    ) = None
-    t1: Annotated[Separation, doc("half separation in y at the upper end, m")] | None = None
-    t2: (
-        Annotated[
-            Position,
-            doc("half separation in y at the lower end, m; negative: wires cross"),
-        ]
-        | None
-    ) = None
-    ring: (
-        Annotated[Separation, doc("radius of the circle of the ends, m, above and below")] | None
-    ) = None
-    ring_upper: Annotated[Separation, doc("radius of the circle of the upper ends, m")] | None = (
-        None
+    material: MaterialName | None = key(
+        f"name of a material, built in or of [materials] ({NAMES}); with a cross-section: k = E"
+        " A / l"
     )
-    ring_lower: (
-        Annotated[
-            Position,
-            doc("radius of the circle of the lower ends, m; negative: the wires cross at the axis"),
-        ]
-        | None
-    ) = None
-    phase: Annotated[Angle, doc("angle of the first wire of a ring from x towards y, rad")] = 0.0
-    d: Annotated[Position, doc("height of the lower end above the COM of this body, m")] = 0.0
-    d_upper: Annotated[
-        Position, doc("depth of the upper end below the COM of the body above, m")
-    ] = 0.0
-    material: WireMaterial | None = None
-    radius: Radius | None = None
+    radius: Length | None = key("radius of a round wire, m")
     section: Ribbon | None = None
-    sections: Sections | None = None
-    neck: FibreNeck | None = None
-    profile: FibreProfile | None = None
-    k: (
-        Annotated[
-            Stiffness,
-            doc(
-                "spring constant of one wire, N/m, instead of material and cross-section;"
-                " beside them it overrides E A / l"
-            ),
-        ]
-        | None
-    ) = None
-    torsion: WireTorsion | None = None
-    clamp: Clamped = "wire"
-    bending: Hinged | None = None
-    temperature: Temperature | None = None
+    sections: list[WireSection] | None = key(
+        "stretches from the upper to the lower end, instead of radius and section",
+        min_length=1,
+        max_length=100,
+    )
+    neck: Neck | None = key(
+        "thick ends of a fibre of this radius, equal above and below: { radius, length }"
+    )
+    profile: Annotated[str, doc("a CSV file", max_length=1000)] | Profile | None = key(
+        "measured diameter against length instead of a radius: a CSV file from this file's"
+        " folder, or { file, error } or { position, diameter, error }"
+    )
+    k: Stiffness | None = key(
+        "spring constant of one wire, N/m, instead of material and cross-section; beside them it"
+        " overrides E A / l, with the loaded length or, if given, the natural_length"
+    )
+    torsion: Torsion | None = key(
+        "torsional stiffness of the wire about its axis, N m/rad; default: none in the models"
+        " up to string; in beam and violin that of its cross-section, material and tension,"
+        " (G J + T I_p / A) / l"
+    )
+    clamp: Clamped = key(
+        'how the ends are held: "wire" (along the nominal wire), "bending-point" (the ends are'
+        " the effective bending points, the clamps lie beyond), or directions"
+        " { upper = [x, y, z], lower = [x, y, z] }",
+        "wire",
+    )
+    bending: Literal["hinged"] | None = key(
+        'string model: "hinged" ends the string sqrt(E I / T) from each clamp (an'
+        " approximation); beam and violin bend the wire exactly and ignore it"
+    )
+    temperature: Kelvin | EndTemperatures | None = key(
+        "temperature in K, or { upper, lower }; default that of [constants]"
+    )
+
+    def faults(self) -> Problems:
+        """Check that the wire has k, or a material and one way to give its cross-section."""
+        for mechanism in MECHANISMS:
+            yield from mechanism.check_wire(self)
+        simple = self.profile is None and self.sections is None
+        shapes = [kind for kind in CROSS_SECTIONS if getattr(self, kind.key) is not None]
+        if self.bending and self.k and simple and not shapes:
+            remedy = "give material and radius too, or remove it"
+            yield "bending", "needs the wire's cross-section", remedy
+        if self.profile is not None:
+            others = (*SHAPES, "sections", "neck")
+            yield from excludes(self, "profile", *others, problem="conflicts with a profile")
+            if self.material is None:
+                yield "material", "missing", "name the material of the fibre"
+            if isinstance(self.profile, str):
+                remedy = "read the design from its file, or give { position, diameter }"
+                yield "profile", "is a file that was not read", remedy
+            return
+        if self.neck is not None:
+            yield from self._neck_faults(self.neck)
+        if self.sections is not None:
+            yield from excludes(self, "sections", *SHAPES, remedy="give it in the sections alone")
+            yield from self._section_faults(self.sections)
+            return
+        if len(shapes) > 1:
+            remedy = "give " + " or ".join(f"{kind.key} for {kind.wire}" for kind in CROSS_SECTIONS)
+            yield shapes[0].key, f"conflicts with a {shapes[1].key}", remedy
+        if self.k is None and self.material is None:
+            yield "material", "missing", "name a material, or give k in N/m"
+        if self.k is None and not shapes and self.neck is None:
+            remedy = f"give the wire's {' or '.join(SHAPES)} in m, or k in N/m"
+            yield SHAPES[0], "missing", remedy
+
+    def _neck_faults(self, neck: Neck) -> Problems:
+        others = given(self, "section", "sections")
+        if others:
+            yield others[0], "conflicts with neck", "give radius and neck alone"
+        elif self.radius is None:
+            yield "radius", "missing", "give the radius between the necks in m"
+        elif neck.radius <= self.radius:
+            problem = f"is not above the radius of the fibre ({self.radius:g} m)"
+            yield "neck.radius", problem, "give the radius of the thick ends in m"
+
+    def _section_faults(self, sections: list[WireSection]) -> Problems:
+        open_ended = [n for n, piece in enumerate(sections, 1) if piece.length is None]
+        for n in open_ended[1:]:
+            remedy = f"give it in m; section {open_ended[0]} takes the rest already"
+            yield f"sections.{n}.length", "missing", remedy
+        for n, piece in enumerate(sections, 1):
+            if piece.material is None and self.material is None and self.k is None:
+                remedy = "name a material here or for the whole wire"
+                yield f"sections.{n}.material", "missing", remedy
 
 
-class Wire(_WireLosses, frozen=True):
-    """One wire, its ends in the frames of the two bodies, from their COMs or the support point."""
-
-    upper: Annotated[Vector, doc("upper end, from the COM above or the support point, m")]
-    lower: Annotated[Vector, doc("lower end, from this body's COM, m")]
-    material: WireMaterial | None = None
-    radius: Radius | None = None
-    section: Ribbon | None = None
-    sections: Sections | None = None
-    neck: FibreNeck | None = None
-    profile: FibreProfile | None = None
-    k: (
-        Annotated[
-            Stiffness,
-            doc(
-                "spring constant, N/m, as in [stage.wires]; default E A over the natural_length or,"
-                " without it, the nominal span"
-            ),
-        ]
-        | None
-    ) = None
-    torsion: WireTorsion | None = None
-    natural_length: (
-        Annotated[Length, doc("unstretched length, m; the pose is then solved for")] | None
-    ) = None
-    tension: (
-        Annotated[Tension, doc("tension in the nominal pose, N, instead of a natural length")]
-        | None
-    ) = None
-    blade: (
-        Annotated[Name, doc(f"name of a [[stage.blade]] that carries the upper end: {NAMES}")]
-        | None
-    ) = None
-    clamp: Clamped = "wire"
-    bending: Hinged | None = None
-    temperature: Temperature | None = None
-
-
-CROSS_SECTIONS: tuple[type[CrossSection], ...] = (Round, Ribbon)
-"""Cross-sections; each has its key in `WireSet`, `Wire` and `WireSection`."""
-
-
-def cross_sections(table: WireSet | Wire | WireSection) -> list[CrossSection]:
+def cross_sections(table: AnyWire | WireSection) -> list[CrossSection]:
     """List the cross-sections that a table gives; a valid one gives at most one."""
     given = ((kind, getattr(table, kind.key)) for kind in CROSS_SECTIONS)
     return [kind.read(value) for kind, value in given if value is not None]
 
 
+SEPARATIONS = ("s", "s_upper", "s_lower")
+RADII = ("ring", "ring_upper", "ring_lower")
+
+
+def is_ring(wires: WireSet) -> bool:
+    """Whether the ends of a set lie on circles."""
+    return any(getattr(wires, name) is not None for name in RADII)
+
+
+class WireSet(AnyWire, frozen=True):
+    """Wires symmetric in x and y, in the paper's symbols: 1, 2 or 4; or any number on a ring."""
+
+    count: int = key("number of wires: 1, 2 or 4; any with a ring", ge=1, le=100)
+    l: Length = key("loaded length of each wire, m")
+    s: Separation | None = key("half separation in x at both ends, m (four wires)")
+    s_upper: Separation | None = key("half separation in x at the upper end, m")
+    s_lower: Position | None = key(
+        "half separation in x at the lower end, m; negative: wires cross"
+    )
+    t1: Separation | None = key("half separation in y at the upper end, m")
+    t2: Position | None = key("half separation in y at the lower end, m; negative: wires cross")
+    ring: Separation | None = key("radius of the circle of the ends, m, above and below")
+    ring_upper: Separation | None = key("radius of the circle of the upper ends, m")
+    ring_lower: Position | None = key(
+        "radius of the circle of the lower ends, m; negative: the wires cross at the axis"
+    )
+    phase: Angle = key("angle of the first wire of a ring from x towards y, rad", 0.0)
+    d: Position = key("height of the lower end above the COM of this body, m", 0.0)
+    d_upper: Position = key("depth of the upper end below the COM of the body above, m", 0.0)
+
+    def faults(self) -> Problems:
+        """Check the geometry of a grid of 1, 2 or 4 wires, or of a ring."""
+        yield from super().faults()
+        yield from whole_or_parts(self, *SEPARATIONS)
+        yield from whole_or_parts(self, *RADII)
+        across = ("t1", "t2")
+        if is_ring(self):
+            for name in given(self, *SEPARATIONS, *across):
+                yield name, "conflicts with a ring", "keep one of the two"
+            return
+        if self.phase:
+            yield "phase", "goes with a ring", "give ring in m too, or remove it"
+        if self.count not in (1, 2, 4):
+            remedy = "give one of these, or ring (the radius in m of the circle of the ends)"
+            yield "count", "is not 1, 2 or 4", remedy
+            return
+        if self.count == 4 and not given(self, *SEPARATIONS):
+            yield "s", "missing", "give the half separation in x, m"
+        for name in across:
+            if self.count > 1 and getattr(self, name) is None:
+                yield name, "missing", "give the half separation in y, m"
+        for name in {1: (*SEPARATIONS, *across), 2: SEPARATIONS, 4: ()}[self.count]:
+            if getattr(self, name):
+                problem = f"must be 0 for {self.count} wire{'s' * (self.count > 1)}"
+                yield name, problem, "remove it or change count"
+
+
+class Wire(AnyWire, frozen=True):
+    """One wire, its ends in the frames of the two bodies, from their COMs or the support point."""
+
+    upper: Vector = key("upper end, from the COM above or the support point, m")
+    lower: Vector = key("lower end, from this body's COM, m")
+    natural_length: Length | None = key("unstretched length, m; the pose is then solved for")
+    tension: Tension | None = key("tension in the nominal pose, N, instead of a natural length")
+    blade: Name | None = key(f"name of a [[stage.blade]] that carries the upper end: {NAMES}")
+
+    def faults(self) -> Problems:
+        """Check its composition, and that its tension or its natural length follows."""
+        yield from super().faults()
+        yield from excludes(self, "natural_length", "tension", remedy="give one of them")
+
+
 class BladeGeometry(Table, frozen=True):
     """A tapered cantilever blade clamped at its base, loaded at its tip."""
 
-    length: Annotated[Length, doc("length from the clamp to the tip, m")]
-    base_width: Annotated[Length, doc("width at the clamp, m")]
-    thickness: Annotated[Length, doc("thickness, m")]
-    shape_factor: ShapeFactor
+    length: Length = key(
+        "length from the clamp to the tip, m",
+        plausible=Plausible(10.0, "is longer than any blade (10 m)", "check it", serious=True),
+    )
+    base_width: Length = key("width at the clamp, m")
+    thickness: Length = key("thickness, m")
+    shape_factor: float = key(
+        "shape factor of a cantilever blade: 1 rectangular, 1.5 triangular",
+        unit="1",
+        ge=0.5,
+        le=10,
+    )
     material: MaterialName
 
 
-BladeWeight = Annotated[
-    Tension,
-    doc(
+class AnyBlade(Table, frozen=True):
+    """Stiffness, load and loss of a cantilever blade, or of each of a set."""
+
+    stiffness: Stiffness | None = key("vertical stiffness of one blade at its tip, N/m")
+    uncoupled_frequency: Frequency | None = key(
+        "frequency f of this stage's mass m alone on its n blades, Hz; each has the stiffness"
+        " (2 pi f)^2 m / n",
+        plausible=ISOLATING,
+    )
+    geometry: BladeGeometry | None = None
+    load: Tension | None = key(
         "load in N, tip mass included, at which the tip is at its nominal position; under"
         " another load it deflects and the pose is solved for; default: its load in the nominal"
         " pose or, if all wires of the stage have natural lengths, in the pose solved for"
-    ),
-]
-BladeLoss = Annotated[LossAngle, doc("loss angle in rad; default that of the material, else 0")]
-BladeThickness = Annotated[
-    Length,
-    doc("thickness of the blade in m, for its loss, where no geometry is given"),
-]
-BladeMaterial = Annotated[
-    Name,
-    doc(f"name of the blade's material, for its loss, where no geometry is given: {NAMES}"),
-]
-BladeTemperature = Annotated[
-    Kelvin, doc("temperature of the blade in K; default that of [constants]")
-]
-TipStiffness = Annotated[Stiffness, doc("vertical stiffness of one blade at its tip, N/m")]
-UncoupledFrequency = Annotated[
-    Frequency,
-    doc(
-        "frequency f of this stage's mass m alone on its n blades, Hz; each has the stiffness"
-        " (2 pi f)^2 m / n"
-    ),
-]
-TipMass = Annotated[MassOrZero, doc("mass that moves with one tip, kg")]
-LateralStiffness = Annotated[
-    tuple[Stiffness, Stiffness], doc("stiffness of one tip along x and y, N/m; rigid if not given")
-]
+    )
+    tip_mass: MassOrZero = key("mass that moves with one tip, kg", 0.0)
+    lateral_stiffness: tuple[Stiffness, Stiffness] | None = key(
+        "stiffness of one tip along x and y, N/m; rigid if not given"
+    )
+    loss_angle: LossAngle | None = key("loss angle in rad; default that of the material, else 0")
+    material: MaterialName | None = key(
+        f"name of the blade's material, for its loss, where no geometry is given: {NAMES}"
+    )
+    thickness: Length | None = key(
+        "thickness of the blade in m, for its loss, where no geometry is given",
+        plausible=Plausible(0.1, "is thicker than any blade (0.1 m)", "check it"),
+    )
+    temperature: Kelvin | None = key("temperature of the blade in K; default that of [constants]")
+
+    def faults(self) -> Problems:
+        """Check that it has one stiffness, and where its material and thickness stand."""
+        what = "stiffness in N/m, uncoupled_frequency in Hz or geometry"
+        ways = ("stiffness", "uncoupled_frequency", "geometry")
+        yield from exactly_one(self, *ways, give=what)
+        if self.geometry is not None:
+            for name in given(self, "material", "thickness"):
+                yield name, "conflicts with a geometry", "give it there alone"
+        elif self.thickness is not None and self.material is None:
+            yield "thickness", "has no effect without a material", "name the material too"
+        yield from not_tiny(self, "tip_mass", "kg")
 
 
-class BladeSet(Table, frozen=True):
+class BladeSet(AnyBlade, frozen=True):
     """Cantilever blades on the body above (or the support) that carry a symmetric set of wires."""
 
-    count: Annotated[
-        int,
-        doc(
-            "number of blades, 1, 2 or 4; each of two carries the wires on its side of y; on a"
-            " ring 1, or one per wire",
-            ge=1,
-            le=100,
-        ),
-    ]
-    stiffness: TipStiffness | None = None
-    uncoupled_frequency: UncoupledFrequency | None = None
-    geometry: BladeGeometry | None = None
-    load: BladeWeight | None = None
-    tip_mass: TipMass = 0.0
-    lateral_stiffness: LateralStiffness | None = None
-    loss_angle: BladeLoss | None = None
-    material: BladeMaterial | None = None
-    thickness: BladeThickness | None = None
-    temperature: BladeTemperature | None = None
+    count: int = key(
+        "number of blades, 1, 2 or 4; each of two carries the wires on its side of y; on a"
+        " ring 1, or one per wire",
+        ge=1,
+        le=100,
+    )
 
 
-class Blade(Table, frozen=True):
+class Blade(AnyBlade, frozen=True):
     """One cantilever blade, for wires that name it."""
 
-    name: Annotated[Name, doc(f"name by which wires refer to it: {NAMES}")]
-    at: (
-        Annotated[
-            Vector,
-            doc(
-                "tip in the frame of the body above, m; default: the mean of its wires' upper ends"
-            ),
-        ]
-        | None
-    ) = None
-    stiffness: TipStiffness | None = None
-    uncoupled_frequency: UncoupledFrequency | None = None
-    geometry: BladeGeometry | None = None
-    load: BladeWeight | None = None
-    tip_mass: TipMass = 0.0
-    lateral_stiffness: LateralStiffness | None = None
-    loss_angle: BladeLoss | None = None
-    material: BladeMaterial | None = None
-    thickness: BladeThickness | None = None
-    temperature: BladeTemperature | None = None
+    name: Name = key(f"name by which wires refer to it: {NAMES}")
+    at: Vector | None = key(
+        "tip in the frame of the body above, m; default: the mean of its wires' upper ends"
+    )

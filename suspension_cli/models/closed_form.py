@@ -18,10 +18,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.conventions import DOFS, SUPPORT
+from suspension_cli.design.bodies import body_inertia, body_mass
 from suspension_cli.design.derive import (
     beyond_symmetric_chains,
-    body_inertia,
-    body_mass,
     com_offset,
     gravity_strength,
     set_geometry,

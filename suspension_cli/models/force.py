@@ -27,12 +27,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.conventions import DOFS, SUPPORT
+from suspension_cli.design.bodies import body_inertia, body_mass
 from suspension_cli.design.derive import (
     beyond_symmetric_chains,
     blade_loss,
     blade_stiffness,
-    body_inertia,
-    body_mass,
     com_positions,
     gravity_strength,
     set_geometry,

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from suspension_cli.conventions import SUPPORT
+from suspension_cli.design.bodies import body_mass
 from suspension_cli.design.derive import (
     SetGeometry,
     blade_loss,
     blade_stiffness,
-    body_mass,
     com_offset,
     gravity_strength,
     set_geometry,

@@ -8,9 +8,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from suspension_cli.design.bodies import body_inertia, body_mass
 from suspension_cli.design.derive import (
-    body_inertia,
-    body_mass,
     gives_natural_lengths,
     gravity_strength,
 )

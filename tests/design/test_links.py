@@ -84,7 +84,7 @@ def _faults(text: str) -> str:
         (LINK + TABLE.replace("[1.0, 2.0]\nreal", "[2.0, 1.0]\nreal"), "is not in ascending order"),
         (
             LINK + TABLE.replace('axis = "x"\n', ""),
-            "has 1 axes instead of 6; give one list per axis",
+            "has 1 axes instead of 6; give a list per axis",
         ),
         (
             LINK + TABLE.replace("[[1.0, 2.0]]", "[[1.0, 2.0, 3.0]]"),
@@ -98,7 +98,7 @@ def _faults(text: str) -> str:
         (LINK + '[link.table]\nfile = "a.csv"\n', "is read only with a design file"),
         (DAMPER, "damper.d: none of damping, eddy_current; give exactly one"),
         (DAMPER + MAGNET.replace("moment = 1.0\n", ""), "none of moment, remanence"),
-        (DAMPER + MAGNET.replace("moment", "remanence"), "belongs to remanence; give both"),
+        (DAMPER + MAGNET.replace("moment", "remanence"), "volume go together; give both"),
         (DAMPER + MAGNET.replace("5.8e7", "58"), "is not that of a metal; give it in S/m"),
     ],
 )

@@ -14,8 +14,8 @@ import pytest
 from suspension_cli.analyses.check import plausible
 from suspension_cli.analyses.check.names import find_unknown_names as names_of
 from suspension_cli.analyses.check.statics import solve
+from suspension_cli.design import csv_columns
 from suspension_cli.design import plausibility as numbers
-from suspension_cli.design import profiles
 from suspension_cli.design.materials import resolve
 from suspension_cli.design.reader import convert, template
 from suspension_cli.errors import InputError
@@ -42,7 +42,7 @@ def raw(name):
     found = tomllib.loads(
         template(kind, kind) if kind != name else (CONFIGS / f"{name}.toml").read_text()
     )
-    profiles.resolve_files(found, CONFIGS)
+    csv_columns.insert_files(found, CONFIGS)
     return found
 
 
@@ -66,7 +66,7 @@ NONSENSE = {
     "length": (
         "double",
         {(*LAST, "wires", "l"): 602.0},
-        "stage.test.wires.l = 602: is longer than any suspension .50 m.; did you mean mm?",
+        "stage.test.wires.l = 602.0: is longer than any suspension .50 m.; did you mean mm?",
     ),
     "height": (
         "double",
@@ -276,7 +276,7 @@ NONSENSE = {
     "neck in mm": (
         "double",
         {(*LAST, "wires", "neck"): {"radius": 1.5, "length": 0.01}},
-        "stage.test.wires.neck.radius = 1.5: the neck is 1.5 m thick, .*; give it in m",
+        "stage.test.wires.neck.radius = 1.5: the wire is 1.5 m thick, .*; did you mean mm?",
     ),
     "unstable": (
         "double",

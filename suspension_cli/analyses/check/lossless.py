@@ -7,17 +7,11 @@ from dataclasses import dataclass, replace
 
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design import materials
-from suspension_cli.design.derive import blade_loss, blade_material, spring_loss
-from suspension_cli.design.links import Link
-from suspension_cli.design.losses.mechanism import Mechanism
+from suspension_cli.design.derive import blade_material
 from suspension_cli.design.losses.registry import mechanisms_of
-from suspension_cli.design.schema import Design, Spring, Stage
-from suspension_cli.design.wires import Blade, BladeSet, Wire, WireSet
+from suspension_cli.design.schema import Design, Stage
+from suspension_cli.design.wires import AnyWire, Blade, BladeSet
 from suspension_cli.models import registry
-from suspension_cli.scene.links import link_loss
-
-BENDING = tuple(model.name for model in registry.MODELS if model.bends_wires)
-"""Models in which wires bend, with the losses of their materials."""
 
 
 @dataclass(frozen=True)
@@ -51,14 +45,18 @@ def find_lossless(design: Design, level: str) -> list[Lossless]:
     if frame and not frame.loss_angle and not any(getattr(frame.damping, dof) for dof in DOFS):
         found.append(Lossless(SUPPORT))
     for stage in design.stage:
-        blades = [stage.blades] if stage.blades is not None else stage.blade
+        blades = stage.blade_tables
         names = ["" if isinstance(blade, BladeSet) else blade.name for blade in blades]
-        lacking = [_check_blade(design, blade, level) for blade in blades]
-        found += _merge_parts(stage, "blades", names, lacking)
-        wires = [stage.wires] if stage.wires is not None else stage.wire
-        lacking = [_check_wire(design, wire, level) for wire in wires]
-        found += _merge_parts(stage, "wires", [str(n + 1) for n in range(len(wires))], lacking)
-        if any(_is_lossless(design, spring, level) for spring in stage.spring):
+        found += _merge_parts(stage, "blades", names, [_blade(design, b, level) for b in blades])
+        wires = stage.wire_tables
+        names = [str(n + 1) for n in range(len(wires))]
+        found += _merge_parts(stage, "wires", names, [_wire(design, w, level) for w in wires])
+        elastic = [
+            spring
+            for spring in stage.spring
+            if _nonzero(spring.stiffness) and not _nonzero(spring.damping)
+        ]
+        if any(_part(design, level, [own.material], own.loss_angle) for own in elastic):
             found.append(Lossless(f"{stage.name}.springs"))
         for name in ("inverted_pendulum", "filter"):
             part = getattr(stage, name)
@@ -66,21 +64,10 @@ def find_lossless(design: Design, level: str) -> list[Lossless]:
                 found.append(Lossless(f"{stage.name}.{name}"))
     for link in design.link:
         if link.table is None and not _nonzero(link.damping):
-            found += _check_link(design, link, level)
+            material = link.strands.material if link.strands and link.loss_angle is None else None
+            if lacking := _part(design, level, [material], link.loss_angle):
+                found.append(replace(lacking, part=f"{link.name}.link"))
     return found
-
-
-def _check_link(design: Design, link: Link, level: str) -> Iterator[Lossless]:
-    """Yield a link without damping if it has no bulk loss."""
-    label, strands = f"{link.name}.link", link.strands
-    if link.loss_angle is not None or strands is None:
-        if not link.loss_angle:
-            yield Lossless(label)
-    elif not registry.by_name(level).bends_wires:
-        if not link_loss(design, link):
-            yield Lossless(label, (strands.material,))
-    elif not _bulk(losses := _losses(design, strands.material, None)):
-        yield Lossless(label, (strands.material,), tuple(_in_bending(losses)))
 
 
 def _merge_parts(
@@ -96,58 +83,50 @@ def _merge_parts(
             yield replace(one, part=f"{stage.name}.{name}")
 
 
-def _check_wire(design: Design, wire: WireSet | Wire, level: str) -> Lossless | None:
-    """Return a wire, without its name, if it has no bulk loss."""
-    given = {wire.material, *(piece.material for piece in wire.sections or ())}
-    names = tuple(sorted(name for name in given if name is not None))
-    if not registry.by_name(level).bends_wires:
-        lossy = any(materials.constant_angle(design, name) for name in names)
-        return None if lossy else Lossless("", names)
-    losses = {name: _losses(design, name, wire) for name in names}
-    lacking = tuple(name for name in names if not _bulk(losses[name]))
-    if not lacking:
+def _wire(design: Design, wire: AnyWire, level: str) -> Lossless | None:
+    names = [wire.material, *(piece.material for piece in wire.sections or ())]
+    return _part(design, level, names, wire=wire)
+
+
+def _blade(design: Design, blade: BladeSet | Blade, level: str) -> Lossless | None:
+    found = _part(design, level, [blade_material(blade)], blade.loss_angle)
+    thick = blade.thickness is not None or blade.geometry is not None
+    return found if found is None or thick else replace(found, bending=())
+
+
+def _part(
+    design: Design,
+    level: str,
+    names: Sequence[str | None],
+    own: float | None = None,
+    wire: AnyWire | None = None,
+) -> Lossless | None:
+    """Return a part, without its name, if it has no bulk loss.
+
+    It is made of the materials `names`, or has the loss angle `own`.
+    """
+    given = tuple(sorted({name for name in names if name is not None}))
+    if own:
         return None
-    bending = dict.fromkeys(own for name in names for own in _in_bending(losses[name]))
-    if len(lacking) < len(names):
+    if not registry.by_name(level).bends_wires:
+        lossy = own is None and any(materials.constant_angle(design, name) for name in given)
+        return None if lossy else Lossless("", given)
+    losses = {name: mechanisms_of(materials.resolve(design, name), wire) for name in given}
+    lacking = tuple(
+        name for name in given if own == 0 or not any(loss.uniform for loss in losses[name])
+    )
+    if not lacking and (given or wire is not None):
+        return None
+    bending = dict.fromkeys(
+        loss.name
+        for name in given
+        for loss in losses[name]
+        if not loss.uniform and loss.acts_unstrained
+    )
+    if len(lacking) < len(given):
         bending = bending or {"other sections'": None}
     return Lossless("", lacking, tuple(bending))
 
 
-def _check_blade(design: Design, blade: BladeSet | Blade, level: str) -> Lossless | None:
-    """Return a blade, without its name, if it has no bulk loss."""
-    name = blade_material(blade)
-    given = () if name is None else (name,)
-    if not registry.by_name(level).bends_wires:
-        return None if blade_loss(design, blade) else Lossless("", given)
-    losses = () if name is None else _losses(design, name, None)
-    if blade.loss_angle or (blade.loss_angle is None and _bulk(losses)):
-        return None
-    thick = blade.thickness is not None or blade.geometry is not None
-    return Lossless("", given, _in_bending(losses) if thick else ())
-
-
-def _is_lossless(design: Design, spring: Spring, level: str) -> bool:
-    """Whether a spring is elastic and dissipates nothing."""
-    stiff, damped = (_nonzero(matrix) for matrix in (spring.stiffness, spring.damping))
-    lossy = bool(spring_loss(design, spring))
-    if spring.material is not None and registry.by_name(level).bends_wires:
-        lossy = lossy or _bulk(_losses(design, spring.material, None))
-    return stiff and not damped and not lossy
-
-
 def _nonzero(matrix: list[float | list[float]] | None) -> bool:
     return any(any(row) if isinstance(row, list) else bool(row) for row in matrix or ())
-
-
-def _bulk(losses: tuple[Mechanism, ...]) -> bool:
-    """Whether a loss acts in every deformation."""
-    return any(own.uniform for own in losses)
-
-
-def _in_bending(losses: tuple[Mechanism, ...]) -> tuple[str, ...]:
-    """Names of the losses that act only in bending."""
-    return tuple(own.name for own in losses if not own.uniform and own.acts_unstrained)
-
-
-def _losses(design: Design, name: str, wire: WireSet | Wire | None) -> tuple[Mechanism, ...]:
-    return mechanisms_of(materials.resolve(design, name), wire)

@@ -1,36 +1,33 @@
-"""Errors by the reduction of measured profiles of fibres to sections."""
+"""Errors by the reduction of measured profiles of fibres to uniform sections."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 
 from suspension_cli.analyses.check.statics import Statics
-from suspension_cli.design import materials
+from suspension_cli.design import paths
 from suspension_cli.design.schema import Design
 from suspension_cli.design.sections import stretches
-from suspension_cli.design.wires import Profile, Wire, WireSet
+from suspension_cli.design.wires import Profile, WireSet
 from suspension_cli.elements import joined_sections
 from suspension_cli.elements.dynamic_wire import TautWire
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.models import registry
 
-if TYPE_CHECKING:
-    from jaxtyping import Float
-
-ELEMENTS = 6000
-"""Elements of the unreduced fibre; a second mesh has twice as many."""
+FINER = 2
+"""Sections per pair of places of the reference."""
 
 
 @dataclass(frozen=True)
 class ReducedProfile:
     """A measured profile and its sections: their numbers, and relative changes of stiffness.
 
-    The change in bending is the largest of the static stiffness (displacement and rotation of
-    either end). `allowed` is the error that the design allows.
+    The changes are against `FINER` sections per pair of places; that in bending is the largest of
+    the static stiffness (displacement and rotation of either end). `allowed` is the error that the
+    design allows.
     """
 
     wire: str
@@ -55,106 +52,48 @@ class ReducedProfile:
 def solve(design: Design, statics: Statics) -> list[ReducedProfile]:
     """Compare every measured profile with its sections."""
     found: list[ReducedProfile] = []
-    measured = [item for item in _tables(design) if isinstance(item[1].profile, Profile)]
-    if not measured:
-        return found
-    scene = registry.BEAM.completed(expand(design), design)
-    assert scene.fibres is not None
-    for name, table, number in measured:
-        own = table.profile
-        assert isinstance(own, Profile)
-        length, tension = float(scene.wires.length[number]), statics.wires[number].tension
-        fibre = scene.fibres.wire[number]
-        modulus = materials.resolve(design, table.material or "").youngs_modulus
-        assert modulus is not None
-        z = np.array(own.position) - own.position[0]
-        z *= length / z[-1]
-        d = np.array(own.diameter)
-        exact = _converged(z, d, modulus, tension)
-        wire = TautWire(fibre, tension, massive=False, lossy=False)
-        ends = joined_sections.to_ends(wire.resting("bend-1"))[..., 0]
-        change = np.abs(ends[np.ix_([1, 3, 2], [1, 3, 2])] - exact)
-        root = np.sqrt(np.diag(exact))
-        compliance = (np.diff(z) / (d[1:] * d[:-1])).sum() * 4 / np.pi / modulus
-        pieces = stretches(table, length)
-        reduced = sum(piece.length / (modulus * piece.shape.area) for piece in pieces)
-        found.append(
-            ReducedProfile(
-                name,
-                len(own.position),
-                len(pieces),
-                abs(compliance / reduced - 1),
-                float((change / np.outer(root, root)).max()),
-                own.error,
+    first = 0
+    for stage in design.stage:
+        for n, table in enumerate(stage.wire_tables, 1):
+            own, number, is_set = table.profile, first, isinstance(table, WireSet)
+            first += table.count if isinstance(table, WireSet) else 1
+            if not isinstance(own, Profile):
+                continue
+            member = ["wires"] if is_set else ["wire", str(n)]
+            keys = ["stage", stage.name, *member, "profile"]
+            finer = paths.changed(design, keys, _refined)
+            tension = statics.wires[number].tension
+            exact, k = _stiffness(finer, number, tension)
+            reduced, reduced_k = _stiffness(design, number, tension)
+            scale = np.sqrt(np.diag(exact))
+            found.append(
+                ReducedProfile(
+                    wire=f"{stage.name}.{'wires' if is_set else n}",
+                    places=len(own.position),
+                    sections=len(stretches(table, own.position[-1] - own.position[0])),
+                    stretching_change=abs(reduced_k / k - 1),
+                    bending_change=float((abs(reduced - exact) / np.outer(scale, scale)).max()),
+                    allowed=own.error,
+                )
             )
-        )
     return found
 
 
-def _tables(design: Design) -> list[tuple[str, WireSet | Wire, int]]:
-    """Name, table and number of the first wire of every table."""
-    result: list[tuple[str, WireSet | Wire, int]] = []
-    first = 0
-    for stage in design.stage:
-        if stage.wires is not None:
-            result.append((f"{stage.name}.wires", stage.wires, first))
-            first += stage.wires.count
-        for n, wire in enumerate(stage.wire, 1):
-            result.append((f"{stage.name}.{n}", wire, first))
-            first += 1
-    return result
+def _refined(profile: Profile) -> Profile:
+    """The same diameters at `FINER` times as many places, to be taken without reduction."""
+    places = np.arange(len(profile.position))
+    between = np.linspace(0, places[-1], FINER * int(places[-1]) + 1)
+    position, diameter = (
+        np.interp(between, places, values).tolist()
+        for values in (profile.position, profile.diameter)
+    )
+    return msgspec.structs.replace(profile, position=position, diameter=diameter, error=0.0)
 
 
-def _converged(
-    z: Sequence[float] | Float[np.ndarray, " node"],
-    d: Sequence[float] | Float[np.ndarray, " node"],
-    modulus: float,
-    tension: float,
-) -> Float[np.ndarray, "3 3"]:
-    """Static stiffness extrapolated from two meshes (Richardson), of second order."""
-    coarse, fine = (bending_stiffness(z, d, modulus, tension, n * ELEMENTS) for n in (1, 2))
-    return fine + (fine - coarse) / 3
-
-
-def bending_stiffness(
-    z: Sequence[float] | Float[np.ndarray, " node"],
-    d: Sequence[float] | Float[np.ndarray, " node"],
-    modulus: float,
-    tension: float,
-    count: int,
-) -> Float[np.ndarray, "3 3"]:
-    """Static stiffness (3, 3) of a fibre against the slopes of its ends and the shift of one.
-
-    Linear finite elements of the slope f = w', with (E I f')' - T f = const and the mean of f given
-    by the shift. Unlike elements of w they lose no digits.
-
-    Parameters
-    ----------
-    z, d : (n,) arrays
-        Places and diameters, linear in between, m.
-    modulus, tension : float
-        Pa and N.
-    """
-    from scipy.linalg import solve_banded
-
-    x = np.linspace(z[0], z[-1], count + 1)
-    h = x[1] - x[0]
-    rigid = modulus * np.pi / 64 * np.interp((x[1:] + x[:-1]) / 2, z, d) ** 4
-    diagonal, beside = np.zeros(count + 1), -rigid / h + tension * h / 6
-    diagonal[1:] += rigid / h + tension * h / 3
-    diagonal[:-1] += rigid / h + tension * h / 3
-    band = np.zeros((3, count - 1))
-    band[0, 1:], band[1], band[2, :-1] = beside[1:-1], diagonal[1:-1], beside[1:-1]
-    weight = np.full(count + 1, h)
-    weight[[0, -1]] = h / 2
-    right = np.zeros((count - 1, 3))
-    right[0, 0], right[-1, 1], right[:, 2] = beside[0], beside[-1], weight[1:-1]
-    inner = solve_banded((1, 1), band, right)
-    ends = np.diag(diagonal[[0, -1]]) - right[:, :2].T @ inner[:, :2]
-    moved = weight[[0, -1]] - right[:, :2].T @ inner[:, 2]
-    give = weight[1:-1] @ inner[:, 2]
-    result = np.zeros((3, 3))
-    result[:2, :2] = ends + np.outer(moved, moved) / give
-    result[:2, 2] = result[2, :2] = -moved / give
-    result[2, 2] = 1 / give
-    return result
+def _stiffness(design: Design, number: int, tension: float) -> tuple[np.ndarray, float]:
+    """Static stiffness of a wire in bending in one plane, and its spring constant, N/m."""
+    scene = registry.BEAM.completed(expand(design), design)
+    assert scene.fibres is not None
+    wire = TautWire(scene.fibres.wire[number], tension, massive=False, lossy=False)
+    ends = joined_sections.to_ends(wire.resting("bend-1"))[..., 0]
+    return ends, float(scene.wires.stiffness[number])

@@ -71,13 +71,8 @@ class Check(Report):
                 {"stage": low.name, "z_m": low.z, "point": low.point} for low in found.lowest
             ],
             "wires": [
-                {
-                    "wire": w.label,
-                    "tension_n": w.tension,
-                    "stretch_m": w.stretch,
-                    "stretch_fraction": w.stretch / w.length,
-                }
-                | _stressed(w)
+                {"wire": w.label, "tension_n": w.tension, "stretch_m": w.stretch}
+                | {"stretch_fraction": w.stretch / w.length, **_stressed(w)}
                 for w in found.wires
             ],
             "blades": [

@@ -16,6 +16,7 @@ from suspension_cli.design.wires import Blade, BladeSet, Wire, WireSet
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.equilibrium.solve import solve as balance
+from suspension_cli.rotations import rotation_vector
 from suspension_cli.scene import links, strands
 from suspension_cli.scene.scene import Scene
 
@@ -151,7 +152,9 @@ def solve(design: Design) -> Statics:
     )
     pose = balanced.pose
     bodies = tuple(
-        BodyPose(name, _vector(pose.shift[n]), _vector(_rotation_vector(pose.rotation[n])))
+        BodyPose(
+            name, _vector(pose.shift[n]), _vector(rotation_vector(pose.rotation[n] - np.eye(3)))
+        )
         for n, name in enumerate(scene.bodies.name, 1)
     )
     ends = _end_heights(scene, balanced)
@@ -306,14 +309,6 @@ def _half_height(body: Body, up: np.ndarray) -> float:
     assert body.radius is not None and body.length is not None
     along = abs(float(up["xyz".index(body.axis or "x")]))
     return body.length / 2 * along + body.radius * float(np.sqrt(max(1 - along**2, 0.0)))
-
-
-def _rotation_vector(rotation: np.ndarray) -> np.ndarray:
-    """Rotation vector (rad) of a rotation matrix, for angles below pi."""
-    skew = (rotation - rotation.T)[[2, 0, 1], [1, 2, 0]] / 2
-    sine = np.sqrt((skew**2).sum())
-    angle = np.arctan2(sine, (np.trace(rotation) - 1) / 2)
-    return skew * (angle / sine if sine > 0 else 1.0)
 
 
 def _vector(values: np.ndarray) -> tuple[float, float, float]:

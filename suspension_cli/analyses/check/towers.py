@@ -29,32 +29,34 @@ WORKING_RANGE = 5e-3
 millimetres."""
 
 
-LEG_KEYS = {
-    "stage": "stage",
-    "thrust": "thrust_n",
-    "load": "load_n",
-    "critical": "critical_load_n",
-    "margin": "margin",
-    "flexure": "flexure_n_m_per_rad",
-    "stiffness": "stiffness_n_per_m",
-    "elastic": "elastic_stiffness_n_per_m",
-    "frequency": "frequency_hz",
-    "tilt": "tilt_m_per_rad",
-    "saturation": "saturation",
-    "dilution": "dilution",
+Columns = dict[str, tuple[str, str, str, float]]
+LEGS: Columns = {
+    "stage": ("stage", "legs", "", 1),
+    "thrust": ("thrust_n", "", "", 1),
+    "load": ("load_n", "load\nN", ".2f", 1),
+    "critical": ("critical_load_n", "tips over at\nN", ".2f", 1),
+    "margin": ("margin", "margin\n%", ".3g", 100),
+    "flexure": ("flexure_n_m_per_rad", "", "", 1),
+    "stiffness": ("stiffness_n_per_m", "stiffness\nN/m", ".4g", 1),
+    "elastic": ("elastic_stiffness_n_per_m", "", "", 1),
+    "frequency": ("frequency_hz", "frequency\nHz", ".4g", 1),
+    "tilt": ("tilt_m_per_rad", "ground tilt\nm/rad", ".4g", 1),
+    "saturation": ("saturation", "saturation", ".2g", 1),
+    "dilution": ("dilution", "", "", 1),
 }
-FILTER_KEYS = {
-    "stage": "stage",
-    "carried": "carried_n",
-    "load": "load_n",
-    "stiffness": "stiffness_n_per_m",
-    "frequency": "frequency_hz",
-    "sag": "sag_m",
-    "saturation": "saturation",
-    "thermal_force": "thermal_force_n_per_k",
-    "thermal_shift": "thermal_shift_m_per_k",
+FILTERS: Columns = {
+    "stage": ("stage", "filter", "", 1),
+    "carried": ("carried_n", "carried\nN", ".2f", 1),
+    "load": ("load_n", "", "", 1),
+    "sag": ("sag_m", "sag\nmm", ".3f", 1e3),
+    "stiffness": ("stiffness_n_per_m", "stiffness\nN/m", ".4g", 1),
+    "frequency": ("frequency_hz", "frequency\nHz", ".4g", 1),
+    "saturation": ("saturation", "saturation", ".2g", 1),
+    "thermal_force": ("thermal_force_n_per_k", "thermal force\nN/K", ".3g", 1),
+    "thermal_shift": ("thermal_shift_m_per_k", "shift\nmm/K", ".3g", 1e3),
 }
-"""Keys in JSON of the attributes of `LegLoad` and `FilterLoad`."""
+"""Attributes of `LegLoad` and `FilterLoad`: key in JSON; heading, form and factor of the column of
+the table, "" for none."""
 
 
 @dataclass(frozen=True)
@@ -216,61 +218,27 @@ def filter_loads(design: Design, scene: Scene, balanced: Equilibrium) -> tuple[F
 
 def documents(legs: tuple[LegLoad, ...], filters: tuple[FilterLoad, ...]) -> Document:
     """Return JSON lists of inverted pendulums and filters, if there are any."""
+    kinds = (("inverted_pendulums", LEGS, legs), ("filters", FILTERS, filters))
     return {
-        name: [{key: getattr(one, field) for field, key in keys.items()} for one in found]
-        for name, keys, found in (
-            ("inverted_pendulums", LEG_KEYS, legs),
-            ("filters", FILTER_KEYS, filters),
-        )
+        name: [{key: getattr(one, field) for field, (key, *_) in columns.items()} for one in found]
+        for name, columns, found in kinds
         if found
     }
 
 
 def lines(legs: tuple[LegLoad, ...], filters: tuple[FilterLoad, ...]) -> list[str]:
     """Return tables of inverted pendulums and filters, if there are any."""
-    found = []
-    if legs:
-        heads = {
-            "legs": "",
-            "load\nN": ".2f",
-            "tips over at\nN": ".2f",
-            "margin\n%": ".3g",
-            "stiffness\nN/m": ".4g",
-            "frequency\nHz": ".4g",
-            "ground tilt\nm/rad": ".4g",
-            "saturation": ".2g",
-        }
+    made = []
+    for columns, found in ((LEGS, legs), (FILTERS, filters)):
+        shown = [(field, *column) for field, (_, *column) in columns.items() if column[0]]
+        heads = {str(head): str(form) for _, head, form, _ in shown}
         rows = []
-        for leg in legs:
-            load = (leg.load, leg.critical, 100 * leg.margin)
-            rows.append((leg.stage, *load, leg.stiffness, leg.frequency, leg.tilt, leg.saturation))
-        found.append(tables.render(heads, rows))
-    if filters:
-        heads = {
-            "filter": "",
-            "carried\nN": ".2f",
-            "sag\nmm": ".3f",
-            "stiffness\nN/m": ".4g",
-            "frequency\nHz": ".4g",
-            "saturation": ".2g",
-            "thermal force\nN/K": ".3g",
-            "shift\nmm/K": ".3g",
-        }
-        rows = [
-            (
-                own.stage,
-                own.carried,
-                1e3 * own.sag,
-                own.stiffness,
-                own.frequency,
-                own.saturation,
-                own.thermal_force,
-                1e3 * own.thermal_shift,
-            )
-            for own in filters
-        ]
-        found.append(tables.render(heads, rows))
-    return found
+        for one in found:
+            values = ((getattr(one, field), factor) for field, _, _, factor in shown)
+            rows.append([value * factor if factor != 1 else value for value, factor in values])
+        if rows:
+            made.append(tables.render(heads, rows))
+    return made
 
 
 def find_implausible_towers(

@@ -8,38 +8,40 @@ its ends, at the real part of a complex frequency. The surface adds d_s mu S/V t
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
-from suspension_cli.design.faults import fault_of
-from suspension_cli.design.losses.mechanism import Key, MaterialConstants, Mechanism, Shape
+from suspension_cli.design.losses.mechanism import Mechanism
+from suspension_cli.design.rules import ascending
 from suspension_cli.design.units import (
     Frequency,
     LossAngle,
     PositiveLossAngle,
+    Problems,
     Separation,
     Table,
     doc,
+    key,
 )
-from suspension_cli.errors import Fault
 
 if TYPE_CHECKING:
-    from suspension_cli.design.cross_sections.shape import Frequencies, Spectrum
+    from suspension_cli.design.cross_sections.shape import CrossSection, Frequencies, Spectrum
 
 
 class LossTable(Table, frozen=True):
     """Loss angle by frequency: interpolated linearly in the logarithms, constant outside."""
 
-    frequency: Annotated[
-        list[Frequency],
-        doc("ascending frequencies in Hz", min_length=1, max_length=10000),
-    ]
-    angle: Annotated[
-        list[PositiveLossAngle],
-        doc("loss angle in rad at each of the frequencies", min_length=1, max_length=10000),
-    ]
+    frequency: list[Frequency] = key("ascending frequencies in Hz", min_length=1, max_length=10000)
+    angle: list[PositiveLossAngle] = key(
+        "loss angle in rad at each of the frequencies", min_length=1, max_length=10000
+    )
+
+    def faults(self) -> Problems:
+        """Check that there is an angle for each of ascending frequencies."""
+        if len(self.frequency) != len(self.angle):
+            problem = f"{len(self.angle)} loss angles for {len(self.frequency)} frequencies"
+            yield "angle", problem, "give one for each frequency"
+        yield from ascending(self, "frequency", "sort the table by frequency")
 
 
 @dataclass(frozen=True)
@@ -58,39 +60,30 @@ class Bulk(Mechanism):
 
     name: ClassVar[str] = "bulk"
     uniform: ClassVar[bool] = True
-    keys: ClassVar[tuple[Key, ...]] = (
-        Key(
-            "angle",
-            Annotated[LossAngle, doc("constant loss angle of the bulk in rad")],
-        ),
-        Key(
-            "table",
-            Annotated[
-                LossTable,
-                doc(
-                    "loss angle of the bulk by frequency, instead of a constant one:"
-                    " interpolated linearly in the logarithms"
-                ),
-            ],
-        ),
-        Key(
-            "surface_depth",
-            Annotated[
-                Separation,
-                doc(
-                    "dissipation depth of the surface in m; default 0, or that of the built-in"
-                    " material unless the design gives another loss of the bulk"
-                ),
-            ],
-        ),
-    )
+    keys: ClassVar[dict[str, Any]] = {
+        "angle": Annotated[LossAngle, doc("constant loss angle of the bulk in rad")],
+        "table": Annotated[
+            LossTable,
+            doc(
+                "loss angle of the bulk by frequency, instead of a constant one:"
+                " interpolated linearly in the logarithms"
+            ),
+        ],
+        "surface_depth": Annotated[
+            Separation,
+            doc(
+                "dissipation depth of the surface in m; default 0, or that of the built-in"
+                " material unless the design gives another loss of the bulk"
+            ),
+        ],
+    }
 
     angle: float
     table: tuple[tuple[float, ...], tuple[float, ...]] | None = None
     surface_depth: float = 0.0
 
     @classmethod
-    def merge(cls, own: MaterialConstants, built_in: MaterialConstants) -> dict[str, object]:
+    def merge(cls, own: Any, built_in: Any) -> dict[str, object]:
         """Merge the design's losses of bulk and surface with the built-in ones.
 
         A surface depth is relative to the loss angle of the bulk, so the built-in depth is dropped
@@ -106,34 +99,22 @@ class Bulk(Mechanism):
         return {"angle": angle, "table": table, "surface_depth": depth}
 
     @classmethod
-    def check(
-        cls, own: MaterialConstants, material: MaterialConstants, path: str
-    ) -> Iterator[Fault]:
-        """Check that one loss of the bulk is given, and that its table is one."""
-        loss, path = own.loss, f"{path}.loss"
+    def check(cls, own: Any, material: Any) -> Problems:
+        """Check that one loss of the bulk is given."""
+        loss = own.loss
         if loss is None:
             return
         if loss.angle is not None and own.loss_angle is not None:
             problem = "conflicts with loss_angle, which is short for it"
-            yield fault_of(loss, path, "angle", problem, "keep one of the two")
+            yield "loss.angle", problem, "keep one of the two"
         if loss.surface_depth and material.loss.angle is None and material.loss.table is None:
             problem = "has no effect without a loss of the bulk, to which it is relative"
-            yield fault_of(loss, path, "surface_depth", problem, "give angle or table too")
-        if loss.table is None:
-            return
-        path = f"{path}.table"
-        if own.loss_angle is not None or loss.angle is not None:
-            yield Fault(path, "conflicts with a constant loss angle", "keep one of the two")
-        frequency, angle = loss.table.frequency, loss.table.angle
-        if len(frequency) != len(angle):
-            problem = f"{len(angle)} loss angles for {len(frequency)} frequencies"
-            yield Fault(f"{path}.angle", problem, "give one for each frequency")
-        if any(after <= before for before, after in pairwise(frequency)):
-            remedy = "sort the table by frequency"
-            yield fault_of(loss.table, path, "frequency", "is not in ascending order", remedy)
+            yield "loss.surface_depth", problem, "give angle or table too"
+        if loss.table is not None and (own.loss_angle is not None or loss.angle is not None):
+            yield "loss.table", "conflicts with a constant loss angle", "keep one of the two"
 
     @classmethod
-    def of(cls, material: MaterialConstants, wire: Table | None) -> Self | None:
+    def of(cls, material: Any, wire: Table | None) -> Self | None:
         """Read the constants; None for a material without bulk loss."""
         del wire
         loss = material.loss
@@ -144,7 +125,7 @@ class Bulk(Mechanism):
 
     def bending(
         self,
-        shape: Shape,
+        shape: CrossSection,
         plane: int,
         omega: Frequencies,
         temperature: float,
@@ -153,11 +134,11 @@ class Bulk(Mechanism):
         del temperature
         return self._at(omega, shape.bending_ratio(plane))
 
-    def stretching(self, shape: Shape, omega: Frequencies) -> Spectrum:
+    def stretching(self, shape: CrossSection, omega: Frequencies) -> Spectrum:
         """Loss angle of stretching, rad."""
         return self._at(omega, shape.stretching_ratio)
 
-    def twisting(self, shape: Shape, omega: Frequencies) -> Spectrum:
+    def twisting(self, shape: CrossSection, omega: Frequencies) -> Spectrum:
         """Loss angle of twisting, rad."""
         return self._at(omega, shape.twisting_ratio)
 

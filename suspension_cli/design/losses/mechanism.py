@@ -2,109 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, Self
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from msgspec import defstruct
-
-from suspension_cli.design.units import Table
+from suspension_cli.design.units import Problems, Table, extend_table
 
 if TYPE_CHECKING:
-    from suspension_cli.design.cross_sections.shape import Frequencies, Spectrum
-    from suspension_cli.errors import Fault
-
-
-@dataclass(frozen=True)
-class Key:
-    """A key of the design file.
-
-    Attributes
-    ----------
-    kind
-        With its unit, bounds and help text.
-    table : {"material", "wire"}
-        ``[materials.NAME.loss]``, or the tables of wires.
-    """
-
-    name: str
-    kind: Any
-    table: Literal["material", "wire"] = "material"
-
-
-class MaterialConstants(Protocol):
-    """Constants of a material, None where unknown, with its losses in `loss`."""
-
-    @property
-    def youngs_modulus(self) -> float | None:
-        """Pa."""
-        ...
-
-    @property
-    def density(self) -> float | None:
-        """kg/m^3."""
-        ...
-
-    @property
-    def thermal_expansion(self) -> float | None:
-        """1/K."""
-        ...
-
-    @property
-    def modulus_slope(self) -> float | None:
-        """(1/E) dE/dT, 1/K."""
-        ...
-
-    @property
-    def specific_heat(self) -> float | None:
-        """J/(kg K)."""
-        ...
-
-    @property
-    def thermal_conductivity(self) -> float | None:
-        """W/(m K)."""
-        ...
-
-    @property
-    def loss(self) -> Any:
-        """Table with the keys of all mechanisms, or None."""
-        ...
-
-    @property
-    def loss_angle(self) -> float | None:
-        """Short for `loss.angle`, rad."""
-        ...
-
-
-class Shape(Protocol):
-    """Properties of the cross-section of a wire or blade that losses depend on."""
-
-    @property
-    def depth(self) -> tuple[float, float]:
-        """Size across in the two planes of bending, m."""
-        ...
-
-    @property
-    def stretching_ratio(self) -> float:
-        """mu S/V of stretching, 1/m."""
-        ...
-
-    @property
-    def twisting_ratio(self) -> float:
-        """mu S/V of twisting, 1/m."""
-        ...
-
-    def bending_ratio(self, plane: int) -> float:
-        """mu S/V of bending, 1/m."""
-        ...
-
-    def relaxation(self, phase: Frequencies) -> Spectrum:
-        """Thermoelastic loss angle of bending over its strength."""
-        ...
+    from suspension_cli.design.cross_sections.shape import CrossSection, Frequencies, Spectrum
 
 
 class Mechanism:
     """A mechanism of loss, with the constants of one material: a frozen dataclass.
+
+    Materials are tables `schema.Material`, with None for what is unknown.
 
     Loss angles are in rad, finite at zero frequency, and add up; `omega` is in rad/s, of any shape,
     not negative, or complex (of a damped mode).
@@ -113,6 +23,8 @@ class Mechanism:
     ----------
     name
         For messages.
+    keys, wire_keys
+        Its keys in ``[materials.NAME.loss]`` and in the tables of wires: types by name.
     uniform
         Whether it acts in every deformation; otherwise in bending alone.
     cause
@@ -121,39 +33,36 @@ class Mechanism:
     """
 
     name: ClassVar[str]
-    keys: ClassVar[tuple[Key, ...]] = ()
+    keys: ClassVar[dict[str, Any]] = {}
+    wire_keys: ClassVar[dict[str, Any]] = {}
     uniform: ClassVar[bool] = False
     cause: ClassVar[str] = ""
 
     @classmethod
-    def merge(cls, own: MaterialConstants, built_in: MaterialConstants) -> dict[str, object]:
+    def merge(cls, own: Any, built_in: Any) -> dict[str, object]:
         """Merge a design's values of the keys of a material with built-in ones."""
-        result = {}
-        for key in cls.keys:
-            if key.table == "material":
-                given = getattr(own.loss, key.name, None)
-                result[key.name] = given if given is not None else getattr(built_in.loss, key.name)
-        return result
+        values = ((key, getattr(own.loss, key, None)) for key in cls.keys)
+        return {
+            key: getattr(built_in.loss, key) if value is None else value for key, value in values
+        }
 
     @classmethod
-    def check(
-        cls, own: MaterialConstants, material: MaterialConstants, path: str
-    ) -> Iterator[Fault]:
-        """Check a design's table of a material at `path`; `material` has the built-in values too.
+    def check(cls, own: Any, material: Any) -> Problems:
+        """Check a design's table of a material; `material` has the built-in values too.
 
         Bounds of single numbers are in their types.
         """
-        del own, material, path
+        del own, material
         yield from ()
 
     @classmethod
-    def check_wire(cls, wire: Table, path: str) -> Iterator[Fault]:
-        """Check the keys in the table of wires at `path`."""
-        del wire, path
+    def check_wire(cls, wire: Table) -> Problems:
+        """Check the keys in the table of wires."""
+        del wire
         yield from ()
 
     @classmethod
-    def of(cls, material: MaterialConstants, wire: Table | None) -> Self | None:
+    def of(cls, material: Any, wire: Table | None) -> Self | None:
         """Read the constants.
 
         Parameters
@@ -172,7 +81,7 @@ class Mechanism:
 
     def bending(
         self,
-        shape: Shape,
+        shape: CrossSection,
         plane: int,
         omega: Frequencies,
         temperature: float,
@@ -180,14 +89,14 @@ class Mechanism:
         """Loss angle of bending in one plane; with a `coefficient` a, divided by a^2."""
         raise NotImplementedError
 
-    def stretching(self, shape: Shape, omega: Frequencies) -> Spectrum:
+    def stretching(self, shape: CrossSection, omega: Frequencies) -> Spectrum:
         """Loss angle of stretching; 0 unless `uniform`."""
         import numpy as np
 
         del shape
         return np.zeros(np.shape(omega))
 
-    def twisting(self, shape: Shape, omega: Frequencies) -> Spectrum:
+    def twisting(self, shape: CrossSection, omega: Frequencies) -> Spectrum:
         """Loss angle of twisting; 0 unless `uniform`."""
         import numpy as np
 
@@ -208,19 +117,7 @@ class Mechanism:
         return True
 
 
-def with_keys(base: type[Table], mechanisms: Iterable[type[Mechanism]], table: str) -> Any:
+def with_keys(base: type[Table], mechanisms: Iterable[type[Mechanism]], *, of_wire: bool) -> Any:
     """Derive a table of the design file from `base`, with the keys of all mechanisms."""
-    fields: list[Any] = [
-        (key.name, key.kind | None, None)
-        for mechanism in mechanisms
-        for key in mechanism.keys
-        if key.table == table
-    ]
-    return defstruct(
-        f"_{table.title()}Loss",
-        fields,
-        bases=(base,),
-        frozen=True,
-        kw_only=True,
-        module=base.__module__,
-    )
+    keys = (one.wire_keys if of_wire else one.keys for one in mechanisms)
+    return extend_table(base, {name: kind | None for own in keys for name, kind in own.items()})

@@ -10,17 +10,14 @@ frequency the angle is continued analytically.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
-from suspension_cli.design.faults import fault_of
-from suspension_cli.design.losses.mechanism import Key, MaterialConstants, Mechanism, Shape
-from suspension_cli.design.units import Table, doc
-from suspension_cli.errors import Fault
+from suspension_cli.design.losses.mechanism import Mechanism
+from suspension_cli.design.units import Problems, Table, doc
 
 if TYPE_CHECKING:
-    from suspension_cli.design.cross_sections.shape import Frequencies, Spectrum
+    from suspension_cli.design.cross_sections.shape import CrossSection, Frequencies, Spectrum
 
 
 CONSTANTS = ("density", "thermal_expansion", "specific_heat", "thermal_conductivity")
@@ -46,18 +43,15 @@ class Thermoelastic(Mechanism):
     """
 
     name: ClassVar[str] = "thermoelastic"
-    keys: ClassVar[tuple[Key, ...]] = (
-        Key(
-            "thermoelastic",
-            Annotated[
-                bool,
-                doc(
-                    "false omits thermoelastic loss, which needs density, expansion, specific"
-                    " heat and conductivity (the slope of the modulus may be missing)"
-                ),
-            ],
-        ),
-    )
+    keys: ClassVar[dict[str, Any]] = {
+        "thermoelastic": Annotated[
+            bool,
+            doc(
+                "false omits thermoelastic loss, which needs density, expansion, specific"
+                " heat and conductivity (the slope of the modulus may be missing)"
+            ),
+        ],
+    }
 
     youngs_modulus: float
     density: float
@@ -67,38 +61,27 @@ class Thermoelastic(Mechanism):
     conductivity: float
 
     @classmethod
-    def check(
-        cls, own: MaterialConstants, material: MaterialConstants, path: str
-    ) -> Iterator[Fault]:
+    def check(cls, own: Any, material: Any) -> Problems:
         """Check that a material with ``thermoelastic = true`` has the constants."""
         missing = [key for key in CONSTANTS if getattr(material, key) is None]
         if own.loss is not None and own.loss.thermoelastic and missing:
             problem = f"has no effect without {', '.join(missing)}"
-            remedy = "give what is missing, or remove it"
-            yield fault_of(own.loss, f"{path}.loss", "thermoelastic", problem, remedy)
+            yield "loss.thermoelastic", problem, "give what is missing, or remove it"
 
     @classmethod
-    def of(cls, material: MaterialConstants, wire: Table | None) -> Self | None:
+    def of(cls, material: Any, wire: Table | None) -> Self | None:
         """Read the constants; None where one is unknown, or with ``thermoelastic = false``."""
         del wire
-        youngs_modulus, density = material.youngs_modulus, material.density
-        expansion = material.thermal_expansion
-        capacity, conductivity = material.specific_heat, material.thermal_conductivity
-        if (
-            material.loss.thermoelastic is False
-            or youngs_modulus is None
-            or density is None
-            or expansion is None
-            or capacity is None
-            or conductivity is None
-        ):
+        constants = [getattr(material, key) for key in ("youngs_modulus", *CONSTANTS)]
+        if material.loss.thermoelastic is False or None in constants:
             return None
+        modulus, density, expansion, capacity, conductivity = constants
         slope = material.modulus_slope or 0.0
-        return cls(youngs_modulus, density, expansion, slope, capacity, conductivity)
+        return cls(modulus, density, expansion, slope, capacity, conductivity)
 
     def bending(
         self,
-        shape: Shape,
+        shape: CrossSection,
         plane: int,
         omega: Frequencies,
         temperature: float,

@@ -215,11 +215,11 @@ BAD = {
     "both forms": ({"mode": ONE["mode"]}, "mode: conflicts with [[experiment]]"),
     "names twice": (
         {"experiment": [ONE, ONE]},
-        'experiment.2.name = "table1-case1": is also the name of an earlier experiment',
+        "experiment.2.name: table1-case1 is also that of an earlier one",
     ),
     "no such experiment": (
         {"parameter": [{"name": E, "experiments": ["lnog"]}]},
-        "parameter.1.experiments = \"lnog\": names no experiment; did you mean 'long'?",
+        "parameter.1.experiments = [\"lnog\"]: lnog names no experiment; did you mean 'long'?",
     ),
     "twice in one": (
         {"parameter": [{"name": E}, {"name": E, "experiments": ["long"]}]},

@@ -1,0 +1,164 @@
+"""Table `body` of a stage: mass and inertia, given or of a homogeneous shape."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Literal
+
+from suspension_cli.design.rules import LEAST_MASS, exactly_one, given, is_symmetric, symmetric
+from suspension_cli.design.units import BodySize, Density, Inertia, Mass, Problems, Row3, Table, key
+
+LEAST_INERTIA = 1e-30
+"""Smallest moment of inertia, kg m^2: that of a microgram of less than a nanometre."""
+THINNEST = 1e-12
+"""Smallest ratio of two moments of inertia: that of a rod a millionth as thick as long."""
+MOST_MASS = 1e9
+"""Largest mass that follows from a density, kg: that of a given mass."""
+SIZES = {"cylinder": ("axis", "radius", "inner_radius", "length"), "box": ("size",)}
+"""Keys of a shape."""
+NEEDED = {"cylinder": ("radius", "length"), "box": ("size",)}
+
+Rows = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
+
+
+class Body(Table, frozen=True):
+    """A rigid body: mass and inertia, or a homogeneous shape with a mass or a density."""
+
+    mass: Mass | None = None
+    inertia: list[Inertia | Row3] | None = key(
+        "moments of inertia about x, y, z at the COM, or a full 3x3, kg m^2",
+        min_length=3,
+        max_length=3,
+    )
+    shape: Literal["cylinder", "box"] | None = key(
+        "homogeneous shape, instead of moments of inertia"
+    )
+    axis: Literal["x", "y", "z"] | None = key("axis of a cylinder")
+    radius: BodySize | None = key("radius of a cylinder, m")
+    inner_radius: BodySize | None = key("inner radius of a hollow cylinder, m")
+    length: BodySize | None = key("length of a cylinder, m")
+    size: tuple[BodySize, BodySize, BodySize] | None = key("sides of a box along x, y and z, m")
+    density: Density | None = key("density of a shape in kg/m^3, instead of a mass")
+
+    def faults(self) -> Problems:
+        """Check that a rigid body can have this mass and inertia, or shape."""
+        if self.shape is None:
+            for name in given(self, *SIZES["cylinder"], *SIZES["box"], "density"):
+                yield name, "needs a shape", 'add shape = "cylinder" or "box"'
+            if self.mass is None:
+                yield "mass", "missing", "give mass in kg"
+            if self.inertia is None:
+                yield "inertia", "missing", "give inertia = [Ix, Iy, Iz] in kg m^2, or a shape"
+            else:
+                yield from self._inertia_faults(self.inertia)
+            return
+        if self.inertia is not None:
+            yield "inertia", "a shape has its own inertia", "give either inertia or shape"
+        yield from exactly_one(self, "mass", "density", give="mass in kg or density in kg/m^3")
+        missing = [name for name in NEEDED[self.shape] if getattr(self, name) is None]
+        for name in missing:
+            yield name, f"missing for a {self.shape}", "give it in m"
+        foreign = SIZES["box" if self.shape == "cylinder" else "cylinder"]
+        for name in given(self, *foreign):
+            yield name, f"does not describe a {self.shape}", "remove it"
+        hollow = self.radius is not None and (self.inner_radius or 0.0) >= self.radius
+        if hollow:
+            problem = f"not smaller than the radius {self.radius:g} m"
+            yield "inner_radius", problem, "give a smaller hole"
+        sound = not (missing or hollow or self.inertia or given(self, *foreign))
+        if sound and len(given(self, "mass", "density")) == 1:
+            yield from self._shape_faults()
+
+    def _inertia_faults(self, inertia: list[Any]) -> Problems:
+        yield from symmetric(self, "inertia", tolerance=1e-12)
+        if not any(isinstance(row, list) for row in inertia):
+            if min(inertia) <= 0:
+                yield "inertia", "moments of inertia must be positive", "give them in kg m^2"
+            elif min(inertia) < max(LEAST_INERTIA, THINNEST * max(inertia)):
+                problem = "has one moment that is almost zero beside the others"
+                yield "inertia", problem, "give all three in kg m^2"
+        elif all(isinstance(row, list) for row in inertia) and is_symmetric(inertia, 1e-12):
+            import numpy as np
+
+            least = max(LEAST_INERTIA, THINNEST * np.abs(inertia).max())
+            if np.linalg.eigvalsh(np.array(inertia))[0] < least:
+                remedy = "check the signs of the products of inertia"
+                yield "inertia", "is not positive definite", remedy
+
+    def _shape_faults(self) -> Problems:
+        mass, moments = body_mass(self), [row[n] for n, row in enumerate(body_inertia(self))]
+        if not LEAST_MASS <= mass <= MOST_MASS:
+            problem = f"the body has {mass:.3g} kg, not {LEAST_MASS:g} to {MOST_MASS:g} kg"
+            yield "mass" if self.density is None else "density", problem, "check the sizes, in m"
+        elif min(moments) < max(LEAST_INERTIA, THINNEST * max(moments)):
+            sizes = f"{min(moments):.3g} to {max(moments):.3g} kg m^2"
+            problem = f"has moments of inertia of {sizes}, too small or too unequal"
+            yield "", problem, "check the sizes, in m"
+
+
+def body_mass(body: Body) -> float:
+    """Compute the mass of a body in kg, given or from density and shape."""
+    if body.mass is not None:
+        return body.mass
+    assert body.density is not None
+    return body.density * volume(body)
+
+
+def volume(body: Body) -> float:
+    """Compute the volume of a shape in m^3."""
+    if body.shape == "box":
+        assert body.size is not None
+        return body.size[0] * body.size[1] * body.size[2]
+    assert body.radius is not None and body.length is not None
+    return math.pi * (body.radius**2 - (body.inner_radius or 0.0) ** 2) * body.length
+
+
+def body_inertia(body: Body) -> Rows:
+    """Compute the inertia tensor about the COM in kg m^2, given or of a homogeneous shape.
+
+    A hollow cylinder has m (R^2 + r^2)/2 about its axis and m (3 (R^2 + r^2) + L^2)/12 across it, a
+    box m (b^2 + c^2)/12 about the axis that its sides b, c are normal to (any text on mechanics).
+    """
+    if body.inertia is not None:
+        if isinstance(body.inertia[0], list):
+            return tuple(tuple(row) for row in body.inertia)  # type: ignore[return-value, arg-type]
+        return _diagonal(*body.inertia)  # type: ignore[arg-type]
+    mass = body_mass(body)
+    if body.shape == "box":
+        assert body.size is not None
+        a, b, c = (side**2 for side in body.size)
+        return _diagonal(mass * (b + c) / 12, mass * (a + c) / 12, mass * (a + b) / 12)
+    assert body.radius is not None and body.length is not None
+    radii = body.radius**2 + (body.inner_radius or 0.0) ** 2
+    along, across = mass * radii / 2, mass * (3 * radii + body.length**2) / 12
+    moments = [across, across, across]
+    moments["xyz".index(body.axis or "x")] = along
+    return _diagonal(*moments)
+
+
+def _diagonal(a: float, b: float, c: float) -> Rows:
+    return ((a, 0.0, 0.0), (0.0, b, 0.0), (0.0, 0.0, c))
+
+
+def second_moments(body: Body) -> tuple[float, float, float]:
+    """Integrate x^2, y^2, z^2 over the mass of a body, kg m^2: (I_y + I_z - I_x)/2 and so on."""
+    rows = body_inertia(body)
+    moments = [rows[n][n] for n in range(3)]
+    x, y, z = (sum(moments) / 2 - moment for moment in moments)
+    return x, y, z
+
+
+def half_sides(body: Body) -> tuple[float, float, float]:
+    """Compute half the size of a body along x, y, z, m; else that of the box of its inertia."""
+    if body.shape == "box":
+        assert body.size is not None
+        x, y, z = (side / 2 for side in body.size)
+    elif body.shape == "cylinder":
+        assert body.radius is not None and body.length is not None
+        halves = [body.radius] * 3
+        halves["xyz".index(body.axis or "x")] = body.length / 2
+        x, y, z = halves
+    else:
+        mass = body_mass(body)
+        x, y, z = (math.sqrt(3 * max(moment, 0.0) / mass) for moment in second_moments(body))
+    return x, y, z
