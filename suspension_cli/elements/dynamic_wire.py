@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from suspension_cli.elements import beam, curvature, gas, joined_sections, loss, rod
+from suspension_cli.elements import beam, curvature, gas, joined_sections, loss, resting, rod
+from suspension_cli.elements.joined_sections import Joined
 from suspension_cli.scene.composition import Fibre, Gas, Section
 
 if TYPE_CHECKING:
@@ -136,24 +137,6 @@ class RodSection(NamedTuple):
     displacement: tuple[Float[np.ndarray, " frequency"], Float[np.ndarray, " frequency"]]
 
 
-class Joined(NamedTuple):
-    """Sections joined to a whole.
-
-    Attributes
-    ----------
-    stiffness
-        On even and odd motion of the ends.
-    motions
-        Of the sections, see `joined_sections`; none of a single section.
-    negative
-        Number of negative eigenvalues that joining adds.
-    """
-
-    stiffness: Inexact[np.ndarray, "end end frequency"]
-    motions: list[tuple[Inexact[np.ndarray, "_ frequency end end"], ...]]
-    negative: Int[np.ndarray, " frequency"] | int
-
-
 @dataclass(frozen=True)
 class WireAtFrequencies:
     """A wire at given frequencies.
@@ -168,9 +151,48 @@ class WireAtFrequencies:
     strand: TautWire
     omega: Inexact[np.ndarray, " frequency"]
 
-    def stiffness(self, part: str) -> Inexact[np.ndarray, "end end frequency"]:
+    def stiffness(self, part: str) -> Inexact[np.ndarray, "end end *frequency"]:
         """Dynamic stiffness (c, c, f) of one part, N/m, N and N m."""
-        return self._joined(self._twin(part)).stiffness
+        own = self._joined(self._twin(part)).stiffness
+        if not _is_bending(part):
+            between, upper, lower = own
+            odd = upper + lower + 4 * between
+            return np.array([[upper + lower, lower - upper], [lower - upper, odd]])
+        result = np.zeros((4, 4, *own.shape[2:]), dtype=own.dtype)
+        some = slice(None) if len(own) == 4 else slice(1, None, 2)
+        result[some, some] = own
+        length = sum(section.length for section in self.strand.fibre.sections)
+        result[2, 2] += sum(
+            self._tension(section) * section.length for section in self.strand.fibre.sections
+        )
+        for _ in range(2):  # phi = 2 W_a / L, d = T_a - phi
+            result[2] = (result[2] - result[3]) * (2 / length)
+            result = result.swapaxes(0, 1)
+        return result
+
+    def change(self, part: str) -> Inexact[np.ndarray, "*elements"]:
+        """F(omega) - F(0) of one part, with F(0) without loss and inertia.
+
+        Of bending on (W, T_s, phi, d), or without mass on (T_s, d) (see `elements.beam`); of
+        twisting as springs between the ends and from either end to the ground; of stretching F
+        itself, as such springs.
+        """
+        own, strand = self._joined(self._twin(part)).stiffness, self.strand
+        if part == "stretch":
+            return own
+        whole, sections = own.copy(), strand.fibre.sections
+        if part == "twist":
+            whole[0] -= 1 / sum(own.length / _twisting(own, strand.tension) for own in sections)
+            return whole
+        lengths = self._stack(section.length for section in sections)
+        rigidity = np.array([section.rigidity[_plane(part)] for section in sections])
+        rigidity = rigidity.reshape(-1, *(1,) * (lengths.ndim - 1))
+        still = resting.slope_stiffness(rigidity, strand.tension, lengths).stiffness
+        if len(whole) == 2:
+            return whole - still
+        whole[1::2, 1::2] -= still
+        whole[2, 2] += sum(section.tension_offset * section.length for section in sections)
+        return whole
 
     def resonances_below(self, parts: tuple[str, ...]) -> Int[np.ndarray, " frequency"]:
         """Count resonances (f,) below each frequency with clamped ends.
@@ -210,16 +232,36 @@ class WireAtFrequencies:
         if not joints:
             motions = motion[None]
         elif _is_bending(part):
-            lengths = np.array([section.length for section in self.strand.fibre.sections])
-            chord = np.einsum("ij,jrf->irf", joined_sections.to_chord(lengths.sum(0)), motion)
-            back = np.linalg.inv(joined_sections.to_chord(lengths))
-            moved = joined_sections.section_motions(joints, chord)
-            motions = np.einsum("nij,njrf->nirf", back, moved)
+            motions = self._section_bending(joints, motion)
         else:
-            motions = joined_sections.section_motions(joints, motion)
+            ends = np.tensordot(joined_sections.ENDS[1], motion, 1)
+            ends = joined_sections.section_motions(joints, ends)
+            even, odd = ends.sum(1) / 2, (ends[:, 1] - ends[:, 0]) / 2
+            motions = np.stack([even, odd], axis=1)
         if _is_bending(part):
             return self._bending_dissipation(part, motions)
         return self._rod_dissipation(part, motions)
+
+    def _section_bending(
+        self,
+        joints: list[tuple[Inexact[np.ndarray, "end end pair *#frequency"], ...]],
+        motion: Inexact[np.ndarray, "4 motion frequency"],
+    ) -> Inexact[np.ndarray, "section 4 motion frequency"]:
+        """Motion (W_s, T_s, W_a, T_a) of the ends of the sections, those without mass on chords."""
+        half = self._stack(section.length / 2 for section in self.strand.fibre.sections)[
+            ..., None, :
+        ]
+        chord = np.array(motion)
+        chord[2] /= half.sum(0)
+        chord[3] -= chord[2]
+        massless = len(joints[0][0]) == 2
+        parts = joined_sections.section_motions(joints, chord[1::2] if massless else chord)
+        if massless:
+            still = np.zeros_like(parts[:, 0])
+            return np.stack([still, parts[:, 0], still, parts[:, 1]], axis=1)
+        parts[:, 3] += parts[:, 2]
+        parts[:, 2] *= half
+        return parts
 
     def _bending_dissipation(
         self, part: str, motions: Inexact[np.ndarray, "section 4 motion frequency"]
@@ -325,23 +367,19 @@ class WireAtFrequencies:
         return self._known_joined[part]
 
     def _joined_beams(self, part: str) -> Joined:
+        sections, strand = self.strand.fibre.sections, self.strand
+        lengths = self._stack(section.length for section in sections)
+        if not strand.massive:
+            rigidity = self._section_numbers(part).rigidity
+            return resting.slope_stiffness(rigidity, strand.tension, lengths)
         waves, rigidity, _ = self._bends[part]
-        sections = self.strand.fibre.sections
-        if len(sections) == 1:
-            elements = beam.stiffness(rigidity, waves)[:, 0]
-            return Joined(_symmetric(4, beam.ELEMENT_PLACES, elements), [], 0)
-        tension = _stack(self._tension(section) for section in sections)
-        lengths = _stack(section.length for section in sections)
-        parts = beam.chord_stiffness(rigidity, tension, waves)
-        whole, motions, negative = joined_sections.join(parts, lengths)
-        total = lengths.sum(0) if lengths.shape[-1] > 1 else lengths.sum()
-        return Joined(joined_sections.chord_to_even_odd(whole, total), motions, negative)
+        parts = _symmetric(4, beam.ELEMENT_PLACES, beam.stiffness(rigidity, waves))
+        tensions = self._stack(self._tension(section) for section in sections)
+        return joined_sections.join(parts, tensions, lengths)
 
     def _joined_rods(self, part: str) -> Joined:
-        sections = rod.stiffness(*self._section_numbers(part), self.omega)
-        if sections.shape[1] == 1:
-            return Joined(_symmetric(2, ((0, 0), (1, 1)), sections[:, 0]), [], 0)
-        return Joined(*joined_sections.join_rods(sections))
+        even, odd = rod.stiffness(*self._section_numbers(part), self.omega)
+        return joined_sections.join_rods(np.array([(odd - even) / 4, even / 2, even / 2]))
 
     @cached_property
     def _bends(
@@ -356,7 +394,7 @@ class WireAtFrequencies:
     ]:
         """Waves, EI and mass per length of the sections, by plane."""
         result = {}
-        tension = _stack(self._tension(section) for section in self.strand.fibre.sections)
+        tension = self._stack(self._tension(section) for section in self.strand.fibre.sections)
         for part in ("bend-1",) if self.strand.round else ("bend-1", "bend-2"):
             rigidity, mass, half = self._section_numbers(part)
             waves = beam.waves(rigidity, tension, mass, half, self.omega)
@@ -367,11 +405,22 @@ class WireAtFrequencies:
         if part not in self._known_numbers:
             sections = self.strand.fibre.sections
             self._known_numbers[part] = SectionNumbers(
-                _stack(self._rigidity(section, part) for section in sections),
-                _stack(self._inertia(section, part) for section in sections),
-                _stack(section.length / 2 for section in sections),
+                self._stack(self._rigidity(section, part) for section in sections),
+                self._stack(self._inertia(section, part) for section in sections),
+                self._stack(section.length / 2 for section in sections),
             )
         return self._known_numbers[part]
+
+    def _stack(
+        self, values: Iterable[Inexact[np.ndarray, "*#frequency"] | complex]
+    ) -> Inexact[np.ndarray, "section *#frequency"]:
+        """Stack numbers of the sections, with axes of length 1 where they do not vary."""
+        arrays, axes = [np.asarray(value) for value in values], np.ndim(self.strand.tension)
+        shape = np.broadcast_shapes((1,) * max(axes, 1), *(array.shape for array in arrays))
+        result = np.empty((len(arrays), *shape), dtype=np.result_type(*arrays))
+        for row, array in zip(result, arrays, strict=True):  # quicker than numpy.stack
+            row[...] = array
+        return result
 
     def _tension(self, section: Section) -> Inexact[np.ndarray, " frequency"] | float:
         """Tension in the middle of a section, N, which the weight of a wire with mass changes."""
@@ -379,13 +428,13 @@ class WireAtFrequencies:
 
     def _rigidity(self, section: Section, part: str) -> Inexact[np.ndarray, " frequency"] | complex:
         """EI, EA or GJ times 1 + i phi; for twisting also T I_p/A."""
-        rigidity = _elastic_rigidity(section, part)
+        factor = 1.0
         if self.strand.lossy:
             temperature = sum(self.strand.fibre.temperature) / 2
-            rigidity = rigidity * (1 + 1j * self._loss_angle(section, part, temperature))
-        if part != "twist":
-            return rigidity
-        return (rigidity + self.strand.tension * section.polar_area) * section.torsion_factor
+            factor = 1 + 1j * self._loss_angle(section, part, temperature)
+        if part == "twist":
+            return _twisting(section, self.strand.tension, factor)
+        return _elastic_rigidity(section, part) * factor
 
     def _loss_angle(
         self, section: Section, part: str, temperature: float
@@ -410,18 +459,6 @@ class WireAtFrequencies:
             return inertia - 1j * drag / np.where(self.omega == 0, np.inf, self.omega)
 
 
-def _stack(
-    values: Iterable[Inexact[np.ndarray, " frequency"] | complex],
-) -> Inexact[np.ndarray, "section *#frequency"]:
-    arrays = [np.asarray(value) for value in values]
-    shapes = {array.shape for array in arrays if array.ndim} or {(1,)}
-    shape = shapes.pop() if len(shapes) == 1 else np.broadcast_shapes(*shapes)
-    result = np.empty((len(arrays), *shape), dtype=np.result_type(*arrays))
-    for row, array in zip(result, arrays, strict=True):  # quicker than numpy.stack
-        row[...] = array
-    return result
-
-
 def _is_bending(part: str) -> bool:
     return part.startswith("bend")
 
@@ -435,6 +472,15 @@ def _elastic_rigidity(section: Section, part: str) -> float:
     if _is_bending(part):
         return section.rigidity[_plane(part)]
     return section.stretching if part == "stretch" else section.twisting
+
+
+def _twisting(
+    section: Section,
+    tension: Inexact[np.ndarray, "*#frequency"] | complex,
+    lossy: Inexact[np.ndarray, "*#frequency"] | complex = 1.0,
+) -> Inexact[np.ndarray, "*frequency"] | complex:
+    """(GJ (1 + i phi) + T I_p/A) times the factor that fits it to a given torsional stiffness."""
+    return (section.twisting * lossy + tension * section.polar_area) * section.torsion_factor
 
 
 def group_identical(
@@ -501,10 +547,10 @@ def fit_to_equilibrium(
 
 
 def _symmetric(
-    size: int, places: tuple[tuple[int, int], ...], elements: Inexact[np.ndarray, "place frequency"]
-) -> Inexact[np.ndarray, "size size frequency"]:
+    size: int, places: tuple[tuple[int, int], ...], elements: list[Inexact[np.ndarray, "*shape"]]
+) -> Inexact[np.ndarray, "size size *shape"]:
     """Symmetric matrices from their elements on and above the diagonal."""
-    result = np.zeros((size, size, elements.shape[-1]), dtype=elements.dtype)
+    result = np.zeros((size, size, *elements[0].shape), dtype=elements[0].dtype)
     for (i, j), value in zip(places, elements, strict=True):
         result[i, j] = result[j, i] = value
     return result

@@ -13,6 +13,9 @@ import numpy as np
 if TYPE_CHECKING:
     from jaxtyping import Float, Inexact
 
+TERMS = 9
+"""Terms of a power series whose next one is below a rounding error."""
+
 
 def sin_cos(
     z: Inexact[np.ndarray, "*shape"],
@@ -81,6 +84,43 @@ def _over(
     """Ratio of an odd function to z, 1 at z = 0."""
     zero = z == 0
     return np.where(zero, 1.0, odd / np.where(zero, 1.0, z)) if np.any(zero) else odd / z
+
+
+def tanhc(
+    u: Inexact[np.ndarray, "*shape"],
+) -> tuple[Inexact[np.ndarray, "*shape"], Inexact[np.ndarray, "*shape"]]:
+    """tanh(u)/u and (1 - tanh(u)/u) / u^2, without cancellation, for Re u >= 0."""
+    near = np.abs(u) < 1
+    some = np.any(near)
+    far = np.where(near, 1.0, u) if some else u
+    ratio = tanh(far) / far
+    gap = (1 - ratio) / far**2
+    if some:
+        u = np.where(near, u, 0.0)
+        series = _gap_series(u * u) / np.cosh(u)
+        ratio, gap = np.where(near, 1 - u * u * series, ratio), np.where(near, series, gap)
+    return ratio, gap
+
+
+def sinc_gap(
+    u: Inexact[np.ndarray, "*shape"],
+    sinc: Inexact[np.ndarray, "*shape"],
+    cos: Inexact[np.ndarray, "*shape"],
+) -> Inexact[np.ndarray, "*shape"]:
+    """sin(u)/u - cos(u), from both and, where they cancel, from u."""
+    near = np.abs(u) < 1
+    if not np.any(near):
+        return sinc - cos
+    square = np.where(near, u, 0.0) ** 2
+    return np.where(near, square * _gap_series(-square), sinc - cos)
+
+
+def _gap_series(square: Inexact[np.ndarray, "*shape"]) -> Inexact[np.ndarray, "*shape"]:
+    """(cosh u - sinh(u)/u) / u^2, the sum of 2k u^(2k-2) / (2k + 1)!, for |u| < 1."""
+    total = np.zeros_like(square)
+    for k in range(TERMS, 0, -1):
+        total = total * square + 2 * k / math.factorial(2 * k + 1)
+    return total
 
 
 def sinhc_minus_sinc(

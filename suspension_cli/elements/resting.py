@@ -7,40 +7,22 @@ slopes have (w'''' EI = T w''; Gonzalez and Saulson, J. Acoust. Soc. Am. 96, 207
     even, (b - a) / 2:  2 EI / t,        odd, (a + b) / 2:  2 EI u^2 t / (h^2 (1 - t/h)),
     S_uu = S_ll = (odd + even) / 4,      S_ul = (odd - even) / 4.
 
-The chord alone has T L. Two beams of lengths L_A (above) and L_B meet in a node, eta off the chord
-of both together and leaning by zeta against it. Their own slopes are
-
-    a_A = a - eta / L_A,  b_A = zeta - eta / L_A,    a_B = zeta + eta / L_B,  b_B = b + eta / L_B,
-
-and their chords add T (1/L_A + 1/L_B) eta^2 / 2. No force on the node gives eta and zeta for a = 1
-and for b = 1; the stiffness of both follows from the energy, in which an error of eta or zeta
-enters as its square. As EI / L^3 does not appear, a short section swamps no long one.
+The chord alone has T L. Sections are joined as `elements.joined_sections` says.
 """
 
 from __future__ import annotations
 
-import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+from suspension_cli.elements.functions import tanhc
+from suspension_cli.elements.joined_sections import Joined, join
 
+if TYPE_CHECKING:
     from jaxtyping import Inexact
 
     from suspension_cli.scene.composition import Section
-
-GAP_TERMS = 10
-"""Terms of the series of (cosh u - sinh(u)/u) / u^2, for |u| < 1."""
-
-
-class Slopes(NamedTuple):
-    """Stiffness S_uu, S_ul and S_ll against the slopes of the ends to the chord, N m."""
-
-    uu: Inexact[np.ndarray, "*shape"]
-    ul: Inexact[np.ndarray, "*shape"]
-    ll: Inexact[np.ndarray, "*shape"]
 
 
 def resistance(
@@ -71,27 +53,25 @@ def resistance(
     shape = np.broadcast_shapes(np.shape(length), np.shape(tension), np.shape(torsion))
     stretch = length / sum(section.length for section in sections)
     rigidity = np.array([section.rigidity[:planes] for section in sections])
-    slopes = slope_stiffness(
-        rigidity.reshape(-1, planes, *(1,) * len(shape)),
-        tension,
-        [section.length * stretch for section in sections],
-    )
-    whole = np.stack([np.broadcast_to(own, (planes, *shape)) for own in slopes], axis=1)
+    lengths = np.stack([section.length * stretch + np.zeros((1, *shape)) for section in sections])
+    rigidity = rigidity.reshape(*rigidity.shape, *(1,) * len(shape))
+    (even, mixed), (_, odd) = slope_stiffness(rigidity, tension, lengths).stiffness
+    bend = np.stack([odd + even - 2 * mixed, odd - even, odd + even + 2 * mixed], axis=1) / 4
     compliance = sum(
         section.length * stretch / (section.twisting + tension * section.polar_area)
         for section in sections
     )
     given = np.real(torsion) > 0
     twist = np.where(given, torsion, 1 / compliance)
-    return np.broadcast_to(whole, (2, 3, *shape)), twist
+    return np.broadcast_to(bend, (2, 3, *shape)), twist
 
 
 def slope_stiffness(
     rigidity: Inexact[np.ndarray, "section *#shape"],
     tension: Inexact[np.ndarray, "*#shape"] | complex,
-    lengths: Sequence[Inexact[np.ndarray, "*#shape"] | complex],
-) -> Slopes:
-    """Stiffness of joined sections on the slopes of the ends to the chord.
+    lengths: Inexact[np.ndarray, "section *#shape"],
+) -> Joined:
+    """Stiffness (2, 2, ...) of joined sections on (T_s, d), see `elements.joined_sections`.
 
     Parameters
     ----------
@@ -102,11 +82,13 @@ def slope_stiffness(
     lengths
         Of the sections, m.
     """
-    parts = map(_uniform, rigidity, [tension] * len(lengths), lengths)
-    whole, above = next(parts), lengths[0]
-    for part, length in zip(parts, lengths[1:], strict=True):
-        whole, above = _join(whole, part, above, length, tension), above + length
-    return whole
+    h = lengths / 2
+    u = np.sqrt(tension / rigidity) * h
+    lag, gap = tanhc(u)
+    even, odd = 2 * rigidity / (h * lag), 2 * rigidity * lag / (h * gap)
+    none = np.zeros_like(even)
+    parts = np.array([[even, none], [none, odd]])
+    return join(parts, np.broadcast_to(tension, lengths.shape), lengths)
 
 
 def hinge_distances(
@@ -125,58 +107,3 @@ def hinge_distances(
     uu, ul, ll = bend[0]
     force = (tension * length + uu + 2 * ul + ll) / length
     return (uu + ul) / force, (ul + ll) / force
-
-
-def _uniform(
-    rigidity: Inexact[np.ndarray, "*#shape"],
-    tension: Inexact[np.ndarray, "*#shape"] | complex,
-    length: Inexact[np.ndarray, "*#shape"] | complex,
-) -> Slopes:
-    h = length / 2
-    square = tension / rigidity * h**2
-    u = np.sqrt(square)
-    soft = np.abs(square) < 1  # in stiff or short beams 1 - tanh(u)/u cancels
-    far = np.where(soft, 1, u)
-    lag = np.tanh(far) / far  # tanh(u)/u
-    ratio = far**2 / (1 - lag)  # u^2 / (1 - tanh(u)/u)
-    if np.any(soft):
-        near = np.where(soft, square, 0)
-        cosh, total = np.cosh(np.where(soft, u, 0)), np.zeros_like(near)
-        for k in range(GAP_TERMS, 0, -1):
-            total = total * near + 2 * k / math.factorial(2 * k + 1)
-        lag = np.where(soft, 1 - near * total / cosh, lag)
-        ratio = np.where(soft, cosh / total, ratio)
-    even, odd = 2 * rigidity / (h * lag), 2 * rigidity * ratio * lag / h
-    same = (odd + even) / 4
-    return Slopes(same, (odd - even) / 4, same)
-
-
-def _join(
-    upper: Slopes,
-    lower: Slopes,
-    above: Inexact[np.ndarray, "*#shape"] | complex,
-    below: Inexact[np.ndarray, "*#shape"] | complex,
-    tension: Inexact[np.ndarray, "*#shape"] | complex,
-) -> Slopes:
-    p, q = 1 / above, 1 / below
-    string = tension * (p + q)
-    # forces on the node: eta and zeta by themselves and mixed, then per a and per b
-    ee = p**2 * (upper.uu + 2 * upper.ul + upper.ll) + string
-    ee = ee + q**2 * (lower.uu + 2 * lower.ul + lower.ll)
-    ez, zz = q * (lower.uu + lower.ul) - p * (upper.ul + upper.ll), upper.ll + lower.uu
-    ea, za = -p * (upper.uu + upper.ul), upper.ul
-    eb, zb = q * (lower.ul + lower.ll), lower.ul
-    over = 1 / (ee * zz - ez**2)
-    motions = []
-    for (e, z), a, b in (((ea, za), 1, 0), ((eb, zb), 0, 1)):
-        eta, zeta = (ez * z - zz * e) * over, (ez * e - ee * z) * over
-        motions.append((eta, a - p * eta, zeta - p * eta, zeta + q * eta, b + q * eta))
-
-    def energy(i: int, j: int) -> Inexact[np.ndarray, "*shape"]:
-        (eta, *one), (other_eta, *other) = motions[i], motions[j]
-        total = string * eta * other_eta
-        for part, (a, b), (c, d) in ((upper, one[:2], other[:2]), (lower, one[2:], other[2:])):
-            total = total + part.uu * a * c + part.ul * (a * d + b * c) + part.ll * b * d
-        return total
-
-    return Slopes(energy(0, 0), energy(0, 1), energy(1, 1))
