@@ -153,7 +153,21 @@ class WireAtFrequencies:
 
     def stiffness(self, part: str) -> Inexact[np.ndarray, "end end *frequency"]:
         """Dynamic stiffness (c, c, f) of one part, N/m, N and N m."""
-        own = self._joined(self._twin(part)).stiffness
+        part = self._twin(part)
+        if part not in self._known_stiffness:
+            self._known_stiffness[part] = self._even_odd(part)
+        return self._known_stiffness[part]
+
+    def _even_odd(self, part: str) -> Inexact[np.ndarray, "end end *frequency"]:
+        sections = self.strand.fibre.sections
+        length = sum(section.length for section in sections)
+        pull = sum(self._tension(section) * section.length for section in sections)
+        # phi = 2 W_a / L, d = T_a - phi
+        if _is_bending(part) and self.strand.massive and len(sections) == 1:
+            *even, pp, pd, dd = (own[0] for own in self._uniform_beams(part))
+            odd = (pp + pull - 2 * pd + dd) * (2 / length) ** 2, (pd - dd) * (2 / length), dd
+            return _symmetric(4, beam.ELEMENT_PLACES, [*even, *odd])
+        own = self._joined(part).stiffness
         if not _is_bending(part):
             between, upper, lower = own
             odd = upper + lower + 4 * between
@@ -161,13 +175,10 @@ class WireAtFrequencies:
         result = np.zeros((4, 4, *own.shape[2:]), dtype=own.dtype)
         some = slice(None) if len(own) == 4 else slice(1, None, 2)
         result[some, some] = own
-        length = sum(section.length for section in self.strand.fibre.sections)
-        result[2, 2] += sum(
-            self._tension(section) * section.length for section in self.strand.fibre.sections
-        )
-        for _ in range(2):  # phi = 2 W_a / L, d = T_a - phi
-            result[2] = (result[2] - result[3]) * (2 / length)
-            result = result.swapaxes(0, 1)
+        result[2, 2] += pull
+        for half in (result, result.swapaxes(0, 1)):
+            half[2] -= half[3]
+            half[2] *= 2 / length
         return result
 
     def change(self, part: str) -> Inexact[np.ndarray, "*elements"]:
@@ -349,6 +360,10 @@ class WireAtFrequencies:
         return "bend-1" if part == "bend-2" and self.strand.round else part
 
     @cached_property
+    def _known_stiffness(self) -> dict[str, Inexact[np.ndarray, "end end *frequency"]]:
+        return {}
+
+    @cached_property
     def _known_joined(self) -> dict[str, Joined]:
         return {}
 
@@ -368,14 +383,20 @@ class WireAtFrequencies:
 
     def _joined_beams(self, part: str) -> Joined:
         sections, strand = self.strand.fibre.sections, self.strand
+        if strand.massive:
+            parts = _symmetric(4, beam.ELEMENT_PLACES, self._uniform_beams(part))
+            if len(sections) == 1:
+                return Joined(parts[:, :, 0], [], 0)
         lengths = self._stack(section.length for section in sections)
         if not strand.massive:
             rigidity = self._section_numbers(part).rigidity
             return resting.slope_stiffness(rigidity, strand.tension, lengths)
-        waves, rigidity, _ = self._bends[part]
-        parts = _symmetric(4, beam.ELEMENT_PLACES, beam.stiffness(rigidity, waves))
         tensions = self._stack(self._tension(section) for section in sections)
         return joined_sections.join(parts, tensions, lengths)
+
+    def _uniform_beams(self, part: str) -> list[Inexact[np.ndarray, "section *frequency"]]:
+        waves, rigidity, _ = self._bends[part]
+        return beam.stiffness(rigidity, waves)
 
     def _joined_rods(self, part: str) -> Joined:
         even, odd = rod.stiffness(*self._section_numbers(part), self.omega)

@@ -96,9 +96,9 @@ def tanhc(
     ratio = tanh(far) / far
     gap = (1 - ratio) / far**2
     if some:
-        u = np.where(near, u, 0.0)
-        series = _gap_series(u * u) / np.cosh(u)
-        ratio, gap = np.where(near, 1 - u * u * series, ratio), np.where(near, series, gap)
+        u = np.broadcast_to(u, ratio.shape)[near]
+        gap[near] = _gap_series(u * u) / np.cosh(u)
+        ratio[near] = 1 - u * u * gap[near]
     return ratio, gap
 
 
@@ -108,11 +108,11 @@ def sinc_gap(
     cos: Inexact[np.ndarray, "*shape"],
 ) -> Inexact[np.ndarray, "*shape"]:
     """sin(u)/u - cos(u), from both and, where they cancel, from u."""
-    near = np.abs(u) < 1
-    if not np.any(near):
-        return sinc - cos
-    square = np.where(near, u, 0.0) ** 2
-    return np.where(near, square * _gap_series(-square), sinc - cos)
+    near, result = np.abs(u) < 1, sinc - cos
+    if np.any(near):
+        square = u[near] ** 2
+        result[near] = square * _gap_series(-square)
+    return result
 
 
 def _gap_series(square: Inexact[np.ndarray, "*shape"]) -> Inexact[np.ndarray, "*shape"]:
