@@ -40,39 +40,31 @@ into halves preserves the digits.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from suspension_cli.elements.functions import sinc_cos, sinc_gap, tanhc
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Inexact, Int
+    from jaxtyping import Inexact, Int
 
 EPS = 2.0**-53
-SERIES = 1.0
-"""|alpha^2 + beta^2| h^2 below which the curvature of a wire is nearly a polynomial."""
-
 ELEMENT_PLACES = ((0, 0), (0, 1), (1, 1), (2, 2), (2, 3), (3, 3))
 """Places of the elements from `stiffness` in the symmetric matrix on (W, T_s, phi, d)."""
 
 
-@dataclass(frozen=True)
-class Waves:
-    """Wave numbers of a wire at given frequencies, and functions of them.
+class Waves(NamedTuple):
+    """Functions of the wave numbers of a wire at given frequencies.
 
     Sections of a wire may be an axis in front of the frequencies.
 
     Attributes
     ----------
-    half : float or array
+    half
         h, m.
-    alpha, beta
-        Evanescent and propagating wave number, 1/m; complex with loss.
     alpha2, beta2
-        Their squares.
+        Squares of the evanescent and the propagating wave number, 1/m^2; complex with loss.
     tanh
         tanh(alpha h) / alpha, m.
     sin
@@ -86,8 +78,6 @@ class Waves:
     """
 
     half: Inexact[np.ndarray, "*#shape"] | float
-    alpha: Inexact[np.ndarray, "*shape"]
-    beta: Inexact[np.ndarray, "*shape"]
     alpha2: Inexact[np.ndarray, "*shape"]
     beta2: Inexact[np.ndarray, "*shape"]
     tanh: Inexact[np.ndarray, "*shape"]
@@ -97,37 +87,6 @@ class Waves:
     behind: Inexact[np.ndarray, "*shape"]
     even: Inexact[np.ndarray, "*shape"]
     odd: Inexact[np.ndarray, "*shape"]
-
-    @cached_property
-    def sections(self) -> list[Waves]:
-        """Waves of each section, the first axis of all arrays."""
-        names = [field.name for field in fields(self)]
-        return [Waves(*(getattr(self, name)[n] for name in names)) for n in range(len(self.sin))]
-
-    @cached_property
-    def sum2(self) -> Inexact[np.ndarray, "*shape"]:
-        """alpha^2 + beta^2, 1/m^2."""
-        return self.alpha2 + self.beta2
-
-    @cached_property
-    def over_even(self) -> Inexact[np.ndarray, "*shape"]:
-        """1/D, m."""
-        return 1 / self.even
-
-    @cached_property
-    def over_odd(self) -> Inexact[np.ndarray, "*shape"]:
-        """1/N, 1/m."""
-        return 1 / self.odd
-
-    @cached_property
-    def cache(self) -> dict[str, Any]:
-        """Integrals over these waves, for further motions of the wire."""
-        return {}
-
-    @cached_property
-    def slow(self) -> Bool[np.ndarray, "*shape"]:
-        """Whether the closed form of N cancels: stiff wire, low omega."""
-        return np.abs(self.sum2) * self.half**2 < SERIES
 
 
 def waves(
@@ -166,7 +125,7 @@ def waves(
     behind = half * sinc_gap(beta * half, sinc, cos)
     even = _sum_or_rounding(beta2 * sin, alpha2 * cos * tanh)
     odd = _sum_or_rounding(behind, cos * lag)
-    return Waves(half, alpha, beta, alpha2, beta2, tanh, sin, cos, lag, behind, even, odd)
+    return Waves(half, alpha2, beta2, tanh, sin, cos, lag, behind, even, odd)
 
 
 def _sum_or_rounding(
@@ -197,13 +156,14 @@ def stiffness(
     list of 6 arrays
         At `ELEMENT_PLACES`: N/m, N and N m for WW, WT and TT; N m for the odd ones.
     """
-    product, bent = wave.alpha2 * wave.beta2, wave.sum2 * wave.sin * wave.tanh
+    product, sum2 = wave.alpha2 * wave.beta2, wave.alpha2 + wave.beta2
+    bent = sum2 * wave.sin * wave.tanh
     even, odd = 2 * rigidity / wave.even, 2 * rigidity / wave.odd
     return [
         -even * product * bent,
         even * product * wave.odd,
-        even * wave.sum2 * wave.cos,
-        -odd * wave.sum2 * wave.behind * wave.lag,
+        even * sum2 * wave.cos,
+        -odd * sum2 * wave.behind * wave.lag,
         odd * (wave.alpha2 * wave.tanh * wave.behind - wave.beta2 * wave.sin * wave.lag),
         odd * bent,
     ]

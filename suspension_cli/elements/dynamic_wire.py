@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from suspension_cli.elements import beam, curvature, gas, joined_sections, loss, resting, rod
+from suspension_cli.elements import beam, gas, joined_sections, loss, resting, rod
 from suspension_cli.elements.joined_sections import Joined
 from suspension_cli.scene.composition import Fibre, Gas, Section
 
@@ -118,23 +118,6 @@ class SectionNumbers(NamedTuple):
     rigidity: Inexact[np.ndarray, "section *#frequency"]
     inertia: Inexact[np.ndarray, "section *#frequency"]
     half: Inexact[np.ndarray, "section *#frequency"]
-
-
-class RodSection(NamedTuple):
-    """A section in stretching or twisting.
-
-    Attributes
-    ----------
-    rigidity, inertia
-        EA (N) or GJ (N m^2), and inertia per length.
-    strain, displacement
-        Integrals of the squares of both, for even and for odd motion (`rod.square_integrals`).
-    """
-
-    rigidity: Inexact[np.ndarray, "*#frequency"]
-    inertia: Inexact[np.ndarray, "*#frequency"]
-    strain: tuple[Float[np.ndarray, " frequency"], Float[np.ndarray, " frequency"]]
-    displacement: tuple[Float[np.ndarray, " frequency"], Float[np.ndarray, " frequency"]]
 
 
 @dataclass(frozen=True)
@@ -239,121 +222,108 @@ class WireAtFrequencies:
             N m: ``stretching`` or ``torsion``; or ``bending-upper`` and ``bending-lower``, split at
             the middle of the wire; and ``gas``.
         """
-        joints = self._joined(self._twin(part)).motions
-        if not joints:
-            motions = motion[None]
-        elif _is_bending(part):
-            motions = self._section_bending(joints, motion)
-        else:
-            ends = np.tensordot(joined_sections.ENDS[1], motion, 1)
-            ends = joined_sections.section_motions(joints, ends)
-            even, odd = ends.sum(1) / 2, (ends[:, 1] - ends[:, 0]) / 2
-            motions = np.stack([even, odd], axis=1)
-        if _is_bending(part):
-            return self._bending_dissipation(part, motions)
-        return self._rod_dissipation(part, motions)
-
-    def _section_bending(
-        self,
-        joints: list[tuple[Inexact[np.ndarray, "end end pair *#frequency"], ...]],
-        motion: Inexact[np.ndarray, "4 motion frequency"],
-    ) -> Inexact[np.ndarray, "section 4 motion frequency"]:
-        """Motion (W_s, T_s, W_a, T_a) of the ends of the sections, those without mass on chords."""
-        half = self._stack(section.length / 2 for section in self.strand.fibre.sections)[
-            ..., None, :
-        ]
-        chord = np.array(motion)
-        chord[2] /= half.sum(0)
-        chord[3] -= chord[2]
-        massless = len(joints[0][0]) == 2
-        parts = joined_sections.section_motions(joints, chord[1::2] if massless else chord)
-        if massless:
-            still = np.zeros_like(parts[:, 0])
-            return np.stack([still, parts[:, 0], still, parts[:, 1]], axis=1)
-        parts[:, 3] += parts[:, 2]
-        parts[:, 2] *= half
-        return parts
+        if not _is_bending(part):
+            lost, drag = self._material_and_gas(part, motion)
+            result = {"stretching" if part == "stretch" else "torsion": lost.sum(0)}
+            return result if drag is None else result | {"gas": drag.sum(0)}
+        return self._halves._bending_dissipation(part, motion)
 
     def _bending_dissipation(
-        self, part: str, motions: Inexact[np.ndarray, "section 4 motion frequency"]
+        self, part: str, motion: Inexact[np.ndarray, "end motion frequency"]
     ) -> dict[str, Float[np.ndarray, "motion frequency"]]:
-        sections = self.strand.fibre.sections
-        result = {name: np.zeros(motions.shape[2:]) for name in ("bending-upper", "bending-lower")}
-        length, top = sum(section.length for section in sections), 0.0
-        stacked, *numbers = self._bends[self._twin(part)]
-        for section, motion, waves, rigidity, mass in zip(
-            sections, motions, stacked.sections, *numbers, strict=True
-        ):
-            halves = curvature.integrate_squared_curvature(waves, motion)
-            for half, integral in enumerate(halves):
-                end = int(top + (0.25 + 0.5 * half) * section.length >= length / 2)
-                rest = self._imaginary_rigidity(section, part, end, rigidity)
-                for cause, own in self._separate_causes(section, part, end).items():
-                    result[cause] = result.get(cause, 0.0) + own * integral
-                    rest = rest - own
-                name = ("bending-upper", "bending-lower")[end]
-                result[name] = result[name] + rest * integral
-            if self._has_drag:
-                integral = curvature.integrate_squared_displacement(waves, motion)
-                result["gas"] = result.get("gas", 0.0) - np.imag(mass) * self.omega**2 * integral
+        """By cause, each section at the temperature of its end of the wire."""
+        fibre, result, top = self.strand.fibre, {}, 0.0
+        names = ("bending-upper", "bending-lower")
+        result = {name: np.zeros(motion.shape[1:]) for name in names}
+        losses, drag = self._material_and_gas(part, motion)
+        if drag is not None:
+            result["gas"] = drag.sum(0)
+        middle = sum(section.length for section in fibre.sections) / 2
+        for section, lost in zip(fibre.sections, losses, strict=True):
+            end = int(top + section.length / 2 > middle)
             top += section.length
+            angle = self._loss_angle(section, part, sum(fibre.temperature) / 2)
+            per_angle = lost / np.where(angle == 0, 1.0, angle)
+            rest = self._loss_angle(section, part, fibre.temperature[end])
+            causes = loss.bending_causes(
+                section, _plane(part), np.real(self.omega), fibre.temperature[end]
+            )
+            for cause, own in causes.items():
+                result[cause] = result.get(cause, 0.0) + own * per_angle
+                rest = rest - own
+            result[names[end]] = result[names[end]] + rest * per_angle
         return result
 
-    def _imaginary_rigidity(
-        self,
-        section: Section,
-        part: str,
-        end: int,
-        rigidity: Inexact[np.ndarray, " frequency"] | complex,
-    ) -> Inexact[np.ndarray, " frequency"] | float:
-        """Im(EI) at the temperature of one end, on which the thermoelastic loss depends."""
-        temperature = self.strand.fibre.temperature
-        if temperature[0] == temperature[1]:
-            return np.imag(rigidity)
-        return _elastic_rigidity(section, part) * self._loss_angle(section, part, temperature[end])
+    def _material_and_gas(
+        self, part: str, motion: Inexact[np.ndarray, "end motion frequency"]
+    ) -> tuple[
+        Float[np.ndarray, "section motion frequency"],
+        Float[np.ndarray, "section motion frequency"] | None,
+    ]:
+        """Dissipation in every section, in its material and by the gas around it.
 
-    def _separate_causes(
-        self, section: Section, part: str, end: int
-    ) -> dict[str, Inexact[np.ndarray, " frequency"]]:
-        """Parts of Im(EI) that are listed under their own causes."""
-        angles = loss.bending_causes(
-            section, _plane(part), np.real(self.omega), self.strand.fibre.temperature[end]
+        In proportion to that of either alone: exact to first order in the losses, except within the
+        width of a resonance of the clamped wire.
+        """
+        total = self._section_losses(part, motion)
+        if self.strand.surrounded is None or not self.strand.massive:
+            return total, None
+        material, drag = (own._section_losses(part, motion) for own in self._alone)
+        both = material + drag
+        drag = total * drag / np.where(both == 0, 1.0, both)
+        return total - drag, drag
+
+    def _section_losses(
+        self, part: str, motion: Inexact[np.ndarray, "end motion frequency"]
+    ) -> Float[np.ndarray, "section motion frequency"]:
+        """Dissipation x^H Im(F) x of every section: the power its ends take in and do not return.
+
+        The imaginary parts keep their digits however small the loss, as in a complex step: on the
+        chord and the slopes relative to it nothing cancels.
+        """
+        joints, places = self._joined(self._twin(part)).motions, ((0, 0), (1, 1), (2, 2))
+        if _is_bending(part):
+            length = sum(section.length for section in self.strand.fibre.sections)
+            chord = np.array(motion)
+            chord[2] *= 2 / length
+            chord[3] -= chord[2]
+            elements, places = self._uniform_beams(self._twin(part)), beam.ELEMENT_PLACES
+            if not self.strand.massive:
+                chord, places = chord[1::2], ((0, 0), (1, 1))
+            moved = joined_sections.section_motions(joints, chord).swapaxes(0, 1)
+        else:
+            ends = np.tensordot(joined_sections.ENDS[1], motion, 1)
+            upper, lower = joined_sections.section_motions(joints, ends).swapaxes(0, 1)
+            elements, moved = self._springs(part), (lower - upper, upper, lower)
+        total = np.zeros(moved[0].shape)
+        for (i, j), value in zip(places, elements, strict=True):
+            product = np.real(np.conj(moved[i]) * moved[j])
+            total += (1 if i == j else 2) * np.imag(value)[:, None] * product
+        return np.maximum(total, 0.0)
+
+    @cached_property
+    def _halves(self) -> WireAtFrequencies:
+        """The wire with the section in its middle cut there, so that each section has one end."""
+        fibre = self.strand.fibre
+        left, sections = sum(section.length for section in fibre.sections) / 2, []
+        for section in fibre.sections:
+            if EQUAL_WITHIN * section.length < left < (1 - EQUAL_WITHIN) * section.length:
+                sections.append(replace(section, length=left))
+                section = replace(section, length=section.length - left)
+                left = 0.0
+            left -= section.length
+            sections.append(section)
+        return replace(self.strand, fibre=replace(fibre, sections=tuple(sections))).at(self.omega)
+
+    @cached_property
+    def _alone(self) -> tuple[WireAtFrequencies, WireAtFrequencies]:
+        """The wire without the gas, and in it without losses of its own."""
+        fibre = self.strand.fibre
+        elastic = tuple(replace(section, losses=()) for section in fibre.sections)
+        return (
+            replace(self.strand, surrounded=None).at(self.omega),
+            replace(self.strand, fibre=replace(fibre, sections=elastic)).at(self.omega),
         )
-        return {cause: _elastic_rigidity(section, part) * own for cause, own in angles.items()}
-
-    def _rod_dissipation(
-        self, part: str, motions: Inexact[np.ndarray, "section 2 motion frequency"]
-    ) -> dict[str, Float[np.ndarray, "motion frequency"]]:
-        name = "stretching" if part == "stretch" else "torsion"
-        result = {name: np.zeros(motions.shape[2:])}
-        for motion, (rigidity, inertia, strain, displacement) in zip(
-            motions, self._rods(part), strict=True
-        ):
-            even, odd = np.real(motion) ** 2 + np.imag(motion) ** 2
-            loss = np.imag(rigidity)
-            result[name] = result[name] + (even * (loss * strain[0]) + odd * (loss * strain[1]))
-            if self._has_drag:
-                drag = -np.imag(inertia) * self.omega**2
-                result["gas"] = (
-                    result.get("gas", 0.0)
-                    + even * (drag * displacement[0])
-                    + odd * (drag * displacement[1])
-                )
-        return result
-
-    def _rods(self, part: str) -> list[RodSection]:
-        if part not in self._known_rods:
-            self._known_rods[part] = [
-                RodSection(
-                    rigidity, inertia, *rod.square_integrals(rigidity, inertia, half, self.omega)
-                )
-                for rigidity, inertia, half in zip(*self._section_numbers(part), strict=True)
-            ]
-        return self._known_rods[part]
-
-    @property
-    def _has_drag(self) -> bool:
-        return self.strand.surrounded is not None and self.strand.massive
 
     def _twin(self, part: str) -> str:
         """Return the part whose results apply: both planes of a round wire are equal."""
@@ -368,10 +338,6 @@ class WireAtFrequencies:
         return {}
 
     @cached_property
-    def _known_rods(self) -> dict[str, list[RodSection]]:
-        return {}
-
-    @cached_property
     def _known_numbers(self) -> dict[str, SectionNumbers]:
         return {}
 
@@ -382,25 +348,30 @@ class WireAtFrequencies:
         return self._known_joined[part]
 
     def _joined_beams(self, part: str) -> Joined:
-        sections, strand = self.strand.fibre.sections, self.strand
-        if strand.massive:
-            parts = _symmetric(4, beam.ELEMENT_PLACES, self._uniform_beams(part))
-            if len(sections) == 1:
-                return Joined(parts[:, :, 0], [], 0)
+        sections, elements = self.strand.fibre.sections, self._uniform_beams(part)
+        places = beam.ELEMENT_PLACES if self.strand.massive else ((0, 0), (1, 1))
+        parts = _symmetric(places[-1][0] + 1, places, elements)
+        if len(sections) == 1:
+            return Joined(parts[:, :, 0], [], 0)
         lengths = self._stack(section.length for section in sections)
-        if not strand.massive:
-            rigidity = self._section_numbers(part).rigidity
-            return resting.slope_stiffness(rigidity, strand.tension, lengths)
         tensions = self._stack(self._tension(section) for section in sections)
         return joined_sections.join(parts, tensions, lengths)
 
-    def _uniform_beams(self, part: str) -> list[Inexact[np.ndarray, "section *frequency"]]:
-        waves, rigidity, _ = self._bends[part]
-        return beam.stiffness(rigidity, waves)
+    def _uniform_beams(self, part: str) -> list[Inexact[np.ndarray, "*section"]]:
+        """Stiffness of each section, see `beam.stiffness`; without mass, on T_s and on d."""
+        if self.strand.massive:
+            waves, rigidity, _ = self._bends[part]
+            return beam.stiffness(rigidity, waves)
+        rigidity, _, half = self._section_numbers(part)
+        return resting.uniform_stiffness(rigidity, self.strand.tension, half)
 
     def _joined_rods(self, part: str) -> Joined:
+        return joined_sections.join_rods(self._springs(part))
+
+    def _springs(self, part: str) -> Inexact[np.ndarray, "3 section *frequency"]:
+        """Springs between the ends of each section, and from either end to the ground."""
         even, odd = rod.stiffness(*self._section_numbers(part), self.omega)
-        return joined_sections.join_rods(np.array([(odd - even) / 4, even / 2, even / 2]))
+        return np.array([(odd - even) / 4, even / 2, even / 2])
 
     @cached_property
     def _bends(

@@ -82,13 +82,20 @@ def slope_stiffness(
     lengths
         Of the sections, m.
     """
-    h = lengths / 2
-    u = np.sqrt(tension / rigidity) * h
-    lag, gap = tanhc(u)
-    even, odd = 2 * rigidity / (h * lag), 2 * rigidity * lag / (h * gap)
+    even, odd = uniform_stiffness(rigidity, tension, lengths / 2)
     none = np.zeros_like(even)
     parts = np.array([[even, none], [none, odd]])
     return join(parts, np.broadcast_to(tension, lengths.shape), lengths)
+
+
+def uniform_stiffness(
+    rigidity: Inexact[np.ndarray, "*#shape"],
+    tension: Inexact[np.ndarray, "*#shape"] | complex,
+    half: Inexact[np.ndarray, "*#shape"],
+) -> list[Inexact[np.ndarray, "*shape"]]:
+    """Stiffness of uniform beams of length 2 `half` on T_s and on d."""
+    lag, gap = tanhc(np.sqrt(tension / rigidity) * half)
+    return [2 * rigidity / (half * lag), 2 * rigidity * lag / (half * gap)]
 
 
 def hinge_distances(
