@@ -95,19 +95,23 @@ def join(
         )
         above, below = (parts[:, :, start:paired:2] for start in (0, 1))
         upper, lower = (form[kept] for form in _node_forms(l_a, l_b, kept))
-        both = _congruence(upper, above) + _congruence(lower, below)
+        # forces on the node per coordinate of the whole and of the node
+        one, other = (
+            multiply(form[:, -2:].swapaxes(0, 1), multiply(part, form))
+            for form, part in ((upper, above), (lower, below))
+        )
+        node = one + other
         string, step = t_a / l_a + t_b / l_b, t_a - t_b
-        both[-2, -2] += string
+        node[0, -2] += string
         if len(parts) == 4:
-            both[-2, 2] += step
-            both[2, -2] += step
-        ee, ez, zz = both[-2, -2], both[-2, -1], both[-1, -1]
+            node[0, 2] += step
+        (ee, ez), (_, zz) = node[:, -2:]
         det = ee * zz - ez**2
         det = np.where(det == 0, EPS * np.abs(ee * zz), det)  # at a resonance: just beside it
         if not np.iscomplexobj(det):
             negative = negative + np.where(det < 0, 1, np.where(ee + zz < 0, 2, 0)).sum(0)
-        eta = (ez * both[-1, :-2] - zz * both[-2, :-2]) / det
-        zeta = (ez * both[-2, :-2] - ee * both[-1, :-2]) / det
+        eta = (ez * node[1, :-2] - zz * node[0, :-2]) / det
+        zeta = (ez * node[0, :-2] - ee * node[1, :-2]) / det
         upper, lower = (
             form[:, :-2] + form[:, -2, None] * eta + form[:, -1, None] * zeta
             for form in (upper, lower)
