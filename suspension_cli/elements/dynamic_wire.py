@@ -42,8 +42,8 @@ class TautWire:
     ----------
     fibre : Fibre
     tension
-        N. An array, with arrays as lengths of the fibre's sections, stands for the wire in many
-        builds, one per frequency.
+        N. An array (..., f), with such arrays as lengths of the fibre's sections, stands for wires
+        of the same sections in many builds, each at one frequency.
     massive : bool
         Whether the wire has inertia (`violin` model).
     lossy : bool
@@ -52,7 +52,7 @@ class TautWire:
     """
 
     fibre: Fibre
-    tension: Inexact[np.ndarray, " frequency"] | float
+    tension: Inexact[np.ndarray, "*#wire frequency"] | float
     massive: bool
     lossy: bool
     surrounded: Gas | None = None
