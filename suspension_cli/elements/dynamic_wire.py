@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from suspension_cli.elements import beam, curvature, gas, joined_sections, loss, rod
+from suspension_cli.elements import beam, gas, joined_sections, loss, resting, rod
+from suspension_cli.elements.joined_sections import Joined
 from suspension_cli.scene.composition import Fibre, Gas, Section
 
 if TYPE_CHECKING:
@@ -41,8 +42,8 @@ class TautWire:
     ----------
     fibre : Fibre
     tension
-        N. An array, with arrays as lengths of the fibre's sections, stands for the wire in many
-        builds, one per frequency.
+        N. An array (..., f), with such arrays as lengths of the fibre's sections, stands for wires
+        of the same sections in many builds, each at one frequency.
     massive : bool
         Whether the wire has inertia (`violin` model).
     lossy : bool
@@ -51,7 +52,7 @@ class TautWire:
     """
 
     fibre: Fibre
-    tension: Inexact[np.ndarray, " frequency"] | float
+    tension: Inexact[np.ndarray, "*#wire frequency"] | float
     massive: bool
     lossy: bool
     surrounded: Gas | None = None
@@ -119,41 +120,6 @@ class SectionNumbers(NamedTuple):
     half: Inexact[np.ndarray, "section *#frequency"]
 
 
-class RodSection(NamedTuple):
-    """A section in stretching or twisting.
-
-    Attributes
-    ----------
-    rigidity, inertia
-        EA (N) or GJ (N m^2), and inertia per length.
-    strain, displacement
-        Integrals of the squares of both, for even and for odd motion (`rod.square_integrals`).
-    """
-
-    rigidity: Inexact[np.ndarray, "*#frequency"]
-    inertia: Inexact[np.ndarray, "*#frequency"]
-    strain: tuple[Float[np.ndarray, " frequency"], Float[np.ndarray, " frequency"]]
-    displacement: tuple[Float[np.ndarray, " frequency"], Float[np.ndarray, " frequency"]]
-
-
-class Joined(NamedTuple):
-    """Sections joined to a whole.
-
-    Attributes
-    ----------
-    stiffness
-        On even and odd motion of the ends.
-    motions
-        Of the sections, see `joined_sections`; none of a single section.
-    negative
-        Number of negative eigenvalues that joining adds.
-    """
-
-    stiffness: Inexact[np.ndarray, "end end frequency"]
-    motions: list[tuple[Inexact[np.ndarray, "_ frequency end end"], ...]]
-    negative: Int[np.ndarray, " frequency"] | int
-
-
 @dataclass(frozen=True)
 class WireAtFrequencies:
     """A wire at given frequencies.
@@ -168,9 +134,59 @@ class WireAtFrequencies:
     strand: TautWire
     omega: Inexact[np.ndarray, " frequency"]
 
-    def stiffness(self, part: str) -> Inexact[np.ndarray, "end end frequency"]:
+    def stiffness(self, part: str) -> Inexact[np.ndarray, "end end *frequency"]:
         """Dynamic stiffness (c, c, f) of one part, N/m, N and N m."""
-        return self._joined(self._twin(part)).stiffness
+        part = self._twin(part)
+        if part not in self._known_stiffness:
+            self._known_stiffness[part] = self._even_odd(part)
+        return self._known_stiffness[part]
+
+    def _even_odd(self, part: str) -> Inexact[np.ndarray, "end end *frequency"]:
+        sections = self.strand.fibre.sections
+        length = sum(section.length for section in sections)
+        pull = sum(self._tension(section) * section.length for section in sections)
+        # phi = 2 W_a / L, d = T_a - phi
+        if _is_bending(part) and self.strand.massive and len(sections) == 1:
+            *even, pp, pd, dd = (own[0] for own in self._uniform_beams(part))
+            odd = (pp + pull - 2 * pd + dd) * (2 / length) ** 2, (pd - dd) * (2 / length), dd
+            return _symmetric(4, beam.ELEMENT_PLACES, [*even, *odd])
+        own = self._joined(part).stiffness
+        if not _is_bending(part):
+            between, upper, lower = own
+            odd = upper + lower + 4 * between
+            return np.array([[upper + lower, lower - upper], [lower - upper, odd]])
+        result = np.zeros((4, 4, *own.shape[2:]), dtype=own.dtype)
+        some = slice(None) if len(own) == 4 else slice(1, None, 2)
+        result[some, some] = own
+        result[2, 2] += pull
+        for half in (result, result.swapaxes(0, 1)):
+            half[2] -= half[3]
+            half[2] *= 2 / length
+        return result
+
+    def change(self, part: str) -> Inexact[np.ndarray, "*elements"]:
+        """F(omega) - F(0) of one part, with F(0) without loss and inertia.
+
+        Of bending on (W, T_s, phi, d), or without mass on (T_s, d) (see `elements.beam`); of
+        twisting as springs between the ends and from either end to the ground; of stretching F
+        itself, as such springs.
+        """
+        own, strand = self._joined(self._twin(part)).stiffness, self.strand
+        if part == "stretch":
+            return own
+        whole, sections = own.copy(), strand.fibre.sections
+        if part == "twist":
+            whole[0] -= 1 / sum(own.length / _twisting(own, strand.tension) for own in sections)
+            return whole
+        lengths = self._stack(section.length for section in sections)
+        rigidity = np.array([section.rigidity[_plane(part)] for section in sections])
+        rigidity = rigidity.reshape(-1, *(1,) * (lengths.ndim - 1))
+        still = resting.slope_stiffness(rigidity, strand.tension, lengths).stiffness
+        if len(whole) == 2:
+            return whole - still
+        whole[1::2, 1::2] -= still
+        whole[2, 2] += sum(section.tension_offset * section.length for section in sections)
+        return whole
 
     def resonances_below(self, parts: tuple[str, ...]) -> Int[np.ndarray, " frequency"]:
         """Count resonances (f,) below each frequency with clamped ends.
@@ -206,112 +222,119 @@ class WireAtFrequencies:
             N m: ``stretching`` or ``torsion``; or ``bending-upper`` and ``bending-lower``, split at
             the middle of the wire; and ``gas``.
         """
-        joints = self._joined(self._twin(part)).motions
-        if not joints:
-            motions = motion[None]
-        elif _is_bending(part):
-            lengths = np.array([section.length for section in self.strand.fibre.sections])
-            chord = np.einsum("ij,jrf->irf", joined_sections.to_chord(lengths.sum(0)), motion)
-            back = np.linalg.inv(joined_sections.to_chord(lengths))
-            moved = joined_sections.section_motions(joints, chord)
-            motions = np.einsum("nij,njrf->nirf", back, moved)
-        else:
-            motions = joined_sections.section_motions(joints, motion)
-        if _is_bending(part):
-            return self._bending_dissipation(part, motions)
-        return self._rod_dissipation(part, motions)
+        if not _is_bending(part):
+            lost, drag = self._material_and_gas(part, motion)
+            result = {"stretching" if part == "stretch" else "torsion": lost.sum(0)}
+            return result if drag is None else result | {"gas": drag.sum(0)}
+        return self._halves._bending_dissipation(part, motion)
 
     def _bending_dissipation(
-        self, part: str, motions: Inexact[np.ndarray, "section 4 motion frequency"]
+        self, part: str, motion: Inexact[np.ndarray, "end motion frequency"]
     ) -> dict[str, Float[np.ndarray, "motion frequency"]]:
-        sections = self.strand.fibre.sections
-        result = {name: np.zeros(motions.shape[2:]) for name in ("bending-upper", "bending-lower")}
-        length, top = sum(section.length for section in sections), 0.0
-        stacked, *numbers = self._bends[self._twin(part)]
-        for section, motion, waves, rigidity, mass in zip(
-            sections, motions, stacked.sections, *numbers, strict=True
-        ):
-            halves = curvature.integrate_squared_curvature(waves, motion)
-            for half, integral in enumerate(halves):
-                end = int(top + (0.25 + 0.5 * half) * section.length >= length / 2)
-                rest = self._imaginary_rigidity(section, part, end, rigidity)
-                for cause, own in self._separate_causes(section, part, end).items():
-                    result[cause] = result.get(cause, 0.0) + own * integral
-                    rest = rest - own
-                name = ("bending-upper", "bending-lower")[end]
-                result[name] = result[name] + rest * integral
-            if self._has_drag:
-                integral = curvature.integrate_squared_displacement(waves, motion)
-                result["gas"] = result.get("gas", 0.0) - np.imag(mass) * self.omega**2 * integral
+        """By cause, each section at the temperature of its end of the wire."""
+        fibre, result, top = self.strand.fibre, {}, 0.0
+        names = ("bending-upper", "bending-lower")
+        result = {name: np.zeros(motion.shape[1:]) for name in names}
+        losses, drag = self._material_and_gas(part, motion)
+        if drag is not None:
+            result["gas"] = drag.sum(0)
+        middle = sum(section.length for section in fibre.sections) / 2
+        for section, lost in zip(fibre.sections, losses, strict=True):
+            end = int(top + section.length / 2 > middle)
             top += section.length
+            angle = self._loss_angle(section, part, sum(fibre.temperature) / 2)
+            per_angle = lost / np.where(angle == 0, 1.0, angle)
+            rest = self._loss_angle(section, part, fibre.temperature[end])
+            causes = loss.bending_causes(
+                section, _plane(part), np.real(self.omega), fibre.temperature[end]
+            )
+            for cause, own in causes.items():
+                result[cause] = result.get(cause, 0.0) + own * per_angle
+                rest = rest - own
+            result[names[end]] = result[names[end]] + rest * per_angle
         return result
 
-    def _imaginary_rigidity(
-        self,
-        section: Section,
-        part: str,
-        end: int,
-        rigidity: Inexact[np.ndarray, " frequency"] | complex,
-    ) -> Inexact[np.ndarray, " frequency"] | float:
-        """Im(EI) at the temperature of one end, on which the thermoelastic loss depends."""
-        temperature = self.strand.fibre.temperature
-        if temperature[0] == temperature[1]:
-            return np.imag(rigidity)
-        return _elastic_rigidity(section, part) * self._loss_angle(section, part, temperature[end])
+    def _material_and_gas(
+        self, part: str, motion: Inexact[np.ndarray, "end motion frequency"]
+    ) -> tuple[
+        Float[np.ndarray, "section motion frequency"],
+        Float[np.ndarray, "section motion frequency"] | None,
+    ]:
+        """Dissipation in every section, in its material and by the gas around it.
 
-    def _separate_causes(
-        self, section: Section, part: str, end: int
-    ) -> dict[str, Inexact[np.ndarray, " frequency"]]:
-        """Parts of Im(EI) that are listed under their own causes."""
-        angles = loss.bending_causes(
-            section, _plane(part), np.real(self.omega), self.strand.fibre.temperature[end]
+        In proportion to that of either alone: exact to first order in the losses, except within the
+        width of a resonance of the clamped wire.
+        """
+        total = self._section_losses(part, motion)
+        if self.strand.surrounded is None or not self.strand.massive:
+            return total, None
+        material, drag = (own._section_losses(part, motion) for own in self._alone)
+        both = material + drag
+        drag = total * drag / np.where(both == 0, 1.0, both)
+        return total - drag, drag
+
+    def _section_losses(
+        self, part: str, motion: Inexact[np.ndarray, "end motion frequency"]
+    ) -> Float[np.ndarray, "section motion frequency"]:
+        """Dissipation x^H Im(F) x of every section: the power its ends take in and do not return.
+
+        The imaginary parts keep their digits however small the loss, as in a complex step: on the
+        chord and the slopes relative to it nothing cancels.
+        """
+        joints, places = self._joined(self._twin(part)).motions, ((0, 0), (1, 1), (2, 2))
+        if _is_bending(part):
+            length = sum(section.length for section in self.strand.fibre.sections)
+            chord = np.array(motion)
+            chord[2] *= 2 / length
+            chord[3] -= chord[2]
+            elements, places = self._uniform_beams(self._twin(part)), beam.ELEMENT_PLACES
+            if not self.strand.massive:
+                chord, places = chord[1::2], ((0, 0), (1, 1))
+            moved = joined_sections.section_motions(joints, chord).swapaxes(0, 1)
+        else:
+            ends = np.tensordot(joined_sections.ENDS[1], motion, 1)
+            upper, lower = joined_sections.section_motions(joints, ends).swapaxes(0, 1)
+            elements, moved = self._springs(part), (lower - upper, upper, lower)
+        total = np.zeros(moved[0].shape)
+        for (i, j), value in zip(places, elements, strict=True):
+            product = np.real(np.conj(moved[i]) * moved[j])
+            total += (1 if i == j else 2) * np.imag(value)[:, None] * product
+        return np.maximum(total, 0.0)
+
+    @cached_property
+    def _halves(self) -> WireAtFrequencies:
+        """The wire with the section in its middle cut there, so that each section has one end."""
+        fibre = self.strand.fibre
+        left, sections = sum(section.length for section in fibre.sections) / 2, []
+        for section in fibre.sections:
+            if EQUAL_WITHIN * section.length < left < (1 - EQUAL_WITHIN) * section.length:
+                sections.append(replace(section, length=left))
+                section = replace(section, length=section.length - left)
+                left = 0.0
+            left -= section.length
+            sections.append(section)
+        return replace(self.strand, fibre=replace(fibre, sections=tuple(sections))).at(self.omega)
+
+    @cached_property
+    def _alone(self) -> tuple[WireAtFrequencies, WireAtFrequencies]:
+        """The wire without the gas, and in it without losses of its own."""
+        fibre = self.strand.fibre
+        elastic = tuple(replace(section, losses=()) for section in fibre.sections)
+        return (
+            replace(self.strand, surrounded=None).at(self.omega),
+            replace(self.strand, fibre=replace(fibre, sections=elastic)).at(self.omega),
         )
-        return {cause: _elastic_rigidity(section, part) * own for cause, own in angles.items()}
-
-    def _rod_dissipation(
-        self, part: str, motions: Inexact[np.ndarray, "section 2 motion frequency"]
-    ) -> dict[str, Float[np.ndarray, "motion frequency"]]:
-        name = "stretching" if part == "stretch" else "torsion"
-        result = {name: np.zeros(motions.shape[2:])}
-        for motion, (rigidity, inertia, strain, displacement) in zip(
-            motions, self._rods(part), strict=True
-        ):
-            even, odd = np.real(motion) ** 2 + np.imag(motion) ** 2
-            loss = np.imag(rigidity)
-            result[name] = result[name] + (even * (loss * strain[0]) + odd * (loss * strain[1]))
-            if self._has_drag:
-                drag = -np.imag(inertia) * self.omega**2
-                result["gas"] = (
-                    result.get("gas", 0.0)
-                    + even * (drag * displacement[0])
-                    + odd * (drag * displacement[1])
-                )
-        return result
-
-    def _rods(self, part: str) -> list[RodSection]:
-        if part not in self._known_rods:
-            self._known_rods[part] = [
-                RodSection(
-                    rigidity, inertia, *rod.square_integrals(rigidity, inertia, half, self.omega)
-                )
-                for rigidity, inertia, half in zip(*self._section_numbers(part), strict=True)
-            ]
-        return self._known_rods[part]
-
-    @property
-    def _has_drag(self) -> bool:
-        return self.strand.surrounded is not None and self.strand.massive
 
     def _twin(self, part: str) -> str:
         """Return the part whose results apply: both planes of a round wire are equal."""
         return "bend-1" if part == "bend-2" and self.strand.round else part
 
     @cached_property
-    def _known_joined(self) -> dict[str, Joined]:
+    def _known_stiffness(self) -> dict[str, Inexact[np.ndarray, "end end *frequency"]]:
         return {}
 
     @cached_property
-    def _known_rods(self) -> dict[str, list[RodSection]]:
+    def _known_joined(self) -> dict[str, Joined]:
         return {}
 
     @cached_property
@@ -325,23 +348,30 @@ class WireAtFrequencies:
         return self._known_joined[part]
 
     def _joined_beams(self, part: str) -> Joined:
-        waves, rigidity, _ = self._bends[part]
-        sections = self.strand.fibre.sections
+        sections, elements = self.strand.fibre.sections, self._uniform_beams(part)
+        places = beam.ELEMENT_PLACES if self.strand.massive else ((0, 0), (1, 1))
+        parts = _symmetric(places[-1][0] + 1, places, elements)
         if len(sections) == 1:
-            elements = beam.stiffness(rigidity, waves)[:, 0]
-            return Joined(_symmetric(4, beam.ELEMENT_PLACES, elements), [], 0)
-        tension = _stack(self._tension(section) for section in sections)
-        lengths = _stack(section.length for section in sections)
-        parts = beam.chord_stiffness(rigidity, tension, waves)
-        whole, motions, negative = joined_sections.join(parts, lengths)
-        total = lengths.sum(0) if lengths.shape[-1] > 1 else lengths.sum()
-        return Joined(joined_sections.chord_to_even_odd(whole, total), motions, negative)
+            return Joined(parts[:, :, 0], [], 0)
+        lengths = self._stack(section.length for section in sections)
+        tensions = self._stack(self._tension(section) for section in sections)
+        return joined_sections.join(parts, tensions, lengths)
+
+    def _uniform_beams(self, part: str) -> list[Inexact[np.ndarray, "*section"]]:
+        """Stiffness of each section, see `beam.stiffness`; without mass, on T_s and on d."""
+        if self.strand.massive:
+            waves, rigidity, _ = self._bends[part]
+            return beam.stiffness(rigidity, waves)
+        rigidity, _, half = self._section_numbers(part)
+        return resting.uniform_stiffness(rigidity, self.strand.tension, half)
 
     def _joined_rods(self, part: str) -> Joined:
-        sections = rod.stiffness(*self._section_numbers(part), self.omega)
-        if sections.shape[1] == 1:
-            return Joined(_symmetric(2, ((0, 0), (1, 1)), sections[:, 0]), [], 0)
-        return Joined(*joined_sections.join_rods(sections))
+        return joined_sections.join_rods(self._springs(part))
+
+    def _springs(self, part: str) -> Inexact[np.ndarray, "3 section *frequency"]:
+        """Springs between the ends of each section, and from either end to the ground."""
+        even, odd = rod.stiffness(*self._section_numbers(part), self.omega)
+        return np.array([(odd - even) / 4, even / 2, even / 2])
 
     @cached_property
     def _bends(
@@ -356,7 +386,7 @@ class WireAtFrequencies:
     ]:
         """Waves, EI and mass per length of the sections, by plane."""
         result = {}
-        tension = _stack(self._tension(section) for section in self.strand.fibre.sections)
+        tension = self._stack(self._tension(section) for section in self.strand.fibre.sections)
         for part in ("bend-1",) if self.strand.round else ("bend-1", "bend-2"):
             rigidity, mass, half = self._section_numbers(part)
             waves = beam.waves(rigidity, tension, mass, half, self.omega)
@@ -367,11 +397,22 @@ class WireAtFrequencies:
         if part not in self._known_numbers:
             sections = self.strand.fibre.sections
             self._known_numbers[part] = SectionNumbers(
-                _stack(self._rigidity(section, part) for section in sections),
-                _stack(self._inertia(section, part) for section in sections),
-                _stack(section.length / 2 for section in sections),
+                self._stack(self._rigidity(section, part) for section in sections),
+                self._stack(self._inertia(section, part) for section in sections),
+                self._stack(section.length / 2 for section in sections),
             )
         return self._known_numbers[part]
+
+    def _stack(
+        self, values: Iterable[Inexact[np.ndarray, "*#frequency"] | complex]
+    ) -> Inexact[np.ndarray, "section *#frequency"]:
+        """Stack numbers of the sections, with axes of length 1 where they do not vary."""
+        arrays, axes = [np.asarray(value) for value in values], np.ndim(self.strand.tension)
+        shape = np.broadcast_shapes((1,) * max(axes, 1), *(array.shape for array in arrays))
+        result = np.empty((len(arrays), *shape), dtype=np.result_type(*arrays))
+        for row, array in zip(result, arrays, strict=True):  # quicker than numpy.stack
+            row[...] = array
+        return result
 
     def _tension(self, section: Section) -> Inexact[np.ndarray, " frequency"] | float:
         """Tension in the middle of a section, N, which the weight of a wire with mass changes."""
@@ -379,13 +420,13 @@ class WireAtFrequencies:
 
     def _rigidity(self, section: Section, part: str) -> Inexact[np.ndarray, " frequency"] | complex:
         """EI, EA or GJ times 1 + i phi; for twisting also T I_p/A."""
-        rigidity = _elastic_rigidity(section, part)
+        factor = 1.0
         if self.strand.lossy:
             temperature = sum(self.strand.fibre.temperature) / 2
-            rigidity = rigidity * (1 + 1j * self._loss_angle(section, part, temperature))
-        if part != "twist":
-            return rigidity
-        return (rigidity + self.strand.tension * section.polar_area) * section.torsion_factor
+            factor = 1 + 1j * self._loss_angle(section, part, temperature)
+        if part == "twist":
+            return _twisting(section, self.strand.tension, factor)
+        return _elastic_rigidity(section, part) * factor
 
     def _loss_angle(
         self, section: Section, part: str, temperature: float
@@ -410,18 +451,6 @@ class WireAtFrequencies:
             return inertia - 1j * drag / np.where(self.omega == 0, np.inf, self.omega)
 
 
-def _stack(
-    values: Iterable[Inexact[np.ndarray, " frequency"] | complex],
-) -> Inexact[np.ndarray, "section *#frequency"]:
-    arrays = [np.asarray(value) for value in values]
-    shapes = {array.shape for array in arrays if array.ndim} or {(1,)}
-    shape = shapes.pop() if len(shapes) == 1 else np.broadcast_shapes(*shapes)
-    result = np.empty((len(arrays), *shape), dtype=np.result_type(*arrays))
-    for row, array in zip(result, arrays, strict=True):  # quicker than numpy.stack
-        row[...] = array
-    return result
-
-
 def _is_bending(part: str) -> bool:
     return part.startswith("bend")
 
@@ -435,6 +464,15 @@ def _elastic_rigidity(section: Section, part: str) -> float:
     if _is_bending(part):
         return section.rigidity[_plane(part)]
     return section.stretching if part == "stretch" else section.twisting
+
+
+def _twisting(
+    section: Section,
+    tension: Inexact[np.ndarray, "*#frequency"] | complex,
+    lossy: Inexact[np.ndarray, "*#frequency"] | complex = 1.0,
+) -> Inexact[np.ndarray, "*frequency"] | complex:
+    """(GJ (1 + i phi) + T I_p/A) times the factor that fits it to a given torsional stiffness."""
+    return (section.twisting * lossy + tension * section.polar_area) * section.torsion_factor
 
 
 def group_identical(
@@ -501,10 +539,10 @@ def fit_to_equilibrium(
 
 
 def _symmetric(
-    size: int, places: tuple[tuple[int, int], ...], elements: Inexact[np.ndarray, "place frequency"]
-) -> Inexact[np.ndarray, "size size frequency"]:
+    size: int, places: tuple[tuple[int, int], ...], elements: list[Inexact[np.ndarray, "*shape"]]
+) -> Inexact[np.ndarray, "size size *shape"]:
     """Symmetric matrices from their elements on and above the diagonal."""
-    result = np.zeros((size, size, elements.shape[-1]), dtype=elements.dtype)
+    result = np.zeros((size, size, *elements[0].shape), dtype=elements[0].dtype)
     for (i, j), value in zip(places, elements, strict=True):
         result[i, j] = result[j, i] = value
     return result

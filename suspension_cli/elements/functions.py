@@ -1,4 +1,4 @@
-"""Trigonometric functions of real and complex arrays, and sin(z)/z and sinh(z)/z.
+"""Trigonometric functions of real and complex arrays, and differences in which they cancel.
 
 For complex arguments numpy's take several times as long.
 """
@@ -12,6 +12,9 @@ import numpy as np
 
 if TYPE_CHECKING:
     from jaxtyping import Float, Inexact
+
+TERMS = 9
+"""Terms of a power series whose next one is below a rounding error."""
 
 
 def sin_cos(
@@ -54,50 +57,50 @@ def _join(
     return result
 
 
-def sinc(z: Inexact[np.ndarray, "*shape"]) -> Inexact[np.ndarray, "*shape"]:
-    """sin(z)/z, for real or complex z.
-
-    `numpy.sinc` takes z/pi, whose rounding counts at large z.
-    """
-    return sinc_cos(z)[0]
-
-
 def sinc_cos(
     z: Inexact[np.ndarray, "*shape"],
 ) -> tuple[Inexact[np.ndarray, "*shape"], Inexact[np.ndarray, "*shape"]]:
-    """sin(z)/z and cos(z), for real or complex z."""
+    """sin(z)/z and cos(z), for real or complex z.
+
+    `numpy.sinc` takes z/pi, whose rounding counts at large z.
+    """
     sin, cos = sin_cos(z)
-    return _over(sin, z), cos
-
-
-def sinhc(z: Inexact[np.ndarray, "*shape"]) -> Inexact[np.ndarray, "*shape"]:
-    """sinh(z)/z, for real or complex z."""
-    return _over(np.sinh(z), z)
-
-
-def _over(
-    odd: Inexact[np.ndarray, "*shape"], z: Inexact[np.ndarray, "*shape"]
-) -> Inexact[np.ndarray, "*shape"]:
-    """Ratio of an odd function to z, 1 at z = 0."""
     zero = z == 0
-    return np.where(zero, 1.0, odd / np.where(zero, 1.0, z)) if np.any(zero) else odd / z
+    return np.where(zero, 1.0, sin / np.where(zero, 1.0, z)) if np.any(zero) else sin / z, cos
 
 
-def sinhc_minus_sinc(
-    x: Float[np.ndarray, " frequency"], y: Float[np.ndarray, " frequency"]
-) -> Float[np.ndarray, " frequency"]:
-    """sinh(y)/y - sin(x)/x for real arrays (f,), without cancellation where both are near 1."""
-    p, n = y * y, -x * x
-    result = sinhc(y) - sinc(x)
-    near = p - n < 0.5
+def tanhc(
+    u: Inexact[np.ndarray, "*shape"],
+) -> tuple[Inexact[np.ndarray, "*shape"], Inexact[np.ndarray, "*shape"]]:
+    """tanh(u)/u and (1 - tanh(u)/u) / u^2, without cancellation, for Re u >= 0."""
+    near = np.abs(u) < 1
+    some = np.any(near)
+    far = np.where(near, 1.0, u) if some else u
+    ratio = tanh(far) / far
+    gap = (1 - ratio) / far**2
+    if some:
+        u = np.broadcast_to(u, ratio.shape)[near]
+        gap[near] = _gap_series(u * u) / np.cosh(u)
+        ratio[near] = 1 - u * u * gap[near]
+    return ratio, gap
+
+
+def sinc_gap(
+    u: Inexact[np.ndarray, "*shape"],
+    sinc: Inexact[np.ndarray, "*shape"],
+    cos: Inexact[np.ndarray, "*shape"],
+) -> Inexact[np.ndarray, "*shape"]:
+    """sin(u)/u - cos(u), from both and, where they cancel, from u."""
+    near, result = np.abs(u) < 1, sinc - cos
     if np.any(near):
-        result[near] = _sinhc_minus_one(p[near]) - _sinhc_minus_one(n[near])
+        square = u[near] ** 2
+        result[near] = square * _gap_series(-square)
     return result
 
 
-def _sinhc_minus_one(z: Float[np.ndarray, " frequency"]) -> Float[np.ndarray, " frequency"]:
-    """sinh(sqrt z)/sqrt z - 1 for small z, by its power series."""
-    total = np.zeros_like(z)
-    for k in range(8, 0, -1):
-        total = (total + 1 / math.factorial(2 * k + 1)) * z
+def _gap_series(square: Inexact[np.ndarray, "*shape"]) -> Inexact[np.ndarray, "*shape"]:
+    """(cosh u - sinh(u)/u) / u^2, the sum of 2k u^(2k-2) / (2k + 1)!, for |u| < 1."""
+    total = np.zeros_like(square)
+    for k in range(TERMS, 0, -1):
+        total = total * square + 2 * k / math.factorial(2 * k + 1)
     return total

@@ -1,15 +1,20 @@
 """Sections of wire joined end to end, by elimination of the nodes between them.
 
-Beams are joined in the coordinates q = (W, phi, a, b) of `beam.chord_stiffness`: deflection in the
-middle of the chord, its slope, and the slopes of the two ends relative to it. Two beams of lengths
-L_A (above) and L_B meet in a node, which is eta off the chord of the whole and leans by zeta
-against it. The motion of both parts is
+Beams are joined in the coordinates q = (W, T_s, phi, d) of `elements.beam`: deflection in the
+middle of the chord, half the difference of the slopes of the ends, slope of the chord, and mean
+slope of the ends relative to it. Without inertia W and phi have no stiffness but T L phi^2 / 2,
+which no stiffness here includes, and (T_s, d) alone are joined. The slopes of the two ends relative
+to the chord are a = d - T_s and b = d + T_s.
+
+Two beams of lengths L_A (above) and L_B meet in a node, which is eta off the chord of the whole and
+leans by zeta against it. The motion of both parts is
 
     W_A = W - L_B phi / 2 + eta / 2,                 W_B = W + L_A phi / 2 + eta / 2,
     phi_A = phi + eta / L_A,                         phi_B = phi - eta / L_B,
     a_A = a - eta / L_A,  b_A = zeta - eta / L_A,    a_B = zeta + eta / L_B,  b_B = b + eta / L_B,
 
-q_A = P_A (q, eta, zeta) and q_B likewise. No force on the node gives (eta, zeta) = N q from
+q_A = P_A (q, eta, zeta) and q_B likewise; their chords add T_A L_A phi_A^2 + T_B L_B phi_B^2, the
+mean tension of the whole excepted. No force on the node gives (eta, zeta) = N q from
 P_A^T K_A P_A + P_B^T K_B P_B, and with M = P [1; N] the whole is M_A^T K_A M_A + M_B^T K_B M_B. An
 error of N enters in its square, as no force acts on the node. EI / L_A^3 of a short section
 multiplies only its small deformation; in the usual difference of stiffnesses of the ends it would
@@ -25,13 +30,14 @@ in the sum of both, the stiffness of a nearly rigid wire would swamp its inertia
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 if TYPE_CHECKING:
     from jaxtyping import Inexact, Int
 
+EPS = 2.0**-53
 ENDS = {
     2: np.array([[1.0, 0, -1, 0], [0, -1, 0, 1], [1, 0, 1, 0], [0, 1, 0, 1]]),
     1: np.array([[1.0, -1], [1, 1]]),
@@ -48,98 +54,123 @@ def to_ends(
     return np.einsum("ki,klf,lj->ijf", back, even_odd, back)
 
 
-def to_chord(length: Inexact[np.ndarray, " frequency"] | float) -> Inexact[np.ndarray, "... 4 4"]:
-    """Matrix from even and odd motion to (W, phi, a, b), for beams of given lengths (m).
+class Joined(NamedTuple):
+    """Sections joined to a whole.
 
-    phi = W_a / h, a = T_a - T_s - phi, b = T_a + T_s - phi.
+    Attributes
+    ----------
+    stiffness
+        Of all together: of beams on (W, T_s, phi, d) or (T_s, d), of rods their springs.
+    motions
+        By round, the motion of upper and lower parts per motion of the joined pairs.
+    negative
+        Number of negative eigenvalues of the stiffnesses of the nodes.
     """
-    result = np.zeros((*np.shape(length), 4, 4), dtype=np.result_type(length, float))
-    result[..., 0, 0] = result[..., 2, 3] = result[..., 3, 1] = result[..., 3, 3] = 1
-    result[..., 2, 1] = -1
-    result[..., 1, 2] = 2 / length
-    result[..., 2, 2] = result[..., 3, 2] = -2 / length
-    return result
 
-
-def chord_to_even_odd(
-    stiffness: Inexact[np.ndarray, "4 4 frequency"],
-    length: Inexact[np.ndarray, " frequency"] | float,
-) -> Inexact[np.ndarray, "4 4 frequency"]:
-    """Transform a stiffness on (W, phi, a, b) of beams (lengths in m) to even and odd motion."""
-    form = to_chord(length)
-    return np.moveaxis(form.swapaxes(-1, -2) @ np.moveaxis(stiffness, -1, 0) @ form, 0, -1)
+    stiffness: Inexact[np.ndarray, "*elements"]
+    motions: list[tuple[Inexact[np.ndarray, "end end pair *#shape"], ...]]
+    negative: Int[np.ndarray, "*shape"] | int
 
 
 def join(
-    parts: Inexact[np.ndarray, "4 4 section frequency"],
-    lengths: Inexact[np.ndarray, "section *#frequency"],
-) -> tuple[
-    Inexact[np.ndarray, "4 4 frequency"],
-    list[tuple[Inexact[np.ndarray, "_ frequency 4 4"], ...]],
-    Int[np.ndarray, " frequency"],
-]:
+    parts: Inexact[np.ndarray, "end end section *shape"],
+    tensions: Inexact[np.ndarray, "section *#shape"],
+    lengths: Inexact[np.ndarray, "section *#shape"],
+) -> Joined:
     """Join sections of a beam in pairs, then the pairs, until one is left.
 
     Parameters
     ----------
     parts
-        Stiffness of each section on (W, phi, a, b), from the top.
-    lengths
-        Of each section, m.
-
-    Returns
-    -------
-    whole
-        Stiffness of all together on (W, phi, a, b).
-    motions
-        By round, the motion of upper and lower parts per motion of the joined pairs.
-    negative
-        Number of negative eigenvalues of the stiffnesses of the nodes, if real.
+        Stiffness of each section on (W, T_s, phi, d), or on (T_s, d) without inertia, from the top.
+    tensions, lengths
+        Of each section, N and m.
     """
-    whole, motions = np.moveaxis(parts, (0, 1), (-2, -1)), []
-    negative = np.zeros(whole.shape[1], dtype=int)
-    while len(whole) > 1:
-        paired = len(whole) // 2 * 2
-        above, below = (whole[start:paired:2] for start in (0, 1))
-        upper, lower = _node_forms(lengths[0:paired:2], lengths[1:paired:2])
-        both = upper.swapaxes(-1, -2) @ above @ upper + lower.swapaxes(-1, -2) @ below @ lower
-        node = _node_motion(both)
-        if not np.iscomplexobj(both):
-            negative = negative + (np.linalg.eigvalsh(both[..., 4:, 4:]) < 0).sum((0, -1))
-        upper, lower = (form[..., :4] + form[..., 4:] @ node for form in (upper, lower))
-        pairs = upper.swapaxes(-1, -2) @ above @ upper + lower.swapaxes(-1, -2) @ below @ lower
-        whole = np.concatenate([(pairs + pairs.swapaxes(-1, -2)) / 2, whole[paired:]])
-        lengths = np.concatenate([lengths[0:paired:2] + lengths[1:paired:2], lengths[paired:]])
+    motions, negative = [], 0
+    kept = slice(None) if len(parts) == 4 else slice(1, None, 2)
+    while parts.shape[2] > 1:
+        paired = parts.shape[2] // 2 * 2
+        (l_a, l_b), (t_a, t_b) = (
+            (each[0:paired:2], each[1:paired:2]) for each in (lengths, tensions)
+        )
+        above, below = (parts[:, :, start:paired:2] for start in (0, 1))
+        upper, lower = (form[kept] for form in _node_forms(l_a, l_b, kept))
+        # forces on the node per coordinate of the whole and of the node
+        one, other = (
+            multiply(form[:, -2:].swapaxes(0, 1), multiply(part, form))
+            for form, part in ((upper, above), (lower, below))
+        )
+        node = one + other
+        string, step = t_a / l_a + t_b / l_b, t_a - t_b
+        node[0, -2] += string
+        if len(parts) == 4:
+            node[0, 2] += step
+        (ee, ez), (_, zz) = node[:, -2:]
+        det = ee * zz - ez**2
+        det = np.where(det == 0, EPS * np.abs(ee * zz), det)  # at a resonance: just beside it
+        if not np.iscomplexobj(det):
+            negative = negative + np.where(det < 0, 1, np.where(ee + zz < 0, 2, 0)).sum(0)
+        eta = (ez * node[1, :-2] - zz * node[0, :-2]) / det
+        zeta = (ez * node[0, :-2] - ee * node[1, :-2]) / det
+        upper, lower = (
+            form[:, :-2] + form[:, -2, None] * eta + form[:, -1, None] * zeta
+            for form in (upper, lower)
+        )
+        pairs = _congruence(upper, above) + _congruence(lower, below) + string * eta[:, None] * eta
+        if len(parts) == 4:
+            pairs[2] += step * eta
+            pairs[:, 2] += step * eta
+        length = l_a + l_b
+        tension = (t_a * l_a + t_b * l_b) / length
+        pairs = (pairs + pairs.swapaxes(0, 1)) / 2
+        parts = np.concatenate([pairs, parts[:, :, paired:]], axis=2)
+        lengths = np.concatenate([length, lengths[paired:]])
+        tensions = np.concatenate([tension, tensions[paired:]])
         motions.append((upper, lower))
-    return np.moveaxis(whole[0], 0, -1), motions, negative
+    return Joined(parts[:, :, 0], motions, negative)
+
+
+def _congruence(
+    form: Inexact[np.ndarray, "row column pair *#shape"],
+    matrix: Inexact[np.ndarray, "row row pair *shape"],
+) -> Inexact[np.ndarray, "column column pair *shape"]:
+    """P^T K P of matrices in the first two axes."""
+    return multiply(form.swapaxes(0, 1), multiply(matrix, form))
+
+
+def multiply(
+    a: Inexact[np.ndarray, "row inner *#shape"], b: Inexact[np.ndarray, "inner column *#shape"]
+) -> Inexact[np.ndarray, "row column *shape"]:
+    """Multiply matrices in the first two axes: for such small ones quicker than `einsum`."""
+    total = a[:, 0, None] * b[0]
+    for n in range(1, len(b)):
+        total += a[:, n, None] * b[n]
+    return total
 
 
 def _node_forms(
-    above: Inexact[np.ndarray, "pair *#frequency"],
-    below: Inexact[np.ndarray, "pair *#frequency"],
+    above: Inexact[np.ndarray, "pair *#shape"],
+    below: Inexact[np.ndarray, "pair *#shape"],
+    kept: slice,
 ) -> tuple[
-    Inexact[np.ndarray, "pair *#frequency 4 6"],
-    Inexact[np.ndarray, "pair *#frequency 4 6"],
+    Inexact[np.ndarray, "4 _ pair *#shape"],
+    Inexact[np.ndarray, "4 _ pair *#shape"],
 ]:
-    """P_A and P_B of pairs of beams of given lengths (m)."""
-    upper = np.zeros((*above.shape, 4, 6), dtype=above.dtype)
-    lower = np.zeros_like(upper)
-    for form, other, slope in ((upper, -below, 1 / above), (lower, above, -1 / below)):
-        form[..., 0, [0, 4]], form[..., 0, 1] = [1, 0.5], other / 2
-        form[..., 1, 1], form[..., 1, 4] = 1, slope
-        form[..., 2, 4] = form[..., 3, 4] = -slope
-    upper[..., 2, 2] = upper[..., 3, 5] = 1
-    lower[..., 2, 5] = lower[..., 3, 3] = 1
-    return upper, lower
+    """P_A and P_B of pairs of beams of given lengths (m), per coordinate that is kept."""
+    forms = []
+    for other, slope, sign in ((-below, 1 / above, 1), (above, -1 / below, -1)):
+        form = np.zeros((4, 6, *slope.shape), dtype=slope.dtype)
+        form[0, 0], form[0, 2], form[0, 4] = 1, other / 2, 0.5
+        form[2, 2], form[2, 4], form[3, 4] = 1, slope, -slope
+        # (b - a) / 2 and (a + b) / 2, where zeta is the slope of one end
+        form[1, 1] = form[1, 3] = form[3, 1] = form[3, 3] = form[3, 5] = 0.5
+        form[1, 5] = 0.5 * sign
+        form[3, 1], form[1, 3] = -0.5 * sign, -0.5 * sign
+        forms.append(np.concatenate([form[:, :4][:, kept], form[:, 4:]], axis=1))
+    return forms[0], forms[1]
 
 
-def join_rods(
-    parts: Inexact[np.ndarray, "2 section frequency"],
-) -> tuple[
-    Inexact[np.ndarray, "2 2 frequency"],
-    list[tuple[Inexact[np.ndarray, "_ frequency 2 2"], ...]],
-    Int[np.ndarray, " frequency"],
-]:
+def join_rods(springs: Inexact[np.ndarray, "3 section *shape"]) -> Joined:
     """Join sections of a rod.
 
     A section is a spring c between its ends, and springs r_1 and r_2 from its ends to the ground
@@ -150,70 +181,38 @@ def join_rods(
 
     Parameters
     ----------
-    parts
-        Stiffness of each section on the even and on the odd motion of its ends.
-
-    Returns
-    -------
-    whole
-        Stiffness of all together on the even and odd motion of the ends.
-    motions, negative
-        As for `join`, on the even and odd motion.
+    springs
+        c, r_1 and r_2 of each section, from the top. The `motions` are those of both ends.
     """
-    even, odd = parts
-    springs, motions = np.array([(odd - even) / 4, even / 2, even / 2]), []  # c, r_1, r_2
-    negative, form = np.zeros(even.shape[-1], dtype=int), ENDS[1]
+    motions, negative = [], 0
     while springs.shape[1] > 1:
         paired = springs.shape[1] // 2 * 2
         (c_a, r_a1, r_a2), (c_b, r_b1, r_b2) = (springs[:, n:paired:2] for n in (0, 1))
         terms = np.array([c_a, c_b, r_a2, r_b1])
         own = terms.sum(0)
         # just beside a resonance of the node
-        own = np.where(own == 0, np.finfo(float).eps * np.abs(terms).sum(0), own)
+        own = np.where(own == 0, EPS * np.abs(terms).sum(0), own)
         if not np.iscomplexobj(own):
             negative = negative + (own < 0).sum(0)
-        node, ground = np.stack([c_a / own, c_b / own], axis=-1), (r_a2 + r_b1) / own
-        pairs = np.array([c_a * node[..., 1], r_a1 + c_a * ground, r_b2 + c_b * ground])
+        one, other, ground = c_a / own, c_b / own, (r_a2 + r_b1) / own
+        pairs = np.array([c_a * other, r_a1 + c_a * ground, r_b2 + c_b * ground])
         springs = np.concatenate([pairs, springs[:, paired:]], axis=1)
-        still = np.broadcast_to(np.eye(2), (*own.shape, 2, 2))
-        ends = (
-            np.stack([still[..., 0, :], node], axis=-2),
-            np.stack([node, still[..., 1, :]], axis=-2),
+        still, full = np.zeros_like(one), np.ones_like(one)
+        motions.append(
+            (np.array([[full, still], [one, other]]), np.array([[one, other], [still, full]]))
         )
-        motions.append(tuple(np.linalg.inv(form) @ end @ form for end in ends))
-    c, upper, lower = springs[:, 0]
-    whole = np.array([[upper + lower, lower - upper], [lower - upper, upper + lower + 4 * c]])
-    return whole, motions, negative
-
-
-def _node_motion(
-    both: Inexact[np.ndarray, "pair frequency 6 6"],
-) -> Inexact[np.ndarray, "pair frequency 2 4"]:
-    """Motion (eta, zeta) of a node without force, from the stiffness on (q, eta, zeta)."""
-    own, coupling = both[..., 4:, 4:], both[..., 4:, :4]
-    try:
-        return -np.linalg.solve(own, coupling)
-    except np.linalg.LinAlgError:  # at a resonance: solve just beside it
-        beside = (np.linalg.det(own) == 0) * np.finfo(float).eps * np.abs(both).max((-1, -2))
-        return -np.linalg.solve(own + beside[..., None, None] * np.eye(2), coupling)
+    return Joined(springs[:, 0], motions, negative)
 
 
 def section_motions(
-    motions: list[tuple[Inexact[np.ndarray, "_ frequency end end"], ...]],
-    motion: Inexact[np.ndarray, "end motion frequency"],
-) -> Inexact[np.ndarray, "section end motion frequency"]:
-    """Motion of every section, from that of the whole, in the coordinates that joined them.
-
-    Parameters
-    ----------
-    motions
-        From `join` or `join_rods`.
-    motion
-        Of r motions of the whole.
-    """
-    parts = np.moveaxis(motion, -1, 0)[None]
+    motions: list[tuple[Inexact[np.ndarray, "end end pair *#shape"], ...]],
+    motion: Inexact[np.ndarray, "end motion *shape"],
+) -> Inexact[np.ndarray, "section end motion *shape"]:
+    """Motion of every section, from r motions of the whole, in the coordinates that joined them."""
+    parts = motion[None]
     for upper, lower in reversed(motions):
-        joined = parts[: len(upper)]
-        both = np.stack([upper @ joined, lower @ joined], axis=1)
-        parts = np.concatenate([both.reshape(-1, *both.shape[2:]), parts[len(upper) :]])
-    return np.moveaxis(parts, 1, -1)
+        joined = parts[: upper.shape[2]]
+        both = [np.einsum("ijp...,pjr...->pir...", form, joined) for form in (upper, lower)]
+        both = np.stack(both, axis=1)
+        parts = np.concatenate([both.reshape(-1, *both.shape[2:]), parts[upper.shape[2] :]])
+    return parts

@@ -15,14 +15,15 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from suspension_cli.elements import loss
-from suspension_cli.elements.gas import surface_drag
+from suspension_cli.elements.dynamic_wire import PARTS, TautWire, fit_to_equilibrium
 from suspension_cli.linear.frequency_terms import LossTerm
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.composition import Fibre, Gas
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Int
+
+CHUNK = 256
+"""Builds at a time, whose arrays fit into the cache."""
 
 
 class BatchTerm(Protocol):
@@ -48,30 +49,29 @@ class BatchTerm(Protocol):
 
 @dataclass(frozen=True)
 class WireBatchTerm:
-    """Dynamic stiffness of all wires in many builds.
+    """Wires of the same sections between the same bodies, in many builds.
 
     Attributes
     ----------
-    fibre
-        The wires in the nominal pose.
-    massive
-        Whether they have mass.
-    size
-        Number of coordinates N of the scene.
-    place, sections, geometry
-        See `elements.compiled_wire.WireArrays`.
-    basis
-        The scene's coordinates in terms of the system's own, if these differ.
+    strand
+        Any of them as it hangs in the nominal pose.
+    number
+        Their numbers among the wires of the scene.
+    geometry
+        Length, stretching stiffness, tension, and torsional stiffness (0 where the design gives
+        none) of each, in SI units.
+    place
+        The coordinates that move them.
+    forms
+        Motions of their ends per such coordinate, all wires of one motion after the other: those of
+        `TautWire.change`, of bending in both planes, twisting, and stretching if they have mass.
     """
 
-    fibre: tuple[Fibre, ...]
-    massive: bool
-    surrounded: Gas | None
-    size: int
-    place: Int[np.ndarray, "wire 15"]
-    sections: Float[np.ndarray, "wire section 10"]
-    geometry: Float[np.ndarray, "all_builds wire 25"]
-    basis: Float[np.ndarray, "own coordinate"] | None = None
+    strand: TautWire
+    number: Int[np.ndarray, " wire"]
+    geometry: Float[np.ndarray, "4 all_builds wire"]
+    place: Int[np.ndarray, " moving"]
+    forms: Float[np.ndarray, "all_builds motion moving"]
 
     def add(
         self,
@@ -81,60 +81,58 @@ class WireBatchTerm:
         which: Int[np.ndarray, " build"],
     ) -> None:
         """Add the bending and twisting; set the compliances."""
-        from suspension_cli.compiled import constant  # takes half a second
-        from suspension_cli.elements import compiled_wire
+        runs = _runs(self.place)
+        for start in range(0, len(which), CHUNK):
+            some = slice(start, start + CHUNK)
+            block, yielding = self._evaluate(omega[some], which[some])
+            compliance[some, self.number] = yielding
+            for rows, own_rows in runs:
+                for columns, own_columns in runs:
+                    dynamic[some, rows, columns] += block[:, own_rows, own_columns]
 
-        values, number = np.unique(omega, return_inverse=True)
-        whole = dynamic
-        if self.basis is not None:
-            whole = np.zeros((len(which), self.size, self.size), dtype=complex)
-        compiled_wire.add_dynamic(
-            which,
-            constant(omega),
-            number,
-            compiled_wire.WireArrays(self.place, self.sections, self.geometry),
-            compiled_wire.Losses(*self._losses(values)),
-            self.massive,
-            whole,
-            compliance,
-        )
-        if self.basis is not None:
-            changed = self.basis.T @ whole @ self.basis
-            dynamic += (changed + np.swapaxes(changed, -1, -2)) / 2
-
-    def _losses(
-        self, omega: Float[np.ndarray, " frequency"]
-    ) -> tuple[
-        Float[np.ndarray, "frequency wire section 6"],
-        Float[np.ndarray, "wire section 2"],
-        Float[np.ndarray, "wire section 4"],
-    ]:
-        """Loss angles, thermoelastic coefficients and drag, see `compiled_wire.Losses`."""
-        wires, most = self.sections.shape[:2]
-        angles, slopes = np.zeros((len(omega), wires, most, 6)), np.zeros((wires, most, 2))
-        drag, known = np.zeros((wires, most, 4)), {}
-        for n, fibre in enumerate(self.fibre):
-            temperature = sum(fibre.temperature) / 2
-            for m, section in enumerate(fibre.sections):
-                key = (section, temperature)
-                if key not in known:
-                    known[key] = n, m
-                    for plane in (0, 1):
-                        parts = loss.bending_angle_parts(section, plane, omega, temperature)
-                        angles[:, n, m, plane], angles[:, n, m, 4 + plane], *slopes[n, m] = parts
-                    angles[:, n, m, 2] = loss.stretching_angle(section, omega)
-                    angles[:, n, m, 3] = loss.twisting_angle(section, omega)
-                    if self.surrounded is not None:
-                        drag[n, m] = section.shape.drag(*surface_drag(self.surrounded))
-                else:
-                    first = known[key]
-                    angles[:, n, m], slopes[n, m] = angles[:, *first], slopes[first]
-                    drag[n, m] = drag[first]
-        return angles, slopes, drag
+    def _evaluate(
+        self, omega: Float[np.ndarray, " build"], which: Int[np.ndarray, " build"]
+    ) -> tuple[Complex[np.ndarray, "build moving moving"], Complex[np.ndarray, "build wire"]]:
+        """Stiffness (q, n, n) on the coordinates that move the wires, and their compliances."""
+        length, k, tension, torsion = self.geometry[:, which].swapaxes(1, 2)
+        fibre = fit_to_equilibrium(self.strand.fibre, length, k, tension, torsion)
+        moving = replace(self.strand, fibre=fibre, tension=tension).at(omega)
+        forms = self.forms[which]
+        forces = np.empty(forms.shape, dtype=complex)
+        first, wires, massive = 0, len(self.number), self.strand.massive
+        for part in PARTS if massive else ("bend-1", "bend-2", "twist"):
+            change = moving.change(part)
+            if not part.startswith("bend"):
+                # springs; that between both ends of a stretched wire is left to its tension
+                change = change[1:] if part == "stretch" else change[: 3 if massive else 1]
+            size = len(change)
+            blocks = [slice(first + n * wires, first + (n + 1) * wires) for n in range(size)]
+            first += size * wires
+            for i in range(size):
+                own = change[i, i] if part.startswith("bend") else change[i]
+                into = forces[:, blocks[i]]
+                np.multiply(own.T[..., None], forms[:, blocks[i]], out=into)
+                for j in range(size) if part.startswith("bend") else ():
+                    if j != i and change[i, j].any():
+                        into += change[i, j].T[..., None] * forms[:, blocks[j]]
+        block = (forms.swapaxes(1, 2) @ forces.view(float)).view(complex)
+        return block, 1 / moving.change("stretch")[0].T
 
     def spread(self, from_new: Float[np.ndarray, "coordinate new"]) -> WireBatchTerm:
         """Transform it to new coordinates."""
-        return replace(self, basis=from_new if self.basis is None else self.basis @ from_new)
+        moved = from_new[self.place]
+        place = np.flatnonzero(moved.any(0))
+        return replace(self, place=place, forms=self.forms @ moved[:, place])
+
+
+def _runs(place: Int[np.ndarray, " moving"]) -> list[tuple[slice, slice]]:
+    """Runs of consecutive coordinates, and where each stands among all of `place`."""
+    parts = np.split(place, np.flatnonzero(np.diff(place) > 1) + 1)
+    starts = np.cumsum([0, *map(len, parts)]).tolist()
+    return [
+        (slice(part[0], part[-1] + 1), slice(start, start + len(part)))
+        for part, start in zip(parts, starts, strict=False)
+    ]
 
 
 @dataclass(frozen=True)

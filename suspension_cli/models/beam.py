@@ -6,7 +6,7 @@ mass too (`massive`).
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable
+from collections.abc import Hashable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -30,10 +30,10 @@ from suspension_cli.models.batch_terms import (
     with_ground_terms,
 )
 from suspension_cli.models.loss_terms import Drag, gas_terms, loss_terms, lossless, spring_terms
-from suspension_cli.rotations import cross
+from suspension_cli.rotations import cross, cross_matrix
 from suspension_cli.scene import fibres as fibres_of
 from suspension_cli.scene.composition import Fibres
-from suspension_cli.scene.pose import Layout, Pose, layout, point_jacobian
+from suspension_cli.scene.pose import Layout, Pose, layout
 from suspension_cli.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def _wire_terms(
     assert scene.fibres is not None
     if not scene.wires.label:
         return []
-    forms = wire_forms(scene, numbering, balanced.pose)
+    place, forms = wire_forms(scene, numbering, balanced.pose)
     length = string.state(scene, balanced.pose).length
     terms: list[Term] = []
     left = list(range(len(scene.wires.label)))
@@ -97,8 +97,11 @@ def _wire_terms(
         stage = scene.bodies.name[scene.wires.lower[first] - 1]
         some = {}
         for part, rows in forms.items():
-            moved = np.flatnonzero(rows[:, alike].any((1, 2)))
-            some[part] = np.transpose(rows[moved][:, alike], (1, 2, 0)) @ adapted.basis[moved]
+            spread = np.zeros((len(alike), rows.shape[1], numbering.size + 1))
+            for whole, n in zip(spread, alike, strict=True):
+                whole[:, place[n]] = rows[n]
+            moved = np.flatnonzero(spread[..., :-1].any((0, 1)))
+            some[part] = spread[..., moved] @ adapted.basis[moved]
         terms.append(WireTerm(stage, strand, some, adapted.allowed))
     return terms
 
@@ -129,12 +132,13 @@ def _alike(
 
 def wire_forms(
     scene: Scene, numbering: Layout, pose: Pose
-) -> dict[str, Inexact[np.ndarray, "*batch coordinate wire _"]]:
-    """Motion of the ends of every wire per coordinate, (..., N, w, c) for each of `PARTS`.
+) -> tuple[Int[np.ndarray, "wire 15"], dict[str, Inexact[np.ndarray, "*batch wire _ 15"]]]:
+    """Motion of the ends of every wire per coordinate that moves them, for each of `PARTS`.
 
-    In the axes of the wire as it hangs: e from its upper to its lower end, n_1 its first principal
-    plane across e, n_2 = e x n_1. A rotation t of a body turns the wire's end to the slope (t x e)
-    . n and twists it by t . e.
+    Also returns these coordinates: those of the upper and the lower body and of the blade's tip; N
+    for none. The motion is in the axes of the wire as it hangs: e from its upper to its lower end,
+    n_1 its first principal plane across e, n_2 = e x n_1. A rotation t of a body turns the wire's
+    end to the slope (t x e) . n and twists it by t . e.
     """
     wires, now, flex = scene.wires, string.state(scene, pose), scene.flex
     assert flex is not None
@@ -147,19 +151,21 @@ def wire_forms(
     first = first - (first * e).sum(-1, keepdims=True) * e
     first = first / np.sqrt((first**2).sum(-1, keepdims=True))
     planes = (first, cross(e, first))
-    moved = (
-        point_jacobian(numbering, pose, wires.upper, now.upper_arm, wires.blade),
-        point_jacobian(numbering, pose, wires.lower, now.lower_arm),
-    )
-    turned = tuple(_turning(numbering, body) for body in (wires.upper, wires.lower))
+    bodies = 6 * np.stack([wires.upper, wires.lower], axis=1)[..., None] + np.arange(6)
+    tips = np.append(numbering.blade, np.full((1, 3), numbering.size), axis=0)[wires.blade]
+    place = np.concatenate([bodies.reshape(-1, 12), tips], axis=1)
+    moved = np.zeros((2, *e.shape[:-1], 15, 3), dtype=e.dtype)  # upper and lower end
+    moved[0, ..., :3, :] = moved[1, ..., 6:9, :] = np.eye(3)
+    moved[0, ..., 3:6, :] = cross_matrix(now.upper_arm)  # rows t: t x arm
+    moved[1, ..., 9:12, :] = cross_matrix(now.lower_arm)
+    moved[0, ..., 12:, :] = np.swapaxes(pose.rotation[..., wires.upper, :, :], -1, -2)
+    turned = np.zeros((2, *(1,) * (e.ndim - 1), 15, 3))
+    turned[0, ..., 3:6, :] = turned[1, ..., 9:12, :] = np.eye(3)
 
     def even_odd(
-        ends: Iterable[Inexact[np.ndarray, "*batch coordinate wire 3"]],
-        along: Inexact[np.ndarray, "*batch wire 3"],
-    ) -> tuple[
-        Inexact[np.ndarray, "*batch coordinate wire"], Inexact[np.ndarray, "*batch coordinate wire"]
-    ]:
-        upper, lower = ((j * along[..., None, :, :]).sum(-1) for j in ends)
+        ends: Inexact[np.ndarray, "2 *batch wire 15 3"], along: Inexact[np.ndarray, "*batch wire 3"]
+    ) -> tuple[Inexact[np.ndarray, "*batch wire 15"], Inexact[np.ndarray, "*batch wire 15"]]:
+        upper, lower = (ends @ along[..., None])[..., 0]
         return (upper + lower) / 2, (lower - upper) / 2
 
     result = {}
@@ -167,20 +173,10 @@ def wire_forms(
         even, odd = even_odd(moved, n)
         # (t x e) . n = t . (e x n)
         odd_turn, even_turn = even_odd(turned, cross(e, n))
-        result[part] = np.stack([even, even_turn, odd, odd_turn], axis=-1)
-    result["stretch"] = np.stack(even_odd(moved, e), axis=-1)
-    result["twist"] = np.stack(even_odd(turned, e), axis=-1)
-    return result
-
-
-def _turning(
-    numbering: Layout, body: Int[np.ndarray, " wire"]
-) -> Float[np.ndarray, "coordinate wire 3"]:
-    """Rotation of the wires' bodies per coordinate."""
-    result = np.zeros((numbering.size, len(body), 3))
-    for axis in range(3):
-        result[6 * body + 3 + axis, np.arange(len(body)), axis] = 1.0
-    return result
+        result[part] = np.stack([even, even_turn, odd, odd_turn], axis=-2)
+    result["stretch"] = np.stack(even_odd(moved, e), axis=-2)
+    result["twist"] = np.stack(even_odd(turned, e), axis=-2)
+    return place, result
 
 
 def linear_models(
@@ -214,14 +210,50 @@ def linear_models(
 def _batch_wires(
     scene: Scene, numbering: Layout, found: Equilibrium, *, massive: bool
 ) -> list[BatchTerm]:
-    from suspension_cli.equilibrium import compiled  # takes half a second
-
-    fibres = scene.fibres
+    fibres, wires = scene.fibres, scene.wires
     assert fibres is not None
     if not fibres.wire:
         return []
-    geometry = compiled.wire_geometry(scene, numbering, found.pose, found.tension)
-    return [WireBatchTerm(fibres.wire, massive, fibres.gas, numbering.size, *geometry)]
+    place, forms = wire_forms(scene, numbering, found.pose)
+    length = string.state(scene, found.pose).length
+    geometry = np.stack(np.broadcast_arrays(length, wires.stiffness, found.tension, wires.torsion))
+    kinds: dict[tuple[Hashable, ...], list[int]] = {}
+    for n, fibre in enumerate(fibres.wire):
+        key = (fibre.sections, fibre.temperature, wires.upper[n], wires.lower[n])
+        kinds.setdefault(key, []).append(n)
+    terms: list[BatchTerm] = []
+    for alike in kinds.values():
+        own = {part: rows[..., alike, :, :] for part, rows in forms.items()}
+        rows = np.stack(_motions(own, length[..., alike, None], massive=massive), axis=-3)
+        moving = np.unique(place[alike][(rows != 0).any(tuple(range(rows.ndim - 2)))])
+        moving = moving[moving < numbering.size]
+        whole = np.zeros((*rows.shape[:-1], numbering.size + 1))
+        for i, n in enumerate(alike):
+            whole[..., i, place[n]] = rows[..., i, :]
+        whole = whole[..., moving].reshape(*scene.batch, -1, len(moving))
+        strand = TautWire(fibres.wire[alike[0]], 0.0, massive, lossy=True, surrounded=fibres.gas)
+        terms.append(WireBatchTerm(strand, np.array(alike), geometry[..., alike], moving, whole))
+    return terms
+
+
+def _motions(
+    forms: dict[str, Inexact[np.ndarray, "*batch wire _ 15"]],
+    length: Float[np.ndarray, "*batch wire 1"],
+    *,
+    massive: bool,
+) -> list[Inexact[np.ndarray, "*batch wire 15"]]:
+    """Motions of wires that `TautWire.change` resists, in its coordinates."""
+    result = []
+    for part in ("bend-1", "bend-2"):
+        even, even_turn, odd, odd_turn = (forms[part][..., i, :] for i in range(4))
+        chord = odd * (2 / length)
+        off = odd_turn - chord
+        result += [even, even_turn, chord, off] if massive else [even_turn, off]
+    for part in ("stretch", "twist"):
+        even, odd = (forms[part][..., i, :] for i in range(2))
+        result += [2 * odd] if part == "twist" else []
+        result += [even - odd, even + odd] if massive else []
+    return result
 
 
 def _gas_damping(made: Fibres, design: Design) -> Drag:

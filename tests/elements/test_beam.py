@@ -21,6 +21,9 @@ AWAY = 2e4
 """Elements with less c are away from their poles and zeros: (1 + c) ROUNDINGS < 1e-10."""
 
 
+EVEN_WW, EVEN_WT, EVEN_TT, ODD_WW, ODD_WT, ODD_TT = range(6)
+
+
 @dataclass(frozen=True)
 class Wire:
     rigidity: complex
@@ -31,12 +34,11 @@ class Wire:
     def found(self, omega):
         """(6, f)"""
         with np.errstate(all="raise", under="ignore"):
-            return beam.stiffness(
-                self.rigidity,
-                beam.waves(
-                    self.rigidity, self.tension, self.mass, self.length / 2, np.atleast_1d(omega)
-                ),
+            wave = beam.waves(
+                self.rigidity, self.tension, self.mass, self.length / 2, np.atleast_1d(omega)
             )
+            found = beam.stiffness(self.rigidity, wave)
+        return beam_mp.of_ends(found, self.tension, self.length)
 
     def ends(self, omega):
         """(4, 4, f) on w1, w1', w2, w2'."""
@@ -147,7 +149,7 @@ def test_stiffness_of_wires_without_mass(slenderness):
             i,
             j,
         )
-    assert found[beam.EVEN_WW] == 0 and found[beam.EVEN_WT] == 0
+    assert found[EVEN_WW] == 0 and found[EVEN_WT] == 0
 
 
 def test_nothing_overflows():
@@ -179,12 +181,12 @@ def test_a_limp_wire_is_a_taut_string():
             for each in slenderness
         ]
     )
-    odd = (found[:, beam.ODD_WW] / string[1] - 1) * slenderness[:, None]
-    even = (found[:, beam.EVEN_WW, 1:] / string[0, 1:] - 1) * slenderness[:, None]
+    odd = (found[:, ODD_WW] / string[1] - 1) * slenderness[:, None]
+    even = (found[:, EVEN_WW, 1:] / string[0, 1:] - 1) * slenderness[:, None]
     assert odd[:, 0] == pytest.approx(2, rel=1e-5)
     for share in (odd, even):
         assert np.abs(share / share[-1] - 1).max() < 0.05
-    for turned in (beam.EVEN_TT, beam.ODD_TT, beam.EVEN_WT, beam.ODD_WT):
+    for turned in (EVEN_TT, ODD_TT, EVEN_WT, ODD_WT):
         assert (np.abs(found[-1, turned]) < 1e-5 * tension * length).all()
 
 
@@ -211,9 +213,9 @@ def test_slow_motion_with_mass_is_static(slenderness):
     rigidity = tension * length**2 / slenderness**2
     omega = 1e-7 * np.pi / length * np.sqrt((tension + rigidity * (np.pi / length) ** 2) / mass)
     still, slow = (Wire(rigidity, tension, each, length).found(omega)[:, 0] for each in (0.0, mass))
-    rest = [beam.EVEN_TT, beam.ODD_WW, beam.ODD_WT, beam.ODD_TT]
+    rest = [EVEN_TT, ODD_WW, ODD_WT, ODD_TT]
     assert np.abs(slow[rest] / still[rest] - 1).max() < 1e-12
-    assert slow[beam.EVEN_WW] == pytest.approx(-mass * length * omega**2, rel=1e-12)
+    assert slow[EVEN_WW] == pytest.approx(-mass * length * omega**2, rel=1e-12)
 
 
 @pytest.mark.parametrize("slenderness", [0.1, 1.0, 30.0, 700.0, 1e4])

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from suspension_cli.elements import beam, bending, string
+from suspension_cli.elements import bending, string
 from suspension_cli.equilibrium import energy
 from suspension_cli.rotations import rotation_matrix
 from suspension_cli.scene.pose import Pose, nominal_pose
@@ -239,6 +239,3 @@ def test_one_wire_has_the_stiffness_of_a_beam_and_a_rod():
     scale = np.sqrt(np.outer(np.diag(np.abs(rest)) + 1e-30, np.diag(np.abs(rest)) + 1e-30))
     assert np.abs((whole - rest) / scale).max() < 1e-12
     assert string.state(scene, nominal_pose(scene)).tension[0] == tension
-    assert beam.stiffness(
-        rigidity[0], beam.waves(rigidity[0], tension, 0.0, length / 2, np.zeros(1))
-    )[beam.ODD_WW, 0] / 4 == pytest.approx(exact[0][2, 2])

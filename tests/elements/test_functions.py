@@ -23,7 +23,7 @@ def test_against_mpmath(turned):
         ("cos", cos),
         ("tan", functions.tan(z)),
         ("tanh", functions.tanh(z)),
-        ("sinc", functions.sinc(z)),
+        ("sinc", functions.sinc_cos(z)[0]),
     ):
         for argument, value in zip(z.tolist(), found.tolist(), strict=True):
             with mpmath.workdps(40):
@@ -42,4 +42,4 @@ def test_of_reals_are_those_of_numpy():
     assert np.abs(cos - np.cos(x)).max() < 5e-16
     small = np.array([0.0, 1e-300, 1e-9, 1e-3])
     np.testing.assert_allclose(functions.sin_cos(small)[0], np.sin(small), rtol=5e-16)
-    np.testing.assert_array_equal(functions.sinc(np.zeros(2)), 1.0)
+    np.testing.assert_array_equal(functions.sinc_cos(np.zeros(2))[0], 1.0)

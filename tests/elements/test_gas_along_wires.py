@@ -9,11 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import mpmath
-import numpy as np
 import pytest
 
 from suspension_cli.conventions import AVOGADRO, BOLTZMANN
-from tests.elements.test_rod import integrate_squares
 from tests.support.commandline import run, strict_json, written
 
 PRESSURE, MOLAR, WARMTH = 20.0, 0.028, 300.0
@@ -104,19 +102,3 @@ def test_thermal_noise(tmp_path: Path, frequency: float):
     expected = math.sqrt(-4 * BOLTZMANN * WARMTH / (2 * math.pi * frequency) * susceptibility.imag)
     assert found["contributions"]["test.gas"][0] == pytest.approx(expected, rel=1e-10)
     assert found["displacement_asd"][0] == pytest.approx(expected, rel=1e-10)
-
-
-@pytest.mark.parametrize("angle", [0.0, 1e-12, 0.1])
-@pytest.mark.parametrize("turns", [0.0, 1e-9, 0.01, 7.0, 40.0])
-def test_square_of_the_motion_along_a_rod(turns: float, angle: float):
-    """Integral of |u|^2 against quadrature."""
-    rigidity, half = 20.0 * (1 + 1j * angle), 0.35
-    ends = np.array([[0.3 + 0.2j, 1.0, 0.0], [1.1, 0.0, 1.0]])
-    found = integrate_squares(
-        rigidity, 1e-3, half, np.array([turns / half * math.sqrt(20.0 / 1e-3)]), ends[:, :, None]
-    )[1][:, 0]
-    nodes, weights = np.polynomial.legendre.leggauss(200)
-    kappa = turns / np.sqrt(1 + 1j * angle) / half
-    across = np.sin(kappa * half * nodes) / np.sin(kappa * half) if turns else nodes
-    u = ends[:1].T * np.cos(kappa * half * nodes) / np.cos(kappa * half) + ends[1:].T * across
-    assert found == pytest.approx(np.abs(u) ** 2 @ weights * half, rel=1e-11)

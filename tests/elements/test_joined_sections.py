@@ -20,12 +20,15 @@ EPS = np.finfo(float).eps
 
 
 def bent(sections, omega, tension=TENSION):
-    """Stiffness (4, 4, s, f) of each section (EI, mass, length) on (W, phi, a, b), the lengths, and
-    how many resonances of all of them lie below."""
+    """Stiffness (4, 4, s, f) of each section (EI, mass, length) on (W, T_s, phi, d), the lengths,
+    and how many resonances of all of them lie below."""
     rigidity, mass, length = (np.array(column)[:, None] for column in zip(*sections, strict=True))
     with np.errstate(all="raise", under="ignore"):
         wave = beam.waves(rigidity, tension, mass, length / 2, omega)
-        parts = beam.chord_stiffness(rigidity, tension, wave)
+        elements = beam.stiffness(rigidity, wave)
+    parts = np.zeros((4, 4, *elements[0].shape), dtype=elements[0].dtype)
+    for (i, j), value in zip(beam.ELEMENT_PLACES, elements, strict=True):
+        parts[i, j] = parts[j, i] = value
     below = beam.resonances_below(wave).sum(0) if np.isrealobj(rigidity) else 0
     return parts, length, below
 
@@ -34,13 +37,15 @@ def joined(sections, omega):
     """Stiffness (4, 4, f) of all sections on the deflections and slopes of the ends, and the number
     of resonances below, of lossless ones."""
     parts, lengths, below = bent(sections, omega)
-    whole, _, negative = joined_sections.join(parts, lengths)
-    ends = joined_sections.to_ends(joined_sections.chord_to_even_odd(whole, lengths.sum()))
-    return ends, below + negative
+    whole = joined_sections.join(parts, np.full(lengths.shape, TENSION), lengths)
+    length = lengths.sum()
+    whole.stiffness[2, 2] += TENSION * length
+    form = from_ends(length)
+    return np.einsum("ki,klf,lj->ijf", form, whole.stiffness, form), below + whole.negative
 
 
 def stretched(sections, omega):
-    """Stiffness (2, s, f) of rods (EA, mass, length) on even and odd motion, and the resonances."""
+    """Even and odd stiffness (s, f) of rods (EA, mass, length), and the resonances."""
     rigidity, mass, length = (np.array(column)[:, None] for column in zip(*sections, strict=True))
     return (
         rod.stiffness(rigidity, mass, length / 2, omega),
@@ -78,15 +83,20 @@ def test_a_cut_rod_is_the_whole(count):
     omega = np.concatenate([OMEGA, np.random.default_rng(0).uniform(0, 1e6, 50)])
     (even, odd), below = stretched([whole], omega)
     parts, own = stretched(pieces(*whole, CUTS[count]), omega)
-    found, motions, negative = joined_sections.join_rods(parts)
-    assert found[1, 1] == pytest.approx(odd[0], rel=1e-10)
-    assert found[0, 0] == pytest.approx(even[0], rel=1e-10, abs=1e-12)
-    assert np.abs(found[0, 1]).max() < 1e-10 * np.abs(odd).max()
+    (between, upper, lower), motions, negative = joined_sections.join_rods(springs(*parts))
+    assert upper + lower + 4 * between == pytest.approx(odd[0], rel=1e-10)
+    assert upper == pytest.approx(even[0] / 2, rel=1e-10, abs=1e-12)
+    assert np.abs(lower - upper).max() < 1e-10 * np.abs(odd).max()
     assert np.array_equal(own + negative, below)
     assert below.max() > 10
     moved = joined_sections.section_motions(motions, np.ones((2, 1, len(omega))))
     for one, other in pairwise(moved):
-        assert one.sum(0) == pytest.approx(other[0] - other[1])  # u_2 = U_s + U_a, u_1 = U_s - U_a
+        assert one[1] == pytest.approx(other[0])
+
+
+def springs(even, odd):
+    """Springs between the ends of rods, and from either end to the ground."""
+    return np.array([(odd - even) / 4, even / 2, even / 2])
 
 
 @pytest.mark.parametrize("count", CUTS)
@@ -99,8 +109,9 @@ def test_cuts_move_as_the_whole_wire_does(rigidity, count):
     motion = rng.normal(size=(4, 1)) + 1j * rng.normal(size=(4, 1))  # w_1, w'_1, w_2, w'_2
     parts, lengths, _ = bent(pieces(rigidity, mass, length, CUTS[count]), OMEGA)
     chord = from_ends(length) @ motion
+    joints = joined_sections.join(parts, np.full(lengths.shape, TENSION), lengths).motions
     motions = joined_sections.section_motions(
-        joined_sections.join(parts, lengths)[1], np.repeat(chord[..., None], len(OMEGA), axis=2)
+        joints, np.repeat(chord[..., None], len(OMEGA), axis=2)
     )
     assert len(motions) == count
     sections = [
@@ -119,9 +130,9 @@ def test_cuts_move_as_the_whole_wire_does(rigidity, count):
 
 
 def from_ends(length):
-    """(W, phi, a, b) of the motion w_1, w'_1, w_2, w'_2 of the ends of a beam."""
+    """(W, T_s, phi, d) of the motion w_1, w'_1, w_2, w'_2 of the ends of a beam."""
     chord = np.array([-1, 0, 1, 0]) / length
-    return np.array([[0.5, 0, 0.5, 0], chord, [0, 1, 0, 0] - chord, [0, 0, 0, 1] - chord])
+    return np.array([[0.5, 0, 0.5, 0], [0, -0.5, 0, 0.5], chord, [0, 0.5, 0, 0.5] - chord])
 
 
 STEPPED = {
@@ -184,10 +195,10 @@ def test_a_node_that_resonates_to_the_last_bit():
     """Two sections whose stiffnesses cancel at their node: no singular matrix, and one side of the
     resonance or the other."""
     sign = np.array([[1.0], [-1.0]])
-    beams = np.diag([4.0, 0.0, 1.0, 1.0])[..., None, None] * sign
-    rods = np.array([1.0, 3.0])[:, None, None] * sign
+    beams = np.diag([4.0, 1.0, 0.0, 1.0])[..., None, None] * sign
+    rods = springs(*np.array([1.0, 3.0])[:, None, None] * sign)
     for whole, motions, negative in (
-        joined_sections.join(beams, np.ones((2, 1))),
+        joined_sections.join(beams, np.zeros((2, 1)), np.ones((2, 1))),
         joined_sections.join_rods(rods),
     ):
         assert np.isfinite(whole).all()

@@ -128,6 +128,13 @@ def bent(rigidity, tension, mass, length, omega, *, nudge=0):
         ).stiffness()
 
 
+def of_ends(elements, tension, length):
+    """Elements of `elements.beam.stiffness`, with the tension, on (W_s, T_s, W_a, T_a)."""
+    ww, wt, tt, pp, pd, dd = elements
+    h = length / 2
+    return np.array([ww, wt, tt, (pp + tension * length - 2 * pd + dd) / h**2, (pd - dd) / h, dd])
+
+
 def even_odd(matrix):
     """The same on (W_s, T_s, W_a, T_a)."""
     with exact(4 * DIGITS):

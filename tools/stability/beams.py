@@ -67,11 +67,22 @@ def shipped(rigidity: float) -> Any:
 
 
 def _between_ends(rigidity: float, mass: float, length: float) -> Any:
-    wave = beam.waves(rigidity, TENSION, mass, length / 2, _OMEGA)
-    matrix = np.zeros((4, 4, 1))
-    for (i, j), value in zip(beam.ELEMENT_PLACES, beam.stiffness(rigidity, wave), strict=True):
-        matrix[i, j] = matrix[j, i] = value
-    return joined_sections.to_ends(matrix)[..., 0]
+    return _by_sections([(rigidity, mass, length)])
+
+
+def _by_sections(sections: list[tuple[float, float, float]]) -> Any:
+    """Dynamic stiffness (4, 4) between the ends of sections (EI, mass, length) as shipped."""
+    ei, mass, lengths = (np.array(column)[:, None] for column in zip(*sections, strict=True))
+    elements = beam.stiffness(ei, beam.waves(ei, TENSION, mass, lengths / 2, _OMEGA))
+    parts = np.zeros((4, 4, *elements[0].shape))
+    for (i, j), value in zip(beam.ELEMENT_PLACES, elements, strict=True):
+        parts[i, j] = parts[j, i] = value
+    tensions, length = np.full(lengths.shape, TENSION), lengths.sum()
+    whole = joined_sections.join(parts, tensions, lengths).stiffness[..., 0]
+    whole[2, 2] += TENSION * length
+    chord = np.array([-1, 0, 1, 0]) / length
+    form = np.array([[0.5, 0, 0.5, 0], [0, -0.5, 0, 0.5], chord, [0, 0.5, 0, 0.5] - chord])
+    return form.T @ whole @ form
 
 
 def row(slenderness: Any = SLENDERNESS) -> Row:
@@ -138,11 +149,7 @@ def _exact_joined(length: float) -> Any:
 
 def _joined(length: float) -> Any:
     """Dynamic stiffness (4, 4) of a fibre with a thick end, by `elements.joined_sections`."""
-    sections = _sections(length)
-    ei, mass, lengths = (np.array(column)[:, None] for column in zip(*sections, strict=True))
-    wave = beam.waves(ei, TENSION, mass, lengths / 2, _OMEGA)
-    whole = joined_sections.join(beam.chord_stiffness(ei, TENSION, wave), lengths)[0]
-    return joined_sections.to_ends(joined_sections.chord_to_even_odd(whole, lengths.sum()))[..., 0]
+    return _by_sections(_sections(length))
 
 
 def _eliminated(length: float) -> Any:
