@@ -227,10 +227,10 @@ def _build_modes(
     value = np.concatenate([part.value for part in roots])
     member = np.concatenate([part.block for part in roots])
     motion = np.zeros((len(value), model.size), dtype=complex)
-    every = np.concatenate([part.motion.T for part in roots])
-    for number in set(member.tolist()):
+    columns = [column for part in roots for column in part.motion.T]
+    for row, number, column in zip(motion, member.tolist(), columns, strict=True):
         keep = blocks[number].keep
-        motion[np.ix_(member == number, keep)] = every[member == number, : len(keep)]
+        row[keep] = column[: len(keep)]
     mass = quality.quadratic_form(model.mass, motion)
     motion = motion / np.sqrt(np.abs(mass))[:, None]
     oscillates = np.imag(value) > 0
@@ -243,7 +243,7 @@ def _build_modes(
     if any(is_massive(term) for term in model.terms):
         energy = sum(sum(quality.wire_energies(*one, omega).values()) for one in wires)
         heavier = np.where(oscillates, 1 + energy, 1.0)
-        fast = oscillates & (np.abs(sigma) > SLOW * omega)
+        fast = oscillates & (np.abs(sigma) > SLOW * omega) & (np.real(value) < 0)
         heavier = np.where(fast, sigma / np.where(fast, np.real(value), 1.0), heavier)
     value = np.where(oscillates, sigma / heavier + 1j * np.imag(value), value)
     decay = np.where(oscillates, -np.real(value), np.maximum(-np.real(value), 0.0)) + 0.0

@@ -564,12 +564,6 @@ class Pencil:
         return any(term.dispersive for term in self.model.terms)
 
     @cached_property
-    def symmetric(self) -> bool:
-        """Whether Z is symmetric: no loop senses one motion and pushes another."""
-        full, damping = self.model.stiffness, self.model.damping
-        return bool((full == full.T).all() and (damping == damping.T).all())
-
-    @cached_property
     def blocks(self) -> list[Block]:
         """Coordinates that couple to each other, without the support's."""
         coupled = self.coupled

@@ -7,8 +7,7 @@ Lambda-matrices and Vibrating Systems, 1966, chapter 6),
     s' = s - y^T Z(s) y / (y^T Z'(s) y) = s - y^T Z'(s) x / (y^T Z'(s) y),
 
 which converges with the third order, as Z = Z^T: for all roots at once, with the tensions of wires
-among the unknowns. Where a loop makes Z asymmetric, s' = s - x_k / y_k with the leading unknown k
-(Ruhe, SIAM J. Numer. Anal. 10, 674 (1973)), which converges with the second order.
+among the unknowns.
 
 Roots closer to one another than losses move them start together: for several x at one shift, s' are
 eigenvalues of the same quotient of small matrices, and their eigenvectors combine the y.
@@ -104,7 +103,6 @@ class Linearised:
     block: Block
     functions: list[Inexact[np.ndarray, "function frequency"]]
     slopes: list[Inexact[np.ndarray, "function frequency"]]
-    symmetric: bool
 
     def differentiate(
         self, motion: Complex[np.ndarray, "unknown vector frequency"]
@@ -119,7 +117,7 @@ class Linearised:
         self, right: Complex[np.ndarray, "unknown vector frequency"], *, pivoting: bool
     ) -> Complex[np.ndarray, "unknown vector frequency"]:
         """Solve Z(s) y = b; not finite at a root to the last bit."""
-        if self.symmetric and len(right) > FEW and not pivoting:
+        if len(right) > FEW and not pivoting:
             equations = self.block.absolute
             return equations.pattern.solve(equations.elements(self.functions), right, np.inf)
         return dense(self.block.matrix(self.functions)[:, 6:], right)
@@ -137,21 +135,11 @@ class Linearised:
             size = np.abs(y).max(0)
             size[size == 0] = 1.0
             y, right = y / size, right / size
-            if self.symmetric:
-                first, second = (
-                    np.einsum("ukf,uvf->fkv", y, other) for other in (right, self.differentiate(y))
-                )
-                second += np.eye(len(size)) * ~y.any(0).T[:, None]
-                return solve_each(second, first), y
-            lead = np.abs(y * self._scale[:, None]).argmax(0)[None]
-            quotient = np.take_along_axis(x, lead, 0) / np.take_along_axis(y, lead, 0) / size
-            return np.moveaxis(quotient, -1, 0), y
-
-    @property
-    def _scale(self) -> Float[np.ndarray, "unknown frequency"]:
-        """Sizes of the unknowns: square roots of the diagonal."""
-        diagonal = np.abs(np.einsum("uuf->uf", self.block.matrix(self.functions)[:, 6:]))
-        return np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+            first, second = (
+                np.einsum("ukf,uvf->fkv", y, other) for other in (right, self.differentiate(y))
+            )
+            second += np.eye(len(size)) * ~y.any(0).T[:, None]
+            return solve_each(second, first), y
 
 
 def _linearise(
@@ -175,7 +163,7 @@ def _linearise(
         for n, (_, term) in enumerate(own.terms, 4):
             if term.dispersive:
                 slopes[n] = (near[n][:, here] - functions[n]) / (BESIDE * s[here])
-        yield here, Linearised(own, functions, slopes, pencil.symmetric)
+        yield here, Linearised(own, functions, slopes)
 
 
 def find_roots(
@@ -195,7 +183,7 @@ def find_roots(
     motion = np.zeros((size, len(start.value)), dtype=complex)
     motion[: len(start.motion)] = start.motion[:size]
     found = start = replace(start, motion=motion)
-    if pencil.symmetric and (np.imag(start.value) > 0).all():
+    if (np.imag(start.value) > 0).all():
         groups = [g for g in group_roots(start, CLOSE, width) if len(g) > 1]
         found = iterate(pencil, blocks, start, groups, 2, loss)
     each = list(np.arange(len(start.value))[:, None])
@@ -282,8 +270,6 @@ def iterate(
                     motion[:size, group] = y[:, :k, n] @ turn
         if real:
             value = np.real(value) + 0j
-        elif not pencil.symmetric and not step:
-            value = old  # the first step finds the shape
         gone = ~np.isfinite(value) | ((np.imag(value) <= 0) & (not real))
         value, lost = np.where(gone, old, value), lost | gone
         moved = np.array([np.abs((value - old)[group]).max() for group in members])
@@ -291,7 +277,6 @@ def iterate(
         # steps shrink by a steady factor, or faster: the next one would be moved^2 / last
         done = moved * np.minimum(moved / last[moving] if step else 1.0, 1.0) <= CONVERGED * size
         done |= (moved <= NOISE * size) & (2 * moved >= last[moving])
-        done &= step > 0 or pencil.symmetric
         done |= np.array([lost[group].any() for group in members])
         done &= not fixed
         last[moving] = moved
