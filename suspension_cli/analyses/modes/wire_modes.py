@@ -210,7 +210,7 @@ class _Solver:
         wires = [
             a + b for n in range(0, len(pieces), 2) for a, b in zip(*pieces[n : n + 2], strict=True)
         ]
-        energy = np.array(wires).reshape(len(wires), -1)
+        energy = np.array(wires).reshape(len(wires), len(value))
         own = shapes[:, : self.model.size]
         total = quality.quadratic_form(self.model.mass, own) + energy.sum(0)
         lost, elastic = quality.dissipation(self.pencil.model, omega, shapes, ends)
@@ -271,7 +271,7 @@ def _build_modes(model: LinearSystem, found: _Found, damping: bool) -> Modes:
         q=q,
         dilution=quality.safe_ratio(np.abs(value) ** 2, found.elastic),
         wire=names,
-        wire_energy=np.array([wire[name] for name in names]).reshape(-1, len(omega)).T,
+        wire_energy=np.array([wire[name] for name in names]).reshape(len(names), len(omega)).T,
         order=np.zeros(len(omega), dtype=np.intp),
         decay_rate=-sigma,
         top=model.top,
