@@ -1,29 +1,33 @@
-"""Modes with dampers and losses of any size, as poles of a suspension.
+"""Modes with dampers and losses of any size: poles s = sigma + i omega of a suspension.
 
-A pole s = sigma + i omega has a shape x with Z(s) x = 0, Z the dynamic stiffness (`modal_basis`).
-Weakly damped modes are followed from the undamped ones (`weak_damping`); the others start from a
-quadratic eigenvalue problem (`strong_damping`).
+Each is a root of the pencil, Z(s) x = 0 (`roots`). Start values are the undamped modes, or with
+strong dampers the eigenvalues of K + s C + s^2 M in the basis of these modes. Loss angles, phase
+lags of an oscillation, act at its frequency omega alone.
 
 A pole that oscillates has the frequency |s| / 2 pi and Q = Im s / (-2 Re s), which is pi times the
 number of oscillations in which the amplitude of a ring-down falls to 1/e. For m x'' + k (1 + i phi)
 x = 0, Q = 1 / (2 tan(atan(phi) / 2)), 10.025 for phi = 0.1.
+
+Rounding of the stiffness would hide a Q of 1e10 in sigma. With Z' = dZ/ds, the imaginary part of
+x^H Z(s) x = 0 gives it from the dissipation at omega, sums of squares in which nothing cancels:
+
+    sigma Im(x^H Z' x) = -x^H Im(Z(i omega)) x.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.linear import eigenmodes as undamped
-from suspension_cli.linear import quality, strong_damping, weak_damping
-from suspension_cli.linear.connected_groups import connected_groups
+from suspension_cli.linear import quality
 from suspension_cli.linear.eigenmodes import Modes
-from suspension_cli.linear.elastic_losses import ElasticLosses, transform
 from suspension_cli.linear.frequency_terms import LossTerm, is_massive
-from suspension_cli.linear.modal_basis import Basis
+from suspension_cli.linear.pencil import Block, Pencil
 from suspension_cli.linear.poles import ROUNDING
+from suspension_cli.linear.roots import Roots, find_roots
 from suspension_cli.linear.system import LinearSystem
 
 if TYPE_CHECKING:
@@ -31,141 +35,91 @@ if TYPE_CHECKING:
 
 ALIKE = 1e-12
 """Relative difference of omega^2 that may be a rounding error."""
-ROUNDED = 1e-3
-"""Rounding error of the bodies' share of energy, of modes of the highest Q."""
 UNDAMPED = 1e-24
 """Fraction of the largest damping below which a rigid mode counts as undamped."""
-
-
-@dataclass(frozen=True)
-class Poles:
-    """Poles (rad/s), one of each conjugate pair, and their shapes in coordinates of the basis."""
-
-    value: Complex[np.ndarray, " pole"]
-    motion: Complex[np.ndarray, "pole coordinate"]
-
-
-def find_poles(basis: Basis) -> Poles:
-    """Find all poles of a system in the basis of its undamped modes.
-
-    A rigid mode has one pole, 0. Of an unstable mode only the growing pole counts, not the decaying
-    one at about the opposite value.
-    """
-    n = len(basis.stiffness)
-    values, motions = [np.zeros(0, dtype=complex)], [np.zeros((0, n), dtype=complex)]
-    for own in _split_coupled(basis):
-        found = _find_coupled_poles(basis.within(own))
-        motion = np.zeros((len(found.value), n), dtype=complex)
-        motion[:, own] = found.motion
-        values.append(found.value)
-        motions.append(motion)
-    return Poles(np.concatenate(values), np.concatenate(motions))
-
-
-def _find_coupled_poles(basis: Basis) -> Poles:
-    """Find the poles of modes that losses couple."""
-    groups, light = weak_damping.group_modes(basis)
-    values, motions = weak_damping.follow_poles(
-        basis, [group for group in groups if light[group].all()]
-    )
-    if light[basis.inertia > 0].all() and not basis.viscous[basis.inertia == 0].any():
-        return Poles(values, motions)
-    strong, moving = strong_damping.solve_strong(basis, values)
-    return Poles(np.concatenate([values, strong]), np.concatenate([motions, moving]))
-
-
-def _split_coupled(basis: Basis) -> list[Int[np.ndarray, " _"]]:
-    """Split coordinates into groups that losses do not couple."""
-    omega = np.sort(np.sqrt(np.abs(basis.stiffness[basis.inertia > 0])))
-    omega = omega[omega > 0]
-    probes = 1j * (omega[[0, len(omega) // 2, -1]] if len(omega) else np.ones(1))
-    return connected_groups((basis.losses(probes) != 0).any(0))
+LIGHT = 0.02
+"""Damping rate over frequency up to which poles start from undamped modes."""
+SLOW = 1e-5
+"""Decay rate over frequency up to which that of wires with mass follows from the dissipation."""
+BODILY = 0.5
+"""Fraction of the energy of a mode of bodies that is not in wires."""
 
 
 def solve(model: LinearSystem, found: Modes) -> Modes:
     """Solve for modes with dampers and losses of any size, from the undamped modes `found`.
 
     For a system without batch axes. Modes that do not oscillate are first: unstable, rigid, then
-    overdamped by decay rate. With wire mass these are the modes of bodies alone, each followed from
-    the one without, if `are_poles`; a wire's mass acts on the stretching of its even and odd motion
-    apart.
+    overdamped by decay rate. Of an unstable mode only the growing pole counts, not the decaying one
+    at about the opposite value. With wire mass these are the modes of bodies alone if
+    `are_of_bodies`, each followed from the one without.
     """
+    pencil = Pencil.of(model)
     shapes = np.pad(found.shape, ((0, 0), (6, 0))) @ model.basis
-    values, motions, plain = [], [], np.ones(len(shapes), dtype=bool)
-    for number, group in enumerate(model.blocks):
+    blocks, plain = [_block(pencil, group) for group in model.blocks], np.ones(len(shapes), bool)
+    values, members, motions = [np.zeros(0, dtype=complex)], [np.zeros(0, int)], []
+    for number, block in enumerate(blocks):
         own = np.flatnonzero(found.block == number)
-        basis, moves = _build_basis(model, group, found.omega_squared[own], shapes[own][:, group])
-        lossy = _mark_lossy(basis)
-        if not lossy[: len(own)].any() and not basis.viscous.any():
+        if not (block.terms or block.damping.any() or block.loss.any()):
             continue
-        plain[own[lossy[: len(own)]]] = False
-        here = find_poles(basis.within(np.flatnonzero(lossy)))
-        motion = np.zeros((len(here.value), model.size), dtype=complex)
-        motion[:, group] = here.motion @ moves[lossy]
-        values.append(here.value)
-        motions.append(motion)
-    if not values:
+        squared, x = found.omega_squared[own], shapes[own][:, block.keep]
+        start = _starts_with_dampers(model, block, squared, x)
+        if start is None:
+            some = squared > 0
+            start = 1j * np.sqrt(squared[some]), x[some].astype(complex)
+            own = own[some]
+        if not len(start[0]):
+            continue
+        # a rigid mode has one pole, 0, beside those that dampers give it
+        plain[own] = found.omega_squared[own] == 0
+        values.append(start[0])
+        members.append(np.full(len(start[0]), number))
+        motions.append(start[1])
+    value, member = np.concatenate(values), np.concatenate(members)
+    if not len(value):
         return found
-    value, motion = np.concatenate(values), np.concatenate(motions)
-    return _build_modes(model, found, plain, *_recompute_decay(model, value, motion))
+    motion = np.zeros((max(part.shape[1] for part in motions), len(value)), dtype=complex)
+    for number, part in zip(dict.fromkeys(member.tolist()), motions, strict=True):
+        motion[: part.shape[1], member == number] = part.T
+    roots = [
+        _refine(pencil, blocks, found, Roots.starts(value[some], member[some], motion[:, some]))
+        for some in (np.imag(value) > 0, np.imag(value) == 0)
+        if some.any()
+    ]
+    return _build_modes(model, blocks, found, plain, roots)
 
 
-def are_poles(found: Modes) -> bool:
-    """Whether poles of bodies on wires with mass are ones: the bodies' share of energy is below 1.
+def are_of_bodies(model: LinearSystem, found: Modes) -> bool:
+    """Whether modes followed from those without wire mass are distinct, and of bodies.
 
-    An iteration that has lost its pole ends where this share is anything.
+    From a start value far away, a mode of wires may be found instead, or one mode twice.
     """
     share = found.energy.sum((1, 2)) + found.tip_energy.sum(1)
-    return bool((share < 1 + ROUNDED).all())
+    shapes = np.pad(found.shape, ((0, 0), (6, 0))) @ model.basis
+    overlap = shapes @ model.mass @ shapes.T
+    size = np.sqrt(overlap.diagonal())
+    overlap = np.abs(overlap) / np.outer(size, size) - np.eye(len(size))
+    alike = np.isclose(found.omega_squared[:, None], found.omega_squared, rtol=1e-9, atol=0.0)
+    return bool((share > BODILY).all() and not (alike & (overlap > 1 - BODILY)).any())
 
 
-def _build_basis(
-    model: LinearSystem,
-    group: Int[np.ndarray, " own"],
-    squared: Float[np.ndarray, " mode"],
-    shapes: Float[np.ndarray, "mode own"],
-) -> tuple[Basis, Float[np.ndarray, "all own"]]:
-    """Transform a block to its modes and massless directions; also return the basis."""
-    light = group[model.massless[group]]
-    own, directions = np.linalg.eigh(model.stiffness[np.ix_(light, light)])
-    added = np.zeros((len(light), len(group)))
-    added[:, model.massless[group]] = (directions / np.sqrt(np.abs(own))).T
-    square = np.ix_(group, group)
-    moves = np.concatenate([_decouple(squared, shapes, model.stiffness[square]), added])
-    elastic = [term for term in model.terms if not isinstance(term, LossTerm) or term.elastic]
-    constant = (
-        np.zeros((len(moves),) * 2, dtype=complex)
-        if model.lossy is None
-        else 1j * (moves @ np.imag(model.lossy[square]) @ moves.T)
+def _block(pencil: Pencil, group: Int[np.ndarray, " own"]) -> Block:
+    """Find or make the block of some coordinates."""
+    wanted = set(group.tolist())
+    for block in pencil.blocks:
+        if set(block.keep.tolist()) == wanted:
+            return block
+    order = np.argsort(pencil.owner[group], kind="stable")
+    return Block(pencil, group[order], np.asarray(pencil.coupled[group, :6].any(0)))
+
+
+def _refine(pencil: Pencil, blocks: list[Block], found: Modes, start: Roots) -> Roots:
+    lossy = np.isfinite(found.q) & (found.q > 0) & (found.omega_squared > 0)
+    rate = np.array(
+        [(1 / found.q[lossy & (found.block == n)]).max(initial=0.0) for n in range(len(blocks))]
     )
-    parts = [(term, transform(term.all_matrices, moves, group)) for term in elastic]
-    damping = moves @ damping_matrix(model)[square] @ moves.T
-    return Basis(
-        np.concatenate([squared, np.sign(own)]),
-        np.repeat([1.0, 0.0], [len(shapes), len(light)]),
-        damping,
-        np.arange(len(moves)),
-        ElasticLosses(constant, np.sqrt(squared[squared > 0]), parts),
-    ), moves
-
-
-def _decouple(
-    squared: Float[np.ndarray, " mode"],
-    shapes: Float[np.ndarray, "mode own"],
-    stiffness: Float[np.ndarray, "own own"],
-) -> Float[np.ndarray, "mode own"]:
-    """Decouple shapes of modes that are nearly degenerate in omega^2.
-
-    `eigenmodes.solve` gives combinations that move few coordinates, which the stiffness couples.
-    """
-    result = shapes.copy()
-    apart = np.diff(squared) > undamped.DEGENERATE * np.abs(squared[1:])
-    for group in np.split(np.arange(len(squared)), np.flatnonzero(apart) + 1):
-        values = squared[group]
-        if len(group) > 1 and values[-1] - values[0] > ALIKE * abs(values[-1]):
-            _, turn = np.linalg.eigh(shapes[group] @ stiffness @ shapes[group].T)
-            result[group] = turn.T @ shapes[group]
-    return result
+    width = np.abs(start.value) * np.minimum(rate[start.block], 1.0) / 2
+    loss = "all" if np.imag(start.value[0]) > 0 else "dampers"
+    return find_roots(pencil, blocks, start, width, loss)
 
 
 def damping_matrix(model: LinearSystem) -> Float[np.ndarray, "coordinate coordinate"]:
@@ -176,76 +130,122 @@ def damping_matrix(model: LinearSystem) -> Float[np.ndarray, "coordinate coordin
     )
 
 
-def _mark_lossy(basis: Basis) -> Bool[np.ndarray, " coordinate"]:
-    """Mark the coordinates of a basis that losses act on.
-
-    On rigid modes only dampers act; massless coordinates always count.
-    """
-    size = np.sqrt(np.abs(basis.stiffness))
-    losses = np.abs(basis.own_losses(1j * np.where(size > 0, size, 1.0)).diagonal())
-    resisted = np.abs(basis.viscous.diagonal())
-    return (basis.inertia == 0) | np.where(
-        size > 0,
-        losses > quality.NOTHING * size**2,
-        resisted > UNDAMPED * resisted.max(initial=0.0),
-    )
-
-
-def _recompute_decay(
+def _starts_with_dampers(
     model: LinearSystem,
-    value: Complex[np.ndarray, " pole"],
-    motion: Complex[np.ndarray, "pole coordinate"],
-) -> tuple[
-    Complex[np.ndarray, " pole"],
-    Complex[np.ndarray, "pole coordinate"],
-    Float[np.ndarray, " pole"],
-    Float[np.ndarray, " pole"],
-]:
-    """Recompute the decay of poles from the dissipation of their shapes.
+    block: Block,
+    squared: Float[np.ndarray, " mode"],
+    shapes: Float[np.ndarray, "mode own"],
+) -> tuple[Complex[np.ndarray, " pole"], Complex[np.ndarray, "pole own"]] | None:
+    """Poles and shapes of K + s C + s^2 M; None if dampers are so light that modes are starts.
 
-    x^H Z x = 0 has the imaginary part x^H Im(L) x + omega x^H C x + 2 sigma omega x^H M x = 0, in
-    which nothing cancels. Also returns the shapes, of unit modal mass, twice the energy in lossy
-    elements, and the fraction of the kinetic energy that is not in wires, which M lacks: x^H M x
-    over -x^H Im(L + omega C) x / 2 sigma omega.
+    In the basis of the modes q, of unit modal mass and q' = v, and of massless directions e that
+    dampers act on, of unit stiffness (Tisseur and Meerbergen, SIAM Review 43, 235 (2001)):
+
+        (w q)' = w v,    v' = -+ w (w q) - C_vv v - C_ve e',    0 = k e + C_ev v + C_ee e',
+
+    with w^2 = |omega^2|, so that rigid modes have one state, v.
     """
-    mass = sum(quality.quadratic_form(model.mass, part) for part in _parts(motion))
-    motion = motion / np.sqrt(np.abs(mass))[:, None]
-    found = [
-        quality.dissipation(model, np.imag(value), part, quality.end_motions(model, part))
-        for part in _parts(motion)
-    ]
-    lost, elastic = (np.sum(both, axis=0) for both in zip(*found, strict=True))
-    oscillates = np.imag(value) > 0
-    omega = np.where(oscillates, np.imag(value), 1.0)
-    sigma = np.where(np.abs(lost) > quality.NOTHING * omega**2, -lost / (2 * omega), 0.0)
-    sigma = np.where(sigma > ROUNDING * omega, sigma, np.minimum(sigma, 0.0))
-    share = np.ones(len(value))
-    if any(is_massive(term) for term in model.terms):
-        share[oscillates] = (
-            np.real(value[oscillates]) / np.where(sigma == 0, np.nan, sigma)[oscillates]
-        )
-    pole = np.where(oscillates, share * sigma + 1j * np.imag(value), value)
-    return pole, motion, elastic * share, share
+    square = np.ix_(block.keep, block.keep)
+    damping = damping_matrix(model)[square]
+    if not damping.any():
+        return None
+    massless = model.massless[block.keep]
+    light, directions = np.linalg.eigh(model.stiffness[square][np.ix_(massless, massless)])
+    directions = (directions / np.sqrt(np.abs(light))).T
+    rates, turn = np.linalg.eigh(directions @ damping[np.ix_(massless, massless)] @ directions.T)
+    acting = np.abs(rates) > UNDAMPED**0.5 * np.abs(rates).max(initial=0.0)
+    basis = np.zeros((len(shapes) + acting.sum(), len(massless)))
+    basis[: len(shapes)] = shapes
+    basis[len(shapes) :, massless] = (turn.T @ directions)[acting]
+    stiffness = turn[:, acting].T @ (np.sign(light)[:, None] * turn[:, acting])
+    c, m, w = basis @ damping @ basis.T, len(shapes), np.sqrt(np.abs(squared))
+    resisted = np.abs(c.diagonal()[:m])
+    resisted = resisted > UNDAMPED * resisted.max(initial=0.0)
+    scale = np.sqrt(np.where(squared > 0, w, 1.0))
+    if not (
+        acting.any()
+        or resisted[squared <= 0].any()
+        or (np.abs(c[:m, :m]) > LIGHT * scale[:, None] * scale).any()
+    ):
+        return None
+    moving = np.flatnonzero(w)
+    rows = w[moving, None] * np.eye(m)[moving]
+    follow = -np.linalg.solve(c[m:, m:], np.concatenate([c[m:, :m], stiffness], axis=1))  # of e'
+    states = np.block(
+        [
+            [np.zeros((len(moving),) * 2), rows, np.zeros((len(moving), len(stiffness)))],
+            [
+                -rows.T * np.sign(squared[moving]),
+                -c[:m, :m] - c[:m, m:] @ follow[:, :m],
+                -c[:m, m:] @ follow[:, m:],
+            ],
+            [np.zeros((len(stiffness), len(moving))), follow],
+        ]
+    )
+    value, vectors = np.linalg.eig(states)
+    value = value.astype(complex)
+    kept = (np.imag(value) >= 0) & ~_mark_rigid(value, c[np.ix_(squared == 0, squared == 0)])
+    kept[kept] = ~_mark_counterparts(value[kept], int((squared < 0).sum()))
+    value, motion = value[kept], vectors[len(moving) :, kept] + 0j
+    motion[:m] /= value  # v = s q
+    return value, motion.T @ basis
 
 
-def _parts(
-    motion: Complex[np.ndarray, "pole coordinate"],
-) -> tuple[Float[np.ndarray, "pole coordinate"], Float[np.ndarray, "pole coordinate"]]:
-    """Real and imaginary part: x^H A x with real A is the sum of its values for both."""
-    return np.real(motion), np.imag(motion)
+def _mark_rigid(
+    value: Complex[np.ndarray, " pole"], damping: Float[np.ndarray, "rigid rigid"]
+) -> Bool[np.ndarray, " pole"]:
+    """Mark the poles that are 0 but for rounding: combinations of rigid modes without damping."""
+    out = np.zeros(len(value), dtype=bool)
+    if len(damping):
+        rank = np.linalg.matrix_rank(damping, tol=1e-12 * np.abs(damping).max(), hermitian=True)
+        out[np.argsort(np.abs(value), kind="stable")[: len(damping) - int(rank)]] = True
+    return out
+
+
+def _mark_counterparts(value: Complex[np.ndarray, " pole"], most: int) -> Bool[np.ndarray, " pole"]:
+    """Mark at most so many real poles that are decaying counterparts of growing ones.
+
+    Poles that grow because of negative damping have none.
+    """
+    out = np.zeros(len(value), dtype=bool)
+    real = np.imag(value) == 0
+    for growing in np.flatnonzero(real & (np.real(value) > 0))[:most]:
+        decaying = np.flatnonzero(real & (np.real(value) < 0) & ~out)
+        if len(decaying):
+            out[decaying[np.abs(value[decaying] + value[growing]).argmin()]] = True
+    return out
 
 
 def _build_modes(
     model: LinearSystem,
+    blocks: list[Block],
     found: Modes,
     plain: Bool[np.ndarray, " mode"],
-    value: Complex[np.ndarray, " pole"],
-    motion: Complex[np.ndarray, "pole coordinate"],
-    elastic: Float[np.ndarray, " pole"],
-    share: Float[np.ndarray, " pole"],
+    roots: list[Roots],
 ) -> Modes:
     """Build the modes, ascending, from poles and the undamped modes to keep (`plain`)."""
+    value = np.concatenate([part.value for part in roots])
+    member = np.concatenate([part.block for part in roots])
+    motion = np.zeros((len(value), model.size), dtype=complex)
+    columns = [column for part in roots for column in part.motion.T]
+    for row, number, column in zip(motion, member.tolist(), columns, strict=True):
+        keep = blocks[number].keep
+        row[keep] = column[: len(keep)]
+    mass = quality.quadratic_form(model.mass, motion)
+    motion = motion / np.sqrt(np.abs(mass))[:, None]
     oscillates = np.imag(value) > 0
+    omega = np.where(oscillates, np.imag(value), 1.0)
+    wires = quality.end_motions(model, motion)
+    lost, elastic = quality.dissipation(model, omega, motion, wires)
+    sigma = np.where(np.abs(lost) > quality.NOTHING * omega**2, -lost / (2 * omega), 0.0)
+    sigma = np.where(sigma > ROUNDING * omega, sigma, np.minimum(sigma, 0.0))
+    heavier = np.ones(len(value))  # kinetic energy with that of wires, over that without
+    if any(is_massive(term) for term in model.terms):
+        energy = sum(sum(quality.wire_energies(*one, omega).values()) for one in wires)
+        heavier = np.where(oscillates, 1 + energy, 1.0)
+        fast = oscillates & (np.abs(sigma) > SLOW * omega) & (np.real(value) < 0)
+        heavier = np.where(fast, sigma / np.where(fast, np.real(value), 1.0), heavier)
+    value = np.where(oscillates, sigma / heavier + 1j * np.imag(value), value)
     decay = np.where(oscillates, -np.real(value), np.maximum(-np.real(value), 0.0)) + 0.0
     squared = np.where(
         oscillates, np.abs(value) ** 2, np.where(np.real(value) > 0, -(np.real(value) ** 2), 0.0)
@@ -256,11 +256,13 @@ def _build_modes(
     new = {
         "omega_squared": squared,
         "shape": undamped.fix_signs(shape, np.concatenate([energy, tips], axis=1))[:, 6:],
-        "energy": (share[:, None] * energy).reshape(len(shape), -1, 6),
-        "tip_energy": share[:, None] * tips,
-        "block": model.member[np.abs(motion).argmax(1)],
+        "energy": (energy / heavier[:, None]).reshape(len(shape), -1, 6),
+        "tip_energy": tips / heavier[:, None],
+        "block": member,
         "q": quality_factor(value),
-        "dilution": np.where(known, quality.safe_ratio(np.abs(value) ** 2, elastic), np.nan),
+        "dilution": np.where(
+            known, quality.safe_ratio(np.abs(value) ** 2 * heavier, elastic), np.nan
+        ),
         "wire_energy": np.zeros((len(value), 0)),
         "order": np.zeros(len(value), dtype=np.intp),
         "decay_rate": decay,
@@ -274,7 +276,7 @@ def mean_energies(
     """Fractions of the mean kinetic energy, as `eigenmodes.energy_fractions`, of complex shapes."""
     bodies = 6 * len(model.body)
     total, energy = np.zeros(len(motion)), np.zeros((len(motion), model.size - 6))
-    for part in _parts(motion):
+    for part in np.real(motion), np.imag(motion):
         weight = quality.quadratic_form(model.mass, part)
         moves = weight > 0
         total[moves] += weight[moves]
@@ -287,19 +289,24 @@ def mean_energies(
 def merge_modes(found: Modes, kept: Bool[np.ndarray, " mode"], new: dict[str, np.ndarray]) -> Modes:
     """Merge kept modes with new ones, by omega^2, then by decay if overdamped.
 
-    `new` has attributes of `Modes` with one entry per new mode. Modes of one frequency keep their
-    order.
+    `new` has attributes of `Modes` with one entry per new mode.
     """
     both = {
         name: np.concatenate([getattr(found, name)[kept], values]) for name, values in new.items()
     }
-    squared = both["omega_squared"]
-    order = np.lexsort((np.where(squared == 0, both["decay_rate"], 0.0), squared))
+    order = ascending(both["omega_squared"], both["decay_rate"])
+    return replace(found, **{name: values[order] for name, values in both.items()})
+
+
+def ascending(
+    squared: Float[np.ndarray, " mode"], decay: Float[np.ndarray, " mode"]
+) -> Int[np.ndarray, " mode"]:
+    """Order modes by omega^2, if overdamped by decay; those of one frequency keep their order."""
+    order = np.lexsort((np.where(squared == 0, decay, 0.0), squared))
     apart = np.diff(squared[order], prepend=-np.inf) > ALIKE * np.abs(squared[order])
     group = np.empty(len(order), dtype=np.intp)
     group[order] = np.cumsum(apart | (squared[order] == 0))
-    order = np.argsort(group, kind="stable")
-    return replace(found, **{name: values[order] for name, values in both.items()})
+    return np.argsort(group, kind="stable")
 
 
 def quality_factor(value: Complex[np.ndarray, " pole"]) -> Float[np.ndarray, " pole"]:

@@ -116,8 +116,9 @@ class Pattern:
         self,
         elements: Inexact[np.ndarray, "element system"],
         rhs: Inexact[np.ndarray, "coordinate input system"],
+        largest: float = LARGE,
     ) -> Inexact[np.ndarray, "coordinate input system"]:
-        """Solve D x = b with one correction; where that is large, with pivoting."""
+        """Solve D x = b with one correction; where that is over the `largest`, with pivoting."""
         right = rhs[self.order]
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             factors = self.factor(elements.copy())
@@ -125,7 +126,7 @@ class Pattern:
             factors.solve_steps(x)
             correction = self._residual(elements, x, right)
             factors.solve_steps(correction)
-            large = ~(np.abs(correction) <= LARGE * np.abs(x)).all((0, 1))
+            large = ~(np.abs(correction) <= largest * np.abs(x)).all((0, 1))
             x += correction
             result = np.empty_like(x)
             result[self.order] = x

@@ -32,13 +32,31 @@ class Term(Protocol):
     """Frequency-dependent part of a linear system."""
 
     @property
-    def matrices(self) -> Any:
-        """A_n: (n, N, N), real and symmetric."""
+    def columns(self) -> Any:
+        """Numbers of the coordinates (c,) that it acts on, ascending."""
+        ...
+
+    @property
+    def compact(self) -> Any:
+        """A_n among these: (n, c, c), real and symmetric.
+
+        Of wires, last that of the odd stretching motion, which the tensions cover.
+        """
         ...
 
     @property
     def all_matrices(self) -> Any:
-        """A_n, and last that of the odd stretching motion, left to the tensions by `matrices`."""
+        """The same A_n among all coordinates."""
+        ...
+
+    @property
+    def dispersive(self) -> bool:
+        """Whether it is a function of a complex frequency, not a loss at that of oscillation."""
+        ...
+
+    @property
+    def viscous(self) -> bool:
+        """Whether it also acts on motion that does not oscillate."""
         ...
 
     def at(self, omega: Inexact[np.ndarray, " frequency"], *, lossy: bool = True) -> Evaluated:
@@ -110,19 +128,35 @@ class WireTerm:
         return tuple(result)
 
     @property
-    def matrices(self) -> Float[np.ndarray, "function coordinate coordinate"]:
-        """The matrices A_n."""
-        return self.all_matrices[:-1]
+    def dispersive(self) -> bool:
+        """Whether the wires have mass."""
+        return self.strand.massive
+
+    @property
+    def viscous(self) -> bool:
+        """Loss angles act on oscillations alone."""
+        return False
 
     @cached_property
+    def columns(self) -> Int[np.ndarray, " column"]:
+        """Coordinates that move the ends of the wires."""
+        return np.flatnonzero(np.any([form.any((0, 1)) for form in self.forms.values()], axis=0))
+
+    @cached_property
+    def compact(self) -> Float[np.ndarray, "function column column"]:
+        """A_n among `columns`, with that of the odd stretching motion last."""
+        forms = {part: form[..., self.columns] for part, form in self.forms.items()}
+        return np.where(self.allowed[np.ix_(self.columns, self.columns)], self.products(forms), 0.0)
+
+    @property
     def all_matrices(self) -> Float[np.ndarray, "function coordinate coordinate"]:
-        """A_n with that of the odd stretching motion last."""
-        return np.where(self.allowed, self.products(self.forms), 0.0)
+        """A_n among all coordinates."""
+        return _spread_columns(self.compact, self.columns, len(self.allowed))
 
     def products(
-        self, forms: dict[str, Float[np.ndarray, "wire _ coordinate"]]
-    ) -> Float[np.ndarray, "function coordinate coordinate"]:
-        """Sum `all_matrices` over the wires, of motions like `forms`."""
+        self, forms: dict[str, Float[np.ndarray, "wire _ column"]]
+    ) -> Float[np.ndarray, "function column column"]:
+        """Sum `compact` over the wires, of motions like `forms`."""
         result = []
         for part, i, j in (*self.functions, ("stretch", 1, 1)):
             total = 0.0
@@ -171,6 +205,16 @@ class WireTerm:
         reach = (from_new != 0).astype(float)
         forms = {part: form @ from_new for part, form in self.forms.items()}
         return WireTerm(self.stage, self.strand, forms, reach.T @ self.allowed @ reach > 0)
+
+
+def _spread_columns(
+    compact: Float[np.ndarray, "function column column"],
+    columns: Int[np.ndarray, " column"],
+    size: int,
+) -> Float[np.ndarray, "function coordinate coordinate"]:
+    result = np.zeros((len(compact), size, size))
+    result[:, columns[:, None], columns] = compact
+    return result
 
 
 def is_massive(term: Term) -> bool:
@@ -320,21 +364,36 @@ class LossTerm:
     ) = None
 
     @property
-    def matrices(self) -> Float[np.ndarray, "1 coordinate coordinate"]:
-        """The matrix A_1."""
-        return self.matrix[None]
+    def dispersive(self) -> bool:
+        """Whether this is a damper."""
+        return not self.elastic
+
+    @property
+    def viscous(self) -> bool:
+        """Whether this is a damper."""
+        return not self.elastic
+
+    @cached_property
+    def columns(self) -> Int[np.ndarray, " column"]:
+        """Coordinates that it acts on."""
+        return np.flatnonzero(self.matrix.any(0))
+
+    @cached_property
+    def compact(self) -> Float[np.ndarray, "1 column column"]:
+        """The matrix A_1 among `columns`."""
+        return self.matrix[None, self.columns[:, None], self.columns]
 
     @property
     def all_matrices(self) -> Float[np.ndarray, "1 coordinate coordinate"]:
         """The matrix A_1."""
-        return self.matrices
+        return self.matrix[None]
 
     def at(self, omega: Inexact[np.ndarray, " frequency"], *, lossy: bool = True) -> EvaluatedLoss:
         """Evaluate at frequencies in rad/s."""
         # loss angles are taken at the frequency of oscillation, the real part
-        angle = self.angle(np.real(omega) if self.elastic else omega)
+        at = np.real(omega) if self.elastic else omega
         stored = None if self.storage is None else self.storage(np.real(omega))
-        return EvaluatedLoss(self, angle if lossy else np.zeros(np.shape(omega)), lossy, stored)
+        return EvaluatedLoss(self, self.angle(at) if lossy else np.zeros(at.shape), lossy, stored)
 
     def within(self, columns: Int[np.ndarray, " kept"]) -> LossTerm:
         """Restrict to some coordinates."""

@@ -83,7 +83,6 @@ def _count_below(
 def coordinate_scales(
     diagonal: Float[np.ndarray, "frequency all"],
     across: Float[np.ndarray, "frequency tension coordinate"],
-    first: int | None = None,
 ) -> Float[np.ndarray, "frequency all"]:
     """Scale the coordinates so that the elements of a matrix are at most about 1.
 
@@ -93,15 +92,12 @@ def coordinate_scales(
         Of the matrix; a coordinate without stiffness has scale 1.
     across
         Absolute elements between the tensions and the other coordinates.
-    first
-        Number of coordinates from which the scales of tensions follow; default all. The others may
-        have almost no stiffness apart from the tensions.
     """
     count = across.shape[-1]
     result = np.sqrt(np.abs(diagonal))
     result = np.where(result == 0, 1.0, result)
     if across.shape[1]:
-        pull = (across[..., :first] / result[:, None, :count][..., :first]).max(-1, initial=0.0)
+        pull = (across / result[:, None, :count]).max(-1, initial=0.0)
         result[:, count:] = np.maximum(np.sqrt(np.abs(diagonal[:, count:])), pull)
         result[:, :count] = np.maximum(result[:, :count], (across / result[:, count:, None]).max(1))
     return result

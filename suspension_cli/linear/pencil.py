@@ -25,7 +25,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -38,8 +38,10 @@ from suspension_cli.linear.stretching import distinct
 from suspension_cli.linear.system import LinearSystem
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Float, Inexact, Int
+    from jaxtyping import Bool, Complex, Float, Inexact, Int
 
+Loss = Literal["all", "dampers", "none"]
+"""Losses that act; loss angles, which are phase lags, act on oscillations alone."""
 ROUNDING = 4e-15
 """Fraction of its terms up to which a sum is a rounding error."""
 FAR = 0.5
@@ -99,6 +101,21 @@ class Part:
         result = np.zeros((len(self.weights), size, 6 + size))
         result[:, self.row[:, None], self.column] = self.weights
         return result
+
+    def apply(
+        self,
+        functions: Inexact[np.ndarray, "function frequency"],
+        motion: Inexact[np.ndarray, "unknown vector frequency"],
+        result: Inexact[np.ndarray, "unknown vector frequency"],
+    ) -> None:
+        """Add the product with motions of the unknowns, the support at rest, to a result."""
+        own = self.column >= 6
+        if own.any() and functions.any():
+            x = motion[self.column[own] - 6]
+            for weights, values in zip(self.weights[..., own], functions, strict=True):
+                if values.any():
+                    moved = multiply_real(weights, x.reshape(len(x), -1))
+                    result[self.row] += values * moved.reshape(-1, *x.shape[1:])
 
     def transformed(
         self, to_absolute: Float[np.ndarray, "all all"], place: Int[np.ndarray, " all"]
@@ -200,6 +217,17 @@ class Equations:
             support.append((part.row[some], towards[some]))
         return Equations(to_absolute, pattern, elements, support)
 
+    def elements(
+        self, functions: list[Inexact[np.ndarray, "function frequency"]]
+    ) -> Inexact[np.ndarray, "element frequency"]:
+        """Evaluate the elements of the pattern."""
+        shape = len(self.pattern.row), functions[0].shape[1]
+        result = np.zeros(shape, dtype=np.result_type(*functions))
+        for (place, weights), values in zip(self.parts, functions, strict=True):
+            if len(place) and values.any():
+                result[place] += _multiply(weights, values)
+        return result
+
     def solve(
         self,
         functions: list[Inexact[np.ndarray, "function frequency"]],
@@ -208,21 +236,15 @@ class Equations:
     ) -> Inexact[np.ndarray, "own input frequency"]:
         """Solve for coordinates q, given support motions and forces on x."""
         count, (own, inputs) = functions[0].shape[1], forces.shape
-        kind = np.result_type(*functions)
-        elements = np.zeros((len(self.pattern.row), count), dtype=kind)
-        right = np.zeros((self.pattern.size, inputs, count), dtype=kind)
+        right = np.zeros((self.pattern.size, inputs, count), dtype=np.result_type(*functions))
         if self.to_absolute is not None:
             forces = self.to_absolute[6 : 6 + own, 6 : 6 + own].T @ forces
         right[:own] = forces[..., None]
-        for (place, weights), (row, towards), values in zip(
-            self.parts, self.support, functions, strict=True
-        ):
-            if len(place) and values.any():
-                elements[place] += _multiply(weights, values)
+        for (row, towards), values in zip(self.support, functions, strict=True):
             if len(row) and moves.any():
                 pull = np.swapaxes(np.swapaxes(towards, 1, 2) @ moves, 1, 2)
                 right[row] -= _multiply(pull, values)
-        return self.pattern.solve(elements, right)[:own]
+        return self.pattern.solve(self.elements(functions), right)[:own]
 
 
 def _multiply(
@@ -251,17 +273,21 @@ class Block:
     @cached_property
     def terms(self) -> list[tuple[int, Term]]:
         """Terms in the coordinates of support and block, with their numbers in the system."""
-        terms = enumerate(term.within(self._columns) for term in self.pencil.model.terms)
-        return [
-            (n, term)
-            for n, term in terms
-            if isinstance(term, WireTerm) or term.matrices[:, 6:].any()
-        ]
+        own = np.zeros(self.pencil.model.size, dtype=bool)
+        own[self.keep] = True
+        terms = enumerate(self.pencil.model.terms)
+        some = [(n, term.within(self._columns)) for n, term in terms if own[term.columns].any()]
+        return [(n, term) for n, term in some if isinstance(term, WireTerm) or len(term.columns)]
 
     @cached_property
     def used(self) -> list[Int[np.ndarray, " _"]]:
         """Functions f_n of each term that are needed."""
-        return [np.flatnonzero(term.matrices[:, 6:].any((1, 2))) for _, term in self.terms]
+        result = []
+        for _, term in self.terms:
+            used = term.compact[:, term.columns >= 6].any((1, 2))
+            # the tensions cover the odd stretching of wires
+            result.append(np.flatnonzero(used[:-1] if isinstance(term, WireTerm) else used))
+        return result
 
     @cached_property
     def loss(self) -> Float[np.ndarray, "own own"]:
@@ -317,12 +343,7 @@ class Block:
         base = np.zeros((4, size, 6 + size))
         matrices = (*_real_and_imaginary(pencil.soft), pencil.model.damping, pencil.model.mass)
         base[:, :count, :outer] = [matrix[at] * kept for matrix in matrices]
-        of_terms = []
-        for (_, term), used in zip(self.terms, self.used, strict=True):
-            weights = np.zeros((len(used) + 2, size, 6 + size))
-            weights[:-2, :count, :outer] = term.matrices[used, 6:] * kept
-            of_terms.append(weights)
-        start = count
+        start, tensions = count, {}
         for rows in self.rows:
             own = np.arange(start, start := start + len(rows.odd))
             base[0, own, :outer], base[0, :count, 6 + own] = rows.odd, rows.odd[:, 6:]
@@ -330,10 +351,32 @@ class Block:
                 compliance = 1 / (rows.count * rows.stiffness)
                 base[:2, own, 6 + own] = -compliance.real, -compliance.imag
             else:
-                weights = of_terms[rows.term]
-                weights[-2, own, :outer], weights[-2, :count, 6 + own] = rows.even, rows.even[:, 6:]
-                weights[-1, own, 6 + own] = 1 / rows.count
-        return [*(Part.of(one[None]) for one in base), *(Part.of(one) for one in of_terms)]
+                tensions[rows.term] = rows, own
+        of_terms = [
+            self._part_of_term(term, used, *tensions.get(n, (None, np.zeros(0, dtype=int))))
+            for n, ((_, term), used) in enumerate(zip(self.terms, self.used, strict=True))
+        ]
+        return [*(Part.of(one[None]) for one in base), *of_terms]
+
+    def _part_of_term(
+        self,
+        term: Term,
+        used: Int[np.ndarray, " function"],
+        rows: Rows | None,
+        tension: Int[np.ndarray, " row"],
+    ) -> Part:
+        """Weights of the functions of a term, on the coordinates that it acts on and tensions."""
+        columns = term.columns
+        moving, count = columns >= 6, len(columns)
+        own = columns[moving] - 6
+        weights = np.zeros((len(used) + 2, len(own) + len(tension), count + len(tension)))
+        weights[:-2, : len(own), :count] = term.compact[used][:, moving] * self._kept[columns]
+        if rows is not None:
+            even, across = rows.even[:, columns], np.arange(len(tension))
+            weights[-2, len(own) :, :count] = even
+            weights[-2, : len(own), count:] = even[:, moving].T
+            weights[-1, len(own) + across, count + across] = 1 / rows.count
+        return Part(np.append(own, tension), np.append(columns, 6 + tension), weights)
 
     @cached_property
     def absolute(self) -> Equations:
@@ -380,6 +423,19 @@ class Block:
             return 0.0
         return float(np.sqrt(max(1 / inverse[-1] - SHIFT, 0.0)))
 
+    def matrix(
+        self, functions: list[Inexact[np.ndarray, "function frequency"]]
+    ) -> Inexact[np.ndarray, "unknown all frequency"]:
+        """All elements from the functions of `parts`."""
+        size = len(self.owner)
+        shape = size, 6 + size, functions[0].shape[1]
+        result = np.zeros(shape, dtype=np.result_type(*functions))
+        for part, values in zip(self.parts, functions, strict=True):
+            if len(part.row):
+                at = np.ix_(part.row, part.column)
+                result[at] += multiply_real(np.moveaxis(part.weights, 0, -1), values)
+        return result
+
     def is_driven(
         self, moves: Float[np.ndarray, "6 input"], forces: Float[np.ndarray, "coordinate input"]
     ) -> Bool[np.ndarray, " input"]:
@@ -390,7 +446,7 @@ class Block:
         """Evaluate at frequencies."""
         known: list[Any] = there.terms
         terms = [replace(known[n], term=own) for n, own in self.terms]
-        return EvaluatedBlock(self, there.omega, terms, there.lossy)
+        return EvaluatedBlock(self, there.omega, terms, there.lossy, there.damped)
 
 
 @dataclass(frozen=True)
@@ -398,17 +454,19 @@ class EvaluatedBlock:
     """One block at given frequencies (f,)."""
 
     block: Block
-    omega: Float[np.ndarray, " frequency"]
+    omega: Inexact[np.ndarray, " frequency"]
     terms: list[Any]
     lossy: bool
+    damped: bool
 
     @cached_property
     def functions(self) -> list[Inexact[np.ndarray, "function frequency"]]:
         """Functions of frequency of each of `Block.parts`."""
         here = np.ones((1, len(self.omega)))
-        lossy = [self.lossy and bool(len(part.row)) for part in self.block.parts[1:3]]
-        result = [here, 1j * here if lossy[0] else 0 * here]
-        result += [1j * self.omega * here if lossy[1] else 0 * here, -(self.omega**2) * here]
+        loss, damping = (bool(len(part.row)) for part in self.block.parts[1:3])
+        result = [here, 1j * here if self.lossy and loss else 0 * here]
+        result.append(1j * self.omega * here if self.damped and damping else 0 * here)
+        result.append(-(self.omega**2) * here)
         stretched = {rows.term for rows in self.block.rows}
         for n, (term, used) in enumerate(zip(self.terms, self.block.used, strict=True)):
             functions = [*term.functions(used), 0 * here[0], 0 * here[0]]
@@ -421,10 +479,7 @@ class EvaluatedBlock:
     @property
     def matrix(self) -> Inexact[np.ndarray, "unknown all frequency"]:
         """All elements; the columns are those of support, block and tensions."""
-        size = len(self.block.owner)
-        pairs = zip(self.block.parts, self.functions, strict=True)
-        terms = (multiply_real(np.moveaxis(part.whole(size), 0, -1), f) for part, f in pairs)
-        return sum(terms, np.zeros(()))
+        return self.block.matrix(self.functions)
 
     def respond(
         self,
@@ -467,9 +522,10 @@ class EvaluatedBlock:
 class AtFrequencies:
     """The terms of a system at given frequencies (rad/s)."""
 
-    omega: Float[np.ndarray, " frequency"]
+    omega: Inexact[np.ndarray, " frequency"]
     terms: list[Evaluated]
     lossy: bool
+    damped: bool
 
 
 @dataclass(frozen=True)
@@ -488,7 +544,24 @@ class Pencil:
     def at(self, omega: Float[np.ndarray, " frequency"], *, lossy: bool = True) -> AtFrequencies:
         """Evaluate at frequencies in rad/s."""
         terms = [term.at(omega, lossy=lossy) for term in self.model.terms]
-        return AtFrequencies(omega, terms, lossy)
+        return AtFrequencies(omega, terms, lossy, lossy)
+
+    def at_poles(self, s: Complex[np.ndarray, " pole"], loss: Loss) -> AtFrequencies:
+        """Evaluate at motions exp(s t), s in rad/s."""
+        omega, real = -1j * s, np.imag(s).copy()
+        terms = [
+            term.at(
+                omega if term.dispersive else real,
+                lossy=loss == "all" or (loss == "dampers" and term.viscous),
+            )
+            for term in self.model.terms
+        ]
+        return AtFrequencies(omega, terms, loss == "all", loss != "none")
+
+    @property
+    def dispersive(self) -> bool:
+        """Whether a term is a function of complex frequency."""
+        return any(term.dispersive for term in self.model.terms)
 
     @cached_property
     def blocks(self) -> list[Block]:
@@ -536,24 +609,31 @@ class Pencil:
         What one wire exerts, an equal one may cancel, so equal wires are taken together.
         """
         model, place = self.model, self.place
-        matrices = [*_real_and_imaginary(self.soft), model.damping, model.mass]
-        pairs = []
-        for term in model.terms:
-            if isinstance(term, WireTerm):
-                forms = {part: sizes(form, None, place) for part, form in term.forms.items()}
-                pairs.append((term.all_matrices, term.products(forms)))
-            else:
-                matrices += list(term.matrices)
+        matrices = [(None, m) for m in (*_real_and_imaginary(self.soft), model.damping, model.mass)]
         if model.stretched is not None:
             form, allowed = model.stretched.form, model.stretched.allowed
             alike = [form[self.stiff == k] for k in dict.fromkeys(self.stiff.tolist())]
-            matrices += [np.where(allowed, some.T @ some, 0.0) for some in alike]
-        for matrix in matrices:
+            matrices += [(None, np.where(allowed, some.T @ some, 0.0)) for some in alike]
+        result = np.zeros((model.size, model.size), dtype=bool)
+        for term in model.terms:
+            columns, own = np.ix_(term.columns, term.columns), place[term.columns]
+            if isinstance(term, WireTerm):
+                forms = {
+                    part: sizes(form[..., term.columns], None, own)
+                    for part, form in term.forms.items()
+                }
+                small = ROUNDING * term.products(forms)
+                result[columns] |= (np.abs(term.compact) > small).any(0)
+            else:
+                matrices += [(term.columns, matrix) for matrix in term.compact]
+        for columns, matrix in matrices:
             if matrix.any():
-                size = sizes(matrix, place, place)
+                at = np.arange(model.size) if columns is None else columns
+                size = sizes(matrix, place[at], place[at])
                 own = np.sqrt(np.diag(size))
-                pairs.append((matrix[None], np.maximum(size, own[:, None] * own)))
-        return np.any([(np.abs(a) > ROUNDING * size).any(0) for a, size in pairs], axis=0)
+                small = ROUNDING * np.maximum(size, own[:, None] * own)
+                result[np.ix_(at, at)] |= np.abs(matrix) > small
+        return result
 
     @cached_property
     def parent(self) -> list[int]:

@@ -24,10 +24,12 @@ from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.composition import Fibre
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
+    from jaxtyping import Float, Inexact
 
 NOTHING = 1e-30
 """Ratio of dissipation to energy that rounding errors cause in parts at rest."""
+STEP = 1e-20
+"""Relative complex step in frequency, for derivatives of stiffnesses."""
 UNIT = 1e-9
 """A loss angle in rad, so small that dissipation is proportional to it."""
 
@@ -35,8 +37,8 @@ UNIT = 1e-9
 def dissipation(
     model: LinearSystem,
     omega: Float[np.ndarray, " mode"],
-    shapes: Float[np.ndarray, "mode coordinate"],
-    wires: Sequence[tuple[TautWire, dict[str, Float[np.ndarray, "_ _ mode"]]]],
+    shapes: Inexact[np.ndarray, "mode coordinate"],
+    wires: Sequence[tuple[TautWire, dict[str, Inexact[np.ndarray, "_ _ mode"]]]],
 ) -> tuple[Float[np.ndarray, " mode"], Float[np.ndarray, " mode"]]:
     """Compute the dissipation x^H Im(Z) x of modes, and its value with all loss angles 1 rad.
 
@@ -70,30 +72,48 @@ def dissipation(
         else:
             dissipation += quadratic_form(np.imag(model.stretched.soft), shapes)
             elongation = shapes @ model.stretched.form.T
-            dissipation += elongation**2 @ np.imag(model.stretched.stiffness)
+            dissipation += np.abs(elongation) ** 2 @ np.imag(model.stretched.stiffness)
     return dissipation if model.active else np.maximum(dissipation, 0.0), elastic
 
 
 def quadratic_form(
     matrix: Float[np.ndarray, "coordinate coordinate"],
-    shapes: Float[np.ndarray, "mode coordinate"],
+    shapes: Inexact[np.ndarray, "mode coordinate"],
 ) -> Float[np.ndarray, " mode"]:
-    """x^T A x of real shapes x, for a symmetric A."""
-    return ((shapes @ matrix) * shapes).sum(1)
+    """x^H A x of shapes x, for a symmetric A."""
+    return np.real((shapes @ matrix) * shapes.conj()).sum(1)
 
 
 def end_motions(
-    model: LinearSystem, shapes: Float[np.ndarray, "mode coordinate"]
-) -> list[tuple[TautWire, dict[str, Float[np.ndarray, "_ _ mode"]]]]:
+    model: LinearSystem, shapes: Inexact[np.ndarray, "mode coordinate"]
+) -> list[tuple[TautWire, dict[str, Inexact[np.ndarray, "_ _ mode"]]]]:
     """Compute the `wires` of `dissipation` for shapes."""
-    terms = [term for term in model.terms if isinstance(term, WireTerm)]
-    return [
-        (
-            term.strand,
-            {part: np.einsum("wcN,mN->cwm", rows, shapes) for part, rows in term.forms.items()},
-        )
-        for term in terms
-    ]
+    result = []
+    for term in model.terms:
+        if isinstance(term, WireTerm):
+            own = shapes[:, term.columns].T
+            moved = {part: form[..., term.columns] @ own for part, form in term.forms.items()}
+            result.append((term.strand, {part: m.swapaxes(0, 1) for part, m in moved.items()}))
+    return result
+
+
+def wire_energies(
+    strand: TautWire,
+    ends: dict[str, Inexact[np.ndarray, "_ _ mode"]],
+    omega: Float[np.ndarray, " mode"],
+) -> dict[str, Float[np.ndarray, " mode"]]:
+    """Compute twice the kinetic energy of wires over omega^2, -x^H dF/d(omega^2) x, by part.
+
+    F is their dynamic stiffness at the motion x of their ends.
+    """
+    moving = replace(strand, lossy=False).at(omega * (1 + 1j * STEP))
+    result = {}
+    for part, motion in ends.items():
+        # omega dF/domega = 2 omega^2 dF/d(omega^2)
+        slope = np.imag(moving.stiffness(part)) / STEP
+        pushed = np.einsum("abm,bwm->awm", slope, motion)
+        result[part] = -np.real(motion.conj() * pushed).sum((0, 1)) / (2 * omega**2)
+    return result
 
 
 def knows_energy(model: LinearSystem) -> bool:

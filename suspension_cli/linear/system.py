@@ -164,13 +164,13 @@ class LinearSystem:
         The connected components of the graph of non-zero matrix elements.
         """
         coupled = np.zeros((self.size, self.size), dtype=bool)
-        frequency_dependent = (matrix for term in self.terms for matrix in term.matrices)
+        for term in self.terms:
+            coupled[np.ix_(term.columns, term.columns)] |= term.compact.any(0)
         for matrix in (
             self.mass,
             self.stiffness,
             self.damping,
             *(() if self.lossy is None else (self.lossy,)),
-            *frequency_dependent,
         ):
             coupled |= (matrix != 0).reshape(-1, self.size, self.size).any(0)
         # without the support; a damper may sense one body and push another

@@ -35,8 +35,10 @@ def solve(model: LinearSystem, omega: float, moves: Any, forces: Any) -> Any:
     rows, compliance = [np.zeros((0, model.size), dtype=wide)], []
     for term in model.terms:
         there = term.at(np.array([omega]))
-        functions = there.functions(np.arange(len(term.matrices)))
-        for value, matrix in zip(functions, term.matrices, strict=True):
+        # the tensions cover the odd stretching of wires
+        matrices = term.all_matrices[:-1] if isinstance(term, WireTerm) else term.all_matrices
+        functions = there.functions(np.arange(len(matrices)))
+        for value, matrix in zip(functions, matrices, strict=True):
             whole += value.astype(wide)[0] * matrix.astype(wide)
         if isinstance(term, WireTerm):
             _, mixed, odd = (np.broadcast_to(part, 1).astype(wide) for part in there.stretching)

@@ -271,9 +271,8 @@ def _solve(run: Run) -> tuple[Choice, LinearSystem, Modes, Modes]:
     still = eigenmodes.solve(model)
     bodies_only = level == registry.AUTO and highest is None
     if not choice.model.has_wire_mass or bodies_only:
-        with np.errstate(over="ignore", invalid="ignore"):  # of poles that are lost, see below
-            listed = damped.solve(model, still)
-        if choice.model.has_wire_mass and not damped.are_poles(listed):
+        listed = damped.solve(model, still)
+        if choice.model.has_wire_mass and not damped.are_of_bodies(model, listed):
             top = float(np.nanmax(still.frequency))  # the mass of wires lowers all frequencies
             _admit(run, wire_modes.count_modes(model, top), top, "that of the highest mode")
             with run.log.progress() as bar:

@@ -1,50 +1,43 @@
 """Modes of a suspension whose wires have mass: pendulum, bounce and violin modes in one list.
 
-`linear.mode_count` finds all frequencies. Shapes, from which kinetic energies, Q and dilution
-follow, come from the suspension with its wires cut in two (`cut_wires`).
+`linear.mode_count` finds all frequencies without loss. Shapes, from which kinetic energies and
+dilution follow, and poles with all losses are roots, near these, of the suspension with its wires
+cut in two (`cut_wires`, `linear.roots`).
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+import time
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.modes import cut_wires
-from suspension_cli.analyses.modes.cut_wires import CutWires
-from suspension_cli.elements.dynamic_wire import PARTS, TautWire
+from suspension_cli.analyses.modes.cut_wires import CUTS, cut_all
+from suspension_cli.elements.dynamic_wire import PARTS
 from suspension_cli.errors import Fault, InputError
-from suspension_cli.linear import damped, eigenmodes, mode_count, quality, strong_damping
+from suspension_cli.linear import damped, eigenmodes, mode_count, quality, roots
 from suspension_cli.linear.eigenmodes import Modes
-from suspension_cli.linear.elastic_losses import ElasticLosses
-from suspension_cli.linear.frequency_terms import LossTerm
-from suspension_cli.linear.modal_basis import Basis
+from suspension_cli.linear.frequency_terms import WireTerm
 from suspension_cli.linear.mode_count import Progress, silent
+from suspension_cli.linear.pencil import Block, Pencil
+from suspension_cli.linear.roots import Roots
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Int
 
-    from suspension_cli.linear.strong_damping import Dynamic
-
 SLOWEST = 1e-4
 """Fraction of the lowest static frequency below which modes are not searched for."""
-LOSSY = 1e-4
-"""Decay rate over frequency above which poles are refined in the full system; below, rounding
-errors exceed the correction."""
-TOGETHER = 512
-"""Largest number of modes whose losses are solved together."""
-NEIGHBOURS = 100.0
-"""Difference of omega^2 of two modes, over the sum of their losses, up to which losses may couple
-them."""
-CLOSE = 0.02
-"""Relative difference of omega^2 up to which the coupling of two modes by losses is computed. It
-follows from the sum of both shapes at the frequency between them; if they lie farther apart, a
-piece of a wire may resonate there."""
-STEP = 1e-20
-"""Relative complex step in frequency, for derivatives of stiffnesses."""
+CLOSE = 1e-6
+"""Relative distance of frequencies whose shapes are solved for together."""
+DEGENERATE = 1e-10
+"""Relative distance of frequencies below which modes are one degenerate group."""
+STRONG = 100
+"""Q from dampers below which a pole is found from that without wire mass."""
+TOGETHER = 256
+"""Number of modes that are solved for at once."""
 NAMES = {"bend-1": "violin-x", "bend-2": "violin-y", "stretch": "stretch", "twist": "twist"}
 """Names of the parts of a wire's motion in `Modes.wire`."""
 
@@ -64,47 +57,171 @@ def solve(
     omega = mode_count.frequencies(model, 2 * np.pi * highest, _lowest_frequency(static), progress)
     if not len(omega):
         raise no_mode_error(highest)
-    wires, size = cut_wires.cut_all(model)
-    shapes = cut_wires.solve_shapes(model, wires, size, omega, progress)
-    total, body, kinds = _kinetic_energies(model, wires, omega, shapes)
-    wire, names = _sum_by_name(kinds, total)
-    shapes = shapes / np.sqrt(total)[:, None]
-    moved = [
-        (wire, motion)
-        for cut in wires
-        for wire, motion in zip(cut.pieces, cut_wires.piece_motions(cut, shapes), strict=True)
-    ]
-    lost, elastic = quality.dissipation(model, omega, shapes[:, : model.size], moved)
-    energy, tips = body[:, : 6 * len(model.body)], body[:, 6 * len(model.body) :]
-    found = Modes(
-        body=model.body,
-        coordinate=model.coordinate[6:],
-        omega_squared=omega**2,
-        shape=_fix_signs((shapes[:, : model.size] @ model.basis.T)[:, 6:]),
-        energy=(energy / total[:, None]).reshape(len(omega), -1, 6),
-        tip_energy=tips / total[:, None],
-        block=np.argmax([np.abs(shapes[:, group]).sum(1) for group in model.blocks], axis=0),
-        q=quality.safe_ratio(omega**2, lost),
-        dilution=quality.safe_ratio(omega**2, elastic),
-        wire=names,
-        wire_energy=wire / total[:, None],
-        order=np.zeros(len(omega), dtype=np.intp),
-        decay_rate=lost / (2 * omega),
-        top=model.top,
-    )
-    found = replace(found, order=_half_waves(found, kinds))
-    if not damping or not _is_lossy(found).any():
-        return _prepend_static(found, static)
+    has_dampers = damping and bool(damped.damping_matrix(model).any())
+    if has_dampers:
+        static = damped.solve(model, static)
+    oscillates = static.select(has_dampers & (static.omega_squared > 0))
+    strong = oscillates.select((oscillates.q < STRONG) & (oscillates.frequency <= highest))
+    count = len(omega) - int(static.overdamped.sum()) // 2  # these oscillate without dampers
+    found: list[_Found] = []
+    others: list[_Found] = []
+    began, left, short = time.monotonic(), np.arange(len(omega)), 0
+    for fraction in CUTS:
+        others, missed, solver = [], [], _Solver.of(model, fraction, strong)
+        if fraction == CUTS[0] and len(strong.q):
+            found.append(solver.describe(solver.strong))
+        for part in _split(omega[left]):
+            result, good = solver.solve(omega[left[part]], damping=damping)
+            found.append(result.select(good))
+            others.append(result.select(~good))
+            missed.append(left[part[~good]])
+            done = len(omega) - len(left) + int(part[-1]) + 1
+            progress(done, len(omega), done / max(time.monotonic() - began, 1e-9))
+        left = np.concatenate(missed)
+        short = count - sum(len(part.value) for part in found)
+        if not len(left) or short <= 0:
+            break
+    else:
+        found.append(_Found.join(others).select(np.arange(len(left)) < short))
+    modes = _build_modes(model, _Found.join(found), damping)
+    still = static.select(slice(int((static.omega_squared <= 0).sum())))
+    energy = np.zeros((len(still.q), len(modes.wire)))
+    return replace(still, wire=modes.wire, wire_energy=energy).followed_by(modes)
 
-    def dynamic(
-        s: Complex[np.ndarray, " pole"], lossy: bool
-    ) -> Complex[np.ndarray, "pole row column"]:
-        return cut_wires.dynamic_stiffness(model, wires, size, -1j * s, lossy=lossy)
 
-    return _prepend_static(
-        _solve_damped(found, model, moved, shapes, lost, dynamic),
-        _refine_overdamped(_solve_massless(model, static), dynamic),
-    )
+def _split(omega: Float[np.ndarray, " mode"]) -> list[Int[np.ndarray, " _"]]:
+    """Split modes, ascending, into parts that are solved at once."""
+    result: list[list[int]] = [[]]
+    apart = np.flatnonzero(np.diff(omega) > CLOSE * omega[1:]) + 1
+    for group in np.split(np.arange(len(omega)), apart):
+        if len(result[-1]) + len(group) > TOGETHER and result[-1]:
+            result.append([])
+        result[-1] += group.tolist()
+    return [np.array(part) for part in result]
+
+
+@dataclass(frozen=True)
+class _Found:
+    """Modes that oscillate, of unit modal mass with that of wires.
+
+    Attributes
+    ----------
+    shape
+        In the coordinates of the uncut system.
+    energy
+        Fraction of the kinetic energy in each part of the motion of each kind of wire (`moving`).
+    lost, elastic
+        See `quality.dissipation`.
+    """
+
+    moving: list[tuple[WireTerm, str]]
+    value: Complex[np.ndarray, " mode"]
+    shape: Array
+    energy: Float[np.ndarray, "mode kind"]
+    lost: Float[np.ndarray, " mode"]
+    elastic: Float[np.ndarray, " mode"]
+
+    def select(self, some: Bool[np.ndarray, " mode"]) -> _Found:
+        """Select some modes."""
+        parts = (self.value, self.shape, self.energy, self.lost, self.elastic)
+        return _Found(self.moving, *(part[some] for part in parts))
+
+    @staticmethod
+    def join(parts: list[_Found]) -> _Found:
+        """Join modes, ascending."""
+        names = ("value", "shape", "energy", "lost", "elastic")
+        both = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+        order = damped.ascending(np.abs(both["value"]) ** 2, 0 * np.abs(both["value"]))
+        return _Found(parts[0].moving, **{name: part[order] for name, part in both.items()})
+
+
+@dataclass(frozen=True)
+class _Solver:
+    """Solver for modes near given frequencies, with wires cut at one place."""
+
+    model: LinearSystem
+    pencil: Pencil
+    block: Block
+    moving: list[tuple[WireTerm, str]]
+    strong: Roots
+
+    @staticmethod
+    def of(model: LinearSystem, fraction: float, strong: Modes) -> _Solver:
+        """Cut the wires of a system; find the poles of modes that are strongly damped."""
+        cut, kinds = cut_all(model, fraction)
+        pencil = Pencil.of(cut)
+        order = np.argsort(pencil.owner[6:], kind="stable")
+        block = Block(pencil, 6 + order, np.ones(6, dtype=bool))
+        value = -strong.decay_rate + 1j * np.sqrt(
+            np.maximum(strong.omega_squared - strong.decay_rate**2, 0.0)
+        )
+        shapes = np.zeros((len(value), cut.size))
+        shapes[:, : model.size] = np.pad(strong.shape, ((0, 0), (6, 0))) @ model.basis
+        motion = np.zeros((len(block.owner), len(value)))
+        motion[: len(block.keep)] = shapes[:, block.keep].T
+        start = Roots.starts(value, np.zeros(len(value), dtype=int), motion)
+        found = roots.find_roots(pencil, [block], start, strong.decay_rate, "all")
+        known = found.select(~(found.lost | roots.repeated(found)))
+        return _Solver(
+            model, pencil, block, [(term, part) for term in kinds for part in PARTS], known
+        )
+
+    def solve(
+        self, omega: Float[np.ndarray, " mode"], *, damping: bool
+    ) -> tuple[_Found, Bool[np.ndarray, " mode"]]:
+        """Solve for the modes at frequencies without loss (rad/s), and mark those that are found.
+
+        If `damping`, for the poles and shapes with all losses.
+        """
+        random = np.random.default_rng(0).normal(size=(len(self.block.owner), len(omega)))
+        start = Roots.starts(1j * omega, np.zeros(len(omega), dtype=int), random)
+        groups, blocks = roots.group_roots(start, CLOSE), [self.block]
+        found = roots.iterate(self.pencil, blocks, start, groups, 3, "none", fixed=True)
+        found = roots.iterate(self.pencil, blocks, found, groups, 2, "none")
+        each = list(np.arange(len(omega))[:, None])
+        found = roots.iterate(self.pencil, blocks, found, each, roots.STEPS, "none")
+        motion = found.motion[:, np.argsort(np.imag(found.value), kind="stable")]
+        # the shapes are real but for a factor
+        lead = np.take_along_axis(motion, np.abs(motion).argmax(0)[None], 0)
+        motion = np.real(motion / lead)
+        for group in roots.group_roots(start, DEGENERATE):
+            if len(group) > 1:
+                vectors = np.linalg.qr(motion[:, group])[0]
+                motion[:, group] = eigenmodes.localise(np.zeros(len(group)), vectors)
+        start = replace(start, motion=motion + 0j)
+        result = self.describe(start)
+        if not damping:
+            return result, omega > 0
+        # to first order in the losses; the poles of pieces, which their losses move, may be near
+        first = 1j * np.sqrt(omega**2 + 1j * result.lost)
+        start = replace(start, value=first)
+        found = roots.find_roots(self.pencil, blocks, start, result.lost / (2 * omega), "all")
+        every = self.strong.followed_by(found)
+        again = roots.repeated(every)[len(self.strong.value) :]
+        return self.describe(found), ~(found.lost | again)
+
+    def describe(self, found: Roots) -> _Found:
+        """Compute energies and dissipation."""
+        value, motion = found.value, found.motion
+        shapes = np.zeros((len(value), self.pencil.model.size), dtype=complex)
+        shapes[:, self.block.keep] = motion[: len(self.block.keep)].T
+        omega, ends = np.imag(value), quality.end_motions(self.pencil.model, shapes)
+        pieces = [list(quality.wire_energies(*one, omega).values()) for one in ends]
+        wires = [
+            a + b for n in range(0, len(pieces), 2) for a, b in zip(*pieces[n : n + 2], strict=True)
+        ]
+        energy = np.array(wires).reshape(len(wires), len(value))
+        own = shapes[:, : self.model.size]
+        total = quality.quadratic_form(self.model.mass, own) + energy.sum(0)
+        lost, elastic = quality.dissipation(self.pencil.model, omega, shapes, ends)
+        return _Found(
+            self.moving,
+            value,
+            own / np.sqrt(total)[:, None],
+            (energy / total).T,
+            lost / total,
+            elastic / total,
+        )
 
 
 def count_modes(model: LinearSystem, highest: float) -> int:
@@ -126,78 +243,61 @@ def _lowest_frequency(static: Modes) -> float:
     return SLOWEST * float(np.sqrt(squared.min(initial=(2 * np.pi) ** 2)))
 
 
-def _kinetic_energies(
-    model: LinearSystem,
-    wires: list[CutWires],
-    omega: Float[np.ndarray, " mode"],
-    shapes: Float[np.ndarray, "mode coordinate"],
-) -> tuple[
-    Float[np.ndarray, " mode"],
-    Float[np.ndarray, "mode moving"],
-    list[tuple[CutWires, str, Float[np.ndarray, " mode"]]],
-]:
-    """Twice the kinetic energy over omega^2 of shapes.
-
-    The total, that of each coordinate of bodies and blade tips, and of each part of the motion of
-    each kind of wire.
-    """
-    own = shapes[:, : model.size]
-    total = quality.quadratic_form(model.mass, own)
-    body, tips = eigenmodes.energy_fractions(model, own)
-    body = np.concatenate([body, tips], axis=1) * total[:, None]
-    kinds: list[tuple[CutWires, str, Array]] = []
-    for cut in wires:
-        own = {part: np.zeros(len(omega)) for part in PARTS}
-        for wire, motion in zip(cut.pieces, cut_wires.piece_motions(cut, shapes), strict=True):
-            moving = replace(wire, lossy=False).at(omega * (1 + 1j * STEP))
-            for part in PARTS:
-                # omega dF/domega = 2 omega^2 dF/d(omega^2)
-                slope = np.imag(moving.stiffness(part)) / STEP
-                own[part] -= np.einsum(
-                    "awm,abm,bwm->m", motion[part], slope, motion[part], optimize=True
-                ) / (2 * omega**2)
-        kinds += [(cut, part, own[part]) for part in PARTS]
-    return total + sum((energy for _, _, energy in kinds), np.zeros(len(omega))), body, kinds
-
-
-def _sum_by_name(
-    kinds: list[tuple[CutWires, str, Float[np.ndarray, " mode"]]], total: Float[np.ndarray, " mode"]
-) -> tuple[Float[np.ndarray, "mode motion"], tuple[str, ...]]:
-    """Sum energies by stage and part of the motion of wires; also return their names.
-
-    Motions without energy in any mode are left out.
-    """
+def _build_modes(model: LinearSystem, found: _Found, damping: bool) -> Modes:
+    """Build the modes that oscillate, ascending."""
+    omega, value = np.imag(found.value), found.value
+    sigma = -found.lost / (2 * omega)
+    if damping:
+        sigma = np.where(np.abs(sigma) < damped.SLOW * omega, sigma, np.real(value))
+        sigma = sigma if model.active else np.minimum(sigma, 0.0)
+        value = sigma + 1j * omega
     wire: dict[str, Array] = {}
-    for cut, part, energy in kinds:
-        name = f"{cut.stage}.{NAMES[part]}"
+    for (term, part), energy in zip(found.moving, found.energy.T, strict=True):
+        name = f"{term.stage}.{NAMES[part]}"
         wire[name] = wire.get(name, 0.0) + energy
-    names = tuple(name for name in wire if (wire[name] > 1e-12 * total).any())
-    return np.array([wire[name] for name in names]).reshape(-1, len(total)).T, names
+    names = tuple(name for name in wire if (wire[name] > 1e-12).any())
+    energy, tips = damped.mean_energies(model, found.shape)
+    bodily = np.maximum(1 - found.energy.sum(1), 0.0)[:, None]
+    shape = (damped.real_shapes(found.shape) @ model.basis.T)[:, 6:]
+    q = damped.quality_factor(value) if damping else quality.safe_ratio(omega**2, found.lost)
+    modes = Modes(
+        body=model.body,
+        coordinate=model.coordinate[6:],
+        omega_squared=np.abs(value) ** 2,
+        shape=_fix_signs(shape),
+        energy=(bodily * energy).reshape(len(omega), -1, 6),
+        tip_energy=bodily * tips,
+        block=np.argmax([np.abs(found.shape[:, own]).sum(1) for own in model.blocks], axis=0),
+        q=q,
+        dilution=quality.safe_ratio(np.abs(value) ** 2, found.elastic),
+        wire=names,
+        wire_energy=np.array([wire[name] for name in names]).reshape(len(names), len(omega)).T,
+        order=np.zeros(len(omega), dtype=np.intp),
+        decay_rate=-sigma,
+        top=model.top,
+    )
+    return replace(modes, order=_half_waves(modes, found))
 
 
-def _half_waves(
-    found: Modes, kinds: list[tuple[CutWires, str, Float[np.ndarray, " mode"]]]
-) -> Int[np.ndarray, " mode"]:
+def _half_waves(modes: Modes, found: _Found) -> Int[np.ndarray, " mode"]:
     """Number of half waves along the wires of each wire mode; 0 of other modes.
 
     It is that of the nearest resonance between fixed ends, of the kind of wire that moves most.
     """
-    result = np.zeros(len(found.q), dtype=np.intp)
-    home, omega = found.home, np.sqrt(found.omega_squared)
+    omega, home = np.imag(found.value), modes.home
+    result = np.zeros(len(omega), dtype=np.intp)
     for stage, dof in set(home):
         alike = [
-            (cut, part, energy)
-            for cut, part, energy in kinds
-            if (cut.stage, NAMES[part]) == (stage, dof)
+            n
+            for n, (term, part) in enumerate(found.moving)
+            if (term.stage, NAMES[part]) == (stage, dof)
         ]
-        if not alike:
-            continue
         here = np.array([n for n, place in enumerate(home) if place == (stage, dof)])
-        most = np.array([energy[here] for _, _, energy in alike]).argmax(0)
+        most = found.energy[here][:, alike].argmax(1) if alike else np.zeros(0, dtype=int)
         for number in set(most.tolist()):
-            cut, part, _ = alike[number]
+            term, part = found.moving[alike[number]]
             own = here[most == number]
-            resonances = cut.whole.held_resonances(part, float(omega[own].max()))
+            resonances = term.strand.held_resonances(part, float(omega[own].max()))
             result[own] = np.abs(resonances - omega[own, None]).argmin(1) + 1
     return result
 
@@ -208,149 +308,3 @@ def _fix_signs(shape: Float[np.ndarray, "mode coordinate"]) -> Float[np.ndarray,
         return shape
     lead = shape[np.arange(len(shape)), np.abs(shape).argmax(1)]
     return shape * np.where(lead < 0, -1.0, 1.0)[:, None]
-
-
-def _solve_massless(model: LinearSystem, undamped: Modes) -> Modes:
-    """Modes without the mass and loss of wires, with dampers of any strength."""
-    if not damped.damping_matrix(model).any():
-        return undamped
-    return damped.solve(
-        replace(model, terms=tuple(term for term in model.terms if isinstance(term, LossTerm))),
-        undamped,
-    )
-
-
-def _refine_overdamped(static: Modes, dynamic: Dynamic) -> Modes:
-    """Refine the decay rates of overdamped modes with the mass of wires."""
-    decay = static.decay_rate.copy()
-    start = -decay[static.overdamped] + 0j
-    decay[static.overdamped] = -np.real(strong_damping.refine_poles(dynamic, start, None))
-    return replace(static, decay_rate=decay)
-
-
-def _build_basis(
-    model: LinearSystem,
-    moved: list[tuple[TautWire, dict[str, Float[np.ndarray, "... mode"]]]],
-    omega: Float[np.ndarray, " mode"],
-    shapes: Float[np.ndarray, "mode coordinate"],
-    lost: Float[np.ndarray, " mode"],
-) -> Basis:
-    """Transform the system to its modes of unit modal mass, with losses `lost`, (rad/s)^2.
-
-    Coupling by loss angles is kept only for modes close together. For others it would shift omega^2
-    by its square over their difference of omega^2; where that is much, poles are refined in the
-    full system anyway.
-    """
-    own = shapes[:, : model.size]
-    viscous = own @ damped.damping_matrix(model) @ own.T
-    elastic = lost - omega * viscous.diagonal()
-    loss = np.diag(elastic if model.active else np.maximum(elastic, 0.0))
-    apart = np.abs(np.subtract.outer(omega**2, omega**2))
-    near = (apart < NEIGHBOURS * np.add.outer(lost, lost)) & (apart < CLOSE * omega**2)
-    first, second = np.nonzero(np.triu(near, 1))
-    if len(first):
-        both = [
-            (wire, {part: ends[..., first] + ends[..., second] for part, ends in parts.items()})
-            for wire, parts in moved
-        ]
-        at = np.sqrt(omega[first] * omega[second])
-        motion = own[first] + own[second]
-        whole = quality.dissipation(model, at, motion, both)[0] - at * quality.quadratic_form(
-            damped.damping_matrix(model), motion
-        )
-        loss[first, second] = loss[second, first] = (
-            whole - loss[first, first] - loss[second, second]
-        ) / 2
-
-    return Basis(
-        omega**2,
-        np.ones(len(omega)),
-        viscous,
-        np.arange(len(omega)),
-        ElasticLosses(1j * loss, omega),
-    )
-
-
-def _split_modes(omega: Float[np.ndarray, " mode"]) -> list[slice]:
-    """Split consecutive modes at wide gaps into parts that are solved together."""
-    result, start = [], 0
-    while len(omega) - start > TOGETHER:
-        last = np.arange(start + TOGETHER // 2, start + TOGETHER)
-        stop = int(last[(omega[last] / omega[last - 1]).argmax()])
-        result.append(slice(start, stop))
-        start = stop
-    return [*result, slice(start, len(omega))]
-
-
-def _solve_damped(
-    found: Modes,
-    model: LinearSystem,
-    moved: list[tuple[TautWire, dict[str, Float[np.ndarray, "... mode"]]]],
-    shapes: Float[np.ndarray, "mode coordinate"],
-    lost: Float[np.ndarray, " mode"],
-    dynamic: Dynamic,
-) -> Modes:
-    """Solve for modes with all losses, except overdamped ones, from the undamped modes."""
-    omega, parts = np.sqrt(found.omega_squared), []
-    for own in _split_modes(omega):
-        motion = [
-            (wire, {part: ends[..., own] for part, ends in each.items()}) for wire, each in moved
-        ]
-        basis = _build_basis(model, motion, omega[own], shapes[own], lost[own])
-        parts.append(_solve_damped_part(found.select(own), model, basis, shapes[own], dynamic))
-    return parts[0].followed_by(*parts[1:])
-
-
-def _solve_damped_part(
-    found: Modes,
-    model: LinearSystem,
-    basis: Basis,
-    shapes: Float[np.ndarray, "mode coordinate"],
-    dynamic: Dynamic,
-) -> Modes:
-    """Solve for modes with all losses from some of the undamped modes.
-
-    Where losses are large, poles are refined in the full system, which has all modes.
-    """
-    lossy = np.flatnonzero(_is_lossy(found))
-    if not len(lossy):
-        return found
-    here = damped.find_poles(basis.within(lossy))
-    oscillates = np.imag(here.value) > 0
-    value = here.value[oscillates]
-    amplitude = np.zeros((len(value), len(found.q)), dtype=complex)
-    amplitude[:, lossy] = here.motion[oscillates]
-    amplitude /= np.sqrt((np.abs(amplitude) ** 2).sum(1))[:, None]
-    strong = np.abs(np.real(value)) > LOSSY * np.abs(value)
-    value[strong] = strong_damping.refine_poles(dynamic, value[strong], amplitude[strong] @ shapes)
-    weight, lead = np.abs(amplitude) ** 2, np.abs(amplitude).argmax(1)
-    energy, tips = damped.mean_energies(model, amplitude @ shapes[:, : model.size])
-    wires = weight @ found.wire_energy
-    bodily = np.maximum(1 - wires.sum(1), 0.0)[:, None]
-    new = {
-        "omega_squared": np.abs(value) ** 2,
-        "shape": _fix_signs(
-            (damped.real_shapes(amplitude @ shapes)[:, : model.size] @ model.basis.T)[:, 6:]
-        ),
-        "energy": (bodily * energy).reshape(len(value), -1, 6),
-        "tip_energy": bodily * tips,
-        "block": found.block[lead],
-        "q": damped.quality_factor(value),
-        "dilution": 1 / (weight @ (1 / found.dilution)),
-        "wire_energy": wires,
-        "order": found.order[lead],
-        "decay_rate": -np.real(value) if model.active else np.maximum(-np.real(value), 0.0),
-    }
-    return damped.merge_modes(found, ~_is_lossy(found), new)
-
-
-def _is_lossy(found: Modes) -> Bool[np.ndarray, " mode"]:
-    """Whether losses, positive or negative, act on each mode."""
-    return np.isfinite(found.q) | (found.decay_rate < 0)
-
-
-def _prepend_static(found: Modes, static: Modes) -> Modes:
-    """Prepend the modes that do not oscillate, from a solution without wire mass."""
-    first = static.select(slice(int((static.omega_squared <= 0).sum())))
-    energy = np.zeros((len(first.q), len(found.wire)))
-    return replace(first, wire=found.wire, wire_energy=energy).followed_by(found)

@@ -1,0 +1,306 @@
+"""Roots s of a pencil, Z(s) x = 0, each refined by Newton's method at its own shift.
+
+A step of inverse iteration from a shape x at s solves Z(s) y = Z'(s) x, and the stationary value of
+y^T Z y gives the next s (Rayleigh quotient iteration for matrices that depend on s; Lancaster,
+Lambda-matrices and Vibrating Systems, 1966, chapter 6),
+
+    s' = s - y^T Z(s) y / (y^T Z'(s) y) = s - y^T Z'(s) x / (y^T Z'(s) y),
+
+which converges with the third order, as Z = Z^T: for all roots at once, with the tensions of wires
+among the unknowns.
+
+Roots closer to one another than losses move them start together: for several x at one shift, s' are
+eigenvalues of the same quotient of small matrices, and their eigenvectors combine the y.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from suspension_cli.linear.pencil import Block, Loss, Pencil
+from suspension_cli.linear.small_matrices import dense, solve_each
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Complex, Float, Inexact, Int
+
+BESIDE = 1e-6
+"""Relative step for the derivative of functions of frequency."""
+STEPS = 40
+"""Most steps for one root (usually 3)."""
+ASIDE = 1e-8
+"""Relative distance of shifts from roots in the first steps: at a root rounding errors mix the
+shapes of a degenerate pair."""
+FIRST = 3
+"""Number of these steps."""
+CONVERGED = 1e-13
+"""Relative step at which an iteration ends."""
+NOISE = 1e-9
+"""Relative step below which an iteration that no longer improves has ended."""
+STRAYED = 0.5
+"""Relative distance from its start beyond which a root counts as another one."""
+SAME = 1e-6
+"""Relative distance of two roots, and of their shapes, up to which they are one."""
+CLOSE = 2e-3
+"""Relative distance up to which roots start together."""
+WIDE = 1.5
+"""Largest ratio of roots that start together."""
+ALIKE = 1e-11
+"""Relative distance up to which roots found together keep the shapes that they start with."""
+PATIENCE = 5
+"""Step from which equations are solved with pivoting: without, large errors keep it from ending."""
+FEW = 160
+"""Number of unknowns up to which elimination by LAPACK is faster than body by body."""
+
+
+@dataclass(frozen=True)
+class Roots:
+    """Roots with their shapes; those of one set all oscillate, or are all real.
+
+    Attributes
+    ----------
+    value
+        s, rad/s, with Im s >= 0.
+    block
+        Number of the block of each.
+    motion
+        Coordinates, then tensions, of that block; rows beyond are 0. Starts may lack tensions.
+    lost
+        Whether no root was found near the start value, which is given instead.
+    """
+
+    value: Complex[np.ndarray, " root"]
+    block: Int[np.ndarray, " root"]
+    motion: Complex[np.ndarray, "unknown root"]
+    lost: Bool[np.ndarray, " root"]
+
+    @staticmethod
+    def starts(
+        value: Complex[np.ndarray, " root"],
+        block: Int[np.ndarray, " root"],
+        motion: Inexact[np.ndarray, "unknown root"],
+    ) -> Roots:
+        """Start values."""
+        return Roots(value + 0j, block, motion + 0j, np.zeros(len(value), dtype=bool))
+
+    def select(self, some: Bool[np.ndarray, " root"]) -> Roots:
+        """Select some of them."""
+        return Roots(self.value[some], self.block[some], self.motion[:, some], self.lost[some])
+
+    def followed_by(self, other: Roots) -> Roots:
+        """Append roots of the same blocks."""
+        pairs = ((getattr(self, name), getattr(other, name)) for name in vars(self))
+        return Roots(*(np.concatenate(pair, axis=-1) for pair in pairs))
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """Z and Z' of one block at several s (f,)."""
+
+    block: Block
+    functions: list[Inexact[np.ndarray, "function frequency"]]
+    slopes: list[Inexact[np.ndarray, "function frequency"]]
+
+    def differentiate(
+        self, motion: Complex[np.ndarray, "unknown vector frequency"]
+    ) -> Complex[np.ndarray, "unknown vector frequency"]:
+        """Compute Z'(s) x."""
+        result = np.zeros(motion.shape, dtype=complex)
+        for part, slopes in zip(self.block.parts, self.slopes, strict=True):
+            part.apply(slopes, motion, result)
+        return result
+
+    def _invert(
+        self, right: Complex[np.ndarray, "unknown vector frequency"], *, pivoting: bool
+    ) -> Complex[np.ndarray, "unknown vector frequency"]:
+        """Solve Z(s) y = b; not finite at a root to the last bit."""
+        if len(right) > FEW and not pivoting:
+            equations = self.block.absolute
+            return equations.pattern.solve(equations.elements(self.functions), right, np.inf)
+        return dense(self.block.matrix(self.functions)[:, 6:], right)
+
+    def step(
+        self, x: Complex[np.ndarray, "unknown vector frequency"], *, pivoting: bool
+    ) -> tuple[
+        Complex[np.ndarray, "frequency vector vector"],
+        Complex[np.ndarray, "unknown vector frequency"],
+    ]:
+        """Compute y, and matrices whose eigenvalues are s - s'; columns of 0 do not take part."""
+        right = self.differentiate(x)
+        with np.errstate(all="ignore"):
+            y = self._invert(right, pivoting=pivoting)
+            size = np.abs(y).max(0)
+            size[size == 0] = 1.0
+            y, right = y / size, right / size
+            first, second = (
+                np.einsum("ukf,uvf->fkv", y, other) for other in (right, self.differentiate(y))
+            )
+            second += np.eye(len(size)) * ~y.any(0).T[:, None]
+            return solve_each(second, first), y
+
+
+def _linearise(
+    pencil: Pencil,
+    blocks: Sequence[Block],
+    block: Int[np.ndarray, " root"],
+    s: Complex[np.ndarray, " root"],
+    loss: Loss,
+) -> Iterator[tuple[Int[np.ndarray, " _"], Linearised]]:
+    """Linearise each block about those of the s that belong to it, given their numbers."""
+    dispersive = pencil.dispersive
+    there = pencil.at_poles(s, loss)
+    beside = pencil.at_poles(s * (1 + BESIDE), loss) if dispersive else there
+    for number in np.unique(block).tolist():
+        here, own = np.flatnonzero(block == number), blocks[number]
+        functions = [each[:, here] for each in own.at(there).functions]
+        slopes = [0 * each for each in functions]
+        slopes[2] = slopes[2] + float(loss != "none")
+        slopes[3] = slopes[3] + 2 * s[here]
+        near = own.at(beside).functions if dispersive else functions
+        for n, (_, term) in enumerate(own.terms, 4):
+            if term.dispersive:
+                slopes[n] = (near[n][:, here] - functions[n]) / (BESIDE * s[here])
+        yield here, Linearised(own, functions, slopes)
+
+
+def find_roots(
+    pencil: Pencil,
+    blocks: Sequence[Block],
+    start: Roots,
+    width: Float[np.ndarray, " root"],
+    loss: Loss = "all",
+) -> Roots:
+    """Find the roots near start values, which all oscillate, or are all real.
+
+    `width` is by how much losses may move each from its start, rad/s.
+    """
+    if not len(start.value):
+        return start
+    size = max(len(blocks[n].owner) for n in set(start.block.tolist()))
+    motion = np.zeros((size, len(start.value)), dtype=complex)
+    motion[: len(start.motion)] = start.motion[:size]
+    found = start = replace(start, motion=motion)
+    if (np.imag(start.value) > 0).all():
+        groups = [g for g in group_roots(start, CLOSE, width) if len(g) > 1]
+        found = iterate(pencil, blocks, start, groups, 2, loss)
+    each = list(np.arange(len(start.value))[:, None])
+    found = iterate(pencil, blocks, found, each, STEPS, loss)
+    far = np.abs(found.value - start.value) > STRAYED * np.abs(start.value)
+    lost = found.lost | far
+    return Roots(
+        value=np.where(lost, start.value, found.value),
+        block=start.block,
+        motion=np.where(lost, start.motion, found.motion),
+        lost=lost,
+    )
+
+
+def repeated(found: Roots) -> Bool[np.ndarray, " root"]:
+    """Mark roots that are found a second time, with the same shape."""
+    shapes = found.motion / np.sqrt((np.abs(found.motion) ** 2).sum(0))
+    alike = np.abs(shapes.conj().T @ shapes) > 1 - SAME
+    alike &= found.block[:, None] == found.block
+    alike &= np.isclose(found.value[:, None], found.value, rtol=SAME, atol=0.0)
+    return np.tril(alike, -1).any(1)
+
+
+def group_roots(
+    start: Roots, close: float, width: Float[np.ndarray, " root"] | None = None
+) -> list[Int[np.ndarray, " _"]]:
+    """Group roots of one block that are close together."""
+    result = []
+    for number in np.unique(start.block):
+        own = np.flatnonzero(start.block == number)
+        own = own[np.argsort(np.abs(start.value[own]), kind="stable")]
+        group = own[:1].tolist()
+        for last, n in zip(own[:-1].tolist(), own[1:].tolist(), strict=True):
+            s = start.value[n]
+            near = close * abs(s) + (0.0 if width is None else 2 * (width[n] + width[last]))
+            if abs(s - start.value[last]) > near or abs(s) > WIDE * abs(start.value[group[0]]):
+                result.append(np.array(group))
+                group = []
+            group.append(n)
+        result.append(np.array(group))
+    return result
+
+
+def iterate(
+    pencil: Pencil,
+    blocks: Sequence[Block],
+    roots: Roots,
+    groups: list[Int[np.ndarray, " _"]],
+    steps: int,
+    loss: Loss,
+    *,
+    fixed: bool = False,
+) -> Roots:
+    """Iterate groups of roots of one block, each at one shift, until they converge.
+
+    If `fixed`, only the shapes: those of known roots from random ones.
+    """
+    value, motion, lost = roots.value.copy(), roots.motion.copy(), roots.lost.copy()
+    real = bool((np.imag(value) == 0).all())
+    block = np.array([roots.block[group[0]] for group in groups], dtype=int)
+    last, moving = np.full(len(groups), np.inf), np.arange(len(groups))
+    for step in range(steps):
+        if not len(moving):
+            break
+        old, members = value.copy(), [groups[n] for n in moving]
+        shift = np.array([value[group].mean() for group in members])
+        spread = [np.abs(value[g] - m).max() for g, m in zip(members, shift, strict=True)]
+        shift = shift + np.array(spread) / 3 + (ASIDE * np.abs(shift) if step < FIRST else 0.0)
+        for here, matrices in _linearise(pencil, blocks, block[moving], shift, loss):
+            some, size = [members[n] for n in here], len(matrices.block.owner)
+            x = np.zeros((size, max(map(len, some)), len(some)), dtype=complex)
+            for n, group in enumerate(some):
+                x[:, : len(group), n] = motion[:size, group]
+            steps_by, y = matrices.step(x, pivoting=step >= PATIENCE)
+            for n, group in enumerate(some):
+                k = len(group)
+                if fixed:
+                    motion[:size, group] = y[:, :k, n]
+                elif np.isfinite(y[:, :k, n]).all():  # else s is a root to the last bit
+                    change, turn = _diagonalise(
+                        steps_by[n, :k, :k], ALIKE * float(np.abs(shift[here[n]]))
+                    )
+                    value[group] = shift[here[n]] - change
+                    motion[:size, group] = y[:, :k, n] @ turn
+        if real:
+            value = np.real(value) + 0j
+        gone = ~np.isfinite(value) | ((np.imag(value) <= 0) & (not real))
+        value, lost = np.where(gone, old, value), lost | gone
+        moved = np.array([np.abs((value - old)[group]).max() for group in members])
+        size = np.abs(shift)
+        # steps shrink by a steady factor, or faster: the next one would be moved^2 / last
+        done = moved * np.minimum(moved / last[moving] if step else 1.0, 1.0) <= CONVERGED * size
+        done |= (moved <= NOISE * size) & (2 * moved >= last[moving])
+        done |= np.array([lost[group].any() for group in members])
+        done &= not fixed
+        last[moving] = moved
+        moving = moving[~done]
+    if steps == STEPS:
+        for n in moving:
+            lost[groups[n]] = True
+    return replace(roots, value=value, motion=motion, lost=lost)
+
+
+def _diagonalise(
+    matrix: Complex[np.ndarray, "vector vector"], alike: float
+) -> tuple[Complex[np.ndarray, " vector"], Complex[np.ndarray, "vector vector"]]:
+    """Eigenvalues and vectors; of those `alike`, vectors that are close to unit vectors."""
+    if len(matrix) == 1:
+        return matrix[0], np.eye(1)
+    found: Any = np.linalg.eig(matrix)
+    value, vectors = found
+    left = list(range(len(value)))
+    while left:
+        same = [n for n in left if abs(value[n] - value[left[0]]) <= alike]
+        if len(same) > 1:
+            lead = np.sort(np.argsort(-np.abs(vectors[:, same]).max(1), kind="stable")[: len(same)])
+            turned = vectors[:, same] @ np.linalg.pinv(vectors[lead][:, same])
+            vectors[:, same] = turned
+        left = [n for n in left if n not in same]
+    return value, vectors
