@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.design.cross_sections.relaxation import FLAT, relaxation
+from suspension_cli.design.cross_sections.shape import CrossSection
 from suspension_cli.scene.composition import BladeLoss, Section
 
 if TYPE_CHECKING:
@@ -115,7 +116,7 @@ def blade_angle(
 
 
 @dataclass(frozen=True)
-class Plate:
+class Plate(CrossSection):
     """Cross-section of a blade, much wider than thick, for its losses in bending.
 
     The strain e ~ y at its surface is that of its two faces: mu S/V = 2 (t/2)^2/(t^3/12) = 6/t.

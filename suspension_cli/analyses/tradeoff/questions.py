@@ -83,7 +83,7 @@ class ModeFrequencies(Question):
         system = model.system(self.design)
         still = eigenmodes.solve(system)
         found = damped.solve(system, still)
-        if model.has_wire_mass and not damped.are_poles(found):
+        if model.has_wire_mass and not damped.are_of_bodies(system, found):
             found = wire_modes.solve(system, float(np.nanmax(still.frequency)), damping=True)
             found = found.select(found.order == 0)
         return found
