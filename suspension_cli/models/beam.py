@@ -14,6 +14,7 @@ import numpy as np
 
 from suspension_cli.design.schema import Design
 from suspension_cli.elements import string
+from suspension_cli.elements.bending import wire_geometry
 from suspension_cli.elements.dynamic_wire import EQUAL_WITHIN, TautWire, fit_to_equilibrium
 from suspension_cli.elements.gas import body_damping
 from suspension_cli.equilibrium import bending_wires, clamps
@@ -214,14 +215,24 @@ def linear_models(
 def _batch_wires(
     scene: Scene, numbering: Layout, found: Equilibrium, *, massive: bool
 ) -> list[BatchTerm]:
-    from suspension_cli.equilibrium import compiled  # takes half a second
+    from suspension_cli.elements import compiled_wire  # takes half a second
 
     fibres = scene.fibres
     assert fibres is not None
     if not fibres.wire:
         return []
-    geometry = compiled.wire_geometry(scene, numbering, found.pose, found.tension)
-    return [WireBatchTerm(fibres.wire, massive, fibres.gas, numbering.size, *geometry)]
+    own = wire_geometry(scene, numbering, found.pose, found.tension)
+    columns = (
+        *(own.direction, own.normal, own.upper_arm, own.lower_arm, *own.tip_motion),
+        *(own.length[None], own.tension[None], own.stiffness[None], own.torsion[None]),
+    )
+    geometry = np.ascontiguousarray(np.concatenate(columns).T)
+    sections = compiled_wire.wire_sections(fibres.wire)
+    return [
+        WireBatchTerm(
+            fibres.wire, massive, fibres.gas, numbering.size, own.place, sections, geometry
+        )
+    ]
 
 
 def _gas_damping(made: Fibres, design: Design) -> Drag:

@@ -1,0 +1,382 @@
+"""Builds of a scene in one pose each, as arrays with the builds as last axis.
+
+A scene has batch axes in front and components last: points of wires are (..., wire, 3). Here the
+same arrays have components first and builds last, (3, wire, build); what all builds share has one
+build, (3, wire, 1).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from suspension_cli.elements.resistances import resistance, wire_resistance
+from suspension_cli.elements.vectors import Matrix, Scalar, Vector, dot, product, times
+from suspension_cli.rotations import turn_by
+from suspension_cli.scene.arrays import inner_axes
+from suspension_cli.scene.pose import Layout, Pose
+from suspension_cli.scene.scene import Bars, Blades, Bodies, Flex, Part, Scene, Springs, Wires
+
+if TYPE_CHECKING:
+    from jaxtyping import Inexact, Int
+
+    Rows = slice | np.ndarray
+
+
+def builds_last(
+    value: Inexact[np.ndarray, "*batch element *inner"],
+    inner: int,
+    batch: tuple[int, ...],
+    rows: Rows = slice(None),
+) -> Inexact[np.ndarray, "*inner element build"]:
+    """Move the batch axes of an array behind all others, as one axis of the builds `rows`.
+
+    `inner` is the number of its other axes. An array without batch axes gets one of length 1.
+
+    >>> builds_last(np.zeros((7, 4, 3)), 2, (7,)).shape
+    (3, 4, 7)
+    """
+    if value.ndim == inner:
+        flat = value[None]
+    else:
+        own = value.shape[value.ndim - inner :]
+        flat = np.broadcast_to(value, (*batch, *own)).reshape(math.prod(batch), *own)[rows]
+    return np.ascontiguousarray(np.moveaxis(flat, (0, 1), (-1, -2)))
+
+
+def batch_first(
+    value: Inexact[np.ndarray, "*inner element build"], batch: tuple[int, ...]
+) -> Inexact[np.ndarray, "*batch element *inner"]:
+    """Undo `builds_last`: batch axes in front, components last."""
+    flat = np.moveaxis(value, (-1, -2), (0, 1))
+    if len(flat) < math.prod(batch):
+        return np.broadcast_to(flat[0], (*batch, *flat.shape[1:]))
+    return flat.reshape(*batch, *flat.shape[1:])
+
+
+@dataclass(frozen=True)
+class Ends:
+    """Bodies that elements of a kind join, and the blades at whose tips their upper ends are.
+
+    Attributes
+    ----------
+    upper, lower
+        A lower body of -1 is fixed in space.
+    blade
+        -1 for none.
+    """
+
+    upper: tuple[int, ...]
+    lower: tuple[int, ...]
+    blade: tuple[int, ...]
+
+    @classmethod
+    def of(
+        cls,
+        upper: Int[np.ndarray, " element"],
+        lower: Int[np.ndarray, " element"] | None = None,
+        blade: Int[np.ndarray, " element"] | None = None,
+    ) -> Ends:
+        """Ends on the given bodies, by default fixed in space, and blades."""
+        none = (-1,) * len(upper)
+        return cls(
+            tuple(upper.tolist()),
+            none if lower is None else tuple(lower.tolist()),
+            none if blade is None else tuple(blade.tolist()),
+        )
+
+    def pairs(self) -> list[tuple[int, int, Rows]]:
+        """Pairs of bodies, and the elements between them."""
+        return _pairs(self)
+
+
+@lru_cache(maxsize=512)
+def _pairs(ends: Ends) -> list[tuple[int, int, Rows]]:
+    members: dict[tuple[int, int], list[int]] = {}
+    for n, pair in enumerate(zip(ends.upper, ends.lower, strict=True)):
+        members.setdefault(pair, []).append(n)
+    result: list[tuple[int, int, Rows]] = []
+    for pair, own in members.items():
+        contiguous = own[-1] - own[0] == len(own) - 1
+        result.append((*pair, slice(own[0], own[-1] + 1) if contiguous else np.array(own)))
+    return result
+
+
+@dataclass(frozen=True)
+class SceneArrays:
+    """Builds of one scene, with the axes of its parts as in this module.
+
+    Attributes
+    ----------
+    scene
+        Labels, bodies that are joined, and gravity.
+    numbering
+        Of its coordinates.
+    count
+        Number of builds.
+    parts
+        As `Scene.parts`.
+    flex
+        Of wires that resist bending or twisting, else None.
+    follows
+        Whether the resistance of wires with `fibres` is that at their tension in a pose, not that
+        of `flex`.
+    """
+
+    scene: Scene
+    numbering: Layout
+    count: int
+    parts: Mapping[str, Any]
+    flex: Flex | None
+    follows: bool = False
+
+    @classmethod
+    def of(
+        cls,
+        scene: Scene,
+        numbering: Layout,
+        rows: Rows = slice(None),
+        count: int | None = None,
+    ) -> SceneArrays:
+        """The builds `rows` of a scene (`count` of them, if not all)."""
+        batch = scene.batch
+
+        def last(part: Part) -> Part:
+            axes = inner_axes(type(part))
+            values = {name: (getattr(part, name), axes[name]) for name in axes}
+            return replace(
+                part,
+                **{
+                    name: None if value is None else builds_last(value, inner, batch, rows)
+                    for name, (value, inner) in values.items()
+                },
+            )
+
+        parts = {name: last(part) for name, part in scene.parts.items()}
+        total, flex = math.prod(batch) if count is None else count, wire_resistance(scene)
+        return cls(scene, numbering, total, parts, None if flex is None else last(flex))
+
+    def select(self, which: Int[np.ndarray, " build"]) -> SceneArrays:
+        """Some of the builds."""
+
+        def some(part: Part) -> Part:
+            values = {name: getattr(part, name) for name in inner_axes(type(part))}
+            return replace(
+                part,
+                **{
+                    name: value if value is None or value.shape[-1] == 1 else value[..., which]
+                    for name, value in values.items()
+                },
+            )
+
+        parts = {name: some(part) for name, part in self.parts.items()}
+        flex = None if self.flex is None else some(self.flex)
+        return replace(self, count=len(which), parts=parts, flex=flex)
+
+    @property
+    def bodies(self) -> Bodies:
+        """Bodies, of arrays (..., body, build)."""
+        return self.parts["bodies"]
+
+    @property
+    def wires(self) -> Wires:
+        """Wires, of arrays (..., wire, build)."""
+        return self.parts["wires"]
+
+    @property
+    def struts(self) -> Wires:
+        """Struts, of arrays (..., strut, build)."""
+        return self.parts["struts"]
+
+    @property
+    def blades(self) -> Blades:
+        """Blades, of arrays (..., blade, build)."""
+        return self.parts["blades"]
+
+    @property
+    def springs(self) -> Springs:
+        """Springs, of arrays (..., spring, build)."""
+        return self.parts["springs"]
+
+    @property
+    def bars(self) -> Bars:
+        """Bars, of arrays (..., bar, build)."""
+        return self.parts["bars"]
+
+    @cached_property
+    def dtype(self) -> np.dtype:
+        """Type of number of all arrays."""
+        return np.result_type(
+            float,
+            *(
+                getattr(part, name).dtype
+                for part in self.parts.values()
+                for name in inner_axes(type(part))
+            ),
+        )
+
+
+@dataclass(frozen=True)
+class Attached:
+    """Elements between points of two bodies.
+
+    Attributes
+    ----------
+    ends
+        Their bodies.
+    upper_arm, lower_arm
+        From the COMs to the points, global axes, m.
+    """
+
+    ends: Ends
+    upper_arm: Vector
+    lower_arm: Vector
+
+
+@dataclass(frozen=True)
+class Line(Attached):
+    """Straight lines between points of two bodies, in a pose.
+
+    Attributes
+    ----------
+    change
+        Of the span (from the upper to the lower end) from the nominal one, m.
+    direction
+        Unit vector along the span.
+    length
+        m.
+    elongation
+        From the nominal length, m.
+    tension
+        N.
+    """
+
+    change: Vector
+    direction: Vector
+    length: Scalar
+    elongation: Scalar
+    tension: Scalar
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """Builds in one pose each.
+
+    Attributes
+    ----------
+    arrays
+        The builds.
+    shift, turn, deflection
+        As in `Pose`: (3, 1 + body, build), (3, 3, 1 + body, build), (3, blade, build).
+    """
+
+    arrays: SceneArrays
+    shift: Vector
+    turn: Matrix
+    deflection: Vector
+
+    @classmethod
+    def of(
+        cls, arrays: SceneArrays, pose: Pose, batch: tuple[int, ...], rows: Rows = slice(None)
+    ) -> Configuration:
+        """Builds in poses, of which those of all builds have the batch axes `batch`."""
+        shapes = inner_axes(Pose)
+        parts = (
+            builds_last(getattr(pose, item.name), shapes[item.name], batch, rows)
+            for item in fields(pose)
+        )
+        return cls(
+            arrays,
+            *(np.broadcast_to(part, (*part.shape[:-1], arrays.count)) for part in parts),
+        )
+
+    def pose(self, batch: tuple[int, ...]) -> Pose:
+        """The pose of a scene."""
+        return Pose(*(batch_first(v, batch) for v in (self.shift, self.turn, self.deflection)))
+
+    def select(self, which: Int[np.ndarray, " build"]) -> Configuration:
+        """Some of the builds."""
+        parts = (part[..., which] for part in (self.shift, self.turn, self.deflection))
+        return Configuration(self.arrays.select(which), *parts)
+
+    @cached_property
+    def place(self) -> Vector:
+        """COMs of the support and all bodies from the suspension point, m."""
+        return self.arrays.bodies.position + self.shift
+
+    def arms(
+        self, body: tuple[int, ...], point: Vector, blade: tuple[int, ...] | None = None
+    ) -> tuple[Vector, Vector]:
+        """Vectors from the COMs of bodies to points (or tips of blades), and their changes."""
+        turn, moved = self.turn[..., list(body), :], 0.0
+        if blade is not None and max(blade, default=-1) >= 0:
+            none = np.zeros_like(self.deflection[:, :1])
+            moved = np.concatenate([self.deflection, none], axis=1)[:, list(blade)]
+            point = point + moved
+        change = times(turn, point)
+        return point + change, change + moved
+
+    @cached_property
+    def wires(self) -> Line:
+        """All wires."""
+        return self._lines(self.arrays.wires)
+
+    @cached_property
+    def struts(self) -> Line:
+        """All struts."""
+        return self._lines(self.arrays.struts)
+
+    @cached_property
+    def flex(self) -> Flex | None:
+        """Resistance of the wires to bending and twisting."""
+        fibres, flex, wires = self.arrays.scene.fibres, self.arrays.flex, self.arrays.wires
+        if not self.arrays.follows or fibres is None or flex is None or flex.bend is None:
+            return flex
+        length, tension = self.wires.length, self.wires.tension
+        shape = length.shape
+        tension = np.where(tension > 0, tension, wires.tension)
+        torsion = np.broadcast_to(wires.torsion, shape)
+        bend, twist = resistance(fibres.wire, length, tension, torsion)
+        return replace(flex, bend=bend, twist=twist)
+
+    def displaced(self, step: Inexact[np.ndarray, "coordinate build"]) -> Configuration:
+        """Move by finite steps in all coordinates: translations add, rotations multiply."""
+        bodies, tips = self.shift.shape[1], self.arrays.numbering.blade.T
+        motion = step[: 6 * bodies].reshape(bodies, 6, -1).swapaxes(0, 1)
+        turn, padded = turn_by(motion[3:]), np.concatenate([step, np.zeros_like(step[:1])])
+        return Configuration(
+            self.arrays,
+            self.shift + motion[:3],
+            turn + self.turn + product(turn, self.turn),
+            self.deflection + padded[tips],
+        )
+
+    def _lines(self, wires: Wires) -> Line:
+        ends = Ends.of(wires.upper, wires.lower, wires.blade)
+        upper_arm, up = self.arms(ends.upper, wires.upper_point, ends.blade)
+        lower_arm, low = self.arms(ends.lower, wires.lower_point)
+        # from displacements alone, so that nothing cancels
+        change = self.shift[:, wires.lower] - self.shift[:, wires.upper] + (low - up)
+        span = wires.span + change
+        length = np.sqrt(dot(span, span))
+        elongation = dot(change, span + wires.span) / (length + wires.length)
+        tension = wires.tension + wires.stiffness * elongation
+        direction = span / length
+        return Line(ends, upper_arm, lower_arm, change, direction, length, elongation, tension)
+
+
+def configuration(scene: Scene, numbering: Layout, pose: Pose) -> Configuration:
+    """A scene in a pose; either may have the batch axes."""
+    batch = batch_of(scene, pose)
+    arrays = SceneArrays.of(scene, numbering, count=math.prod(batch))
+    return Configuration.of(arrays, pose, batch)
+
+
+def batch_of(scene: Scene, pose: Pose) -> tuple[int, ...]:
+    """Batch axes of a scene in a pose."""
+    return np.broadcast_shapes(scene.batch, pose.shift.shape[:-2])
