@@ -89,7 +89,7 @@ def _normals(now: Configuration) -> tuple[Vector, Vector]:
     flex, wires = now.flex, now.wires
     assert flex is not None
     upper, lower = (
-        n + times(now.turn[:, :, None, list(body)], n)
+        n + times(now.turn_of(body)[:, :, None], n)
         for body, n in (
             (wires.ends.upper, flex.upper.swapaxes(0, 1)),
             (wires.ends.lower, flex.lower.swapaxes(0, 1)),

@@ -23,7 +23,7 @@ from suspension_cli.scene.pose import Layout, Pose
 from suspension_cli.scene.scene import Bars, Blades, Bodies, Flex, Part, Scene, Springs, Wires
 
 if TYPE_CHECKING:
-    from jaxtyping import Inexact, Int
+    from jaxtyping import Float, Inexact, Int
 
     Rows = slice | np.ndarray
 
@@ -90,21 +90,71 @@ class Ends:
             none if blade is None else tuple(blade.tolist()),
         )
 
-    def pairs(self) -> list[tuple[int, int, Rows]]:
-        """Pairs of bodies, and the elements between them."""
-        return _pairs(self)
+    @cached_property
+    def is_joined(self) -> bool:
+        """Whether the lower ends are on bodies."""
+        return max(self.lower, default=-1) >= 0
+
+    @cached_property
+    def on_blades(self) -> bool:
+        """Whether upper ends are on blades."""
+        return max(self.blade, default=-1) >= 0
+
+    def sums(self) -> Sums:
+        """Sums over elements of the same bodies."""
+        return _sums(self)
+
+
+@dataclass(frozen=True)
+class Group:
+    """Elements that share bodies.
+
+    Attributes
+    ----------
+    upper, lower
+        These bodies, of each group.
+    sum
+        Matrix of ones that sums the elements of each group.
+    """
+
+    upper: Int[np.ndarray, " group"]
+    lower: Int[np.ndarray, " group"]
+    sum: Float[np.ndarray, "group element"]
+
+
+@dataclass(frozen=True)
+class Sums:
+    """Groups of elements by their upper body, by their lower body, and by both.
+
+    `blade` are those by blade, all of which hang on to one body, and `blades` these blades.
+    """
+
+    upper: Group
+    lower: Group
+    both: Group
+    blade: Group
+    blades: Int[np.ndarray, " group"]
 
 
 @lru_cache(maxsize=512)
-def _pairs(ends: Ends) -> list[tuple[int, int, Rows]]:
-    members: dict[tuple[int, int], list[int]] = {}
-    for n, pair in enumerate(zip(ends.upper, ends.lower, strict=True)):
-        members.setdefault(pair, []).append(n)
-    result: list[tuple[int, int, Rows]] = []
-    for pair, own in members.items():
-        contiguous = own[-1] - own[0] == len(own) - 1
-        result.append((*pair, slice(own[0], own[-1] + 1) if contiguous else np.array(own)))
-    return result
+def _sums(ends: Ends) -> Sums:
+    upper, lower, blade = (np.array(part) for part in (ends.upper, ends.lower, ends.blade))
+
+    def group(keys: Int[np.ndarray, "element key"]) -> Group:
+        known, first = np.unique(keys, axis=0, return_index=True)
+        same = (keys == known[:, None]).all(-1).astype(float)
+        return Group(upper[first], lower[first], same)
+
+    by_blade = group(blade[:, None])
+    blades = np.unique(blade)
+    kept = blades >= 0
+    return Sums(
+        group(upper[:, None]),
+        group(lower[:, None]),
+        group(np.stack([upper, lower], axis=-1)),
+        Group(by_blade.upper[kept], by_blade.lower[kept], by_blade.sum[kept]),
+        blades[kept],
+    )
 
 
 @dataclass(frozen=True)
@@ -309,11 +359,15 @@ class Configuration:
         """COMs of the support and all bodies from the suspension point, m."""
         return self.arrays.bodies.position + self.shift
 
+    def turn_of(self, body: tuple[int, ...]) -> Matrix:
+        """Rotations of bodies minus the unit matrix."""
+        return self.turn.take(body, axis=2)
+
     def arms(
         self, body: tuple[int, ...], point: Vector, blade: tuple[int, ...] | None = None
     ) -> tuple[Vector, Vector]:
         """Vectors from the COMs of bodies to points (or tips of blades), and their changes."""
-        turn, moved = self.turn[..., list(body), :], 0.0
+        turn, moved = self.turn_of(body), 0.0
         if blade is not None and max(blade, default=-1) >= 0:
             none = np.zeros_like(self.deflection[:, :1])
             moved = np.concatenate([self.deflection, none], axis=1)[:, list(blade)]
@@ -346,15 +400,21 @@ class Configuration:
 
     def displaced(self, step: Inexact[np.ndarray, "coordinate build"]) -> Configuration:
         """Move by finite steps in all coordinates: translations add, rotations multiply."""
-        bodies, tips = self.shift.shape[1], self.arrays.numbering.blade.T
+        bodies = self.shift.shape[1]
         motion = step[: 6 * bodies].reshape(bodies, 6, -1).swapaxes(0, 1)
-        turn, padded = turn_by(motion[3:]), np.concatenate([step, np.zeros_like(step[:1])])
+        turn = turn_by(motion[3:])
         return Configuration(
             self.arrays,
             self.shift + motion[:3],
             turn + self.turn + product(turn, self.turn),
-            self.deflection + padded[tips],
+            self.deflection + self.tip_motion(step)[:, :-1],
         )
+
+    def tip_motion(self, step: Inexact[np.ndarray, "coordinate build"]) -> Vector:
+        """Deflection of each blade by a step in all coordinates, and 0 for none (-1), m."""
+        tips = self.arrays.numbering.blade
+        padded = np.concatenate([step, np.zeros_like(step[:1])])
+        return padded[np.concatenate([tips, np.full((1, 3), len(step))]).T]
 
     def _lines(self, wires: Wires) -> Line:
         ends = Ends.of(wires.upper, wires.lower, wires.blade)

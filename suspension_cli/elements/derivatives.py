@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.elements.configuration import Attached, Configuration, Ends
+from suspension_cli.elements.configuration import Attached, Configuration, Sums
 from suspension_cli.elements.vectors import (
     Matrix,
     Scalar,
@@ -42,7 +42,7 @@ from suspension_cli.elements.vectors import (
 )
 
 if TYPE_CHECKING:
-    from jaxtyping import Inexact
+    from jaxtyping import Inexact, Int
 
 
 @dataclass(frozen=True)
@@ -76,8 +76,16 @@ class Terms:
 
     def __add__(self, other: Terms) -> Terms:
         """Sum of the derivatives of two energies of the same elements."""
-        pairs = ((getattr(self, item.name), getattr(other, item.name)) for item in fields(self))
-        return Terms(*(_sum(a, b) for a, b in pairs))
+        names = [item.name for item in fields(self) if item.name != "turning_force"]
+        total = {name: _sum(getattr(self, name), getattr(other, name)) for name in names}
+        turning_force = None
+        if self.turning_force is not None or other.turning_force is not None:
+            turning_force = _sum(self._turning_force, other._turning_force)
+        return Terms(**total, turning_force=turning_force)
+
+    @property
+    def _turning_force(self) -> Vector | None:
+        return self.force if self.turning_force is None else self.turning_force
 
 
 def _sum(a: np.ndarray | None, b: np.ndarray | None) -> np.ndarray | None:
@@ -121,7 +129,7 @@ class Derivatives:
         self.hessian = np.zeros((size, size, count) if curved else (0, 0, count), dtype=dtype)
         self.linked = np.zeros((size, size), dtype=bool)
         self._on_tips = np.zeros((3, len(arrays.blades.label), count), dtype=dtype)
-        self._terms: dict[int, tuple[Attached, Terms]] = {}
+        self._pulls, self._terms = False, dict[int, tuple[Attached, Terms]]()
 
     def add(self, attached: Attached, terms: Terms) -> None:
         """Add the derivatives of the energy of elements between two bodies."""
@@ -138,9 +146,9 @@ class Derivatives:
 
         `first` is 0 for their translations, 3 for rotations.
         """
-        for body in range(block.shape[2]):
-            self._add_block(6 * body + 6 + first, 6 * body + 6 + first, block[:, :, body])
-            self._link(body + 1, body + 1)
+        bodies = 1 + np.arange(block.shape[2])
+        self._add_blocks(6 * bodies + first, 6 * bodies + first, block)
+        self._link(bodies, bodies)
 
     def finish(self) -> Derivatives:
         """Sum up what was added."""
@@ -148,124 +156,128 @@ class Derivatives:
             self._add_gradient(attached, terms)
             if self.curved:
                 self._add_hessian(attached, terms)
-        self._add_tips()
+        if self._pulls:
+            self._add_tips()
         self._terms.clear()
-        self._on_tips[:] = 0.0
+        self._on_tips[:], self._pulls = 0.0, False
         return self
 
-    def symmetric(self) -> Inexact[np.ndarray, "build coordinate coordinate"]:
-        """Tangent stiffness with the builds first, exactly symmetric."""
+    def symmetric(
+        self, out: Inexact[np.ndarray, "build coordinate coordinate"] | None = None
+    ) -> Inexact[np.ndarray, "build coordinate coordinate"]:
+        """Tangent stiffness with the builds first, exactly symmetric; in `out`, if given."""
         size, lower = len(self.hessian) - 1, self.hessian
-        result = np.empty((lower.shape[-1], size, size), dtype=lower.dtype)
+        result = np.empty((lower.shape[-1], size, size), lower.dtype) if out is None else out
         for row in range(size):
             values = lower[row, : row + 1].T
             result[:, row, : row + 1], result[:, : row + 1, row] = values, values
         return result
 
-    def _add_block(
+    def _add_blocks(
         self,
-        row: int,
-        column: int,
-        block: Matrix | None,
-        sign: float = 1.0,
-        *,
-        across: bool = False,
+        rows: Int[np.ndarray, " group"],
+        columns: Int[np.ndarray, " group"],
+        blocks: Inexact[np.ndarray, "3 3 group #build"],
     ) -> None:
-        """Add a matrix (`across`: its transpose) times a sign."""
-        if block is not None:
-            place = self.hessian[row : row + 3, column : column + 3]
-            block = transposed(block) if across else block
-            (np.add if sign > 0 else np.subtract)(place, block, out=place)
+        """Add matrices to blocks of the tangent stiffness, from these rows and columns on."""
+        self.hessian[(rows + _THREE)[:, None], columns + _THREE] += blocks
 
-    def _link(self, row: int, column: int) -> None:
-        self.linked[6 * row : 6 * row + 6, 6 * column : 6 * column + 6] = True
+    def _link(self, row: Int[np.ndarray, " group"], column: Int[np.ndarray, " group"]) -> None:
+        self.linked[(6 * row + _SIX)[:, None], 6 * column + _SIX] = True
 
     def _add_gradient(self, attached: Attached, terms: Terms) -> None:
-        force, ends, low = terms.force, attached.ends, None
-        joined = max(ends.lower) >= 0
-        up = _sum(terms.upper_torque, None if force is None else cross(force, attached.upper_arm))
-        if joined:
-            turned = None if force is None else cross(attached.lower_arm, force)
-            low = _sum(terms.lower_torque, turned)
-        for u, l, which in ends.pairs():
-            for row, part, sign in ((u, force, -1.0), (u, up, 1.0), (l, force, 1.0), (l, low, 1.0)):
-                if part is not None and row >= 0:
-                    first = 6 * row + (0 if part is force else 3)
-                    self.gradient[first : first + 3] += sign * part[:, which].sum(1)
-        if force is not None:
-            for n, blade in enumerate(ends.blade):
-                if blade >= 0:
-                    self._on_tips[:, blade] -= force[:, n]
+        force, sums = terms.force, attached.ends.sums()
+        sides = [(sums.upper.upper, sums.upper.sum, -1.0, attached.upper_arm, terms.upper_torque)]
+        if attached.ends.is_joined:
+            sides.append(
+                (sums.lower.lower, sums.lower.sum, 1.0, attached.lower_arm, terms.lower_torque)
+            )
+        for body, total, sign, arm, torque in sides:
+            if force is not None:
+                self.gradient[6 * body + _THREE] += (sign * total) @ force
+            torque = _sum(torque, None if force is None else sign * cross(arm, force))
+            if torque is not None:
+                self.gradient[6 * body + 3 + _THREE] += total @ torque
+        if force is not None and len(sums.blades):
+            self._on_tips[:, sums.blades] -= sums.blade.sum @ force
+            self._pulls = True
 
     def _add_hessian(self, attached: Attached, terms: Terms) -> None:
         ends, s = attached.ends, terms.s
-        force = terms.force if terms.turning_force is None else terms.turning_force
-        a, b, joined = attached.upper_arm, attached.lower_arm, max(ends.lower) >= 0
+        force = terms.turning_force if terms.turning_force is not None else terms.force
+        a, sums = attached.upper_arm, ends.sums()
         to_u = _sum(None if s is None else times_cross(s, a), terms.x_u)
-        uu = _sum(terms.y_uu, None if to_u is None else cross(to_u, a))
-        uu = _sum(uu, None if force is None else -turning(force, a))
-        uu = _sum(uu, None if terms.x_u is None else times_cross(transposed(terms.x_u), a))
-        to_l = lu = ll = None
-        if joined:
-            less = None if terms.x_l is None else -terms.x_l
-            to_l = _sum(None if s is None else times_cross(s, b), less)
-            lu = _sum(terms.y_lu, None if to_u is None else -cross(to_u, b))
-            lu = _sum(lu, None if less is None else -times_cross(transposed(less), a))
-            ll = _sum(terms.y_ll, None if to_l is None else cross(to_l, b))
-            ll = _sum(ll, None if force is None else turning(force, b))
-            ll = _sum(ll, None if less is None else times_cross(transposed(less), b))
-        for u, l, which in ends.pairs():
-            x_u, t_u, x_l, t_l = 6 * u, 6 * u + 3, 6 * l, 6 * l + 3
-            straight, on_u, on_l, own, mixed, other = (
-                None if part is None else part[:, :, which].sum(2)
-                for part in (s, to_u, to_l, uu, lu, ll)
-            )
-            self._add_block(x_u, x_u, straight)
-            self._add_block(t_u, x_u, on_u, -1.0, across=True)
-            self._add_block(t_u, t_u, own)
-            self._link(u, u)
-            if joined:
-                self._add_block(x_l, x_u, straight, -1.0)
-                self._add_block(x_l, t_u, on_u)
-                self._add_block(x_l, x_l, straight)
-                self._add_block(t_l, x_u, on_l, across=True)
-                self._add_block(t_l, x_l, on_l, -1.0, across=True)
-                self._add_block(t_l, t_u, mixed)
-                self._add_block(t_l, t_l, other)
-                self._link(l, u)
-                self._link(l, l)
+        own = _sum(terms.y_uu, None if to_u is None else cross(to_u, a))
+        own = _sum(own, None if force is None else -turning(force, a))
+        own = _sum(own, None if terms.x_u is None else times_cross(transposed(terms.x_u), a))
+        u, total = 6 * sums.upper.upper, sums.upper.sum
+        self._link(sums.upper.upper, sums.upper.upper)
         if s is not None:
-            assert to_u is not None
-            self._add_tip_rows(ends, s, to_u, to_l)
+            self._add_blocks(u, u, total @ s)
+        if to_u is not None:
+            self._add_blocks(u + 3, u, -transposed(total @ to_u))
+        if own is not None:
+            self._add_blocks(u + 3, u + 3, total @ own)
+        to_l = self._add_joined(attached, terms, to_u, force) if ends.is_joined else None
+        if s is not None and to_u is not None and len(sums.blades):
+            self._add_tip_rows(sums, s, to_u, to_l)
 
-    def _add_tip_rows(self, ends: Ends, s: Matrix, to_u: Matrix, to_l: Matrix | None) -> None:
+    def _add_joined(
+        self, attached: Attached, terms: Terms, to_u: Matrix | None, force: Vector | None
+    ) -> Matrix | None:
+        """Add the blocks of the lower bodies; also B."""
+        a, b, s, sums = attached.upper_arm, attached.lower_arm, terms.s, attached.ends.sums()
+        less = None if terms.x_l is None else -terms.x_l
+        to_l = _sum(None if s is None else times_cross(s, b), less)
+        mixed = _sum(terms.y_lu, None if to_u is None else -cross(to_u, b))
+        own = _sum(terms.y_ll, None if to_l is None else cross(to_l, b))
+        own = _sum(own, None if force is None else turning(force, b))
+        if less is not None:
+            mixed = _sum(mixed, -times_cross(transposed(less), a))
+            own = _sum(own, times_cross(transposed(less), b))
+        l, total = 6 * sums.lower.lower, sums.lower.sum
+        u, below, pair = 6 * sums.both.upper, 6 * sums.both.lower, sums.both.sum
+        self._link(sums.lower.lower, sums.lower.lower)
+        self._link(sums.both.lower, sums.both.upper)
+        if s is not None:
+            self._add_blocks(below, u, -(pair @ s))
+            self._add_blocks(l, l, total @ s)
+        if to_u is not None:
+            self._add_blocks(below, u + 3, pair @ to_u)
+        if to_l is not None:
+            self._add_blocks(below + 3, u, transposed(pair @ to_l))
+            self._add_blocks(l + 3, l, -transposed(total @ to_l))
+        if mixed is not None:
+            self._add_blocks(below + 3, u + 3, pair @ mixed)
+        if own is not None:
+            self._add_blocks(l + 3, l + 3, total @ own)
+        return to_l
+
+    def _add_tip_rows(self, sums: Sums, s: Matrix, to_u: Matrix, to_l: Matrix | None) -> None:
         """Add the derivatives by deflections of the blades at the upper ends."""
-        hung = [n for n, blade in enumerate(ends.blade) if blade >= 0]
-        tips = self._now.arrays.numbering.blade[[ends.blade[n] for n in hung]]
-        upper = [ends.upper[n] for n in hung]
-        size = self._now.arrays.numbering.size
-        for axis in range(3):
-            moving = np.flatnonzero(tips[:, axis] < size) if hung else []
-            if not len(moving):
-                continue
-            own, body = [hung[n] for n in moving], [upper[n] for n in moving]
-            turned = self._now.turn[:, :, body] + np.eye(3)[:, :, None, None]
-            stiff = times(s[:, :, own], turned[:, axis])
-            on_u = times(transposed(to_u[:, :, own]), turned[:, axis])
-            on_l = None if to_l is None else times(transposed(to_l[:, :, own]), turned[:, axis])
-            for n, wire in enumerate(own):
-                u, l, tip = ends.upper[wire], ends.lower[wire], tips[moving[n]]
-                row = self.hessian[tip[axis]]
-                row[6 * u : 6 * u + 3] += stiff[:, n]
-                row[6 * u + 3 : 6 * u + 6] -= on_u[:, n]
-                self.linked[tip[axis], 6 * u : 6 * u + 6] = True
-                if on_l is not None:
-                    row[6 * l : 6 * l + 3] -= stiff[:, n]
-                    row[6 * l + 3 : 6 * l + 6] += on_l[:, n]
-                    self.linked[tip[axis], 6 * l : 6 * l + 6] = True
-                for other in range(axis + 1):
-                    row[tip[other]] += dot(turned[:, other, n], stiff[:, n])
-                    self.linked[tip[axis], tip[other]] = tip[other] < size
+        tips = self._now.arrays.numbering.blade[sums.blades]
+        number, axis = np.nonzero(tips < len(self.hessian) - 1)
+        tip, total = tips[number, axis], sums.blade.sum
+        moves = self._moves(sums.blade.upper[number], axis)
+        stiff = times((total @ s)[:, :, number], moves)
+        rows, u, l = tip[None], 6 * sums.blade.upper[number], 6 * sums.blade.lower[number]
+        columns = u + _THREE
+        self.hessian[rows, columns] += stiff
+        self.hessian[rows, columns + 3] -= times(transposed((total @ to_u)[:, :, number]), moves)
+        self.linked[rows, u + _SIX] = True
+        if to_l is not None:
+            columns = l + _THREE
+            self.hessian[rows, columns] -= stiff
+            on_l = times(transposed((total @ to_l)[:, :, number]), moves)
+            self.hessian[rows, columns + 3] += on_l
+            self.linked[rows, l + _SIX] = True
+        one, other = np.nonzero((number[:, None] == number) & (axis[:, None] >= axis))
+        self.hessian[tip[one], tip[other]] += dot(moves[:, other], stiff[:, one])
+        self.linked[tip[one], tip[other]] = True
+
+    def _moves(self, body: Int[np.ndarray, " tip"], axis: Int[np.ndarray, " tip"]) -> Vector:
+        """Directions in which tips move."""
+        return self._now.turn[:, axis, body] + np.eye(3)[:, axis, None]
 
     def _add_tips(self) -> None:
         """Add the derivatives of the forces on tips of blades by their deflections.
@@ -273,16 +285,17 @@ class Derivatives:
         The gradient F at a tip, deflected by q, adds F . (t x R q) = -t . [F] R q as its body
         rotates by t.
         """
-        now, blades, size = self._now, self._now.arrays.blades, len(self.gradient) - 1
-        for n, (body, tips) in enumerate(
-            zip(blades.body.tolist(), now.arrays.numbering.blade.tolist(), strict=True)
-        ):
-            pulled = self._on_tips[:, n]
-            for axis, tip in enumerate(tips):
-                if tip < size:
-                    moves = now.turn[:, axis, body] + np.eye(3)[:, axis, None]
-                    self.gradient[tip] += dot(moves, pulled)
-                    if self.curved:
-                        turn = slice(6 * body + 3, 6 * body + 6)
-                        self.hessian[tip, turn] += cross(moves, pulled)
-                        self.linked[tip, turn] = True
+        tips, bodies = self._now.arrays.numbering.blade, self._now.arrays.blades.body
+        number, axis = np.nonzero(tips < len(self.gradient) - 1)
+        if len(number):
+            tip, body, pulled = tips[number, axis], bodies[number], self._on_tips[:, number]
+            moves = self._moves(body, axis)
+            self.gradient[tip] += dot(moves, pulled)
+            if self.curved:
+                columns = 6 * body + 3 + _THREE
+                self.hessian[tip[None], columns] += cross(moves, pulled)
+                self.linked[tip[None], columns] = True
+
+
+_THREE, _SIX = np.arange(3)[:, None], np.arange(6)[:, None]
+"""Offsets of the coordinates of bodies, one body to a column."""

@@ -112,16 +112,14 @@ def predicted_tension(
     now: Configuration, step: Inexact[np.ndarray, "coordinate build"]
 ) -> Inexact[np.ndarray, "wire build"]:
     """Tension of wires after a small step in all coordinates, to first order, N."""
-    lines, wires, tips = now.wires, now.arrays.wires, now.arrays.numbering.blade
+    lines, wires = now.wires, now.arrays.wires
     motion = step[: 6 * now.shift.shape[1]].reshape(-1, 6, step.shape[-1]).swapaxes(0, 1)
     upper, lower = (motion[:, list(body)] for body in (lines.ends.upper, lines.ends.lower))
     change = lower[:3] - upper[:3]
     change = change + cross(lower[3:], lines.lower_arm) - cross(upper[3:], lines.upper_arm)
-    for n, blade in enumerate(lines.ends.blade):
-        for axis in np.flatnonzero(now.arrays.blades.axes[blade]) if blade >= 0 else ():
-            body = lines.ends.upper[n]
-            change[:, n] -= now.turn[:, axis, body] * step[tips[blade, axis]]
-            change[axis, n] -= step[tips[blade, axis]]
+    if lines.ends.on_blades:
+        moved = now.tip_motion(step)[:, list(lines.ends.blade)]
+        change = change - moved - times(now.turn_of(lines.ends.upper), moved)
     longer = lines.elongation + dot(lines.direction, change)
     return wires.tension + wires.stiffness * longer
 
@@ -141,19 +139,24 @@ def add_loss(now: Configuration, derivatives: Derivatives) -> None:
         derivatives.add(now.wires, Terms(s=outer(wires.stiffness * wires.loss[:, None] * e, e)))
 
 
-def elongations(now: Configuration) -> Inexact[np.ndarray, "build wire coordinate"]:
+def elongations(now: Configuration) -> Inexact[np.ndarray, "coordinate wire build"]:
     """Elongation of each wire per coordinate."""
     lines, numbering = now.wires, now.arrays.numbering
     e, ends = lines.direction, lines.ends
     up, low = cross(e, lines.upper_arm), cross(lines.lower_arm, e)
-    result = np.zeros((len(ends.upper), numbering.size + 1, now.arrays.count), dtype=e.dtype)
-    for n, (u, l, blade) in enumerate(zip(ends.upper, ends.lower, ends.blade, strict=True)):
-        result[n, 6 * u : 6 * u + 3], result[n, 6 * u + 3 : 6 * u + 6] = -e[:, n], up[:, n]
-        result[n, 6 * l : 6 * l + 3], result[n, 6 * l + 3 : 6 * l + 6] = e[:, n], low[:, n]
-        if blade >= 0:
-            along = e[:, n] + times(transposed(now.turn[:, :, u]), e[:, n])
-            result[n, numbering.blade[blade]] = -along
-    return np.ascontiguousarray(np.moveaxis(result[:, :-1], -1, 0))
+    result = np.zeros((numbering.size + 1, len(ends.upper), now.arrays.count), dtype=e.dtype)
+    if not ends.upper:
+        return result[:-1]
+    wire, three = np.arange(len(ends.upper)), np.arange(3)[:, None]
+    for body, sign, turn in ((np.array(ends.upper), -1.0, up), (np.array(ends.lower), 1.0, low)):
+        result[6 * body + three, wire], result[6 * body + three + 3, wire] = sign * e, turn
+    if ends.on_blades:
+        on_tip = -(e + times(transposed(now.turn_of(ends.upper)), e))
+        tips = np.where(
+            np.array(ends.blade) >= 0, numbering.blade[list(ends.blade)].T, len(result) - 1
+        )
+        result[tips, wire] = on_tip
+    return result[:-1]
 
 
 ELEMENT = Element(energy, add_derivatives, add_loss=add_loss)

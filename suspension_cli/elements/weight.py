@@ -11,10 +11,11 @@ A wire with weight is taken as straight: at the fraction s of its length from th
 m/3, m/6 and m/3 for a uniform wire. By the lever rule the masses m_uu + m_ul and m_ul + m_ll weigh
 on the upper and the lower end. The kinetic energy is half of m_uu v_u^2 + 2 m_ul v_u . v_l + m_ll
 v_l^2 (any text on finite elements). With these masses at the ends it is half of that of two points,
-less m_ul (v_l - v_u)^2 / 2; so is the energy in a gradient. The tension of the wire is a mean along it: the pull on the
-body above is larger, that on the body below smaller, by these weights. Sag is neglected; its effect
-is of second order in weight over tension W/T: a static string of tension T(s) has the transverse
-stiffness 1 / integral ds / T(s), below that of a straight wire by the fraction (W/T)^2 / 12.
+less m_ul (v_l - v_u)^2 / 2; so is the energy in a gradient. The tension of the wire is a mean along
+it: the pull on the body above is larger, that on the body below smaller, by these weights. Sag is
+neglected; its effect is of second order in weight over tension W/T: a static string of tension T(s)
+has the transverse stiffness 1 / integral ds / T(s), below that of a straight wire by the fraction
+(W/T)^2 / 12.
 
 A bar (a leg of an inverted pendulum, the blades of a filter) is rigid and follows the formulas of a
 wire, with moments of its own; spin about its axis is neglected.

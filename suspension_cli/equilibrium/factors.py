@@ -16,6 +16,9 @@ import numpy as np
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
 
+    Rows = slice | Int[np.ndarray, " row"] | None
+    Square = tuple[slice | np.ndarray, ...] | None
+
 LEAST_PIVOT = 1e-14
 """Pivot over the stiffness of its coordinate below which it is a rounding error: the coordinate has
 no stiffness of its own, and is held."""
@@ -27,7 +30,7 @@ class Factors:
     Parameters
     ----------
     matrix
-        Of which the lower triangle is used; it is overwritten.
+        Of which the lower triangle is used.
     linked
         Elements that may differ from 0.
 
@@ -42,53 +45,65 @@ class Factors:
         matrix: Float[np.ndarray, "row row build"],
         linked: Bool[np.ndarray, "row row"],
     ) -> None:
-        self.matrix, self._rows = matrix, _eliminated(linked.tobytes(), len(linked))
-        self.least = np.full(matrix.shape[-1], np.inf)
+        self._rows = _eliminated(linked.tobytes(), len(linked))
+        self._matrix, self._pivot = matrix.copy(), np.empty(matrix.shape[1:])
         diagonal = np.abs(np.einsum("iip->ip", matrix))
         diagonal[diagonal == 0] = 1.0
+        self._eliminate(None)
+        relative = self._pivot / diagonal
+        self.least = relative.min(0)
+        if not np.abs(relative).min(initial=1.0) > LEAST_PIVOT:
+            self._matrix = matrix.copy()
+            self._eliminate(diagonal)
+
+    def _eliminate(self, diagonal: Float[np.ndarray, "row build"] | None) -> None:
+        """Factorise; coordinates are held by their stiffness, if `diagonal` gives it."""
+        matrix = self._matrix
         for n in range(len(matrix) - 1, -1, -1):
-            relative = matrix[n, n] / diagonal[n]
-            np.minimum(self.least, relative, out=self.least)
-            held = ~(np.abs(relative) > LEAST_PIVOT)
-            if held.any():
-                matrix[n, n, held] = diagonal[n, held]
-            rows = self._rows[n]
+            pivot, (rows, square) = matrix[n, n], self._rows[n]
+            if diagonal is not None:
+                pivot = np.where(np.abs(pivot) > LEAST_PIVOT * diagonal[n], pivot, diagonal[n])
+            self._pivot[n] = pivot
             if rows is not None:
                 row = matrix[n, rows]
-                over = row / matrix[n, n]
-                square = (rows, rows) if isinstance(rows, slice) else np.ix_(rows, rows)
+                over = row / pivot
                 matrix[square] -= over[:, None] * row
                 matrix[n, rows] = over
 
     def select(self, which: Int[np.ndarray, " build"]) -> Factors:
-        """Those of some of the builds."""
+        """Those of some of the builds, or of the one that all share."""
+        if len(self.least) == 1:
+            return self
         result = copy.copy(self)
-        result.matrix, result.least = self.matrix[..., which], self.least[which]
+        result._matrix, result._pivot = self._matrix[..., which], self._pivot[:, which]
+        result.least = self.least[which]
         return result
 
     def solve(self, right: Float[np.ndarray, "row build"]) -> Float[np.ndarray, "row build"]:
         """Solve with the matrices."""
-        x, matrix = right.copy(), self.matrix
+        x, matrix = right.copy(), self._matrix
         for n in range(len(x) - 1, -1, -1):
-            rows = self._rows[n]
+            rows, _ = self._rows[n]
             if rows is not None:
                 x[rows] -= matrix[n, rows] * x[n]
-        x /= np.einsum("iip->ip", matrix)
-        for n, rows in enumerate(self._rows):
+        x /= self._pivot
+        for n, (rows, _) in enumerate(self._rows):
             if rows is not None:
                 x[n] -= (matrix[n, rows] * x[rows]).sum(0)
         return x
 
 
 @lru_cache(maxsize=64)
-def _eliminated(linked: bytes, size: int) -> list[slice | Int[np.ndarray, " _"] | None]:
+def _eliminated(linked: bytes, size: int) -> list[tuple[Rows, Square]]:
     """Columns left of the diagonal in which each row of the factors may differ from 0."""
     full = np.frombuffer(linked, dtype=bool).reshape(size, size).copy()
-    result: list[slice | Int[np.ndarray, " _"] | None] = [None] * size
+    result: list[tuple[Rows, Square]] = [(None, None)] * size
     for n in range(size - 1, -1, -1):
         rows = np.flatnonzero(full[n, :n])
         full[np.ix_(rows, rows)] = True
-        if len(rows):
-            contiguous = rows[-1] - rows[0] == len(rows) - 1
-            result[n] = slice(int(rows[0]), int(rows[-1]) + 1) if contiguous else rows
+        if len(rows) and rows[-1] - rows[0] == len(rows) - 1:
+            near = slice(int(rows[0]), int(rows[-1]) + 1)
+            result[n] = near, (near, near)
+        elif len(rows):
+            result[n] = rows, np.ix_(rows, rows)
     return result

@@ -34,12 +34,12 @@ ROUNDED = 1e-14
 """Residual (relative to the weight) that no step reduces."""
 LAST_STEP = 1e-8
 """Step (m or rad) after which the error is below rounding, as convergence is quadratic."""
-NEAR = 1e-6
+NEAR = 1e-5
 """Residual (relative to the weight) below which factors are used again: a step then changes the
 stiffness by so little that the next residual is some 1e3 times smaller."""
 CAP = 0.3
 """Longest step in rad, and in units of the largest lever arm."""
-BUILDS, NUMBERS = 256, 1 << 22
+BUILDS, NUMBERS = 512, 1 << 22
 """Most builds in a chunk, and most numbers in their matrices."""
 
 
@@ -85,6 +85,7 @@ class Found:
     pivot: Float[np.ndarray, " build"]
 
 
+@np.errstate(all="ignore")
 def search(scene: Scene, rows: slice, wanted: Search) -> Found:
     """Search for the poses of the builds `rows` of a scene."""
     count, numbering = rows.stop - rows.start, wanted.numbering
@@ -103,12 +104,12 @@ def search(scene: Scene, rows: slice, wanted: Search) -> Found:
         state = queue.pop()
         while len(state.builds) and state.steps < wanted.steps:
             done = state.advance()
-            pivot[state.builds] = state.factors.least
             done |= state.steps == wanted.steps
             which = state.builds[done]
             for whole, name in zip(moving, MOVING, strict=True):
                 whole[..., which] = getattr(state.now, name)[..., done]
             residual[which], steps[which] = state.residual[done], state.steps
+            pivot[which] = np.broadcast_to(state.factors.least, done.shape)[done]
             near = ~done & (state.residual < NEAR) & (not state.is_near)
             # a few builds cost as much time in two groups as in one full step more
             if 2 * near.sum() > len(near):
@@ -116,7 +117,7 @@ def search(scene: Scene, rows: slice, wanted: Search) -> Found:
                 done |= near
             state = state.select(np.flatnonzero(~done))
     now = Configuration(arrays, *moving)
-    rounding = np.where(steps > 0, _rounding(now, residual_scale(arrays)), 0.0)
+    rounding = np.where(steps > 0, _rounding(now, begin.scale), 0.0)
     return Found(now, residual, rounding, steps, pivot)
 
 
@@ -139,7 +140,8 @@ class _State:
     tension
         Of wires, as the last step predicted it to first order: the geometric stiffness of these
         converges faster than that of the tensions in the pose, which contain stiffness times
-        squares of the step (Magisano, Leonetti and Garcea, Int. J. Numer. Meth. Eng. 109, 1 (2017)).
+        squares of the step (Magisano, Leonetti and Garcea, Comput. Methods Appl. Mech. Eng. 313,
+        986 (2017)).
     factors
         Of the tangent stiffness.
     is_near
@@ -148,7 +150,7 @@ class _State:
 
     builds: Int[np.ndarray, " build"]
     now: Configuration
-    target: Float[np.ndarray, "moving #build"]
+    target: Float[np.ndarray, " moving #build"]
     scale: Float[np.ndarray, "moving build"]
     unit: Float[np.ndarray, "moving build"]
     stages: list[tuple[int, int]]
@@ -173,7 +175,18 @@ class _State:
         stages, none = single_point_stages(arrays.scene), np.zeros(0)
         state = cls(builds, now, target, scale, unit, stages, none, none)
         state._evaluate()
+        if wanted.accept_nominal and arrays.scene.drawn is not None:
+            state.factors = state._nominal_factors(arrays.scene.drawn, rows)
         return state
+
+    def _nominal_factors(self, drawn: Scene, rows: slice) -> Factors:
+        """Factors of the nominal design, with which all builds take their first step."""
+        first = slice(rows.start, rows.start + 1)
+        arrays = SceneArrays.of(drawn, self.now.arrays.numbering, first, 1)
+        now = replace(self.now.select(np.zeros(1, dtype=int)), arrays=arrays)
+        factors = replace(self, now=now, scale=self.scale[:, :1])._factorise()
+        factors.least = np.full(1, np.nan)
+        return factors
 
     def select(self, which: Int[np.ndarray, " build"]) -> _State:
         """Some of the builds."""
@@ -189,9 +202,12 @@ class _State:
 
     def advance(self) -> Bool[np.ndarray, " build"]:
         """Take a step; also, which builds have converged (or are lost)."""
-        if self.factors is None or self.is_slow or not self.is_near:
+        again = self.is_near and not self.is_slow
+        if self.factors is None or (self.steps and not again):
             self.factors = self._factorise()
         step = -self.factors.solve(self.gradient)
+        if self.stages:
+            step = self._without_free_rotations(step)
         step /= np.maximum(np.abs(step / self.unit).max(0) / CAP, 1.0)
         whole = np.concatenate([np.zeros((6, step.shape[1])), step])
         self.tension = string.predicted_tension(self.now, whole)
@@ -213,15 +229,27 @@ class _State:
         made = derivatives(self.now, tension=self.tension)
         matrix, linked = made.hessian[6:-1, 6:-1], made.linked[6:-1, 6:-1]
         if self.stages:
-            free = free_rotations(self.now, self.stages)
-            free = free / np.sqrt((free**2 * self.scale[:, None]).sum(0))
-            stiff = np.einsum("iip->ip", matrix) / self.scale
-            for column in range(len(self.stages)):
-                own = free[:, column] * self.scale
-                matrix = matrix + stiff.max(0) * own[:, None] * own
-                moved = (own != 0).any(-1)
+            stiff = (np.einsum("iip->ip", matrix) / self.scale).max(0)
+            for _, load in self._free_rotations():
+                matrix = matrix + stiff * load[:, None] * load
+                moved = (load != 0).any(-1)
                 linked = linked | (moved[:, None] & moved)
         return Factors(matrix, linked)
+
+    def _free_rotations(
+        self,
+    ) -> list[tuple[Float[np.ndarray, "moving build"], Float[np.ndarray, "moving build"]]]:
+        """Motion in each free rotation and its product with the scale, which is normalised."""
+        free = free_rotations(self.now, self.stages)
+        free = free / np.sqrt((free**2 * self.scale[:, None]).sum(0))
+        return [(own, own * self.scale) for own in free.swapaxes(0, 1)]
+
+    def _without_free_rotations(
+        self, step: Float[np.ndarray, "moving build"]
+    ) -> Float[np.ndarray, "moving build"]:
+        for free, load in self._free_rotations():
+            step = step - free * (load * step).sum(0)
+        return step
 
 
 def _is_as_drawn(

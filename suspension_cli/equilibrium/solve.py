@@ -33,7 +33,7 @@ CONVERGED = 1e-11
 """Largest residual (relative to the weight) of an equilibrium, unless rounding leaves more."""
 COARSE = 1e-4
 """Residual (relative to the weight) from rounding above which a result is useless."""
-ITERATIONS = 15
+ITERATIONS = 25
 """Most Newton steps of a search."""
 STEPS = (10, 80)
 """Continuation steps where Newton's method is not reliable; the second if the first does not end in
@@ -306,11 +306,23 @@ def _newton(
     At most `limit` steps. With `accept_nominal` a nominal pose that balances is returned unchanged.
     """
     wanted = Search(numbering, pose, target, limit, accept_nominal)
-    found = [_arrays_of(search(scene, rows, wanted)) for rows in _chunks(scene, numbering)]
-    arrays = {}
-    for name, first in found[0].items() if found else ():
-        whole = first if len(found) == 1 else np.concatenate([part[name] for part in found])
-        arrays[name] = whole.reshape((*scene.batch, *whole.shape[1:]))[()]
+    count, size, wires = math.prod(scene.batch), numbering.size, len(scene.wires.label)
+    stiffness, soft = (np.empty((count, size, size)) for _ in range(2))
+    form, parts = np.empty((count, wires, size)), []
+    for rows in _chunks(scene, numbering):
+        found = search(scene, rows, wanted)
+        made = derivatives(found.now, stretching=False)
+        made.symmetric(soft[rows])
+        string.add_stretching(found.now, made)
+        made.finish().symmetric(stiffness[rows])
+        form[rows] = string.elongations(found.now).T
+        parts.append(_arrays_of(found))
+    whole = {"stiffness": stiffness, "soft": soft, "form": form}
+    for name, first in parts[0].items() if parts else ():
+        whole[name] = first if len(parts) == 1 else np.concatenate([part[name] for part in parts])
+    arrays = {
+        name: value.reshape((*scene.batch, *value.shape[1:]))[()] for name, value in whole.items()
+    }
     pose = Pose(*(arrays.pop(name) for name in PARTS_OF_POSE))
     steps = int(arrays.pop("steps").max(initial=0))
     return Equilibrium(pose=pose, iterations=steps, **arrays)
@@ -319,17 +331,10 @@ def _newton(
 def _arrays_of(found: Found) -> dict[str, np.ndarray]:
     """Arrays of the builds of a chunk, which come first."""
     now, batch = found.now, (found.now.arrays.count,)
-    made = derivatives(now, stretching=False)
-    soft = made.symmetric()
-    string.add_stretching(now, made)
-    arrays = {name: batch_first(getattr(now, name), batch) for name in PARTS_OF_POSE}
-    arrays |= {name: getattr(found, name) for name in ("residual", "rounding", "steps", "pivot")}
-    arrays |= {"soft": soft, "stiffness": made.finish().symmetric()}
-    arrays |= {"form": string.elongations(now), "tension": batch_first(now.wires.tension, batch)}
+    arrays = {name: getattr(now, name) for name in PARTS_OF_POSE} | {"tension": now.wires.tension}
     if now.arrays.scene.flex is not None and now.flex is not None:
-        arrays |= {
-            name: batch_first(getattr(now.flex, name), batch)
-            for name in ("bend", "twist")
-            if getattr(now.flex, name) is not None
-        }
-    return arrays
+        flex = {name: getattr(now.flex, name) for name in ("bend", "twist")}
+        arrays |= {name: value for name, value in flex.items() if value is not None}
+    arrays = {name: batch_first(value, batch) for name, value in arrays.items()}
+    names = ("residual", "rounding", "steps", "pivot")
+    return arrays | {name: getattr(found, name) for name in names}
