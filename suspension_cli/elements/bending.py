@@ -69,7 +69,8 @@ def with_bending(
 
     `tension` (N) and `length` (m) are those at which the stiffness is taken; nominal by default.
     """
-    assert scene.fibres is not None
+    fibres = scene.fibres
+    assert fibres is not None
     scene = with_planes(scene) if scene.flex is None else scene
     wires, batch = scene.wires, scene.batch
     length = wires.length if length is None else length
@@ -78,7 +79,7 @@ def with_bending(
         builds_last(np.broadcast_to(value, (*batch, len(wires.label))), 1, batch)
         for value in (length, tension, wires.torsion)
     )
-    bend, twist = resistance(scene.fibres.wire, *numbers)
+    bend, twist = resistance(fibres.wire, *numbers)
     assert scene.flex is not None
     flex = replace(scene.flex, bend=batch_first(bend, batch), twist=batch_first(twist, batch))
     return replace(scene, flex=flex)

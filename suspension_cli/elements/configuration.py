@@ -8,10 +8,10 @@ build, (3, wire, 1).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from suspension_cli.elements.vectors import Matrix, Scalar, Vector, dot, product
 from suspension_cli.rotations import turn_by
 from suspension_cli.scene.arrays import inner_axes
 from suspension_cli.scene.pose import Layout, Pose
-from suspension_cli.scene.scene import Bars, Blades, Bodies, Flex, Part, Scene, Springs, Wires
+from suspension_cli.scene.scene import Flex, Part, Scene, Wires
 
 if TYPE_CHECKING:
     from jaxtyping import Float, Inexact, Int
@@ -105,56 +105,50 @@ class Ends:
         return _sums(self)
 
 
-@dataclass(frozen=True)
-class Group:
-    """Elements that share bodies.
+class Group(NamedTuple):
+    """Elements of the same bodies or blades, one group to a row of `sum`, a matrix of ones.
 
-    Attributes
-    ----------
-    upper, lower
-        These bodies, of each group.
-    sum
-        Matrix of ones that sums the elements of each group.
+    `upper`, `lower` and `blade` are those of each group.
     """
 
     upper: Int[np.ndarray, " group"]
     lower: Int[np.ndarray, " group"]
+    blade: Int[np.ndarray, " group"]
     sum: Float[np.ndarray, "group element"]
 
 
-@dataclass(frozen=True)
-class Sums:
-    """Groups of elements by their upper body, by their lower body, and by both.
+class Sums(NamedTuple):
+    """Groups of elements by their upper body, by their lower body, by both, and by blade.
 
-    `blade` are those by blade, all of which hang on to one body, and `blades` these blades.
+    All elements at one blade hang on to one body.
     """
 
     upper: Group
     lower: Group
     both: Group
     blade: Group
-    blades: Int[np.ndarray, " group"]
 
 
 @lru_cache(maxsize=512)
 def _sums(ends: Ends) -> Sums:
-    upper, lower, blade = (np.array(part) for part in (ends.upper, ends.lower, ends.blade))
+    numbers = np.array([ends.upper, ends.lower, ends.blade]).T
 
-    def group(keys: Int[np.ndarray, "element key"]) -> Group:
+    def group(*columns: int, least: int = -1) -> Group:
+        keys = numbers[:, columns]
         known, first = np.unique(keys, axis=0, return_index=True)
-        same = (keys == known[:, None]).all(-1).astype(float)
-        return Group(upper[first], lower[first], same)
+        kept = known.min(-1) >= least
+        same = (keys == known[kept][:, None]).all(-1).astype(float)
+        return Group(*numbers[first[kept]].T, same)
 
-    by_blade = group(blade[:, None])
-    blades = np.unique(blade)
-    kept = blades >= 0
-    return Sums(
-        group(upper[:, None]),
-        group(lower[:, None]),
-        group(np.stack([upper, lower], axis=-1)),
-        Group(by_blade.upper[kept], by_blade.lower[kept], by_blade.sum[kept]),
-        blades[kept],
-    )
+    return Sums(group(0), group(1), group(0, 1), group(2, least=0))
+
+
+def _change(part: Part, change: Callable[[np.ndarray, int], np.ndarray]) -> Part:
+    """Change all arrays of a part, which have the given numbers of inner axes."""
+    axes = {
+        name: n for name, n in inner_axes(type(part)).items() if getattr(part, name) is not None
+    }
+    return replace(part, **{name: change(getattr(part, name), n) for name, n in axes.items()})
 
 
 @dataclass(frozen=True)
@@ -170,7 +164,7 @@ class SceneArrays:
     count
         Number of builds.
     parts
-        As `Scene.parts`.
+        As `Scene.parts`; those that every scene has are attributes too.
     flex
         Of wires that resist bending or twisting, else None.
     follows
@@ -185,6 +179,13 @@ class SceneArrays:
     flex: Flex | None
     follows: bool = False
 
+    bodies = property(lambda self: self.parts["bodies"])
+    wires = property(lambda self: self.parts["wires"])
+    struts = property(lambda self: self.parts["struts"])
+    blades = property(lambda self: self.parts["blades"])
+    springs = property(lambda self: self.parts["springs"])
+    bars = property(lambda self: self.parts["bars"])
+
     @classmethod
     def of(
         cls,
@@ -194,69 +195,24 @@ class SceneArrays:
         count: int | None = None,
     ) -> SceneArrays:
         """The builds `rows` of a scene (`count` of them, if not all)."""
-        batch = scene.batch
 
-        def last(part: Part) -> Part:
-            axes = inner_axes(type(part))
-            values = {name: (getattr(part, name), axes[name]) for name in axes}
-            return replace(
-                part,
-                **{
-                    name: None if value is None else builds_last(value, inner, batch, rows)
-                    for name, (value, inner) in values.items()
-                },
-            )
+        def last(value: np.ndarray, inner: int) -> np.ndarray:
+            return builds_last(value, inner, scene.batch, rows)
 
-        parts = {name: last(part) for name, part in scene.parts.items()}
-        total, flex = math.prod(batch) if count is None else count, wire_resistance(scene)
-        return cls(scene, numbering, total, parts, None if flex is None else last(flex))
+        parts = {name: _change(part, last) for name, part in scene.parts.items()}
+        flex = wire_resistance(scene)
+        total = math.prod(scene.batch) if count is None else count
+        return cls(scene, numbering, total, parts, flex and _change(flex, last))
 
     def select(self, which: Int[np.ndarray, " build"]) -> SceneArrays:
         """Some of the builds."""
 
-        def some(part: Part) -> Part:
-            values = {name: getattr(part, name) for name in inner_axes(type(part))}
-            return replace(
-                part,
-                **{
-                    name: value if value is None or value.shape[-1] == 1 else value[..., which]
-                    for name, value in values.items()
-                },
-            )
+        def some(value: np.ndarray, _: int) -> np.ndarray:
+            return value if value.shape[-1] == 1 else value[..., which]
 
-        parts = {name: some(part) for name, part in self.parts.items()}
-        flex = None if self.flex is None else some(self.flex)
+        parts = {name: _change(part, some) for name, part in self.parts.items()}
+        flex = self.flex and _change(self.flex, some)
         return replace(self, count=len(which), parts=parts, flex=flex)
-
-    @property
-    def bodies(self) -> Bodies:
-        """Bodies, of arrays (..., body, build)."""
-        return self.parts["bodies"]
-
-    @property
-    def wires(self) -> Wires:
-        """Wires, of arrays (..., wire, build)."""
-        return self.parts["wires"]
-
-    @property
-    def struts(self) -> Wires:
-        """Struts, of arrays (..., strut, build)."""
-        return self.parts["struts"]
-
-    @property
-    def blades(self) -> Blades:
-        """Blades, of arrays (..., blade, build)."""
-        return self.parts["blades"]
-
-    @property
-    def springs(self) -> Springs:
-        """Springs, of arrays (..., spring, build)."""
-        return self.parts["springs"]
-
-    @property
-    def bars(self) -> Bars:
-        """Bars, of arrays (..., bar, build)."""
-        return self.parts["bars"]
 
     @cached_property
     def dtype(self) -> np.dtype:

@@ -198,8 +198,8 @@ class Derivatives:
             torque = _sum(torque, None if force is None else sign * cross(arm, force))
             if torque is not None:
                 self.gradient[6 * body + 3 + _THREE] += total @ torque
-        if force is not None and len(sums.blades):
-            self._on_tips[:, sums.blades] -= sums.blade.sum @ force
+        if force is not None and len(sums.blade.blade):
+            self._on_tips[:, sums.blade.blade] -= sums.blade.sum @ force
             self._pulls = True
 
     def _add_hessian(self, attached: Attached, terms: Terms) -> None:
@@ -219,7 +219,7 @@ class Derivatives:
         if own is not None:
             self._add_blocks(u + 3, u + 3, total @ own)
         to_l = self._add_joined(attached, terms, to_u, force) if ends.is_joined else None
-        if s is not None and to_u is not None and len(sums.blades):
+        if s is not None and to_u is not None and len(sums.blade.blade):
             self._add_tip_rows(sums, s, to_u, to_l)
 
     def _add_joined(
@@ -255,7 +255,7 @@ class Derivatives:
 
     def _add_tip_rows(self, sums: Sums, s: Matrix, to_u: Matrix, to_l: Matrix | None) -> None:
         """Add the derivatives by deflections of the blades at the upper ends."""
-        tips = self._now.arrays.numbering.blade[sums.blades]
+        tips = self._now.arrays.numbering.blade[sums.blade.blade]
         number, axis = np.nonzero(tips < len(self.hessian) - 1)
         tip, total = tips[number, axis], sums.blade.sum
         moves = self._moves(sums.blade.upper[number], axis)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 BALANCED = 1e-14
 """Residual (relative to the weight) of a nominal pose that needs no search."""
-ROUNDED = 1e-14
+ROUNDED = 1e-15
 """Residual (relative to the weight) that no step reduces."""
 LAST_STEP = 1e-8
 """Step (m or rad) after which the error is below rounding, as convergence is quadratic."""
@@ -109,7 +109,7 @@ def search(scene: Scene, rows: slice, wanted: Search) -> Found:
             for whole, name in zip(moving, MOVING, strict=True):
                 whole[..., which] = getattr(state.now, name)[..., done]
             residual[which], steps[which] = state.residual[done], state.steps
-            pivot[which] = np.broadcast_to(state.factors.least, done.shape)[done]
+            pivot[which] = np.broadcast_to(state.pivot, done.shape)[done]
             near = ~done & (state.residual < NEAR) & (not state.is_near)
             # a few builds cost as much time in two groups as in one full step more
             if 2 * near.sum() > len(near):
@@ -187,6 +187,11 @@ class _State:
         factors = replace(self, now=now, scale=self.scale[:, :1])._factorise()
         factors.least = np.full(1, np.nan)
         return factors
+
+    @property
+    def pivot(self) -> Float[np.ndarray, " #build"]:
+        """Least pivot of the factors, NaN for those of the nominal design."""
+        return np.full(1, np.nan) if self.factors is None else self.factors.least
 
     def select(self, which: Int[np.ndarray, " build"]) -> _State:
         """Some of the builds."""

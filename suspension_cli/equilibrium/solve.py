@@ -15,8 +15,8 @@ import numpy as np
 
 from suspension_cli.elements import string
 from suspension_cli.elements.configuration import Configuration, SceneArrays, batch_first
-from suspension_cli.equilibrium.definite import positive_definite
 from suspension_cli.equilibrium.energy import derivatives, gradient_and_stiffness
+from suspension_cli.equilibrium.factors import Factors
 from suspension_cli.equilibrium.free_rotations import free_rotations, single_point_stages
 from suspension_cli.equilibrium.newton import Found, Search, chunks, search
 from suspension_cli.equilibrium.residual_scale import residual_scale
@@ -248,20 +248,19 @@ def _is_stable(scene: Scene, numbering: Layout, found: Equilibrium) -> Bool[np.n
 def _has_no_soft_direction(
     scene: Scene, numbering: Layout, found: Equilibrium
 ) -> Bool[np.ndarray, "*batch"]:
-    batch = scene.batch
-    now = Configuration.of(SceneArrays.of(scene, numbering), found.pose, batch)
-    root = np.sqrt(residual_scale(now.arrays))
+    now = Configuration.of(SceneArrays.of(scene, numbering), found.pose, scene.batch)
+    root, size = np.sqrt(residual_scale(now.arrays)), numbering.size
+    stiffness = found.stiffness.reshape(-1, size, size)[:, 6:, 6:]
+    scaled = np.nan_to_num(np.moveaxis(stiffness, 0, -1)) / (root[:, None] * root)
+    own = np.abs(np.einsum("iip->ip", scaled))
     stages = single_point_stages(scene)
-    free = np.moveaxis(free_rotations(now, stages) * root[:, None], -1, 0) if stages else None
-    root = root.T.reshape(*batch, -1)
-    scaled = np.nan_to_num(found.stiffness[..., 6:, 6:]) / (root[..., :, None] * root[..., None, :])
-    own = np.abs(np.diagonal(scaled, axis1=-2, axis2=-1))
-    if free is not None:
-        free = free.reshape(*batch, *free.shape[1:])
-        size = np.maximum((free**2).sum((-2, -1)), 1.0)
-        rigid = free @ np.swapaxes(free, -1, -2)
-        scaled = scaled + (own.max(-1) / size)[..., None, None] * rigid
-    return positive_definite(scaled + NEUTRAL * own[..., None] * np.eye(own.shape[-1]))
+    if stages:
+        free = free_rotations(now, stages) * root[:, None]
+        free = free / np.sqrt(np.maximum((free**2).sum((0, 1)), 1.0))
+        scaled = scaled + own.max(0) * np.einsum("irp,jrp->ijp", free, free)
+    np.einsum("iip->ip", scaled)[:] += NEUTRAL * own
+    factors = Factors(scaled, np.ones(scaled.shape[:2], dtype=bool))
+    return (factors.least > 0).reshape(scene.batch)
 
 
 def _continue(scene: Scene, numbering: Layout, pose: Pose, steps: int) -> Equilibrium:

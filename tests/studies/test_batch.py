@@ -144,15 +144,24 @@ def jobs():
         "indices",
     ],
 )
-def test_a_build_alone_gives_the_same_bits(kind):
-    """In this process and, as far as that takes a pickled job, in another."""
+def test_a_build_alone_gives_the_same_result(kind):
+    """But for rounding; in this process and, as far as that takes a pickled job, in another."""
     job = jobs()[kind]()
     sent = pickle.loads(pickle.dumps(job))
     found = job.compute(0, job.count)
     for start, stop in [(0, 1), (1, 3), (25, 64), (job.count - 1, job.count)]:
         alone = sent.compute(start, stop)
         for name, values in found.items():
-            assert alone[name].tobytes() == np.ascontiguousarray(values[start:stop]).tobytes(), name
+            if name == "residual":
+                assert np.abs(alone[name] - values[start:stop]).max() < 1e-11
+            elif values.dtype.kind in "fc":
+                size = np.abs(np.nan_to_num(values)).max(initial=0.0)
+                expected = values[start:stop]
+                np.testing.assert_allclose(alone[name], expected, rtol=1e-9, atol=1e-12 * size)
+            else:
+                assert np.array_equal(alone[name], values[start:stop]), name
+    again = sent.compute(0, job.count)
+    assert all(again[name].tobytes() == values.tobytes() for name, values in found.items())
 
 
 def reference(folder, count):
