@@ -279,12 +279,16 @@ class Configuration:
         The builds.
     shift, turn, deflection
         As in `Pose`: (3, 1 + body, build), (3, 3, 1 + body, build), (3, blade, build).
+    tension
+        Of wires, in place of that in the pose: for their geometric stiffness, and for their
+        resistance to bending where that follows; None for that in the pose.
     """
 
     arrays: SceneArrays
     shift: Vector
     turn: Matrix
     deflection: Vector
+    tension: Scalar | None = None
 
     @classmethod
     def of(
@@ -308,7 +312,8 @@ class Configuration:
     def select(self, which: Int[np.ndarray, " build"]) -> Configuration:
         """Some of the builds."""
         parts = (part[..., which] for part in (self.shift, self.turn, self.deflection))
-        return Configuration(self.arrays.select(which), *parts)
+        tension = None if self.tension is None else self.tension[:, which]
+        return Configuration(self.arrays.select(which), *parts, tension=tension)
 
     @cached_property
     def place(self) -> Vector:
@@ -347,10 +352,11 @@ class Configuration:
         fibres, flex, wires = self.arrays.scene.fibres, self.arrays.flex, self.arrays.wires
         if not self.arrays.follows or fibres is None or flex is None or flex.bend is None:
             return flex
-        length, tension = self.wires.length, self.wires.tension
-        shape = length.shape
-        tension = np.where(tension > 0, tension, wires.tension)
-        torsion = np.broadcast_to(wires.torsion, shape)
+        length = self.wires.length
+        tension = self.wires.tension if self.tension is None else self.tension
+        # a slack wire bends as one without tension
+        tension = np.where(tension > 0, tension, 0.0)
+        torsion = np.broadcast_to(wires.torsion, length.shape)
         bend, twist = resistance(fibres.wire, length, tension, torsion)
         return replace(flex, bend=bend, twist=twist)
 

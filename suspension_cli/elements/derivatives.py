@@ -31,7 +31,6 @@ import numpy as np
 from suspension_cli.elements.configuration import Attached, Configuration, Sums
 from suspension_cli.elements.vectors import (
     Matrix,
-    Scalar,
     Vector,
     cross,
     dot,
@@ -103,8 +102,6 @@ class Derivatives:
         Whether second derivatives are wanted.
     stretching
         Whether these include the stretching of wires.
-    tension
-        Of the wires for their geometric stiffness, N; None for that in the pose.
     gradient
         (N + 1, build), N and N m; the last row is for rigid directions of blades.
     hessian
@@ -113,22 +110,16 @@ class Derivatives:
         Elements of the tangent stiffness (N + 1, N + 1) that may differ from 0.
     """
 
-    def __init__(
-        self,
-        now: Configuration,
-        *,
-        curved: bool = True,
-        stretching: bool = True,
-        tension: Scalar | None = None,
-    ) -> None:
+    def __init__(self, now: Configuration, *, curved: bool = True, stretching: bool = True) -> None:
         arrays = now.arrays
         size, count = arrays.numbering.size + 1, arrays.count
         dtype = np.result_type(arrays.dtype, now.shift.dtype)
-        self._now, self.curved, self.stretching, self.tension = now, curved, stretching, tension
+        self._now, self.curved, self.stretching = now, curved, stretching
         self.gradient = np.zeros((size, count), dtype=dtype)
         self.hessian = np.zeros((size, size, count) if curved else (0, 0, count), dtype=dtype)
         self.linked = np.zeros((size, size), dtype=bool)
-        self._on_tips = np.zeros((3, len(arrays.blades.label), count), dtype=dtype)
+        # with the forces of the pose, and with those for the geometric stiffness
+        self._on_tips = np.zeros((2, 3, len(arrays.blades.label), count), dtype=dtype)
         self._pulls, self._terms = False, dict[int, tuple[Attached, Terms]]()
 
     def add(self, attached: Attached, terms: Terms) -> None:
@@ -199,7 +190,9 @@ class Derivatives:
             if torque is not None:
                 self.gradient[6 * body + 3 + _THREE] += total @ torque
         if force is not None and len(sums.blade.blade):
-            self._on_tips[:, sums.blade.blade] -= sums.blade.sum @ force
+            self._on_tips[0][:, sums.blade.blade] -= sums.blade.sum @ force
+            force = terms.turning_force if terms.turning_force is not None else force
+            self._on_tips[1][:, sums.blade.blade] -= sums.blade.sum @ force
             self._pulls = True
 
     def _add_hessian(self, attached: Attached, terms: Terms) -> None:
@@ -288,12 +281,16 @@ class Derivatives:
         tips, bodies = self._now.arrays.numbering.blade, self._now.arrays.blades.body
         number, axis = np.nonzero(tips < len(self.gradient) - 1)
         if len(number):
-            tip, body, pulled = tips[number, axis], bodies[number], self._on_tips[:, number]
+            tip, body, (pulled, turned) = (
+                tips[number, axis],
+                bodies[number],
+                self._on_tips[:, :, number],
+            )
             moves = self._moves(body, axis)
             self.gradient[tip] += dot(moves, pulled)
             if self.curved:
                 columns = 6 * body + 3 + _THREE
-                self.hessian[tip[None], columns] += cross(moves, pulled)
+                self.hessian[tip[None], columns] += cross(moves, turned)
                 self.linked[tip[None], columns] = True
 
 

@@ -101,7 +101,7 @@ def add_derivatives(now: Configuration, derivatives: Derivatives) -> None:
             continue
         tension, k = lines.tension, wires.stiffness
         if lines is now.wires:
-            tension = tension if derivatives.tension is None else derivatives.tension
+            tension = tension if now.tension is None else now.tension
             k = k if derivatives.stretching else 0.0
         over = tension / lines.length
         s = plus_unit(outer((k - over) * e, e), over)

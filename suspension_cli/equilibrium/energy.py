@@ -59,10 +59,9 @@ def derivatives(
     *,
     curved: bool = True,
     stretching: bool = True,
-    tension: Inexact[np.ndarray, "wire build"] | None = None,
 ) -> Derivatives:
     """Derivatives of the energy of builds, see `Derivatives`."""
-    result = Derivatives(now, curved=curved, stretching=stretching, tension=tension)
+    result = Derivatives(now, curved=curved, stretching=stretching)
     for element in elements_of(now.arrays.scene) if elements is None else elements:
         element.add_derivatives(now, result)
     return result.finish()

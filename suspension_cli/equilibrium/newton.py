@@ -1,8 +1,13 @@
 """Newton's method for the poses of builds, many at once.
 
-A step solves K x = -g with the factors of the tangent stiffness; after a short step these are used
-again. Builds are solved in chunks that fit into the cache of a processor, and leave a chunk when
-they have converged. The result of a build depends on the others in its chunk by rounding alone.
+A step solves K x = -g with the factors of the tangent stiffness; close to the pose these are used
+again. The geometric stiffness of a wire, and its resistance to bending, are those at the tension
+that the step before predicted to first order: the tension in the pose contains its stiffness times
+squares of that step (Magisano, Leonetti and Garcea, Comput. Methods Appl. Mech. Eng. 313, 986
+(2017)). The first step of imperfect builds is taken with the factors of the nominal design.
+
+Builds are solved in chunks that fit into the cache of a processor, and leave a chunk when they have
+converged. The result of a build depends on the others in its chunk by rounding alone.
 """
 
 from __future__ import annotations
@@ -30,11 +35,15 @@ if TYPE_CHECKING:
 
 BALANCED = 1e-14
 """Residual (relative to the weight) of a nominal pose that needs no search."""
-ROUNDED = 1e-15
-"""Residual (relative to the weight) that no step reduces."""
-LAST_STEP = 1e-8
-"""Step (m or rad) after which the error is below rounding, as convergence is quadratic."""
-NEAR = 1e-5
+ROUNDED = 1e-14
+"""Residual (relative to the weight) that rounding may leave; the search also ends where rounding
+keeps it above this."""
+LAST_STEP = 1e-10
+"""Step (m or rad) after which the error is below 1e-12, as each step is at least 30 times shorter
+than the one before."""
+SHORT = 1e-8
+"""Step (m or rad) after which a residual that does not fall any more is due to rounding."""
+NEAR = 1e-6
 """Residual (relative to the weight) below which factors are used again: a step then changes the
 stiffness by so little that the next residual is some 1e3 times smaller."""
 CAP = 0.3
@@ -110,7 +119,7 @@ def search(scene: Scene, rows: slice, wanted: Search) -> Found:
                 whole[..., which] = getattr(state.now, name)[..., done]
             residual[which], steps[which] = state.residual[done], state.steps
             pivot[which] = np.broadcast_to(state.pivot, done.shape)[done]
-            near = ~done & (state.residual < NEAR) & (not state.is_near)
+            near = ~done & (state.residual < NEAR) & (not state.is_near and state.steps > 1)
             # a few builds cost as much time in two groups as in one full step more
             if 2 * near.sum() > len(near):
                 queue.append(replace(state.select(np.flatnonzero(near)), is_near=True))
@@ -134,14 +143,10 @@ class _State:
     builds
         Their numbers in the chunk.
     now, target, scale, unit
-        Configuration, gradient to reach, scale of the residual, and unit of each coordinate.
+        Configuration, with the tensions that the last step predicted; gradient to reach, scale of
+        the residual, and unit of each coordinate.
     residual, gradient
         Largest residual, and what is left to the target.
-    tension
-        Of wires, as the last step predicted it to first order: the geometric stiffness of these
-        converges faster than that of the tensions in the pose, which contain stiffness times
-        squares of the step (Magisano, Leonetti and Garcea, Comput. Methods Appl. Mech. Eng. 313,
-        986 (2017)).
     factors
         Of the tangent stiffness.
     is_near
@@ -156,7 +161,6 @@ class _State:
     stages: list[tuple[int, int]]
     gradient: Float[np.ndarray, "moving build"]
     residual: Float[np.ndarray, " build"]
-    tension: Float[np.ndarray, "wire build"] | None = None
     factors: Factors | None = None
     is_near: bool = False
     is_slow: bool = False
@@ -200,10 +204,9 @@ class _State:
         names = ("builds", "scale", "unit", "gradient", "residual")
         parts: dict[str, Any] = {name: getattr(self, name)[..., which] for name in names}
         target = self.target if self.target.shape[-1] == 1 else self.target[:, which]
-        tension = None if self.tension is None else self.tension[:, which]
         factors = None if self.factors is None else self.factors.select(which)
         now = self.now.select(which)
-        return replace(self, now=now, target=target, tension=tension, factors=factors, **parts)
+        return replace(self, now=now, target=target, factors=factors, **parts)
 
     def advance(self) -> Bool[np.ndarray, " build"]:
         """Take a step; also, which builds have converged (or are lost)."""
@@ -215,15 +218,15 @@ class _State:
             step = self._without_free_rotations(step)
         step /= np.maximum(np.abs(step / self.unit).max(0) / CAP, 1.0)
         whole = np.concatenate([np.zeros((6, step.shape[1])), step])
-        self.tension = string.predicted_tension(self.now, whole)
-        self.now, before = self.now.displaced(whole), self.residual
+        tension = string.predicted_tension(self.now, whole)
+        self.now, before = replace(self.now.displaced(whole), tension=tension), self.residual
         self._evaluate()
         self.steps += 1
-        self.is_slow = bool((self.residual > before / 10).any())
+        self.is_slow = bool((self.residual > before / 30).any())
+        size, lost = np.abs(step).max(0), ~np.isfinite(self.residual)
         # as far as rounding lets the residual fall
-        at_rest = (self.residual < ROUNDED) | (self.residual > before / 2)
-        lost = ~np.isfinite(self.residual)
-        return lost | (np.abs(step).max(0) < LAST_STEP) & at_rest
+        stagnant = (size < SHORT) & (self.residual > before / 2)
+        return lost | stagnant | (size < LAST_STEP) & (self.residual < ROUNDED)
 
     def _evaluate(self) -> None:
         self.gradient = derivatives(self.now, curved=False).gradient[6:-1] - self.target
@@ -231,7 +234,7 @@ class _State:
 
     def _factorise(self) -> Factors:
         """Factors of K; coordinates of free rotations, to which g is orthogonal, are stiffened."""
-        made = derivatives(self.now, tension=self.tension)
+        made = derivatives(self.now)
         matrix, linked = made.hessian[6:-1, 6:-1], made.linked[6:-1, 6:-1]
         if self.stages:
             stiff = (np.einsum("iip->ip", matrix) / self.scale).max(0)

@@ -65,7 +65,8 @@ def test_equilibria_are_those_of_single_designs(kind, seed):
         assert expected.converged == found.converged[n]
         for name in ("shift", "turn", "deflection"):
             difference = getattr(found.pose, name)[n] - getattr(expected.pose, name)
-            assert np.abs(difference).max() < 1e-11
+            # but for what rotates freely below a single wire
+            assert np.abs(difference).max() < 1e-10
         assert found.tension[n] == pytest.approx(expected.tension, rel=1e-10)
 
 

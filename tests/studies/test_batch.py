@@ -3,6 +3,7 @@ when it is interrupted."""
 
 from __future__ import annotations
 
+import io
 import pickle
 import shutil
 import tempfile
@@ -71,10 +72,31 @@ def whole(tmp_path_factory):
 
 
 @pytest.mark.parametrize("name", ["xcouple", "tolerance"])
-def test_the_same_file_byte_for_byte(name, whole, tmp_path):
+def test_chunks_change_results_by_rounding_alone(name, whole, tmp_path):
     """`xcouple` on several processes is in `test_batch_interrupted.py`."""
     command, expected = whole[name]
-    assert written_by(tmp_path, 1, 100, *command) == expected
+    found, expected = (
+        numbers_of(content) for content in (written_by(tmp_path, 1, 100, *command), expected)
+    )
+    assert found.keys() == expected.keys()
+    for key, values in expected.items():
+        size = np.abs(np.nan_to_num(values)).max(initial=0.0)
+        if "residual" not in key:
+            np.testing.assert_allclose(found[key], values, rtol=1e-8, atol=1e-10 * size)
+
+
+def numbers_of(content):
+    """Datasets of numbers in the bytes of an HDF5 file."""
+    found = {}
+    with h5py.File(io.BytesIO(content)) as file:
+        file.visititems(
+            lambda name, item: (
+                found.update({name: item[()]})
+                if isinstance(item, h5py.Dataset) and item.dtype.kind in "fciu"
+                else None
+            )
+        )
+    return found
 
 
 def modes_of(text):
