@@ -250,10 +250,8 @@ class Line(Attached):
 
     Attributes
     ----------
-    change
-        Of the span (from the upper to the lower end) from the nominal one, m.
     direction
-        Unit vector along the span.
+        Unit vector from the upper to the lower end.
     length
         m.
     elongation
@@ -262,7 +260,6 @@ class Line(Attached):
         N.
     """
 
-    change: Vector
     direction: Vector
     length: Scalar
     elongation: Scalar
@@ -304,10 +301,6 @@ class Configuration:
             arrays,
             *(np.broadcast_to(part, (*part.shape[:-1], arrays.count)) for part in parts),
         )
-
-    def pose(self, batch: tuple[int, ...]) -> Pose:
-        """The pose of a scene."""
-        return Pose(*(batch_first(v, batch) for v in (self.shift, self.turn, self.deflection)))
 
     def select(self, which: Int[np.ndarray, " build"]) -> Configuration:
         """Some of the builds."""
@@ -389,7 +382,7 @@ class Configuration:
         elongation = dot(change, span + wires.span) / (length + wires.length)
         tension = wires.tension + wires.stiffness * elongation
         direction = span / length
-        return Line(ends, upper_arm, lower_arm, change, direction, length, elongation, tension)
+        return Line(ends, upper_arm, lower_arm, direction, length, elongation, tension)
 
 
 def configuration(scene: Scene, numbering: Layout, pose: Pose) -> Configuration:

@@ -56,6 +56,7 @@ class Factors:
             self._matrix = matrix.copy()
             self._eliminate(diagonal)
 
+    @np.errstate(all="ignore")
     def _eliminate(self, diagonal: Float[np.ndarray, "row build"] | None) -> None:
         """Factorise; coordinates are held by their stiffness, if `diagonal` gives it."""
         matrix = self._matrix

@@ -91,7 +91,6 @@ class Found:
     residual: Float[np.ndarray, " build"]
     rounding: Float[np.ndarray, " build"]
     steps: Int[np.ndarray, " build"]
-    pivot: Float[np.ndarray, " build"]
 
 
 @np.errstate(all="ignore")
@@ -103,7 +102,6 @@ def search(scene: Scene, rows: slice, wanted: Search) -> Found:
     moving = [np.array(getattr(now, name)) for name in MOVING]
     begin = _State.at(now, wanted, rows)
     residual, steps = begin.residual.copy(), np.zeros(count, dtype=int)
-    pivot = np.full(count, np.nan)
     left = np.arange(count)
     if wanted.accept_nominal and (residual <= BALANCED).any():
         as_drawn = (residual <= BALANCED) & _is_as_drawn(scene, rows, now, begin.gradient)
@@ -118,7 +116,6 @@ def search(scene: Scene, rows: slice, wanted: Search) -> Found:
             for whole, name in zip(moving, MOVING, strict=True):
                 whole[..., which] = getattr(state.now, name)[..., done]
             residual[which], steps[which] = state.residual[done], state.steps
-            pivot[which] = np.broadcast_to(state.pivot, done.shape)[done]
             near = ~done & (state.residual < NEAR) & (not state.is_near and state.steps > 1)
             # a few builds cost as much time in two groups as in one full step more
             if 2 * near.sum() > len(near):
@@ -127,7 +124,7 @@ def search(scene: Scene, rows: slice, wanted: Search) -> Found:
             state = state.select(np.flatnonzero(~done))
     now = Configuration(arrays, *moving)
     rounding = np.where(steps > 0, _rounding(now, begin.scale), 0.0)
-    return Found(now, residual, rounding, steps, pivot)
+    return Found(now, residual, rounding, steps)
 
 
 MOVING = ("shift", "turn", "deflection")
@@ -188,14 +185,7 @@ class _State:
         first = slice(rows.start, rows.start + 1)
         arrays = SceneArrays.of(drawn, self.now.arrays.numbering, first, 1)
         now = replace(self.now.select(np.zeros(1, dtype=int)), arrays=arrays)
-        factors = replace(self, now=now, scale=self.scale[:, :1])._factorise()
-        factors.least = np.full(1, np.nan)
-        return factors
-
-    @property
-    def pivot(self) -> Float[np.ndarray, " #build"]:
-        """Least pivot of the factors, NaN for those of the nominal design."""
-        return np.full(1, np.nan) if self.factors is None else self.factors.least
+        return replace(self, now=now, scale=self.scale[:, :1])._factorise()
 
     def select(self, which: Int[np.ndarray, " build"]) -> _State:
         """Some of the builds."""

@@ -43,9 +43,9 @@ CORRECTIONS = 4
 NEUTRAL = 1e-13
 """Stiffness, relative to that with all other coordinates fixed, below which a motion is neutral
 within rounding, not unstable."""
-CLEAR = 1e-5
-"""Least pivot of the last factorisation, over its diagonal element, above which a pose is stable,
-as later steps are at most 1e-6; below it the pose itself is checked."""
+CLEAR = 1e-9
+"""Least pivot of the tangent stiffness, over its diagonal element, above which a pose is stable;
+below it free rotations and rounding need a closer look."""
 PARTS_OF_POSE = inner_axes(Pose)
 """Arrays of a pose, and their axes beyond the batch."""
 ARRAYS = ("residual", "rounding", "tension", "pivot", "stiffness", "soft", "form", "bend", "twist")
@@ -69,7 +69,7 @@ class Equilibrium:
     tension
         N.
     pivot
-        Least pivot of the last factorisation, over its diagonal element; NaN if there was none.
+        Least pivot of the tangent stiffness, over its diagonal element.
     stiffness
         Tangent stiffness in this pose, N/m, N and N m.
     soft
@@ -307,16 +307,17 @@ def _newton(
     wanted = Search(numbering, pose, target, limit, accept_nominal)
     count, size, wires = math.prod(scene.batch), numbering.size, len(scene.wires.label)
     stiffness, soft = (np.empty((count, size, size)) for _ in range(2))
-    form, parts = np.empty((count, wires, size)), []
+    form, pivot, parts = np.empty((count, wires, size)), np.empty(count), []
     for rows in _chunks(scene, numbering):
         found = search(scene, rows, wanted)
         made = derivatives(found.now, stretching=False)
         made.symmetric(soft[rows])
         string.add_stretching(found.now, made)
         made.finish().symmetric(stiffness[rows])
+        pivot[rows] = Factors(made.hessian[6:-1, 6:-1], made.linked[6:-1, 6:-1]).least
         form[rows] = string.elongations(found.now).T
         parts.append(_arrays_of(found))
-    whole = {"stiffness": stiffness, "soft": soft, "form": form}
+    whole = {"stiffness": stiffness, "soft": soft, "form": form, "pivot": pivot}
     for name, first in parts[0].items() if parts else ():
         whole[name] = first if len(parts) == 1 else np.concatenate([part[name] for part in parts])
     arrays = {
@@ -335,5 +336,5 @@ def _arrays_of(found: Found) -> dict[str, np.ndarray]:
         flex = {name: getattr(now.flex, name) for name in ("bend", "twist")}
         arrays |= {name: value for name, value in flex.items() if value is not None}
     arrays = {name: batch_first(value, batch) for name, value in arrays.items()}
-    names = ("residual", "rounding", "steps", "pivot")
+    names = ("residual", "rounding", "steps")
     return arrays | {name: getattr(found, name) for name in names}

@@ -170,7 +170,7 @@ def _unstable(
 ) -> Bool[np.ndarray, " build"]:
     """Find builds with an unstable mode.
 
-    The pivots of the last step to an equilibrium identify most stable ones, unless the support
+    The pivots of the tangent stiffness identify most stable ones, unless the support
     structure moves too.
     """
     unclear = np.ones(model.batch, dtype=bool)
