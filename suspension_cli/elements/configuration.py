@@ -138,7 +138,8 @@ def _sums(ends: Ends) -> Sums:
         known, first = np.unique(keys, axis=0, return_index=True)
         kept = known.min(-1) >= least
         same = (keys == known[kept][:, None]).all(-1).astype(float)
-        return Group(*numbers[first[kept]].T, same)
+        own = numbers[first[kept]]
+        return Group(own[:, 0], own[:, 1], own[:, 2], same)
 
     return Sums(group(0), group(1), group(0, 1), group(2, least=0))
 

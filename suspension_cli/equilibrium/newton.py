@@ -55,7 +55,7 @@ BUILDS, NUMBERS = 512, 1 << 22
 def chunks(count: int, size: int) -> list[slice]:
     """Chunks of builds with matrices of `size` rows."""
     step = max(1, min(BUILDS, NUMBERS // size**2))
-    return [slice(start, min(start + step, count)) for start in range(0, count, step)]
+    return [slice(start, min(start + step, count)) for start in range(0, max(count, 1), step)]
 
 
 @dataclass(frozen=True)
@@ -176,7 +176,7 @@ class _State:
         stages, none = single_point_stages(arrays.scene), np.zeros(0)
         state = cls(builds, now, target, scale, unit, stages, none, none)
         state._evaluate()
-        if wanted.accept_nominal and arrays.scene.drawn is not None:
+        if wanted.accept_nominal and arrays.scene.drawn is not None and arrays.count:
             state.factors = state._nominal_factors(arrays.scene.drawn, rows)
         return state
 

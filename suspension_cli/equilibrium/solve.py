@@ -318,7 +318,7 @@ def _newton(
         form[rows] = string.elongations(found.now).T
         parts.append(_arrays_of(found))
     whole = {"stiffness": stiffness, "soft": soft, "form": form, "pivot": pivot}
-    for name, first in parts[0].items() if parts else ():
+    for name, first in parts[0].items():
         whole[name] = first if len(parts) == 1 else np.concatenate([part[name] for part in parts])
     arrays = {
         name: value.reshape((*scene.batch, *value.shape[1:]))[()] for name, value in whole.items()
