@@ -1,12 +1,11 @@
 """Run a sweep: points in chunks, on processes or a Dask cluster, with results straight to disk.
 
-A job computes any range of its points independently, with the same bits for the same range, so
-number of workers and engine do not matter, and chunk size changes results by rounding alone. The
-HDF5 datasets are allocated in full when the file is made, and chunks are written in place. A killed
-run leaves a valid file (``NAME.h5.part``) and a journal of the finished points
-(``NAME.h5.journal``), from which ``resume`` continues. When all points are done the file gets its
-name and the journal is deleted. The journal is locked during a run, so that two runs never write
-one file.
+A job computes any range of its points independently, with the same bits, so chunk size, number of
+workers and engine do not matter. The HDF5 datasets are allocated in full when the file is made, and
+chunks are written in place. A killed run leaves a valid file (``NAME.h5.part``) and a journal of
+the finished points (``NAME.h5.journal``), from which ``resume`` continues. When all points are done
+the file gets its name and the journal is deleted. The journal is locked during a run, so that two
+runs never write one file.
 """
 
 from __future__ import annotations
