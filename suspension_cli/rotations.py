@@ -32,19 +32,29 @@ def cross(
     return result
 
 
+def turn_by(vector: Inexact[np.ndarray, " 3 *batch"]) -> Inexact[np.ndarray, "3 3 *batch"]:
+    """Rotation matrices minus the unit matrix of rotation vectors in rad, components first.
+
+    Without the unit matrix, small rotations keep all their digits. Rodrigues' formula,
+    sin(a)/a [v] + (1 - cos(a))/a^2 (v v^T - a^2), with both factors written as sinc: neither
+    cancels for small angles a. Complex vectors are allowed (complex-step derivatives).
+    """
+    square = vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2
+    angle = np.sqrt(square)
+    sine, half = np.sinc(angle / np.pi), 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
+    result = half * vector[:, None] * vector
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        result[i, i] = -half * (vector[j] ** 2 + vector[k] ** 2)
+        result[i, j] -= sine * vector[k]
+        result[j, i] += sine * vector[k]
+    return result
+
+
 def rotation_minus_identity(
     vector: Inexact[np.ndarray, "*batch 3"],
 ) -> Inexact[np.ndarray, "*batch 3 3"]:
-    """Rotation matrices minus the unit matrix, (..., 3, 3), of rotation vectors (..., 3) in rad.
-
-    Without the unit matrix, small rotations keep all their digits. Rodrigues' formula,
-    sin(a)/a [v] + (1 - cos(a))/a^2 [v]^2, with both factors written as sinc: neither cancels for
-    small angles a. Complex vectors are allowed (complex-step derivatives).
-    """
-    vector = np.asarray(vector)
-    angle = np.sqrt((vector**2).sum(-1))[..., None, None]
-    v = cross_matrix(vector)
-    return np.sinc(angle / np.pi) * v + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * (v @ v)
+    """Rotation matrices minus the unit matrix, (..., 3, 3), of rotation vectors (..., 3) in rad."""
+    return np.moveaxis(turn_by(np.moveaxis(np.asarray(vector), -1, 0)), (0, 1), (-2, -1))
 
 
 def rotation_matrix(vector: Inexact[np.ndarray, "*batch 3"]) -> Inexact[np.ndarray, "*batch 3 3"]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from suspension_cli.design.schema import Design
 from suspension_cli.drawing.bodies import Outline, suspension_size
-from suspension_cli.elements.string import tip_deflection
+from suspension_cli.elements import string
 from suspension_cli.scene import links
 from suspension_cli.scene.arrays import Array, Index
 from suspension_cli.scene.pose import Layout, Pose, displace, layout, nominal_pose
@@ -94,11 +94,9 @@ def position_of(scene: Scene, pose: Pose, body: ArrayLike, point: ArrayLike) -> 
 
 def wire_ends(scene: Scene, pose: Pose) -> Array:
     """Upper and lower end (w, 2, 3) of every wire, m; an end on a blade moves with its tip."""
-    wires = scene.wires
-    upper = position_of(
-        scene, pose, wires.upper, wires.upper_point + tip_deflection(wires.blade, pose)
-    )
-    return np.stack([upper, position_of(scene, pose, wires.lower, wires.lower_point)], axis=1)
+    wires, now, place = scene.wires, string.state(scene, pose), scene.bodies.position + pose.shift
+    ends = (place[wires.upper] + now.upper_arm, place[wires.lower] + now.lower_arm)
+    return np.stack(ends, axis=1)
 
 
 def sections(scene: Scene, pose: Pose, outlines: list[Outline], view: View) -> list[Array]:

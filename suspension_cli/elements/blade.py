@@ -12,59 +12,37 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.elements.element import Derivatives, Element
-from suspension_cli.rotations import cross_matrix
-from suspension_cli.scene.pose import Layout, Pose
-from suspension_cli.scene.scene import Scene
+from suspension_cli.elements.configuration import Configuration
+from suspension_cli.elements.derivatives import Derivatives
+from suspension_cli.elements.element import Element
 
 if TYPE_CHECKING:
     from jaxtyping import Inexact
 
 
-def tip_arms(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch blade 3"]:
-    """Vector (..., b, 3) from the COM of each blade's body to its tip, global axes, m."""
-    return pose.arms(scene.blades.body, scene.blades.tip + pose.deflection)
+def energy(now: Configuration) -> Inexact[np.ndarray, " build"]:
+    """Elastic energy of all blades relative to the nominal pose, J."""
+    q, blades = now.deflection, now.arrays.blades
+    return (blades.stiffness * q**2 / 2 - blades.load * q).sum((0, 1))
 
 
-def energy(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch"]:
-    """Elastic energy (...) of all blades relative to the nominal pose, J."""
-    q = pose.deflection
-    return (0.5 * scene.blades.stiffness * q**2 - scene.blades.load * q).sum((-2, -1))
-
-
-def add_derivatives(scene: Scene, numbering: Layout, pose: Pose, derivatives: Derivatives) -> None:
-    """Add the derivatives of the energy of all blades, and of the forces on their tips.
-
-    All these forces must have been added before.
-    """
-    blades, pulled, hessian = scene.blades, derivatives.on_tips, derivatives.hessian
+def add_derivatives(now: Configuration, derivatives: Derivatives) -> None:
+    """Add the derivatives of the energy of all blades."""
+    blades, axes = now.arrays.blades, now.arrays.blades.axes.T
     if not blades.label:
         return
-    rotation, rows = pose.rotation[..., blades.body, :, :], numbering.blade[blades.axes]
-    force = blades.stiffness * pose.deflection - blades.load
-    force = force + (np.swapaxes(rotation, -1, -2) @ pulled[..., None])[..., 0]
-    derivatives.gradient[..., rows] += force[..., blades.axes]
-    hessian[..., rows, rows] += blades.stiffness[..., blades.axes]
-    # the gradient F at a tip, deflected by q, adds F . (t x R q) = -t . [F] R q as its body rotates
-    # by t
-    block = -cross_matrix(pulled) @ rotation
-    turn = (6 * blades.body[:, None] + np.arange(3, 6))[:, :, None] + np.zeros(3, dtype=np.intp)
-    tip = numbering.blade[:, None, :] + np.zeros((3, 1), dtype=np.intp)
-    hessian[..., turn, tip] += block
-    hessian[..., tip, turn] += block
+    rows = now.arrays.numbering.blade.T[axes]
+    derivatives.gradient[rows] += (blades.stiffness * now.deflection - blades.load)[axes]
+    if derivatives.curved:
+        derivatives.add_diagonal(rows, blades.stiffness[axes])
 
 
-def loss_matrix(
-    scene: Scene, numbering: Layout, pose: Pose
-) -> Inexact[np.ndarray, "*batch coordinate coordinate"] | float:
-    """Imaginary part (..., N, N) of the stiffness of all blades."""
-    del pose
-    if not scene.blades.loss.any():
-        return 0.0
-    blades, rows = scene.blades, numbering.blade[scene.blades.axes]
-    result = np.zeros((*scene.batch, numbering.size, numbering.size))
-    result[..., rows, rows] = (blades.stiffness * blades.loss[:, None])[..., blades.axes]
-    return result
+def add_loss(now: Configuration, derivatives: Derivatives) -> None:
+    """Add the imaginary part of the stiffness of all blades."""
+    blades, axes = now.arrays.blades, now.arrays.blades.axes.T
+    if blades.loss.any():
+        rows = now.arrays.numbering.blade.T[axes]
+        derivatives.add_diagonal(rows, (blades.stiffness * blades.loss[:, None])[axes])
 
 
-ELEMENT = Element(energy, add_derivatives, loss=loss_matrix, compiled=True)
+ELEMENT = Element(energy, add_derivatives, add_loss=add_loss)

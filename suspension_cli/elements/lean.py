@@ -14,53 +14,55 @@ with n = z^2 + q,
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.polynomial import polynomial
 
-if TYPE_CHECKING:
-    from jaxtyping import Inexact
+from suspension_cli.elements.vectors import Matrix, Scalar, Vector, outer
 
 _A = (-1.0) ** np.arange(15) / (2 * np.arange(15) + 1)
 SERIES = np.array([np.pad(polynomial.polyder(_A, m), (0, m)) for m in range(3)])
 """Coefficients of A, A' and A'' in powers of t."""
 SMALL = 0.05
 """Largest t for the series; above it differences in A'' lose at most four digits."""
+_ACROSS = np.array([1.0, 1.0, 0.0])[:, None, None]
+"""Components of a vector (3, leg, build) across a leg."""
 
 
-def angle(
-    delta: Inexact[np.ndarray, "*batch spring 3"], length: Inexact[np.ndarray, "*batch spring"]
-) -> tuple[
-    Inexact[np.ndarray, "*batch spring 3"],
-    Inexact[np.ndarray, "*batch spring 3 3"],
-    Inexact[np.ndarray, "*batch spring 3 3 3"],
-]:
-    """Lean of legs (g, delta_z), m, with first (output, input) and second derivatives by delta."""
-    across, z = delta * [1.0, 1.0, 0.0], length + delta[..., 2]
-    q = (across**2).sum(-1)
-    t, n = q / z**2, z**2 + q
-    a, first, second = _derivatives(t)
-    unit, flat = np.array([0.0, 0.0, 1.0]), np.diag([1.0, 1.0, 0.0])
-
-    def times(value: Inexact[np.ndarray, "*shape"], count: int) -> Inexact[np.ndarray, "*other"]:
-        return value.reshape(*value.shape, *(1,) * count)
-
-    f_q, along = times(first / z**3, 1), across[..., :, None] * unit
-    slope = 2 * f_q * across - times(1 / n, 1) * unit
-    curve = 2 * f_q[..., None] * flat + times(2 * z / n**2, 2) * np.outer(unit, unit)
-    curve = curve + times(4 * second / z**5, 2) * across[..., :, None] * across[..., None, :]
-    curve = curve + times(2 / n**2, 2) * (along + np.swapaxes(along, -1, -2))
-    f, size = times(a / z, 1), times(length, 1)
-    value = size * f * across + delta * unit
-    outer = across[..., :, None] * slope[..., None, :]
-    rates = size[..., None] * (f[..., None] * flat + outer) + np.outer(unit, unit)
-    mixed = flat[:, :, None] * slope[..., None, None, :]
-    bends = mixed + np.swapaxes(mixed, -1, -2) + across[..., :, None, None] * curve[..., None, :, :]
-    return value, rates, size[..., None, None] * bends
+def _factor(delta: Vector, length: Scalar) -> tuple[Scalar, Vector, Matrix]:
+    """L f with its gradient and Hessian by delta."""
+    x, y, z = delta[0], delta[1], length + delta[2]
+    q = x * x + y * y
+    n = z * z + q
+    a, first, second = _derivatives(q / (z * z))
+    f_q, f_qq = length * first / z**3, length * second / z**5
+    f_z, f_qz, f_zz = -length / n, length / n**2, 2 * length * z / n**2
+    xx, xy, yy = 2 * f_q + 4 * f_qq * x * x, 4 * f_qq * x * y, 2 * f_q + 4 * f_qq * y * y
+    xz, yz = 2 * x * f_qz, 2 * y * f_qz
+    curve = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, f_zz]])
+    return length * a / z, np.array([2 * f_q * x, 2 * f_q * y, f_z]), curve
 
 
-def _derivatives(t: Inexact[np.ndarray, "*shape"]) -> list[Inexact[np.ndarray, "*shape"]]:
+def angle(delta: Vector, length: Scalar) -> tuple[Vector, Matrix]:
+    """Lean of legs (g, delta_z), m, with its derivatives by delta (output, input)."""
+    f, slope, _ = _factor(delta, length)
+    across = delta * _ACROSS
+    rates = outer(across, slope)
+    rates[0, 0] += f
+    rates[1, 1] += f
+    rates[2, 2] += 1.0
+    lean = f * across
+    lean[2] = delta[2]
+    return lean, rates
+
+
+def curvature(delta: Vector, length: Scalar, pull: Vector) -> Matrix:
+    """Second derivatives of the lean by delta, times the gradient `pull` of the energy by it."""
+    _, slope, curve = _factor(delta, length)
+    flat = pull * _ACROSS
+    return (flat * delta).sum(0) * curve + outer(flat, slope) + outer(slope, flat)
+
+
+def _derivatives(t: Scalar) -> list[Scalar]:
     """Return A(t), A'(t) and A''(t)."""
     small = np.abs(t) < SMALL
     far, near = np.where(small, 1.0, t), np.where(small, t, 0.0)

@@ -128,8 +128,6 @@ class Plate(CrossSection):
     """
 
     thickness: float
-    stretching_ratio = 0.0
-    twisting_ratio = 0.0
 
     @property
     def depth(self) -> tuple[float, float]:

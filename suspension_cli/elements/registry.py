@@ -1,4 +1,4 @@
-"""The kinds of elements of a scene, in the order in which their derivatives are added."""
+"""The kinds of elements of a scene."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ ELEMENTS: tuple[Element, ...] = (
     spring.ELEMENT,
     blade.ELEMENT,
 )
-"""Blades come last: they take the forces of all others on their tips."""
 
 
 def with_added(scene: Scene, design: Design) -> Scene:
@@ -28,8 +27,3 @@ def with_added(scene: Scene, design: Design) -> Scene:
 def elements_of(scene: Scene) -> list[Element]:
     """List the kinds of elements that a scene has."""
     return [item for item in ELEMENTS if item.make is None or item.name in scene.added]
-
-
-def uncompiled(scene: Scene) -> list[Element]:
-    """List those of them whose formulas the loops for batches lack."""
-    return [item for item in elements_of(scene) if not item.compiled]

@@ -25,223 +25,199 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.elements import lean
-from suspension_cli.elements.element import Derivatives, Element
-from suspension_cli.elements.geometric_stiffness import rotation_hessian, unit_trace
-from suspension_cli.rotations import cross_matrix
-from suspension_cli.scene.pose import Layout, Pose
-from suspension_cli.scene.scene import Scene
+from suspension_cli.elements.configuration import (
+    Attached,
+    Configuration,
+    Ends,
+)
+from suspension_cli.elements.derivatives import Derivatives, Terms
+from suspension_cli.elements.element import Element
+from suspension_cli.elements.vectors import (
+    Matrix,
+    Scalar,
+    Vector,
+    cross_matrix,
+    dot,
+    plus_unit,
+    product,
+    symmetric,
+    times,
+    trace,
+    transposed,
+    unit,
+)
 
 if TYPE_CHECKING:
-    from jaxtyping import Float, Inexact
-
-
-_OF_SPRING = cross_matrix(np.eye(3)) / 2
-_OF_LEG = np.array(
-    [[[0, 0, 0], [0, 0, -1], [0, 0, 0]], [[0, 0, 1], [0, 0, 0], [0, 0, 0]], _OF_SPRING[2]]
-)
-"""Forms G of the components <G, Q> of phi."""
+    from jaxtyping import Inexact
 
 
 @dataclass(frozen=True)
-class State:
-    """All springs of a scene in one pose.
+class _Strains:
+    """Strains of springs, or of flexures of legs, in a pose.
 
     Attributes
     ----------
-    reach
-        r, from the upper COM to the lower point, global axes, m.
-    arm
-        w, from the lower COM to the lower point, global axes, m.
+    which
+        Their numbers.
+    legs
+        Their lengths, m; None for springs.
+    upper, lower
+        Rotations of the bodies.
+    delta
+        In the frame of the upper body, m.
     strain
-        delta (or lean) in m and phi in rad.
-    pull
-        Gradient of the energy with respect to the strain, N and N m.
-    lean
-        Derivatives of the lean by delta, first and second; None without legs.
+        delta (or the lean), m, and phi, rad.
+    rates
+        Derivatives of the lean by delta; None for springs.
+    spin
+        Derivatives of phi by a rotation of the lower body.
     """
 
-    reach: Inexact[np.ndarray, "*batch spring 3"]
-    arm: Inexact[np.ndarray, "*batch spring 3"]
-    strain: Inexact[np.ndarray, "*batch spring 6"]
-    pull: Inexact[np.ndarray, "*batch spring 6"]
-    lean: (
-        tuple[
-            Inexact[np.ndarray, "*batch spring 3 3"],
-            Inexact[np.ndarray, "*batch spring 3 3 3"],
-        ]
-        | None
-    ) = None
-
-    def force(self, number: int) -> Inexact[np.ndarray, "*batch 3"]:
-        """Gradient (..., 3) of the energy of a spring with respect to delta, N."""
-        pull = self.pull[..., number, :3]
-        if self.lean is None:
-            return pull
-        return (np.swapaxes(self.lean[0][..., number, :, :], -1, -2) @ pull[..., None])[..., 0]
+    which: list[int]
+    legs: Scalar | None
+    attached: Attached
+    upper: Matrix
+    lower: Matrix
+    delta: Vector
+    strain: tuple[Vector, Vector]
+    rates: Matrix | None
+    spin: Matrix
 
 
-def state(scene: Scene, pose: Pose) -> State:
-    """Strains and forces of all springs in a pose."""
-    springs = scene.springs
-    upper, lower = pose.rotation[..., springs.upper, :, :], pose.rotation[..., springs.lower, :, :]
-    arm = pose.arms(springs.lower, springs.lower_point)
-    nominal = springs.upper_point - springs.lower_point
-    reach = nominal + pose.shift[..., springs.lower, :] - pose.shift[..., springs.upper, :] + arm
-    delta = (np.swapaxes(upper, -1, -2) @ reach[..., None])[..., 0] - springs.upper_point
-    relative = np.swapaxes(upper, -1, -2) @ lower
-    phi = np.einsum("...nijk,...njk->...ni", _forms(springs.leg), relative)
-    derivatives = None
-    if springs.leg.any():
-        is_leg = (springs.leg != 0)[..., None]
-        legs = lean.angle(np.where(is_leg, delta, 0.0), np.where(is_leg[..., 0], springs.leg, 1.0))
-        delta = np.where(is_leg, legs[0], delta)
-        derivatives = np.where(is_leg[..., None], legs[1], np.eye(3)), legs[2]
-    strain = np.concatenate([delta, phi], axis=-1)
-    pull = (springs.stiffness @ strain[..., None])[..., 0] - springs.preload
-    return State(reach, arm, strain, pull, derivatives)
+def _strains(now: Configuration) -> list[_Strains]:
+    """Strains of all springs, and of all legs."""
+    length = now.arrays.springs.leg
+    is_leg = (length != 0).any(-1)
+    parts = (np.flatnonzero(~is_leg).tolist(), np.flatnonzero(is_leg).tolist())
+    return [
+        _strains_of(now, which, legs)
+        for which, legs in ((parts[0], None), (parts[1], length[parts[1]]))
+        if which
+    ]
 
 
-def _forms(leg: Inexact[np.ndarray, "*spring"]) -> Float[np.ndarray, "*spring 3 3 3"]:
-    """Forms (..., 3, 3, 3) of the components of phi of springs and legs."""
-    return np.where((leg != 0)[..., None, None, None], _OF_LEG, _OF_SPRING)
+def _strains_of(now: Configuration, which: list[int], legs: Scalar | None) -> _Strains:
+    springs = now.arrays.springs
+    ends = Ends.of(springs.upper[which], springs.lower[which])
+    upper, lower = (
+        now.turn[:, :, list(body)] + np.eye(3)[:, :, None, None]
+        for body in (ends.upper, ends.lower)
+    )
+    to_upper = transposed(upper)
+    above, below = springs.upper_point[:, which], springs.lower_point[:, which]
+    arm, moved = now.arms(ends.lower, below)
+    shift = now.shift[:, list(ends.lower)] - now.shift[:, list(ends.upper)]
+    reach = above + (shift + moved)
+    delta = times(to_upper, reach) - above
+    q, rates = product(to_upper, lower), None
+    phi = np.array([q[2, 1] - q[1, 2], q[0, 2] - q[2, 0], q[1, 0] - q[0, 1]]) / 2
+    spin = product((unit(trace(q)) - q) / 2, to_upper)
+    strain = delta
+    if legs is not None:
+        strain, rates = lean.angle(delta, legs)
+        tilts = product(to_upper, cross_matrix(lower[:, 2]))
+        phi[0], phi[1] = -q[1, 2], q[0, 2]
+        spin[0], spin[1] = tilts[1], -tilts[0]
+    attached = Attached(ends, reach, arm)
+    return _Strains(which, legs, attached, upper, lower, delta, (strain, phi), rates, spin)
 
 
-def energy(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch"]:
-    """Elastic energy (...) of all springs relative to the nominal pose, J."""
-    now = state(scene, pose)
-    return (0.5 * (now.pull - scene.springs.preload) * now.strain).sum((-2, -1))
+def _blocks(
+    form: Inexact[np.ndarray, "6 6 spring build"],
+) -> tuple[Matrix, Matrix, Matrix]:
+    """Blocks of forms in the strain: of the displacement, mixed, and of the rotation."""
+    return form[:3, :3], form[:3, 3:], form[3:, 3:]
 
 
-def strain_jacobian(
-    scene: Scene, numbering: Layout, pose: Pose, now: State, number: int, *, rate: bool = False
-) -> Inexact[np.ndarray, "*batch 6 coordinate"]:
-    """Derivative (..., 6, N) of the strain of spring `number` with respect to the coordinates.
+def _pull(now: Configuration, one: _Strains, preload: float) -> tuple[Vector, Vector]:
+    """Gradient of the energy with respect to the strain, with a fraction of the preload."""
+    springs = now.arrays.springs
+    straight, mixed, turns = _blocks(springs.stiffness[:, :, one.which])
+    force, torque = (
+        preload * springs.preload[:3, one.which],
+        preload * springs.preload[3:, one.which],
+    )
+    delta, phi = one.strain
+    pull = times(straight, delta) + times(mixed, phi) - force
+    return pull, times(transposed(mixed), delta) + times(turns, phi) - torque
 
-    With `rate`, that of delta and of the rotation from one body to the other, R_u^T (t_l - t_u).
-    """
-    up, low = _columns(scene, number)
-    to_upper = np.swapaxes(pose.rotation[..., scene.springs.upper[number], :, :], -1, -2)
-    result = np.zeros((*now.strain.shape[:-2], 6, numbering.size), dtype=now.strain.dtype)
-    result[..., :3, low] = to_upper
-    result[..., :3, up] = -to_upper
-    result[..., :3, _turning(low)] = -to_upper @ cross_matrix(now.arm[..., number, :])
-    result[..., :3, _turning(up)] = to_upper @ cross_matrix(now.reach[..., number, :])
-    if now.lean is not None and not rate:
-        result[..., :3, :] = now.lean[0][..., number, :, :] @ result[..., :3, :]
-    turning = to_upper
-    if not rate:  # a rotation h changes <P, E> by <P, [h]>
-        p = _turned_forms(scene, pose, number)
-        turning = (p - np.swapaxes(p, -1, -2))[..., [2, 0, 1], [1, 2, 0]]
-    result[..., 3:, _turning(low)] = turning
-    result[..., 3:, _turning(up)] = -turning
+
+def energy(now: Configuration) -> Inexact[np.ndarray, " build"]:
+    """Elastic energy of all springs relative to the nominal pose, J."""
+    result: Scalar = np.zeros(now.arrays.count)
+    for one in _strains(now):
+        pull, twist = _pull(now, one, 2.0)
+        result = result + (dot(pull, one.strain[0]) + dot(twist, one.strain[1])).sum(0) / 2
     return result
 
 
-def _turned_forms(scene: Scene, pose: Pose, number: int) -> Inexact[np.ndarray, "*batch 3 3 3"]:
-    """Forms P = R_u G R_l^T of the components <P, E> of phi of a spring."""
-    springs = scene.springs
-    upper = pose.rotation[..., springs.upper[number], :, :]
-    lower = pose.rotation[..., springs.lower[number], :, :]
-    g = _forms(springs.leg[..., number])
-    return upper[..., None, :, :] @ g @ np.swapaxes(lower, -1, -2)[..., None, :, :]
-
-
-def add_derivatives(scene: Scene, numbering: Layout, pose: Pose, derivatives: Derivatives) -> None:
+def add_derivatives(now: Configuration, derivatives: Derivatives) -> None:
     """Add the derivatives of the energy of all springs."""
-    if not scene.springs.label:
-        return
-    now, hessian = state(scene, pose), derivatives.hessian[..., :-1, :-1]
-    legs = scene.springs.leg
-    for number in range(len(scene.springs.label)):
-        jacobian = strain_jacobian(scene, numbering, pose, now, number)
-        transposed = np.swapaxes(jacobian, -1, -2)
-        derivatives.gradient[...] += (transposed @ now.pull[..., number, :, None])[..., 0]
-        hessian += transposed @ scene.springs.stiffness[..., number, :, :] @ jacobian
-        if now.lean is not None and legs[..., number].any():
-            moved = strain_jacobian(scene, numbering, pose, now, number, rate=True)[..., :3, :]
-            pull, second = now.pull[..., number, :3], now.lean[1][..., number, :, :, :]
-            curve = np.einsum("...i,...ijk->...jk", pull, second)
-            hessian += np.swapaxes(moved, -1, -2) @ curve @ moved
-        _add_curvature(scene, pose, now, number, hessian)
+    for one in _strains(now):
+        pull, twist = _pull(now, one, 1.0)
+        along = pull if one.rates is None else times(transposed(one.rates), pull)
+        force, torque = times(one.upper, along), times(transposed(one.spin), twist)
+        terms = Terms(force, -torque, torque)
+        if derivatives.curved:
+            form = now.arrays.springs.stiffness[:, :, one.which]
+            terms = terms + _form(one, form) + _curvature(one, force, pull, twist)
+        derivatives.add(one.attached, terms)
 
 
-def _add_curvature(
-    scene: Scene,
-    pose: Pose,
-    now: State,
-    number: int,
-    hessian: Inexact[np.ndarray, "*batch coordinate coordinate"],
+def _form(
+    one: _Strains, form: Inexact[np.ndarray, "6 6 spring build"], *, rate: bool = False
+) -> Terms:
+    """Second derivatives of a form in the strain, or with `rate` in that of motion.
+
+    The latter is the change of delta and the rotation from one body to the other, R_u^T (t_l -
+    t_u).
+    """
+    straight, mixed, turns = _blocks(form)
+    to_upper = transposed(one.upper)
+    spin = to_upper if rate else one.spin
+    rates = to_upper if rate or one.rates is None else product(one.rates, to_upper)
+    s = product(product(transposed(rates), straight), rates)
+    c = product(product(transposed(rates), mixed), spin)
+    turned = product(product(transposed(spin), turns), spin)
+    return Terms(s=s, x_u=-c, x_l=c, y_uu=turned, y_lu=-turned, y_ll=turned)
+
+
+def _curvature(one: _Strains, force: Vector, pull: Vector, twist: Vector) -> Terms:
+    """Second derivatives of the strain times its pull."""
+    skew, s = cross_matrix(twist), None
+    if one.legs is not None:
+        curve = lean.curvature(one.delta, one.legs, pull)
+        s = product(product(one.upper, curve), transposed(one.upper))
+        skew[0, 0] = skew[1, 1] = skew[2, 0] = skew[2, 1] = 0.0
+        skew[0, 2], skew[1, 2] = 2 * twist[1], -2 * twist[0]
+    g = product(product(one.upper, skew), transposed(one.lower))
+    own = plus_unit(symmetric(g) / 2, -trace(g) / 2)
+    # a force fixed in the upper body turns with it
+    x_u = -cross_matrix(force)
+    return Terms(s=s, x_u=x_u, y_uu=own, y_lu=plus_unit(-g / 2, trace(g) / 2), y_ll=own)
+
+
+def add_damping(now: Configuration, derivatives: Derivatives) -> None:
+    """Add the viscous damping of all springs."""
+    if now.arrays.springs.damping.any():
+        for one in _strains(now):
+            form = now.arrays.springs.damping[:, :, one.which]
+            derivatives.add(one.attached, _form(one, form, rate=True))
+
+
+def add_loss(now: Configuration, derivatives: Derivatives) -> None:
+    """Add the imaginary part of the stiffness of all springs."""
+    springs = now.arrays.springs
+    add_forms(now, derivatives, springs.stiffness * springs.loss[:, None])
+
+
+def add_forms(
+    now: Configuration, derivatives: Derivatives, form: Inexact[np.ndarray, "6 6 spring build"]
 ) -> None:
-    """Add pull times second derivative of a spring's strain to the Hessian, in place."""
-    up, low = _columns(scene, number)
-    upper = pose.rotation[..., scene.springs.upper[number], :, :]
-    force = (upper @ now.force(number)[..., None])[..., 0]
-    reach, arm = now.reach[..., number, :], now.arm[..., number, :]
-    twist = now.pull[..., number, 3:]
-    p = (twist[..., None, None] * _turned_forms(scene, pose, number)).sum(-3)
-    turn = (p + np.swapaxes(p, -1, -2)) / 2 - unit_trace(p)
-    product = _outer(arm, force)
-    mixed = -product + unit_trace(product) - np.swapaxes(p, -1, -2) + unit_trace(p)
-    low_turn, up_turn = _turning(low), _turning(up)
-    hessian[..., low_turn, low_turn] += rotation_hessian(_outer(force, arm)) + turn
-    hessian[..., up_turn, up_turn] += rotation_hessian(_outer(force, reach)) + turn
-    skew = cross_matrix(force)
-    for rows, columns, block in (
-        (up_turn, low_turn, mixed),
-        (up_turn, low, skew),
-        (up_turn, up, -skew),
-    ):
-        hessian[..., rows, columns] += block
-        hessian[..., columns, rows] += np.swapaxes(block, -1, -2)
+    """Add forms in the strains of the springs."""
+    if form.any():
+        for one in _strains(now):
+            derivatives.add(one.attached, _form(one, form[:, :, one.which]))
 
 
-def _columns(scene: Scene, number: int) -> tuple[slice, slice]:
-    """Coordinates of the displacement of the upper and of the lower body."""
-    up, low = 6 * int(scene.springs.upper[number]), 6 * int(scene.springs.lower[number])
-    return slice(up, up + 3), slice(low, low + 3)
-
-
-def _turning(displacement: slice) -> slice:
-    """Coordinates of the rotation of the body, from those of displacement."""
-    return slice(displacement.stop, displacement.stop + 3)
-
-
-def _outer(
-    a: Inexact[np.ndarray, "*batch 3"], b: Inexact[np.ndarray, "*batch 3"]
-) -> Inexact[np.ndarray, "*batch 3 3"]:
-    return a[..., :, None] * b[..., None, :]
-
-
-def damping_matrix(
-    scene: Scene, numbering: Layout, pose: Pose
-) -> Inexact[np.ndarray, "*batch coordinate coordinate"] | float:
-    """Viscous damping (..., N, N) of all springs."""
-    return _sum_forms(scene, numbering, pose, scene.springs.damping, rate=True)
-
-
-def loss_matrix(
-    scene: Scene, numbering: Layout, pose: Pose
-) -> Inexact[np.ndarray, "*batch coordinate coordinate"] | float:
-    """Imaginary part (..., N, N) of the stiffness of all springs."""
-    springs = scene.springs
-    return _sum_forms(scene, numbering, pose, springs.stiffness * springs.loss[:, None, None])
-
-
-def _sum_forms(
-    scene: Scene,
-    numbering: Layout,
-    pose: Pose,
-    form: Inexact[np.ndarray, "... spring 6 6"],
-    *,
-    rate: bool = False,
-) -> Inexact[np.ndarray, "*batch coordinate coordinate"] | float:
-    """Sum (..., N, N) of forms in the strains of the springs, or in their rates."""
-    now, result = state(scene, pose), 0.0
-    for number in range(len(scene.springs.label)):
-        if form[..., number, :, :].any():
-            jacobian = strain_jacobian(scene, numbering, pose, now, number, rate=rate)
-            result = result + np.swapaxes(jacobian, -1, -2) @ form[..., number, :, :] @ jacobian
-    return result
-
-
-ELEMENT = Element(energy, add_derivatives, damping=damping_matrix, loss=loss_matrix, compiled=True)
+ELEMENT = Element(energy, add_derivatives, add_damping=add_damping, add_loss=add_loss)

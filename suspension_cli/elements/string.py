@@ -4,22 +4,39 @@ At the elongation e = L - l from the nominal length l, a wire stores T0 e + k e^
 with respect to the span (from the upper to the lower end) is T u, with T = T0 + k e and the unit
 vector u; the Hessian is k u u^T + (T / L) (I - u u^T): stiffness along the wire, tension over
 length across it (a pendulum). These are the two terms of equation 5 of Husman et al. (2000),
-section 4b.
+section 4b. Struts (legs of inverted pendulums) are strings that push.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.elements.element import Derivatives, Element
-from suspension_cli.scene.pose import Layout, Pose, point_jacobian
-from suspension_cli.scene.scene import Scene, no_struts
+from suspension_cli.elements.configuration import (
+    Configuration,
+    Line,
+    batch_first,
+    batch_of,
+    configuration,
+)
+from suspension_cli.elements.derivatives import Derivatives, Terms
+from suspension_cli.elements.element import Element
+from suspension_cli.elements.vectors import (
+    Scalar,
+    cross,
+    dot,
+    outer,
+    plus_unit,
+    times,
+    transposed,
+)
+from suspension_cli.scene.pose import Pose, layout
+from suspension_cli.scene.scene import Scene, Wires
 
 if TYPE_CHECKING:
-    from jaxtyping import Inexact, Int
+    from jaxtyping import Inexact
 
 
 @dataclass(frozen=True)
@@ -48,87 +65,98 @@ class State:
     tension: Inexact[np.ndarray, "*batch wire"]
 
 
-def tip_deflection(
-    blade: Int[np.ndarray, " point"], pose: Pose
-) -> Inexact[np.ndarray, "*batch point 3"]:
-    """Deflection (..., k, 3) of the blade at each point, m; 0 for -1 (no blade)."""
-    none = np.zeros_like(pose.deflection, shape=(*pose.deflection.shape[:-2], 1, 3))
-    return np.concatenate([pose.deflection, none], axis=-2)[..., blade, :]
+def state(scene: Scene, pose: Pose, *, struts: bool = False) -> State:
+    """Geometry and tensions of all wires (or struts) in a pose."""
+    now = configuration(scene, layout(scene), pose)
+    lines, batch = now.struts if struts else now.wires, batch_of(scene, pose)
+    names = ("upper_arm", "lower_arm", "direction", "length", "elongation", "tension")
+    return State(*(batch_first(getattr(lines, name), batch) for name in names))
 
 
-def state(scene: Scene, pose: Pose) -> State:
-    """Geometry and tensions of all wires in a pose."""
-    wires, turn, deflection = scene.wires, pose.turn, tip_deflection(scene.wires.blade, pose)
-    upper_arm = pose.arms(wires.upper, wires.upper_point + deflection)
-    lower_arm = pose.arms(wires.lower, wires.lower_point)
-    # change of the span from displacements alone, so that nothing cancels
-    change = (
-        pose.shift[..., wires.lower, :]
-        - pose.shift[..., wires.upper, :]
-        + (turn[..., wires.lower, :, :] @ wires.lower_point[..., None])[..., 0]
-        - (turn[..., wires.upper, :, :] @ wires.upper_point[..., None])[..., 0]
-        - (pose.rotation[..., wires.upper, :, :] @ deflection[..., None])[..., 0]
-    )
-    span = wires.span + change
-    length = np.sqrt((span**2).sum(-1))
-    elongation = (change * (2 * wires.span + change)).sum(-1) / (length + wires.length)
-    tension = wires.tension + wires.stiffness * elongation
-    return State(upper_arm, lower_arm, span / length[..., None], length, elongation, tension)
+def energy(now: Configuration) -> Inexact[np.ndarray, " build"]:
+    """Elastic energy of all wires and struts relative to the nominal pose, J."""
+    result: Scalar = np.zeros(now.arrays.count)
+    for lines, wires in _kinds(now):
+        e = lines.elongation
+        result = result + (wires.tension * e + wires.stiffness * e**2 / 2).sum(0)
+    return result
 
 
-def with_struts(scene: Scene) -> Scene:
-    """A scene with its struts as wires: they follow the same formulas."""
-    return replace(scene, wires=scene.struts, struts=no_struts(), flex=None, fibres=None)
+def _kinds(now: Configuration) -> list[tuple[Line, Wires]]:
+    """Wires, and struts: those of them that the scene has."""
+    arrays = now.arrays
+    wires = [(now.wires, arrays.wires)] if arrays.wires.label else []
+    return [*wires, (now.struts, arrays.struts)] if arrays.struts.label else wires
 
 
-def energy(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch"]:
-    """Elastic energy (...) of all wires and struts relative to the nominal pose, J."""
-    e = state(scene, pose).elongation
-    own = (scene.wires.tension * e + 0.5 * scene.wires.stiffness * e**2).sum(-1)
-    return own + energy(with_struts(scene), pose) if scene.struts.label else own
+def add_derivatives(now: Configuration, derivatives: Derivatives) -> None:
+    """Add the derivatives of the energy of all wires and struts.
+
+    Without `derivatives.stretching`, wires keep their lengths.
+    """
+    for lines, wires in _kinds(now):
+        force, e = lines.tension * lines.direction, lines.direction
+        if not derivatives.curved:
+            derivatives.add(lines, Terms(force))
+            continue
+        tension, k = lines.tension, wires.stiffness
+        if lines is now.wires:
+            tension = tension if now.tension is None else now.tension
+            k = k if derivatives.stretching else 0.0
+        over = tension / lines.length
+        s = plus_unit(outer((k - over) * e, e), over)
+        derivatives.add(lines, Terms(force, s=s, turning_force=tension * e))
 
 
-def span_jacobian(
-    scene: Scene, numbering: Layout, pose: Pose, now: State
-) -> Inexact[np.ndarray, "*batch coordinate wire 3"]:
-    """Derivative (..., N, w, 3) of every span with respect to the N coordinates."""
-    wires = scene.wires
-    lower = point_jacobian(numbering, pose, wires.lower, now.lower_arm)
-    return lower - point_jacobian(numbering, pose, wires.upper, now.upper_arm, wires.blade)
+def predicted_tension(
+    now: Configuration, step: Inexact[np.ndarray, "coordinate build"]
+) -> Inexact[np.ndarray, "wire build"]:
+    """Tension of wires after a small step in all coordinates, to first order, N."""
+    lines, wires = now.wires, now.arrays.wires
+    motion = step[: 6 * now.shift.shape[1]].reshape(-1, 6, step.shape[-1]).swapaxes(0, 1)
+    upper, lower = (motion[:, list(body)] for body in (lines.ends.upper, lines.ends.lower))
+    change = lower[:3] - upper[:3]
+    change = change + cross(lower[3:], lines.lower_arm) - cross(upper[3:], lines.upper_arm)
+    if lines.ends.on_blades:
+        moved = now.tip_motion(step)[:, list(lines.ends.blade)]
+        change = change - moved - times(now.turn_of(lines.ends.upper), moved)
+    longer = lines.elongation + dot(lines.direction, change)
+    return wires.tension + wires.stiffness * longer
 
 
-def add_derivatives(scene: Scene, numbering: Layout, pose: Pose, derivatives: Derivatives) -> None:
-    """Add the derivatives of the energy of all wires and struts."""
-    if scene.struts.label:
-        add_derivatives(with_struts(scene), numbering, pose, derivatives)
-    wires = scene.wires
-    if not wires.label:
-        return
-    now = state(scene, pose)
-    jacobian = span_jacobian(scene, numbering, pose, now)
-    pull = now.tension[..., None] * now.direction
-    derivatives.add_forces(wires.lower, pull, now.lower_arm)
-    derivatives.add_forces(wires.upper, -pull, now.upper_arm, wires.blade)
-    over_length = now.tension / now.length
-    flat = jacobian.reshape(*jacobian.shape[:-2], -1)
-    along = (jacobian * now.direction[..., None, :, :]).sum(-1)
-    elastic = along * (wires.stiffness - over_length)[..., None, :]
-    pendulum = flat * np.repeat(over_length, 3, axis=-1)[..., None, :]
-    derivatives.hessian[..., :-1, :-1] += elastic @ np.swapaxes(
-        along, -1, -2
-    ) + pendulum @ np.swapaxes(flat, -1, -2)
+def add_stretching(now: Configuration, derivatives: Derivatives) -> None:
+    """Add the tangent stiffness against stretching of wires alone."""
+    if now.arrays.wires.label:
+        e = now.wires.direction
+        derivatives.add(now.wires, Terms(s=outer(now.arrays.wires.stiffness * e, e)))
 
 
-def loss_matrix(
-    scene: Scene, numbering: Layout, pose: Pose
-) -> Inexact[np.ndarray, "*batch coordinate coordinate"] | float:
-    """Imaginary part (..., N, N) of the stiffness against stretching of wires."""
-    if not scene.wires.loss.any():
-        return 0.0
-    wires, now = scene.wires, state(scene, pose)
-    jacobian = span_jacobian(scene, numbering, pose, now)
-    along = (jacobian * now.direction[..., None, :, :]).sum(-1)
-    return (along * (wires.stiffness * wires.loss)[..., None, :]) @ np.swapaxes(along, -1, -2)
+def add_loss(now: Configuration, derivatives: Derivatives) -> None:
+    """Add the imaginary part of the stiffness against stretching of wires."""
+    wires = now.arrays.wires
+    if wires.loss.any():
+        e = now.wires.direction
+        derivatives.add(now.wires, Terms(s=outer(wires.stiffness * wires.loss[:, None] * e, e)))
 
 
-ELEMENT = Element(energy, add_derivatives, loss=loss_matrix, compiled=True)
+def elongations(now: Configuration) -> Inexact[np.ndarray, "coordinate wire build"]:
+    """Elongation of each wire per coordinate."""
+    lines, numbering = now.wires, now.arrays.numbering
+    e, ends = lines.direction, lines.ends
+    up, low = cross(e, lines.upper_arm), cross(lines.lower_arm, e)
+    result = np.zeros((numbering.size + 1, len(ends.upper), now.arrays.count), dtype=e.dtype)
+    if not ends.upper:
+        return result[:-1]
+    wire, three = np.arange(len(ends.upper)), np.arange(3)[:, None]
+    for body, sign, turn in ((np.array(ends.upper), -1.0, up), (np.array(ends.lower), 1.0, low)):
+        result[6 * body + three, wire], result[6 * body + three + 3, wire] = sign * e, turn
+    if ends.on_blades:
+        on_tip = -(e + times(transposed(now.turn_of(ends.upper)), e))
+        tips = np.where(
+            np.array(ends.blade) >= 0, numbering.blade[list(ends.blade)].T, len(result) - 1
+        )
+        result[tips, wire] = on_tip
+    return result[:-1]
+
+
+ELEMENT = Element(energy, add_derivatives, add_loss=add_loss)

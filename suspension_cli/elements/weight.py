@@ -10,10 +10,12 @@ A wire with weight is taken as straight: at the fraction s of its length from th
 
 m/3, m/6 and m/3 for a uniform wire. By the lever rule the masses m_uu + m_ul and m_ul + m_ll weigh
 on the upper and the lower end. The kinetic energy is half of m_uu v_u^2 + 2 m_ul v_u . v_l + m_ll
-v_l^2 (any text on finite elements). The tension of the wire is a mean along it: the pull on the
-body above is larger, that on the body below smaller, by these weights. Sag is neglected; its effect
-is of second order in weight over tension W/T: a static string of tension T(s) has the transverse
-stiffness 1 / integral ds / T(s), below that of a straight wire by the fraction (W/T)^2 / 12.
+v_l^2 (any text on finite elements). With these masses at the ends it is half of that of two points,
+less m_ul (v_l - v_u)^2 / 2; so is the energy in a gradient. The tension of the wire is a mean along
+it: the pull on the body above is larger, that on the body below smaller, by these weights. Sag is
+neglected; its effect is of second order in weight over tension W/T: a static string of tension T(s)
+has the transverse stiffness 1 / integral ds / T(s), below that of a straight wire by the fraction
+(W/T)^2 / 12.
 
 A bar (a leg of an inverted pendulum, the blades of a filter) is rigid and follows the formulas of a
 wire, with moments of its own; spin about its axis is neglected.
@@ -35,23 +37,40 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.elements import string
-from suspension_cli.elements.element import Derivatives, Element
-from suspension_cli.elements.geometric_stiffness import torques, unit_trace
-from suspension_cli.scene.pose import Layout, Pose, nominal_pose, point_jacobian
+from suspension_cli.elements.configuration import Attached, Configuration, Ends, SceneArrays
+from suspension_cli.elements.derivatives import Derivatives, Terms
+from suspension_cli.elements.element import Element
+from suspension_cli.elements.vectors import (
+    Matrix,
+    Scalar,
+    Vector,
+    dot,
+    plus_unit,
+    product,
+    symmetric,
+    times,
+    trace,
+    transposed,
+    unit,
+)
 from suspension_cli.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from jaxtyping import Inexact, Int
+    from jaxtyping import Inexact
 
 
-def lift(
-    scene: Scene, place: Inexact[np.ndarray, "*batch point 3"]
-) -> Inexact[np.ndarray, "*batch point 3"]:
+def lift(scene: Scene, place: Vector) -> Vector:
     """Gradient -(g + G r) of the energy per mass at places r from the suspension point, m/s^2."""
-    if scene.field is None:
-        return np.broadcast_to(np.array([0.0, 0.0, scene.gravity]), place.shape)
-    return -(scene.field.vector + place @ scene.field.gradient)
+    vector, slope = _lift(scene), _slope(scene)
+    vector = vector.reshape(3, *(1,) * (place.ndim - 1))
+    if slope is None:
+        return np.broadcast_to(vector, place.shape)
+    return vector + np.tensordot(slope, place, 1)
+
+
+def _lift(scene: Scene) -> Inexact[np.ndarray, " 3"]:
+    """Gradient -g of the energy per mass at the suspension point."""
+    return np.array([0.0, 0.0, scene.gravity]) if scene.field is None else -scene.field.vector
 
 
 def _slope(scene: Scene) -> Inexact[np.ndarray, "3 3"] | None:
@@ -60,160 +79,175 @@ def _slope(scene: Scene) -> Inexact[np.ndarray, "3 3"] | None:
 
 
 @dataclass(frozen=True)
-class Masses:
-    """Point masses on bodies or blade tips, or straight lines of mass between two such points.
+class PointMasses:
+    """Masses at points of bodies or at tips of blades.
 
     Attributes
     ----------
-    body
-        Bodies of the one or two points.
+    ends
+        Their bodies and blades.
     point
-        The points in the frames of these bodies, m.
-    blade
-        Blades whose tips carry the points (-1 for a point without); None for none.
-    moment
-        The mass, or rows (m_uu, m_ul) and (m_ul, m_ll), kg.
+        In the frames of the bodies, m.
+    mass
+        kg.
     """
 
-    body: tuple[Int[np.ndarray, " point"], ...]
-    point: tuple[Inexact[np.ndarray, "... point 3"], ...]
-    blade: tuple[Int[np.ndarray, " point"] | None, ...]
-    moment: tuple[tuple[Inexact[np.ndarray, "... point"], ...], ...]
+    ends: Ends
+    point: Vector
+    mass: Scalar
 
-    def arms(self, pose: Pose) -> list[Inexact[np.ndarray, "*batch point 3"]]:
-        """Vectors from the COM of its body to each point."""
-        return [
-            pose.arms(body, own if blade is None else own + string.tip_deflection(blade, pose))
-            for body, own, blade in zip(self.body, self.point, self.blade, strict=True)
-        ]
+    def attached(self, now: Configuration) -> Attached:
+        """The points in a pose."""
+        arm, _ = now.arms(self.ends.upper, self.point, self.ends.blade)
+        return Attached(self.ends, arm, arm)
 
-    def places(self, scene: Scene, pose: Pose) -> list[Inexact[np.ndarray, "*batch point 3"]]:
-        """Places of the points from the suspension point, m."""
-        place = scene.bodies.position + pose.shift
-        return [
-            place[..., body, :] + arm for body, arm in zip(self.body, self.arms(pose), strict=True)
-        ]
-
-    def forces(
-        self, scene: Scene, places: list[Inexact[np.ndarray, "*batch point 3"]]
-    ) -> list[Inexact[np.ndarray, "*batch point 3"]]:
-        """Gradients of the energy with respect to the points, N."""
-        lifts = [lift(scene, place) for place in places]
-        return [
-            sum((m[..., None] * own for m, own in zip(row, lifts, strict=True)), np.zeros(3))
-            for row in self.moment
-        ]
-
-    def quadratic(
-        self, numbering: Layout, pose: Pose, form: Inexact[np.ndarray, "3 3"]
-    ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
-        """Sum of m_ij J_i F J_j^T, with the Jacobians J of the points and a form F."""
-        jacobians = [
-            point_jacobian(numbering, pose, *each)
-            for each in zip(self.body, self.arms(pose), self.blade, strict=True)
-        ]
-        result = np.zeros((numbering.size, numbering.size))
-        for row, jacobian in zip(self.moment, jacobians, strict=True):
-            mixed = sum(m[..., None, :, None] * own for m, own in zip(row, jacobians, strict=True))
-            left, right = (part.reshape(*part.shape[:-2], -1) for part in (mixed @ form, jacobian))
-            result = result + left @ np.swapaxes(right, -1, -2)
-        return result
+    def places(self, now: Configuration) -> Vector:
+        """Places from the suspension point, m."""
+        return now.place[:, list(self.ends.upper)] + self.attached(now).upper_arm
 
 
-def masses(scene: Scene) -> list[Masses]:
+@dataclass(frozen=True)
+class MassLines:
+    """What straight lines of mass have beyond the masses at their ends.
+
+    Attributes
+    ----------
+    ends
+        Bodies and blades.
+    points
+        Both ends in the frames of the bodies, m.
+    mixed
+        m_ul, kg.
+    """
+
+    ends: Ends
+    points: tuple[Vector, Vector]
+    mixed: Scalar
+
+    def attached(self, now: Configuration) -> Attached:
+        """The lines in a pose."""
+        upper, _ = now.arms(self.ends.upper, self.points[0], self.ends.blade)
+        return Attached(self.ends, upper, now.arms(self.ends.lower, self.points[1])[0])
+
+
+def masses(arrays: SceneArrays) -> tuple[list[PointMasses], list[MassLines]]:
     """List all masses but those of the bodies."""
-    blades, wires, bars, found = scene.blades, scene.wires, scene.bars, []
+    blades, wires, bars = arrays.blades, arrays.wires, arrays.bars
+    points: list[PointMasses] = []
+    lines: list[MassLines] = []
     if blades.tip_mass.any():
-        every = np.arange(len(blades.label))
-        found.append(Masses((blades.body,), (blades.tip,), (every,), ((blades.tip_mass,),)))
+        ends = Ends.of(blades.body, blade=np.arange(len(blades.label)))
+        points.append(PointMasses(ends, blades.tip, blades.tip_mass))
     if wires.mass.any():
-        ends = (wires.upper_point, wires.lower_point)
-        moments = _moments(wires.mass)
-        found.append(Masses((wires.upper, wires.lower), ends, (wires.blade, None), moments))
+        ends = Ends.of(wires.upper, wires.lower, wires.blade)
+        lines.append(MassLines(ends, (wires.upper_point, wires.lower_point), wires.mass[1]))
+        points.append(
+            PointMasses(
+                Ends.of(wires.upper, blade=wires.blade),
+                wires.upper_point,
+                wires.mass[0] + wires.mass[1],
+            )
+        )
+        own = wires.mass[1] + wires.mass[2]
+        points.append(PointMasses(Ends.of(wires.lower), wires.lower_point, own))
     if bars.label:
-        ends = (bars.point[..., 0, :], bars.point[..., 1, :])
-        found.append(Masses(tuple(bars.body.T), ends, (None, None), _moments(bars.inertia)))
-    return found
+        first, second = bars.body.T
+        lines.append(MassLines(Ends.of(first, second), tuple(bars.point), bars.inertia[1]))
+        for body, point, own in zip((first, second), bars.point, bars.inertia[::2], strict=True):
+            points.append(PointMasses(Ends.of(body), point, own + bars.inertia[1]))
+    return points, lines
 
 
-def _moments(
-    mass: Inexact[np.ndarray, "... point 3"],
-) -> tuple[tuple[Inexact[np.ndarray, "... point"], ...], ...]:
-    own, mixed, other = np.moveaxis(mass, -1, 0)
-    return (own, mixed), (mixed, other)
+def energy(now: Configuration) -> Inexact[np.ndarray, " build"]:
+    """Energy of all weights relative to the nominal pose, J."""
+    scene, position = now.arrays.scene, now.arrays.bodies.position
+    slope, mass = _slope(scene), now.arrays.bodies.mass
 
-
-def _bodies(scene: Scene) -> Masses:
-    mass = scene.bodies.mass
-    every = np.arange(1, mass.shape[-1] + 1)
-    return Masses((every,), (np.zeros((len(every), 3)),), (None,), ((mass,),))
-
-
-def energy(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch"]:
-    """Energy (...) of all weights relative to the nominal pose, J."""
-    result = np.zeros(scene.batch)
-    for group in (_bodies(scene), *masses(scene)):
-        start, now = group.places(scene, nominal_pose(scene)), group.places(scene, pose)
+    def work(mass: Scalar, start: Vector, change: Vector) -> Scalar:
         # exact for an energy of second order
-        forces = group.forces(scene, [(a + b) / 2 for a, b in zip(start, now, strict=True)])
-        for force, a, b in zip(forces, start, now, strict=True):
-            result = result + (force * (b - a)).sum((-2, -1))
-    slope = _slope(scene)
+        return (mass * dot(lift(scene, start + change / 2), change)).sum(0)
+
+    result: Scalar = work(mass, position[:, 1:], now.shift[:, 1:])
+    points, lines = masses(now.arrays)
+    for group in points:
+        start, change = _place(now, group.ends.upper, group.point, group.ends.blade)
+        result = result + work(group.mass, start, change)
     if slope is not None:
-        change = second_moments(scene, pose) - second_moments(scene)
-        result = result + np.einsum("ij,...nij->...", slope, change) / 2
+        form = slope[:, :, None, None]
+        for group in lines:
+            upper, up = _place(now, group.ends.upper, group.points[0], group.ends.blade)
+            lower, low = _place(now, group.ends.lower, group.points[1])
+            change = low - up
+            mean = lower - upper + change / 2
+            result = result - (group.mixed * dot(times(form, mean), change)).sum(0)
+        change = _second_moments(now) - _second_moments(now, turned=False)
+        result = result + (form * change).sum((0, 1, 2)) / 2
     return result
 
 
-def second_moments(
-    scene: Scene, pose: Pose | None = None
-) -> Inexact[np.ndarray, "*batch body 3 3"]:
+def _place(
+    now: Configuration, body: tuple[int, ...], point: Vector, blade: tuple[int, ...] | None = None
+) -> tuple[Vector, Vector]:
+    """Nominal places of points of bodies, and their displacements."""
+    _, moved = now.arms(body, point, blade)
+    return now.arrays.bodies.position[:, list(body)] + point, now.shift[:, list(body)] + moved
+
+
+def _second_moments(now: Configuration, *, turned: bool = True) -> Matrix:
     """Second moments of mass of the bodies in global axes, kg m^2."""
-    inertia = scene.bodies.inertia
-    moments = unit_trace(inertia) / 2 - inertia
-    if pose is None:
-        return moments
-    turn = pose.rotation[..., 1:, :, :]
-    return turn @ moments @ np.swapaxes(turn, -1, -2)
+    inertia = now.arrays.bodies.inertia
+    moments = unit(trace(inertia) / 2) - inertia
+    return _turned(now, moments) if turned else moments
 
 
-def add_derivatives(scene: Scene, numbering: Layout, pose: Pose, derivatives: Derivatives) -> None:
+def _turned(now: Configuration, tensor: Matrix) -> Matrix:
+    """Tensors (3, 3, body, build) of the bodies in global axes."""
+    turn = now.turn[:, :, 1:] + np.eye(3)[:, :, None, None]
+    return product(product(turn, tensor), transposed(turn))
+
+
+def add_derivatives(now: Configuration, derivatives: Derivatives) -> None:
     """Add the derivatives of the energy of all weights."""
-    mass, slope = scene.bodies.mass, _slope(scene)
-    rows = 6 * np.arange(1, mass.shape[-1] + 1)[:, None] + np.arange(3)
-    place = (scene.bodies.position + pose.shift)[..., 1:, :]
-    derivatives.gradient[..., rows] += mass[..., None] * lift(scene, place)
-    for group in masses(scene):
-        forces = group.forces(scene, group.places(scene, pose))
-        points = zip(group.body, forces, group.arms(pose), group.blade, strict=True)
-        for body, force, arm, blade in points:
-            derivatives.add_forces(body, force, arm, blade)
-        if slope is not None:
-            derivatives.hessian[..., :-1, :-1] += group.quadratic(numbering, pose, slope)
-    if slope is None:
+    scene, mass = now.arrays.scene, now.arrays.bodies.mass
+    slope, bodies = _slope(scene), len(now.arrays.bodies.name) + 1
+    rows = derivatives.gradient[: 6 * bodies].reshape(bodies, 6, -1).swapaxes(0, 1)
+    rows[:3, 1:] += mass * lift(scene, now.place[:, 1:])
+    points, lines = masses(now.arrays)
+    form = None if slope is None else slope[:, :, None, None]
+    for group in points:
+        attached = group.attached(now)
+        place = group.places(now)
+        s = None if form is None else form * group.mass
+        # the span ends at the point
+        derivatives.add(attached, Terms(-group.mass * lift(scene, place), s=s))
+    if form is None or slope is None:
         return
-    moments, turning = second_moments(scene, pose), rows + 3
-    m = moments @ slope
-    curvature = 3 * (m + np.swapaxes(m, -1, -2)) / 2 - 2 * unit_trace(m) - np.trace(slope) * moments
-    curvature = curvature + unit_trace(moments) @ (np.trace(slope) * np.eye(3) - slope)
-    derivatives.gradient[..., turning] -= torques(m)
-    derivatives.hessian[..., turning[:, :, None], turning[:, None, :]] += curvature
-    derivatives.hessian[..., rows[:, :, None], rows[:, None, :]] += mass[..., None, None] * slope
+    for group in lines:
+        attached = group.attached(now)
+        upper = now.place[:, list(group.ends.upper)] + attached.upper_arm
+        span = now.place[:, list(group.ends.lower)] + attached.lower_arm - upper
+        s = -group.mixed * form
+        derivatives.add(attached, Terms(times(s, span), s=s))
+    moments = _second_moments(now)
+    m, total = product(moments, form), np.trace(slope)
+    rows[3, 1:] += m[1, 2] - m[2, 1]
+    rows[4, 1:] += m[2, 0] - m[0, 2]
+    rows[5, 1:] += m[0, 1] - m[1, 0]
+    if derivatives.curved:
+        curvature = 3 * symmetric(m) - total * moments - trace(moments) * form
+        derivatives.add_body_block(0, form * mass)
+        derivatives.add_body_block(3, plus_unit(curvature, trace(moments) * total - 2 * trace(m)))
 
 
-def mass_matrix(
-    scene: Scene, numbering: Layout, pose: Pose
-) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
-    """Mass matrix (..., N, N) of the bodies as they are turned, tips of blades, wires and bars."""
-    result = np.zeros((*scene.batch, numbering.size, numbering.size))
-    rows = 6 * np.arange(1, scene.bodies.mass.shape[-1] + 1)[:, None] + np.arange(3)
-    result[..., rows, rows] = scene.bodies.mass[..., None]
-    turn = pose.rotation[..., 1:, :, :]
-    turned = turn @ scene.bodies.inertia @ np.swapaxes(turn, -1, -2)
-    result[..., rows[:, :, None] + 3, rows[:, None, :] + 3] = turned
-    for group in masses(scene):
-        result = result + group.quadratic(numbering, pose, np.eye(3))
-    return result
+def add_mass(now: Configuration, derivatives: Derivatives) -> None:
+    """Add the mass matrix of the bodies as they are turned, tips of blades, wires and bars."""
+    derivatives.add_body_block(0, unit(now.arrays.bodies.mass))
+    derivatives.add_body_block(3, _turned(now, now.arrays.bodies.inertia))
+    points, lines = masses(now.arrays)
+    for group in points:
+        derivatives.add(group.attached(now), Terms(s=unit(group.mass)))
+    for group in lines:
+        derivatives.add(group.attached(now), Terms(s=unit(-group.mixed)))
 
 
-ELEMENT = Element(energy, add_derivatives, mass=mass_matrix, compiled=True)
+ELEMENT = Element(energy, add_derivatives, add_mass=add_mass)

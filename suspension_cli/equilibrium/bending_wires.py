@@ -6,18 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from suspension_cli.elements import bending, string
-from suspension_cli.elements.registry import uncompiled
+from suspension_cli.elements.bending import with_bending
 from suspension_cli.equilibrium import solve as equilibrium
-from suspension_cli.equilibrium.clamps import HangingWires, to_clamps
+from suspension_cli.equilibrium.clamps import to_clamps
+from suspension_cli.equilibrium.hanging import HangingWires
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.scene.pose import Layout
 from suspension_cli.scene.scene import Scene
-
-CONVERGED = 1e-12
-"""Relative change of tensions below which the bending stiffness is not updated."""
-PASSES = 4
-"""Most updates of the bending stiffness."""
 
 
 def solve_bending(scene: Scene, numbering: Layout) -> tuple[Scene, Equilibrium]:
@@ -35,43 +30,17 @@ def solve_bending(scene: Scene, numbering: Layout) -> tuple[Scene, Equilibrium]:
     found : Equilibrium
         Not necessarily converged: see `Equilibrium.demand`.
     """
-    if scene.batch and not uncompiled(scene):
-        return _solve_batch(scene, numbering)
     scene, hanging = to_clamps(scene)
     drawn = scene.drawn and _with_bending(scene.drawn, hanging)
     scene = replace(_with_bending(scene, hanging), drawn=drawn)
     found = equilibrium.solve(scene, numbering, start=hanging and hanging.found.pose)
-    # the first time any change counts
-    now, threshold = hanging or scene.wires, 0.0
-    tension, length = now.tension, now.length
-    for _ in range(PASSES):
-        taut = found.converged & (found.tension > 0).all(-1)
-        changed = np.abs(found.tension - tension) > threshold * np.abs(tension)
-        left = np.asarray(taut & changed.any(-1))
-        if not left.any():
-            break
-        tension = np.where(left[..., None], found.tension, tension)
-        length = np.where(left[..., None], string.state(scene, found.pose).length, length)
-        scene = bending.with_bending(scene, tension, length)
-        found = equilibrium.solve_again(scene, numbering, found, left)
-        threshold = CONVERGED
     if scene.batch and hanging is not None:
         found = _without_unknown_clamps(found, hanging)
+    if found.bend is not None:
+        assert scene.flex is not None and found.twist is not None
+        flex = replace(scene.flex, bend=found.bend, twist=found.twist)
+        scene = replace(scene, flex=flex)
     return scene, found
-
-
-def _solve_batch(scene: Scene, numbering: Layout) -> tuple[Scene, Equilibrium]:
-    """Find the equilibria of many builds by compiled loops, which update the bending stiffness."""
-    scene, hanging = to_clamps(scene)
-    drawn = scene.drawn
-    if drawn is not None and not drawn.batch:
-        scene = replace(scene, drawn=_with_bending(drawn, hanging))
-    found = equilibrium.solve(scene, numbering, start=hanging and hanging.found.pose)
-    if hanging is not None:
-        found = _without_unknown_clamps(found, hanging)
-    assert scene.flex is not None and found.flex is not None
-    bend = found.flex[..., :6].reshape(*found.flex.shape[:-1], 2, 3)
-    return replace(scene, flex=replace(scene.flex, bend=bend, twist=found.flex[..., 6])), found
 
 
 def _without_unknown_clamps(found: Equilibrium, hanging: HangingWires) -> Equilibrium:
@@ -88,5 +57,5 @@ def _without_unknown_clamps(found: Equilibrium, hanging: HangingWires) -> Equili
 def _with_bending(scene: Scene, hanging: HangingWires | None) -> Scene:
     """Fill the bending stiffness of wires, at nominal tensions or those of hanging wires."""
     if hanging is None:
-        return bending.with_bending(scene)
-    return bending.with_bending(scene, hanging.tension, hanging.length)
+        return with_bending(scene)
+    return with_bending(scene, hanging.tension, hanging.length)

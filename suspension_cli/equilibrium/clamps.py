@@ -15,24 +15,23 @@ where the file draws the bodies.
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from suspension_cli.design.derive import gives_natural_lengths
 from suspension_cli.design.schema import Design
-from suspension_cli.elements import bending, joined_sections
-from suspension_cli.elements.dynamic_wire import TautWire, fit_to_equilibrium, group_identical
+from suspension_cli.elements.resistances import principal_planes, with_planes
+from suspension_cli.elements.resting import hinge_distances
 from suspension_cli.equilibrium.hanging import HangingWires, hang, lengthened
 from suspension_cli.equilibrium.nominal import expand_nominal
 from suspension_cli.errors import InputError
 from suspension_cli.scene import fibres as fibres_of
-from suspension_cli.scene.composition import Fibre, Fibres, Section
+from suspension_cli.scene.composition import Fibres, Section
 from suspension_cli.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Inexact
+    from jaxtyping import Bool, Float, Inexact
 
 ITERATIONS = 4
 """Iterations of the distance u from clamp to hinge; each reduces the change by u / l."""
@@ -75,7 +74,7 @@ def to_clamps(scene: Scene) -> tuple[Scene, HangingWires | None]:
     def moved(one: Scene) -> Scene:
         if effective.any():
             one = replace(one, wires=lengthened(one.wires, u, effective, hanging))
-        one = bending.with_planes(one)
+        one = with_planes(one)
         return one if hanging is None else _with_hanging_planes(one, effective, hanging)
 
     scene = replace(moved(scene), drawn=None if drawn is None else moved(drawn))
@@ -117,7 +116,7 @@ def _with_hanging_planes(
     along_x = np.real(1 - hanging.upper[..., :1] ** 2) < ALONG_X
     across = np.where(along_x, np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0]))
     upper, lower = (
-        np.where(effective[:, None, None], bending.principal_planes(across, clamp), given)
+        np.where(effective[:, None, None], principal_planes(across, clamp), given)
         for clamp, given in ((hanging.upper, flex.upper), (hanging.lower, flex.lower))
     )
     return replace(scene, flex=replace(flex, upper=upper, lower=lower))
@@ -130,52 +129,25 @@ def _all_distances(
     fibres, wires = nominal.fibres, nominal.wires
     assert fibres is not None
     shape = (*nominal.batch, len(wires.label))
-    result = np.zeros((*shape, 2))
     at = wires if hanging is None else hanging
-    numbers = [np.broadcast_to(v, shape) for v in (at.length, at.tension)]
-    for group in group_identical(fibres.wire, *numbers):
-        fibre = fibres.wire[group[0]]
+    length, tension = (np.broadcast_to(v, shape) for v in (at.length, at.tension))
+    result = np.zeros((*shape, 2))
+    for n, fibre in enumerate(fibres.wire):
         if fibre.effective:
-            own = [v[..., group[0]] for v in numbers]
-            if nominal.batch:
-                distance = _batch_distances(fibre, *own)
-            else:
-                distance = _hinge_distances(fibre.sections, *(v.item() for v in own))
-            result[..., group, :] = distance[..., None, :]
+            result[..., n, :] = _hinge_distances(fibre.sections, length[..., n], tension[..., n])
     return result
 
 
-def _batch_distances(
-    fibre: Fibre, length: Inexact[np.ndarray, " build"], tension: Inexact[np.ndarray, " build"]
-) -> Inexact[np.ndarray, "build 2"]:
-    """Hinge distances of a wire in many builds, see `_hinge_distances`."""
-    from suspension_cli.compiled import constant  # takes half a second
-    from suspension_cli.elements import compiled_wire
-
-    sections, result = compiled_wire.wire_sections((fibre,)), np.empty((*length.shape, 2))
-    compiled_wire.hinge_distances(
-        sections, 0, ITERATIONS, constant(length), constant(tension), result
-    )
-    return result
-
-
-@lru_cache(maxsize=bending.KNOWN)
 def _hinge_distances(
-    sections: tuple[Section, ...], length: complex, tension: complex
-) -> Inexact[np.ndarray, " 2"]:
+    sections: tuple[Section, ...],
+    length: Float[np.ndarray, "*batch"],
+    tension: Float[np.ndarray, "*batch"],
+) -> Float[np.ndarray, "*batch 2"]:
     """Distances of the hinges of a wire from its upper and its lower clamp, m.
 
-    Cached: most wires do not differ between designs. The length (m) is that between the hinges; the
-    tension is in N.
+    The length (m) is that between the hinges; the tension is in N.
     """
-    fibre, pull = bending.bare_fibre(sections), np.array([tension])
-    upper = lower = np.zeros(1)
+    upper = lower = np.zeros_like(length)
     for _ in range(ITERATIONS):
-        # bending does not depend on the stiffness k = 1 against stretching
-        whole = fit_to_equilibrium(fibre, length + upper + lower, 1.0, pull, 0.0)
-        strand = TautWire(whole, pull, massive=False, lossy=False)
-        stiffness = joined_sections.to_ends(strand.resting("bend-1"))  # of w_1, w'_1, w_2, w'_2
-        upper, lower = stiffness[1, 2] / stiffness[0, 2], stiffness[3, 0] / stiffness[2, 0]
-        upper, lower = (ratio * np.sign(ratio.real) for ratio in (upper, lower))
-    found = np.concatenate([upper, lower])
-    return found if found.imag.any() else found.real
+        upper, lower = hinge_distances(sections, length + upper + lower, tension)
+    return np.stack([upper, lower], axis=-1)

@@ -5,20 +5,30 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from suspension_cli.elements.element import Derivatives, Element
+import numpy as np
+
+from suspension_cli.elements.configuration import Configuration, batch_of, configuration
+from suspension_cli.elements.derivatives import Derivatives
+from suspension_cli.elements.element import Contribution, Element
 from suspension_cli.elements.registry import elements_of
-from suspension_cli.scene.pose import Layout, Pose
+from suspension_cli.scene.pose import Layout, Pose, layout
 from suspension_cli.scene.scene import Scene
 
 if TYPE_CHECKING:
-    import numpy as np
     from jaxtyping import Inexact
 
 
-def energy(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch"]:
-    """Elastic and gravitational energy (...) relative to the nominal pose, J."""
-    first, *others = (element.energy(scene, pose) for element in elements_of(scene))
-    return sum(others, first)
+def energy(
+    scene: Scene, pose: Pose, elements: Sequence[Element] | None = None
+) -> Inexact[np.ndarray, "*batch"]:
+    """Elastic and gravitational energy relative to the nominal pose, J.
+
+    Only `elements` count; default: all of the scene.
+    """
+    now = configuration(scene, layout(scene), pose)
+    chosen = elements_of(scene) if elements is None else elements
+    total = sum((element.energy(now) for element in chosen), np.zeros(now.arrays.count))
+    return total.reshape(batch_of(scene, pose))[()]
 
 
 def gradient_and_stiffness(
@@ -37,7 +47,36 @@ def gradient_and_stiffness(
     hessian
         Tangent stiffness, exactly symmetric, N/m, N and N m.
     """
-    derivatives = Derivatives.zeros(scene, numbering)
-    for element in elements_of(scene) if elements is None else elements:
-        element.add_derivatives(scene, numbering, pose, derivatives)
-    return derivatives.sums()
+    batch = batch_of(scene, pose)
+    found = derivatives(configuration(scene, numbering, pose), elements)
+    gradient = np.ascontiguousarray(found.gradient[:-1].T)
+    return gradient.reshape(*batch, -1), found.symmetric().reshape(*batch, *(numbering.size,) * 2)
+
+
+def derivatives(
+    now: Configuration,
+    elements: Sequence[Element] | None = None,
+    *,
+    curved: bool = True,
+    stretching: bool = True,
+) -> Derivatives:
+    """Derivatives of the energy of builds, see `Derivatives`."""
+    result = Derivatives(now, curved=curved, stretching=stretching)
+    for element in elements_of(now.arrays.scene) if elements is None else elements:
+        element.add_derivatives(now, result)
+    return result.finish()
+
+
+def sum_forms(
+    scene: Scene, numbering: Layout, pose: Pose, parts: Sequence[Contribution | None]
+) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
+    """Sum quadratic forms of elements, exactly symmetric; without batch axes if all are 0."""
+    now = configuration(scene, numbering, pose)
+    result = Derivatives(now)
+    for part in parts:
+        if part is not None:
+            part(now, result)
+    result.finish()
+    if not result.linked.any():
+        return np.zeros((numbering.size, numbering.size))
+    return result.symmetric().reshape(*batch_of(scene, pose), numbering.size, numbering.size)

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.elements import string
+from suspension_cli.elements.configuration import Configuration
+from suspension_cli.elements.vectors import cross
 from suspension_cli.equilibrium.tree import subtree
-from suspension_cli.rotations import cross
-from suspension_cli.scene.pose import Layout, Pose
 from suspension_cli.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -56,26 +55,24 @@ def _coincide(points: Inexact[np.ndarray, "... point 3"]) -> bool:
 
 
 def free_rotations(
-    scene: Scene, numbering: Layout, pose: Pose, stages: list[tuple[int, int]]
-) -> Float[np.ndarray, "*batch moving free"]:
-    """Motion (..., N - 6, r) of the coordinates per rotation of each stage, m/rad and rad/rad.
+    now: Configuration, stages: list[tuple[int, int]]
+) -> Float[np.ndarray, "moving free build"]:
+    """Motion of the coordinates per rotation of each stage, m/rad and rad/rad.
 
     `stages` are those of `single_point_stages`.
     """
-    result = np.zeros((*scene.batch, numbering.size, len(stages)))
-    axis = np.array([0.0, 0.0, 1.0])
+    scene, wires = now.arrays.scene, now.arrays.wires
+    result = np.zeros((now.arrays.numbering.size, len(stages), now.arrays.count))
+    axis = np.array([[0.0], [0.0], [1.0]])
     if scene.field is not None:
         down = np.real(scene.field.vector)
-        axis = -down / np.sqrt(down @ down)
-    position, wires = scene.bodies.position + pose.shift, scene.wires
+        axis = -down[:, None] / np.sqrt(down @ down)
     for column, (body, wire) in enumerate(stages):
-        arm = pose.arms(wires.lower[[wire]], wires.lower_point[..., [wire], :])[..., 0, :]
-        pivot = position[..., body, :] + arm
-        if not _coincide(wires.lower_point[..., wires.lower == body, :]):
-            now = string.state(scene, pose)
-            pivot = pivot - now.direction[..., wire, :] * now.length[..., wire, None]
+        pivot = now.place[:, body] + now.wires.lower_arm[:, wire]
+        if not _coincide(scene.wires.lower_point[..., wires.lower == body, :]):
+            pivot = pivot - now.wires.direction[:, wire] * now.wires.length[wire]
         for member in subtree(scene, body):
-            arm = position[..., member, :] - pivot
-            result[..., 6 * member : 6 * member + 3, column] = cross(axis, arm)
-            result[..., 6 * member + 3 : 6 * member + 6, column] = axis
-    return result[..., 6:, :]
+            arm = now.place[:, member] - pivot
+            result[6 * member : 6 * member + 3, column] = cross(axis, arm)
+            result[6 * member + 3 : 6 * member + 6, column] = axis
+    return result[6:]

@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.design.schema import Design
-from suspension_cli.elements import blade, string
+from suspension_cli.elements import string
 from suspension_cli.elements import weight as weights
-from suspension_cli.elements.geometric_stiffness import sum_by
+from suspension_cli.elements.configuration import configuration
 from suspension_cli.elements.registry import with_added
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.hanging import apply
@@ -140,16 +140,14 @@ def _blade_loads(scene: Scene, pose: Pose) -> Array:
     They carry the tip masses, and the wires of each stage at tensions of least energy.
     """
     wires, blades, now = scene.wires, scene.blades, string.state(scene, pose)
+    arrays = configuration(scene, layout(scene), pose)
+    weight = np.zeros((len(blades.label), 3))
+    for group in weights.masses(arrays.arrays)[0]:
+        force = group.mass * weights.lift(scene, group.places(arrays))
+        for n, number in enumerate(group.ends.blade):
+            if number >= 0:
+                weight[number] += force[:, n, 0]
     to_body = np.swapaxes(pose.rotation, -1, -2)
-    place = scene.bodies.position + pose.shift
-    tips = place[blades.body] + blade.tip_arms(scene, pose)
-    weight = blades.tip_mass[:, None] * weights.lift(scene, tips)
-    if wires.mass.any():
-        upper = place[wires.upper] + now.upper_arm
-        lower = place[wires.lower] + now.lower_arm
-        own, mixed = wires.mass[:, :1], wires.mass[:, 1:2]
-        share = own * weights.lift(scene, upper) + mixed * weights.lift(scene, lower)
-        weight = weight + sum_by(wires.blade, share, len(blades.label))
     result = (to_body[blades.body] @ weight[..., None])[..., 0]
     for body in sorted(set(wires.lower[wires.blade >= 0].tolist())):
         own = np.flatnonzero(wires.lower == body)

@@ -4,17 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.elements import loss, spring
+from suspension_cli.elements.configuration import builds_last
 from suspension_cli.elements.registry import elements_of
+from suspension_cli.equilibrium.energy import sum_forms
 from suspension_cli.linear.frequency_terms import LossTerm, Term
 from suspension_cli.linear.symmetry import Symmetry
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.composition import BladeLoss
 from suspension_cli.scene.pose import Layout, Pose
 from suspension_cli.scene.scene import Scene, Spectrum
+
+if TYPE_CHECKING:
+    from jaxtyping import Inexact
 
 Function = Callable[[Array], Array]
 """A loss angle, or a relative change of stiffness, against angular frequency (rad/s)."""
@@ -61,8 +68,8 @@ def loss_terms(scene: Scene, numbering: Layout, pose: Pose, adapted: Symmetry) -
             )
         )
     for item in elements_of(scene):
-        if item.make is not None and item.loss is not None:
-            lossy = adapted.apply(np.zeros(shape[-2:]) + item.loss(scene, numbering, pose))
+        if item.make is not None and item.add_loss is not None:
+            lossy = adapted.apply(sum_forms(scene, numbering, pose, [item.add_loss]))
             terms.append(LossTerm(item.name, fibres.temperature, lossy, np.ones_like))
     return terms
 
@@ -80,7 +87,6 @@ def spring_terms(
     known = {} if scene.fibres is None else {own.label: own for own in scene.fibres.spring}
     if not known and not springs.loss.any() and not any(springs.spectrum):
         return [], ()
-    now = spring.state(scene, pose)
     terms: list[LossTerm] = []
     place: dict[tuple[object, ...], int] = {}
     for n in np.argsort(~springs.grounded, kind="stable").tolist():
@@ -91,10 +97,10 @@ def spring_terms(
         assert surroundings is not None
         ambient = surroundings.temperature
         own = own or BladeLoss("", float(np.real(springs.loss[n])), None, 0.0, ambient)
-        jacobian = spring.strain_jacobian(scene, numbering, pose, now, n)
         for axes, angle, storage in _functions(spectrum, own):
-            stiffness = springs.stiffness[..., n, :, :] * axes
-            matrix = adapted.apply(np.swapaxes(jacobian, -1, -2) @ stiffness @ jacobian)
+            chosen = np.zeros((len(springs.label), 6, 6))
+            chosen[n] = axes
+            matrix = adapted.apply(_spring_form(scene, numbering, pose, springs.stiffness * chosen))
             one = LossTerm(_cause(springs.label[n]), own.temperature, matrix, angle, True, storage)
             alone = (n, len(terms)) if spectrum is not None else ()
             key = (one.cause, springs.grounded[n], replace(own, label=""), *alone)
@@ -106,6 +112,18 @@ def spring_terms(
     ground = tuple(terms[number] for key, number in place.items() if key[1])
     others = np.diag(np.arange(numbering.size) >= 6).astype(float)
     return [*(term.spread(others) for term in ground), *terms[len(ground) :]], ground
+
+
+def _spring_form(
+    scene: Scene,
+    numbering: Layout,
+    pose: Pose,
+    form: Inexact[np.ndarray, "*batch spring 6 6"],
+) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
+    """Sum of forms in the strains of springs."""
+    last = builds_last(form, 3, scene.batch)
+    add = partial(spring.add_forms, form=last)
+    return sum_forms(scene, numbering, pose, [add])
 
 
 def _functions(

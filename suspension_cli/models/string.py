@@ -6,7 +6,7 @@ Every matrix is summed from closed-form contributions of the elements and is exa
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -14,8 +14,8 @@ import numpy as np
 
 from suspension_cli.design.schema import Design
 from suspension_cli.elements import spring, string
-from suspension_cli.elements.registry import elements_of, uncompiled
-from suspension_cli.equilibrium.energy import gradient_and_stiffness
+from suspension_cli.elements.registry import elements_of
+from suspension_cli.equilibrium.energy import sum_forms
 from suspension_cli.equilibrium.hinges import hinge_rigidities, to_hinges
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium, solve
@@ -33,7 +33,7 @@ from suspension_cli.scene.scene import Scene, Springs
 if TYPE_CHECKING:
     from jaxtyping import Float, Inexact
 
-    from suspension_cli.elements.element import Matrix
+    from suspension_cli.elements.element import Contribution
     from suspension_cli.linear.frequency_terms import Term
     from suspension_cli.models.batch_terms import BatchTerm
 
@@ -83,15 +83,15 @@ def linear_model(
         light[scene.wires.blade[scene.wires.blade >= 0]] = False
     for number in np.flatnonzero(light):
         tips[numbering.blade[number][scene.blades.axes[number]]] = True
-    mass = stretched = None
-    if _is_compiled(scene):
-        stretched, stiffness, mass = _separated(scene, numbering, pose, adapted)
-    elif separate and scene.wires.label and not scene.batch:
-        stiffness, stretched = _stiffness(scene, numbering, balanced, adapted)
+    soft, form = adapted.apply(balanced.soft), adapted.forms(balanced.form)
+    stretched = None
+    if scene.wires.label and (len(scene.batch) == 1 or (separate and not scene.batch)):
+        k = np.broadcast_to(scene.wires.stiffness, form.shape[:-1])
+        stretched = Stretching(form, k, adapted.allowed, soft)
+    if stretched is None or scene.batch:
+        stiffness = adapted.apply(balanced.stiffness)
     else:
-        own = balanced.stiffness
-        own = gradient_and_stiffness(scene, numbering, pose)[1] if own is None else own
-        stiffness = adapted.apply(own)
+        stiffness = stretched.whole
     lossy = None
     if any(np.any(getattr(part, "loss", 0.0)) for part in scene.parts.values()):
         whole = loss_matrix(scene, numbering, pose, stretching=stretched is None)
@@ -109,9 +109,7 @@ def linear_model(
         coordinate=numbering.name,
         basis=adapted.basis,
         massless=adapted.adapt_flags(tips),
-        mass=adapted.apply(
-            mass_matrix(scene, numbering, pose, wire_inertia=wire_inertia) if mass is None else mass
-        ),
+        mass=adapted.apply(mass_matrix(scene, numbering, pose, wire_inertia=wire_inertia)),
         stiffness=stiffness,
         damping=adapted.apply(damping_matrix(scene, numbering, pose)),
         lossy=lossy,
@@ -162,15 +160,13 @@ def ground_couplings(scene: Scene, numbering: Layout, pose: Pose) -> GroundCoupl
     )
     only = replace(scene, springs=own)
 
-    def between(part: Matrix) -> Float[np.ndarray, "*batch coordinate coordinate"]:
-        result = _sum_over(only, numbering, pose, [part])
+    def between(part: Contribution) -> Float[np.ndarray, "*batch coordinate coordinate"]:
+        result = sum_forms(only, numbering, pose, [part])
         result[..., 6:, 6:] = 0.0
         return result
 
     return GroundCouplings(
-        between(lambda some, *at: gradient_and_stiffness(some, *at, elements=[spring.ELEMENT])[1]),
-        between(spring.damping_matrix),
-        between(spring.loss_matrix),
+        between(spring.add_derivatives), between(spring.add_damping), between(spring.add_loss)
     )
 
 
@@ -213,78 +209,20 @@ def _on_ground(
     )
 
 
-def _stiffness(
-    scene: Scene, numbering: Layout, balanced: Equilibrium, adapted: Symmetry
-) -> tuple[Float[np.ndarray, "coordinate coordinate"], Stretching]:
-    """Stiffness of one scene, and its two parts."""
-    soft, form = soft_part(scene, numbering, balanced.pose)
-    form, soft = adapted.forms(form), adapted.apply(soft)
-    stretched = Stretching(form, scene.wires.stiffness, adapted.allowed, soft)
-    return stretched.whole, stretched
-
-
-def soft_part(
-    scene: Scene, numbering: Layout, pose: Pose
-) -> tuple[
-    Inexact[np.ndarray, "*batch coordinate coordinate"],
-    Inexact[np.ndarray, "*batch wire coordinate"],
-]:
-    """Compute the tangent stiffness if wires kept their lengths, and their elongations.
-
-    The latter per coordinate; any batch axes.
-    """
-    now = string.state(scene, pose)
-    form = (string.span_jacobian(scene, numbering, pose, now) * now.direction[..., None, :, :]).sum(
-        -1
-    )
-    slack = replace(scene.wires, tension=now.tension, stiffness=np.zeros_like(now.tension))
-    soft = gradient_and_stiffness(replace(scene, wires=slack), numbering, pose)[1]
-    return soft, np.swapaxes(form, -1, -2)
-
-
-def _is_compiled(scene: Scene) -> bool:
-    """Whether a scene is a batch that compiled loops take."""
-    return len(scene.batch) == 1 and bool(scene.wires.label)
-
-
-def _separated(
-    scene: Scene, numbering: Layout, pose: Pose, adapted: Symmetry
-) -> tuple[
-    Stretching,
-    Float[np.ndarray, "*batch coordinate coordinate"],
-    Float[np.ndarray, "*batch coordinate coordinate"] | None,
-]:
-    """The stiffness of a batch without the stretching of wires, the whole stiffness, and the mass.
-
-    The mass is None where parts other than bodies may have mass.
-    """
-    if uncompiled(scene):
-        soft, form = soft_part(scene, numbering, pose)
-        stiffness, mass = gradient_and_stiffness(scene, numbering, pose)[1], None
-    else:
-        from suspension_cli.equilibrium import compiled  # takes half a second
-
-        soft, form, stiffness, mass = compiled.tangent(scene, numbering, pose)
-    stiff = np.broadcast_to(scene.wires.stiffness, form.shape[:-1])
-    stretched = Stretching(adapted.forms(form), stiff, adapted.allowed, adapted.apply(soft))
-    more = scene.blades.tip_mass.any() or scene.wires.mass.any() or scene.bars.label
-    return stretched, adapted.apply(stiffness), None if more else mass
-
-
 def mass_matrix(
     scene: Scene, numbering: Layout, pose: Pose, *, wire_inertia: bool = True
 ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
     """Mass matrix, with or without that of wires that have weight."""
     if not wire_inertia:
         scene = replace(scene, wires=replace(scene.wires, mass=np.zeros_like(scene.wires.mass)))
-    return _sum_over(scene, numbering, pose, [item.mass for item in elements_of(scene)])
+    return sum_forms(scene, numbering, pose, [item.add_mass for item in elements_of(scene)])
 
 
 def damping_matrix(
     scene: Scene, numbering: Layout, pose: Pose
 ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
     """Viscous damping (..., N, N) of all elements, or (N, N) without any."""
-    return _sum_over(scene, numbering, pose, [item.damping for item in elements_of(scene)])
+    return sum_forms(scene, numbering, pose, [item.add_damping for item in elements_of(scene)])
 
 
 def loss_matrix(
@@ -294,19 +232,10 @@ def loss_matrix(
 
     Geometric stiffness (tension) is not lossy.
     """
-    lossy = [item.loss for item in elements_of(scene) if stretching or item is not string.ELEMENT]
-    return _sum_over(scene, numbering, pose, lossy)
-
-
-def _sum_over(
-    scene: Scene, numbering: Layout, pose: Pose, parts: Sequence[Matrix | None]
-) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
-    """Sum the matrices of the elements, exactly symmetric; without batch axes if all are 0."""
-    result = np.zeros((numbering.size, numbering.size))
-    for part in parts:
-        if part is not None:
-            result = result + part(scene, numbering, pose)
-    return (result + np.swapaxes(result, -1, -2)) / 2
+    lossy = [
+        item.add_loss for item in elements_of(scene) if stretching or item is not string.ELEMENT
+    ]
+    return sum_forms(scene, numbering, pose, lossy)
 
 
 class SceneModel(Model):

@@ -1,7 +1,7 @@
 """Equilibrium, linear model and response of many imperfect builds of one design at once.
 
-All functions work on arrays over the builds. The result for one build is the same to the last bit
-whichever others are computed with it.
+All functions work on arrays over the builds. The result for one build depends on the others that
+are computed with it by rounding alone.
 """
 
 from __future__ import annotations
@@ -165,7 +165,7 @@ def _unstable(
 ) -> Bool[np.ndarray, " build"]:
     """Find builds with an unstable mode.
 
-    The pivots of the last step to an equilibrium identify most stable ones, unless the support
+    The pivots of the tangent stiffness identify most stable ones, unless the support
     structure moves too.
     """
     unclear = np.ones(model.batch, dtype=bool)

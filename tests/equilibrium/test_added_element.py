@@ -1,5 +1,5 @@
 """An element with arrays of its own, known to the registry alone: it acts in all models, and in
-batches although the compiled loops lack its formulas."""
+batches."""
 
 from __future__ import annotations
 
@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 
 from suspension_cli.elements import registry
+from suspension_cli.elements.configuration import Attached, Ends
+from suspension_cli.elements.derivatives import Terms
 from suspension_cli.elements.element import Element
-from suspension_cli.equilibrium import bending_wires, compiled
+from suspension_cli.elements.vectors import dot, outer, plus_unit, unit
+from suspension_cli.equilibrium import bending_wires
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.energy import energy, gradient_and_stiffness
 from suspension_cli.linear.response import solve
@@ -19,7 +22,7 @@ from suspension_cli.linear.symmetry import is_mirror_symmetric
 from suspension_cli.models import registry as models
 from suspension_cli.scene import imperfections
 from suspension_cli.scene.arrays import inner
-from suspension_cli.scene.pose import displace, layout, nominal_pose, point_jacobian
+from suspension_cli.scene.pose import displace, layout, nominal_pose
 from suspension_cli.scene.stack import stack_scenes
 from suspension_cli.studies import builds
 from tests.support import scenes
@@ -52,47 +55,38 @@ def make(design, scene):
     return Tethers(("a", "b"), none, body, upper, PLACES, k, q, np.full(2, 1e-3))
 
 
-def ends(scene, pose):
-    """Arms of both ends, and the vector from the upper to the lower one."""
-    own, place = scene.added["tethers"], scene.bodies.position + pose.shift
-    below, above = pose.arms(own.lower, own.lower_point), pose.arms(own.upper, own.upper_point)
-    return own, below, above, place[..., own.lower, :] + below - place[..., own.upper, :] - above
+def ends(now):
+    """Both ends of all tethers, and the vectors from the upper to the lower one."""
+    own = now.arrays.parts["tethers"]
+    joined = Ends.of(own.upper, own.lower)
+    above, _ = now.arms(joined.upper, own.upper_point)
+    below, _ = now.arms(joined.lower, own.lower_point)
+    d = now.place[:, own.lower] + below - now.place[:, own.upper] - above
+    return own, Attached(joined, above, below), d
 
 
-def stored(scene, pose):
-    own, *_, d = ends(scene, pose)
-    square = (d**2).sum(-1)
-    return (own.k * square / 2 + own.q * square**2 / 4).sum(-1)
+def stored(now):
+    own, _, d = ends(now)
+    square = dot(d, d)
+    return (own.k * square / 2 + own.q * square**2 / 4).sum(0)
 
 
-def jacobian(scene, numbering, pose):
-    own, below, above, _ = ends(scene, pose)
-    lower = point_jacobian(numbering, pose, own.lower, below)
-    return lower - point_jacobian(numbering, pose, own.upper, above)
+def add_derivatives(now, derivatives):
+    own, attached, d = ends(now)
+    stiffness = own.k + own.q * dot(d, d)
+    s = plus_unit(2 * own.q * outer(d, d), stiffness)
+    derivatives.add(attached, Terms(stiffness * d, s=s))
 
 
-def add_derivatives(scene, numbering, pose, derivatives):
-    own, below, above, d = ends(scene, pose)
-    j, square = jacobian(scene, numbering, pose), (d**2).sum(-1)
-    stiffness = own.k + own.q * square
-    derivatives.add_forces(own.lower, stiffness[..., None] * d, below)
-    derivatives.add_forces(own.upper, -stiffness[..., None] * d, above)
-    form = stiffness[..., None, None] * np.eye(3)
-    form = form + 2 * own.q[..., None, None] * d[..., :, None] * d[..., None, :]
-    derivatives.hessian[..., :-1, :-1] += np.einsum("...nki,...kij,...mkj->...nm", j, form, j)
-
-
-def loss(scene, numbering, pose):
-    own = scene.added["tethers"]
-    j = jacobian(scene, numbering, pose)
-    return np.einsum("...nki,...k,...mki->...nm", j, own.k * own.loss, j)
+def add_loss(now, derivatives):
+    own, attached, _ = ends(now)
+    derivatives.add(attached, Terms(s=unit(own.k * own.loss[:, None])))
 
 
 @pytest.fixture
 def tethers(monkeypatch):
-    element = Element(stored, add_derivatives, loss=loss, make=make, name="tethers")
-    *others, blade = registry.ELEMENTS
-    monkeypatch.setattr(registry, "ELEMENTS", (*others, element, blade))
+    element = Element(stored, add_derivatives, add_loss=add_loss, make=make, name="tethers")
+    monkeypatch.setattr(registry, "ELEMENTS", (*registry.ELEMENTS, element))
 
 
 def design_of(rng):
@@ -116,24 +110,23 @@ def members_of(design, model):
 def test_forces_and_stiffness_are_derivatives_of_the_energy():
     rng = np.random.default_rng(1)
     scene = scenes.expand(design_of(rng))
-    numbering, kind = layout(scene), registry.uncompiled(scene)
-    assert [item.name for item in kind] == ["tethers"]
+    numbering, kind = layout(scene), [registry.ELEMENTS[-1]]
     step = rng.normal(size=numbering.size)
     at = displace(numbering, nominal_pose(scene), rng.normal(size=numbering.size) * 1e-2)
     gradient, hessian = gradient_and_stiffness(scene, numbering, at, kind)
     h = 3e-6
-    low, mid, high = (stored(scene, displace(numbering, at, n * h * step)) for n in (-1, 0, 1))
+    poses = [displace(numbering, at, n * h * step) for n in (-1, 0, 1)]
+    low, mid, high = (energy(scene, pose, kind) for pose in poses)
     assert (high - low) / (2 * h) == pytest.approx(step @ gradient, rel=1e-5)
     assert (high + low - 2 * mid) / h**2 == pytest.approx(step @ hessian @ step, rel=1e-5)
     whole, without = energy(scene, at), energy(replace(scene, added={}), at)
-    assert whole == pytest.approx(without + stored(scene, at), rel=1e-12)
+    assert whole == pytest.approx(without + mid, rel=1e-12)
 
 
 @pytest.mark.usefixtures("tethers")
 @pytest.mark.parametrize("model", models.SCENE_MODELS, ids=lambda model: model.name)
-def test_builds_of_a_batch_are_those_of_single_designs(model, monkeypatch):
+def test_builds_of_a_batch_are_those_of_single_designs(model):
     """The tethers pull hard enough to move the body by more than the imperfections do."""
-    monkeypatch.setattr(compiled, "newton", None)  # which would leave the tethers out
     design = design_of(np.random.default_rng(2))
     members = members_of(design, model)
     batch = builds.balance(stack_scenes(members), design, level=model.name)

@@ -64,21 +64,18 @@ def test_all_builds_hang_where_following_leads(job, found, lost):
     np.testing.assert_allclose(found.tension[some], expected.tension, rtol=1e-8)
 
 
-def test_newton_alone_would_lose_some(lost):
-    """The reason for following: some of these builds send Newton's method elsewhere."""
-    assert 0 < lost.sum() < 0.05 * COUNT
+def test_newton_alone_loses_few(lost):
+    """The others are found by following the imperfections as they grow."""
+    assert lost.sum() < 0.01 * COUNT
 
 
 def test_one_build_alone_hangs_the_same(job, found):
+    """But for rounding, although it takes other steps."""
     scene, chosen, values = job
-    imperfect = sampling.imperfect(scene, chosen, values)
-    numbering = layout(imperfect)
-    alone = equilibrium._newton(
-        imperfect, numbering, nominal_pose(imperfect), 0.0, 15, accept_nominal=True
-    )
-    for n in np.flatnonzero(~alone.converged)[:5].tolist():
+    for n in (0, 7, 123):
         single = equilibrium.solve(sampling.imperfect(scene, chosen, values[n : n + 1]))
-        np.testing.assert_array_equal(single.pose.shift[0], found.pose.shift[n])
+        np.testing.assert_allclose(single.pose.shift[0], found.pose.shift[n], rtol=0, atol=1e-12)
+        np.testing.assert_allclose(single.pose.turn[0], found.pose.turn[n], rtol=0, atol=1e-12)
 
 
 def test_no_build_is_dropped():

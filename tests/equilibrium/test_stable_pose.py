@@ -9,7 +9,7 @@ import numpy as np
 
 from suspension_cli.design.reader import read
 from suspension_cli.equilibrium import solve as equilibrium
-from suspension_cli.equilibrium.definite import positive_definite
+from suspension_cli.equilibrium.factors import Factors
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.scene.stack import stack_scenes
 from tests.support import scenes
@@ -51,18 +51,10 @@ def test_a_pose_with_two_growing_modes_is_not_taken_for_stable():
 
 
 def test_two_negative_eigenvalues_are_not_positive_definite():
-    stack = np.array(
-        [
-            np.diag(d)
-            for d in (
-                [1.0, 2.0, 3.0],
-                [-1.0, -2.0, 3.0],
-                [-1.0, 2.0, 3.0],
-                [np.nan, 1.0, 1.0],
-                [4.0, 5.0, 6.0],
-            )
-        ]
-    )
-    assert positive_definite(stack).tolist() == [True, False, False, False, True]
-    assert positive_definite(stack.reshape(5, 1, 3, 3)).shape == (5, 1)
-    assert not positive_definite(stack[1])
+    rng, size = np.random.default_rng(1), 3
+    turned = np.linalg.qr(rng.normal(size=(4, size, size)))[0]
+    values = np.array([[1.0, 2.0, 3.0], [-1.0, -2.0, 3.0], [-1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
+    stack = np.einsum("pik,pk,pjk->ijp", turned, values, turned)
+    factors = Factors(stack, np.ones((size, size), dtype=bool))
+    assert (factors.least > 0).tolist() == [True, False, False, True]
+    assert not Factors(stack * np.nan, np.ones((size, size), dtype=bool)).least.max() > 0

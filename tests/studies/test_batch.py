@@ -3,6 +3,7 @@ when it is interrupted."""
 
 from __future__ import annotations
 
+import io
 import pickle
 import shutil
 import tempfile
@@ -10,6 +11,7 @@ import tomllib
 from dataclasses import replace
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -70,10 +72,31 @@ def whole(tmp_path_factory):
 
 
 @pytest.mark.parametrize("name", ["xcouple", "tolerance"])
-def test_the_same_file_byte_for_byte(name, whole, tmp_path):
+def test_chunks_change_results_by_rounding_alone(name, whole, tmp_path):
     """`xcouple` on several processes is in `test_batch_interrupted.py`."""
     command, expected = whole[name]
-    assert written_by(tmp_path, 1, 100, *command) == expected
+    found, expected = (
+        numbers_of(content) for content in (written_by(tmp_path, 1, 100, *command), expected)
+    )
+    assert found.keys() == expected.keys()
+    for key, values in expected.items():
+        size = np.abs(np.nan_to_num(values)).max(initial=0.0)
+        if "residual" not in key:
+            np.testing.assert_allclose(found[key], values, rtol=1e-8, atol=1e-10 * size)
+
+
+def numbers_of(content):
+    """Datasets of numbers in the bytes of an HDF5 file."""
+    found = {}
+    with h5py.File(io.BytesIO(content)) as file:
+        file.visititems(
+            lambda name, item: (
+                found.update({name: item[()]})
+                if isinstance(item, h5py.Dataset) and item.dtype.kind in "fciu"
+                else None
+            )
+        )
+    return found
 
 
 def modes_of(text):
@@ -143,7 +166,7 @@ def jobs():
         "indices",
     ],
 )
-def test_a_build_alone_gives_the_same(kind):
+def test_a_build_alone_gives_the_same_result(kind):
     """But for rounding; in this process and, as far as that takes a pickled job, in another."""
     job = jobs()[kind]()
     sent = pickle.loads(pickle.dumps(job))
@@ -151,12 +174,16 @@ def test_a_build_alone_gives_the_same(kind):
     for start, stop in [(0, 1), (1, 3), (25, 64), (job.count - 1, job.count)]:
         alone = sent.compute(start, stop)
         for name, values in found.items():
-            some = values[start:stop]
-            if name not in ("shape", "residual"):  # signs of modes, and rounding errors alone
-                size = np.nanmax(np.abs(some), initial=1e-300)
-                np.testing.assert_allclose(
-                    alone[name], some, rtol=1e-11, atol=1e-12 * size, err_msg=name
-                )
+            if name == "residual":
+                assert np.abs(alone[name] - values[start:stop]).max() < 1e-11
+            elif values.dtype.kind in "fc":
+                size = np.abs(np.nan_to_num(values)).max(initial=0.0)
+                expected = values[start:stop]
+                np.testing.assert_allclose(alone[name], expected, rtol=1e-9, atol=1e-12 * size)
+            else:
+                assert np.array_equal(alone[name], values[start:stop]), name
+    again = sent.compute(0, job.count)
+    assert all(again[name].tobytes() == values.tobytes() for name, values in found.items())
 
 
 def reference(folder, count):

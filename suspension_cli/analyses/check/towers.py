@@ -139,7 +139,7 @@ def leg_loads(design: Design, scene: Scene, balanced: Equilibrium) -> tuple[LegL
     """Compute the loads of inverted pendulums in an equilibrium."""
     if not scene.struts.label:
         return ()
-    thrust = -string.state(string.with_struts(scene), balanced.pose).tension
+    thrust = -string.state(scene, balanced.pose, struts=True).tension
     nominal, gravity = scene.drawn or scene, float(scene.gravity)
     as_designed, hung = carried_weights(nominal), carried_weights(scene)
     found = []

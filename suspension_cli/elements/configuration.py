@@ -1,0 +1,398 @@
+"""Builds of a scene in one pose each, as arrays with the builds as last axis.
+
+A scene has batch axes in front and components last: points of wires are (..., wire, 3). Here the
+same arrays have components first and builds last, (3, wire, build); what all builds share has one
+build, (3, wire, 1).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from suspension_cli.elements.resistances import resistance, wire_resistance
+from suspension_cli.elements.vectors import Matrix, Scalar, Vector, dot, product, times
+from suspension_cli.rotations import turn_by
+from suspension_cli.scene.arrays import inner_axes
+from suspension_cli.scene.pose import Layout, Pose
+from suspension_cli.scene.scene import Flex, Part, Scene, Wires
+
+if TYPE_CHECKING:
+    from jaxtyping import Float, Inexact, Int
+
+    Rows = slice | np.ndarray
+
+
+def builds_last(
+    value: Inexact[np.ndarray, "*batch element *inner"],
+    inner: int,
+    batch: tuple[int, ...],
+    rows: Rows = slice(None),
+) -> Inexact[np.ndarray, "*inner element build"]:
+    """Move the batch axes of an array behind all others, as one axis of the builds `rows`.
+
+    `inner` is the number of its other axes. An array without batch axes gets one of length 1.
+
+    >>> builds_last(np.zeros((7, 4, 3)), 2, (7,)).shape
+    (3, 4, 7)
+    """
+    if value.ndim == inner:
+        flat = value[None]
+    else:
+        own = value.shape[value.ndim - inner :]
+        flat = np.broadcast_to(value, (*batch, *own)).reshape(math.prod(batch), *own)[rows]
+    return np.ascontiguousarray(np.moveaxis(flat, (0, 1), (-1, -2)))
+
+
+def batch_first(
+    value: Inexact[np.ndarray, "*inner element build"], batch: tuple[int, ...]
+) -> Inexact[np.ndarray, "*batch element *inner"]:
+    """Undo `builds_last`: batch axes in front, components last."""
+    flat = np.moveaxis(value, (-1, -2), (0, 1))
+    if len(flat) < math.prod(batch):
+        return np.broadcast_to(flat[0], (*batch, *flat.shape[1:]))
+    return flat.reshape(*batch, *flat.shape[1:])
+
+
+@dataclass(frozen=True)
+class Ends:
+    """Bodies that elements of a kind join, and the blades at whose tips their upper ends are.
+
+    Attributes
+    ----------
+    upper, lower
+        A lower body of -1 is fixed in space.
+    blade
+        -1 for none.
+    """
+
+    upper: tuple[int, ...]
+    lower: tuple[int, ...]
+    blade: tuple[int, ...]
+
+    @classmethod
+    def of(
+        cls,
+        upper: Int[np.ndarray, " element"],
+        lower: Int[np.ndarray, " element"] | None = None,
+        blade: Int[np.ndarray, " element"] | None = None,
+    ) -> Ends:
+        """Ends on the given bodies, by default fixed in space, and blades."""
+        none = (-1,) * len(upper)
+        return cls(
+            tuple(upper.tolist()),
+            none if lower is None else tuple(lower.tolist()),
+            none if blade is None else tuple(blade.tolist()),
+        )
+
+    @cached_property
+    def is_joined(self) -> bool:
+        """Whether the lower ends are on bodies."""
+        return max(self.lower, default=-1) >= 0
+
+    @cached_property
+    def on_blades(self) -> bool:
+        """Whether upper ends are on blades."""
+        return max(self.blade, default=-1) >= 0
+
+    def sums(self) -> Sums:
+        """Sums over elements of the same bodies."""
+        return _sums(self)
+
+
+class Group(NamedTuple):
+    """Elements of the same bodies or blades, one group to a row of `sum`, a matrix of ones.
+
+    `upper`, `lower` and `blade` are those of each group.
+    """
+
+    upper: Int[np.ndarray, " group"]
+    lower: Int[np.ndarray, " group"]
+    blade: Int[np.ndarray, " group"]
+    sum: Float[np.ndarray, "group element"]
+
+
+class Sums(NamedTuple):
+    """Groups of elements by their upper body, by their lower body, by both, and by blade.
+
+    All elements at one blade hang on to one body.
+    """
+
+    upper: Group
+    lower: Group
+    both: Group
+    blade: Group
+
+
+@lru_cache(maxsize=512)
+def _sums(ends: Ends) -> Sums:
+    numbers = np.array([ends.upper, ends.lower, ends.blade]).T
+
+    def group(*columns: int, least: int = -1) -> Group:
+        keys = numbers[:, columns]
+        known, first = np.unique(keys, axis=0, return_index=True)
+        kept = known.min(-1) >= least
+        same = (keys == known[kept][:, None]).all(-1).astype(float)
+        own = numbers[first[kept]]
+        return Group(own[:, 0], own[:, 1], own[:, 2], same)
+
+    return Sums(group(0), group(1), group(0, 1), group(2, least=0))
+
+
+def _change(part: Part, change: Callable[[np.ndarray, int], np.ndarray]) -> Part:
+    """Change all arrays of a part, which have the given numbers of inner axes."""
+    axes = {
+        name: n for name, n in inner_axes(type(part)).items() if getattr(part, name) is not None
+    }
+    return replace(part, **{name: change(getattr(part, name), n) for name, n in axes.items()})
+
+
+@dataclass(frozen=True)
+class SceneArrays:
+    """Builds of one scene, with the axes of its parts as in this module.
+
+    Attributes
+    ----------
+    scene
+        Labels, bodies that are joined, and gravity.
+    numbering
+        Of its coordinates.
+    count
+        Number of builds.
+    parts
+        As `Scene.parts`; those that every scene has are attributes too.
+    flex
+        Of wires that resist bending or twisting, else None.
+    follows
+        Whether the resistance of wires with `fibres` is that at their tension in a pose, not that
+        of `flex`.
+    """
+
+    scene: Scene
+    numbering: Layout
+    count: int
+    parts: Mapping[str, Any]
+    flex: Flex | None
+    follows: bool = False
+
+    bodies = property(lambda self: self.parts["bodies"])
+    wires = property(lambda self: self.parts["wires"])
+    struts = property(lambda self: self.parts["struts"])
+    blades = property(lambda self: self.parts["blades"])
+    springs = property(lambda self: self.parts["springs"])
+    bars = property(lambda self: self.parts["bars"])
+
+    @classmethod
+    def of(
+        cls,
+        scene: Scene,
+        numbering: Layout,
+        rows: Rows = slice(None),
+        count: int | None = None,
+    ) -> SceneArrays:
+        """The builds `rows` of a scene (`count` of them, if not all)."""
+
+        def last(value: np.ndarray, inner: int) -> np.ndarray:
+            return builds_last(value, inner, scene.batch, rows)
+
+        parts = {name: _change(part, last) for name, part in scene.parts.items()}
+        flex = wire_resistance(scene)
+        total = math.prod(scene.batch) if count is None else count
+        return cls(scene, numbering, total, parts, flex and _change(flex, last))
+
+    def select(self, which: Int[np.ndarray, " build"]) -> SceneArrays:
+        """Some of the builds."""
+
+        def some(value: np.ndarray, _: int) -> np.ndarray:
+            return value if value.shape[-1] == 1 else value[..., which]
+
+        parts = {name: _change(part, some) for name, part in self.parts.items()}
+        flex = self.flex and _change(self.flex, some)
+        return replace(self, count=len(which), parts=parts, flex=flex)
+
+    @cached_property
+    def dtype(self) -> np.dtype:
+        """Type of number of all arrays."""
+        return np.result_type(
+            float,
+            *(
+                getattr(part, name).dtype
+                for part in self.parts.values()
+                for name in inner_axes(type(part))
+            ),
+        )
+
+
+@dataclass(frozen=True)
+class Attached:
+    """Elements between points of two bodies.
+
+    Attributes
+    ----------
+    ends
+        Their bodies.
+    upper_arm, lower_arm
+        From the COMs to the points, global axes, m.
+    """
+
+    ends: Ends
+    upper_arm: Vector
+    lower_arm: Vector
+
+
+@dataclass(frozen=True)
+class Line(Attached):
+    """Straight lines between points of two bodies, in a pose.
+
+    Attributes
+    ----------
+    direction
+        Unit vector from the upper to the lower end.
+    length
+        m.
+    elongation
+        From the nominal length, m.
+    tension
+        N.
+    """
+
+    direction: Vector
+    length: Scalar
+    elongation: Scalar
+    tension: Scalar
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """Builds in one pose each.
+
+    Attributes
+    ----------
+    arrays
+        The builds.
+    shift, turn, deflection
+        As in `Pose`: (3, 1 + body, build), (3, 3, 1 + body, build), (3, blade, build).
+    tension
+        Of wires, in place of that in the pose: for their geometric stiffness, and for their
+        resistance to bending where that follows; None for that in the pose.
+    """
+
+    arrays: SceneArrays
+    shift: Vector
+    turn: Matrix
+    deflection: Vector
+    tension: Scalar | None = None
+
+    @classmethod
+    def of(
+        cls, arrays: SceneArrays, pose: Pose, batch: tuple[int, ...], rows: Rows = slice(None)
+    ) -> Configuration:
+        """Builds in poses, of which those of all builds have the batch axes `batch`."""
+        shapes = inner_axes(Pose)
+        parts = (
+            builds_last(getattr(pose, item.name), shapes[item.name], batch, rows)
+            for item in fields(pose)
+        )
+        return cls(
+            arrays,
+            *(np.broadcast_to(part, (*part.shape[:-1], arrays.count)) for part in parts),
+        )
+
+    def select(self, which: Int[np.ndarray, " build"]) -> Configuration:
+        """Some of the builds."""
+        parts = (part[..., which] for part in (self.shift, self.turn, self.deflection))
+        tension = None if self.tension is None else self.tension[:, which]
+        return Configuration(self.arrays.select(which), *parts, tension=tension)
+
+    @cached_property
+    def place(self) -> Vector:
+        """COMs of the support and all bodies from the suspension point, m."""
+        return self.arrays.bodies.position + self.shift
+
+    def turn_of(self, body: tuple[int, ...]) -> Matrix:
+        """Rotations of bodies minus the unit matrix."""
+        return self.turn.take(body, axis=2)
+
+    def arms(
+        self, body: tuple[int, ...], point: Vector, blade: tuple[int, ...] | None = None
+    ) -> tuple[Vector, Vector]:
+        """Vectors from the COMs of bodies to points (or tips of blades), and their changes."""
+        turn, moved = self.turn_of(body), 0.0
+        if blade is not None and max(blade, default=-1) >= 0:
+            none = np.zeros_like(self.deflection[:, :1])
+            moved = np.concatenate([self.deflection, none], axis=1)[:, list(blade)]
+            point = point + moved
+        change = times(turn, point)
+        return point + change, change + moved
+
+    @cached_property
+    def wires(self) -> Line:
+        """All wires."""
+        return self._lines(self.arrays.wires)
+
+    @cached_property
+    def struts(self) -> Line:
+        """All struts."""
+        return self._lines(self.arrays.struts)
+
+    @cached_property
+    def flex(self) -> Flex | None:
+        """Resistance of the wires to bending and twisting."""
+        fibres, flex, wires = self.arrays.scene.fibres, self.arrays.flex, self.arrays.wires
+        if not self.arrays.follows or fibres is None or flex is None or flex.bend is None:
+            return flex
+        length = self.wires.length
+        tension = self.wires.tension if self.tension is None else self.tension
+        # a slack wire bends as one without tension
+        tension = np.where(tension > 0, tension, 0.0)
+        torsion = np.broadcast_to(wires.torsion, length.shape)
+        bend, twist = resistance(fibres.wire, length, tension, torsion)
+        return replace(flex, bend=bend, twist=twist)
+
+    def displaced(self, step: Inexact[np.ndarray, "coordinate build"]) -> Configuration:
+        """Move by finite steps in all coordinates: translations add, rotations multiply."""
+        bodies = self.shift.shape[1]
+        motion = step[: 6 * bodies].reshape(bodies, 6, -1).swapaxes(0, 1)
+        turn = turn_by(motion[3:])
+        return Configuration(
+            self.arrays,
+            self.shift + motion[:3],
+            turn + self.turn + product(turn, self.turn),
+            self.deflection + self.tip_motion(step)[:, :-1],
+        )
+
+    def tip_motion(self, step: Inexact[np.ndarray, "coordinate build"]) -> Vector:
+        """Deflection of each blade by a step in all coordinates, and 0 for none (-1), m."""
+        tips = self.arrays.numbering.blade
+        padded = np.concatenate([step, np.zeros_like(step[:1])])
+        return padded[np.concatenate([tips, np.full((1, 3), len(step))]).T]
+
+    def _lines(self, wires: Wires) -> Line:
+        ends = Ends.of(wires.upper, wires.lower, wires.blade)
+        upper_arm, up = self.arms(ends.upper, wires.upper_point, ends.blade)
+        lower_arm, low = self.arms(ends.lower, wires.lower_point)
+        # from displacements alone, so that nothing cancels
+        change = self.shift[:, wires.lower] - self.shift[:, wires.upper] + (low - up)
+        span = wires.span + change
+        length = np.sqrt(dot(span, span))
+        elongation = dot(change, span + wires.span) / (length + wires.length)
+        tension = wires.tension + wires.stiffness * elongation
+        direction = span / length
+        return Line(ends, upper_arm, lower_arm, direction, length, elongation, tension)
+
+
+def configuration(scene: Scene, numbering: Layout, pose: Pose) -> Configuration:
+    """A scene in a pose; either may have the batch axes."""
+    batch = batch_of(scene, pose)
+    arrays = SceneArrays.of(scene, numbering, count=math.prod(batch))
+    return Configuration.of(arrays, pose, batch)
+
+
+def batch_of(scene: Scene, pose: Pose) -> tuple[int, ...]:
+    """Batch axes of a scene in a pose."""
+    return np.broadcast_shapes(scene.batch, pose.shift.shape[:-2])
