@@ -81,7 +81,8 @@ def draw(found: Fit, title: str) -> Figure:
         curves.write_heading(figure, _heading_text(found), title)
         verdict = rf"$\chi^2$ = {found.chi_squared:.4g} for {found.freedom} degrees of freedom"
         if found.misfit:
-            verdict += f"; bars widened {found.scale:.3g} times"
+            wide = f"bars widened {found.scale:.3g} times"
+            verdict += f"; {wide if found.unlikely else 'contradicts the priors'}"
         write_text(figure, 0.1, 0.43, verdict, 7.5)
         figure.legend(
             handles=axes.get_legend_handles_labels()[0], loc="upper left",

@@ -42,6 +42,8 @@ NEAR = 0.03
 """Typical error of a computed frequency."""
 FARTHEST = 0.9
 """Largest ln of measured over computed frequency of a peak that may belong to a mode."""
+DISTANT = 0.2
+"""The same, from which two functions must agree."""
 FAINT = 0.02
 """Height of a resonance of Q 100 over the rest of the function there, below which no peak is
 expected."""
@@ -180,7 +182,7 @@ def assign(problem: Problem, z: Array, peaks: list[list[Peak]]) -> Resonances:
         size = np.log(np.abs([peak.residue for peak in some])[:, None] / np.abs(own[visible]))
         near = np.abs(off) < NEAR
         size = size - (np.median(size[near]) if near.any() else 0.0)
-        faint = np.log(np.minimum(height / (FAINT * rest + 1e-300), 1e4))[visible]
+        faint = np.log(np.minimum(height / (FAINT * rest + 1e-300), 1e4)[visible])
         # the tails of the density of computed frequencies go with the inverse square of the error
         cost = np.log1p((off / NEAR) ** 2) + 0.1 * np.minimum(size**2, 25.0) - 0.2 * faint
         alone = np.log1p((FARTHEST / NEAR) ** 2)
@@ -196,6 +198,9 @@ def assign(problem: Problem, z: Array, peaks: list[list[Peak]]) -> Resonances:
         order = np.argsort(hz)
         place = order[np.searchsorted(weight[order].cumsum(), weight.sum() / 2)]
         good = np.abs(hz / hz[place] - 1) < AGREES
+        far = abs(np.log(hz[place] / frequency[mode])) > DISTANT
+        if far and good.sum() < min(2, len(peaks)):
+            continue
         weight = (weight * good) ** 2
         mean = float(weight @ hz / weight.sum())
         damping = np.exp(

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -60,8 +60,47 @@ class Candidate:
     sigma: float
 
 
+def _dataset(unit: str, axes: str, name: str = "{}") -> dict[str, Any]:
+    """Describe a dataset of the results file; `name` may contain that of the attribute."""
+    return {"unit": unit, "axes": axes.split(), "name": name}
+
+
+VALUE = _dataset("SI", "parameter")
+HZ = _dataset("Hz", "mode")
+READING = _dataset("SI, reading over drive", "number", "response_{}")
+NUISANCE = _dataset("1, s or SI", "nuisance")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Findings:
+    """What a fit of transfer functions says, in words and lists.
+
+    Attributes
+    ----------
+    corrections
+        Wrong channels.
+    stiffened
+        Modes stiffer than the design explains: label, relative excess of frequency, Q.
+    changes
+        Single changes that explain most, best first.
+    sentences
+        Determined and undetermined parameters.
+    least
+        A parameter that is known least; "" if none is free.
+    candidates
+        Measurements that would determine it best, best first.
+    """
+
+    corrections: tuple[Correction, ...] = ()
+    stiffened: tuple[tuple[str, float, float], ...] = ()
+    changes: tuple[SingleChange, ...] = ()
+    sentences: tuple[str, ...] = ()
+    least: str = ""
+    candidates: tuple[Candidate, ...] = ()
+
+
 @dataclass(frozen=True)
-class ResponseFit:
+class ResponseFit(Findings):
     """Measured transfer functions and a fit to them.
 
     Attributes
@@ -78,44 +117,28 @@ class ResponseFit:
     mode, resonance
         Modes with a measured resonance: frequency as measured, its standard deviation, before and
         after (Hz), measured Q, number of functions with it.
-    corrections
-        Wrong channels.
-    stiffened
-        Modes stiffer than the design explains: label, relative excess of frequency, Q.
     chi_squared_before
         chi^2 of the design as given, with the properties of channels fitted.
-    changes
-        Single changes that explain most, best first.
-    sentences
-        Determined and undetermined parameters.
-    least
-        A parameter that is known least; "" if none is free.
-    candidates
-        Measurements that would determine it best, best first.
     """
 
     function: tuple[str, ...]
-    input: tuple[str, ...]
-    output: tuple[str, ...]
-    of: Int[np.ndarray, " point"]
-    frequency: Float[np.ndarray, " point"]
-    uncertainty: Float[np.ndarray, " point"]
-    measured: Complex[np.ndarray, " point"]
-    before: Complex[np.ndarray, " point"]
-    after: Complex[np.ndarray, " point"]
+    input: tuple[str, ...] = field(metadata=_dataset("name", "function"))
+    output: tuple[str, ...] = field(metadata=_dataset("name", "function"))
+    of: Int[np.ndarray, " point"] = field(metadata=_dataset("1", "number"))
+    frequency: Float[np.ndarray, " point"] = field(metadata=_dataset("Hz", "number"))
+    uncertainty: Float[np.ndarray, " point"] = field(metadata=READING)
+    measured: Complex[np.ndarray, " point"] = field(metadata=READING)
+    before: Complex[np.ndarray, " point"] = field(metadata=READING)
+    after: Complex[np.ndarray, " point"] = field(metadata=READING)
     nuisance: tuple[str, ...]
-    nuisance_value: Float[np.ndarray, " nuisance"]
-    nuisance_sigma: Float[np.ndarray, " nuisance"]
-    nuisance_prior: Float[np.ndarray, " nuisance"]
+    nuisance_value: Float[np.ndarray, " nuisance"] = field(metadata=NUISANCE)
+    nuisance_sigma: Float[np.ndarray, " nuisance"] = field(metadata=NUISANCE)
+    nuisance_prior: Float[np.ndarray, " nuisance"] = field(metadata=NUISANCE)
     mode: tuple[str, ...]
-    resonance: Float[np.ndarray, "mode 6"]
-    corrections: tuple[Correction, ...] = ()
-    stiffened: tuple[tuple[str, float, float], ...] = ()
+    resonance: Float[np.ndarray, "mode 6"] = field(
+        metadata=_dataset("Hz; 1 for q and functions", "resonance_mode resonance_column")
+    )
     chi_squared_before: float = float("nan")
-    changes: tuple[SingleChange, ...] = ()
-    sentences: tuple[str, ...] = ()
-    least: str = ""
-    candidates: tuple[Candidate, ...] = ()
 
     @property
     def chi_squared(self) -> Float[np.ndarray, " function"]:
@@ -170,28 +193,34 @@ class Fit:
 
     experiment: tuple[str, ...]
     name: tuple[str, ...]
-    shared: Bool[np.ndarray, "parameter experiment"]
-    start: Float[np.ndarray, " parameter"]
-    value: Float[np.ndarray, " parameter"]
+    shared: Bool[np.ndarray, "parameter experiment"] = field(
+        metadata=_dataset("1", "parameter experiment")
+    )
+    start: Float[np.ndarray, " parameter"] = field(metadata=VALUE)
+    value: Float[np.ndarray, " parameter"] = field(metadata=VALUE)
     sigma: Float[np.ndarray, " parameter"]
-    prior: Float[np.ndarray, " parameter"]
-    prior_sigma: Float[np.ndarray, " parameter"]
+    prior: Float[np.ndarray, " parameter"] = field(metadata=VALUE)
+    prior_sigma: Float[np.ndarray, " parameter"] = field(metadata=VALUE)
     covariance: Float[np.ndarray, "parameter parameter"]
-    at_bound: Bool[np.ndarray, " parameter"]
-    of: Int[np.ndarray, " mode"]
-    label: tuple[str, ...]
-    measured: Float[np.ndarray, " mode"]
-    uncertainty: Float[np.ndarray, " mode"]
-    before: Float[np.ndarray, " mode"]
-    after: Float[np.ndarray, " mode"]
+    at_bound: Bool[np.ndarray, " parameter"] = field(metadata=_dataset("1", "parameter"))
+    of: Int[np.ndarray, " mode"] = field(metadata=_dataset("1", "mode", "measured_in"))
+    label: tuple[str, ...] = field(metadata=_dataset("name", "mode"))
+    measured: Float[np.ndarray, " mode"] = field(metadata=HZ)
+    uncertainty: Float[np.ndarray, " mode"] = field(metadata=HZ)
+    before: Float[np.ndarray, " mode"] = field(metadata=HZ)
+    after: Float[np.ndarray, " mode"] = field(metadata=HZ)
     chi_squared: float
     freedom: int
-    singular: Float[np.ndarray, " combination"]
-    direction: Float[np.ndarray, "combination parameter"]
-    design: tuple[str, ...]
-    ends: Float[np.ndarray, " start"]
+    singular: Float[np.ndarray, " combination"] = field(
+        metadata=_dataset("1", "combination", "singular_value")
+    )
+    direction: Float[np.ndarray, "combination parameter"] = field(
+        metadata=_dataset("1", "combination parameter")
+    )
+    design: tuple[str, ...] = field(metadata=_dataset("TOML", "experiment", "fitted_design"))
+    design_before: tuple[str, ...] = field(metadata=_dataset("TOML", "experiment", "design"))
+    ends: Float[np.ndarray, " start"] = field(metadata=_dataset("1", "search"))
     exchange: Exchange | None = None
-    design_before: tuple[str, ...] = ()
     measurements: str = ""
     title: str = ""
     responses: ResponseFit | None = None

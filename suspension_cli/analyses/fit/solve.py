@@ -377,6 +377,7 @@ def _collect(found: Solution, measured: Measured, ends: Array) -> Fit:
         design=tuple(
             reader.write_toml(item.document(x)) for item, x in zip(every, own, strict=True)
         ),
+        design_before=(),
         ends=ends,
     )
 
@@ -405,7 +406,7 @@ def _responses(
     for n, mode in enumerate(problem.stiff.tolist(), problem.parts[3].start):
         if found.z[n] > SURE * np.sqrt(spread[n, n]):
             excess = float(np.sqrt(1 + found.z[n]) - 1)
-            stiffened.append((one.labels[mode], excess, float(q.get(mode, np.nan))))
+            stiffened.append((one.labels[mode], excess, float(q[mode])))
     extra: dict[str, Any] = {}
     if explain and changes is not None:
         extra = {"chi_squared_before": changes[0], "changes": changes[1]}

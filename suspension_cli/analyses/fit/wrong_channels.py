@@ -1,8 +1,8 @@
 """Channels that the file of measurements describes wrongly: exchanged, scaled, inverted.
 
 Before a fit, measured and computed functions are compared in two ways that resonances at wrong
-frequencies hardly affect: ln magnitudes, averaged over `SMOOTH` and with heavily damped modes in
-the model; and the phase between both, which is wrong only between a measured resonance and the
+frequencies hardly affect: ln magnitudes, with heavily damped modes in the model, up to a largest
+difference; and the phase between both, which is wrong only between a measured resonance and the
 computed one. After a fit, chi^2 of every alternative is computed with the fitted parameters.
 """
 
@@ -19,15 +19,9 @@ from suspension_cli.analyses.fit.channels import TABLES, Channels
 from suspension_cli.analyses.fit.problem import Problem
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
-
     from suspension_cli.scene.arrays import Array
 
 SIGN, EXCHANGE, FACTOR = "sign", "exchange", "factor"
-SMOOTH = 0.08
-"""Standard deviation of the average of magnitudes over ln frequency."""
-POINTS = 48
-"""Frequencies at which averaged magnitudes are compared."""
 HEAVY = 1 / 20
 """Added damping 1/Q of all modes of the model in that comparison."""
 LARGEST = 3.0
@@ -39,7 +33,10 @@ SCALED = 0.4
 FACTOR_KNOWN = 0.5
 """Relative uncertainty of a gain that is off by a factor."""
 AGREEMENT = 0.3
-"""Least mean cosine of the phase between measured and computed values for an agreement."""
+"""Least mean cosine of the phase between measured and computed values for an agreement, and least
+gain in it from which a sign is assumed."""
+CLEAR = 3.0
+"""Least size of values whose phase counts, standard deviations."""
 KNOWN_FACTORS = (
     (1e6, "micro against SI units"),
     (1e3, "milli against SI units"),
@@ -94,10 +91,8 @@ class Correction:
             return channels.with_exchange(self.side, *self.channel)
         name = self.channel[0]
         gain = channels.transducer[self.side][name].gain
-        change = {"gain": gain / self.factor if undo else gain * self.factor}
-        if self.kind == FACTOR and not undo:
-            change["gain_uncertainty"] = FACTOR_KNOWN
-        return channels.with_transducer(self.side, name, **change)
+        gain = gain / self.factor if undo else gain * self.factor
+        return channels.with_transducer(self.side, name, gain=gain)
 
     @property
     def text(self) -> str:
@@ -132,129 +127,86 @@ def name_factor(factor: float) -> str:
 def guess(problem: Problem, z: Array) -> tuple[list[Correction], Channels]:
     """Find exchanged, then scaled, then inverted channels before a fit."""
     assert problem.channels is not None
-    channels, compared = problem.channels, _Comparison.of(problem, z)
-    found: list[Correction] = []
+    heavy, found = z.copy(), list[Correction]()
+    heavy[problem.parts[2]] = math.log(HEAVY)
     for kind in (EXCHANGE, FACTOR, SIGN):
-        for _ in range(len(channels.names(0)) + len(channels.names(1))):
-            gains = compared.improvements(kind, channels)
-            best = max(gains, key=lambda item: (round(item[0], 3), -item[1].side), default=None)
-            if best is None:
+        for _ in range(len(problem.channels.names(0)) + len(problem.channels.names(1))):
+            gains = _improvements(kind, problem, z, heavy)
+            if not gains:
                 break
-            gain, change = best
-            same = [c for g, c in gains if c.side != change.side and g > ALIKE * gain]
-            if same and change.known:
+            gain, best = max(gains, key=lambda item: (round(item[0], 3), -item[1].side))
+            same = [one for g, one in gains if one.side != best.side and g > ALIKE * gain]
+            if same and best.known:
                 table, names = TABLES[same[0].side], " and ".join(same[0].channel)
                 also = f"{table}{'s' if kind == EXCHANGE else ''} {names}"
-                change = replace(change, also=also)
-            found.append(change)
-            channels = change.apply(channels)
-            compared = compared.changed(change, channels)
+                best = replace(best, also=also)
+            found.append(best)
+            problem = problem.changed(channels=best.apply(problem.channels))
+    channels = problem.channels
+    for one in found:
+        if one.kind == FACTOR:
+            wide = {"gain_uncertainty": FACTOR_KNOWN}
+            channels = channels.with_transducer(one.side, one.channel[0], **wide)
     return found, channels
 
 
-@dataclass(frozen=True)
-class _Comparison:
-    """Measured functions beside those computed for all pairs of channels.
-
-    Attributes
-    ----------
-    distance
-        Mean difference of averaged ln magnitudes.
-    shift
-        Median of measured less computed ln magnitudes.
-    cosine
-        Mean cosine of the phase between measured and computed functions.
-    """
-
-    distance: Float[np.ndarray, "function sensor actuator"]
-    shift: Float[np.ndarray, "function sensor actuator"]
-    cosine: Float[np.ndarray, "function sensor actuator"]
-
-    @staticmethod
-    def of(problem: Problem, z: Array) -> _Comparison:
-        channels = problem.channels
-        assert channels is not None
-        shape = (len(channels.function), len(channels.names(0)), len(channels.names(1)))
-        distance, shift, cosine = np.zeros((3, *shape))
-        for light, (grid, own) in zip(problem.solve_responses(z), channels.grids, strict=True):
-            heavy = np.full(len(light.plant.modes.omega_squared), HEAVY)
-            broad = light.plant.respond(grid, light.inputs, light.outputs, heavy)
-            sharp, broad = (channels.combine(one.value, grid) for one in (light, broad))
-            average = _averaging(grid)
-            for n in own:
-                item = channels.function[n]
-                sigma, size = item.uncertainty, np.abs(item.value)
-                level = np.log(np.maximum(np.abs(broad), sigma[:, None, None]))
-                off = average @ np.log(np.maximum(size, sigma)) - np.tensordot(
-                    level, average, (0, 1)
-                )
-                distance[n] = np.minimum(np.abs(off), LARGEST).mean(-1)
-                shift[n] = np.median(off, axis=-1)
-                clear = (size > 3 * sigma)[:, None, None] & (
-                    np.abs(sharp) > 3 * sigma[:, None, None]
-                )
-                turn = np.cos(np.angle(np.conj(sharp) * item.value[:, None, None]))
-                seen = clear.sum(0)
-                part = np.where(clear, turn, 0.0).sum(0) / np.maximum(seen, 1)
-                cosine[n] = part * np.minimum(1.0, 5 * seen / len(grid)) * (seen > 3)
-        return _Comparison(distance, shift, cosine)
-
-    def improvements(self, kind: str, channels: Channels) -> list[tuple[float, Correction]]:
-        """Rate all changes of a kind that improve the agreement enough."""
-        pairs = np.array(channels.pairs)
-        every = np.arange(len(pairs))
-        shift, cosine = (part[every, *pairs.T] for part in (self.shift, self.cosine))
-        weight = np.minimum(np.abs(cosine) / AGREEMENT, 1.0)
-        clear = np.where(np.abs(cosine) > AGREEMENT, cosine, 0.0)
-        found = []
-        for side in (0, 1):
-            names = channels.names(side)
-            for a, b in itertools.combinations(range(len(names)), 2) if kind == EXCHANGE else ():
-                swapped = pairs.copy()
-                swapped[:, side] = np.select(
-                    [pairs[:, side] == a, pairs[:, side] == b], [b, a], pairs[:, side]
-                )
-                gain = (self.distance[every, *pairs.T] - self.distance[every, *swapped.T]).sum()
-                if gain > EXCHANGED * np.isin(pairs[:, side], (a, b)).sum():
-                    found.append((float(gain), Correction(kind, side, (names[a], names[b]))))
-            for row, item in enumerate(channels.transducer[side].values()):
-                mine = pairs[:, side] == row
-                if kind == SIGN:
-                    gain = -float(clear[mine].sum()) + (0.0 if item.sign_known else 1e-3)
-                    if gain > AGREEMENT:
-                        change = Correction(kind, side, (item.name,), -1.0, item.sign_known)
-                        found.append((gain, change))
-                elif kind == FACTOR and (mine & (weight > 0.5)).any():
-                    by = float(np.median(shift[mine & (weight > 0.5)]))
-                    gain = weight @ (np.abs(shift) - np.abs(shift - by * mine))
-                    if abs(by) > SCALED and gain > SCALED / 2:
-                        change = Correction(kind, side, (item.name,), math.exp(by))
-                        found.append((float(gain), change))
-        return found
-
-    def changed(self, change: Correction, channels: Channels) -> _Comparison:
-        """Compare again after a change."""
-        side, names = change.side, channels.names(change.side)
-        rows = [names.index(name) for name in change.channel]
-        if change.kind == EXCHANGE:
-            order = np.arange(len(names))
-            order[rows] = rows[::-1]
-            parts = (self.distance, self.shift, self.cosine)
-            return _Comparison(*(part.take(order, axis=1 + side) for part in parts))
-        mine = (np.array(channels.pairs)[:, side] == rows[0])[:, None, None]
-        if change.kind == SIGN:
-            return replace(self, cosine=np.where(mine, -self.cosine, self.cosine))
-        return replace(self, shift=self.shift - math.log(change.factor) * mine)
+def _improvements(
+    kind: str, problem: Problem, z: Array, heavy: Array
+) -> list[tuple[float, Correction]]:
+    """Rate all changes of a kind that improve the agreement enough."""
+    channels, found = problem.channels, []
+    assert channels is not None
+    (distance, shift), cosine = _compare_levels(problem, heavy), _compare_phases(problem, z)
+    for side, items in enumerate(channels.transducer):
+        used = np.array(channels.pairs)[:, side]
+        for pair in itertools.combinations(items, 2) if kind == EXCHANGE else ():
+            change = Correction(kind, side, pair)
+            other = problem.changed(channels=change.apply(channels))
+            gain = float((distance - _compare_levels(other, heavy)[0]).sum())
+            rows = [channels.names(side).index(name) for name in pair]
+            if gain > EXCHANGED * np.isin(used, rows).sum():
+                found.append((gain, change))
+        for row, (name, item) in enumerate(items.items()):
+            mine = used == row
+            sure = mine & (np.abs(cosine) > AGREEMENT / 2)
+            if kind == SIGN:
+                clear = mine & (np.abs(cosine) > AGREEMENT)
+                gain = -float(cosine[clear].sum()) + (0.0 if item.sign_known else 1e-3)
+                if gain > AGREEMENT:
+                    change = Correction(kind, side, (name,), -1.0, item.sign_known)
+                    found.append((gain, change))
+            elif kind == FACTOR and sure.any():
+                by = float(np.median(shift[sure]))
+                weight = np.minimum(np.abs(cosine) / AGREEMENT, 1.0)
+                gain = float(weight @ (np.abs(shift) - np.abs(shift - by * mine)))
+                if abs(by) > SCALED and gain > SCALED / 2:
+                    found.append((gain, Correction(kind, side, (name,), math.exp(by))))
+    return found
 
 
-def _averaging(frequency: Array) -> Float[np.ndarray, "place frequency"]:
-    """Weights of Gaussian averages over ln frequency at `POINTS` frequencies."""
-    place = np.log(frequency)
-    centers = np.linspace(place[0], place[-1], POINTS)
-    width = max(SMOOTH, float(place[-1] - place[0]) / POINTS / 2)
-    spacing = np.gradient(place) if len(place) > 1 else np.ones(1)
-    weight = np.exp(-0.5 * ((place - centers[:, None]) / width) ** 2) * spacing
-    return weight / np.maximum(weight.sum(1, keepdims=True), 1e-300)
+def _compare_levels(problem: Problem, z: Array) -> tuple[Array, Array]:
+    """Mean difference of ln magnitudes up to `LARGEST`, and their median shift, per function."""
+    assert problem.channels is not None
+    rows = [
+        np.log(np.maximum(np.abs(item.value), item.uncertainty))
+        - np.log(np.maximum(np.abs(value), item.uncertainty))
+        for value, item in zip(problem.readings(z), problem.channels.function, strict=True)
+    ]
+    distance = [np.minimum(np.abs(row), LARGEST).mean() for row in rows]
+    return np.array(distance), np.array([np.median(row) for row in rows])
+
+
+def _compare_phases(problem: Problem, z: Array) -> Array:
+    """Mean cosine of the phase between measured and computed values of each function."""
+    assert problem.channels is not None
+    found = []
+    for value, item in zip(problem.readings(z), problem.channels.function, strict=True):
+        size = np.minimum(np.abs(value), np.abs(item.value))
+        clear = size > CLEAR * item.uncertainty
+        turn = np.cos(np.angle(np.conj(value[clear]) * item.value[clear]))
+        known = min(1.0, 5 * clear.mean()) if clear.sum() > 3 else 0.0
+        found.append(known * turn.mean() if known else 0.0)
+    return np.array(found)
 
 
 def alternatives(problem: Problem, z: Array) -> list[Correction]:
