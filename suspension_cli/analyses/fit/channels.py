@@ -170,6 +170,9 @@ class Channels:
         return result / (1 + value) if by.kind == GAIN else result
 
 
+NO_CHANNELS = Channels(({}, {}), ((), ()), ())
+
+
 def build(
     measured: Measured, functions: Sequence[MeasuredResponse], system: LinearSystem
 ) -> Channels:

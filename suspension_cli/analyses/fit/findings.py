@@ -292,7 +292,6 @@ def next_measurements(
     that of the fit (Fisher).
     """
     p, one = problem.count, problem.experiment[0]
-    assert problem.channels is not None
     scaled = slope * problem.scale
     whole = scaled.T @ scaled
     spread = np.linalg.inv(whole + 1e-12 * np.diag(whole).max() * np.eye(len(whole)))

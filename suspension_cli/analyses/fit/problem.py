@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.fit.channels import GAIN, Channels, Nuisance
+from suspension_cli.analyses.fit.channels import GAIN, NO_CHANNELS, Channels, Nuisance
 from suspension_cli.analyses.fit.experiment import Experiment
 from suspension_cli.design import paths
 from suspension_cli.design.faults import suggest
@@ -58,7 +58,7 @@ class Problem:
     shared
         Whether a parameter belongs to an experiment.
     channels
-        Sensors, actuators and measured functions of the one design; None if only modes were
+        Sensors, actuators and measured functions of the one design; none if only modes were
         measured.
     damped, stiff
         Nominal modes with an added damping, and with a change of omega^2.
@@ -68,7 +68,7 @@ class Problem:
     free: Sequence[Free]
     shared: Bool[np.ndarray, "parameter experiment"]
     base: Array
-    channels: Channels | None = None
+    channels: Channels = NO_CHANNELS
     damped: Int[np.ndarray, " damped"] = field(default_factory=NOTHING.copy)
     stiff: Int[np.ndarray, " stiff"] = field(default_factory=NOTHING.copy)
     _solved: dict[bytes, list[Responses]] = field(default_factory=dict)
@@ -85,7 +85,7 @@ class Problem:
     @property
     def nuisances(self) -> tuple[Nuisance, ...]:
         """Unknown properties of sensors and actuators."""
-        return self.channels.nuisances if self.channels else ()
+        return self.channels.nuisances
 
     @cached_property
     def parts(self) -> tuple[slice, slice, slice, slice]:
@@ -135,7 +135,6 @@ class Problem:
 
     def solve_responses(self, z: Array) -> list[Responses]:
         """Solve for the responses of all signals on each grid; the last few are cached."""
-        assert self.channels is not None
         x, _, damped, stiff = (z[part] for part in self.parts)
         key = b"".join(part.tobytes() for part in (x, damped, self.stiff, stiff))
         if key not in self._solved:
@@ -158,15 +157,12 @@ class Problem:
 
     def readings(self, z: Array) -> list[Complex[np.ndarray, " frequency"]]:
         """Predict the readings per drive of each measured function."""
-        if self.channels is None:
-            return []
         now = self.channels.with_values(self.values(z))
         solved = zip(self.solve_responses(z), self.channels.grids, strict=True)
         return self._sorted([now.combine(one.value, grid) for one, (grid, _) in solved])
 
     def _sorted(self, grids: list[np.ndarray]) -> list[np.ndarray]:
         """Select the functions from readings (frequency sensor actuator ...) on each grid."""
-        assert self.channels is not None
         found: dict[int, np.ndarray] = {}
         for whole, (_, own) in zip(grids, self.channels.grids, strict=True):
             found |= {n: whole[(slice(None), *self.channels.pairs[n])] for n in own}
@@ -174,7 +170,7 @@ class Problem:
 
     def differentiate(self, z: Array) -> list[Complex[np.ndarray, "frequency unknown"]]:
         """Differentiate `readings`."""
-        if self.channels is None:
+        if not self.channels.function:
             return []
         one, x, grids = self.experiment[0], z[self.parts[0]], []
         now, values, order = self.channels.with_values(self.values(z)), self.values(z), one.order(x)
@@ -235,7 +231,7 @@ class Problem:
         """
         measured, sigma = self.measured_modes
         rows = [(self.predict_modes(z[self.parts[0]])[0] - measured) / sigma]
-        for value, item in zip(self.readings(z), self._functions, strict=True):
+        for value, item in zip(self.readings(z), self.channels.function, strict=True):
             if softness:
                 ratio = _level(value, item.uncertainty) - _level(item.value, item.uncertainty)
                 rows.append(ratio / _soft_sigma(item, softness))
@@ -248,7 +244,9 @@ class Problem:
         slope = np.zeros((len(self.measured_modes[0]), len(z)))
         slope[:, self.parts[0]] = self.predict_modes(z[self.parts[0]])[1]
         rows = [slope / self.measured_modes[1][:, None]]
-        functions = zip(self.differentiate(z), self.readings(z), self._functions, strict=True)
+        functions = zip(
+            self.differentiate(z), self.readings(z), self.channels.function, strict=True
+        )
         for change, value, item in functions:
             if softness:
                 weight = np.conj(value) / (np.abs(value) ** 2 + item.uncertainty**2)
@@ -258,10 +256,6 @@ class Problem:
             else:
                 rows.append(stack_parts(change / item.uncertainty[:, None]))
         return np.concatenate([*rows, self.prior_rows(z)[1]])
-
-    @property
-    def _functions(self) -> tuple[MeasuredResponse, ...]:
-        return self.channels.function if self.channels else ()
 
     def minimise(
         self,

@@ -164,7 +164,6 @@ def assign(problem: Problem, z: Array, peaks: list[list[Peak]]) -> Resonances:
     """Assign peaks of all functions to modes, and average those of one mode."""
     from scipy.optimize import linear_sum_assignment
 
-    assert problem.channels is not None
     one, x = problem.experiment[0], z[problem.parts[0]]
     plant = one.plant(x)
     frequency, squared = plant.modes.frequency, plant.modes.omega_squared

@@ -284,27 +284,29 @@ def _free_rubbing(found: Solution) -> Solution:
 def refine(begin: Solution, *, quick: bool = False) -> Solution:
     """Fit to the resonances, then to the complex values.
 
-    In a misfit, the search is repeated by way of the logarithms of magnitudes, from both starts. A
-    `quick` fit takes fewer steps and is not repeated.
+    In a misfit, the search is repeated without the first, then by way of the logarithms of
+    magnitudes. A `quick` fit takes fewer steps and is not repeated.
     """
     problem = begin.problem
-    how: dict[str, Any] = {"steps": 12, "tolerance": 1e-4} if quick else {"tolerance": 1e-8}
+    how: dict[str, Any] = {"steps": 12, "tolerance": 1e-4} if quick else {"tolerance": 1e-10}
 
     def descend(z: Array) -> Solution:
         end, chi_squared = problem.minimise(z, problem.residual, problem.jacobian, **how)
         return replace(begin, z=end, chi_squared=chi_squared)
 
+    def soften(z: Array) -> Array:
+        return problem.minimise(
+            z,
+            lambda z: problem.residual(z, SOFTNESS),
+            lambda z: problem.jacobian(z, SOFTNESS),
+            tolerance=1e-4, steps=40,
+        )[0]  # fmt: skip
+
     first = resonances.search(problem, begin.z, begin.peaks)
     found = descend(first)
-    for z in () if quick else (first, begin.z):
+    for start in () if quick else (lambda: begin.z, lambda: soften(first)):
         if found.misfit:
-            soft, _ = problem.minimise(
-                z,
-                lambda z: problem.residual(z, SOFTNESS),
-                lambda z: problem.jacobian(z, SOFTNESS),
-                tolerance=1e-4, steps=40,
-            )  # fmt: skip
-            found = min(found, descend(soft), key=lambda end: end.chi_squared)
+            found = min(found, descend(start()), key=lambda end: end.chi_squared)
     return found
 
 
@@ -314,8 +316,9 @@ def _restart(found: Solution) -> tuple[Solution, tuple[float, tuple[SingleChange
     for _ in range(ROUNDS):
         free = found.problem.experiment[0].free
         best = next(iter(changes[1]), None)
-        better = best is not None and best.chi_squared < found.chi_squared
-        if not (found.misfit and better and best.name in free):
+        if not found.misfit or best is None or best.name not in free:
+            break
+        if best.chi_squared >= found.chi_squared:
             break
         z = np.concatenate([found.problem.base, found.z[found.problem.count :]])
         z[free.index(best.name)] = best.start + best.change
@@ -392,7 +395,6 @@ def _responses(
 ) -> ResponseFit:
     """Collect what a fit says of the measured transfer functions."""
     problem, one = found.problem, found.problem.experiment[0]
-    assert problem.channels is not None
     functions, own = problem.channels.function, problem.parts[1]
     slope = problem.jacobian(found.z)
     spread = findings.covariance(problem, found.z, slope)

@@ -59,8 +59,9 @@ def _misfit(found: Fit) -> list[str]:
                 f" chi^2 is {found.exchange.chi_squared:.4g}"
             )
     if found.unlikely_priors:
+        count = len(found.pulls)
         lines.append(
-            f"MISFIT: chi^2 of the {len(found.pulls)} priors alone is"
+            f"MISFIT: chi^2 of the {f'{count} priors' if count > 1 else 'prior'} alone is"
             f" {found.prior_chi_squared:.4g}, so the measurements contradict the priors: a part is"
             " not as designed, these parameters absorb something that the model lacks (a spring, a"
             " cable, a stop), or the priors are too narrow"

@@ -126,7 +126,6 @@ def name_factor(factor: float) -> str:
 
 def guess(problem: Problem, z: Array) -> tuple[list[Correction], Channels]:
     """Find exchanged, then scaled, then inverted channels before a fit."""
-    assert problem.channels is not None
     heavy, found = z.copy(), list[Correction]()
     heavy[problem.parts[2]] = math.log(HEAVY)
     for kind in (EXCHANGE, FACTOR, SIGN):
@@ -155,8 +154,8 @@ def _improvements(
 ) -> list[tuple[float, Correction]]:
     """Rate all changes of a kind that improve the agreement enough."""
     channels, found = problem.channels, []
-    assert channels is not None
-    (distance, shift), cosine = _compare_levels(problem, heavy), _compare_phases(problem, z)
+    distance, shift = _compare_levels(problem, heavy)[0], _compare_levels(problem, z)[1]
+    cosine = _compare_phases(problem, z)
     for side, items in enumerate(channels.transducer):
         used = np.array(channels.pairs)[:, side]
         for pair in itertools.combinations(items, 2) if kind == EXCHANGE else ():
@@ -186,7 +185,6 @@ def _improvements(
 
 def _compare_levels(problem: Problem, z: Array) -> tuple[Array, Array]:
     """Mean difference of ln magnitudes up to `LARGEST`, and their median shift, per function."""
-    assert problem.channels is not None
     rows = [
         np.log(np.maximum(np.abs(item.value), item.uncertainty))
         - np.log(np.maximum(np.abs(value), item.uncertainty))
@@ -198,7 +196,6 @@ def _compare_levels(problem: Problem, z: Array) -> tuple[Array, Array]:
 
 def _compare_phases(problem: Problem, z: Array) -> Array:
     """Mean cosine of the phase between measured and computed values of each function."""
-    assert problem.channels is not None
     found = []
     for value, item in zip(problem.readings(z), problem.channels.function, strict=True):
         size = np.minimum(np.abs(value), np.abs(item.value))
@@ -212,7 +209,6 @@ def _compare_phases(problem: Problem, z: Array) -> Array:
 def alternatives(problem: Problem, z: Array) -> list[Correction]:
     """Rate changes of a sign and exchanges of two channels by chi^2 at z, best first."""
     channels, found = problem.channels, []
-    assert channels is not None
     for side in (0, 1):
         for name, item in channels.transducer[side].items():
             found.append(Correction(SIGN, side, (name,), -1.0, known=item.sign_known))

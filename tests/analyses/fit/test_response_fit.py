@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
+import suspension_cli as sus
 from suspension_cli.analyses import registry as analyses
 from suspension_cli.analyses.fit import default_parameters, findings, picture, resonances, text
 from suspension_cli.analyses.fit import solve as fit
 from suspension_cli.analyses.fit.wrong_channels import name_factor
+from suspension_cli.conventions import DOFS
 from suspension_cli.design import paths, reader
 from suspension_cli.design.measured import Free, Measured, Transducer
 from suspension_cli.drawing.curves import COLUMN
@@ -259,6 +261,71 @@ def test_delays_and_mixing_are_fitted():
         ("actuator.a-x.mix.upper.torque_pitch", leak),
     ):
         assert abs(values[name] - true) < 6 * sigmas[name] + 0.02 * true, name
+
+
+def measure(design, names, grid, noise=0.03, inverted=()):
+    """Diagonal functions of the upper mass, measured with 3 % noise."""
+    random, functions = np.random.default_rng(2), []
+    forces = [f"upper.{signals.FORCES[DOFS.index(name)]}" for name in names]
+    outputs = [f"upper.{name}" for name in names]
+    found = sus.response(design, inputs=forces, outputs=outputs, frequency=grid, model="beam")
+    for n, (drive, output) in enumerate(zip(forces, outputs, strict=True)):
+        exact = found.value.reshape(len(grid), len(names), len(names))[:, n, n]
+        sigma = noise * np.abs(exact)
+        scatter = random.standard_normal((2, len(grid)))
+        value = (exact + sigma * (scatter[0] + 1j * scatter[1])) * (-1 if output in inverted else 1)
+        functions.append(
+            MeasuredResponse(
+                names[n], drive, output, grid, value, sigma, np.full(len(grid), np.nan)
+            )
+        )
+    return functions
+
+
+def test_a_wrong_height_is_found_at_high_q(monkeypatch):
+    """Q of 1e4 and more, one d wrong by 1.5 mm, the sensor of pitch inverted: six functions are
+    explained, as the single change explains them, after few derivatives of designs."""
+    built = sus.parse(DOUBLE).replace({"stage.upper.wires.d": 0.0035})
+    functions = measure(built, DOFS, np.geomspace(0.2, 10, 240), inverted=("upper.pitch",))
+    calls, changes = [], Plant.changes
+
+    def counted(plant, names):
+        calls.append(len(names))
+        return changes(plant, names)
+
+    monkeypatch.setattr(Plant, "changes", counted)
+    found = fit.solve([DOUBLE], Measured(), (), functions, level="beam")
+    assert not found.misfit and found.chi_squared < 1.1 * 2880
+    assert found.responses.resonance[:, 4].max() > 1e4
+    (wrong,) = found.responses.corrections
+    assert wrong.kind == "sign" and {wrong.channel[0], *wrong.also.split()} >= {"upper.pitch"}
+    best = found.responses.changes[0]
+    assert best.name == "stage.upper.wires.d" and best.change == pytest.approx(1.5e-3, rel=0.02)
+    n = found.name.index(best.name)
+    assert abs(found.value[n] - 0.0035) < 4 * found.sigma[n]
+    assert len(calls) < 100
+
+
+def test_a_spring_that_the_model_lacks_is_not_absorbed_in_silence():
+    """A torsion spring on the upper mass looks like a height of its wires' ends, m g d: only the
+    prior of that height contradicts it."""
+    damped = DOUBLE.replace("[stage.wires]", "[stage.damping]\npitch = 0.02\n\n[stage.wires]", 1)
+    upper, test = damped.split('[[stage]]\nname = "test"')
+    spring = "[[stage.spring]]\nstiffness = [0.0, 0.0, 0.0, 0.0, 0.03, 0.0]\n\n"
+    built = sus.parse(f'{upper}{spring}[[stage]]\nname = "test"{test}')
+    functions = measure(built, ("pitch",), np.geomspace(0.3, 10.0, 120), noise=0.05)
+    name, given = "stage.upper.wires.d", 2e-3
+    free = [Free(name=name, prior=given, uncertainty=1e-4)]
+    found = fit.solve([damped], Measured(parameter=free), (), functions, level="beam")
+    weight = 9.81 * (3.0 + 2.7)
+    assert found.value[0] - given == pytest.approx(0.03 / weight, rel=0.15)
+    assert found.chi_squared - found.prior_chi_squared < 1.25 * found.freedom
+    assert found.misfit and found.unlikely_priors
+    [(far, pull)] = found.far
+    assert far == name and pull == pytest.approx((found.value[0] - given) / 1e-4)
+    lines = "\n".join(text.first_lines(found))
+    assert "MISFIT: chi^2 of the prior alone" in lines and "upper.d (+" in lines
+    assert text.document(found, [None])["far_from_priors"][0]["name"] == name
 
 
 def test_factors_are_named():
