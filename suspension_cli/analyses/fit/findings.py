@@ -6,14 +6,14 @@ All follow from the Jacobian J of the weighted residuals at the end of the fit.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.analyses.fit.problem import Problem, stack_parts, typical_change
 from suspension_cli.analyses.fit.result import Candidate, SingleChange
+from suspension_cli.analyses.fit.search import Solution, refine
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design.measured import Free
 from suspension_cli.errors import InputError
@@ -219,20 +219,11 @@ def restricted(problem: Problem, names: list[str], values: dict[str, float]) -> 
     return problem.changed(experiment=[one], free=free, shared=shared, base=start, _solved={})
 
 
-def single_changes(
-    found: Any, refine: Callable[..., Any]
-) -> tuple[float, tuple[SingleChange, ...]]:
+def single_changes(found: Solution) -> tuple[float, tuple[SingleChange, ...]]:
     """Fit the measurements with one parameter of the design at a time.
 
     Parameters are ranked by the chi^2 that a change of one alone leaves, to first order around the
     end of the fit; the best are fitted.
-
-    Parameters
-    ----------
-    found
-        End of a search (`solve.Solution`).
-    refine
-        `solve.refine`.
 
     Returns
     -------
@@ -261,7 +252,7 @@ def single_changes(
     with np.errstate(divide="ignore", invalid="ignore"):
         gain = np.nan_to_num((own @ moved) ** 2 / np.diag(own))
 
-    def fit(some: list[str]) -> Any:
+    def fit(some: list[str]) -> Solution:
         made = restricted(problem, some, given)
         begin = np.concatenate([made.base, rest])
         return refine(replace(found, problem=made, z=begin), quick=True)

@@ -157,6 +157,8 @@ class Problem:
 
     def readings(self, z: Array) -> list[Complex[np.ndarray, " frequency"]]:
         """Predict the readings per drive of each measured function."""
+        if not self.channels.function:
+            return []
         now = self.channels.with_values(self.values(z))
         solved = zip(self.solve_responses(z), self.channels.grids, strict=True)
         return self._sorted([now.combine(one.value, grid) for one, (grid, _) in solved])

@@ -18,7 +18,7 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -33,15 +33,14 @@ from suspension_cli.analyses.fit import (
     wrong_channels,
 )
 from suspension_cli.analyses.fit.problem import BEYOND, Problem, build
-from suspension_cli.analyses.fit.resonances import Peak
 from suspension_cli.analyses.fit.result import (
     SAME,
     Exchange,
     Fit,
     ResponseFit,
     SingleChange,
-    is_unlikely,
 )
+from suspension_cli.analyses.fit.search import Solution, refine, with_channels
 from suspension_cli.analyses.fit.wrong_channels import Correction
 from suspension_cli.design import reader
 from suspension_cli.design.measured import Measured
@@ -60,35 +59,12 @@ SURE = 5.0
 """Least change of omega^2 that is reported, standard deviations."""
 ROUNDS = 3
 """Most corrections, and most restarts from single changes, after a fit."""
-SOFTNESS = 0.2
-"""Relative uncertainty of magnitudes in a search on their logarithms."""
 MAX_DRAWS = 100
 """Attempts at drawing random parameters that give a valid design."""
 MAX_REFITS = 3
 """Most exchanges of labels that are fitted again."""
 WORTH_REPORTING = 0.1
 """Fraction of chi^2 below which an exchange of labels is reported."""
-
-
-@dataclass(frozen=True)
-class Solution:
-    """End of a search: the problem with corrected channels, and its unknowns z."""
-
-    problem: Problem
-    peaks: list[list[Peak]]
-    z: Array
-    chi_squared: float
-    corrections: tuple[Correction, ...] = ()
-
-    @property
-    def freedom(self) -> int:
-        """Degrees of freedom: residuals and priors less unknowns."""
-        return len(self.problem.residual(self.z)) - len(self.z)
-
-    @property
-    def misfit(self) -> bool:
-        """Whether so large a chi^2 is unlikely."""
-        return is_unlikely(self.chi_squared, self.freedom)
 
 
 def solve(
@@ -226,7 +202,7 @@ def _fit_modes(begin: Solution) -> Solution:
 def _fit_functions(begin: Solution) -> Solution:
     """Fit transfer functions, and correct wrong channels."""
     corrections, guessed = wrong_channels.guess(begin.problem, begin.z)
-    found = refine(_with_channels(begin, guessed) if corrections else begin)
+    found = refine(with_channels(begin, guessed) if corrections else begin)
     if found.misfit and corrections:
         plain = refine(begin)
         if plain.chi_squared < found.chi_squared:
@@ -235,7 +211,7 @@ def _fit_functions(begin: Solution) -> Solution:
         best = next(iter(wrong_channels.alternatives(found.problem, found.z)), None)
         if not found.misfit or best is None or best.chi_squared > BETTER * found.chi_squared:
             break
-        again = refine(_with_channels(found, best.apply(found.problem.channels)))
+        again = refine(with_channels(found, best.apply(found.problem.channels)))
         if again.chi_squared > BETTER * found.chi_squared:
             break
         found, corrections = again, _merge(corrections, best)
@@ -246,15 +222,6 @@ def _fit_functions(begin: Solution) -> Solution:
         without = found.problem.changed(channels=one.apply(found.problem.channels, undo=True))
         rated.append(replace(one, chi_squared=float(np.sum(without.residual(found.z) ** 2))))
     return replace(found, corrections=tuple(rated))
-
-
-def _with_channels(found: Solution, made: channels.Channels) -> Solution:
-    """Change the channels; properties that become unknown begin at 0."""
-    problem = found.problem.changed(channels=made)
-    old = {item.name: value for item, value in found.problem.values(found.z).items()}
-    own = [old.get(item.name, 0.0) for item in problem.nuisances]
-    z = np.concatenate([found.z[: problem.count], own, found.z[found.problem.parts[2].start :]])
-    return replace(found, problem=problem, z=z)
 
 
 def _merge(corrections: list[Correction], new: Correction) -> list[Correction]:
@@ -281,38 +248,9 @@ def _free_rubbing(found: Solution) -> Solution:
     return again if again.chi_squared < BETTER * found.chi_squared else found
 
 
-def refine(begin: Solution, *, quick: bool = False) -> Solution:
-    """Fit to the resonances, then to the complex values.
-
-    In a misfit, the search is repeated without the first, then by way of the logarithms of
-    magnitudes. A `quick` fit takes fewer steps and is not repeated.
-    """
-    problem = begin.problem
-    how: dict[str, Any] = {"steps": 12, "tolerance": 1e-4} if quick else {"tolerance": 1e-10}
-
-    def descend(z: Array) -> Solution:
-        end, chi_squared = problem.minimise(z, problem.residual, problem.jacobian, **how)
-        return replace(begin, z=end, chi_squared=chi_squared)
-
-    def soften(z: Array) -> Array:
-        return problem.minimise(
-            z,
-            lambda z: problem.residual(z, SOFTNESS),
-            lambda z: problem.jacobian(z, SOFTNESS),
-            tolerance=1e-4, steps=40,
-        )[0]  # fmt: skip
-
-    first = resonances.search(problem, begin.z, begin.peaks)
-    found = descend(first)
-    for start in () if quick else (lambda: begin.z, lambda: soften(first)):
-        if found.misfit:
-            found = min(found, descend(start()), key=lambda end: end.chi_squared)
-    return found
-
-
 def _restart(found: Solution) -> tuple[Solution, tuple[float, tuple[SingleChange, ...]]]:
     """Start again from the best single change while it fits better than all parameters do."""
-    changes = findings.single_changes(found, refine)
+    changes = findings.single_changes(found)
     for _ in range(ROUNDS):
         free = found.problem.experiment[0].free
         best = next(iter(changes[1]), None)
@@ -326,7 +264,7 @@ def _restart(found: Solution) -> tuple[Solution, tuple[float, tuple[SingleChange
         if again.chi_squared > (1 - SAME) * found.chi_squared:
             break
         found = again
-        changes = findings.single_changes(found, refine)
+        changes = findings.single_changes(found)
     return found, changes
 
 
@@ -398,7 +336,7 @@ def _responses(
     functions, own = problem.channels.function, problem.parts[1]
     slope = problem.jacobian(found.z)
     spread = findings.covariance(problem, found.z, slope)
-    start = _with_channels(Solution(begin, [], begin.start, np.inf), problem.channels)
+    start = with_channels(Solution(begin, [], begin.start, np.inf), problem.channels)
     z0 = np.concatenate([start.z, np.zeros(len(problem.stiff))])
     matched = resonances.assign(problem, found.z, found.peaks)
     before_hz, after_hz = (one.frequencies(z[: problem.count])[matched.mode] for z in (z0, found.z))
