@@ -18,9 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.analyses.fit import channels, response_fit, response_problem
-from suspension_cli.analyses.fit import findings as of
-from suspension_cli.analyses.fit.response_problem import ResponseProblem
+from suspension_cli.analyses.fit import solve
+from suspension_cli.analyses.fit.result import Fit
 from suspension_cli.conventions import DOFS
 from suspension_cli.design import paths, reader
 from suspension_cli.design.measured import Free, Measured, Transducer
@@ -61,11 +60,9 @@ class Simulation:
     measured: Measured
     functions: tuple[MeasuredResponse, ...]
 
-    def problem(self, level: str = registry.STRING.name) -> ResponseProblem:
-        """The least-squares problem of its measurements."""
-        system = registry.by_name(level).system(reader.parse(self.text))
-        made = channels.build(self.measured, self.functions, system)
-        return response_problem.build(self.text, self.measured, made, level=level)
+    def fit(self, **how: Any) -> Fit:
+        """Fit its measurements, on strings."""
+        return solve.solve([self.text], self.measured, (), self.functions, explain=False, **how)
 
 
 def simulate(
@@ -222,11 +219,10 @@ def spoil(
     return replace(given, functions=tuple(made))
 
 
-def distance(found: response_fit.Solution, true: dict[str, float]) -> float:
-    """Squared distance of true from fitted numbers, in the metric of the covariance."""
-    p = found.problem.numbers
-    off = found.z[:p] - np.array(list(true.values()))
-    return float(off @ np.linalg.solve(of.covariance(found.problem, found.z)[:p, :p], off))
+def distance(found: Fit, true: dict[str, float]) -> float:
+    """Squared distance of true from fitted parameters, in the metric of the covariance."""
+    off = found.value - np.array(list(true.values()))
+    return float(off @ np.linalg.solve(found.covariance, off))
 
 
 def is_found(corrections: Sequence[Any], kind: str, side: int, names: tuple[str, str]) -> bool:
@@ -249,12 +245,12 @@ def main() -> None:
     given_options = options.parse_args()
     if given_options.quadruple:
         given, true = quadruple(given_options.first)
-        found = response_fit.solve(given.problem())
-        sigma = np.sqrt(np.diag(of.covariance(found.problem, found.z)))
+        found = given.fit()
         print(f"chi^2 {found.chi_squared:.6g} for {found.freedom} degrees of freedom")
         for n, (name, value) in enumerate(true.items()):
-            pull = (found.z[n] - value) / sigma[n]
-            print(f"{name:42s} {value:.6g} {found.z[n]:.6g} +- {sigma[n]:.2g} ({pull:+.1f} sigma)")
+            fitted, sigma = found.value[n], found.sigma[n]
+            pull = (fitted - value) / sigma
+            print(f"{name:42s} {value:.6g} {fitted:.6g} +- {sigma:.2g} ({pull:+.1f} sigma)")
         return
     inside = named = 0
     for seed in range(given_options.first, given_options.first + given_options.trials):
@@ -263,9 +259,10 @@ def main() -> None:
         letter, side = ("s", "a")[seed // 3 % 2], seed // 3 % 2
         one, other = random.choice(DOFS, 2, replace=False)
         wrong = (KINDS[seed % 3], side, (f"{letter}-{one}", f"{letter}-{other}"))
-        found = response_fit.solve(spoil(given, *wrong).problem())
+        found = spoil(given, *wrong).fit()
+        assert found.responses is not None
         inside += distance(found, true) < stats.chi2(len(true)).ppf(0.95)
-        named += is_found(found.corrections, *wrong)
+        named += is_found(found.responses.corrections, *wrong)
     print(f"true numbers in the 95 % region: {inside} of {given_options.trials}")
     print(f"wrong channels found: {named} of {given_options.trials}")
 

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.text import Annotation, Text
 
 import suspension_cli as sus
-from suspension_cli.analyses.fit.response_fit import ResponseFit
-from suspension_cli.analyses.fit.response_picture import draw as draw_responses
+from suspension_cli.analyses.fit.picture import draw_responses
+from suspension_cli.analyses.fit.result import ResponseFit
 from suspension_cli.drawing.style import PALETTE, shade
 from tests.support.legible import said
 

@@ -1,8 +1,9 @@
-"""Readings of sensors per drive of actuators, with nuisance parameters.
+"""Readings of sensors per drive of actuators, with unknown gains, delays and mixing.
 
-A sensor reads g exp(-i omega tau) (signal + sum of m_j other_j). An actuator exerts the same
-combination of forces per unit of drive. With the responses H of the signals, the readings per drive
-are P = S H A, where S and A are the matrices of sensors and actuators.
+A sensor reads g exp(-i omega tau) (signal + sum of m_j other_j); an actuator exerts the same
+combination of forces per unit of drive (`measurements.prediction`). With the responses H of the
+signals, the readings per drive are S H A^T, where S and A have the weights of the signals in
+sensors and actuators.
 """
 
 from __future__ import annotations
@@ -22,13 +23,13 @@ from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.linear import signals
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
+from suspension_cli.measurements.prediction import channel_weights
 from suspension_cli.measurements.transfer_function import MeasuredResponse
-from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
-    from jaxtyping import Complex, Float
+    from jaxtyping import Complex
 
-    from suspension_cli.analyses.fit.array_types import Frequencies
+    from suspension_cli.scene.arrays import Array
 
 TABLES = ("sensor", "actuator")
 """Their tables in files of measurements."""
@@ -37,18 +38,10 @@ GAIN, DELAY, MIX = "gain", "delay", "mix"
 
 @dataclass(frozen=True)
 class Nuisance:
-    """One unknown property of a sensor or an actuator, 0 at its nominal value.
+    """One unknown property of a sensor (`side` 0) or an actuator (1), 0 at its nominal value.
 
-    Attributes
-    ----------
-    side
-        0 for a sensor, 1 for an actuator.
-    kind
-        ``"gain"`` (relative), ``"delay"`` (s) or ``"mix"`` (amount of `other`).
-    sigma
-        Standard deviation of the prior around 0.
-    other
-        A signal in the channel beside its own.
+    `kind` is ``"gain"`` (relative), ``"delay"`` (s) or ``"mix"`` (amount of the signal `other`);
+    `sigma` is the standard deviation of the prior.
     """
 
     side: int
@@ -87,14 +80,11 @@ class Channels:
         found = []
         for side, items in enumerate(self.transducer):
             for name, item in items.items():
-                if item.gain_uncertainty is not None:
-                    found.append(Nuisance(side, name, GAIN, item.gain_uncertainty))
-                if item.delay_uncertainty is not None:
-                    found.append(Nuisance(side, name, DELAY, item.delay_uncertainty))
-                found += [
-                    Nuisance(side, name, MIX, sigma, other)
-                    for other, sigma in item.mix_uncertainty.items()
-                ]
+                for kind in (GAIN, DELAY):
+                    sigma = getattr(item, f"{kind}_uncertainty")
+                    found += [Nuisance(side, name, kind, sigma)] if sigma is not None else []
+                mixed = item.mix_uncertainty.items()
+                found += [Nuisance(side, name, MIX, sigma, other) for other, sigma in mixed]
         return tuple(found)
 
     @cached_property
@@ -103,19 +93,17 @@ class Channels:
         groups: dict[bytes, list[int]] = {}
         for n, item in enumerate(self.function):
             groups.setdefault(np.asarray(item.frequency, dtype=float).tobytes(), []).append(n)
-        return tuple(
-            (np.asarray(self.function[own[0]].frequency, dtype=float), tuple(own))
-            for own in groups.values()
-        )
+        return tuple((np.frombuffer(grid), tuple(own)) for grid, own in groups.items())
 
     def names(self, side: int) -> tuple[str, ...]:
         """Names of the sensors (side 0) or the actuators (1)."""
         return tuple(self.transducer[side])
 
-    def pair(self, n: int) -> tuple[int, int]:
-        """Numbers of the sensor and the actuator of a function."""
-        item = self.function[n]
-        return self.names(0).index(item.output), self.names(1).index(item.input)
+    @cached_property
+    def pairs(self) -> tuple[tuple[int, int], ...]:
+        """Numbers of the sensor and the actuator of each function."""
+        sensors, actuators = self.names(0), self.names(1)
+        return tuple((sensors.index(f.output), actuators.index(f.input)) for f in self.function)
 
     def with_transducer(self, side: int, name: str, **change: object) -> Channels:
         """Replace properties of a sensor or an actuator."""
@@ -125,86 +113,64 @@ class Channels:
 
     def with_exchange(self, side: int, first: str, second: str) -> Channels:
         """Exchange signal and mix of two sensors or two actuators."""
-        items = self.transducer[side]
-        a, b = items[first], items[second]
+        a, b = self.transducer[side][first], self.transducer[side][second]
         one = self.with_transducer(side, first, signal=b.signal, mix=b.mix)
         return one.with_transducer(side, second, signal=a.signal, mix=a.mix)
 
-    def matrices(
-        self, omega: Frequencies, values: dict[Nuisance, float]
-    ) -> tuple[
-        tuple[Float[np.ndarray, "sensor output"], Complex[np.ndarray, "sensor frequency"]],
-        tuple[Float[np.ndarray, "actuator input"], Complex[np.ndarray, "actuator frequency"]],
-    ]:
-        """Compute the signals in each channel and its factor, for sensors and actuators."""
-        found = []
-        for side, items in enumerate(self.transducer):
+    def with_values(self, values: dict[Nuisance, float]) -> Channels:
+        """Set gains, delays and mixing to fitted values."""
+        made = self
+        for one, value in values.items():
+            item = made.transducer[one.side][one.channel]
+            if one.kind == GAIN:
+                change: dict[str, object] = {GAIN: item.gain * (1 + value)}
+            elif one.kind == DELAY:
+                change = {DELAY: item.delay + value}
+            else:
+                change = {MIX: item.mix | {one.other: item.mix.get(one.other, 0.0) + value}}
+            made = made.with_transducer(one.side, one.channel, **change)
+        return made
+
+    def weights(self, side: int, frequency: Array) -> Complex[np.ndarray, "frequency channel _"]:
+        """Weights of the signals in each sensor or actuator."""
+        key = (side, frequency.tobytes())
+        if key not in self._weights:
             texts = [signal.text for signal in self.signal[side]]
-            content = np.zeros((len(items), len(texts)))
-            factor = np.empty((len(items), len(omega)), dtype=complex)
-            for row, (name, item) in enumerate(items.items()):
-                content[row, texts.index(item.signal)] += 1.0
-                for other, amount in item.mix.items():
-                    content[row, texts.index(other)] += amount
-                factor[row] = item.gain * np.exp(-1j * omega * item.delay)
-                for nuisance, value in values.items():
-                    if (nuisance.side, nuisance.channel) == (side, name):
-                        if nuisance.kind == GAIN:
-                            factor[row] *= 1 + value
-                        elif nuisance.kind == DELAY:
-                            factor[row] *= np.exp(-1j * omega * value)
-                        else:
-                            content[row, texts.index(nuisance.other)] += value
-            found.append((content, factor))
-        return found[0], found[1]
+            items = self.transducer[side].values()
+            rows = [channel_weights(item, texts, frequency) for item in items]
+            self._weights[key] = np.stack(rows, 1)
+        return self._weights[key]
+
+    @cached_property
+    def _weights(self) -> dict[tuple[int, bytes], np.ndarray]:
+        return {}
 
     def combine(
-        self,
-        response: Complex[np.ndarray, "frequency output input"],
-        omega: Frequencies,
-        values: dict[Nuisance, float],
+        self, response: Complex[np.ndarray, "frequency output input"], frequency: Array
     ) -> Complex[np.ndarray, "frequency sensor actuator"]:
         """Compute readings per drive from responses of the signals."""
-        (sensors, read), (actuators, drive) = self.matrices(omega, values)
-        inner = response
-        if not _plain(sensors):
-            inner = sensors @ inner
-        if not _plain(actuators):
-            inner = inner @ actuators.T
-        return inner * read.T[:, :, None] * drive.T[:, None, :]
+        return self.weights(0, frequency) @ response @ self.weights(1, frequency).swapaxes(1, 2)
 
     def differentiate(
         self,
         response: Complex[np.ndarray, "frequency output input"],
-        omega: Frequencies,
-        values: dict[Nuisance, float],
-        nuisance: Nuisance,
+        frequency: Array,
+        by: Nuisance,
+        value: float,
     ) -> Complex[np.ndarray, "frequency sensor actuator"]:
-        """Differentiate readings per drive by a nuisance parameter."""
-        (sensors, read), (actuators, drive) = self.matrices(omega, values)
-        side, row = nuisance.side, self.names(nuisance.side).index(nuisance.channel)
-        own = (slice(None), row) if side == 0 else (slice(None), slice(None), row)
-        result = np.zeros((len(omega), len(sensors), len(actuators)), dtype=complex)
-        if nuisance.kind == MIX:
-            place = [signal.text for signal in self.signal[side]].index(nuisance.other)
-            if side == 0:
-                part = response[:, place] @ actuators.T
-            else:
-                part = response[:, :, place] @ sensors.T
-            both = read.T[:, :, None] * drive.T[:, None, :]
-            result[own] = part * both[own]
-            return result
-        whole = self.combine(response, omega, values)[own]
-        if nuisance.kind == GAIN:
-            result[own] = whole / (1 + values.get(nuisance, 0.0))
-        else:
-            result[own] = -1j * omega[:, None] * whole
-        return result
+        """Differentiate readings per drive by a property, which has this value in `self`."""
+        changed = self
+        if by.kind == MIX:
+            changed = self.with_transducer(by.side, by.channel, signal=by.other, mix={})
+        result = changed.combine(response, frequency)
+        others = [n for n, name in enumerate(self.names(by.side)) if name != by.channel]
+        np.moveaxis(result, 1 + by.side, 0)[others] = 0.0
+        if by.kind == DELAY:
+            return -2j * np.pi * frequency[:, None, None] * result
+        return result / (1 + value) if by.kind == GAIN else result
 
 
-def _plain(content: Float[np.ndarray, "channel signal"]) -> bool:
-    """Whether every channel is one signal, in the order of the signals."""
-    return content.shape[0] == content.shape[1] and bool((content == np.eye(len(content))).all())
+NO_CHANNELS = Channels(({}, {}), ((), ()), ())
 
 
 def build(
@@ -219,13 +185,20 @@ def build(
     """
     # motions of the ground beside the support are not fitted
     known = tuple(name for name in signals.bodies_with_signals(system) if name != GROUND)
-    given = (
-        {item.name: item for item in measured.sensor},
-        {item.name: item for item in measured.actuator},
-    )
+    given = [{one.name: one for one in side} for side in (measured.sensor, measured.actuator)]
     bad: dict[Fault, None] = {}
     used: list[dict[str, Transducer]] = [{}, {}]
     found: list[dict[str, Signal]] = [{}, {}]
+
+    def parse(side: int, text: str, where: str, also: str = "") -> bool:
+        try:
+            parsed = (signals.parse_output, signals.parse_input)[side](text, known)
+        except InputError as error:
+            fault = error.faults[0]
+            bad[Fault(where, fault.problem, fault.remedy + also, format_value(text))] = None
+            return False
+        found[side][text] = parsed
+        return True
 
     for n, item in enumerate(functions, 1):
         for side, (key, name) in enumerate((("output", item.output), ("input", item.input))):
@@ -234,32 +207,13 @@ def build(
                 also = f"; or name a [[{TABLES[side]}]] ({suggest(name, list(given[side]))})"
             if name in given[side]:
                 used[side][name] = given[side][name]
-            elif _parse(side, name, known, bad, f"transfer_function.{n}.{key}", also) is not None:
+            elif parse(side, name, f"transfer_function.{n}.{key}", also):
                 used[side][name] = Transducer(name=name, signal=name)
     for side, items in enumerate(used):
         for name, item in items.items():
             for text in (item.signal, *item.mix, *item.mix_uncertainty):
-                signal = _parse(side, text, known, bad, f"{TABLES[side]}.{name}")
-                if signal is not None:
-                    found[side][text] = signal
+                parse(side, text, f"{TABLES[side]}.{name}")
     if bad:
         raise InputError(list(bad))
     outputs, inputs = (tuple(side.values()) for side in found)
     return Channels((used[0], used[1]), (outputs, inputs), tuple(functions))
-
-
-def _parse(
-    side: int,
-    text: str,
-    known: tuple[str, ...],
-    bad: dict[Fault, None],
-    where: str,
-    also: str = "",
-) -> Signal | None:
-    """Parse a signal; if it is none, add a fault to `bad`."""
-    try:
-        return (signals.parse_output, signals.parse_input)[side](text, known)
-    except InputError as error:
-        fault = error.faults[0]
-        bad[Fault(where, fault.problem, fault.remedy + also, format_value(text))] = None
-        return None

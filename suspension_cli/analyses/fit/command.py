@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,21 +11,19 @@ from typing import TYPE_CHECKING
 import click
 
 from suspension_cli.analyses import options
-from suspension_cli.analyses.analysis import Analysis, Document, Log, Result, Run, Settings, plain
-from suspension_cli.analyses.fit import report
+from suspension_cli.analyses.analysis import Analysis, Document, Log, Result, Run, Settings
 from suspension_cli.analyses.options import argument, option
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value, join_errors
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.analysis import Progress
-    from suspension_cli.analyses.fit.response_fit import ResponseFit
-    from suspension_cli.analyses.fit.solve import Fit
+    from suspension_cli.analyses.fit.result import Fit, ResponseFit
     from suspension_cli.design.measured import Measured
+    from suspension_cli.design.reader import Source
+    from suspension_cli.linear.system import LinearSystem
     from suspension_cli.measurements.transfer_function import MeasuredResponse
     from suspension_cli.models.registry import Choice
-    from suspension_cli.scene.arrays import Array
 
 
 class FitAnalysis(Analysis):
@@ -135,23 +134,34 @@ class FitAnalysis(Analysis):
     def solve(self, run: Run) -> Result:
         """Fit all designs together."""
         from suspension_cli.analyses import model_choice
-        from suspension_cli.analyses.fit import common_model
+        from suspension_cli.analyses.fit import solve as fit
+        from suspension_cli.analyses.fit import text
         from suspension_cli.models import registry
 
         given: Measured = run.inputs["measured"]
         runs: list[Run] = run.inputs["runs"]
         file, joint = run.inputs["file"], given.experiment is not None
-        designs = [one.source.file for one in runs]
+        sources = [one.source for one in runs]
+        designs = [one.file for one in sources]
         if not given.parameter:
             run.log.say(
                 "no [[parameter]] is given: lengths, masses and stiffnesses of the design are free,"
                 " with priors of usual building errors"
             )
-        sources = [one.source for one in runs]
-        choices = common_model.choose(run.setting["fidelity"], sources, given)
+        choices = _choose_models(run.setting["fidelity"], sources, given)
         with attribute_faults_to(file), run.log.progress() as bar:
-            found = _fit(run, choices[0].level, None, bar)
-        choice = common_model.worst(choices)
+            found = fit.solve(
+                [one.text for one in sources],
+                given,
+                designs,
+                run.inputs.get("functions", ()),
+                level=choices[0].level,
+                starts=run.setting["starts"],
+                seed=run.setting["seed"],
+                explain=run.setting["explain"],
+                tell=bar,
+            )
+        choice = max(choices, key=lambda one: -1.0 if math.isnan(one.error) else one.error)
         for source, one in zip(sources, choices, strict=True):
             model_choice.warn_of_neglected(source, one, run.log, (registry.BEAM,))
         name = Path(file).stem if joint else found.experiment[0]
@@ -163,56 +173,24 @@ class FitAnalysis(Analysis):
         )
         _warn(data, choice, run.log)
         if run.setting.get("as_json", True):  # printed in the text
-            for line in report.first_lines(data):
+            for line in text.first_lines(data):
                 run.log.warn(line)
         stem = run.source.stem(name)
         extra = {"stem": stem, "joint": joint, "designs": designs, "measured_file": file}
         return Result(self, run.source, choice, data, extra, command=run.command)
 
     def document(self, result: Result) -> Document:
-        """Return fitted numbers and modes.
+        """Return fitted parameters and modes; an uncertainty is null if infinite or at a bound."""
+        from suspension_cli.analyses.fit import text
 
-        The uncertainty of a number is null if it is infinite or the number is at its bound.
-        """
         found: Fit = result.data
-        files = result.extra.get("designs", [None] * len(found.experiment))
-        pairs = zip(found.experiment, files, strict=True)
-        document: Document = {
-            "experiments": [{"name": name, "design": file} for name, file in pairs],
-            "parameters": report.learned_numbers(found),
-            "covariance": plain(found.scale**2 * found.covariance),
-            "modes": report.mode_rows(found),
-            "chi_squared": found.chi_squared,
-            "chi_squared_of_starts": found.ends.tolist(),
-            "degrees_of_freedom": found.freedom,
-            "misfit": found.misfit,
-            "sigma_scale": found.scale,
-            "exchange": report.exchanged_labels(found),
-            "singular_values": found.singular.tolist(),
-            "directions": found.direction.tolist(),
-        }
-        if found.responses is not None:
-            from suspension_cli.analyses.fit import response_text
-
-            document |= response_text.document(found.responses)
-        return document
+        return text.document(found, result.extra.get("designs", [None] * len(found.experiment)))
 
     def text(self, result: Result) -> str:
-        """Return fitted numbers, modes, and combinations that the data determine."""
-        found: Fit = result.data
-        lines = [result.choice.line, ""]
-        if first := report.first_lines(found):
-            lines += [*first, ""]
-        lines += [report.numbers(found), ""]
-        if found.label:
-            lines += [report.residuals(found), ""]
-        if found.responses is None:
-            return "\n".join([*lines, *report.known_combinations(found)])
-        from suspension_cli.analyses.fit import response_text
+        """Return fitted parameters, modes, and combinations that the data determine."""
+        from suspension_cli.analyses.fit import text
 
-        for part in response_text.report(found):
-            lines += [part, ""]
-        return "\n".join([*lines, *report.search_ends(found)])
+        return f"{result.choice.line}\n\n{text.report(result.data)}"
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw modes before and after, and fitted numbers."""
@@ -223,7 +201,6 @@ class FitAnalysis(Analysis):
         drawn = picture.draw(result.data, title)
         pages = {"": style.name_neglected(drawn, result.choice)}
         if result.data.responses is not None:
-            from suspension_cli.analyses.fit import response_picture
             from suspension_cli.design import measured
             from suspension_cli.measurements import read as read_measured
 
@@ -234,7 +211,7 @@ class FitAnalysis(Analysis):
                 for into, out in zip(found.input, found.output, strict=True)
             ]
             units = [read_measured.unit_of_value(item, given) for item in functions]
-            drawn = response_picture.draw(found, title, units)
+            drawn = picture.draw_responses(found, title, units)
             pages["-responses"] = style.name_neglected(drawn, result.choice)
         return pages
 
@@ -271,18 +248,42 @@ def _weighted(functions: list[MeasuredResponse], relative: float | None) -> list
     return result
 
 
-def _fit(run: Run, level: str, begin: Array | None, bar: Progress) -> Fit:
-    from suspension_cli.analyses.fit import solve as fit
+def _choose_models(wanted: str, sources: Sequence[Source], measured: Measured) -> list[Choice]:
+    """Choose the most complete model without wire mass that is valid for every design of a fit.
 
-    sources = [one.source for one in run.inputs["runs"]]
-    texts, files = [one.text for one in sources], [one.file for one in sources]
-    setting, given = run.setting, run.inputs["measured"]
-    how: Settings = {"starts": setting["starts"], "seed": setting["seed"]}
-    how |= {"level": level, "begin": begin, "tell": bar}
-    if not given.transfer_function:
-        return fit.solve(texts, given, files, **how)
-    functions, explain = run.inputs["functions"], setting["explain"]
-    return fit.solve_responses(texts[0], given, functions, files[0], explain=explain, **how)
+    Raises `InputError` if a model is wanted that cannot model imperfect builds, or has wire mass.
+    """
+    from suspension_cli.analyses import model_choice
+    from suspension_cli.linear import eigenmodes, named_results
+    from suspension_cli.models import registry
+    from suspension_cli.models.choice import Several
+
+    models = [model for model in registry.SCENE_MODELS if not model.has_wire_mass]
+    model_choice.demand_one_of(wanted, models, "cannot compute derivatives")
+    each = [registry.most_complete(source.design, massless=True) for source in sources]
+    common = min(each, key=registry.MODELS.index)
+
+    def request(system: LinearSystem, labels: set[str | None]) -> Several:
+        """Request the modes of these labels, or all if a mode has no label."""
+        found = eigenmodes.solve(system.constant)
+        names = named_results.labels(found)
+        every = tuple(named_results.Mode(name, n) for n, name in enumerate(names))
+        some = tuple(mode for mode in every if mode.text in labels)
+        return Several(every if None in labels or not some else some, found)
+
+    found = []
+    for source, modes in zip(sources, measured.modes, strict=True):
+        with attribute_faults_to(source.file):
+            labels = {mode.label for mode in modes}
+            found.append(
+                model_choice.choose(
+                    source,
+                    wanted,
+                    lambda system, labels=labels: request(system, labels),
+                    candidates=[common],
+                )[0]
+            )
+    return found
 
 
 def _designs(

@@ -1,11 +1,11 @@
-"""Mode frequencies of one measured design, with their derivatives by the fitted numbers."""
+"""A measured design at any values of its free parameters: plant, modes, and measured modes."""
 
 from __future__ import annotations
 
 import contextlib
 import copy
 import tomllib
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -16,58 +16,56 @@ from suspension_cli.design import paths, reader
 from suspension_cli.design.measured import Mode
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
-from suspension_cli.linear import batch_modes, eigenmodes, mode_pairing, named_results
-from suspension_cli.linear.system import LinearSystem
-from suspension_cli.models import registry
-from suspension_cli.scene.arrays import Array
-from suspension_cli.studies import derivatives
-from suspension_cli.studies.derivatives import frequency_rates, mode_matrix
-from suspension_cli.studies.parameters import Parameter
+from suspension_cli.linear import named_results
+from suspension_cli.linear.mode_pairing import pair_by_overlap
+from suspension_cli.studies.derivatives import frequency_rates
+from suspension_cli.studies.response_matrix import Matrices, Plant
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
+    from jaxtyping import Float, Int
 
-    from suspension_cli.analyses.fit.array_types import ModeValues, Numbers
+    from suspension_cli.scene.arrays import Array
 
 FORBIDDEN = 1e6
 """Cost of assigning a measurement to a mode that it cannot belong to; others cost the square of
 ln(measured / computed)."""
-
-
-def unbalanced(name: str) -> InputError:
-    """Return the error of a number whose change alone unbalances a design."""
-    problem = "a change of this number alone unbalances the suspension"
-    return InputError([Fault(f"parameter {name}", problem, "fit another number")])
+KEPT = 12
+"""Plants that are kept."""
+NEARBY = 0.5
+"""Change of the parameters, over their typical changes, within which the derivatives of the
+matrices are not computed again: they are smooth, and a search needs no more."""
 
 
 @dataclass
 class Experiment:
-    """A design, its measured modes and its free numbers.
+    """A design, its measured modes and its free parameters.
 
     Attributes
     ----------
     text
         The design as TOML.
-    free, start
-        Dotted paths of the free numbers, and their starting values, SI.
+    free, start, scale
+        Dotted paths of the free parameters, their starting values and typical changes, SI.
     where
         Prefix of the key paths of the modes in errors.
     file
         File of the design, for errors.
     level
         Name of a model that supports derivatives.
-    cache
-        Frequencies and derivatives by free numbers.
+    around
+        Values of the parameters, and derivatives of the matrices there.
     """
 
     text: str
     mode: list[Mode]
     free: list[str]
-    start: Numbers
-    where: str = ""
-    file: str = ""
-    level: str = registry.STRING.name
-    cache: dict[bytes, tuple[Array, Array]] = field(default_factory=dict)
+    start: Array
+    scale: Array
+    where: str
+    file: str
+    level: str
+    around: tuple[Array, list[Matrices]] | None = None
+    _plants: dict[bytes, Plant] = field(default_factory=dict)
 
     @cached_property
     def table(self) -> Document:
@@ -75,25 +73,14 @@ class Experiment:
         return tomllib.loads(self.text)
 
     @cached_property
-    def nominal_system(self) -> LinearSystem:
-        """Linear system of the design where the search starts."""
-        with self.faults():
-            return registry.by_name(self.level).system(self.design(self.start))
+    def nominal(self) -> Plant:
+        """The design where the search starts; measurements refer to the labels of its modes."""
+        return self.plant(self.start)
 
     @cached_property
-    def nominal_modes(self) -> eigenmodes.Modes:
-        """Modes of `nominal_system`; measurements refer to their labels."""
-        return eigenmodes.solve(replace(self.nominal_system, terms=()))
-
-    @cached_property
-    def dominant_dof(self) -> list[str]:
-        """Dominant degree of freedom of each nominal mode."""
-        return [dof for _, dof in self.nominal_modes.home]
-
-    @cached_property
-    def shape(self) -> Float[np.ndarray, "mode coordinate"]:
-        """Mass-normalised shapes of the nominal modes."""
-        return batch_modes.solve_one(self.nominal_system).shape[0]
+    def labels(self) -> list[str]:
+        """Labels of the nominal modes."""
+        return named_results.labels(self.nominal.modes)
 
     @property
     def frequency(self) -> Float[np.ndarray, " measured"]:
@@ -109,59 +96,60 @@ class Experiment:
         """Attribute errors in the design to its file."""
         return attribute_faults_to(self.file)
 
-    def document(self, x: Numbers) -> Document:
-        """Return the parsed TOML of the design with the free numbers x."""
+    def document(self, x: Array) -> Document:
+        """Return the parsed TOML of the design with the free parameters x."""
         raw = copy.deepcopy(self.table)
         values = {name: float(value) for name, value in zip(self.free, x, strict=True)}
         reader.apply_overrides(raw, paths.symmetric_settings(values))
         return raw
 
-    def design(self, x: Numbers) -> Design:
-        """Return the design with the free numbers x."""
+    def design(self, x: Array) -> Design:
+        """Return the design with the free parameters x."""
         return reader.convert(self.document(x))
 
-    def evaluate(self, x: Numbers) -> tuple[ModeValues, Float[np.ndarray, "mode number"]]:
-        """Solve for all frequencies, Hz (NaN: unstable), and their derivatives.
-
-        Modes are in the order of `nominal_modes`. Results are cached.
-        """
-        key = np.asarray(x, dtype=float).tobytes()
-        if key not in self.cache:
+    def plant(self, x: Array) -> Plant:
+        """Solve the design with the free parameters x; the last `KEPT` plants are kept."""
+        key = x.tobytes()
+        if key not in self._plants:
+            while len(self._plants) >= KEPT:
+                del self._plants[next(iter(self._plants))]
             with self.faults():
-                self.cache[key] = self._solve(x)
-        return self.cache[key]
+                self._plants[key] = Plant.of(self.design(x), self.level)
+        return self._plants[key]
 
-    def _solve(self, x: Numbers) -> tuple[ModeValues, Float[np.ndarray, "mode number"]]:
-        design = self.design(x)
-        model = registry.by_name(self.level).system(design).constant
-        found, shape = eigenmodes.solve(model), batch_modes.solve_one(model).shape[0]
-        order = mode_pairing.pair_by_shape(self.shape, shape)[0]
-        slope = np.zeros((len(order), len(self.free)))
-        numbers = [Parameter(name, float(value)) for name, value in zip(self.free, x, strict=True)]
-        around = derivatives.differentiate(
-            design,
-            numbers,
-            self.level,
-            lambda builds: mode_matrix(builds, found, massive=False).reshape(-1, len(order) ** 2),
-            nominal=np.zeros(len(order) ** 2),
-        )
-        for n, name in enumerate(self.free):
-            if not around.balanced[n]:
-                raise unbalanced(name)
-            change = around.central[n].reshape(len(order), -1)
-            slope[:, n] = frequency_rates(found, change)[order]
-        return found.frequency[order], slope
+    def order(self, x: Array) -> Int[np.ndarray, " mode"]:
+        """Mode of the plant at x for each nominal mode."""
+        overlap = self.nominal.modes.shape @ self.plant(x).modal_forces.T
+        return pair_by_overlap(overlap**2)
 
-    def predict(
-        self, x: Numbers
-    ) -> tuple[Float[np.ndarray, " measured"], Float[np.ndarray, "measured number"]]:
-        """Frequencies of the measured modes, Hz, and their derivatives; 0 for an unstable mode."""
-        if not self.mode:
-            return np.zeros(0), np.zeros((0, len(self.free)))
-        (frequency, slope), places = self.evaluate(x), self.assign_modes(x)
-        return np.nan_to_num(frequency[places], nan=0.0), np.nan_to_num(slope[places])
+    def frequencies(self, x: Array) -> Float[np.ndarray, " mode"]:
+        """Frequencies in the order of the nominal modes, Hz; NaN for an unstable mode."""
+        return self.plant(x).modes.frequency[self.order(x)]
 
-    def assign_modes(self, x: Numbers) -> list[int]:
+    def linearise(self, x: Array) -> list[Matrices]:
+        """Differentiate the matrices of the plant at x by the free parameters."""
+        found = self.plant(x).changes(self.free)
+        changes = [one for one in found if one is not None]
+        if len(changes) < len(found):
+            problem = "a change of this number alone unbalances the suspension"
+            name = self.free[found.index(None)]
+            raise InputError([Fault(f"parameter {name}", problem, "fit another number")])
+        self.around = (x.copy(), changes)
+        return changes
+
+    def changes(self, x: Array) -> list[Matrices]:
+        """Derivatives of the matrices at or near x."""
+        if self.around is None or (np.abs(x - self.around[0]) > NEARBY * self.scale).any():
+            return self.linearise(x)
+        return self.around[1]
+
+    def slopes(self, x: Array) -> Float[np.ndarray, "mode parameter"]:
+        """Differentiate `frequencies` by the free parameters; 0 for an unstable mode."""
+        modes, order = self.plant(x).modes, self.order(x)
+        rates = [frequency_rates(modes, one.of_modes(modes))[order] for one in self.changes(x)]
+        return np.nan_to_num(np.array(rates).reshape(-1, len(order)).T)
+
+    def assign_modes(self, x: Array) -> list[int]:
         """Assign a mode to each measurement.
 
         Measurements without a label share the modes left by the others such that the sum of
@@ -171,21 +159,21 @@ class Experiment:
 
         assigned = dict(self.labelled)
         remaining = [n for n in range(len(self.mode)) if n not in assigned]
-        frequency, _ = self.evaluate(x)
-        open_modes = np.setdiff1d(np.flatnonzero(frequency > 0), [*assigned.values()])
         if remaining:
-            cost = np.full((len(remaining), max(len(open_modes), len(remaining))), FORBIDDEN)
-            ratio = self.frequency[remaining][:, None] / frequency[open_modes]
-            cost[:, : len(open_modes)] = np.log(ratio) ** 2
+            frequency = self.frequencies(x)
+            left = np.setdiff1d(np.flatnonzero(frequency > 0), [*assigned.values()])
+            cost = np.full((len(remaining), max(len(left), len(remaining))), FORBIDDEN)
+            ratio = self.frequency[remaining][:, None] / frequency[left]
+            cost[:, : len(left)] = np.log(ratio) ** 2
             for row, n in enumerate(remaining):
                 allowed = self.mode[n].dof
                 if allowed is not None:
-                    dofs = [self.dominant_dof[mode] for mode in open_modes]
+                    dofs = [self.nominal.modes.home[mode][1] for mode in left]
                     cost[row, [k for k, dof in enumerate(dofs) if dof not in allowed]] = FORBIDDEN
             for row, column in zip(*linear_sum_assignment(cost), strict=True):
                 if cost[row, column] == FORBIDDEN:
                     raise InputError([self._unassigned(remaining[row], len(frequency))])
-                assigned[remaining[row]] = int(open_modes[column])
+                assigned[remaining[row]] = int(left[column])
         return [assigned[n] for n in range(len(self.mode))]
 
     @cached_property
@@ -195,7 +183,7 @@ class Experiment:
         for n, item in enumerate(self.mode):
             if item.label is not None:
                 where = f"{self.where}mode.{n + 1}.label"
-                found = named_results.parse([item.label], self.nominal_modes, (), where)
+                found = named_results.parse([item.label], self.nominal.modes, (), where)
                 numbers = [one.number for one in found if isinstance(one, named_results.Mode)]
                 if len(numbers) != 1 or numbers[0] in assigned.values():
                     problem = "does not name exactly one mode, or names that of another measurement"
@@ -207,11 +195,8 @@ class Experiment:
     def _unassigned(self, n: int, count: int) -> Fault:
         allowed = self.mode[n].dof
         if allowed is None:
-            return Fault(
-                f"{self.where}mode",
-                f"the design has only {count} modes, fewer than were measured",
-                "remove measurements of other modes",
-            )
+            problem = f"the design has only {count} modes, fewer than were measured"
+            return Fault(f"{self.where}mode", problem, "remove measurements of other modes")
         return Fault(
             f"{self.where}mode.{n + 1}.dof",
             "no unassigned mode moves mainly in these degrees of freedom",

@@ -1,12 +1,16 @@
-"""Resonances of measured transfer functions: frequency, width and residue of each peak.
+"""Resonances of measured transfer functions, their modes, and a first search for these alone.
 
-Around a peak the function is
+Around a peak a function is
 
     H (w0^2 - w^2 + i w b) = N(w),   N = n0 + n1 s + n2 s^2,   s = (w^2 - wp^2) / wp^2,
 
 with the peak's frequency wp and other resonances in n1 and n2. It is linear in w0^2, b and N;
 weights are divided by the modulus of the last denominator (Sanathanan and Koerner, IEEE Trans.
 Autom. Control 8, 56 (1963)).
+
+Where peaks of model and measurement are farther apart than their widths, the difference of two
+functions has no useful gradient. Peaks are therefore assigned to modes by frequency and residue,
+and the parameters fitted to these frequencies alone.
 """
 
 from __future__ import annotations
@@ -16,10 +20,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from jaxtyping import Complex, Float, Inexact, Int
+from suspension_cli.analyses.fit.channels import Channels
+from suspension_cli.analyses.fit.problem import Problem, stack_parts
+from suspension_cli.measurements.transfer_function import MeasuredResponse
+from suspension_cli.studies.response_matrix import Plant
 
-    from suspension_cli.analyses.fit.array_types import Frequencies
+if TYPE_CHECKING:
+    from jaxtyping import Float, Int
+
+    from suspension_cli.scene.arrays import Array
 
 PROMINENCE = 0.6
 """Least height of a peak in ln |H| above the saddles beside it."""
@@ -29,7 +38,19 @@ WINDOW = 0.06
 """Relative half width of the band around a peak that its fit uses."""
 POINTS = 7
 """Fewest frequencies of a fit."""
-PASSES = 6
+NEAR = 0.03
+"""Typical error of a computed frequency."""
+FARTHEST = 0.9
+"""Largest ln of measured over computed frequency of a peak that may belong to a mode."""
+DISTANT = 0.2
+"""The same, from which two functions must agree."""
+FAINT = 0.02
+"""Height of a resonance of Q 100 over the rest of the function there, below which no peak is
+expected."""
+AGREES = 0.01
+"""Relative difference of frequencies within which peaks of several functions are one resonance."""
+ROUNDS = (1e-2, 1e-3, 1e-4)
+"""Least relative uncertainty of a resonance in each round of assignment and search."""
 
 
 @dataclass(frozen=True)
@@ -52,84 +73,44 @@ class Peak:
     residue: complex
 
 
-def find_peaks(
-    frequency: Frequencies,
-    value: Complex[np.ndarray, " frequency"],
-    uncertainty: Frequencies,
-) -> list[Peak]:
-    """Find the resonances of a measured function.
+def find_peaks(item: MeasuredResponse) -> list[Peak]:
+    """Find the resonances of a measured function."""
+    from scipy import signal
 
-    Parameters
-    ----------
-    frequency
-        Hz, ascending.
-    uncertainty
-        Standard deviation of the real and of the imaginary part.
-    """
-    size = np.maximum(np.abs(value), uncertainty)
-    places, prominence = _maxima(np.log(size))
-    noise = uncertainty[places] / size[places]
-    noise = noise * np.hypot(1.0, np.minimum(np.exp(prominence), 0.3 / noise))
-    result = []
-    for place in places[prominence > NOISE * noise]:
-        peak = _fit(frequency, value, uncertainty, float(frequency[place]))
-        if peak is not None:
-            result.append(peak)
-    return result
+    sigma = np.asarray(item.uncertainty)
+    size = np.maximum(np.abs(item.value), sigma)
+    places, about = signal.find_peaks(np.log(size), prominence=PROMINENCE)
+    noise = sigma[places] / size[places]
+    noise = noise * np.hypot(1.0, np.minimum(np.exp(about["prominences"]), 0.3 / noise))
+    clear = places[about["prominences"] > NOISE * noise]
+    found = [_fit_peak(item, float(item.frequency[place])) for place in clear]
+    return [peak for peak in found if peak is not None]
 
 
-def _maxima(
-    level: Frequencies,
-) -> tuple[Int[np.ndarray, " maximum"], Float[np.ndarray, " maximum"]]:
-    """Find local maxima and their heights above their saddles."""
-    inner = (level[1:-1] > level[:-2]) & (level[1:-1] >= level[2:])
-    places, heights = [], []
-    for place in np.flatnonzero(inner) + 1:
-        higher = np.flatnonzero(level > level[place])
-        left, right = higher[higher < place], higher[higher > place]
-        first = left[-1] if len(left) else 0
-        last = right[0] if len(right) else len(level) - 1
-        saddle = max(level[first : place + 1].min(), level[place : last + 1].min())
-        if level[place] - saddle > PROMINENCE:
-            places.append(int(place))
-            heights.append(float(level[place] - saddle))
-    return np.array(places, dtype=int), np.array(heights)
-
-
-def _fit(
-    frequency: Frequencies,
-    value: Complex[np.ndarray, " frequency"],
-    uncertainty: Frequencies,
-    at: float,
-) -> Peak | None:
+def _fit_peak(item: MeasuredResponse, at: float) -> Peak | None:
     """Fit one resonance around a frequency; None if there is none."""
-    distance = np.abs(np.log(frequency / at))
-    near = distance < WINDOW
-    if near.sum() < POINTS:
-        near = distance <= np.sort(distance)[min(POINTS, len(distance)) - 1]
-    w2 = (frequency[near] / at) ** 2  # in units of the frequency of the peak
+    distance = np.abs(np.log(item.frequency / at))
+    near = distance <= max(WINDOW, np.sort(distance)[min(POINTS, len(distance)) - 1])
+    w2 = (np.asarray(item.frequency)[near] / at) ** 2  # in units of the frequency of the peak
     if len(w2) < POINTS:
         return None
-    w, h, sigma = np.sqrt(w2), value[near], uncertainty[near]
+    w, h, sigma = np.sqrt(w2), item.value[near], np.asarray(item.uncertainty)[near]
     scale = np.abs(h).max()
     h, sigma, s = h / scale, sigma / scale, w2 - 1
     numerator = np.stack([np.ones_like(s), s, s**2], 1).astype(complex)
     columns = np.hstack([h[:, None], (1j * w * h)[:, None], -numerator, -1j * numerator])
     denominator = np.ones(len(w))
-    solution, covariance, rest = np.zeros(8), np.zeros((8, 8)), np.zeros(1)
-    for _ in range(PASSES):
+    solution, covariance, misfit = np.zeros(8), np.zeros((8, 8)), 1.0
+    for _ in range(6):
         weight = (1 / (sigma * denominator))[:, None]
-        left = stack_parts(columns * weight)
-        right = stack_parts((w2 * h)[:, None] * weight)[:, 0]
+        left, right = stack_parts(columns * weight), stack_parts((w2 * h)[:, None] * weight)[:, 0]
         solution = np.linalg.lstsq(left, right, rcond=1e-14)[0]
         covariance = np.linalg.pinv(left.T @ left, rcond=1e-14)
-        rest = left @ solution - right
-        denominator = np.abs(solution[0] - w2 + 1j * w * solution[1])
-        denominator = np.maximum(denominator, 1e-9)
+        misfit = max(1.0, float(np.sum((left @ solution - right) ** 2)) / max(len(left) - 8, 1))
+        denominator = np.maximum(np.abs(solution[0] - w2 + 1j * w * solution[1]), 1e-9)
     squared, width = float(solution[0]), float(solution[1])
     if not (w2[0] < squared < w2[-1]) or width > 0.5:
         return None
-    misfit = max(1.0, float(rest @ rest) / max(len(rest) - len(solution), 1))
     found = np.sqrt(squared)
     error = np.sqrt(covariance[0, 0] * misfit) / (2 * found)
     if not error < 0.02:
@@ -139,6 +120,132 @@ def _fit(
     return Peak(float(at * found), float(at * error), damping, residue)
 
 
-def stack_parts(rows: Inexact[np.ndarray, "row ..."]) -> Float[np.ndarray, "2*row ..."]:
-    """Stack real parts over imaginary parts, to make complex equations real."""
-    return np.concatenate([np.real(rows), np.imag(rows)])
+def residues(plant: Plant, channels: Channels) -> Float[np.ndarray, "function mode"]:
+    """Compute the residues of the measured functions: H has residue/(w_k^2 - w^2)."""
+    size, shape = plant.system.size, plant.modes.shape
+    seen, pushed = (
+        shape @ np.array([plant.row(signal)[6:] for signal in side]).reshape(-1, size - 6).T
+        for side in channels.signal
+    )
+    for n, signal in enumerate(channels.signal[1]):
+        if not signal.acts:
+            pushed[:, n] = -shape @ plant.matrices.stiffness[6:, :6] @ plant.row(signal)[:6]
+    seen, pushed = (
+        part @ np.real(channels.weights(side, np.zeros(1))[0]).T
+        for side, part in enumerate((seen, pushed))
+    )
+    return np.array([seen[:, one] * pushed[:, other] for one, other in channels.pairs])
+
+
+@dataclass(frozen=True)
+class Resonances:
+    """Measured resonances, one per mode at most.
+
+    Attributes
+    ----------
+    mode
+        Nominal mode.
+    frequency, sigma
+        Hz.
+    damping
+        1/Q.
+    functions
+        Number of measured functions with this resonance.
+    """
+
+    mode: Int[np.ndarray, " mode"]
+    frequency: Float[np.ndarray, " mode"]
+    sigma: Float[np.ndarray, " mode"]
+    damping: Float[np.ndarray, " mode"]
+    functions: Int[np.ndarray, " mode"]
+
+
+def assign(problem: Problem, z: Array, peaks: list[list[Peak]]) -> Resonances:
+    """Assign peaks of all functions to modes, and average those of one mode."""
+    from scipy.optimize import linear_sum_assignment
+
+    one, x = problem.experiment[0], z[problem.parts[0]]
+    plant = one.plant(x)
+    frequency, squared = plant.modes.frequency, plant.modes.omega_squared
+    found: dict[int, list[Peak]] = {}
+    for own, some in zip(residues(plant, problem.channels), peaks, strict=True):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            others = own[None, :] / (squared[None, :] - squared[:, None])
+            np.fill_diagonal(others, 0.0)
+            rest = np.abs(np.nan_to_num(others, posinf=0.0, neginf=0.0).sum(1))
+            height = 100 * np.abs(own) / np.abs(squared)
+        visible = np.flatnonzero((squared > 0) & (height > FAINT * rest) & (own != 0))
+        if not len(visible) or not some:
+            continue
+        off = np.log(np.array([peak.frequency for peak in some])[:, None] / frequency[visible])
+        size = np.log(np.abs([peak.residue for peak in some])[:, None] / np.abs(own[visible]))
+        near = np.abs(off) < NEAR
+        size = size - (np.median(size[near]) if near.any() else 0.0)
+        faint = np.log(np.minimum(height / (FAINT * rest + 1e-300), 1e4)[visible])
+        # the tails of the density of computed frequencies go with the inverse square of the error
+        cost = np.log1p((off / NEAR) ** 2) + 0.1 * np.minimum(size**2, 25.0) - 0.2 * faint
+        alone = np.log1p((FARTHEST / NEAR) ** 2)
+        cost = np.hstack([cost, np.full((len(some), len(some)), alone)])  # a peak of no mode
+        for row, column in zip(*linear_sum_assignment(cost), strict=True):
+            if column < len(visible) and cost[row, column] < alone:
+                found.setdefault(int(visible[column]), []).append(some[row])
+    back = {int(mode): n for n, mode in enumerate(one.order(x))}
+    rows = []
+    for mode, several in found.items():
+        weight = np.array([1 / (peak.sigma / peak.frequency + 1e-4) for peak in several])
+        hz = np.array([peak.frequency for peak in several])
+        order = np.argsort(hz)
+        place = order[np.searchsorted(weight[order].cumsum(), weight.sum() / 2)]
+        good = np.abs(hz / hz[place] - 1) < AGREES
+        far = abs(np.log(hz[place] / frequency[mode])) > DISTANT
+        if far and good.sum() < min(2, len(peaks)):
+            continue
+        weight = (weight * good) ** 2
+        mean = float(weight @ hz / weight.sum())
+        damping = np.exp(
+            np.median(np.log([p.damping for p, ok in zip(several, good, strict=True) if ok]))
+        )
+        sigma = np.hypot(mean / np.sqrt(weight.sum()), np.std(hz[good]) / np.sqrt(good.sum()))
+        rows.append((back[mode], mean, float(sigma), float(damping), int(good.sum())))
+    table = np.array(sorted(rows)).reshape(-1, 5)
+    mode, functions = table[:, 0].astype(int), table[:, 4].astype(int)
+    return Resonances(mode, table[:, 1], table[:, 2], table[:, 3], functions)
+
+
+def search(problem: Problem, z: Array, peaks: list[list[Peak]]) -> Array:
+    """Fit the parameters to the resonances; dampings follow from their widths."""
+    parts, z = problem.parts, z.copy()
+    matched = assign(problem, z, peaks)
+    for least in ROUNDS if problem.count else ():
+        z[parts[0]] = _fit_frequencies(problem, z[parts[0]], matched, least)
+        matched = assign(problem, z, peaks)
+    hz = problem.experiment[0].frequencies(z[parts[0]])
+    for n, mode in enumerate(matched.mode):
+        damping = np.clip(np.log(matched.damping[n]), np.log(1e-8), -0.1)
+        stiffening = np.clip((matched.frequency[n] / hz[mode]) ** 2 - 1, -0.5, 0.9)
+        z[parts[2]][problem.damped == mode] = damping
+        z[parts[3]][problem.stiff == mode] = stiffening
+    return z
+
+
+def _fit_frequencies(problem: Problem, x: Array, matched: Resonances, least: float) -> Array:
+    """Fit the parameters to the frequencies of resonances, known to `least` at best."""
+    one, own, modes, target = (
+        problem.experiment[0], problem.parts[0], matched.mode, np.log(matched.frequency)
+    )  # fmt: skip
+    center, width = problem.prior[0][own], problem.scale[own]
+    center = np.where(np.isfinite(problem.prior[1][own]), center, x)
+    sigma = np.hypot(matched.sigma / matched.frequency, 0.1 * matched.damping)
+    sigma = np.maximum(sigma, least)
+    sigma[np.isin(modes, problem.stiff)] = 1e3  # frequencies of their own
+
+    def residual(x: Array) -> Array:
+        rows = (np.log(one.frequencies(x)[modes]) - target) / sigma
+        return np.concatenate([rows, (x - center) / width])
+
+    def jacobian(x: Array) -> Array:
+        rows = one.slopes(x)[modes] / (one.frequencies(x)[modes] * sigma)[:, None]
+        return np.concatenate([rows, np.diag(1 / width)])
+
+    how = {"loss": "soft_l1", "steps": 30, "tolerance": 1e-4}  # a peak may be of another mode
+    return problem.minimise(x, residual, jacobian, **how)[0]

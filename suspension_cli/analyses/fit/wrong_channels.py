@@ -1,9 +1,9 @@
-"""Channels that the file of measurements describes wrongly: exchanged, inverted, scaled.
+"""Channels that the file of measurements describes wrongly: exchanged, scaled, inverted.
 
 Before a fit, measured and computed functions are compared in two ways that resonances at wrong
-frequencies hardly affect: ln magnitudes, averaged over `SMOOTH` and with heavily damped modes in
-the model; and the phase between both, which is wrong only between a measured resonance and the
-computed one. After a fit, chi^2 of every alternative is computed with the fitted numbers.
+frequencies hardly affect: ln magnitudes, with heavily damped modes in the model, up to a largest
+difference; and the phase between both, which is wrong only between a measured resonance and the
+computed one. After a fit, chi^2 of every alternative is computed with the fitted parameters.
 """
 
 from __future__ import annotations
@@ -16,19 +16,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.analyses.fit.channels import TABLES, Channels
-from suspension_cli.analyses.fit.response_problem import ResponseProblem
+from suspension_cli.analyses.fit.problem import Problem
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Float
-
-    from suspension_cli.analyses.fit.array_types import Frequencies, Unknowns
+    from suspension_cli.scene.arrays import Array
 
 SIGN, EXCHANGE, FACTOR = "sign", "exchange", "factor"
-MOST_EXCHANGES = 4
-SMOOTH = 0.08
-"""Standard deviation of the average of magnitudes over ln frequency."""
-POINTS = 48
-"""Frequencies at which averaged magnitudes are compared."""
 HEAVY = 1 / 20
 """Added damping 1/Q of all modes of the model in that comparison."""
 LARGEST = 3.0
@@ -40,7 +33,10 @@ SCALED = 0.4
 FACTOR_KNOWN = 0.5
 """Relative uncertainty of a gain that is off by a factor."""
 AGREEMENT = 0.3
-"""Least mean cosine of the phase between measured and computed values for an agreement."""
+"""Least mean cosine of the phase between measured and computed values for an agreement, and least
+gain in it from which a sign is assumed."""
+CLEAR = 3.0
+"""Least size of values whose phase counts, standard deviations."""
 KNOWN_FACTORS = (
     (1e6, "micro against SI units"),
     (1e3, "milli against SI units"),
@@ -55,8 +51,8 @@ KNOWN_FACTORS = (
 """Usual errors of calibrations."""
 NEAR_FACTOR = 0.06
 """Difference of ln to one of these up to which it is named."""
-BETTER = 0.5
-"""Fraction of chi^2 below which a change is made after a fit."""
+ALIKE = 0.98
+"""Fraction of the best improvement from which another channel explains the data as well."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +74,7 @@ class Correction:
     also
         Another channel whose change explains the data as well; "" if there is none.
     chi_squared
-        chi^2 with the fitted numbers but without this change; NaN where not computed.
+        chi^2 with the fitted parameters but without this change; NaN where not computed.
     """
 
     kind: str
@@ -89,36 +85,27 @@ class Correction:
     also: str = ""
     chi_squared: float = math.nan
 
-    def apply(self, channels: Channels) -> Channels:
-        """Make the change."""
+    def apply(self, channels: Channels, *, undo: bool = False) -> Channels:
+        """Make the change, or undo it."""
         if self.kind == EXCHANGE:
             return channels.with_exchange(self.side, *self.channel)
         name = self.channel[0]
-        item = channels.transducer[self.side][name]
-        change: dict[str, object] = {"gain": item.gain * self.factor}
-        if self.kind == FACTOR:
-            change["gain_uncertainty"] = FACTOR_KNOWN
-        return channels.with_transducer(self.side, name, **change)
-
-    def undo(self, channels: Channels) -> Channels:
-        """Undo the change."""
-        if self.kind == EXCHANGE:
-            return self.apply(channels)
-        item = channels.transducer[self.side][self.channel[0]]
-        return channels.with_transducer(self.side, self.channel[0], gain=item.gain / self.factor)
+        gain = channels.transducer[self.side][name].gain
+        gain = gain / self.factor if undo else gain * self.factor
+        return channels.with_transducer(self.side, name, gain=gain)
 
     @property
     def text(self) -> str:
         """The change in words."""
-        table = TABLES[self.side]
-        name = " and ".join(self.channel)
+        table, name = TABLES[self.side], " and ".join(self.channel)
         if self.kind == EXCHANGE:
             other = f" (or {self.also})" if self.also else ""
             return f"{table}s {name} are exchanged{other}"
         other = f" (or of {self.also})" if self.also else ""
         if self.kind == SIGN:
-            verb = "is wrong" if self.known else "is negative"
-            return f"the sign of {table} {name}{other} {verb}"
+            return (
+                f"the sign of {table} {name}{other} {'is wrong' if self.known else 'is negative'}"
+            )
         size = name_factor(self.factor)
         return f"the gain of {table} {name}{other} is {size} times the one given"
 
@@ -137,194 +124,98 @@ def name_factor(factor: float) -> str:
     return text
 
 
-def guess(problem: ResponseProblem, z: Unknowns) -> tuple[list[Correction], Channels]:
-    """Find exchanged, scaled and inverted channels before a fit."""
-    found: list[Correction] = []
+def guess(problem: Problem, z: Array) -> tuple[list[Correction], Channels]:
+    """Find exchanged, then scaled, then inverted channels before a fit."""
+    heavy, found = z.copy(), list[Correction]()
+    heavy[problem.parts[2]] = math.log(HEAVY)
+    for kind in (EXCHANGE, FACTOR, SIGN):
+        for _ in range(len(problem.channels.names(0)) + len(problem.channels.names(1))):
+            gains = _improvements(kind, problem, z, heavy)
+            if not gains:
+                break
+            gain, best = max(gains, key=lambda item: (round(item[0], 3), -item[1].side))
+            same = [one for g, one in gains if one.side != best.side and g > ALIKE * gain]
+            if same and best.known:
+                table, names = TABLES[same[0].side], " and ".join(same[0].channel)
+                also = f"{table}{'s' if kind == EXCHANGE else ''} {names}"
+                best = replace(best, also=also)
+            found.append(best)
+            problem = problem.changed(channels=best.apply(problem.channels))
     channels = problem.channels
-    compared = _Comparison.of(problem, z)
-    for _ in range(MOST_EXCHANGES):
-        change = compared.exchange()
-        if change is None:
-            break
-        found.append(change)
-        channels = change.apply(channels)
-        compared = _Comparison.of(problem.changed(channels=channels), z)
-    for make in (compared.factors, compared.signs):
-        for change in make():
-            found.append(change)
-            channels = change.apply(channels)
+    for one in found:
+        if one.kind == FACTOR:
+            wide = {"gain_uncertainty": FACTOR_KNOWN}
+            channels = channels.with_transducer(one.side, one.channel[0], **wide)
     return found, channels
 
 
-@dataclass(frozen=True)
-class _Comparison:
-    """Measured functions beside those computed for all pairs of channels.
-
-    Attributes
-    ----------
-    measured
-        Averaged ln magnitudes of the functions.
-    computed
-        The same for every pair of channels, at the frequencies of each function.
-    agreement
-        Mean cosine of the phase between measured and computed functions.
-    """
-
-    channels: Channels
-    pairs: list[tuple[int, int]]
-    measured: Float[np.ndarray, "function place"]
-    computed: Float[np.ndarray, "function sensor actuator place"]
-    agreement: Float[np.ndarray, " function"]
-
-    @staticmethod
-    def of(problem: ResponseProblem, z: Unknowns) -> _Comparison:
-        channels, now = problem.channels, problem.predict(z)
-        values = problem.nuisance_values(z)
-        heavy = np.full(len(now.order), HEAVY)
-        count = len(channels.function)
-        measured = np.zeros((count, POINTS))
-        shape = (count, len(channels.names(0)), len(channels.names(1)), POINTS)
-        computed, agreement = np.zeros(shape), np.zeros(count)
-        for (frequency, own), light in zip(channels.grids, now.response, strict=True):
-            damped = now.plant.respond(frequency, light.inputs, light.outputs, heavy)
-            sharp = channels.combine(light.value, light.omega, values)
-            broad = channels.combine(damped.value, damped.omega, values)
-            average = _averaging(frequency)
-            for n in own:
-                item = channels.function[n]
-                sigma = np.asarray(item.uncertainty)[:, None, None]
-                level = np.log(np.maximum(np.abs(broad), sigma))
-                computed[n] = np.tensordot(average, level, (1, 0)).transpose(1, 2, 0)
-                size = np.log(np.maximum(np.abs(item.value), item.uncertainty))
-                measured[n] = average @ size
-                model = sharp[(slice(None), *channels.pair(n))]
-                clear = (np.abs(item.value) > 3 * item.uncertainty) & (
-                    np.abs(model) > 3 * item.uncertainty
-                )
-                product = np.conj(model[clear]) * item.value[clear]
-                if clear.sum() > 3:
-                    agreement[n] = float((np.real(product) / np.abs(product)).mean())
-                    agreement[n] *= min(1.0, clear.mean() * 5)
-        pairs = [channels.pair(n) for n in range(count)]
-        return _Comparison(channels, pairs, measured, computed, agreement)
-
-    def exchange(self) -> Correction | None:
-        """Find the two channels of one side that fit best exchanged; None if no exchange helps."""
-        gains = []
-        for side in (0, 1):
-            names = self.channels.names(side)
-            cost, number = np.zeros((len(names), len(names))), np.zeros(len(names))
-            for n, pair in enumerate(self.pairs):
-                computed = self.computed[n, :, pair[1]] if side == 0 else self.computed[n, pair[0]]
-                off = np.minimum(np.abs(computed - self.measured[n]), LARGEST).mean(1)
-                cost[pair[side]] += off
-                number[pair[side]] += 1
-            for a, b in itertools.combinations(range(len(names)), 2):
-                gain = cost[a, a] + cost[b, b] - cost[a, b] - cost[b, a]
-                gains.append((gain, gain / max(number[a] + number[b], 1), side, names[a], names[b]))
-        gains.sort(key=lambda item: (-round(item[0], 3), item[2]))
-        best = next((item for item in gains if item[1] > EXCHANGED), None)
-        if best is None:
-            return None
-        gain, _, side, first, second = best
-        same = [item for item in gains if item[2] != side and item[0] > 0.98 * gain]
-        also = f"{TABLES[1 - side]}s {same[0][3]} and {same[0][4]}" if same else ""
-        return Correction(EXCHANGE, side, (first, second), also=also)
-
-    def factors(self) -> list[Correction]:
-        """Find channels whose magnitudes are off by a constant factor."""
-        own = np.array([self.computed[n, a, b] for n, (a, b) in enumerate(self.pairs)])
-        off = np.median(self.measured - own, axis=1)
-        off[np.abs(self.measured - own).max(1) == 0] = 0.0
-        weight = np.minimum(np.abs(self.agreement) / AGREEMENT, 1.0)
-        found: list[Correction] = []
-        for _ in range(4):
-            best: tuple[float, int, int, float] | None = None
-            for side in (0, 1):
-                for row in range(len(self.channels.names(side))):
-                    mine = np.array([pair[side] == row for pair in self.pairs]) & (weight > 0.5)
-                    if not mine.any():
-                        continue
-                    shift = float(np.median(off[mine]))
-                    gain = float((weight * (np.abs(off) - np.abs(off - shift * mine))).sum())
-                    if abs(shift) > SCALED and (best is None or gain > best[0] + 1e-6):
-                        best = (gain, side, row, shift)
-            if best is None or best[0] < SCALED / 2:
-                break
-            gain, side, row, shift = best
-            mine = np.array([pair[side] == row for pair in self.pairs])
-            also = self._also(side, mine & (weight > 0.5))
-            name = self.channels.names(side)[row]
-            found.append(Correction(FACTOR, side, (name,), math.exp(shift), also=also))
-            off = off - shift * mine
-        return found
-
-    def signs(self) -> list[Correction]:
-        """Find the fewest inverted channels that explain the signs of all functions."""
-        left = np.where(np.abs(self.agreement) > AGREEMENT, self.agreement, 0.0)
-        found: list[Correction] = []
-        for _ in range(len(self.channels.names(0)) + len(self.channels.names(1))):
-            best: tuple[float, int, int] | None = None
-            for side in (0, 1):
-                for row, item in enumerate(self.channels.transducer[side].values()):
-                    mine = np.array([pair[side] == row for pair in self.pairs])
-                    gain = -float(left[mine].sum()) + (1e-3 if not item.sign_known else 0.0)
-                    if gain > AGREEMENT and (best is None or gain > best[0] + 1e-6):
-                        best = (gain, side, row)
-            if best is None:
-                break
-            _, side, row = best
-            mine = np.array([pair[side] == row for pair in self.pairs])
-            item = list(self.channels.transducer[side].values())[row]
-            also = self._also(side, mine & (left != 0)) if item.sign_known else ""
-            found.append(
-                Correction(SIGN, side, (item.name,), -1.0, known=item.sign_known, also=also)
-            )
-            left = np.where(mine, -left, left)
-        return found
-
-    def _also(self, side: int, functions: Bool[np.ndarray, " function"]) -> str:
-        """Name the channel of the other side that only these functions have; "" if none is."""
-        others = {self.pairs[n][1 - side] for n in np.flatnonzero(functions)}
-        if len(others) != 1:
-            return ""
-        other = others.pop()
-        clear = np.abs(self.agreement) > AGREEMENT
-        theirs = np.array([pair[1 - side] == other for pair in self.pairs]) & clear
-        if (theirs & ~functions).any():
-            return ""
-        return f"{TABLES[1 - side]} {self.channels.names(1 - side)[other]}"
+def _improvements(
+    kind: str, problem: Problem, z: Array, heavy: Array
+) -> list[tuple[float, Correction]]:
+    """Rate all changes of a kind that improve the agreement enough."""
+    channels, found = problem.channels, []
+    distance, shift = _compare_levels(problem, heavy)[0], _compare_levels(problem, z)[1]
+    cosine = _compare_phases(problem, z)
+    for side, items in enumerate(channels.transducer):
+        used = np.array(channels.pairs)[:, side]
+        for pair in itertools.combinations(items, 2) if kind == EXCHANGE else ():
+            change = Correction(kind, side, pair)
+            other = problem.changed(channels=change.apply(channels))
+            gain = float((distance - _compare_levels(other, heavy)[0]).sum())
+            rows = [channels.names(side).index(name) for name in pair]
+            if gain > EXCHANGED * np.isin(used, rows).sum():
+                found.append((gain, change))
+        for row, (name, item) in enumerate(items.items()):
+            mine = used == row
+            sure = mine & (np.abs(cosine) > AGREEMENT / 2)
+            if kind == SIGN:
+                clear = mine & (np.abs(cosine) > AGREEMENT)
+                gain = -float(cosine[clear].sum()) + (0.0 if item.sign_known else 1e-3)
+                if gain > AGREEMENT:
+                    change = Correction(kind, side, (name,), -1.0, item.sign_known)
+                    found.append((gain, change))
+            elif kind == FACTOR and sure.any():
+                by = float(np.median(shift[sure]))
+                weight = np.minimum(np.abs(cosine) / AGREEMENT, 1.0)
+                gain = float(weight @ (np.abs(shift) - np.abs(shift - by * mine)))
+                if abs(by) > SCALED and gain > SCALED / 2:
+                    found.append((gain, Correction(kind, side, (name,), math.exp(by))))
+    return found
 
 
-def _averaging(frequency: Frequencies) -> Float[np.ndarray, "place frequency"]:
-    """Weights of Gaussian averages over ln frequency at `POINTS` frequencies."""
-    place = np.log(frequency)
-    centers = np.linspace(place[0], place[-1], POINTS)
-    width = max(SMOOTH, float(place[-1] - place[0]) / POINTS / 2)
-    spacing = np.gradient(place) if len(place) > 1 else np.ones(1)
-    weight = np.exp(-0.5 * ((place - centers[:, None]) / width) ** 2) * spacing
-    return weight / np.maximum(weight.sum(1, keepdims=True), 1e-300)
+def _compare_levels(problem: Problem, z: Array) -> tuple[Array, Array]:
+    """Mean difference of ln magnitudes up to `LARGEST`, and their median shift, per function."""
+    rows = [
+        np.log(np.maximum(np.abs(item.value), item.uncertainty))
+        - np.log(np.maximum(np.abs(value), item.uncertainty))
+        for value, item in zip(problem.readings(z), problem.channels.function, strict=True)
+    ]
+    distance = [np.minimum(np.abs(row), LARGEST).mean() for row in rows]
+    return np.array(distance), np.array([np.median(row) for row in rows])
 
 
-def alternatives(problem: ResponseProblem, z: Unknowns) -> list[Correction]:
-    """Rate changes of one channel and exchanges of two by chi^2 with each at z, best first."""
-    channels, now, found = problem.channels, problem.predict(z), []
-    values = problem.nuisance_values(z)
+def _compare_phases(problem: Problem, z: Array) -> Array:
+    """Mean cosine of the phase between measured and computed values of each function."""
+    found = []
+    for value, item in zip(problem.readings(z), problem.channels.function, strict=True):
+        size = np.minimum(np.abs(value), np.abs(item.value))
+        clear = size > CLEAR * item.uncertainty
+        turn = np.cos(np.angle(np.conj(value[clear]) * item.value[clear]))
+        known = min(1.0, 5 * clear.mean()) if clear.sum() > 3 else 0.0
+        found.append(known * turn.mean() if known else 0.0)
+    return np.array(found)
 
-    def chi_squared(other: Channels) -> float:
-        total = 0.0
-        for response, (_, own) in zip(now.response, channels.grids, strict=True):
-            readings = other.combine(response.value, response.omega, values)
-            for n in own:
-                item = channels.function[n]
-                off = (readings[(slice(None), *channels.pair(n))] - item.value) / item.uncertainty
-                total += float(np.vdot(off, off).real)
-        return total
 
+def alternatives(problem: Problem, z: Array) -> list[Correction]:
+    """Rate changes of a sign and exchanges of two channels by chi^2 at z, best first."""
+    channels, found = problem.channels, []
     for side in (0, 1):
         for name, item in channels.transducer[side].items():
             found.append(Correction(SIGN, side, (name,), -1.0, known=item.sign_known))
         for pair in itertools.combinations(channels.names(side), 2):
             found.append(Correction(EXCHANGE, side, pair))
-    rated = [replace(one, chi_squared=chi_squared(one.apply(channels))) for one in found]
+    rated = []
+    for one in found:
+        residual = problem.changed(channels=one.apply(channels)).residual(z)
+        rated.append(replace(one, chi_squared=float(residual @ residual)))
     return sorted(rated, key=lambda one: one.chi_squared)

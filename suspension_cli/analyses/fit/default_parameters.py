@@ -1,4 +1,4 @@
-"""Numbers of a design that are free in a fit of transfer functions if the user names none.
+"""Parameters of a design that are free in a fit of transfer functions if the user names none.
 
 Their priors are usual errors of careful building and of bought materials: a millimetre in lengths
 and in the heights of wires' ends, a few per cent in blades.
@@ -37,27 +37,27 @@ RELATIVE = {
     "youngs_modulus": 0.02,
     "k": 0.02,
 }
-"""Prior standard deviations by key, relative to the number."""
+"""Prior standard deviations by key, relative to the value."""
 TABLES = ("stage", "perturbation", "materials")
 
 
 def choose(text: str, level: str = registry.STRING.name) -> list[Free]:
-    """List the free numbers of a design, with priors around its values.
+    """List the free parameters of a design, with priors around its values.
 
     >>> [item.name for item in choose(text)]  # doctest: +SKIP
     ['stage.test.body.mass', 'stage.test.body.inertia.1', ..., 'materials.steel302.youngs_modulus']
     """
-    numbers = [item for item in parameters.every(text, level) if sigma_of(item.name, item.value)]
-    around = derivatives.differentiate(reader.parse(text), numbers, level)
+    found = [item for item in parameters.every(text, level) if sigma_of(item.name, item.value)]
+    around = derivatives.differentiate(reader.parse(text), found, level)
     return [
         Free(name=item.name, prior=item.value, uncertainty=sigma_of(item.name, item.value))
-        for item, matters in zip(numbers, around.balanced & around.matters, strict=True)
+        for item, matters in zip(found, around.balanced & around.matters, strict=True)
         if matters
     ]
 
 
 def sigma_of(name: str, value: float) -> float | None:
-    """Prior standard deviation of a number, SI; None for one that is not free by default.
+    """Prior standard deviation of a parameter, SI; None for one that is not free by default.
 
     >>> sigma_of("stage.test.wires.d", 0.002), sigma_of("stage.test.body.mass", 10.0)
     (0.001, 0.02)

@@ -1,0 +1,309 @@
+"""Results of a fit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from suspension_cli.analyses.fit.wrong_channels import Correction
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Complex, Float, Int
+
+SIGNIFICANCE = 1e-3
+"""Probability of a chi^2 this large by chance below which a fit is a misfit."""
+SAME = 1e-3
+"""Relative difference of chi^2 below which two searches found the same minimum."""
+FAR = 3.0
+"""Standard deviations of a prior beyond which a value is listed as far from it."""
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """Two labels of an experiment (from 0) that fit better exchanged, and chi^2 of that fit."""
+
+    experiment: int
+    labels: tuple[str, str]
+    chi_squared: float
+
+
+@dataclass(frozen=True)
+class SingleChange:
+    """Fit with one parameter of the design free, and the properties of channels.
+
+    Attributes
+    ----------
+    name
+        Dotted path of the parameter.
+    start, change
+        Value in the design and its change, SI.
+    """
+
+    name: str
+    start: float
+    change: float
+    chi_squared: float
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A measurement (input and output signals, band in Hz) that would determine a parameter better.
+
+    `sigma` is the standard deviation of that parameter with this measurement.
+    """
+
+    input: str
+    output: str
+    band: tuple[float, float]
+    sigma: float
+
+
+def _dataset(unit: str, axes: str, name: str = "{}") -> dict[str, Any]:
+    """Describe a dataset of the results file; `name` may contain that of the attribute."""
+    return {"unit": unit, "axes": axes.split(), "name": name}
+
+
+VALUE = _dataset("SI", "parameter")
+HZ = _dataset("Hz", "mode")
+READING = _dataset("SI, reading over drive", "number", "response_{}")
+NUISANCE = _dataset("1, s or SI", "nuisance")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Findings:
+    """What a fit of transfer functions says, in words and lists.
+
+    Attributes
+    ----------
+    corrections
+        Wrong channels.
+    stiffened
+        Modes stiffer than the design explains: label, relative excess of frequency, Q.
+    changes
+        Single changes that explain most, best first.
+    sentences
+        Determined and undetermined parameters.
+    least
+        A parameter that is known least; "" if none is free.
+    candidates
+        Measurements that would determine it best, best first.
+    """
+
+    corrections: tuple[Correction, ...] = ()
+    stiffened: tuple[tuple[str, float, float], ...] = ()
+    changes: tuple[SingleChange, ...] = ()
+    sentences: tuple[str, ...] = ()
+    least: str = ""
+    candidates: tuple[Candidate, ...] = ()
+
+
+@dataclass(frozen=True)
+class ResponseFit(Findings):
+    """Measured transfer functions and a fit to them.
+
+    Attributes
+    ----------
+    function, input, output
+        Names of the functions and of their channels.
+    of
+        Function of each point.
+    frequency, uncertainty, measured, before, after
+        Hz, and readings per drive as measured, and as predicted before and after the fit.
+    nuisance
+        Fitted properties of sensors and actuators: keys, values (relative for gains, s for
+        delays), and standard deviations after the fit and of the priors.
+    mode, resonance
+        Modes with a measured resonance: frequency as measured, its standard deviation, before and
+        after (Hz), measured Q, number of functions with it.
+    chi_squared_before
+        chi^2 of the design as given, with the properties of channels fitted.
+    """
+
+    function: tuple[str, ...]
+    input: tuple[str, ...] = field(metadata=_dataset("name", "function"))
+    output: tuple[str, ...] = field(metadata=_dataset("name", "function"))
+    of: Int[np.ndarray, " point"] = field(metadata=_dataset("1", "number"))
+    frequency: Float[np.ndarray, " point"] = field(metadata=_dataset("Hz", "number"))
+    uncertainty: Float[np.ndarray, " point"] = field(metadata=READING)
+    measured: Complex[np.ndarray, " point"] = field(metadata=READING)
+    before: Complex[np.ndarray, " point"] = field(metadata=READING)
+    after: Complex[np.ndarray, " point"] = field(metadata=READING)
+    nuisance: tuple[str, ...]
+    nuisance_value: Float[np.ndarray, " nuisance"] = field(metadata=NUISANCE)
+    nuisance_sigma: Float[np.ndarray, " nuisance"] = field(metadata=NUISANCE)
+    nuisance_prior: Float[np.ndarray, " nuisance"] = field(metadata=NUISANCE)
+    mode: tuple[str, ...]
+    resonance: Float[np.ndarray, "mode 6"] = field(
+        metadata=_dataset("Hz; 1 for q and functions", "resonance_mode resonance_column")
+    )
+    chi_squared_before: float = float("nan")
+
+    @property
+    def chi_squared(self) -> Float[np.ndarray, " function"]:
+        """chi^2 of each function after the fit."""
+        off = np.abs((self.after - self.measured) / self.uncertainty) ** 2
+        return np.bincount(self.of, off, len(self.function)).astype(float)
+
+    @property
+    def points(self) -> Int[np.ndarray, " function"]:
+        """Number of residuals of each function: two per value."""
+        return 2 * np.bincount(self.of, minlength=len(self.function))
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Parameters of designs fitted to measured modes and transfer functions.
+
+    Attributes
+    ----------
+    experiment
+        Names of the experiments; that of the design if there is one.
+    name, shared
+        Dotted paths of the fitted parameters, and the experiments to which each belongs.
+    start, value, sigma
+        Values before and after the fit, and standard deviations (infinite where not determined,
+        NaN at a bound), SI. `sigma` and `covariance` follow from the given uncertainties; in a
+        misfit, multiply them by `scale` and by its square.
+    prior, prior_sigma
+        Priors and their standard deviations, infinite where there is none.
+    of, label
+        Experiment of each measured mode, from 0, and its label.
+    measured, uncertainty, before, after
+        Frequencies, Hz; NaN for an unstable mode.
+    chi_squared, freedom
+        Sum over measurements and priors; and their number less that of unknowns not at a bound.
+    singular, direction
+        Singular values of the derivatives of the weighted measurements by relative changes of the
+        parameters; 1/singular is the relative uncertainty of the combination `direction`.
+    design, design_before
+        Designs after and before the fit as TOML.
+    ends
+        chi^2 at the end of each search, ascending; the first is that of this fit.
+    exchange
+        In a misfit, two labels that fit better exchanged.
+    measurements
+        Text of the file of measurements.
+    title
+        Title of the design, or of the measurements of several designs.
+    responses
+        Fit of transfer functions; None if only modes were measured.
+    """
+
+    experiment: tuple[str, ...]
+    name: tuple[str, ...]
+    shared: Bool[np.ndarray, "parameter experiment"] = field(
+        metadata=_dataset("1", "parameter experiment")
+    )
+    start: Float[np.ndarray, " parameter"] = field(metadata=VALUE)
+    value: Float[np.ndarray, " parameter"] = field(metadata=VALUE)
+    sigma: Float[np.ndarray, " parameter"]
+    prior: Float[np.ndarray, " parameter"] = field(metadata=VALUE)
+    prior_sigma: Float[np.ndarray, " parameter"] = field(metadata=VALUE)
+    covariance: Float[np.ndarray, "parameter parameter"]
+    at_bound: Bool[np.ndarray, " parameter"] = field(metadata=_dataset("1", "parameter"))
+    of: Int[np.ndarray, " mode"] = field(metadata=_dataset("1", "mode", "measured_in"))
+    label: tuple[str, ...] = field(metadata=_dataset("name", "mode"))
+    measured: Float[np.ndarray, " mode"] = field(metadata=HZ)
+    uncertainty: Float[np.ndarray, " mode"] = field(metadata=HZ)
+    before: Float[np.ndarray, " mode"] = field(metadata=HZ)
+    after: Float[np.ndarray, " mode"] = field(metadata=HZ)
+    chi_squared: float
+    freedom: int
+    singular: Float[np.ndarray, " combination"] = field(
+        metadata=_dataset("1", "combination", "singular_value")
+    )
+    direction: Float[np.ndarray, "combination parameter"] = field(
+        metadata=_dataset("1", "combination parameter")
+    )
+    design: tuple[str, ...] = field(metadata=_dataset("TOML", "experiment", "fitted_design"))
+    design_before: tuple[str, ...] = field(metadata=_dataset("TOML", "experiment", "design"))
+    ends: Float[np.ndarray, " start"] = field(metadata=_dataset("1", "search"))
+    exchange: Exchange | None = None
+    measurements: str = ""
+    title: str = ""
+    responses: ResponseFit | None = None
+
+    @property
+    def misfit(self) -> bool:
+        """Whether measurements, or priors alone, disagree with the fit beyond chance."""
+        return self.unlikely or self.unlikely_priors
+
+    @property
+    def unlikely(self) -> bool:
+        """Whether so large a chi^2 has a probability below `SIGNIFICANCE`."""
+        return is_unlikely(self.chi_squared, self.freedom)
+
+    @property
+    def pulls(self) -> list[tuple[str, float]]:
+        """Priors of parameters and channels, and the distance of the fit in standard deviations."""
+        pull = (self.value - self.prior) / self.prior_sigma
+        known = np.isfinite(self.prior_sigma)
+        found = [
+            (name, float(by))
+            for name, by, ok in zip(self.parameters, pull, known, strict=True)
+            if ok
+        ]
+        if self.responses is not None:
+            channels = self.responses.nuisance_value / self.responses.nuisance_prior
+            found += zip(self.responses.nuisance, channels.tolist(), strict=True)
+        return found
+
+    @property
+    def prior_chi_squared(self) -> float:
+        """chi^2 of the priors alone."""
+        return sum(pull**2 for _, pull in self.pulls)
+
+    @property
+    def unlikely_priors(self) -> bool:
+        """Whether so large a chi^2 of the priors has a probability below `SIGNIFICANCE`.
+
+        Parameters that the data determine are distributed as their priors say if these are right;
+        all others stay at them.
+        """
+        return is_unlikely(self.prior_chi_squared, len(self.pulls))
+
+    @property
+    def far(self) -> list[tuple[str, float]]:
+        """Parameters and channels beyond `FAR` standard deviations of their priors, worst first."""
+        far = [item for item in self.pulls if abs(item[1]) > FAR]
+        return sorted(far, key=lambda item: -abs(item[1]))
+
+    @property
+    def scale(self) -> float:
+        """Factor on `sigma` (Birge, Phys. Rev. 40, 207 (1932)).
+
+        The root of chi^2 per degree of freedom if that is unlikely, else 1.
+        """
+        return float(np.sqrt(self.chi_squared / self.freedom)) if self.unlikely else 1.0
+
+    @property
+    def residual(self) -> Float[np.ndarray, " mode"]:
+        """Residuals after the fit over the uncertainties."""
+        return (self.after - self.measured) / self.uncertainty
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the parameters, followed by their experiments unless these are all."""
+        whose = [", ".join(np.array(self.experiment)[row]) for row in self.shared]
+        return tuple(
+            name if row.all() else f"{name} ({who})"
+            for name, row, who in zip(self.name, self.shared, whose, strict=True)
+        )
+
+    @property
+    def modes(self) -> tuple[str, ...]:
+        """Labels of the measured modes, preceded by the experiment if there are several."""
+        if len(self.experiment) == 1:
+            return self.label
+        return tuple(
+            f"{self.experiment[n]}: {label}" for n, label in zip(self.of, self.label, strict=True)
+        )
+
+
+def is_unlikely(chi_squared: float, freedom: int) -> bool:
+    """Whether so large a chi^2 has a probability below `SIGNIFICANCE`."""
+    from scipy.special import chdtrc
+
+    return freedom > 0 and float(chdtrc(freedom, chi_squared)) < SIGNIFICANCE
