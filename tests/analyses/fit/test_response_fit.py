@@ -268,7 +268,7 @@ def measure(design, names, grid, noise=0.03, inverted=()):
     random, functions = np.random.default_rng(2), []
     forces = [f"upper.{signals.FORCES[DOFS.index(name)]}" for name in names]
     outputs = [f"upper.{name}" for name in names]
-    found = sus.response(design, inputs=forces, outputs=outputs, frequency=grid, model="beam")
+    found = sus.response(design, inputs=forces, outputs=outputs, frequency=grid, fidelity="beam")
     for n, (drive, output) in enumerate(zip(forces, outputs, strict=True)):
         exact = found.value.reshape(len(grid), len(names), len(names))[:, n, n]
         sigma = noise * np.abs(exact)
