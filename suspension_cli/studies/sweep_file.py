@@ -39,6 +39,8 @@ HEAD = 32
 """Bytes of the digest of the job, so that a changed design is not resumed."""
 BLOCK = 1 << 24
 """Bytes that are copied to the HDF5 file at once."""
+OVERHEAD = 1 << 20
+"""Bytes of an HDF5 file beyond the points, at most."""
 
 Fill = Callable[[h5py.Group], None]
 """Writes the rest of the group beside the columns."""
@@ -143,7 +145,8 @@ class Store:
             try:
                 new.unlink(missing_ok=True)
                 with open(os.open(new, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666), "rb") as stream:
-                    _allocate(stream.fileno(), os.fstat(self.handle).st_size)  # or HDF5 crashes
+                    # HDF5 hangs or crashes where there is no room
+                    _allocate(stream.fileno(), os.fstat(self.handle).st_size + OVERHEAD)
                 with h5py.File(new, "w") as file:
                     write_root_attributes(file, origin)
                     self._write_group(file.create_group(group), fill)
@@ -227,7 +230,8 @@ def opened(job: Job, path: Path, origin: Provenance, resume: bool) -> Iterator[S
             else:
                 try:
                     os.ftruncate(handle, 0)
-                    _allocate(handle, size)
+                    _allocate(handle, 2 * size + OVERHEAD)  # both files exist at the end
+                    os.ftruncate(handle, size)
                     _write_all(handle, digest, 0)
                 except BaseException:
                     part.unlink(missing_ok=True)
