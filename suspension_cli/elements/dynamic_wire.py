@@ -371,7 +371,10 @@ class WireAtFrequencies:
     def _springs(self, part: str) -> Inexact[np.ndarray, "3 section *frequency"]:
         """Springs between the ends of each section, and from either end to the ground."""
         even, odd = rod.stiffness(*self._section_numbers(part), self.omega)
-        return np.array([(odd - even) / 4, even / 2, even / 2])
+        between = (odd - even) / 4
+        # where losses damp a wave before it reaches the other end
+        between = np.where(between == 0, joined_sections.EPS * np.abs(odd), between)
+        return np.array([between, even / 2, even / 2])
 
     @cached_property
     def _bends(

@@ -38,7 +38,8 @@ def resistance(
     sections
         From the upper to the lower end; their lengths share `length` in proportion.
     length, tension
-        Of each wire, m and N (at least 0); complex numbers for complex steps.
+        Of each wire, m and N (a wire that pushes has the stiffness of one without tension);
+        complex numbers for complex steps.
     torsion
         Torsional stiffness that the design gives, N m/rad; 0 where it gives none.
 
@@ -49,6 +50,7 @@ def resistance(
     twist
         Stiffness against twisting, N m/rad.
     """
+    tension = np.where(np.real(tension) >= 0, tension, 0.0)
     planes = 1 if all(section.round for section in sections) else 2
     shape = np.broadcast_shapes(np.shape(length), np.shape(tension), np.shape(torsion))
     stretch = length / sum(section.length for section in sections)

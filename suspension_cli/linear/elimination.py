@@ -145,7 +145,7 @@ class Pattern:
         right: Inexact[np.ndarray, "coordinate input system"],
     ) -> Inexact[np.ndarray, "coordinate input system"]:
         """Compute b - D x in doubles, in the order of steps."""
-        result = right.astype(x.dtype)
+        result = right.astype(np.result_type(x, elements))
         for n, coupled in enumerate(self.coupled):
             row = elements[self.start[n] : self.start[n + 1], None]
             result[n] -= row[0] * x[n]

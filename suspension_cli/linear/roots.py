@@ -275,7 +275,8 @@ def iterate(
         moved = np.array([np.abs((value - old)[group]).max() for group in members])
         size = np.abs(shift)
         # steps shrink by a steady factor, or faster: the next one would be moved^2 / last
-        done = moved * np.minimum(moved / last[moving] if step else 1.0, 1.0) <= CONVERGED * size
+        faster = moved / np.maximum(last[moving], np.finfo(float).tiny) if step else 1.0
+        done = moved * np.minimum(faster, 1.0) <= CONVERGED * size
         done |= (moved <= NOISE * size) & (2 * moved >= last[moving])
         done |= np.array([lost[group].any() for group in members])
         done &= not fixed

@@ -56,7 +56,7 @@ def test_stiffness_in_many_digits(steps, rigidity):
 def test_both_planes_of_a_ribbon(steps):
     own = wire(steps, 1e-4)
     turned = [replace(part, rigidity=part.rigidity[::-1]) for part in own]
-    flat = tuple(replace(part, shape=Ribbon(1e-3, 1e-4)) for part in own)
+    flat = tuple(replace(part, shape=Ribbon(width=1e-3, thickness=1e-4)) for part in own)
     found, _ = resting.resistance(flat, 0.4, 20.0)
     for bend, part in zip(found, (own, tuple(turned)), strict=True):
         np.testing.assert_allclose(bend, resting.resistance(part, 0.4, 20.0)[0][0], rtol=1e-14)

@@ -47,9 +47,9 @@ def body_motion(value, outputs):
     return np.stack([np.abs(value[:, body == name]).max(1) for name in body], axis=1)
 
 
-def assert_promised(compared, outputs):
+def assert_promised(compared, outputs, required=REQUIRED):
     size = np.abs(compared.exact)
-    limit = REQUIRED * np.maximum(size, FAINT * body_motion(size, outputs))
+    limit = required * np.maximum(size, FAINT * body_motion(size, outputs))
     assert (np.where(size, compared.error * size, compared.error) <= limit).all()
 
 
@@ -282,10 +282,12 @@ def test_on_a_support_that_gives_way(kind, massless):
 )
 def test_couplings_of_an_imperfect_wire(imperfection):
     """Far above the modes the smallest couplings depend on digits of the stiffness that one double
-    does not have."""
+    does not have. Far below them they are differences of stiffnesses: 1e-7 at 0.01 Hz."""
     raw = plants.raw("quadruple")
     raw["perturbation"] = [imperfection]
     model = registry.STRING.system(scenes.design_of(raw))
     frequency, outputs = [0.01, 3.3, 221.65260329156], plants.all_motions(model)
     inputs = plants.drives(model, "support.yaw", "support.x")
-    assert_promised(responses_mp.compare(model, frequency, inputs, outputs), outputs)
+    low, others = frequency[:1], frequency[1:]
+    assert_promised(responses_mp.compare(model, others, inputs, outputs), outputs)
+    assert_promised(responses_mp.compare(model, low, inputs, outputs), outputs, 1e-7)

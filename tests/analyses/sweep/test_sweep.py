@@ -317,7 +317,7 @@ def test_results_by_name(tmp_path):
 
 
 def test_it_does_not_matter_how_it_is_run(tmp_path):
-    """Chunks change no bit of the file; several processes are tested in `studies`."""
+    """Chunks change rounding errors alone; several processes are tested in `studies`."""
     options = (
         "--vary",
         "stage.test.wires.d=1e-3:3e-3:11",
@@ -340,8 +340,9 @@ def test_it_does_not_matter_how_it_is_run(tmp_path):
             ).exit_code
             == 0
         )
-        files_written.append((out / "double-sweep.h5").read_bytes())
-    assert files_written[0] == files_written[1]
+        files_written.append(sus.load(out / "double-sweep.h5"))
+    one, other = (found.value for found in files_written)
+    np.testing.assert_allclose(one, other, rtol=1e-10)
 
 
 def test_an_interrupted_sweep_goes_on(tmp_path, monkeypatch):

@@ -223,8 +223,8 @@ def test_bad_options_are_refused(options, problem, tmp_path):
     [
         ({"band": [2, 1]}, "tolerance.require.1.band = [2.0, 1.0]: is reversed"),
         ({"below": -1}, "tolerance.require.1.below = -1"),
-        ({}, "tolerance.require.1: test pitch must have one limit"),
-        ({"below": 1, "above": 2}, "tolerance.require.1: test pitch must have one limit"),
+        ({}, "tolerance.require.1: none of band, below, above; give exactly one"),
+        ({"below": 1, "above": 2}, "tolerance.require.1: below and above are both given"),
         (
             {"quantity": "test pitsch", "below": 1},
             'tolerance.require.1.quantity = "test pitsch": is no quantity of builds',

@@ -275,11 +275,11 @@ BAD = {
     ),
     "wire and stage": (
         {"wire": [{"wire": "test.1", "stage": "test", "k": {"normal": 0.1}}]},
-        "tolerance.wire.1: must name a stage or one wire",
+        "tolerance.wire.1: stage and wire are both given; give exactly one",
     ),
     "neither": (
         {"wire": [{"k": {"normal": 0.1}}]},
-        "tolerance.wire.1: must name a stage or one wire",
+        "tolerance.wire.1: none of stage, wire; give exactly one",
     ),
     "two laws": (
         {"body": [BODY, {"stage": "test", "com": {"normal": 1e-4, "uniform": 1e-4}}]},
