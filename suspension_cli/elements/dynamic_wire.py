@@ -281,7 +281,7 @@ class WireAtFrequencies:
         The imaginary parts keep their digits however small the loss, as in a complex step: on the
         chord and the slopes relative to it nothing cancels.
         """
-        joints, places = self._joined(self._twin(part)).motions, ((0, 0), (1, 1), (2, 2))
+        joints, places = self._joints(self._twin(part)), ((0, 0), (1, 1), (2, 2))
         if _is_bending(part):
             length = sum(section.length for section in self.strand.fibre.sections)
             chord = np.array(motion)
@@ -334,6 +334,10 @@ class WireAtFrequencies:
         return {}
 
     @cached_property
+    def _known_joints(self) -> dict[str, list[tuple[np.ndarray, ...]]]:
+        return {}
+
+    @cached_property
     def _known_joined(self) -> dict[str, Joined]:
         return {}
 
@@ -347,7 +351,15 @@ class WireAtFrequencies:
             self._known_joined[part] = join(part)
         return self._known_joined[part]
 
-    def _joined_beams(self, part: str) -> Joined:
+    def _joints(self, part: str) -> list[tuple[np.ndarray, ...]]:
+        """Motion of the sections per motion of the whole."""
+        if part not in self._known_joints:
+            some = _is_bending(part) and part not in self._known_joined
+            joined = self._joined_beams(part, motions_only=True) if some else self._joined(part)
+            self._known_joints[part] = joined.motions
+        return self._known_joints[part]
+
+    def _joined_beams(self, part: str, *, motions_only: bool = False) -> Joined:
         sections, elements = self.strand.fibre.sections, self._uniform_beams(part)
         places = beam.ELEMENT_PLACES if self.strand.massive else ((0, 0), (1, 1))
         parts = _symmetric(places[-1][0] + 1, places, elements)
@@ -355,7 +367,7 @@ class WireAtFrequencies:
             return Joined(parts[:, :, 0], [], 0)
         lengths = self._stack(section.length for section in sections)
         tensions = self._stack(self._tension(section) for section in sections)
-        return joined_sections.join(parts, tensions, lengths)
+        return joined_sections.join(parts, tensions, lengths, motions_only=motions_only)
 
     def _uniform_beams(self, part: str) -> list[Inexact[np.ndarray, "*section"]]:
         """Stiffness of each section, see `beam.stiffness`; without mass, on T_s and on d."""

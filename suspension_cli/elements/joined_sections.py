@@ -76,6 +76,8 @@ def join(
     parts: Inexact[np.ndarray, "end end section *shape"],
     tensions: Inexact[np.ndarray, "section *#shape"],
     lengths: Inexact[np.ndarray, "section *#shape"],
+    *,
+    motions_only: bool = False,
 ) -> Joined:
     """Join sections of a beam in pairs, then the pairs, until one is left.
 
@@ -85,6 +87,8 @@ def join(
         Stiffness of each section on (W, T_s, phi, d), or on (T_s, d) without inertia, from the top.
     tensions, lengths
         Of each section, N and m.
+    motions_only
+        Whether to leave out the stiffness of all together, which takes most of the time.
     """
     motions, negative = [], 0
     kept = slice(None) if len(parts) == 4 else slice(1, None, 2)
@@ -116,6 +120,9 @@ def join(
             form[:, :-2] + form[:, -2, None] * eta + form[:, -1, None] * zeta
             for form in (upper, lower)
         )
+        motions.append((upper, lower))
+        if motions_only and parts.shape[2] == 2:
+            return Joined(np.zeros(0), motions, negative)
         pairs = _congruence(upper, above) + _congruence(lower, below) + string * eta[:, None] * eta
         if len(parts) == 4:
             pairs[2] += step * eta
@@ -126,7 +133,6 @@ def join(
         parts = np.concatenate([pairs, parts[:, :, paired:]], axis=2)
         lengths = np.concatenate([length, lengths[paired:]])
         tensions = np.concatenate([tension, tensions[paired:]])
-        motions.append((upper, lower))
     return Joined(parts[:, :, 0], motions, negative)
 
 
