@@ -27,7 +27,7 @@ from tools.stability.references import (
 from tools.stability.row import SHIPPED, Row, relative, sample
 
 STIFFNESS_RATIO = 10.0 ** np.arange(1, 16)
-DETUNING = 10.0 ** np.arange(0, -16, -1)
+DETUNING = 2 * 10.0 ** np.arange(0, -16, -1)
 LOSS = 10.0 ** np.arange(-2, -15, -1)
 SOFT = 2
 """Number of modes restored by tension alone: longitudinal and transverse."""
