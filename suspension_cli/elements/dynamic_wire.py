@@ -490,21 +490,6 @@ def _twisting(
     return (section.twisting * lossy + tension * section.polar_area) * section.torsion_factor
 
 
-def group_identical(
-    fibres: tuple[Fibre, ...], *numbers: Inexact[np.ndarray, "*batch wire"]
-) -> list[list[int]]:
-    """Group the indices of wires of equal sections and bitwise equal numbers."""
-    groups: dict[tuple[object, ...], list[int]] = {}
-    for n, fibre in enumerate(fibres):
-        key = (
-            fibre.sections,
-            fibre.effective,
-            *(np.ascontiguousarray(values[..., n]).tobytes() for values in numbers),
-        )
-        groups.setdefault(key, []).append(n)
-    return list(groups.values())
-
-
 def fit_to_equilibrium(
     fibre: Fibre,
     length: Inexact[np.ndarray, " frequency"] | complex,

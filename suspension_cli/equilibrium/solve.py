@@ -189,16 +189,6 @@ def solve(scene: Scene, numbering: Layout | None = None, start: Pose | None = No
     return found
 
 
-def solve_again(
-    scene: Scene, numbering: Layout, found: Equilibrium, which: Bool[np.ndarray, "*batch"]
-) -> Equilibrium:
-    """Solve some scenes of a batch from where they are, or a scene without batch axes."""
-    if not scene.batch:
-        return solve(scene, numbering, start=found.pose)
-    start = _select_pose(found.pose, which)
-    return _replace(found, which, solve(select_scenes(scene, which), numbering, start=start))
-
-
 def _select_pose(pose: Pose, where: Bool[np.ndarray, "*batch"]) -> Pose:
     return Pose(*(getattr(pose, name)[where] for name in PARTS_OF_POSE))
 

@@ -129,7 +129,7 @@ def _links(design: Design, position: Array) -> list[SpringPart]:
 def _ordered(
     first: int, second: int, at: Sequence[float], position: Array
 ) -> tuple[int, int, Sequence[float] | Inexact[np.ndarray, " 3"]]:
-    """Order two bodies by number, as compiled loops assume; the point in the frame of the lower."""
+    """Order two bodies by number, the upper one first; the point in the frame of the lower."""
     if first > second:
         return second, first, at
     return first, second, np.array(at) + position[first] - position[second]

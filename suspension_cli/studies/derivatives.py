@@ -27,7 +27,7 @@ from suspension_cli.design.path_units import unit_of
 from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
-from suspension_cli.linear.batches import evaluate_terms, further_stiffness
+from suspension_cli.linear.batches import evaluate_terms
 from suspension_cli.linear.eigenmodes import DEGENERATE, Modes
 from suspension_cli.linear.mode_pairing import pair_by_shape
 from suspension_cli.models import registry
@@ -235,18 +235,6 @@ def _relaxation(
     matrix = np.block([[scaled, held], [held.swapaxes(1, 2), none]])
     right = np.pad(force / size, ((0, 0), (0, len(soft)), (0, 0)))
     return right.swapaxes(1, 2) @ np.linalg.solve(matrix, right)
-
-
-def dynamic_stiffness(
-    found: Builds, squared: float, *, massive: bool
-) -> Float[np.ndarray, "build own own"]:
-    """Compute K(omega) - omega^2 M of builds, without the support; K(0) if wires have no mass."""
-    stiffness, count = found.model.stiffness, len(found.status)
-    if massive:
-        each = np.full(count, np.sqrt(max(squared, 0.0)))
-        more = further_stiffness(found.model, found.terms, np.arange(count), each)
-        stiffness = stiffness + np.real(more)
-    return (stiffness - squared * found.model.mass)[:, 6:, 6:]
 
 
 def frequency_rates(

@@ -35,7 +35,7 @@ from tests.support.commandline import (
 from tests.support.designs import RAW, TEXTS
 from tests.support.golden import ROOT
 
-HEAVY = ("numpy", "scipy", "h5py", "matplotlib", "msgspec", "numba", "rich")
+HEAVY = ("numpy", "scipy", "h5py", "matplotlib", "msgspec", "rich")
 UNSTABLE = ("--set", "stage.test.wires.d=-0.05", "--set", "stage.test.wires.s=0.0")
 """Hangs the single pendulum from below its centre of mass, free to topple over."""
 
@@ -96,7 +96,7 @@ for args in {requested!r}:
     main(args, standalone_mode=False)
 from suspension_cli.analyses.modes import picture
 from suspension_cli.drawing import draw
-sys.exit(bool({{"numba", "matplotlib.pyplot"}} & {{*sys.modules}}))
+sys.exit(bool({{"matplotlib.pyplot"}} & {{*sys.modules}}))
 """
     assert python(code).returncode == 0
 

@@ -3,8 +3,7 @@
     .venv/bin/python -m pytest -p tests.support.shapes tests/elements
 
 Axes of one name must be equally long within one call, or within one object of a dataclass or named
-tuple. A number counts as an array without axes; loops that numba compiles are not checked from
-inside.
+tuple. A number counts as an array without axes.
 """
 
 from __future__ import annotations
@@ -28,8 +27,6 @@ Check = Callable[[Any, dict[str, Any]], str]
 
 KINDS = {"Float": "f", "Complex": "c", "Inexact": "fc", "Int": "iu", "Bool": "b"}
 NUMBERS = {"float": (float, int), "complex": (complex, float, int), "bool": (bool,)}
-UNWRAPPED = {f"compiled.{kind}residual" for kind in ("", "_", "_real_", "_complex_")}
-"""Functions from which numba chooses one, so that it must see them themselves."""
 wrong: collections.Counter[str] = collections.Counter()
 seen: collections.Counter[str] = collections.Counter()
 
@@ -204,11 +201,7 @@ def pytest_configure() -> None:
             label = f"{module.__name__.removeprefix('suspension_cli.')}.{name}"
             if inspect.isclass(member):
                 _check_class(member, label)
-            elif (
-                hasattr(member, "__annotations__")
-                and not hasattr(member, "py_func")  # no compiled loop
-                and label not in UNWRAPPED
-            ):
+            elif hasattr(member, "__annotations__"):
                 replaced[id(member)] = (member, checked(member, label))
     for module in modules:
         for name, member in list(vars(module).items()):

@@ -245,8 +245,9 @@ def test_a_tiny_coupling_is_in_proportion_down_to_its_last_digits(name, level):
     large = ratios(h)
     rough, fine = (large[0] - large[1]) / 2e-3, (large[2] - large[3]) / 1e-3
     expected = fine + (fine - rough) / 3
-    # the least step of the offset is 1e-13 m
-    assert np.abs(slope / expected - 1).max() < (3e-4 if not paired else 1e-3)
+    error = np.abs(slope / expected - 1)
+    assert error.max() < (2e-4 if not paired else 1e-3)  # an offset of 1e-13 m
+    assert error[1:].max() < (1e-4 if not paired else 1e-3)
 
 
 @on_both
