@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.analyses import arguments as convert
-from suspension_cli.analyses import functions, options, registry, settings
+from suspension_cli.analyses import options, registry, settings, signatures
 from suspension_cli.analyses.analysis import Analysis, Log, Result, Run, Settings
 from suspension_cli.analyses.check.solve import Check
 from suspension_cli.analyses.check.solve import solve as solve_check
@@ -461,7 +461,7 @@ def _function(name: str) -> Callable[..., Result]:
     """Make the function of an analysis from the record of its command."""
     analysis = registry.get(name)
     record = (analysis.inputs, analysis.parameters)
-    signature = functions.signature(*record, folder=analysis.fills_file)
+    signature = signatures.signature(*record, folder=analysis.fills_file)
 
     def call(*positional: Any, **named: Any) -> Result:
         bound = signature.bind(*positional, **named)
@@ -469,7 +469,7 @@ def _function(name: str) -> Callable[..., Result]:
         return _run(analysis, bound.arguments)
 
     call.__name__ = call.__qualname__ = name
-    call.__doc__ = functions.documentation(
+    call.__doc__ = signatures.documentation(
         str(type(analysis).__doc__), *record, folder=analysis.fills_file
     )
     call.__annotations__ = {
