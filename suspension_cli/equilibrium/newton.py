@@ -212,11 +212,12 @@ class _State:
         self.now, before = replace(self.now.displaced(whole), tension=tension), self.residual
         self._evaluate()
         self.steps += 1
-        self.is_slow = bool((self.residual > before / 30).any())
         size, lost = np.abs(step).max(0), ~np.isfinite(self.residual)
         # as far as rounding lets the residual fall
         stagnant = (size < SHORT) & (self.residual > before / 2)
-        return lost | stagnant | (size < LAST_STEP) & (self.residual < ROUNDED)
+        done = lost | stagnant | (size < LAST_STEP) & (self.residual < ROUNDED)
+        self.is_slow = bool((~done & (self.residual > before / 30)).any())
+        return done
 
     def _evaluate(self) -> None:
         self.gradient = derivatives(self.now, curved=False).gradient[6:-1] - self.target
