@@ -68,6 +68,7 @@ check = api.check
 
 def compare(
     *items: Design | Result | PathLike,
+    variants: Names = (),
     inputs: Names = (),
     outputs: Names = (),
     noises: Names = (),
@@ -80,7 +81,9 @@ def compare(
     Parameters
     ----------
     *items : Design | Result | PathLike
-        Two or more; files as of ``pendsus compare``. At least one has a design.
+        Two or more with the variants; files as of ``pendsus compare``. At least one has a design.
+    variants : str or sequence of str
+        Add the first design with other values, under a name.
     inputs : str or sequence of str
         Compare responses to this input, e.g. support.x.
     outputs : str or sequence of str

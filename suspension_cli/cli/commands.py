@@ -20,6 +20,16 @@ OTHERS = {
 """Commands that are no analyses, and one line of help for each."""
 COMMANDS = (*ANALYSES, *OTHERS)
 """Names of all commands."""
+_PURPOSES = {
+    "Design, as in pendsus new triple my.toml": "new check draw sweep sensitivity optimise info"
+    " schema",
+    "Analyse, as in pendsus response my.toml --output test.x": "modes response thermal budget damp"
+    " compare tradeoff",
+    "Build and measure, as in pendsus fit my.toml measured.toml": "tolerance xcouple fit",
+    "Hand over, as in pendsus report my.toml": "report export plot",
+}
+PURPOSES = {purpose: names.split() for purpose, names in _PURPOSES.items()}
+"""Commands by purpose with an example, as help lists them."""
 
 
 def summary(name: str) -> str:

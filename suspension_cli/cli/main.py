@@ -7,7 +7,7 @@ import os
 
 import click
 
-from suspension_cli.cli.commands import COMMANDS, get, summary
+from suspension_cli.cli.commands import COMMANDS, PURPOSES, get, summary
 from suspension_cli.cli.endings import guard_streams, in_one_line
 from suspension_cli.version import __version__
 
@@ -24,7 +24,7 @@ class LazyGroup(click.Group):
     """Commands that are imported when they are called, and whose errors are one line each."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """List the names, most used first."""
+        """List the names."""
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
@@ -44,9 +44,10 @@ class LazyGroup(click.Group):
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """List the commands without importing them."""
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, summary(name)) for name in COMMANDS])
+        """List the commands by purpose, without importing them."""
+        for purpose, names in PURPOSES.items():
+            with formatter.section(purpose):
+                formatter.write_dl([(name, summary(name)) for name in names])
 
     def make_context(
         self,

@@ -44,7 +44,7 @@ def test_help_lists_every_command():
     result = run("--help")
     assert result.exit_code == 0
     for name in COMMANDS:
-        assert f"  {name} " in result.stdout
+        assert result.stdout.count(f"\n  {name} ") == 1
         assert summary(name).rstrip(".").split(":")[0] in " ".join(result.stdout.split())
 
 

@@ -25,10 +25,12 @@ class CompareAnalysis(Analysis):
     Each ITEM is a design (.toml), a results file (.h5) of modes, response or thermal, or a
     measurement (.toml with [[transfer_function]] or [[mode]], .csv, DTT .xml, HDF5). Prints the
     numbers in which the designs differ, their modes paired by shape, and the ratios of responses
-    and noises to those of the first design or result. Control loops of designs are open. Writes
-    DIR/NAME-and-NAME-compare.h5 and .png.
+    and noises to those of the first design or result. A --variant is the first design with some
+    values changed. Control loops of designs are open. Writes DIR/NAME-and-NAME-compare.h5 and .png.
 
     Example: pendsus compare my.toml new.toml --input support.x --output test.x
+
+    Example: pendsus compare my.toml --variant "d = 3 mm: stage.test.wires.d=3e-3"
 
     Returns
     -------
@@ -57,10 +59,18 @@ class CompareAnalysis(Analysis):
         options.Input(
             "*items",
             "Design | Result | PathLike",
-            "Two or more; files as of ``pendsus compare``. At least one has a design.",
+            "Two or more with the variants; files as of ``pendsus compare``. At least one has a"
+            " design.",
         ),
     )
     parameters = (
+        options.option(
+            "--variant",
+            "variants",
+            multiple=True,
+            metavar="NAME: PATH=VALUE; ...",
+            help="Add the first design with other values, under a name (repeatable).",
+        ),
         options.signals("input", "Compare responses to this input, e.g. support.x"),
         options.signals("output", "Compare responses of this output, e.g. test.x"),
         options.signals("noise", "Compare the thermal noise of this motion, e.g. test.x"),

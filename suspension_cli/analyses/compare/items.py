@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
 
 if TYPE_CHECKING:
     from suspension_cli.analyses.analysis import Result, Run
@@ -45,7 +45,7 @@ class Item:
 
 
 def read(ask: Callable[..., Run], given: Sequence[Given]) -> list[Item]:
-    """Read all items, and give them different names.
+    """Read all items, the variants of the first design after it, and give them different names.
 
     Parameters
     ----------
@@ -59,15 +59,50 @@ def read(ask: Callable[..., Run], given: Sequence[Given]) -> list[Item]:
     InputError
         If there are fewer than two items, none has a design, or a file is of another kind.
     """
-    if len(given) < 2:
-        problem = "compare needs at least two items"
-        remedy = "name designs (.toml), results (.h5) or measurements (.toml, .csv, .xml, .h5)"
-        raise InputError([Fault("", problem, remedy)])
-    items = [_read(ask, one) for one in given]
+    items, files = [_read(ask, one) for one in given], [*given]
     if all(item.source is None for item in items):
         problem = "only measurements are given"
         raise InputError([Fault("", problem, "name a design or a result beside them")])
-    return _with_own_names(items, given)
+    first = next(n for n, item in enumerate(items) if item.source is not None)
+    base = items[first]
+    run = base.run or ask(base.source)
+    changes = run.setting["variants"]
+    if changes and base.run is None:
+        problem, remedy = "needs a design to change", "name the design, not a result"
+        raise InputError.of("--variant", problem, remedy, format_value(changes[0]))
+    made = [_variant(ask, run.source, text) for text in changes]
+    items[first + 1 : first + 1] = made
+    files[first + 1 : first + 1] = [item.name for item in made]
+    if len(items) < 2:
+        problem = "compare needs at least two items"
+        remedy = (
+            "name designs (.toml), results (.h5) or measurements (.toml, .csv, .xml, .h5), or add"
+            " a --variant of the design"
+        )
+        raise InputError([Fault("", problem, remedy)])
+    return _with_own_names(items, files)
+
+
+def _variant(ask: Callable[..., Run], base: Source, text: str) -> Item:
+    """Read the design with the changes of ``NAME: PATH=VALUE; PATH=VALUE``.
+
+    Without NAME, the changes are the name.
+    """
+    from suspension_cli.design import reader
+
+    head, colon, tail = text.partition(":")
+    named = bool(colon) and "=" in tail
+    changes = [part.strip() for part in (tail if named else text).split(";")]
+    name = head.strip() if named else ", ".join(one.removeprefix("stage.") for one in changes)
+    if not name or not all("=" in change for change in changes):
+        problem, remedy = "is no variant", 'write "d = 3 mm: stage.test.wires.d=3e-3"'
+        raise InputError.of("--variant", problem, remedy, format_value(text))
+    raw = reader.read_toml(base.file, base.text)
+    with attribute_faults_to(base.file):
+        reader.apply_overrides(raw, tuple(changes))
+        whole = reader.write_toml(raw)
+        run = ask(reader.Source(reader.parse(whole), whole, base.file))
+    return Item(name, run.source, run)
 
 
 def _read(ask: Callable[..., Run], given: Given) -> Item:

@@ -27,7 +27,7 @@ from suspension_cli.errors import InputError
 from suspension_cli.grids import parse_frequencies
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import pair_by_overlap
-from suspension_cli.models.registry import FILES, Choice
+from suspension_cli.models.registry import AUTO, FILES, Choice
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float
@@ -206,26 +206,37 @@ def _modes(items: Sequence[Item], run: Run, choices: list[list[Choice]]) -> Pair
     found = stored | _results("modes", items, run, choices)
     if not found:
         return None
-    return pair_modes(
-        {n: (result.data, result.design) for n, result in sorted(found.items())}, items
-    )
+    wires = bool(stored) or run.setting["fidelity"] != AUTO
+    pairs = {n: (result.data, result.design) for n, result in sorted(found.items())}
+    return pair_modes(pairs, items, wires=wires)
 
 
-def pair_modes(found: dict[int, tuple[Modes, Design]], items: Sequence[Item]) -> PairedModes:
+def pair_modes(
+    found: dict[int, tuple[Modes, Design]], items: Sequence[Item], *, wires: bool = True
+) -> PairedModes:
     """Pair the modes of designs by shape, and measured modes by label or frequency.
 
-    `found` are the modes and the design of each item with a design.
+    `found` are the modes and the design of each item with a design; `wires` is whether to list
+    modes of wires.
     """
     (reference, (base, _)), *others = found.items()
     shapes = {n: _Bodies(modes, design) for n, (modes, design) in found.items()}
-    rows: list[dict[int, tuple[int, float]]] = [{reference: (m, 1.0)} for m in range(len(base.q))]
+
+    def listed(modes: Modes) -> list[int]:
+        return np.flatnonzero(wires | (modes.order == 0)).tolist()
+
+    rows: list[dict[int, tuple[int, float]]] = [{reference: (m, 1.0)} for m in listed(base)]
     for n, (modes, _) in others:
         overlap = shapes[reference].overlap(shapes[n])
-        free = set(range(len(modes.q)))
-        for m, partner in enumerate(pair_by_overlap(overlap)):
-            if partner >= 0 and overlap[m, partner] > LEAST_OVERLAP:
-                rows[m][n] = (int(partner), float(overlap[m, partner]))
-                free.discard(int(partner))
+        free, partners = set(listed(modes)), pair_by_overlap(overlap)
+        for row in rows:
+            if reference not in row:
+                continue
+            m = row[reference][0]
+            partner = int(partners[m])
+            if partner in free and overlap[m, partner] > LEAST_OVERLAP:
+                row[n] = (partner, float(overlap[m, partner]))
+                free.discard(partner)
         for k in sorted(free):
             alike = (
                 row

@@ -11,6 +11,8 @@ MIXED = 0.9
 """Overlap of two shapes below which the table notes a difference."""
 MANY = 20
 """Most printed changes of a design."""
+ROUNDED = 1e-9
+"""Change of a frequency, %, below which it is a rounding error."""
 
 
 def describe(found: Comparison, neglected: str = "") -> str:
@@ -54,7 +56,7 @@ def _table(found: Comparison, modes: PairedModes) -> list[str]:
             row.append(modes.frequency[m, n])
             if n != first:
                 change = 100 * (modes.frequency[m, n] / modes.frequency[m, first] - 1)
-                row.append(change or "0")
+                row.append("0" if abs(change) < ROUNDED else change)
         poor = [found.name[n] for n in shown if modes.overlap[m, n] < MIXED]
         note = f"; shape differs in {', '.join(poor)}" if poor and few else ""
         rows.append((*row, label + note))

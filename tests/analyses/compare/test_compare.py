@@ -56,6 +56,39 @@ def test_modes_of_two_designs_are_those_of_each(folder, tmp_path):
     ]
 
 
+def test_a_variant_is_the_design_with_other_values(folder, tmp_path):
+    words = ("--variant", "longer: stage.upper.wires.l=0.303", "--input", "support.x")
+    found = compared(folder, tmp_path, "a.toml", *words)
+    other = compared(folder, tmp_path, "a.toml", "b.toml", "--input", "support.x")
+    assert found["designs"] == ["double", "longer"]
+    for name in ("modes", "responses"):
+        assert found[name] == other[name]
+    both = sus.compare(DOUBLE, variants=["stage.upper.wires.l=0.303; stage.test.wires.d=2e-3"])
+    assert both.data.name == ("double", "upper.wires.l=0.303, test.wires.d=2e-3")
+    assert [change.path for change in both.change[1]] == [
+        "stage.upper.wires.l",
+        "stage.test.wires.d",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("a.toml", "--variant", "longer"), "is no variant"),
+        (("a.toml", "--variant", ": stage.upper.wires.l=0.3"), "is no variant"),
+        (("a.toml", "--variant", "x: stage.upper.wires.q=0.3"), "unknown key"),
+        (("longer-modes.h5", "--variant", "x: stage.upper.wires.l=0.3"), "needs a design"),
+        (("a.toml",), "at least two items"),
+    ],
+)
+def test_faults_of_variants_are_one_line(folder, words, said):
+    done = run("compare", *(folder / i if (folder / i).exists() else i for i in words))
+    assert done.exit_code == 2
+    assert said in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert ";" in done.stderr
+
+
 def test_modes_are_paired_by_shape_and_not_by_order():
     # ten times the moments of inertia carry yaw below both pendulum modes
     design = sus.example("husman2000/table1-case3")
