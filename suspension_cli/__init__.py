@@ -33,6 +33,7 @@ __all__ = [
     "modes",
     "optimise",
     "parse",
+    "python_control",
     "read",
     "report",
     "response",

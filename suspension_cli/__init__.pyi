@@ -370,6 +370,7 @@ def optimise(
     (True, array([0.136]))
     """
 parse = api.parse
+python_control = api.python_control
 read = api.read
 report = api.report
 

@@ -9,8 +9,10 @@ Import it as ``import suspension_cli as sus``; docs/api.md has examples of every
 from __future__ import annotations
 
 import dataclasses
+import html
 import shutil
 import tempfile
+import tomllib
 import weakref
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -27,7 +29,9 @@ from suspension_cli.analyses.info.solve import Info
 from suspension_cli.analyses.info.solve import solve as solve_info
 from suspension_cli.analyses.python_names import python_names
 from suspension_cli.conventions import ANALYSES
-from suspension_cli.design import reader
+from suspension_cli.design import paths, reader
+from suspension_cli.design.bodies import body_mass
+from suspension_cli.design.faults import suggest
 from suspension_cli.design.reader import Source
 from suspension_cli.errors import InputError
 
@@ -87,6 +91,62 @@ class Design(Source):
         with python_names(set="changes"):
             source = reader.replaced(self, changes)
         return Design(**vars(source))
+
+    def __getitem__(self, path: str) -> Any:
+        """Return the value at a dotted path of the file, as `replace` takes it.
+
+        Examples
+        --------
+        >>> import suspension_cli as sus
+        >>> sus.template("double")["stage.test.wires.d"]
+        0.001
+        """
+        found = paths.value_at(tomllib.loads(self.text), path)
+        if found is None:
+            known = self._ipython_key_completions_()
+            raise InputError.of(path, "is not given by the design", suggest(path, known))
+        return found
+
+    def _ipython_key_completions_(self) -> list[str]:
+        """Paths that a notebook completes in ``design["stage...``."""
+        document = tomllib.loads(self.text)
+        return [path for key in document for path, _ in paths.numbers(key, document[key])]
+
+    def __dir__(self) -> list[str]:
+        return sorted({*super().__dir__(), *self.design.__struct_fields__})
+
+    def _repr_html_(self) -> str:
+        """Table of the stages, as notebooks show it."""
+        rows = [("stage", "mass (kg)", "wires", "blades")]
+        for one in self.design.stage:
+            wires = one.wires.count if one.wires else len(one.wire)
+            blades = one.blades.count if one.blades else len(one.blade)
+            rows.append((one.name, f"{body_mass(one.body):.6g}", str(wires), str(blades)))
+        title = html.escape(self.design.design.title or self.name)
+        cells = "".join(
+            f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in row)}</tr>" for row in rows
+        )
+        return f"<table><caption>{title}</caption>{cells}</table>"
+
+    def save(self, path: PathLike) -> None:
+        """Write the design as a TOML file, whole or not at all.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written.
+
+        Examples
+        --------
+        >>> import suspension_cli as sus
+        >>> sus.template("double").replace({"design.name": "mine"}).save("mine.toml")
+        >>> sus.read("mine.toml")
+        <Design mine: upper, test>
+        """
+        from suspension_cli.files.atomic import write_bytes
+
+        with python_names(out="path"):
+            write_bytes(Path(convert.path(path, "path")), self.text.encode(), key="path")
 
     def foton(self) -> str:
         """Return the filters of the ``[control]`` loops as strings for Foton.
@@ -391,6 +451,42 @@ def animate(result: Result, mode: int | str, path: PathLike) -> Path:
         moving = animation.animate(result.data, number, result.design, scene)
         write_bytes(Path(path), moving, key="path")
     return Path(path)
+
+
+def python_control(result: Result) -> Any:
+    """Convert a result of `export` to a `control.StateSpace` of python-control.
+
+    Dots in names of states, inputs and outputs become underscores.
+
+    Parameters
+    ----------
+    result : Result
+        Of `export`.
+
+    Returns
+    -------
+    control.StateSpace
+
+    Raises
+    ------
+    InputError
+        If the result is of another analysis, or has zeros and poles instead of matrices.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> made = sus.export(sus.template("single"), inputs="support.x", outputs="test.x")
+    >>> sus.python_control(made).nstates
+    4
+    """
+    from suspension_cli.analyses.export import file
+
+    remedy = "give a result of sus.export"
+    if not isinstance(result, Result):
+        raise InputError.of("result", "is no result", remedy, convert.shown(result))
+    if result.analysis.name != "export" or result.data.zpk is not None:
+        raise InputError.of("result", "has no state space", remedy, result.analysis.name)
+    return file.python_control(result.data)
 
 
 def report(

@@ -290,6 +290,29 @@ def test_sweeps_leave_no_folder_and_continue(tmp_path, monkeypatch):
     assert found.file == tmp_path / "kept" / "double-sweep.h5" and found.file.exists()
 
 
+def test_notebooks_complete_the_values_of_designs(tmp_path):
+    design = sus.example("triple-damped")
+    for path in design._ipython_key_completions_():
+        if not re.search(r"\.\d+$", path):  # members of lists
+            assert isinstance(design[path], float | int), path
+    assert "stage" in dir(design)
+    table = design._repr_html_()
+    assert all(f"<td>{stage.name}</td>" in table for stage in design.stage)
+    design.save(tmp_path / "mine.toml")
+    assert sus.read(tmp_path / "mine.toml").design == design.design
+    with pytest.raises(sus.InputError, match="did you mean"):
+        design["stage.test.wires.dd"]
+
+
+def test_the_fields_of_one_motion_are_attributes():
+    design, frequency = sus.template("single"), [1.0, 10.0]
+    found = sus.thermal(design, outputs="test.x", frequency=frequency)
+    assert np.array_equal(found.amplitude, found.data[0].amplitude)
+    both = sus.thermal(design, outputs=["test.x", "test.z"], frequency=frequency)
+    with pytest.raises(AttributeError):
+        both.amplitude  # noqa: B018
+
+
 def test_designs_are_frozen_and_replaced():
     design = sus.read(DOUBLE)
     changed = design.replace({"stage.test.wires.d": 0.0025})

@@ -163,8 +163,8 @@ class Result(Report):
     A result is equal to itself alone; compare two by their arrays or by `document`.
 
     Fields of `data` are attributes of the result too: ``result.frequency``. Their units and shapes
-    are in ``help(type(result.data))``; of `thermal` and `budget`, whose `data` is a list, in
-    ``help(type(result.data[0]))``.
+    are in ``help(type(result.data))``; of `thermal` and `budget`, whose `data` is a list with an
+    item per motion, in ``help(type(result.data[0]))``. Of one motion, these are attributes.
 
     Attributes
     ----------
@@ -202,14 +202,20 @@ class Result(Report):
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_") or name == "data":
             raise AttributeError(name)
-        return getattr(self.data, name)
+        return getattr(self._only, name)
+
+    @property
+    def _only(self) -> Any:
+        """The data; of a list of one, as of the noise of one motion, that one."""
+        data = self.data
+        return data[0] if isinstance(data, list) and len(data) == 1 else data
 
     def __getstate__(self) -> dict[str, Any]:
         """Contents to copy or pickle: without the linear system, which holds functions."""
         return vars(self) | {"linear_system": None}
 
     def __dir__(self) -> list[str]:
-        return sorted({*super().__dir__(), *(n for n in dir(self.data) if n[0] != "_")})
+        return sorted({*super().__dir__(), *(n for n in dir(self._only) if n[0] != "_")})
 
     @property
     def model(self) -> str:

@@ -161,18 +161,17 @@ def _fill(file: h5py.File, made: Exported) -> None:
     add_dataset(group, "D", system.d, units, out, into)
 
 
-def python_control(path: str | Path) -> Any:
-    """Read a `control.StateSpace` from a file of ``pendsus export --format control``.
+def python_control(made: Exported) -> Any:
+    """Convert a state space to a `control.StateSpace`.
 
     Needs python-control, which rejects dots in names: they become underscores.
     """
     import control  # pyright: ignore[reportMissingImports]
 
-    given = json.loads(Path(path).read_text())
-    n, i, o = (len(given[key]) for key in ("state", "input", "output"))
-    shapes = {"A": (n, n), "B": (n, i), "C": (o, n), "D": (o, i)}
-    matrices = [np.array(given[name]).reshape(shape) for name, shape in shapes.items()]
+    system = made.system
     states, inputs, outputs = (
-        [name.replace(".", "_") for name in given[key]] for key in ("state", "input", "output")
+        [name.replace(".", "_") for name in names]
+        for names in (system.state, system.input, system.output)
     )
+    matrices = (system.a, system.b, system.c, system.d)
     return control.ss(*matrices, states=states, inputs=inputs, outputs=outputs)

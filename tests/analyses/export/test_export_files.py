@@ -119,11 +119,9 @@ def test_zero_pole_gain(origin, tmp_path):
                 assert pair["zeros"].attrs["units"] == pair["poles"].attrs["units"] == "rad/s"
 
 
-def test_python_control(made, origin, tmp_path):
+def test_python_control(made):
     control = pytest.importorskip("control")
-    path = tmp_path / "triple-control.json"
-    files.FORMATS["control"].write(path, made, origin)
-    system = files.python_control(path)
+    system = files.python_control(made)
     assert isinstance(system, control.StateSpace)
     for name, matrix in matrices(made.system).items():
         np.testing.assert_array_equal(getattr(system, name), matrix)
