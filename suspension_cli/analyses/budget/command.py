@@ -83,8 +83,8 @@ class BudgetAnalysis(Analysis):
             show_default=True,
             metavar="[COORDINATES=]SOURCE",
             help=(
-                "Motion of the support: nlnm (quiet ground), nhnm (noisy ground), aligo-isi (a"
-                " platform), a CSV file, or none; x,y=SOURCE for some coordinates (repeatable)."
+                "Motion of the support: nlnm (quiet ground), nhnm (noisy ground), aligo-isi"
+                " and aligo-ham (platforms), a CSV file, or none; x,y=SOURCE for some coordinates (repeatable)."
             ),
         ),
         option(

@@ -11,6 +11,11 @@ The platform `aligo-isi` is the in-vacuum active platform of Advanced LIGO's qua
 from 0.01 to 300 Hz, as in the noise budget program gwinc (`seismic_BSC_ISI` in `gwinc/noise/
 seismic.py`, "rough seismic noise spectra on aLIGO BSC ISI table"). Between its points gwinc uses
 cubic polynomials; here lines are straight in a log-log plot.
+
+The platform `aligo-ham` is that of the smaller chambers (HAM), below Advanced LIGO's triple and
+double suspensions, from 0.001 to 1000 Hz: the table of LIGO's MATLAB function `seisHAM`, which
+gives as its sources data in the electronic log of LIGO Hanford of 17 July 2008 and the preliminary
+design review of the platform.
 """
 
 from __future__ import annotations
@@ -86,7 +91,35 @@ ISI = np.array(
         (300.0, 3e-14, 3e-14),
     ]
 )
-"""Advanced LIGO's platform: Hz, m/sqrt(Hz) along, rad/sqrt(Hz) about each axis."""
+"""Advanced LIGO's platform of test masses: Hz, m/sqrt(Hz) along, rad/sqrt(Hz) about each axis."""
+HAM = np.array(
+    [
+        (1e-3, 1e-6, 1e-6, 1e-7, 1e-7),
+        (0.1, 1e-6, 4e-7, 4e-8, 3e-7),
+        (0.2, 5e-7, 3e-7, 2e-8, 4e-8),
+        (0.3, 1e-7, 1e-7, 5e-9, 1e-8),
+        (0.4, 3e-8, 3e-8, 3e-9, 4e-9),
+        (0.5, 1e-8, 1e-8, 1e-9, 2e-9),
+        (0.6, 2e-9, 2e-9, 8e-10, 8e-10),
+        (0.7, 4e-10, 2e-10, 8e-11, 1e-10),
+        (0.8, 5e-10, 3e-10, 1e-10, 2e-10),
+        (1.0, 3e-10, 4e-10, 8e-11, 1.5e-10),
+        (1.4, 6e-11, 1e-10, 1.5e-11, 4e-11),
+        (2.0, 2e-11, 3e-11, 1e-11, 3e-11),
+        (5.0, 2.2e-11, 4e-11, 7e-12, 2e-11),
+        (10.0, 3e-11, 6e-11, 3e-12, 4e-12),
+        (13.0, 4e-11, 8e-11, 4e-12, 2e-12),
+        (15.0, 5e-11, 1e-10, 6e-12, 1.5e-12),
+        (18.0, 4e-11, 6e-11, 4e-12, 1e-12),
+        (24.0, 7e-12, 8e-12, 1.5e-12, 6e-13),
+        (30.0, 3e-12, 3e-12, 1e-12, 3e-13),
+        (60.0, 3e-13, 3e-13, 1.5e-13, 8e-14),
+        (100.0, 6e-14, 6e-14, 3e-14, 2e-14),
+        (1000.0, 1e-14, 1e-14, 1e-14, 1e-14),
+    ]
+)
+"""Advanced LIGO's platform of smaller chambers: Hz; along x and y, along z, m/sqrt(Hz); roll and
+pitch, yaw, rad/sqrt(Hz)."""
 NONE = "none"
 TRANSLATIONS = DOFS[:3]
 
@@ -147,11 +180,15 @@ def _shipped(name: str) -> dict[str, Motion]:
     if name == "aligo-isi":
         at, along, about = ISI.T
         return {dof: _of_table(name, at, along if dof in TRANSLATIONS else about) for dof in DOFS}
+    if name == "aligo-ham":
+        at, *columns = HAM.T
+        own = dict(zip(DOFS, (0, 0, 1, 2, 2, 3), strict=True))
+        return {dof: _of_table(name, at, columns[n]) for dof, n in own.items()}
     motion = _peterson(name, {"nlnm": NLNM, "nhnm": NHNM}[name])
     return dict.fromkeys(TRANSLATIONS, motion)
 
 
-SHIPPED = ("nlnm", "nhnm", "aligo-isi")
+SHIPPED = ("nlnm", "nhnm", "aligo-isi", "aligo-ham")
 """Names of shipped models."""
 
 

@@ -72,6 +72,21 @@ def test_displacement_of_the_ground():
     assert ten == pytest.approx(10 ** (-168.0 / 20) / (20 * np.pi) ** 2, rel=1e-12)
 
 
+def test_platforms_move_in_six_coordinates():
+    found = ground.parse(["aligo-ham", "yaw=aligo-isi"], [], Path())
+    at = np.array([0.1, 1.0, 10.0])
+    for name, expected in (
+        ("x", (1e-6, 3e-10, 3e-11)),
+        ("y", (1e-6, 3e-10, 3e-11)),
+        ("z", (4e-7, 4e-10, 6e-11)),
+        ("roll", (4e-8, 8e-11, 3e-12)),
+        ("pitch", (4e-8, 8e-11, 3e-12)),
+        ("yaw", (2e-8, 1e-11, 3e-13)),
+    ):
+        np.testing.assert_allclose(found[name].density(at), expected, rtol=1e-12)
+    assert (found["x"].low, found["x"].high) == (1e-3, 1e3)
+
+
 def csv(folder, text, name="site.csv"):
     path = folder / name
     path.write_text(text)
