@@ -25,6 +25,7 @@ from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
 from suspension_cli.grids import parse_frequencies
+from suspension_cli.linear import named_results
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import pair_by_overlap
 from suspension_cli.models.registry import AUTO, FILES, Choice
@@ -252,7 +253,7 @@ def pair_modes(
     labels, values = [], np.full((3, len(rows), len(items)), np.nan)
     for place, row in enumerate(rows):
         n, (m, _) = next(iter(row.items()))
-        labels.append(found[n][0].label[m])
+        labels.append(named_results.labels(found[n][0])[m])
         for i, (k, shape) in row.items():
             modes = found[i][0]
             values[:, place, i] = modes.frequency[k], modes.q[k], shape
@@ -269,7 +270,8 @@ def pair_modes(
 def _measured_row(table: PairedModes, mode: Mode, n: int, reference: int, base: Modes) -> int:
     """Find the row of a measured mode, by label, else the free row nearest in frequency."""
     free = np.isnan(table.frequency[:, n])
-    labelled = np.array([label == mode.label for label in table.label]) & free
+    alike = [mode.label in (label, label.partition("#")[0]) for label in table.label]
+    labelled = np.array(alike) & free
     if mode.dof and not mode.label:
         names = {(body, dof) for body, dof in base.home}
         wanted = {dof for _, dof in names} & set(mode.dof)

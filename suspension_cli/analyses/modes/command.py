@@ -162,9 +162,11 @@ class ModesAnalysis(Analysis):
         import numpy as np
 
         from suspension_cli.analyses.growth import describe as describe_growth
+        from suspension_cli.linear import named_results
         from suspension_cli.linear.eigenmodes import describe
 
         modes: Modes = result.data
+        names = named_results.labels(modes)
         growth = modes.growth_rate
         lossy = bool(np.isfinite(modes.q).any())
         diluted = bool(np.isfinite(modes.dilution).any())
@@ -183,8 +185,8 @@ class ModesAnalysis(Analysis):
                 top = 100 * top_fraction[n]
                 order = np.argsort(-fractions.round(9), kind="stable")[:3]
                 what = ", ".join(
-                    f"{describe(place[i])} {100 * fractions[i]:.0f} %"
-                    for i in order
+                    f"{describe(place[i]) if k else names[n]} {100 * fractions[i]:.0f} %"
+                    for k, i in enumerate(order)
                     if fractions[i] > 0.02
                 )
                 if growth[n] > 0:
