@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields, replace
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,19 +15,21 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+Part = TypeVar("Part", bound="DataclassInstance")
+"""Bodies, wires or parts of another kind: a dataclass of arrays."""
 
-_KEY, _FRAME, _VECTOR, _COMPUTED = "inner axes", "frame", "vector", "computed"
+_SHAPE, _SHARED, _FRAME, _VECTOR, _COMPUTED = "shape", "shared", "frame", "vector", "computed"
 
 
 def inner(
-    count: int, frame: str | None = None, *, vector: bool = False, computed: bool = False
-) -> dict[str, int | str | bool | None]:
-    """Metadata of a dataclass field with batch axes in front of `count` axes of its own.
+    *shape: int, frame: str | None = None, vector: bool = False, computed: bool = False
+) -> dict[str, Any]:
+    """Metadata of a dataclass field with batch axes, an axis of members, and axes of each member.
 
     Parameters
     ----------
-    count
-        The first of these axes runs over the members of the part.
+    shape
+        Of one member.
     frame
         Of points: the field with the numbers of the bodies whose frames they are in.
     vector
@@ -41,17 +44,68 @@ def inner(
     >>> @dataclass
     ... class Points:
     ...     label: tuple[str, ...]  # one for the whole batch
-    ...     point: Array = field(metadata=inner(2))  # (..., n, 3)
+    ...     point: Array = field(metadata=inner(3))  # (..., n, 3)
     >>> inner_axes(Points)
     {'point': 2}
+    >>> gather(Points, [{"label": "a"}]).point
+    array([[0., 0., 0.]])
     """
-    return {_KEY: count, _FRAME: frame, _VECTOR: vector or frame is not None, _COMPUTED: computed}
+    marks = {_FRAME: frame, _VECTOR: vector or frame is not None, _COMPUTED: computed}
+    return {_SHAPE: (float, 0, shape)} | marks
+
+
+def shared(*shape: int, dtype: type = float, default: int = 0) -> dict[str, Any]:
+    """Metadata of a dataclass field of arrays without batch axes, members first."""
+    return {_SHAPE: (dtype, default, shape), _SHARED: True}
+
+
+def gather(kind: type[Part], rows: Sequence[Mapping[str, Any]]) -> Part:
+    """Pack members, given by the names of the fields, into a part without batch axes.
+
+    A number that a member omits is 0, or the default of its field.
+    """
+    return kind(
+        **{
+            name: tuple(row.get(name) for row in rows)
+            if blank is None
+            else np.array([row.get(name, blank) for row in rows], blank.dtype).reshape(
+                len(rows), *blank.shape
+            )
+            for name, blank in _blanks(kind).items()
+        }
+    )
+
+
+@cache
+def _blanks(kind: type[DataclassInstance]) -> dict[str, np.ndarray | None]:
+    """Number or array of a member that omits it, by field; None for a field without array."""
+    found: dict[str, np.ndarray | None] = {}
+    for item in fields(kind):
+        dtype, default, shape = item.metadata.get(_SHAPE, (None, 0, ()))
+        found[item.name] = None if dtype is None else np.full(shape, default, dtype)
+    return found
+
+
+def change_arrays(part: Part, change: Callable[[np.ndarray, int], np.ndarray]) -> Part:
+    """Change all arrays of a part that have batch axes; they have the given number of inner axes."""
+    axes = inner_axes(type(part)).items()
+    values = {name: (getattr(part, name), n) for name, n in axes}
+    return replace(part, **{k: change(v, n) for k, (v, n) in values.items() if v is not None})
+
+
+def merge(function: Callable[..., np.ndarray], *parts: Part) -> Part:
+    """Replace the arrays of a part that have batch axes by functions of those of several parts."""
+    names = inner_axes(type(parts[0]))
+    values = {name: function(*(getattr(part, name) for part in parts)) for name in names}
+    return replace(parts[0], **values)
 
 
 @cache
 def inner_axes(kind: type[DataclassInstance]) -> dict[str, int]:
     """Number of axes behind the batch axes, by name of the fields with batch axes."""
-    return {item.name: item.metadata[_KEY] for item in fields(kind) if _KEY in item.metadata}
+    marks = {item.name: item.metadata for item in fields(kind)}
+    own = {name: mark for name, mark in marks.items() if _SHAPE in mark and _SHARED not in mark}
+    return {name: 1 + len(mark[_SHAPE][2]) for name, mark in own.items()}
 
 
 @cache
@@ -67,3 +121,16 @@ def signed(kind: type[DataclassInstance]) -> dict[str, tuple[bool, bool]]:
     return {
         name: (mark.get(_VECTOR, False), mark.get(_COMPUTED, False)) for name, mark in marks.items()
     }
+
+
+def take(part: Part, which: NDArray[np.bool_] | Index) -> Part:
+    """Some members of a part, chosen by a bool array or by their numbers (from 0)."""
+    number = np.flatnonzero(which) if which.dtype == bool else which
+    axes, chosen = inner_axes(type(part)), {}
+    for item in fields(part):
+        value = getattr(part, item.name)
+        if isinstance(value, tuple):
+            chosen[item.name] = tuple(value[n] for n in number)
+        else:
+            chosen[item.name] = np.take(value, number, axis=-axes.get(item.name, value.ndim))
+    return replace(part, **chosen)

@@ -15,8 +15,8 @@ import numpy as np
 from suspension_cli.conventions import SUPPORT
 from suspension_cli.design.filters import SUFFIX
 from suspension_cli.rotations import rotation_matrix
-from suspension_cli.scene.arrays import Array, frames, inner_axes
-from suspension_cli.scene.scene import Part, Scene, spring_of_leg
+from suspension_cli.scene.arrays import Array, Part, frames, inner_axes
+from suspension_cli.scene.scene import Scene
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -26,21 +26,21 @@ def members(scene: Scene, part: str) -> dict[str, int]:
     """Map the names of all parts of a kind to their numbers.
 
     Wires, blades and legs count from 0, bodies from 1, links as springs of the scene. Blades of a
-    filter have the name of its stage, and numbers behind those of wires.
+    filter have the name of its stage, and their number as a spring behind those of other blades.
     """
+    labels = {"wire": scene.wires, "blade": scene.blades, "leg": scene.struts}
+    if part in labels:
+        names = labels[part].label
+        found = {label: n for n, label in enumerate(names)}
+        if part == "blade":
+            for n, label in enumerate(scene.springs.label, len(names)):
+                if label.endswith(f"{SUFFIX}.blades"):
+                    found[label.removesuffix(f"{SUFFIX}.blades")] = n
+        return found
     if part == "body":
         return {name: n for n, name in enumerate((SUPPORT, *scene.bodies.name))}
-    if part == "link":
-        labels = [label.removesuffix(".link") for label in scene.springs.label]
-        linked = zip(labels, scene.springs.label, strict=True)
-        return {name: n for n, (name, label) in enumerate(linked) if name != label}
-    labels = {"wire": scene.wires, "blade": scene.blades, "leg": scene.struts}[part].label
-    found = {label: n for n, label in enumerate(labels)}
-    if part == "blade":
-        bodies = scene.bodies.name
-        filters = [name for name in bodies if name + SUFFIX in bodies]
-        found |= {name: len(labels) + bodies.index(name) for name in filters}
-    return found
+    numbered = enumerate(scene.springs.label)
+    return {label[:-5]: n for n, label in numbered if label.endswith(".link")}
 
 
 def impose(
@@ -174,12 +174,9 @@ def scale_blade(scene: Scene, number: int, factor: ArrayLike) -> Scene:
 
     The blades are trimmed to their nominal load in the nominal pose.
     """
-    count, names = len(scene.blades.label), scene.bodies.name
+    count = len(scene.blades.label)
     if number >= count:
-        body = number - count + 1
-        keystone = names.index(names[body - 1] + SUFFIX) + 1
-        own = np.flatnonzero((scene.springs.upper == body) & (scene.springs.lower == keystone))
-        return scale_spring(scene, int(own[0]), factor)
+        return scale_spring(scene, number - count, factor)
     stiffness = scene.blades.stiffness[..., number, :] * _numbers(factor)[..., None]
     return _with(scene, "blades", number, stiffness=stiffness)
 
@@ -192,7 +189,7 @@ def scale_spring(scene: Scene, number: int, factor: ArrayLike) -> Scene:
 
 def scale_leg(scene: Scene, number: int, factor: ArrayLike) -> Scene:
     """Multiply the stiffness of the flexures of one leg (from 0) by a factor (...)."""
-    return scale_spring(scene, spring_of_leg(scene, number), factor)
+    return scale_spring(scene, scene.springs.label.index(scene.struts.label[number]), factor)
 
 
 def lengthen_leg(scene: Scene, number: int, change: ArrayLike) -> Scene:

@@ -71,9 +71,9 @@ class Pose:
         Of each blade's tip, along the axes of its body, m.
     """
 
-    shift: Inexact[np.ndarray, "*batch 1+body 3"] = field(metadata=inner(2))
-    turn: Inexact[np.ndarray, "*batch 1+body 3 3"] = field(metadata=inner(3))
-    deflection: Inexact[np.ndarray, "*batch blade 3"] = field(metadata=inner(2))
+    shift: Inexact[np.ndarray, "*batch 1+body 3"] = field(metadata=inner(3))
+    turn: Inexact[np.ndarray, "*batch 1+body 3 3"] = field(metadata=inner(3, 3))
+    deflection: Inexact[np.ndarray, "*batch blade 3"] = field(metadata=inner(3))
 
     @cached_property
     def rotation(self) -> Inexact[np.ndarray, "*batch 1+body 3 3"]:
