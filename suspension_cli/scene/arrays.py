@@ -64,33 +64,31 @@ def gather(kind: type[Part], rows: Sequence[Mapping[str, Any]]) -> Part:
 
     A number that a member omits is 0, or the default of its field.
     """
-    return kind(
-        **{
-            name: tuple(row.get(name) for row in rows)
-            if blank is None
-            else np.array([row.get(name, blank) for row in rows], blank.dtype).reshape(
-                len(rows), *blank.shape
-            )
-            for name, blank in _blanks(kind).items()
-        }
-    )
+    made: dict[str, Any] = {}
+    for name, blank in _blanks(kind):
+        values = [row.get(name, blank) for row in rows]
+        if blank is None:
+            made[name] = tuple(values)
+        else:
+            made[name] = np.array(values, blank.dtype) if rows else blank[None][:0]
+    return kind(**made)
 
 
 @cache
-def _blanks(kind: type[DataclassInstance]) -> dict[str, np.ndarray | None]:
-    """Number or array of a member that omits it, by field; None for a field without array."""
-    found: dict[str, np.ndarray | None] = {}
+def _blanks(kind: type[DataclassInstance]) -> list[tuple[str, np.ndarray | None]]:
+    """Field and what it is for a member that omits it; None for a field without array."""
+    found: list[tuple[str, np.ndarray | None]] = []
     for item in fields(kind):
         dtype, default, shape = item.metadata.get(_SHAPE, (None, 0, ()))
-        found[item.name] = None if dtype is None else np.full(shape, default, dtype)
+        found.append((item.name, None if dtype is None else np.full(shape, default, dtype)))
     return found
 
 
 def change_arrays(part: Part, change: Callable[[np.ndarray, int], np.ndarray]) -> Part:
-    """Change all arrays of a part that have batch axes; they have the given number of inner axes."""
+    """Change the arrays of a part that have batch axes; `change` also gets their inner axes."""
     axes = inner_axes(type(part)).items()
-    values = {name: (getattr(part, name), n) for name, n in axes}
-    return replace(part, **{k: change(v, n) for k, (v, n) in values.items() if v is not None})
+    values = ((name, getattr(part, name), n) for name, n in axes)
+    return replace(part, **{name: change(v, n) for name, v, n in values if v is not None})
 
 
 def merge(function: Callable[..., np.ndarray], *parts: Part) -> Part:
@@ -121,16 +119,3 @@ def signed(kind: type[DataclassInstance]) -> dict[str, tuple[bool, bool]]:
     return {
         name: (mark.get(_VECTOR, False), mark.get(_COMPUTED, False)) for name, mark in marks.items()
     }
-
-
-def take(part: Part, which: NDArray[np.bool_] | Index) -> Part:
-    """Some members of a part, chosen by a bool array or by their numbers (from 0)."""
-    number = np.flatnonzero(which) if which.dtype == bool else which
-    axes, chosen = inner_axes(type(part)), {}
-    for item in fields(part):
-        value = getattr(part, item.name)
-        if isinstance(value, tuple):
-            chosen[item.name] = tuple(value[n] for n in number)
-        else:
-            chosen[item.name] = np.take(value, number, axis=-axes.get(item.name, value.ndim))
-    return replace(part, **chosen)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspension_cli.conventions import DOFS
 from suspension_cli.design.bodies import body_inertia, body_mass
 from suspension_cli.design.derive import (
     blade_loss,
@@ -28,7 +29,7 @@ from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.wires import Wire, WireSet
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.scene import links, tensions, towers
-from suspension_cli.scene.arrays import Array, gather, take
+from suspension_cli.scene.arrays import Array, Index, gather
 from suspension_cli.scene.gravity import field_of
 from suspension_cli.scene.places import Places
 from suspension_cli.scene.scene import Bars, Blades, Bodies, Scene, Springs, Wires
@@ -46,63 +47,62 @@ def expand_as_drawn(design: Design) -> Scene:
     pose is solved for. Raises `InputError` if a stage cannot balance in its nominal pose, or a wire
     would be slack in it.
     """
-    places = Places.of(design)
-    wires, blades = list_wires(design, places)
-    struts, bars = towers.legs(design, places)
-    scene = Scene(
-        name=design.design.name,
-        gravity=gravity_strength(design),
-        bodies=Bodies(
-            name=tuple(stage.name for stage in design.stage),
-            mass=np.array([body_mass(stage.body) for stage in design.stage]),
-            inertia=np.array([body_inertia(stage.body) for stage in design.stage]),
-            position=places.position,
-        ),
-        wires=gather(Wires, wires),
-        blades=gather(Blades, blades),
-        springs=gather(Springs, []),
-        struts=gather(Wires, struts),
-        bars=gather(Bars, bars),
-        field=field_of(design),
-        solves_pose=gives_natural_lengths(design),
+    places, gravity = Places.of(design), gravity_strength(design)
+    wire_rows, blade_rows = list_wires(design, places)
+    strut_rows, bar_rows = towers.legs(design, places)
+    wires, blades = gather(Wires, wire_rows), gather(Blades, blade_rows)
+    struts, bars = gather(Wires, strut_rows), gather(Bars, bar_rows)
+    bodies = Bodies(
+        name=tuple(stage.name for stage in design.stage),
+        mass=np.array([body_mass(stage.body) for stage in design.stage]),
+        inertia=np.array([body_inertia(stage.body) for stage in design.stage]),
+        position=places.position,
     )
-    loads = _loads(design, scene, places)
-    springs, coupling, faults = _springs(design, places, loads, scene.gravity)
-    natural = np.array([row["natural"] for row in wires], dtype=bool)
-    fixed = np.array([row["fixed"] for row in wires], dtype=bool)
-    tension, thrust = scene.wires.tension.copy(), scene.struts.tension.copy()
+    joining = links.of_links(design, places) + links.of_dampers(design, places)
+    loads = _weights(places, gravity, bodies, wires, blades, bars)
+    for row in joining:
+        preload, point = row["preload"], row["lower_point"]
+        above = point + places.between(row["upper"], row["lower"])
+        loads[row["lower"], 0] += tensions.move_wrench(preload, point)
+        loads[row["upper"], 0] -= tensions.move_wrench(preload, above)
+    for n in range(len(design.stage), 0, -1):
+        loads[places.parent[n]] += tensions.move_wrench(loads[n], places.offset[n])
+    spring_rows, coupling, faults = _springs(design, places, loads, gravity)
+    spring_rows += joining
+    for row in spring_rows:
+        row["upper_point"] = row["lower_point"] + places.between(row["upper"], row["lower"])
+    natural = np.array([row["natural"] for row in wire_rows], dtype=bool)
+    fixed = np.array([row["fixed"] for row in wire_rows], dtype=bool)
+    tension, thrust = wires.tension.copy(), -struts.tension
     for n, stage in enumerate(design.stage, 1):
         load = loads[n, 0] + _preload(stage)
         if stage.inverted_pendulum is not None:
-            own = scene.struts.lower == n
-            legs = take(scene.struts, own)
-            thrust[own], left_over = tensions.carry(
-                legs, scene.blades, load, np.zeros(own.sum(), bool)
-            )
-            faults += _imbalance(stage, loads[n, 0], left_over) or _pulled(
-                stage, legs, -thrust[own]
-            )
+            own = np.flatnonzero(struts.lower == n)
+            pull, left_over = tensions.carry(struts, own, blades, load)
+            thrust[own] = -pull
+            faults += _imbalance(stage, loads[n], left_over) or _loose(stage, struts, own, -pull)
         elif stage.wires is not None or stage.wire:
-            own = scene.wires.lower == n
-            lines = take(scene.wires, own)
-            tension[own], left_over = tensions.carry(lines, scene.blades, load, fixed[own])
+            own = np.flatnonzero(wires.lower == n)
+            tension[own], left_over = tensions.carry(wires, own, blades, load, fixed[own])
             if not natural[own].any():
-                faults += _imbalance(stage, loads[n, 0], left_over) or _slack(
-                    stage, lines, tension[own]
-                )
+                wrong = _imbalance(stage, loads[n], left_over)
+                faults += wrong or _loose(stage, wires, own, tension[own])
         elif not isinstance(stage, Keystone):
-            faults += _imbalance(stage, loads[n, 0], load)
+            faults += _imbalance(stage, loads[n], load)
     if faults:
         raise InputError(faults)
-    given = np.array([row["given"] for row in blades])
-    drawn = replace(scene.blades, load=_blade_loads(scene, tension, given))
-    return replace(
-        scene,
-        wires=replace(scene.wires, tension=np.where(natural, scene.wires.tension, tension)),
-        blades=drawn,
-        springs=gather(Springs, springs),
-        struts=replace(scene.struts, tension=thrust),
-        bars=gather(Bars, [*bars, *coupling]),
+    given = np.array([row["given"] for row in blade_rows])
+    return Scene(
+        name=design.design.name,
+        gravity=gravity,
+        bodies=bodies,
+        wires=replace(wires, tension=np.where(natural, wires.tension, tension)),
+        blades=replace(blades, load=_blade_loads(gravity, wires, blades, tension, given)),
+        springs=gather(Springs, spring_rows),
+        struts=replace(struts, tension=-thrust),
+        bars=gather(Bars, bar_rows + coupling) if coupling else bars,
+        field=field_of(design),
+        solves_pose=gives_natural_lengths(design),
     )
 
 
@@ -207,25 +207,20 @@ def wire_signs(count: int) -> list[tuple[int, int]]:
     return {1: [(0, 0)], 2: [(0, 1), (0, -1)], 4: [(1, 1), (1, -1), (-1, 1), (-1, -1)]}[count]
 
 
-def _loads(design: Design, scene: Scene, places: Places) -> Float[np.ndarray, "1+body 2 6"]:
-    """Wrenches of all that each body carries about its COM, and of the weight in that alone.
-
-    The first contains the preloads of links, but not those of the springs that hold the body.
-    """
-    wires, blades, bars = scene.wires, scene.blades, scene.bars
-    ends, none = wires.mass[:, :2] + wires.mass[:, 1:], np.zeros_like(scene.bodies.position)
-    masses = (scene.bodies.mass, ends.ravel(), blades.tip_mass, bars.loads.ravel())
-    bodies = np.stack([wires.upper, wires.lower], axis=1), blades.body, bars.body
-    body = [np.arange(1, len(none)), *(numbers.ravel() for numbers in bodies)]
+def _weights(
+    places: Places, gravity: float, bodies: Bodies, wires: Wires, blades: Blades, bars: Bars
+) -> Float[np.ndarray, "1+body 2 6"]:
+    """Wrenches of the weight on each body about its COM, twice."""
+    ends = wires.mass[:, :2] + wires.mass[:, 1:]
+    masses = (bodies.mass, ends.ravel(), blades.tip_mass, bars.loads.ravel())
+    joined = np.stack([wires.upper, wires.lower], axis=1)
+    body = [np.arange(1, len(places.parent)), joined.ravel(), blades.body, bars.body.ravel()]
     points = np.stack([wires.upper_point, wires.lower_point], axis=1), blades.tip, bars.point
-    weight = np.outer(np.concatenate(masses), [0.0, 0.0, -scene.gravity, 0.0, 0.0, 0.0])
-    at = np.concatenate([none[1:], *(point.reshape(-1, 3) for point in points)])
-    loads = np.zeros((len(none), 2, 6))
+    weight = np.outer(np.concatenate(masses), [0.0, 0.0, -gravity, 0.0, 0.0, 0.0])
+    centres = np.zeros((len(bodies.mass), 3))
+    at = np.concatenate([centres, *(point.reshape(-1, 3) for point in points)])
+    loads = np.zeros((len(places.parent), 2, 6))
     np.add.at(loads, np.concatenate(body), tensions.move_wrench(weight, at)[:, None])
-    for number, wrench in links.preload_wrenches(design, places):
-        loads[number, 0] += wrench
-    for n in range(len(none) - 1, 0, -1):
-        loads[places.parent[n]] += tensions.move_wrench(loads[n], places.offset[n])
     return loads
 
 
@@ -241,7 +236,7 @@ def _preload(stage: Stage) -> Array:
 def _springs(
     design: Design, places: Places, loads: Array, gravity: float
 ) -> tuple[list[Row], list[Row], list[Fault]]:
-    """List all springs, and the bars of the inertia of filters' blades, with the faults of these."""
+    """List the springs of stages, the bars of the inertia of filters' blades, and their faults."""
     springs: list[Row] = []
     bars: list[Row] = []
     faults: list[Fault] = []
@@ -257,70 +252,66 @@ def _springs(
                 inertia = (-coupling, coupling, -coupling)
                 bars.append({"label": row["label"], "inertia": inertia} | between)
         springs += [{"upper": above, "lower": n} | row for row in own]
-    springs += links.of_links(design, places) + links.of_dampers(design, places)
-    for row in springs:
-        row.setdefault("lower_point", np.zeros(3))
-        row["upper_point"] = row["lower_point"] + places.between(row["upper"], row["lower"])
     return springs, bars, faults
 
 
 def _blade_loads(
-    scene: Scene, tension: Array, given: Float[np.ndarray, " blade"]
+    gravity: float, wires: Wires, blades: Blades, tension: Array, given: Array
 ) -> Float[np.ndarray, "blade 3"]:
     """Force of each blade on its tip in the nominal pose, N.
 
-    It balances its wires and its tip mass, or the load that the design gives.
+    It balances its wires and its tip mass, or the load that the design gives (else NaN).
     """
-    wires, blades, on = scene.wires, scene.blades, scene.wires.blade >= 0
+    on = wires.blade >= 0
     pull = (tension / wires.length)[:, None] * wires.span
-    pull[:, 2] -= scene.gravity * (wires.mass[:, 0] + wires.mass[:, 1])
-    total = np.outer(blades.tip_mass, [0.0, 0.0, -scene.gravity])
+    pull[:, 2] -= gravity * (wires.mass[:, 0] + wires.mass[:, 1])
+    total = np.outer(blades.tip_mass, [0.0, 0.0, -gravity])
     np.add.at(total, wires.blade[on], pull[on])
     total[:, 2] = np.where(np.isnan(given), total[:, 2], -given)
     return np.where(blades.axes, -total, 0.0)
 
 
-def _imbalance(stage: Stage, load: Array, left_over: Array) -> list[Fault]:
+def _imbalance(stage: Stage, loads: Array, left_over: Array) -> list[Fault]:
     """Report the forces and torques that are left over of a load, as a fault."""
-    ways = (
-        (
-            "inverted_pendulum",
-            stage.inverted_pendulum,
-            "hang the load at the height of the legs' circle, or below its centre",
-        ),
-        (
+    key, remedy = ".spring", "give the springs a preload that carries the body"
+    if stage.inverted_pendulum is not None:
+        key = ".inverted_pendulum"
+        remedy = "hang the load at the height of the legs' circle, or below its centre"
+    elif stage.wire_tables:
+        key, remedy = (
             "",
-            stage.wire_tables,
-            "move the attachments or the COM, or give wires a natural_length to have the pose"
-            " solved for",
-        ),
-        ("spring", True, "give the springs a preload that carries the body"),
-    )
-    key, remedy = next((key, remedy) for key, there, remedy in ways if there)
-    where = f"stage.{stage.name}.{key}".rstrip(".")
-    return tensions.report_imbalance(left_over, max(np.abs(load).max(), 1e-12), where, remedy)
-
-
-def _slack(stage: Stage, wires: Wires, tension: Array) -> list[Fault]:
-    where = "wires" if stage.wires is not None else "wire"
-    return [
-        Fault(
-            f"stage.{stage.name}.{where}",
-            f"wire {label} would be slack in the nominal pose (tension {value:.3g} N)",
-            "move its ends, or remove the wire",
+            (
+                "move the attachments or the COM, or give wires a natural_length to have the pose"
+                " solved for"
+            ),
         )
-        for label, value in zip(wires.label, tension, strict=True)
-        if not value > 0
+    least = tensions.BALANCE * max(np.abs(loads[0]).max(), 1e-12)
+    least = max(least, 1e-3 * np.abs(left_over).max())
+    found = [
+        f"{left_over[axis]:.3g} {'N of force along' if axis < 3 else 'N m of'} {DOFS[axis]}"
+        + (" torque" if axis > 2 else "")
+        for axis in np.argsort(-np.abs(left_over))
+        if abs(left_over[axis]) > least
     ]
+    problem = f"cannot balance in the nominal pose: {', '.join(found[:3])} left over"
+    return [Fault(f"stage.{stage.name}{key}", problem, remedy)] if found else []
 
 
-def _pulled(stage: Stage, legs: Wires, thrust: Array) -> list[Fault]:
+def _loose(stage: Stage, lines: Wires, own: Index, force: Array) -> list[Fault]:
+    """Report wires that would be slack, or legs that would be pulled."""
+    key, what, remedy = "wires", "wire {} would be slack", "move its ends, or remove the wire"
+    name = "tension"
+    if stage.inverted_pendulum is not None:
+        key, what, name = "inverted_pendulum", "leg {} would be pulled", "thrust"
+        remedy = "place the load between the legs"
+    elif stage.wire:
+        key = "wire"
     return [
         Fault(
-            f"stage.{stage.name}.inverted_pendulum",
-            f"leg {label} would be pulled in the nominal pose (thrust {value:.3g} N)",
-            "place the load between the legs",
+            f"stage.{stage.name}.{key}",
+            f"{what.format(lines.label[n])} in the nominal pose ({name} {value:.3g} N)",
+            remedy,
         )
-        for label, value in zip(legs.label, thrust, strict=True)
+        for n, value in zip(own, force, strict=True)
         if not value > 0
     ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +11,7 @@ from suspension_cli.design import materials
 from suspension_cli.design.derive import gravity_strength, spring_loss
 from suspension_cli.design.links import Damper, Link, Strands
 from suspension_cli.design.schema import Design, Stage
-from suspension_cli.scene import eddy_current, strands, tensions
+from suspension_cli.scene import eddy_current, strands
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.places import Places
 from suspension_cli.scene.scene import Spectrum
@@ -68,10 +67,11 @@ def of_links(design: Design, places: Places) -> list[Row]:
 
 def of_dampers(design: Design, places: Places) -> list[Row]:
     """List the dampers; the body of lower number is the upper one."""
-    return [
-        {"label": f"{damper.name}.damper", "damping": damper_matrix(damper)} | _ends(damper, places)
-        for damper in design.damper
-    ]
+    rows = []
+    for damper in design.damper:
+        row = {"label": f"{damper.name}.damper", "preload": np.zeros(6)}
+        rows.append(row | {"damping": damper_matrix(damper)} | _ends(damper, places))
+    return rows
 
 
 def _ends(table: Link | Damper, places: Places) -> Row:
@@ -178,12 +178,3 @@ def spectrum_of(design: Design, link: Link) -> Spectrum:
         tuple(table.frequency),
         tuple((axis, over(axis, re), over(axis, im)) for axis, re, im in rows if static[axis] != 0),
     )
-
-
-def preload_wrenches(design: Design, places: Places) -> Iterator[tuple[int, Array]]:
-    """List the forces and torques of the preloads of links about the COMs of the bodies."""
-    for link in design.link:
-        first, second = (places.number[name] for name in link.between)
-        there = np.array(link.at) - places.between(first, second)
-        for body, sign, at in ((first, 1.0, np.array(link.at)), (second, -1.0, there)):
-            yield body, sign * tensions.move_wrench(np.array(link.preload), at)

@@ -137,39 +137,3 @@ def rigid_motion(
             position[..., n, :] - position[..., 0, :]
         )
     return result
-
-
-def point_jacobian(
-    numbering: Layout,
-    pose: Pose,
-    body: Int[np.ndarray, " point"],
-    arm: Inexact[np.ndarray, "*batch point 3"],
-    blade: Int[np.ndarray, " point"] | None = None,
-) -> Inexact[np.ndarray, "*batch coordinate point 3"]:
-    """Derivatives (..., N, k, 3) of positions of points with respect to the coordinates.
-
-    Parameters
-    ----------
-    arm
-        From the COM of the body to the point, global axes, m.
-    blade
-        The blade whose tip carries the point, or -1.
-    """
-    batch, count = np.broadcast_shapes(arm.shape[:-2], pose.shift.shape[:-2]), len(body)
-    result = np.zeros(
-        (*batch, numbering.size + 1, count, 3), dtype=np.result_type(arm, pose.rotation)
-    )
-    points = np.arange(count)
-    block = np.zeros((*arm.shape[:-1], 6, 3), dtype=result.dtype)
-    block[..., (0, 1, 2), (0, 1, 2)] = 1.0
-    x, y, z = arm[..., 0], arm[..., 1], arm[..., 2]
-    # rotation by a small vector t moves the point by t x arm
-    block[..., 3, 1], block[..., 3, 2] = -z, y
-    block[..., 4, 0], block[..., 4, 2] = z, -x
-    block[..., 5, 0], block[..., 5, 1] = -y, x
-    result[..., 6 * body[:, None] + np.arange(6), points[:, None], :] = block
-    if blade is not None and numbering.blade.size:
-        columns = np.where((blade >= 0)[:, None], numbering.blade[blade], numbering.size)
-        for axis in range(3):
-            result[..., columns[:, axis], points, :] = pose.rotation[..., body, :, :][..., axis]
-    return result[..., :-1, :, :]

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.errors import Fault
 from suspension_cli.rotations import cross
 from suspension_cli.scene.arrays import Array, Index
 
@@ -27,15 +26,6 @@ TORQUES = 1e-3
 
 ROUNDING = 1e-12
 """Relative difference of numbers that are equal but for rounding."""
-
-_NAMES = (
-    "force along x",
-    "force along y",
-    "force along z",
-    "roll torque",
-    "pitch torque",
-    "yaw torque",
-)
 
 
 def move_wrench(wrench: Array, offset: Array) -> Array:
@@ -117,46 +107,37 @@ def compliance(
 
 
 def carry(
-    lines: Wires, blades: Blades, load: Array, fixed: Bool[np.ndarray, " wire"]
+    lines: Wires,
+    own: Index,
+    blades: Blades,
+    load: Array,
+    fixed: Bool[np.ndarray, " own"] | None = None,
 ) -> tuple[Array, Array]:
     """Distribute a load (6,) on a body about its COM over its wires or legs, in the nominal pose.
 
-    Returns the tensions (w,), of which those that are `fixed` are the wires' own, and the wrench
-    (6,) left over.
+    `own` are their numbers. Returns their tensions, of which those that are `fixed` are the lines'
+    own, and the wrench (6,) left over.
     """
-    direction, free = lines.span / lines.length[:, None], ~fixed
-    wrenches = wire_wrenches(direction, lines.lower_point)
-    tension = np.where(fixed, lines.tension, 0.0)
+    free = np.ones(len(own), dtype=bool) if fixed is None else ~fixed
+    direction = lines.span[own] / lines.length[own, None]
+    wrenches = wire_wrenches(direction, lines.lower_point[own])
+    tension = np.where(free, 0.0, lines.tension[own])
     left_over = load + wrenches.T @ tension
-    if fixed.all():
+    if not free.any():
         return tension, left_over
-    c = compliance(lines.stiffness, direction, lines.blade, blades.axes, blades.stiffness)
+    c = compliance(lines.stiffness[own], direction, lines.blade[own], blades.axes, blades.stiffness)
     # Equal tensions are those of least energy if the slopes of all wires are equal, and so are the
     # elongations that they cause: then these are proportional to the wires' vertical forces.
     slope, elongation = direction[:, 2], c.sum(1)
-    if not fixed.any() and np.ptp(slope) == 0 and np.ptp(elongation) <= ROUNDING * elongation[0]:
+    if free.all() and np.ptp(slope) == 0 and np.ptp(elongation) <= ROUNDING * elongation[0]:
         equal = np.full(len(slope), load[2] / slope.sum())
         unbalanced = load + wrenches.T @ equal
         if np.abs(unbalanced).max() <= ROUNDING * np.abs(load).max():
             return equal, unbalanced
-    own = c[np.ix_(free, free)]
+    among = c[np.ix_(free, free)]
     # A wire of given tension deflects the blade that it shares with a free wire: minimise about the
     # tensions of the free wires that this deflection corresponds to.
-    shift = np.linalg.solve(own, c[np.ix_(free, fixed)] @ tension[fixed])
-    carried, left_over = least_energy(wrenches[free], left_over - wrenches[free].T @ shift, own)
+    shift = np.linalg.solve(among, c[np.ix_(free, ~free)] @ tension[~free])
+    carried, left_over = least_energy(wrenches[free], left_over - wrenches[free].T @ shift, among)
     tension[free] = carried - shift
     return tension, left_over
-
-
-def report_imbalance(left_over: Array, weight: float, key: str, remedy: str) -> list[Fault]:
-    """Report the largest forces and torques of a residual wrench (6,), if any, as a fault."""
-    found = [
-        f"{left_over[axis]:.3g} {'N' if axis < 3 else 'N m'} of {_NAMES[axis]}"
-        for axis in np.argsort(-np.abs(left_over))
-        if abs(left_over[axis]) > max(BALANCE * weight, 1e-3 * np.abs(left_over).max())
-    ]
-    if not found:
-        return []
-    return [
-        Fault(key, f"cannot balance in the nominal pose: {', '.join(found[:3])} left over", remedy)
-    ]

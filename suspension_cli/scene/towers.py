@@ -103,6 +103,7 @@ def filter_blades(
     lift = -load[2] if table.load is None else numbers.load
     row = {
         "label": f"{keystone.name}.blades",
+        "lower_point": np.zeros(3),
         "stiffness": np.diag([lateral, lateral, numbers.stiffness, tilt, tilt, tilt]),
         "preload": [*-load[:2], lift, *-load[3:]],
         "loss": numbers.loss,

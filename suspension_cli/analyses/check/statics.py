@@ -190,11 +190,10 @@ def _links(design: Design) -> Iterator[LinkLoad]:
         )
         if link.strands is not None:
             curve, wire = links.link_curve(link, first, second), links.wire_of(design, link.strands)
-            length = float(curve.length)
             found = replace(
                 found,
-                length=length,
-                weight=link.strands.count * length * float(wire.weight),
+                length=curve.length,
+                weight=link.strands.count * curve.length * wire.weight,
                 sag=strands.sag(curve, wire)[0],
             )
         yield found
