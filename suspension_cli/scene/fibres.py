@@ -15,7 +15,7 @@ from suspension_cli.design.derive import blade_material, gravity_strength, is_ri
 from suspension_cli.design.losses.bulk import Bulk
 from suspension_cli.design.losses.mechanism import Mechanism
 from suspension_cli.design.losses.registry import mechanisms_of
-from suspension_cli.design.schema import Design, Material, Spring, Stage
+from suspension_cli.design.schema import Design, Material, Spring
 from suspension_cli.design.sections import Stretch, stretches
 from suspension_cli.design.wires import Blade, BladeSet, Clamp, EndTemperatures, Wire, WireSet
 from suspension_cli.rotations import rotation_matrix
@@ -33,7 +33,7 @@ POISSON = 0.3
 def explain_unsuitable(design: Design, massive: bool) -> str:
     """Explain why wires of a design cannot be beams (if `massive`, with mass); "" if all can."""
     for stage in design.stage:
-        for number, wire in enumerate(_wires(stage), 1):
+        for number, wire in enumerate(stage.wire_tables, 1):
             pieces = stretches(wire, 1.0)
             name = f"wire {stage.name}.{number}"
             if not pieces:
@@ -113,12 +113,15 @@ def _sections(design: Design, table: WireSet | Wire, length: float) -> tuple[Sec
     pieces = stretches(table, length)
     known = {name: materials.resolve(design, name) for name in {p.material or "" for p in pieces}}
     losses = {name: mechanisms_of(own, table) for name, own in known.items()}
-    named = [(piece, piece.material or "") for piece in pieces]
-    compliance = sum(
-        piece.length / (_modulus(known[name]) * piece.shape.area) for piece, name in named
+    names = [piece.material or "" for piece in pieces]
+    sections = tuple(
+        _section(piece, known[name], losses[name])
+        for piece, name in zip(pieces, names, strict=True)
     )
-    along = 1.0 if table.k is None else table.k * compliance
-    return tuple(_section(piece, known[name], losses[name], along) for piece, name in named)
+    if table.k is None:
+        return sections
+    along = table.k * sum(own.length / own.stretching for own in sections)
+    return tuple(replace(own, stretching=along * own.stretching) for own in sections)
 
 
 def _weighed(
@@ -140,23 +143,11 @@ def _weighed(
     return tuple(result)
 
 
-def _modulus(material: Material) -> float:
-    """Young's modulus, Pa, known for all wires (`explain_unsuitable`)."""
-    assert material.youngs_modulus is not None
-    return material.youngs_modulus
-
-
-def _wires(stage: Stage) -> list[WireSet | Wire]:
-    """List the table of each wire of a stage, in order."""
-    return [stage.wires] * stage.wires.count if stage.wires is not None else [*stage.wire]
-
-
-def _section(
-    piece: Stretch, material: Material, losses: tuple[Mechanism, ...], along: float
-) -> Section:
-    """Compute the stiffnesses of one stretch of wire; `along` is a factor on that of stretching."""
-    poisson, modulus = material.poisson_ratio, _modulus(material)
+def _section(piece: Stretch, material: Material, losses: tuple[Mechanism, ...]) -> Section:
+    """Compute the stiffnesses of one stretch of wire."""
+    poisson, modulus = material.poisson_ratio, material.youngs_modulus
     density = material.density or 0.0
+    assert modulus is not None  # known for all wires (`explain_unsuitable`)
     shear = modulus / (2 * (1 + (POISSON if poisson is None else poisson)))
     shape = piece.shape
     first, second = shape.moments
@@ -164,7 +155,7 @@ def _section(
     return Section(
         length=piece.length,
         rigidity=(modulus * first, modulus * second),
-        stretching=modulus * shape.area * along,
+        stretching=modulus * shape.area,
         twisting=shear * shape.torsion,
         mass=density * mass,
         polar=density * polar,
