@@ -494,6 +494,6 @@ def test_symmetry_of_legs_and_filters_is_exact():
 def test_chain_models_say_why_they_do_not_fit():
     tower, legs = reader.parse(TOWER), alone(frequency=0.1).design
     assert registry.by_name("force").unsuitable(tower) == "stage ip stands on legs"
-    assert registry.by_name("closed-form").unsuitable(legs) == "it stands on legs"
+    assert registry.by_name("closed-form").unsuitable(legs) == "stage ip stands on legs"
     gas = reader.parse(FILTER.format(more=""))
     assert registry.by_name("force").unsuitable(gas) == "stage f has a filter"
