@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Hashable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -117,40 +117,7 @@ def linear_model(
     )
     if not scene.springs.grounded.any():
         return model
-    return _on_ground(model, ground_couplings(scene, numbering, pose), adapted, of_ground)
-
-
-@dataclass(frozen=True)
-class GroundCouplings:
-    """Matrices (..., N, N) between the ground and all coordinates.
-
-    A scene attaches springs and dampers on the ground to the support. These are their elements in
-    the support's six rows and columns, which belong to the ground.
-    """
-
-    stiffness: Float[np.ndarray, "*batch coordinate coordinate"]
-    damping: Float[np.ndarray, "*batch coordinate coordinate"]
-    loss: Float[np.ndarray, "*batch coordinate coordinate"]
-
-
-def ground_couplings(scene: Scene, numbering: Layout, pose: Pose) -> GroundCouplings:
-    """Compute the couplings between the ground and all coordinates."""
-    on_ground, springs = scene.springs.grounded, scene.springs
-    own = {
-        name: np.where(on_ground.reshape(-1, *(1,) * (axes - 1)), getattr(springs, name), 0.0)
-        for name, axes in inner_axes(Springs).items()
-        if name in ("stiffness", "damping", "preload")
-    }
-    only = replace(scene, springs=replace(springs, **own))
-
-    def between(part: Contribution) -> Float[np.ndarray, "*batch coordinate coordinate"]:
-        result = sum_forms(only, numbering, pose, [part])
-        result[..., 6:, 6:] = 0.0
-        return result
-
-    return GroundCouplings(
-        between(spring.add_derivatives), between(spring.add_damping), between(spring.add_loss)
-    )
+    return _on_ground(model, scene, numbering, pose, adapted, of_ground)
 
 
 def without_ground(
@@ -167,11 +134,33 @@ def without_ground(
 
 
 def _on_ground(
-    model: LinearSystem, coupling: GroundCouplings, adapted: Symmetry, terms: tuple[Term, ...]
+    model: LinearSystem,
+    scene: Scene,
+    numbering: Layout,
+    pose: Pose,
+    adapted: Symmetry,
+    terms: tuple[Term, ...],
 ) -> LinearSystem:
-    """Move the springs on the ground from the support to the ground."""
+    """Move the springs and dampers on the ground from the support to the ground.
+
+    A scene attaches them to the support. Their elements in the support's six rows and columns
+    belong to the ground.
+    """
+    springs = scene.springs
+    own = {
+        name: np.where(springs.grounded.reshape(-1, *(1,) * (axes - 1)), getattr(springs, name), 0)
+        for name, axes in inner_axes(Springs).items()
+        if name in ("stiffness", "damping", "preload")
+    }
+    only = replace(scene, springs=replace(springs, **own))
+
+    def between(part: Contribution) -> Float[np.ndarray, "*batch coordinate coordinate"]:
+        result = sum_forms(only, numbering, pose, [part])
+        result[..., 6:, 6:] = 0.0
+        return adapted.apply(result)
+
     stiffness, damping, loss = (
-        adapted.apply(part) for part in (coupling.stiffness, coupling.damping, coupling.loss)
+        between(part) for part in (spring.add_derivatives, spring.add_damping, spring.add_loss)
     )
     whole = stiffness + 1j * loss if loss.any() else stiffness
     columns, resisted = whole[..., :6].copy(), damping[..., :6].copy()
