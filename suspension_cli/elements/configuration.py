@@ -189,22 +189,22 @@ class SceneArrays:
     ) -> SceneArrays:
         """The builds `rows` of a scene (`count` of them, if not all)."""
 
-        def last(value: np.ndarray, inner: int) -> np.ndarray:
+        def last(inner: int, value: np.ndarray) -> np.ndarray:
             return builds_last(value, inner, scene.batch, rows)
 
-        parts = {name: change_arrays(part, last) for name, part in scene.parts.items()}
+        parts = {name: change_arrays(last, part) for name, part in scene.parts.items()}
         flex = wire_resistance(scene)
         total = math.prod(scene.batch) if count is None else count
-        return cls(scene, numbering, total, parts, flex and change_arrays(flex, last))
+        return cls(scene, numbering, total, parts, flex and change_arrays(last, flex))
 
     def select(self, which: Int[np.ndarray, " build"]) -> SceneArrays:
         """Some of the builds."""
 
-        def some(value: np.ndarray, _: int) -> np.ndarray:
+        def some(_: int, value: np.ndarray) -> np.ndarray:
             return value if value.shape[-1] == 1 else value[..., which]
 
-        parts = {name: change_arrays(part, some) for name, part in self.parts.items()}
-        flex = self.flex and change_arrays(self.flex, some)
+        parts = {name: change_arrays(some, part) for name, part in self.parts.items()}
+        flex = self.flex and change_arrays(some, self.flex)
         return replace(self, count=len(which), parts=parts, flex=flex)
 
     @cached_property

@@ -124,23 +124,6 @@ def _matrix(
     return np.stack([np.stack(rows[:2], -1), np.stack(rows[2:], -1)], -2)
 
 
-def unsuited(design: Design) -> str:
-    """Why the closed forms are not valid for a design; "" if they are."""
-    if len(design.stage) > 1:
-        return "it has more than one stage"
-    if reason := force.unsuited(design):
-        return reason
-    wires = design.stage[0].wires
-    if wires is None or wires.count != 4:
-        return "it does not hang on four wires"
-    shape = set_geometry(wires)
-    if shape.s_upper != shape.s_lower:
-        return "its wires are angled in x"
-    if design.stage[0].blades is not None:
-        return "it has blades"
-    return "its wires resist twisting" if wires.torsion is not None else ""
-
-
 def four_wires(design: Design, *, lossy: bool = False) -> FourWires:
     """Parameters of a design for which the closed forms are valid; with complex k if `lossy`."""
     chain = force.chain(design, lossy=lossy)
@@ -148,14 +131,6 @@ def four_wires(design: Design, *, lossy: bool = False) -> FourWires:
     return FourWires(
         p.mass, p.inertia, p.l, p.s_upper, p.t1, p.t2, p.d, k=p.k, gravity=chain.gravity
     )
-
-
-def linear_model(design: Design) -> LinearSystem:
-    """Linear model of one stage on four wires, from the closed forms."""
-    p, offset = four_wires(design), com_offset(design.stage[0])
-    lossy = _stiffness(four_wires(design, lossy=True), offset) if force.lossy(design) else None
-    masses = [p.mass, p.mass, p.mass, *p.inertia]
-    return force.assembled(design, masses, _stiffness(p, offset), lossy)
 
 
 def _stiffness(p: FourWires, offset: tuple[float, float, float]) -> Inexact[np.ndarray, "12 12"]:
@@ -190,11 +165,26 @@ class ClosedForm(Model):
 
     def unsuitable(self, design: Design) -> str:
         """Why the closed forms are not valid for a design; "" if they are."""
-        return unsuited(design)
+        if len(design.stage) > 1:
+            return "it has more than one stage"
+        if reason := force.FORCE.unsuitable(design):
+            return reason
+        wires = design.stage[0].wires
+        if wires is None or wires.count != 4:
+            return "it does not hang on four wires"
+        shape = set_geometry(wires)
+        if shape.s_upper != shape.s_lower:
+            return "its wires are angled in x"
+        if design.stage[0].blades is not None:
+            return "it has blades"
+        return "its wires resist twisting" if wires.torsion is not None else ""
 
     def suspension(self, design: Design) -> LinearSystem:
-        """The linear model on a rigid support."""
-        return linear_model(design)
+        """Linear model of one stage on four wires, from the closed forms."""
+        p, offset = four_wires(design), com_offset(design.stage[0])
+        lossy = _stiffness(four_wires(design, lossy=True), offset) if force.lossy(design) else None
+        masses = [p.mass, p.mass, p.mass, *p.inertia]
+        return force.assembled(design, masses, _stiffness(p, offset), lossy)
 
 
 CLOSED_FORM = ClosedForm()

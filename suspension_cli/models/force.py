@@ -43,7 +43,7 @@ from suspension_cli.design.schema import Design
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models.base import BENDING, BLADE_TIPS, MASS, Model
 from suspension_cli.models.surroundings import surroundings_key
-from suspension_cli.rotations import cross_matrix
+from suspension_cli.rotations import cross_matrix, rigid_motion
 
 if TYPE_CHECKING:
     from jaxtyping import Inexact
@@ -170,53 +170,6 @@ def _blade(p: Stage, wire: int) -> int:
     return int(p.blades == 2 and SIGNS[p.count][wire][1] < 0)
 
 
-def unsuited(design: Design) -> str:
-    """Why a design is not a symmetric chain; "" if it is one."""
-    if design.link or design.damper:
-        return "it has [[link]] or [[damper]]"
-    if reason := beyond_symmetric_chains(design):
-        return reason
-    above = SUPPORT
-    for stage in design.stage:
-        if stage.inverted_pendulum is not None:
-            return f"stage {stage.name} stands on legs"
-        if stage.filter is not None:
-            return f"stage {stage.name} has a filter"
-        if stage.wires is None:
-            return (
-                f"stage {stage.name} has explicit wires"
-                if stage.wire
-                else f"stage {stage.name} hangs on no wires"
-            )
-        if stage.hangs_from not in (None, above):
-            return "it branches"
-        if stage.spring:
-            return f"stage {stage.name} has springs"
-        if stage.blades is not None and (stage.blades.tip_mass or stage.blades.lateral_stiffness):
-            return f"the blades of stage {stage.name} have tip masses or lateral compliance"
-        if stage.blades is not None and stage.blades.load is not None:
-            return (
-                f"the blades of stage {stage.name} have a given load, so that the pose is"
-                " solved for"
-            )
-        inertia = body_inertia(stage.body)
-        if any(inertia[i][j] for i in range(3) for j in range(3) if i != j):
-            return f"the inertia of stage {stage.name} has products"
-        above = stage.name
-    return "it is perturbed" if design.perturbation else ""
-
-
-def series_is_approximate(design: Design) -> list[str]:
-    """Stages with angled wires on blades, which are not exactly in series."""
-    found = []
-    for stage in design.stage:
-        if stage.blades is not None and stage.wires is not None:
-            shape = set_geometry(stage.wires)
-            if shape.t1 != shape.t2 or shape.s_upper != shape.s_lower:
-                found.append(stage.name)
-    return found
-
-
 def chain(design: Design, *, lossy: bool = False) -> Chain:
     """The chain of a suitable design, with complex spring constants if `lossy`."""
     stages = []
@@ -255,11 +208,6 @@ def lossy(design: Design) -> bool:
     )
 
 
-def linear_model(design: Design) -> LinearSystem:
-    """Linear model of a symmetric chain."""
-    return _linear_model(design, chain(design), chain(design, lossy=True))
-
-
 def _linear_model(design: Design, links: Chain, with_loss: Chain) -> LinearSystem:
     masses = [value for p in links.stages for value in (p.mass, p.mass, p.mass, *p.inertia)]
     lossy_stiffness = stiffness(with_loss) if lossy(design) else None
@@ -281,9 +229,7 @@ def assembled(
     mass = np.zeros((*stiffness.shape[:-2], size, size))
     for n, value in enumerate(masses, 6):
         mass[..., n, n] = value
-    rigid = np.tile(np.eye(6), (len(bodies), 1))
-    for n, body in enumerate(bodies[1:], 1):
-        rigid[6 * n : 6 * n + 3, 3:] = -cross_matrix(np.array(positions[body]))
+    rigid = rigid_motion(size, np.array([positions[body] for body in bodies]))
     return LinearSystem(
         body=bodies[1:],
         coordinate=tuple(f"{body}.{dof}" for body in bodies for dof in DOFS),
@@ -321,15 +267,45 @@ class Force(Model):
 
     def unsuitable(self, design: Design) -> str:
         """Why a design is not a symmetric chain; "" if it is one."""
-        return unsuited(design)
+        if design.link or design.damper:
+            return "it has [[link]] or [[damper]]"
+        if reason := beyond_symmetric_chains(design):
+            return reason
+        above = SUPPORT
+        for stage in design.stage:
+            where, blades, inertia = f"stage {stage.name}", stage.blades, body_inertia(stage.body)
+            soft = blades is not None and (blades.tip_mass or blades.lateral_stiffness)
+            loaded = blades is not None and blades.load is not None
+            products = any(inertia[i][j] for i in range(3) for j in range(3) if i != j)
+            reasons = {
+                f"{where} stands on legs": stage.inverted_pendulum is not None,
+                f"{where} has a filter": stage.filter is not None,
+                f"{where} has explicit wires": stage.wire,
+                f"{where} hangs on no wires": stage.wires is None,
+                "it branches": stage.hangs_from not in (None, above),
+                f"{where} has springs": stage.spring,
+                f"the blades of {where} have tip masses or lateral compliance": soft,
+                f"the blades of {where} have a given load, so that the pose is solved for": loaded,
+                f"the inertia of {where} has products": products,
+            }
+            if reason := next((text for text, there in reasons.items() if there), ""):
+                return reason
+            above = stage.name
+        return "it is perturbed" if design.perturbation else ""
 
     def suspension(self, design: Design) -> LinearSystem:
         """The linear model on a rigid support."""
-        return linear_model(design)
+        return _linear_model(design, chain(design), chain(design, lossy=True))
 
     def approximated_stages(self, design: Design) -> tuple[str, ...]:
-        """Stages whose blades hold angled wires."""
-        return tuple(series_is_approximate(design))
+        """Stages with angled wires on blades, which are not exactly in series."""
+        found = []
+        for stage in design.stage:
+            if stage.blades is not None and stage.wires is not None:
+                shape = set_geometry(stage.wires)
+                if shape.t1 != shape.t2 or shape.s_upper != shape.s_lower:
+                    found.append(stage.name)
+        return tuple(found)
 
     def batch_key(self, design: Design) -> Hashable:
         """Counts of wires and blades, whether anything is lossy, dampers and support structure."""

@@ -26,8 +26,9 @@ from suspension_cli.linear.system import Ground, LinearSystem
 from suspension_cli.models.base import BENDING, MASS, Model
 from suspension_cli.models.batch_terms import LossBatchTerm, with_ground_terms
 from suspension_cli.models.loss_terms import spring_terms
+from suspension_cli.rotations import rigid_motion
 from suspension_cli.scene.arrays import inner_axes
-from suspension_cli.scene.pose import Layout, Pose, layout, rigid_motion
+from suspension_cli.scene.pose import Layout, Pose, layout
 from suspension_cli.scene.scene import Scene, Springs
 
 if TYPE_CHECKING:

@@ -84,18 +84,16 @@ def _blanks(kind: type[DataclassInstance]) -> list[tuple[str, np.ndarray | None]
     return found
 
 
-def change_arrays(part: Part, change: Callable[[np.ndarray, int], np.ndarray]) -> Part:
-    """Change the arrays of a part that have batch axes; `change` also gets their inner axes."""
-    axes = inner_axes(type(part)).items()
-    values = ((name, getattr(part, name), n) for name, n in axes)
-    return replace(part, **{name: change(v, n) for name, v, n in values if v is not None})
+def change_arrays(change: Callable[..., np.ndarray], *parts: Part) -> Part:
+    """Replace the arrays of a part that have batch axes by functions of those of several parts.
 
-
-def merge(function: Callable[..., np.ndarray], *parts: Part) -> Part:
-    """Replace the arrays of a part that have batch axes by functions of those of several parts."""
-    names = inner_axes(type(parts[0]))
-    values = {name: function(*(getattr(part, name) for part in parts)) for name in names}
-    return replace(parts[0], **values)
+    `change` gets the number of inner axes, and the array of each part.
+    """
+    made = {}
+    for name, inner in inner_axes(type(parts[0])).items():
+        values = [getattr(part, name) for part in parts]
+        made[name] = None if values[0] is None else change(inner, *values)
+    return replace(parts[0], **made)
 
 
 @cache

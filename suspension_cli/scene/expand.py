@@ -117,7 +117,7 @@ def list_wires(design: Design, places: Places) -> tuple[list[Row], list[Row]]:
     for n, stage in enumerate(design.stage, 1):
         first, above = len(blades), places.parent[n]
         own = [
-            {"label": f"{stage.name}.{number}", "upper": above, "lower": n, "torsion": 0.0} | row
+            {"label": f"{stage.name}.{number}", "upper": above, "lower": n} | row
             for number, row in enumerate(_wires_of(design, stage, places.offset[n]), 1)
         ]
         names = [blade.name for blade in stage.blade]

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.conventions import DOFS, SUPPORT
-from suspension_cli.rotations import cross_matrix, rotation_minus_identity
+from suspension_cli.rotations import rotation_minus_identity
 from suspension_cli.scene.arrays import inner
 from suspension_cli.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from jaxtyping import Float, Inexact, Int
+    from jaxtyping import Inexact, Int
 
 
 @dataclass(frozen=True)
@@ -112,28 +112,3 @@ def displace(numbering: Layout, pose: Pose, step: Inexact[np.ndarray, "*batch co
         turn=turn + pose.turn + turn @ pose.turn,
         deflection=pose.deflection + padded[..., numbering.blade],
     )
-
-
-def rigid_motion(
-    size: int, position: Float[np.ndarray, "*batch 1+body 3"]
-) -> Float[np.ndarray, "*batch coordinate 6"]:
-    """Motion (..., N, 6) of all coordinates when the scene moves rigidly with the support.
-
-    For unit motions of the support, in m and rad. Coordinates after those of bodies are relative to
-    a body, and stay 0.
-
-    Parameters
-    ----------
-    size
-        Number N of coordinates.
-    position
-        COM of each body from the suspension point, m; row 0 is the support.
-    """
-    position = np.asarray(position, dtype=float)
-    result = np.zeros((*position.shape[:-2], size, 6))
-    for n in range(position.shape[-2]):
-        result[..., 6 * n : 6 * n + 6, :] = np.eye(6)
-        result[..., 6 * n : 6 * n + 3, 3:] = -cross_matrix(
-            position[..., n, :] - position[..., 0, :]
-        )
-    return result

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.scene.arrays import change_arrays, merge
+from suspension_cli.scene.arrays import change_arrays
 from suspension_cli.scene.scene import Scene, Wires
 
 if TYPE_CHECKING:
@@ -33,11 +33,13 @@ def stack_scenes(scenes: Sequence[Scene], pick: Int[np.ndarray, " build"] | None
     order = np.arange(len(scenes)) if pick is None else pick
     drawn = [scene.drawn for scene in scenes if scene.drawn is not None]
 
-    def stacked(*values: np.ndarray) -> np.ndarray:
+    def stacked(_: int, *values: np.ndarray) -> np.ndarray:
         return np.stack(values)[order]
 
     kinds = zip(*(scene.parts.values() for scene in scenes), strict=True)
-    parts = dict(zip(scenes[0].parts, (merge(stacked, *same) for same in kinds), strict=True))
+    parts = dict(
+        zip(scenes[0].parts, (change_arrays(stacked, *same) for same in kinds), strict=True)
+    )
     together = stack_scenes(drawn, pick) if len(drawn) == len(scenes) else None
     return replace(scenes[0].with_parts(parts), drawn=together)
 
@@ -45,14 +47,14 @@ def stack_scenes(scenes: Sequence[Scene], pick: Int[np.ndarray, " build"] | None
 def select_scenes(scene: Scene, which: Bool[np.ndarray, "*batch"]) -> Scene:
     """Select scenes of a batch, along one axis, by a bool array of the batch's shape."""
 
-    def selected(value: np.ndarray, axes: int) -> np.ndarray:
+    def selected(axes: int, value: np.ndarray) -> np.ndarray:
         return np.broadcast_to(value, scene.batch + value.shape[value.ndim - axes :])[which]
 
     drawn = scene.drawn
     if drawn is not None and drawn.batch:
         drawn = select_scenes(drawn, np.broadcast_to(which, drawn.batch))
     parts = scene.parts if scene.flex is None else scene.parts | {"flex": scene.flex}
-    chosen = {key: change_arrays(part, selected) for key, part in parts.items()}
+    chosen = {key: change_arrays(selected, part) for key, part in parts.items()}
     return replace(scene.with_parts(chosen), drawn=drawn)
 
 
@@ -63,10 +65,12 @@ def scale_imperfections(scene: Scene, fraction: float) -> Scene:
     drawn = scene.drawn
     assert drawn is not None
 
-    def between(old: np.ndarray, new: np.ndarray) -> np.ndarray:
+    def between(_: int, new: np.ndarray, old: np.ndarray) -> np.ndarray:
         return old + fraction * (new - old)
 
-    parts = {key: merge(between, drawn.parts[key], part) for key, part in scene.parts.items()}
+    parts = {
+        key: change_arrays(between, part, drawn.parts[key]) for key, part in scene.parts.items()
+    }
     wires = parts["wires"]
     assert isinstance(wires, Wires)
     parts["wires"] = replace(wires, length=np.sqrt((wires.span**2).sum(-1)))
