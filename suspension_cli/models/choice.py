@@ -203,13 +203,12 @@ class Transfer:
     frequency: Array
 
     def values(
-        self, model: LinearSystem, frequency: Array | None = None
+        self, model: LinearSystem, frequency: Array
     ) -> Complex[np.ndarray, "frequency output input"]:
-        """Solve for the responses, at other frequencies (Hz) if given."""
+        """Solve for the responses at frequencies in Hz."""
         from suspension_cli.linear import response
 
-        at = self.frequency if frequency is None else frequency
-        return response.solve(model, at, self.inputs, self.outputs).value
+        return response.solve(model, frequency, self.inputs, self.outputs).value
 
     def change(self, simple: LinearSystem, refined: LinearSystem) -> tuple[float, str]:
         """Compute the largest change at sampled frequencies away from all modes."""
@@ -334,8 +333,9 @@ def first_violin(model: LinearSystem) -> float:
 def _resized(item: Ratio, simple: LinearSystem, refined: LinearSystem) -> float:
     """Relative change of the magnitude of a response, or of the ratio of two."""
     outputs = [item.over] if item.under is None else [item.over, item.under]
-    wanted = Transfer([item.input], outputs, np.array([item.frequency]))
-    old, new = (np.abs(wanted.values(model)[0, :, 0]) for model in (simple, refined))
+    at = np.array([item.frequency])
+    wanted = Transfer([item.input], outputs, at)
+    old, new = (np.abs(wanted.values(model, at)[0, :, 0]) for model in (simple, refined))
     if item.under is not None:
         old, new = (size[:1] / size[1] if size[1] else 0 * size[:1] for size in (old, new))
     return abs(float(old[0] / new[0]) - 1) if new[0] else 0.0 if old[0] == 0 else math.inf
