@@ -32,6 +32,23 @@ def cross(
     return result
 
 
+def rigid_motion(
+    size: int, position: Inexact[np.ndarray, "*batch 1+body 3"]
+) -> Inexact[np.ndarray, "*batch coordinate 6"]:
+    """Motion (..., N, 6) of all coordinates when bodies move rigidly with the support.
+
+    For unit motions of the support, in m and rad. Of the N = `size` coordinates, those after the
+    bodies' are relative to a body, and stay 0. `position` are the COMs, m, first the support's.
+    """
+    position = np.asarray(position, dtype=float)
+    arms = position - position[..., :1, :]
+    result = np.zeros((*arms.shape[:-2], size, 6))
+    for n in range(arms.shape[-2]):
+        result[..., 6 * n : 6 * n + 6, :] = np.eye(6)
+        result[..., 6 * n : 6 * n + 3, 3:] = -cross_matrix(arms[..., n, :])
+    return result
+
+
 def turn_by(vector: Inexact[np.ndarray, " 3 *batch"]) -> Inexact[np.ndarray, "3 3 *batch"]:
     """Rotation matrices minus the unit matrix of rotation vectors in rad, components first.
 

@@ -15,6 +15,7 @@ from suspension_cli.drawing.bodies import Outline, suspension_size
 from suspension_cli.elements import string
 from suspension_cli.scene import links
 from suspension_cli.scene.arrays import Array, Index
+from suspension_cli.scene.places import Places
 from suspension_cli.scene.pose import Layout, Pose, displace, layout, nominal_pose
 from suspension_cli.scene.scene import Scene, Springs, Wires
 
@@ -198,10 +199,11 @@ def link_curves(design: Design, scene: Scene, pose: Pose) -> dict[str, Array]:
     In another pose the ends follow their bodies, and the line between is interpolated.
     """
     result, position = {}, scene.bodies.position
+    number = Places.of(design).number
     for link in design.link:
         if link.strands is None:
             continue
-        first, second = links.numbers(design, link.between)
+        first, second = (number[name] for name in link.between)
         curve = links.link_curve(link, position[first], position[second])
         line = np.vstack([np.zeros(3), np.real(curve.point), np.real(curve.end)])
         along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])

@@ -8,7 +8,7 @@ build, (3, wire, 1).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -18,9 +18,9 @@ import numpy as np
 from suspension_cli.elements.resistances import resistance, wire_resistance
 from suspension_cli.elements.vectors import Matrix, Scalar, Vector, dot, product, times
 from suspension_cli.rotations import turn_by
-from suspension_cli.scene.arrays import inner_axes
+from suspension_cli.scene.arrays import change_arrays, inner_axes
 from suspension_cli.scene.pose import Layout, Pose
-from suspension_cli.scene.scene import Flex, Part, Scene, Wires
+from suspension_cli.scene.scene import Flex, Scene, Wires
 
 if TYPE_CHECKING:
     from jaxtyping import Float, Inexact, Int
@@ -144,14 +144,6 @@ def _sums(ends: Ends) -> Sums:
     return Sums(group(0), group(1), group(0, 1), group(2, least=0))
 
 
-def _change(part: Part, change: Callable[[np.ndarray, int], np.ndarray]) -> Part:
-    """Change all arrays of a part, which have the given numbers of inner axes."""
-    axes = {
-        name: n for name, n in inner_axes(type(part)).items() if getattr(part, name) is not None
-    }
-    return replace(part, **{name: change(getattr(part, name), n) for name, n in axes.items()})
-
-
 @dataclass(frozen=True)
 class SceneArrays:
     """Builds of one scene, with the axes of its parts as in this module.
@@ -197,22 +189,22 @@ class SceneArrays:
     ) -> SceneArrays:
         """The builds `rows` of a scene (`count` of them, if not all)."""
 
-        def last(value: np.ndarray, inner: int) -> np.ndarray:
+        def last(inner: int, value: np.ndarray) -> np.ndarray:
             return builds_last(value, inner, scene.batch, rows)
 
-        parts = {name: _change(part, last) for name, part in scene.parts.items()}
+        parts = {name: change_arrays(last, part) for name, part in scene.parts.items()}
         flex = wire_resistance(scene)
         total = math.prod(scene.batch) if count is None else count
-        return cls(scene, numbering, total, parts, flex and _change(flex, last))
+        return cls(scene, numbering, total, parts, flex and change_arrays(last, flex))
 
     def select(self, which: Int[np.ndarray, " build"]) -> SceneArrays:
         """Some of the builds."""
 
-        def some(value: np.ndarray, _: int) -> np.ndarray:
+        def some(_: int, value: np.ndarray) -> np.ndarray:
             return value if value.shape[-1] == 1 else value[..., which]
 
-        parts = {name: _change(part, some) for name, part in self.parts.items()}
-        flex = self.flex and _change(self.flex, some)
+        parts = {name: change_arrays(some, part) for name, part in self.parts.items()}
+        flex = self.flex and change_arrays(some, self.flex)
         return replace(self, count=len(which), parts=parts, flex=flex)
 
     @cached_property

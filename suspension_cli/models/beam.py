@@ -75,26 +75,24 @@ def _wire_terms(
     if not scene.wires.label:
         return []
     place, forms = wire_forms(scene, numbering, balanced.pose)
+    wires, fibres = scene.wires, scene.fibres.wire
     length = string.state(scene, balanced.pose).length
+    numbers = np.stack([balanced.tension, length, wires.stiffness, wires.torsion], axis=-1)
+    kinds = [
+        (lower, fibre.sections, fibre.temperature)
+        for lower, fibre in zip(wires.lower, fibres, strict=True)
+    ]
     terms: list[Term] = []
-    left = list(range(len(scene.wires.label)))
+    left = list(range(len(fibres)))
     while left:
         first = left[0]
-        alike = [n for n in left if _alike(scene, balanced.tension, length, first, n)]
+        same = np.abs(numbers - numbers[first]) <= EQUAL_WITHIN * np.abs(numbers[first])
+        alike = [n for n in left if same[n].all() and kinds[n] == kinds[first]]
         left = [n for n in left if n not in alike]
-        tension, k, torsion = (
-            float(v)
-            for v in (
-                balanced.tension[alike].mean(),
-                scene.wires.stiffness[first],
-                scene.wires.torsion[first],
-            )
-        )
-        fibre = fit_to_equilibrium(
-            scene.fibres.wire[first], float(length[alike].mean()), k, tension, torsion
-        )
+        tension, span, k, torsion = (float(v) for v in numbers[alike].mean(0))
+        fibre = fit_to_equilibrium(fibres[first], span, k, tension, torsion)
         strand = TautWire(fibre, tension, massive, lossy=True, surrounded=scene.fibres.gas)
-        stage = scene.bodies.name[scene.wires.lower[first] - 1]
+        stage = scene.bodies.name[wires.lower[first] - 1]
         some = {}
         for part, rows in forms.items():
             spread = np.zeros((len(alike), rows.shape[1], numbering.size + 1))
@@ -104,30 +102,6 @@ def _wire_terms(
             some[part] = spread[..., moved] @ adapted.basis[moved]
         terms.append(WireTerm(stage, strand, some, adapted.allowed))
     return terms
-
-
-def _alike(
-    scene: Scene,
-    tension: Float[np.ndarray, " wire"],
-    length: Float[np.ndarray, " wire"],
-    one: int,
-    other: int,
-) -> bool:
-    """Whether two wires agree in every number that their motion depends on."""
-    assert scene.fibres is not None
-    wires, (a, b) = scene.wires, (scene.fibres.wire[n] for n in (one, other))
-    same = (
-        wires.lower[one] == wires.lower[other]
-        and a.sections == b.sections
-        and a.temperature == b.temperature
-    )
-    return bool(
-        same
-        and all(
-            abs(v[one] - v[other]) <= EQUAL_WITHIN * abs(v[one])
-            for v in (tension, length, wires.stiffness, wires.torsion)
-        )
-    )
 
 
 def wire_forms(

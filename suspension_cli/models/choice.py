@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
@@ -81,20 +81,31 @@ def choose(
     steps: list[_Step] = []
     number, rejected = len(usable) - 1, None
     for n in reversed(range(len(chain) - 1)):
-        step = _Step.between(chain[n], chain[n + 1], design, compare)
-        if n < number and not _error([step, *steps]) <= tolerance:
+        step = _step(chain[n], chain[n + 1], design, compare)
+        if n < number and not math.fsum(one.change for one in (step, *steps)) <= tolerance:
             rejected = step
             break
         steps.insert(0, step)
         number = min(n, number)
-    error, steps = _error(steps), [step for step in steps if step.physics]
+    error, steps = (
+        math.fsum(step.change for step in steps),
+        [step for step in steps if step.physics],
+    )
     if wanted != AUTO:
-        reason, limit = registry.choose(design, wanted).reason, ""
+        reason = registry.choose(design, wanted).reason
+    elif rejected is not None:
+        reason = rejected.reason
+    elif not steps:
+        reason = "the most complete"
     else:
+        enough = error <= tolerance
+        reason = "accurate enough" if enough else "the most complete that this analysis can use"
+    clauses = [reason]
+    if known := [step.text for step in steps if not math.isnan(step.change)]:
         missed = " not met by any model of this analysis" if error > tolerance else ""
-        reason = _reason(steps, rejected, enough=error <= tolerance)
-        limit = f" (tolerance {100 * tolerance:g} %{missed})"
-    clauses = [reason, *_neglected(steps, limit)]
+        limit = f" (tolerance {100 * tolerance:g} %{missed})" if wanted == AUTO else ""
+        clauses.append(f"neglected: {', and '.join(known)}{limit}")
+    clauses += [f"unknown: {one.physics}, as {one.what}" for one in steps if math.isnan(one.change)]
     if chain[-1].omits:
         why = registry.MOST_COMPLETE.unsuitable(design)
         clauses.append(f"unknown: {' and '.join(chain[-1].omits)}, as {why}")
@@ -103,33 +114,12 @@ def choose(
     return Choice(chain[number].name, "; ".join(clauses), error, worst.physics, worst.what)
 
 
-def _neglected(steps: list[_Step], limit: str) -> list[str]:
-    """List the neglected physics with the size of its effect, and that of unknown effect."""
-    known = [step.text for step in steps if not math.isnan(step.change)]
-    unknown = [f"unknown: {one.physics}, as {one.what}" for one in steps if math.isnan(one.change)]
-    return [*([f"neglected: {', and '.join(known)}{limit}"] if known else []), *unknown]
-
-
-@dataclass(frozen=True)
-class _Step:
+class _Step(NamedTuple):
     """From one model to the next more complete one: added physics and change of the results."""
 
     physics: str
     change: float
     what: str
-
-    @classmethod
-    def between(cls, simple: Model, refined: Model, design: Design, compare: Comparison) -> _Step:
-        """Compute the step between two models; both are the same for some designs."""
-        physics = registry.adds(refined, simple)
-        approximates = bool(simple.approximated_stages(design))
-        if not approximates and set(physics.split(" and ")) <= {"", BLADE_TIPS}:
-            return cls("", 0.0, "")
-        try:
-            change, what = compare(simple, refined)
-        except InputError:
-            change, what = math.inf, f"the {refined.name} model has no equilibrium"
-        return cls(physics, change, what)
 
     @property
     def text(self) -> str:
@@ -138,21 +128,24 @@ class _Step:
             return f"{self.physics} ({self.what})"
         return f"{self.physics}, {percent(self.change)} in {self.what}"
 
+    @property
+    def reason(self) -> str:
+        """Why the simpler model is not accurate enough."""
+        if not math.isfinite(self.change):
+            return f"{self.physics}: {self.what}"
+        return f"{self.physics} changes {self.what} by up to {percent(self.change)}"
 
-def _error(steps: list[_Step]) -> float:
-    """Sum of the changes by all neglected physics."""
-    return math.fsum(step.change for step in steps)
 
-
-def _reason(neglected: list[_Step], rejected: _Step | None, *, enough: bool) -> str:
-    """Why `auto` takes a model."""
-    if rejected is not None:
-        if not math.isfinite(rejected.change):
-            return f"{rejected.physics}: {rejected.what}"
-        return f"{rejected.physics} changes {rejected.what} by up to {percent(rejected.change)}"
-    if not neglected:
-        return "the most complete"
-    return "accurate enough" if enough else "the most complete that this analysis can use"
+def _step(simple: Model, refined: Model, design: Design, compare: Comparison) -> _Step:
+    """Compute the step between two models; both are the same for some designs."""
+    physics = registry.adds(refined, simple)
+    approximates = bool(simple.approximated_stages(design))
+    if not approximates and set(physics.split(" and ")) <= {"", BLADE_TIPS}:
+        return _Step("", 0.0, "")
+    try:
+        return _Step(physics, *compare(simple, refined))
+    except InputError:
+        return _Step(physics, math.inf, f"the {refined.name} model has no equilibrium")
 
 
 def percent(value: float) -> str:
@@ -269,10 +262,12 @@ def spectrum_change(
 ) -> Float[np.ndarray, "frequency ..."]:
     """Relative change of spectra; infinite where one is 0 and the other is not.
 
-    Next to a zero of a response its relative change is large but irrelevant, so it is taken
-    relative to a smoothed magnitude.
+    Next to a zero of a response its relative change is large but irrelevant, so a tenth of the
+    geometric mean of both neighbours is the least magnitude to which it is relative.
     """
-    size = np.maximum(np.abs(new), 0.1 * _smooth(np.abs(new)))
+    size = np.abs(new)
+    padded = np.concatenate([size[:1], size, size[-1:]])
+    size = np.maximum(size, 0.1 * np.sqrt(padded[:-2]) * np.sqrt(padded[2:]))
     return np.where(
         size > 0,
         np.abs(old - new) / np.where(size > 0, size, 1.0),
@@ -337,17 +332,13 @@ def first_violin(model: LinearSystem) -> float:
 
 def _resized(item: Ratio, simple: LinearSystem, refined: LinearSystem) -> float:
     """Relative change of the magnitude of a response, or of the ratio of two."""
-    from suspension_cli.linear import response
-
     outputs = [item.over] if item.under is None else [item.over, item.under]
-    sizes = []
-    for model in (simple, refined):
-        size = np.abs(
-            response.solve(model, np.array([item.frequency]), [item.input], outputs).value[0, :, 0]
-        )
-        sizes.append(size[0] if item.under is None else size[0] / size[1] if size[1] else 0.0)
-    old, new = sizes
-    return abs(float(old / new) - 1) if new else 0.0 if old == 0 else math.inf
+    at = np.array([item.frequency])
+    wanted = Transfer([item.input], outputs, at)
+    old, new = (np.abs(wanted.values(model, at)[0, :, 0]) for model in (simple, refined))
+    if item.under is not None:
+        old, new = (size[:1] / size[1] if size[1] else 0 * size[:1] for size in (old, new))
+    return abs(float(old[0] / new[0]) - 1) if new[0] else 0.0 if old[0] == 0 else math.inf
 
 
 def _described(change: float, label: str, refined: LinearSystem) -> tuple[float, str]:
@@ -368,12 +359,3 @@ def _pairs(rows: Modes, columns: Modes, model: LinearSystem) -> Int[np.ndarray, 
     count = 6 * len(model.body)
     mass = model.mass[6 : 6 + count, 6 : 6 + count]
     return pair_by_overlap(body_overlap(rows.shape, columns.shape, mass))
-
-
-def _smooth(
-    size: Float[np.ndarray, "frequency ..."],
-) -> Float[np.ndarray, "frequency ..."]:
-    """Geometric mean of each size with its neighbours along the first axis."""
-    logs = np.log(np.where(size > 0, size, 1e-300))
-    padded = np.concatenate([logs[:1], logs, logs[-1:]])
-    return np.where(size > 0, np.exp((padded[:-2] + padded[1:-1] + padded[2:]) / 3), 0.0)

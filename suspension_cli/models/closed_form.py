@@ -17,23 +17,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.conventions import DOFS, SUPPORT
-from suspension_cli.design.bodies import body_inertia, body_mass
-from suspension_cli.design.derive import (
-    beyond_symmetric_chains,
-    com_offset,
-    gravity_strength,
-    set_geometry,
-    wire_loss,
-    wire_stiffness,
-)
+from suspension_cli.design.derive import com_offset, set_geometry
 from suspension_cli.design.schema import Design
 from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models import force
 from suspension_cli.models.base import BENDING, BLADE_TIPS, MASS, Model
 from suspension_cli.rotations import cross_matrix
 
 if TYPE_CHECKING:
-    from jaxtyping import Float, Inexact
+    from jaxtyping import Inexact
 
     from suspension_cli.models.base import Numbers
 
@@ -132,71 +124,12 @@ def _matrix(
     return np.stack([np.stack(rows[:2], -1), np.stack(rows[2:], -1)], -2)
 
 
-def unsuited(design: Design) -> str:
-    """Why the closed forms are not valid for a design; "" if they are."""
-    if reason := beyond_symmetric_chains(design):
-        return reason
-    stage = design.stage[0]
-    if stage.inverted_pendulum is not None:
-        return "it stands on legs"
-    if len(design.stage) > 1:
-        return "it has more than one stage"
-    if stage.wires is None or stage.wires.count != 4:
-        return "it does not hang on one symmetric set of four wires"
-    shape = set_geometry(stage.wires)
-    if shape.s_upper != shape.s_lower:
-        return "its wires are angled in x"
-    if stage.blades is not None:
-        return "it has blades"
-    if stage.wires.torsion is not None:
-        return "its wires resist twisting"
-    if stage.spring or design.link or design.damper:
-        return "it has springs, links or dampers between bodies"
-    if any(body_inertia(stage.body)[i][j] for i in range(3) for j in range(3) if i != j):
-        return "its inertia has products"
-    return "it is perturbed" if design.perturbation else ""
-
-
 def four_wires(design: Design, *, lossy: bool = False) -> FourWires:
     """Parameters of a design for which the closed forms are valid; with complex k if `lossy`."""
-    stage = design.stage[0]
-    assert stage.wires is not None
-    shape, inertia = set_geometry(stage.wires), body_inertia(stage.body)
-    k = wire_stiffness(design, stage.wires, shape.length)
-    if lossy:
-        k = k * (1 + 1j * wire_loss(design, stage.wires, stage.wires.l))
-    moments = (inertia[0][0], inertia[1][1], inertia[2][2])
+    chain = force.chain(design, lossy=lossy)
+    p = chain.stages[0]
     return FourWires(
-        body_mass(stage.body),
-        moments,
-        shape.length,
-        shape.s_upper,
-        shape.t1,
-        shape.t2,
-        shape.d,
-        k,
-        gravity_strength(design),
-    )
-
-
-def linear_model(design: Design) -> LinearSystem:
-    """Linear model of one stage on four wires, from the closed forms."""
-    stage = design.stage[0]
-    assert stage.wires is not None
-    p = four_wires(design)
-    mass = np.diag(np.array([*[0.0] * 6, *[p.mass] * 3, *p.inertia]))
-    return LinearSystem(
-        body=(stage.name,),
-        coordinate=tuple(f"{body}.{dof}" for body in (SUPPORT, stage.name) for dof in DOFS),
-        basis=np.eye(12),
-        massless=np.zeros(12, dtype=bool),
-        mass=mass,
-        stiffness=_stiffness(p, com_offset(stage)),
-        damping=np.zeros((12, 12)),
-        lossy=_stiffness(four_wires(design, lossy=True), com_offset(stage))
-        if wire_loss(design, stage.wires, stage.wires.l)
-        else None,
-        rigid=np.concatenate([np.eye(6), _rigid_motion(com_offset(stage))]),
+        p.mass, p.inertia, p.l, p.s_upper, p.t1, p.t2, p.d, k=p.k, gravity=chain.gravity
     )
 
 
@@ -212,18 +145,12 @@ def _stiffness(p: FourWires, offset: tuple[float, float, float]) -> Inexact[np.n
         block = -masses[list(dofs), None] * matrix
         own[np.ix_(dofs, dofs)] = (block + block.T) / 2
     own[2, 2], own[5, 5] = p.mass * vertical(p), p.inertia[2] * rotation(p)
-    rigid, turned = _rigid_motion(offset), np.zeros((6, 6))
+    rigid, turned = np.eye(6), np.zeros((6, 6))
+    rigid[:3, 3:] = -cross_matrix(np.array(offset))
     turned[:3, 3:] = -cross_matrix(np.array([0.0, 0.0, -p.mass * p.gravity]))
     across = turned - own @ rigid
     support = -turned - across.T @ rigid
     return np.block([[(support + support.T) / 2, across.T], [across, own]])
-
-
-def _rigid_motion(offset: tuple[float, float, float]) -> Float[np.ndarray, "6 6"]:
-    """Motion of the body when it moves with the support as one rigid body."""
-    result = np.eye(6)
-    result[:3, 3:] = -cross_matrix(np.array(offset))
-    return result
 
 
 class ClosedForm(Model):
@@ -238,11 +165,26 @@ class ClosedForm(Model):
 
     def unsuitable(self, design: Design) -> str:
         """Why the closed forms are not valid for a design; "" if they are."""
-        return unsuited(design)
+        if len(design.stage) > 1:
+            return "it has more than one stage"
+        if reason := force.FORCE.unsuitable(design):
+            return reason
+        wires = design.stage[0].wires
+        if wires is None or wires.count != 4:
+            return "it does not hang on four wires"
+        shape = set_geometry(wires)
+        if shape.s_upper != shape.s_lower:
+            return "its wires are angled in x"
+        if design.stage[0].blades is not None:
+            return "it has blades"
+        return "its wires resist twisting" if wires.torsion is not None else ""
 
     def suspension(self, design: Design) -> LinearSystem:
-        """The linear model on a rigid support."""
-        return linear_model(design)
+        """Linear model of one stage on four wires, from the closed forms."""
+        p, offset = four_wires(design), com_offset(design.stage[0])
+        lossy = _stiffness(four_wires(design, lossy=True), offset) if force.lossy(design) else None
+        masses = [p.mass, p.mass, p.mass, *p.inertia]
+        return force.assembled(design, masses, _stiffness(p, offset), lossy)
 
 
 CLOSED_FORM = ClosedForm()

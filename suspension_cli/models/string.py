@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Hashable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,8 +26,9 @@ from suspension_cli.linear.system import Ground, LinearSystem
 from suspension_cli.models.base import BENDING, MASS, Model
 from suspension_cli.models.batch_terms import LossBatchTerm, with_ground_terms
 from suspension_cli.models.loss_terms import spring_terms
+from suspension_cli.rotations import rigid_motion
 from suspension_cli.scene.arrays import inner_axes
-from suspension_cli.scene.pose import Layout, Pose, layout, rigid_motion
+from suspension_cli.scene.pose import Layout, Pose, layout
 from suspension_cli.scene.scene import Scene, Springs
 
 if TYPE_CHECKING:
@@ -38,17 +39,12 @@ if TYPE_CHECKING:
     from suspension_cli.models.batch_terms import BatchTerm
 
 
-UPRIGHT = 1e-13
-"""Rotation (rad) that is a rounding error of Newton's method."""
-
-
 def linear_model(
     scene: Scene,
     balanced: Equilibrium | None = None,
     *,
     split: bool = True,
     wire_inertia: bool = True,
-    separate: bool = True,
     adapted: Symmetry | None = None,
 ) -> LinearSystem:
     """Linear model of small motions about the equilibrium of a scene on strings, any batch axes.
@@ -62,8 +58,6 @@ def linear_model(
         forbids are exactly 0. Without them, a scene's result is independent of others in a batch.
     wire_inertia
         Whether wires that have weight also have mass, moving as straight lines between their ends.
-    separate
-        Whether to keep the stretching of wires of one design apart from the rest of the stiffness.
     adapted
         Symmetry of the scene, if known; otherwise found, if `split`.
 
@@ -85,7 +79,7 @@ def linear_model(
         tips[numbering.blade[number][scene.blades.axes[number]]] = True
     soft, form = adapted.apply(balanced.soft), adapted.forms(balanced.form)
     stretched = None
-    if scene.wires.label and (len(scene.batch) == 1 or (separate and not scene.batch)):
+    if scene.wires.label and len(scene.batch) <= 1:
         k = np.broadcast_to(scene.wires.stiffness, form.shape[:-1])
         stretched = Stretching(form, k, adapted.allowed, soft)
     if stretched is None or scene.batch:
@@ -104,6 +98,7 @@ def linear_model(
             stretched = replace(stretched, stiffness=stiff, soft=stretched.soft + soft_loss)
         lossy = stiffness + lossy
     terms, of_ground = spring_terms(scene, numbering, pose, adapted, tables=True)
+    is_turned = np.abs(pose.turn).max() > 1e-13  # not only by a rounding error of Newton's method
     model = LinearSystem(
         body=scene.bodies.name,
         coordinate=numbering.name,
@@ -114,7 +109,7 @@ def linear_model(
         damping=adapted.apply(damping_matrix(scene, numbering, pose)),
         lossy=lossy,
         stretched=stretched,
-        orientation=pose.rotation if _is_turned(pose) else None,
+        orientation=pose.rotation if is_turned else None,
         residual=float(np.max(balanced.residual)),
         wire=scene.wires.label,
         rigid=rigid_motion(numbering.size, scene.bodies.position + pose.shift),
@@ -123,51 +118,7 @@ def linear_model(
     )
     if not scene.springs.grounded.any():
         return model
-    return _on_ground(model, ground_couplings(scene, numbering, pose), adapted, of_ground)
-
-
-def _is_turned(pose: Pose) -> bool:
-    """Whether a body is rotated from its nominal orientation by more than rounding errors."""
-    return bool(np.abs(pose.rotation - np.eye(3)).max() > UPRIGHT)
-
-
-@dataclass(frozen=True)
-class GroundCouplings:
-    """Matrices (..., N, N) between the ground and all coordinates.
-
-    A scene attaches springs and dampers on the ground to the support. These are their elements in
-    the support's six rows and columns, which belong to the ground.
-    """
-
-    stiffness: Float[np.ndarray, "*batch coordinate coordinate"]
-    damping: Float[np.ndarray, "*batch coordinate coordinate"]
-    loss: Float[np.ndarray, "*batch coordinate coordinate"]
-
-
-def ground_couplings(scene: Scene, numbering: Layout, pose: Pose) -> GroundCouplings:
-    """Compute the couplings between the ground and all coordinates."""
-    springs, which = scene.springs, np.flatnonzero(scene.springs.grounded)
-    some = {
-        name: getattr(springs, name)[which] for name in ("upper", "lower", "loss", "grounded")
-    } | {
-        name: np.take(getattr(springs, name), which, axis=-axes)
-        for name, axes in inner_axes(Springs).items()
-    }
-    own = Springs(
-        **some,
-        label=tuple(springs.label[n] for n in which),
-        spectrum=tuple(springs.spectrum[n] for n in which),
-    )
-    only = replace(scene, springs=own)
-
-    def between(part: Contribution) -> Float[np.ndarray, "*batch coordinate coordinate"]:
-        result = sum_forms(only, numbering, pose, [part])
-        result[..., 6:, 6:] = 0.0
-        return result
-
-    return GroundCouplings(
-        between(spring.add_derivatives), between(spring.add_damping), between(spring.add_loss)
-    )
+    return _on_ground(model, scene, numbering, pose, adapted, of_ground)
 
 
 def without_ground(
@@ -184,11 +135,33 @@ def without_ground(
 
 
 def _on_ground(
-    model: LinearSystem, coupling: GroundCouplings, adapted: Symmetry, terms: tuple[Term, ...]
+    model: LinearSystem,
+    scene: Scene,
+    numbering: Layout,
+    pose: Pose,
+    adapted: Symmetry,
+    terms: tuple[Term, ...],
 ) -> LinearSystem:
-    """Move the springs on the ground from the support to the ground."""
+    """Move the springs and dampers on the ground from the support to the ground.
+
+    A scene attaches them to the support. Their elements in the support's six rows and columns
+    belong to the ground.
+    """
+    springs = scene.springs
+    own = {
+        name: np.where(springs.grounded.reshape(-1, *(1,) * (axes - 1)), getattr(springs, name), 0)
+        for name, axes in inner_axes(Springs).items()
+        if name in ("stiffness", "damping", "preload")
+    }
+    only = replace(scene, springs=replace(springs, **own))
+
+    def between(part: Contribution) -> Float[np.ndarray, "*batch coordinate coordinate"]:
+        result = sum_forms(only, numbering, pose, [part])
+        result[..., 6:, 6:] = 0.0
+        return adapted.apply(result)
+
     stiffness, damping, loss = (
-        adapted.apply(part) for part in (coupling.stiffness, coupling.damping, coupling.loss)
+        between(part) for part in (spring.add_derivatives, spring.add_damping, spring.add_loss)
     )
     whole = stiffness + 1j * loss if loss.any() else stiffness
     columns, resisted = whole[..., :6].copy(), damping[..., :6].copy()
@@ -261,10 +234,6 @@ class SceneModel(Model):
         """A scene, or a batch of builds, with all properties of wires that the model needs."""
         del design
         return scene
-
-    def same_equilibrium(self, design: Design) -> SceneModel | None:
-        """The simpler model that differs only in wire mass, with the same equilibria; or None."""
-        del design
 
     @abstractmethod
     def in_equilibrium(

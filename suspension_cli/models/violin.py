@@ -25,13 +25,10 @@ class Violin(Beam):
 
     def refined(self, design: Design, built: Mapping[str, LinearSystem]) -> LinearSystem:
         """The system, from that of the beam model if that is `built`."""
-        same = self.same_equilibrium(design)
-        simpler = None if same is None else built.get(same.name)
-        return super().refined(design, built) if simpler is None else with_wire_mass(simpler)
-
-    def same_equilibrium(self, design: Design) -> Beam | None:
-        """The beam model; None if wires have weight, as it then has their inertia too."""
-        return None if design.constants.wire_weight else BEAM
+        simpler = built.get(BEAM.name)
+        if simpler is None or design.constants.wire_weight:  # the beam model then has their inertia
+            return super().refined(design, built)
+        return with_wire_mass(simpler)
 
 
 def with_wire_mass(model: LinearSystem) -> LinearSystem:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields, replace
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,19 +15,21 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+Part = TypeVar("Part", bound="DataclassInstance")
+"""Bodies, wires or parts of another kind: a dataclass of arrays."""
 
-_KEY, _FRAME, _VECTOR, _COMPUTED = "inner axes", "frame", "vector", "computed"
+_SHAPE, _SHARED, _FRAME, _VECTOR, _COMPUTED = "shape", "shared", "frame", "vector", "computed"
 
 
 def inner(
-    count: int, frame: str | None = None, *, vector: bool = False, computed: bool = False
-) -> dict[str, int | str | bool | None]:
-    """Metadata of a dataclass field with batch axes in front of `count` axes of its own.
+    *shape: int, frame: str | None = None, vector: bool = False, computed: bool = False
+) -> dict[str, Any]:
+    """Metadata of a dataclass field with batch axes, an axis of members, and axes of each member.
 
     Parameters
     ----------
-    count
-        The first of these axes runs over the members of the part.
+    shape
+        Of one member.
     frame
         Of points: the field with the numbers of the bodies whose frames they are in.
     vector
@@ -41,17 +44,64 @@ def inner(
     >>> @dataclass
     ... class Points:
     ...     label: tuple[str, ...]  # one for the whole batch
-    ...     point: Array = field(metadata=inner(2))  # (..., n, 3)
+    ...     point: Array = field(metadata=inner(3))  # (..., n, 3)
     >>> inner_axes(Points)
     {'point': 2}
+    >>> gather(Points, [{"label": "a"}]).point
+    array([[0., 0., 0.]])
     """
-    return {_KEY: count, _FRAME: frame, _VECTOR: vector or frame is not None, _COMPUTED: computed}
+    marks = {_FRAME: frame, _VECTOR: vector or frame is not None, _COMPUTED: computed}
+    return {_SHAPE: (float, 0, shape)} | marks
+
+
+def shared(*shape: int, dtype: type = float, default: int = 0) -> dict[str, Any]:
+    """Metadata of a dataclass field of arrays without batch axes, members first."""
+    return {_SHAPE: (dtype, default, shape), _SHARED: True}
+
+
+def gather(kind: type[Part], rows: Sequence[Mapping[str, Any]]) -> Part:
+    """Pack members, given by the names of the fields, into a part without batch axes.
+
+    A number that a member omits is 0, or the default of its field.
+    """
+    made: dict[str, Any] = {}
+    for name, blank in _blanks(kind):
+        values = [row.get(name, blank) for row in rows]
+        if blank is None:
+            made[name] = tuple(values)
+        else:
+            made[name] = np.array(values, blank.dtype) if rows else blank[None][:0]
+    return kind(**made)
+
+
+@cache
+def _blanks(kind: type[DataclassInstance]) -> list[tuple[str, np.ndarray | None]]:
+    """Field and what it is for a member that omits it; None for a field without array."""
+    found: list[tuple[str, np.ndarray | None]] = []
+    for item in fields(kind):
+        dtype, default, shape = item.metadata.get(_SHAPE, (None, 0, ()))
+        found.append((item.name, None if dtype is None else np.full(shape, default, dtype)))
+    return found
+
+
+def change_arrays(change: Callable[..., np.ndarray], *parts: Part) -> Part:
+    """Replace the arrays of a part that have batch axes by functions of those of several parts.
+
+    `change` gets the number of inner axes, and the array of each part.
+    """
+    made = {}
+    for name, inner in inner_axes(type(parts[0])).items():
+        values = [getattr(part, name) for part in parts]
+        made[name] = None if values[0] is None else change(inner, *values)
+    return replace(parts[0], **made)
 
 
 @cache
 def inner_axes(kind: type[DataclassInstance]) -> dict[str, int]:
     """Number of axes behind the batch axes, by name of the fields with batch axes."""
-    return {item.name: item.metadata[_KEY] for item in fields(kind) if _KEY in item.metadata}
+    marks = {item.name: item.metadata for item in fields(kind)}
+    own = {name: mark for name, mark in marks.items() if _SHAPE in mark and _SHARED not in mark}
+    return {name: 1 + len(mark[_SHAPE][2]) for name, mark in own.items()}
 
 
 @cache

@@ -1,17 +1,23 @@
-"""Expansion of a design into a scene: all wires, blades and springs, with balanced tensions."""
+"""Expansion of a design into a scene: bodies, wires, blades, legs and springs, in balance.
+
+Each member of a part is listed as a mapping of its numbers (`Row`); `arrays.gather` makes arrays of
+them.
+"""
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
-from suspension_cli.conventions import SUPPORT
-from suspension_cli.design.bodies import body_mass
+import numpy as np
+
+from suspension_cli.conventions import DOFS
+from suspension_cli.design.bodies import body_inertia, body_mass
 from suspension_cli.design.derive import (
-    SetGeometry,
     blade_loss,
     blade_stiffness,
-    com_offset,
+    gives_natural_lengths,
     gravity_strength,
     set_geometry,
     wire_loss,
@@ -20,13 +26,18 @@ from suspension_cli.design.derive import (
 )
 from suspension_cli.design.keystones import Keystone
 from suspension_cli.design.schema import Design, Stage
-from suspension_cli.design.wires import Blade, BladeSet, WireSet
+from suspension_cli.design.wires import Wire, WireSet
 from suspension_cli.errors import Fault, InputError
-from suspension_cli.scene import tensions, towers
-from suspension_cli.scene.arrays import Array
-from suspension_cli.scene.links import preload_wrenches
-from suspension_cli.scene.parts import BladePart, StagePart, WirePart, pack
-from suspension_cli.scene.scene import Scene
+from suspension_cli.scene import links, tensions, towers
+from suspension_cli.scene.arrays import Array, Index, gather
+from suspension_cli.scene.gravity import field_of
+from suspension_cli.scene.places import Places
+from suspension_cli.scene.scene import Bars, Blades, Bodies, Scene, Springs, Wires
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+    from suspension_cli.scene.towers import Row
 
 
 def expand_as_drawn(design: Design) -> Scene:
@@ -36,89 +47,159 @@ def expand_as_drawn(design: Design) -> Scene:
     pose is solved for. Raises `InputError` if a stage cannot balance in its nominal pose, or a wire
     would be slack in it.
     """
-    parts = expand_stages(design)
-    faults = _balance(design, parts)
+    places, gravity = Places.of(design), gravity_strength(design)
+    wire_rows, blade_rows = list_wires(design, places)
+    strut_rows, bar_rows = towers.legs(design, places)
+    wires, blades = gather(Wires, wire_rows), gather(Blades, blade_rows)
+    struts, bars = gather(Wires, strut_rows), gather(Bars, bar_rows)
+    bodies = Bodies(
+        name=tuple(stage.name for stage in design.stage),
+        mass=np.array([body_mass(stage.body) for stage in design.stage]),
+        inertia=np.array([body_inertia(stage.body) for stage in design.stage]),
+        position=places.position,
+    )
+    joining = links.of_links(design, places) + links.of_dampers(design, places)
+    loads = _weights(places, gravity, bodies, wires, blades, bars)
+    for row in joining:
+        preload, point = row["preload"], row["lower_point"]
+        above = point + places.between(row["upper"], row["lower"])
+        loads[row["lower"], 0] += tensions.move_wrench(preload, point)
+        loads[row["upper"], 0] -= tensions.move_wrench(preload, above)
+    for n in range(len(design.stage), 0, -1):
+        loads[places.parent[n]] += tensions.move_wrench(loads[n], places.offset[n])
+    spring_rows, coupling, faults = _springs(design, places, loads, gravity)
+    spring_rows += joining
+    for row in spring_rows:
+        row["upper_point"] = row["lower_point"] + places.between(row["upper"], row["lower"])
+    natural = np.array([row["natural"] for row in wire_rows], dtype=bool)
+    fixed = np.array([row["fixed"] for row in wire_rows], dtype=bool)
+    tension, thrust = wires.tension.copy(), -struts.tension
+    for n, stage in enumerate(design.stage, 1):
+        load = loads[n, 0] + _preload(stage)
+        if stage.inverted_pendulum is not None:
+            own = np.flatnonzero(struts.lower == n)
+            pull, left_over = tensions.carry(struts, own, blades, load)
+            thrust[own] = -pull
+            faults += _imbalance(stage, loads[n], left_over) or _loose(stage, struts, own, -pull)
+        elif stage.wires is not None or stage.wire:
+            own = np.flatnonzero(wires.lower == n)
+            tension[own], left_over = tensions.carry(wires, own, blades, load, fixed[own])
+            if not natural[own].any():
+                wrong = _imbalance(stage, loads[n], left_over)
+                faults += wrong or _loose(stage, wires, own, tension[own])
+        elif not isinstance(stage, Keystone):
+            faults += _imbalance(stage, loads[n], load)
     if faults:
         raise InputError(faults)
-    return pack(design, parts)
+    given = np.array([row["given"] for row in blade_rows])
+    return Scene(
+        name=design.design.name,
+        gravity=gravity,
+        bodies=bodies,
+        wires=replace(wires, tension=np.where(natural, wires.tension, tension)),
+        blades=replace(blades, load=_blade_loads(gravity, wires, blades, tension, given)),
+        springs=gather(Springs, spring_rows),
+        struts=replace(struts, tension=-thrust),
+        bars=gather(Bars, bar_rows + coupling) if coupling else bars,
+        field=field_of(design),
+        solves_pose=gives_natural_lengths(design),
+    )
 
 
-def expand_stages(design: Design) -> list[StagePart]:
-    """Expand wires and blades of every stage, in the scene's order, without tensions."""
-    numbers = {SUPPORT: 0} | {stage.name: n for n, stage in enumerate(design.stage, 1)}
-    parts: list[StagePart] = []
+def list_wires(design: Design, places: Places) -> tuple[list[Row], list[Row]]:
+    """List the wires and the blades of all stages.
+
+    Besides their arrays: whether the tension of a wire is `fixed` by the design, or follows from a
+    `natural` length, so that the pose is solved for; the `given` load of a blade, else NaN.
+    """
+    wires: list[Row] = []
+    blades: list[Row] = []
     for n, stage in enumerate(design.stage, 1):
-        parent = n - 1 if stage.hangs_from is None else numbers[stage.hangs_from]
-        parts.append(_part(design, stage, parent))
-    return parts
+        first, above = len(blades), places.parent[n]
+        own = [
+            {"label": f"{stage.name}.{number}", "upper": above, "lower": n} | row
+            for number, row in enumerate(_wires_of(design, stage, places.offset[n]), 1)
+        ]
+        names = [blade.name for blade in stage.blade]
+        if stage.blades is not None:
+            names = [f"blade{number + 1}" for number in range(stage.blades.count)]
+        for number, name in enumerate(names):
+            table = stage.blades or stage.blade[number]
+            tip = getattr(table, "at", None)
+            if tip is None:
+                on = [row["upper_point"] for row in own if row["blade"] == number]
+                tip = np.mean(on, axis=0)
+            if stage.blades is not None and stage.blades.count == 1:
+                tip[:2] = 0.0  # exactly, also on a ring
+            vertical = blade_stiffness(design, table, body_mass(stage.body), len(names))
+            stiffness = np.array([*(table.lateral_stiffness or (0.0, 0.0)), vertical])
+            blade = {
+                "label": f"{stage.name}.{name}",
+                "body": above,
+                "axes": stiffness > 0,
+                "tip": tip,
+                "stiffness": stiffness,
+                "tip_mass": table.tip_mass,
+                "loss": blade_loss(design, table),
+                "given": np.nan if table.load is None else table.load,
+            }
+            blades.append(blade)
+        wires += [row | {"blade": first + row["blade"] if row["blade"] >= 0 else -1} for row in own]
+    return wires, blades
 
 
-def _part(design: Design, stage: Stage, parent: int) -> StagePart:
-    part = StagePart(stage, parent, np.array(com_offset(stage)))
-    if stage.wires is None:
-        _add_single_wires(design, part)
-    else:
-        _add_symmetric_set(design, part, stage.wires)
-    towers.add_legs(part)
-    return part
+def _wires_of(design: Design, stage: Stage, offset: Array) -> Iterator[Row]:
+    """List the wires of a stage; their `blade` is numbered within the stage."""
+    table = stage.wires
+    if table is None:
+        names = [blade.name for blade in stage.blade]
+        for wire in stage.wire:
+            span = offset + wire.lower - wire.upper
+            length = float(np.sqrt(span @ span))
+            row = _elastic(design, wire, wire.natural_length or length)
+            tension = wire.tension or 0.0
+            if wire.natural_length is not None:
+                tension = row["stiffness"] * (length - wire.natural_length)
+            yield row | {
+                "upper_point": wire.upper,
+                "lower_point": wire.lower,
+                "span": span,
+                "length": length,
+                "tension": tension,
+                "fixed": wire.tension is not None,
+                "natural": wire.natural_length is not None,
+                "blade": -1 if wire.blade is None else names.index(wire.blade),
+            }
+        return
+    shape, same = set_geometry(table), _elastic(design, table, table.l)
+    signs = wire_signs(shape.count) if not shape.is_ring else []
+    ends = [
+        ((x * shape.s_upper, y * shape.t1), (x * shape.s_lower, y * shape.t2)) for x, y in signs
+    ]
+    for number, (upper, lower) in enumerate(ends or map(shape.ring_ends, range(shape.count))):
+        span = np.array([lower[0] - upper[0], lower[1] - upper[1], -shape.height])
+        blade = -1
+        if stage.blades is not None:
+            shared = stage.blades.count < shape.count
+            blade = number if not shared else int(stage.blades.count == 2 and signs[number][1] < 0)
+        yield same | {
+            "upper_point": (*upper, -shape.d_upper),
+            "lower_point": (*lower, shape.d),
+            "span": span,
+            "length": np.sqrt(span @ span),
+            "fixed": False,
+            "natural": False,
+            "blade": blade,
+        }
 
 
-def _add_single_wires(design: Design, part: StagePart) -> None:
-    stage, mass = part.stage, body_mass(part.stage.body)
-    for number, wire in enumerate(stage.wire, 1):
-        upper, lower = np.array(wire.upper), np.array(wire.lower)
-        span = part.offset + lower - upper
-        length = np.sqrt((span**2).sum())
-        known = wire.natural_length or length  # the drawn length does not matter then
-        k = wire_stiffness(design, wire, known)
-        natural = wire.natural_length is not None
-        part.wires.append(
-            WirePart(
-                label=f"{stage.name}.{number}",
-                upper_point=upper,
-                lower_point=lower,
-                span=span,
-                stiffness=k,
-                torsion=wire.torsion or 0.0,
-                loss=wire_loss(design, wire, known),
-                blade=wire.blade,
-                given=k * (length - wire.natural_length) if natural else wire.tension,
-                natural=natural,
-                mass=np.array(wire_mass_moments(design, wire, known)),
-            )
-        )
-    for blade in stage.blade:
-        if blade.at is not None:
-            tip = np.array(blade.at)
-        else:
-            tip = np.mean([w.upper_point for w in part.wires if w.blade == blade.name], axis=0)
-        label = f"{stage.name}.{blade.name}"
-        part.blades[blade.name] = _blade(design, blade, label, tip, mass, len(stage.blade))
-
-
-def _add_symmetric_set(design: Design, part: StagePart, wires: WireSet) -> None:
-    stage, mass, shape = part.stage, body_mass(part.stage.body), set_geometry(wires)
-    k = wire_stiffness(design, wires, shape.length)
-    loss = wire_loss(design, wires, shape.length)
-    moments = np.array(wire_mass_moments(design, wires, shape.length))
-    for number, (upper, lower) in enumerate(_set_ends(shape), 1):
-        part.wires.append(
-            WirePart(
-                label=f"{stage.name}.{number}",
-                upper_point=np.array([*upper, -shape.d_upper]),
-                lower_point=np.array([*lower, shape.d]),
-                span=np.array([lower[0] - upper[0], lower[1] - upper[1], -shape.height]),
-                stiffness=k,
-                torsion=wires.torsion or 0.0,
-                loss=loss,
-                blade=_blade_of(stage.blades, number, shape),
-                mass=moments,
-            )
-        )
-    if stage.blades is not None:
-        for name, tip in _set_tips(stage.blades, shape):
-            label = f"{stage.name}.blade{name}"
-            part.blades[name] = _blade(design, stage.blades, label, tip, mass, stage.blades.count)
+def _elastic(design: Design, table: WireSet | Wire, length: float) -> Row:
+    return {
+        "stiffness": wire_stiffness(design, table, length),
+        "torsion": table.torsion or 0.0,
+        "loss": wire_loss(design, table, length),
+        "mass": wire_mass_moments(design, table, length),
+    }
 
 
 def wire_signs(count: int) -> list[tuple[int, int]]:
@@ -126,196 +207,111 @@ def wire_signs(count: int) -> list[tuple[int, int]]:
     return {1: [(0, 0)], 2: [(0, 1), (0, -1)], 4: [(1, 1), (1, -1), (-1, 1), (-1, -1)]}[count]
 
 
-def _set_ends(shape: SetGeometry) -> list[tuple[tuple[float, float], tuple[float, float]]]:
-    """List x and y (m) of the upper and the lower end of each wire of a set."""
-    if shape.is_ring:
-        return [shape.ring_ends(number) for number in range(shape.count)]
-    return [
-        ((x * shape.s_upper, y * shape.t1), (x * shape.s_lower, y * shape.t2))
-        for x, y in wire_signs(shape.count)
+def _weights(
+    places: Places, gravity: float, bodies: Bodies, wires: Wires, blades: Blades, bars: Bars
+) -> Float[np.ndarray, "1+body 2 6"]:
+    """Wrenches of the weight on each body about its COM, twice."""
+    ends = wires.mass[:, :2] + wires.mass[:, 1:]
+    masses = (bodies.mass, ends.ravel(), blades.tip_mass, bars.loads.ravel())
+    joined = np.stack([wires.upper, wires.lower], axis=1)
+    body = [np.arange(1, len(places.parent)), joined.ravel(), blades.body, bars.body.ravel()]
+    points = np.stack([wires.upper_point, wires.lower_point], axis=1), blades.tip, bars.point
+    weight = np.outer(np.concatenate(masses), [0.0, 0.0, -gravity, 0.0, 0.0, 0.0])
+    centres = np.zeros((len(bodies.mass), 3))
+    at = np.concatenate([centres, *(point.reshape(-1, 3) for point in points)])
+    loads = np.zeros((len(places.parent), 2, 6))
+    np.add.at(loads, np.concatenate(body), tensions.move_wrench(weight, at)[:, None])
+    return loads
+
+
+def _preload(stage: Stage) -> Array:
+    """Wrench (6,) of a stage's own springs on it about its COM."""
+    wrenches = [
+        tensions.move_wrench(np.array(spring.preload), np.array(spring.at))
+        for spring in stage.spring
     ]
+    return np.sum(wrenches, axis=0) if wrenches else np.zeros(6)
 
 
-def _blade_of(blades: BladeSet | None, number: int, shape: SetGeometry) -> str | None:
-    if blades is None:
-        return None
-    if blades.count == shape.count:
-        return str(number)
-    if blades.count == 2:
-        return "1" if wire_signs(shape.count)[number - 1][1] > 0 else "2"
-    return "1"
-
-
-def _set_tips(blades: BladeSet, shape: SetGeometry) -> list[tuple[str, Array]]:
-    """List name and tip of each blade of a set; the tip of one with two wires is between them."""
-    z = -shape.d_upper
-    if shape.is_ring and blades.count > 1:
-        ends = (shape.ring_ends(n)[0] for n in range(shape.count))
-        return [(str(n), np.array([*end, z])) for n, end in enumerate(ends, 1)]
-    if blades.count == 4:
-        return [
-            (str(n), np.array([a * shape.s_upper, b * shape.t1, z]))
-            for n, (a, b) in enumerate(wire_signs(4), 1)
-        ]
-    if blades.count == 2:
-        return [("1", np.array([0.0, shape.t1, z])), ("2", np.array([0.0, -shape.t1, z]))]
-    return [("1", np.array([0.0, 0.0, z]))]
-
-
-def _blade(
-    design: Design, blade: BladeSet | Blade, label: str, tip: Array, mass: float, count: int
-) -> BladePart:
-    vertical = blade_stiffness(design, blade, mass, count)
-    lateral = blade.lateral_stiffness
-    stiffness = np.array([0.0, 0.0, vertical] if lateral is None else [*lateral, vertical])
-    return BladePart(
-        label,
-        tip,
-        np.real(stiffness) > 0,
-        stiffness,
-        blade.tip_mass,
-        blade_loss(design, blade),
-        blade.load,
-    )
-
-
-def _balance(design: Design, parts: list[StagePart]) -> list[Fault]:
-    """Set tensions and blade loads of every stage, from the bottom up; return the faults."""
-    g = gravity_strength(design)
-    # of each stage two wrenches: all that acts on it, and the weight in that, without preloads
-    weights = [tensions.weight_wrench(g * body_mass(p.stage.body), np.zeros(3)) for p in parts]
-    loads = [np.stack([weight, weight]) for weight in weights]
-    position = [np.zeros(3)]
-    for part in parts:
-        position.append(position[part.parent] + part.offset)
-    for body, wrench in preload_wrenches(design, np.array(position)):
-        loads[body - 1] = loads[body - 1] + np.stack([wrench, 0.0 * wrench])
-    if any(np.any(wire.mass) for part in parts for wire in part.wires):
-        _add_wire_weights(parts, loads, g)
+def _springs(
+    design: Design, places: Places, loads: Array, gravity: float
+) -> tuple[list[Row], list[Row], list[Fault]]:
+    """List the springs of stages, the bars of the inertia of filters' blades, and their faults."""
+    springs: list[Row] = []
+    bars: list[Row] = []
     faults: list[Fault] = []
-    for n in range(len(parts), 0, -1):
-        part, load = parts[n - 1], loads[n - 1]
-        on_stage, on_parent = towers.bar_weights(part, g)
-        load = load + on_stage
-        faults += _balance_stage(design, part, load[0], -load[1, 2])
-        if part.parent > 0:
-            above = loads[part.parent - 1] + tensions.move_wrench(load, part.offset) + on_parent
-            for blade in part.blades.values():
-                above = above + tensions.weight_wrench(g * blade.tip_mass, blade.tip)
-            loads[part.parent - 1] = above
-    return faults
+    for n, stage in enumerate(design.stage, 1):
+        load, hung, above = loads[n, 0] + _preload(stage), -loads[n, 1, 2], places.parent[n]
+        own = links.of_stage(design, stage) + towers.flexures(stage, load, hung, gravity)
+        if isinstance(stage, Keystone):
+            row, coupling, wrong = towers.filter_blades(design, stage, load, hung, gravity)
+            own.append(row)
+            faults += wrong
+            between = {"body": (above, n), "point": (places.offset[n], np.zeros(3))}
+            if coupling:
+                inertia = (-coupling, coupling, -coupling)
+                bars.append({"label": row["label"], "inertia": inertia} | between)
+        springs += [{"upper": above, "lower": n} | row for row in own]
+    return springs, bars, faults
 
 
-def _add_wire_weights(parts: list[StagePart], loads: list[Array], gravity: float) -> None:
-    """Add the weight of wires to the loads of the bodies that carry their ends."""
-    for n, part in enumerate(parts):
-        for wire in part.wires:
-            upper, lower = gravity * (wire.mass[:2] + wire.mass[1:])
-            ends = [(n, lower, wire.lower_point)]
-            if part.parent > 0:
-                ends.append((part.parent - 1, upper, wire.upper_point))
-            for body, weight, point in ends:
-                loads[body] = loads[body] + tensions.weight_wrench(weight, point)
+def _blade_loads(
+    gravity: float, wires: Wires, blades: Blades, tension: Array, given: Array
+) -> Float[np.ndarray, "blade 3"]:
+    """Force of each blade on its tip in the nominal pose, N.
 
-
-def _balance_stage(design: Design, part: StagePart, load: Array, hung: float) -> list[Fault]:
-    """Set the tensions of one stage under its load (6,) about its COM; return its faults.
-
-    `hung` is the weight in the load, N, without the preloads of links.
+    It balances its wires and its tip mass, or the load that the design gives (else NaN).
     """
-    stage, wires, gravity = part.stage, part.wires, gravity_strength(design)
-    key, weight = f"stage.{stage.name}", max(float(np.abs(load).max()), 1e-12)
-    for spring in stage.spring:
-        load = load + tensions.move_wrench(np.array(spring.preload), np.array(spring.at))
-    if part.struts:
-        return towers.balance_legs(part, load, hung, gravity, weight)
-    if isinstance(stage, Keystone):
-        return towers.hold_keystone(design, part, load, hung, gravity)
-    if not wires:
-        return tensions.report_imbalance(
-            load, weight, f"{key}.spring", "give the springs a preload that carries the body"
+    on = wires.blade >= 0
+    pull = (tension / wires.length)[:, None] * wires.span
+    pull[:, 2] -= gravity * (wires.mass[:, 0] + wires.mass[:, 1])
+    total = np.outer(blades.tip_mass, [0.0, 0.0, -gravity])
+    np.add.at(total, wires.blade[on], pull[on])
+    total[:, 2] = np.where(np.isnan(given), total[:, 2], -given)
+    return np.where(blades.axes, -total, 0.0)
+
+
+def _imbalance(stage: Stage, loads: Array, left_over: Array) -> list[Fault]:
+    """Report the forces and torques that are left over of a load, as a fault."""
+    key, remedy = ".spring", "give the springs a preload that carries the body"
+    if stage.inverted_pendulum is not None:
+        key = ".inverted_pendulum"
+        remedy = "hang the load at the height of the legs' circle, or below its centre"
+    elif stage.wire_tables:
+        key, remedy = (
+            "",
+            (
+                "move the attachments or the COM, or give wires a natural_length to have the pose"
+                " solved for"
+            ),
         )
-    direction = np.array([wire.direction for wire in wires])
-    wrenches = tensions.wire_wrenches(direction, np.array([wire.lower_point for wire in wires]))
-    solves_pose = any(wire.natural for wire in wires)
-    fixed = np.array([wire.given is not None and not wire.natural for wire in wires])
-    tension = np.array([wire.given if wire.given is not None else 0.0 for wire in wires])
-    carrying = np.where(fixed, tension, 0.0)
-    left_over = load + wrenches.T @ carrying
-    if not fixed.all():
-        if stage.wires is not None and np.abs(np.delete(load, 2)).max() <= 1e-12 * weight:
-            carrying = -load[2] / (len(wires) * -direction[:, 2])
-            left_over = load + wrenches.T @ carrying
-        else:
-            carrying, left_over = _distribute(part, wrenches, left_over, carrying, fixed)
-    part.tension = np.where([wire.natural for wire in wires], tension, carrying)
-    part.loads = {name: _blade_load(part, name, carrying, gravity) for name in part.blades}
-    if solves_pose:
-        return []
-    remedy = (
-        "move the attachments or the COM, or give wires a natural_length to have the pose"
-        " solved for"
-    )
-    return tensions.report_imbalance(left_over, weight, key, remedy) or _slack(part)
+    least = tensions.BALANCE * max(np.abs(loads[0]).max(), 1e-12)
+    least = max(least, 1e-3 * np.abs(left_over).max())
+    found = [
+        f"{left_over[axis]:.3g} {'N of force along' if axis < 3 else 'N m of'} {DOFS[axis]}"
+        + (" torque" if axis > 2 else "")
+        for axis in np.argsort(-np.abs(left_over))
+        if abs(left_over[axis]) > least
+    ]
+    problem = f"cannot balance in the nominal pose: {', '.join(found[:3])} left over"
+    return [Fault(f"stage.{stage.name}{key}", problem, remedy)] if found else []
 
 
-def _distribute(
-    part: StagePart, wrenches: Array, load: Array, given: Array, fixed: NDArray[np.bool_]
-) -> tuple[Array, Array]:
-    """Distribute a load over the wires without given tension, with least elastic energy.
-
-    Returns all tensions (w,), and the wrench (6,) left over.
-    """
-    wires, names, free = part.wires, list(part.blades), ~fixed
-    stiffness = np.array([wire.stiffness for wire in wires])
-    blade = np.array([names.index(wire.blade) if wire.blade else -1 for wire in wires])
-    axes = np.array([part.blades[name].axes for name in names]).reshape(-1, 3)
-    springs = np.array([part.blades[name].stiffness for name in names]).reshape(-1, 3)
-    c = tensions.compliance(
-        stiffness, np.array([wire.direction for wire in wires]), blade, axes, springs
-    )
-    own = c[np.ix_(free, free)]
-    # A wire of given tension deflects the blade that it shares with a free wire: minimise about the
-    # tensions of the free wires that this deflection corresponds to.
-    shift = np.linalg.solve(own, c[np.ix_(free, fixed)] @ given[fixed])
-    carried, left_over = tensions.least_energy(wrenches[free], load - wrenches[free].T @ shift, own)
-    result = given.astype(carried.dtype)
-    result[free] = carried - shift
-    lower, upper = (
-        np.array([wire.lower_point for wire in wires]),
-        np.array([wire.upper_point for wire in wires]),
-    )
-    return tensions.equalise_mirrored(result, upper, lower, stiffness), left_over
-
-
-def _slack(part: StagePart) -> list[Fault]:
-    where = "wires" if part.stage.wires is not None else "wire"
+def _loose(stage: Stage, lines: Wires, own: Index, force: Array) -> list[Fault]:
+    """Report wires that would be slack, or legs that would be pulled."""
+    key, what, remedy = "wires", "wire {} would be slack", "move its ends, or remove the wire"
+    name = "tension"
+    if stage.inverted_pendulum is not None:
+        key, what, name = "inverted_pendulum", "leg {} would be pulled", "thrust"
+        remedy = "place the load between the legs"
+    elif stage.wire:
+        key = "wire"
     return [
         Fault(
-            f"stage.{part.stage.name}.{where}",
-            f"wire {wire.label} would be slack in the nominal pose (tension {tension:.3g} N)",
-            "move its ends, or remove the wire",
+            f"stage.{stage.name}.{key}",
+            f"{what.format(lines.label[n])} in the nominal pose ({name} {value:.3g} N)",
+            remedy,
         )
-        for wire, tension in zip(part.wires, part.tension, strict=True)
-        if not tension.real > 0
+        for n, value in zip(own, force, strict=True)
+        if not value > 0
     ]
-
-
-def _blade_load(part: StagePart, name: str, tension: Array, gravity: float) -> Array:
-    """Compute the force (3,) of a blade on its tip in the nominal pose, N.
-
-    It balances its wires and its tip mass, or the load that the design gives.
-    """
-    blade = part.blades[name]
-    pull = [
-        t * wire.direction
-        for t, wire in zip(tension, part.wires, strict=True)
-        if wire.blade == name
-    ]
-    total = np.sum(pull, axis=0) + np.array([0.0, 0.0, -gravity * blade.tip_mass])
-    for wire in part.wires:
-        if wire.blade == name:
-            total = total + np.array([0.0, 0.0, -gravity * (wire.mass[0] + wire.mass[1])])
-    if blade.load is not None:
-        total = np.array([*total[:2], -blade.load])
-    return np.where(blade.axes, -total, 0.0)

@@ -2,32 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
 from suspension_cli.conventions import AVOGADRO
 from suspension_cli.design import materials
 from suspension_cli.design.cross_sections.round import Round
-from suspension_cli.design.derive import (
-    blade_material,
-    gravity_strength,
-    is_ring,
-    spring_loss,
-)
+from suspension_cli.design.derive import blade_material, gravity_strength, is_ring
 from suspension_cli.design.losses.bulk import Bulk
 from suspension_cli.design.losses.mechanism import Mechanism
 from suspension_cli.design.losses.registry import mechanisms_of
-from suspension_cli.design.schema import Design, Material, Spring, Stage
+from suspension_cli.design.schema import Design, Material, Spring
 from suspension_cli.design.sections import Stretch, stretches
 from suspension_cli.design.wires import Blade, BladeSet, Clamp, EndTemperatures, Wire, WireSet
 from suspension_cli.rotations import rotation_matrix
-from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.arrays import Array, gather
 from suspension_cli.scene.composition import BladeLoss, Fibre, Fibres, Gas, Section
-from suspension_cli.scene.expand import expand_stages, wire_signs
-from suspension_cli.scene.links import link_loss
-from suspension_cli.scene.parts import StagePart, WirePart
+from suspension_cli.scene.expand import list_wires, wire_signs
+from suspension_cli.scene.links import link_loss, of_stage
+from suspension_cli.scene.places import Places
+from suspension_cli.scene.scene import Wires
 
 POISSON = 0.3
 """Poisson's ratio of a material for which none is known."""
@@ -36,7 +33,7 @@ POISSON = 0.3
 def explain_unsuitable(design: Design, massive: bool) -> str:
     """Explain why wires of a design cannot be beams (if `massive`, with mass); "" if all can."""
     for stage in design.stage:
-        for number, wire in enumerate(_wires(stage), 1):
+        for number, wire in enumerate(stage.wire_tables, 1):
             pieces = stretches(wire, 1.0)
             name = f"wire {stage.name}.{number}"
             if not pieces:
@@ -55,120 +52,89 @@ def compose(design: Design) -> Fibres:
     Without imperfections. `explain_unsuitable` must return "" for the design.
     """
     ambient = design.constants.temperature
-
-    found: dict[tuple[str, int], tuple[Mechanism, ...]] = {}
-
-    def losses(name: str, wire: WireSet | Wire | None) -> tuple[Mechanism, ...]:
-        """Losses of a material; equal wires share one object, as tables may be long."""
-        key = (name, id(wire))
-        if key not in found:
-            found[key] = mechanisms_of(materials.resolve(design, name), wire)
-        return found[key]
-
+    rows, blade_rows = list_wires(design, Places.of(design))
     wires: list[Fibre] = []
+    for stage in design.stage:
+        for table in stage.wire_tables:
+            count = table.count if isinstance(table, WireSet) else 1
+            own = gather(Wires, rows[len(wires) : len(wires) + count])
+            wires += _fibres(design, table, own)
+
+    @cache
+    def losses(name: str) -> tuple[Mechanism, ...]:
+        return mechanisms_of(materials.resolve(design, name), None)
+
     blades: list[BladeLoss] = []
-    parts = expand_stages(design)
-    for part in parts:
-        for number, (wire, table) in enumerate(zip(part.wires, _wires(part.stage), strict=True)):
-            temperature = table.temperature or ambient
-            natural = table.natural_length if isinstance(table, Wire) else None
-            length = natural or np.sqrt(wire.span @ wire.span).item()
-            sections = _sections(design, table, length, losses)
-            if np.any(wire.mass):
-                sections = _weighed(sections, wire, gravity_strength(design))
-            wires.append(
-                Fibre(
-                    label=wire.label,
-                    sections=sections,
-                    plane=_plane(wire.direction),
-                    clamp=_clamp(number, table, wire),
-                    temperature=(temperature.upper, temperature.lower)
-                    if isinstance(temperature, EndTemperatures)
-                    else (temperature, temperature),
-                    effective=table.clamp == "bending-point",
-                )
-            )
-        tables = [part.stage.blades] * len(part.blades) if part.stage.blades else part.stage.blade
-        for blade, table in zip(part.blades.values(), tables, strict=True):
-            material = blade_material(table)
-            own = None if material is None else losses(material, None)
-            blades.append(_blade(blade.label, table, own, blade.loss, ambient))
+    for stage in design.stage:
+        for table in [stage.blades] * stage.blades.count if stage.blades else stage.blade:
+            row, material = blade_rows[len(blades)], blade_material(table)
+            own = None if material is None else losses(material)
+            blades.append(_blade(row["label"], table, own, row["loss"], ambient))
+    springs = [
+        _blade(row["label"], spring, losses(spring.material), row["loss"], ambient)
+        for stage in design.stage
+        for spring, row in zip(stage.spring, of_stage(design, stage), strict=True)
+        if spring.material is not None
+    ]
+    for link in design.link:
+        if (wire := link.strands) is not None and link.loss_angle is None:
+            angle, shape = link_loss(design, link), Round(wire.diameter / 2, wire.diameter / 2)
+            known = angle, losses(wire.material), wire.diameter, ambient, shape
+            springs.append(BladeLoss(f"{link.name}.link", *known))
     gas = design.gas and Gas(
         design.gas.pressure,
         design.gas.molar_mass / AVOGADRO,
         design.gas.temperature or ambient,
     )
-    return Fibres(
-        tuple(wires),
-        tuple(blades),
-        gas,
-        ambient,
-        (*_springs(design, parts, lambda name: losses(name, None)), *_links(design, losses)),
-    )
+    return Fibres(tuple(wires), tuple(blades), gas, ambient, tuple(springs))
 
 
-def _springs(
-    design: Design, parts: list[StagePart], losses: Callable[[str], tuple[Mechanism, ...]]
-) -> tuple[BladeLoss, ...]:
-    """List the losses of the springs of known material, by the labels of the scene."""
-    every = [
-        (part.stage.name, spring)
-        for part in parts
-        for spring in (*part.stage.spring, *part.flexures)
-    ]
-    result = []
-    for number, (stage, spring) in enumerate(every, 1):
-        if spring.material is not None:
-            own, angle = losses(spring.material), spring_loss(design, spring)
-            ambient = design.constants.temperature
-            result.append(_blade(f"{stage}.spring{number}", spring, own, angle, ambient))
-    return tuple(result)
+def _fibres(design: Design, table: WireSet | Wire, lines: Wires) -> Iterator[Fibre]:
+    """Compose the wires of one table."""
+    directions = lines.span / lines.length[:, None]
+    at = table.temperature or design.constants.temperature
+    length = table.l if isinstance(table, WireSet) else table.natural_length or lines.length[0]
+    sections = _sections(design, table, length)
+    if lines.mass.any():
+        sections = _weighed(sections, directions[0], lines.mass[0], gravity_strength(design))
+    for number, (label, direction) in enumerate(zip(lines.label, directions, strict=True)):
+        yield Fibre(
+            label=label,
+            sections=sections,
+            plane=_plane(direction),
+            clamp=_clamp(number, table, direction),
+            temperature=(at.upper, at.lower) if isinstance(at, EndTemperatures) else (at, at),
+            effective=table.clamp == "bending-point",
+        )
 
 
-def _links(
-    design: Design, losses: Callable[[str, WireSet | Wire | None], tuple[Mechanism, ...]]
-) -> Iterator[BladeLoss]:
-    """List the losses of links of wires of known material, which bend, by the scene's labels."""
-    for link in design.link:
-        if link.strands is not None and link.loss_angle is None:
-            radius = link.strands.diameter / 2
-            yield BladeLoss(
-                f"{link.name}.link",
-                link_loss(design, link),
-                losses(link.strands.material, None),
-                link.strands.diameter,
-                design.constants.temperature,
-                Round(radius, radius),
-            )
-
-
-def _sections(
-    design: Design,
-    table: WireSet | Wire,
-    length: float,
-    losses: Callable[[str, WireSet | Wire], tuple[Mechanism, ...]],
-) -> tuple[Section, ...]:
+def _sections(design: Design, table: WireSet | Wire, length: float) -> tuple[Section, ...]:
     """Sections of a wire of a length (m); a given k scales their stretching stiffness."""
-    pieces = [
-        (piece, materials.resolve(design, piece.material or ""))
-        for piece in stretches(table, length)
-    ]
-    compliance = sum(piece.length / (_modulus(own) * piece.shape.area) for piece, own in pieces)
-    along = 1.0 if table.k is None else table.k * compliance
-    return tuple(
-        _section(piece, own, losses(piece.material or "", table), along) for piece, own in pieces
+    pieces = stretches(table, length)
+    known = {name: materials.resolve(design, name) for name in {p.material or "" for p in pieces}}
+    losses = {name: mechanisms_of(own, table) for name, own in known.items()}
+    names = [piece.material or "" for piece in pieces]
+    sections = tuple(
+        _section(piece, known[name], losses[name])
+        for piece, name in zip(pieces, names, strict=True)
     )
+    if table.k is None:
+        return sections
+    along = table.k * sum(own.length / own.stretching for own in sections)
+    return tuple(replace(own, stretching=along * own.stretching) for own in sections)
 
 
-def _weighed(sections: tuple[Section, ...], wire: WirePart, gravity: float) -> tuple[Section, ...]:
+def _weighed(
+    sections: tuple[Section, ...], direction: Array, moments: Array, gravity: float
+) -> tuple[Section, ...]:
     """Sections with their `tension_offset`.
 
     Down from the upper end the tension falls by the weight above, times the cosine of the angle to
     the vertical. That of the wire is below that of its upper end by the part m_uu + m_ul of the
     weight that this end carries (`elements.weight`).
     """
-    along = -gravity * wire.direction[2]
-    left = wire.mass[0] + wire.mass[1]
+    along = -gravity * direction[2]
+    left = moments[0] + moments[1]
     result = []
     for section in sections:
         own = section.mass * section.length
@@ -177,23 +143,11 @@ def _weighed(sections: tuple[Section, ...], wire: WirePart, gravity: float) -> t
     return tuple(result)
 
 
-def _modulus(material: Material) -> float:
-    """Young's modulus, Pa, known for all wires (`explain_unsuitable`)."""
-    assert material.youngs_modulus is not None
-    return material.youngs_modulus
-
-
-def _wires(stage: Stage) -> list[WireSet | Wire]:
-    """List the table of each wire of a stage, in order."""
-    return [stage.wires] * stage.wires.count if stage.wires is not None else [*stage.wire]
-
-
-def _section(
-    piece: Stretch, material: Material, losses: tuple[Mechanism, ...], along: float
-) -> Section:
-    """Compute the stiffnesses of one stretch of wire; `along` is a factor on that of stretching."""
-    poisson, modulus = material.poisson_ratio, _modulus(material)
+def _section(piece: Stretch, material: Material, losses: tuple[Mechanism, ...]) -> Section:
+    """Compute the stiffnesses of one stretch of wire."""
+    poisson, modulus = material.poisson_ratio, material.youngs_modulus
     density = material.density or 0.0
+    assert modulus is not None  # known for all wires (`explain_unsuitable`)
     shear = modulus / (2 * (1 + (POISSON if poisson is None else poisson)))
     shape = piece.shape
     first, second = shape.moments
@@ -201,7 +155,7 @@ def _section(
     return Section(
         length=piece.length,
         rigidity=(modulus * first, modulus * second),
-        stretching=modulus * shape.area * along,
+        stretching=modulus * shape.area,
         twisting=shear * shape.torsion,
         mass=density * mass,
         polar=density * polar,
@@ -215,12 +169,12 @@ def _plane(direction: Array) -> Array:
     for axis in np.eye(3):
         across = axis - (axis @ direction) * direction
         size = np.sqrt(across @ across)
-        if np.real(size) > 1e-3:
+        if size > 1e-3:
             return across / size
     raise AssertionError("no direction is along both x and y")
 
 
-def _clamp(number: int, table: WireSet | Wire, wire: WirePart) -> tuple[Array, Array]:
+def _clamp(number: int, table: WireSet | Wire, along: Array) -> tuple[Array, Array]:
     """Directions in which a wire leaves its clamps.
 
     A symmetric set gives those of its first wire, mirrored (on a ring: turned) for the others.
@@ -231,12 +185,12 @@ def _clamp(number: int, table: WireSet | Wire, wire: WirePart) -> tuple[Array, A
         angle = 2 * np.pi * number / table.count
         turn = rotation_matrix(np.array([0.0, 0.0, angle]))
     elif isinstance(table, WireSet):
-        along, across = wire_signs(table.count)[number]
-        turn = np.diag([along or 1, across or 1, 1.0])
+        x, y = wire_signs(table.count)[number]
+        turn = np.diag([x or 1, y or 1, 1.0])
 
     def direction(given: tuple[float, float, float] | None) -> Array:
         if given is None:
-            return wire.direction
+            return along
         turned = turn @ np.array(given)
         return turned / np.sqrt(turned @ turned)
 

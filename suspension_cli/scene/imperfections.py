@@ -15,8 +15,8 @@ import numpy as np
 from suspension_cli.conventions import SUPPORT
 from suspension_cli.design.filters import SUFFIX
 from suspension_cli.rotations import rotation_matrix
-from suspension_cli.scene.arrays import Array, frames, inner_axes
-from suspension_cli.scene.scene import Part, Scene, spring_of_leg
+from suspension_cli.scene.arrays import Array, Part, frames, inner_axes
+from suspension_cli.scene.scene import Scene
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -26,21 +26,21 @@ def members(scene: Scene, part: str) -> dict[str, int]:
     """Map the names of all parts of a kind to their numbers.
 
     Wires, blades and legs count from 0, bodies from 1, links as springs of the scene. Blades of a
-    filter have the name of its stage, and numbers behind those of wires.
+    filter have the name of its stage, and their number as a spring behind those of other blades.
     """
+    labels = {"wire": scene.wires, "blade": scene.blades, "leg": scene.struts}
+    if part in labels:
+        names = labels[part].label
+        found = {label: n for n, label in enumerate(names)}
+        if part == "blade":
+            for n, label in enumerate(scene.springs.label, len(names)):
+                if label.endswith(f"{SUFFIX}.blades"):
+                    found[label.removesuffix(f"{SUFFIX}.blades")] = n
+        return found
     if part == "body":
         return {name: n for n, name in enumerate((SUPPORT, *scene.bodies.name))}
-    if part == "link":
-        labels = [label.removesuffix(".link") for label in scene.springs.label]
-        linked = zip(labels, scene.springs.label, strict=True)
-        return {name: n for n, (name, label) in enumerate(linked) if name != label}
-    labels = {"wire": scene.wires, "blade": scene.blades, "leg": scene.struts}[part].label
-    found = {label: n for n, label in enumerate(labels)}
-    if part == "blade":
-        bodies = scene.bodies.name
-        filters = [name for name in bodies if name + SUFFIX in bodies]
-        found |= {name: len(labels) + bodies.index(name) for name in filters}
-    return found
+    numbered = enumerate(scene.springs.label)
+    return {label[:-5]: n for n, label in numbered if label.endswith(".link")}
 
 
 def impose(
@@ -83,18 +83,12 @@ def wire(
 ) -> Scene:
     """Change one wire of a scene (from 0).
 
-    Parameters
-    ----------
-    k_factor, radius_factor : (...) arrays
-        On its spring constant, and on its radius (the spring constant goes with the square).
-    upper_offset, lower_offset : (..., 3) arrays
-        Of its ends, m.
-    length_change : (...) array
-        Of its unstretched length, after trimming, m.
-    hold : {"loaded-length", "natural-length"}
-        The wire is first trimmed to its nominal tension T in the nominal pose, or keeps its
-        unstretched length l - T / k. With its new spring constant k' and span L in the nominal
-        pose, its tension there is T, or k' (T / k + L - l), less k' times the change of length.
+    Its spring constant by `k_factor` and the square of `radius_factor`, its ends by offsets
+    (..., 3), its unstretched length, after trimming, by `length_change`, in m. The wire is first
+    trimmed to its nominal tension T in the nominal pose (`hold` is ``"loaded-length"``), or keeps
+    its unstretched length l - T / k (``"natural-length"``). With its new spring constant k' and
+    span L in the nominal pose, its tension there is T, or k' (T / k + L - l), less k' times the
+    change of length.
     """
     wires = scene.wires
     upper, lower = _numbers(upper_offset), _numbers(lower_offset)
@@ -153,20 +147,18 @@ def turn_mass(scene: Scene, number: int, rotation: ArrayLike) -> Scene:
     return _with(scene, "bodies", number - 1, inertia=inertia)
 
 
-def scale_mass(scene: Scene, number: int, factor: ArrayLike) -> Scene:
-    """Multiply the mass of one body (from 1) by a factor (...); wires keep unstretched lengths."""
-    mass = scene.bodies.mass[..., number - 1] * _numbers(factor)
-    return _with(scene, "bodies", number - 1, mass=mass)
-
-
 def scale_inertia(scene: Scene, number: int, factor: ArrayLike) -> Scene:
     """Multiply the moments of inertia of one body (from 1) by factors (..., 3).
 
     Products of inertia scale with the geometric mean of the two factors.
     """
     root = np.sqrt(_numbers(factor))
-    inertia = scene.bodies.inertia[..., number - 1, :, :] * root[..., :, None] * root[..., None, :]
-    return _with(scene, "bodies", number - 1, inertia=inertia)
+    return _scaled(scene, "bodies", "inertia", number - 1, root[..., :, None] * root[..., None, :])
+
+
+def scale_mass(scene: Scene, number: int, factor: ArrayLike) -> Scene:
+    """Multiply the mass of one body (from 1) by a factor (...); wires keep unstretched lengths."""
+    return _scaled(scene, "bodies", "mass", number - 1, factor)
 
 
 def scale_blade(scene: Scene, number: int, factor: ArrayLike) -> Scene:
@@ -174,25 +166,20 @@ def scale_blade(scene: Scene, number: int, factor: ArrayLike) -> Scene:
 
     The blades are trimmed to their nominal load in the nominal pose.
     """
-    count, names = len(scene.blades.label), scene.bodies.name
+    count = len(scene.blades.label)
     if number >= count:
-        body = number - count + 1
-        keystone = names.index(names[body - 1] + SUFFIX) + 1
-        own = np.flatnonzero((scene.springs.upper == body) & (scene.springs.lower == keystone))
-        return scale_spring(scene, int(own[0]), factor)
-    stiffness = scene.blades.stiffness[..., number, :] * _numbers(factor)[..., None]
-    return _with(scene, "blades", number, stiffness=stiffness)
+        return scale_spring(scene, number - count, factor)
+    return _scaled(scene, "blades", "stiffness", number, _numbers(factor)[..., None])
 
 
 def scale_spring(scene: Scene, number: int, factor: ArrayLike) -> Scene:
     """Multiply the stiffness of one spring (from 0) by a factor (...); its preload stays."""
-    stiffness = scene.springs.stiffness[..., number, :, :] * _numbers(factor)[..., None, None]
-    return _with(scene, "springs", number, stiffness=stiffness)
+    return _scaled(scene, "springs", "stiffness", number, _numbers(factor)[..., None, None])
 
 
 def scale_leg(scene: Scene, number: int, factor: ArrayLike) -> Scene:
     """Multiply the stiffness of the flexures of one leg (from 0) by a factor (...)."""
-    return scale_spring(scene, spring_of_leg(scene, number), factor)
+    return scale_spring(scene, scene.springs.label.index(scene.struts.label[number]), factor)
 
 
 def lengthen_leg(scene: Scene, number: int, change: ArrayLike) -> Scene:
@@ -219,6 +206,13 @@ def _numbers(values: ArrayLike) -> Array:
     return np.asarray(values, dtype=float)
 
 
+def _scaled(scene: Scene, part: str, name: str, number: int, factor: ArrayLike) -> Scene:
+    """Multiply one array of a member of a part."""
+    values = getattr(scene.parts[part], name)
+    axis = values.ndim - inner_axes(type(scene.parts[part]))[name]
+    return _with(scene, part, number, **{name: values.take(number, axis) * _numbers(factor)})
+
+
 def _with(scene: Scene, part: str, number: int, **items: Array) -> Scene:
     """Replace member `number` of arrays of a part of a scene, batch axes broadcast."""
     old = scene.parts[part]
@@ -226,8 +220,7 @@ def _with(scene: Scene, part: str, number: int, **items: Array) -> Scene:
     for name, item in items.items():
         values, inner = getattr(old, name), inner_axes(type(old))[name]
         batch = np.broadcast_shapes(values.shape[:-inner], item.shape[: item.ndim - inner + 1])
-        whole = np.broadcast_to(values, batch + values.shape[-inner:])
-        changed[name] = np.array(whole, dtype=np.result_type(values, item))
+        changed[name] = np.broadcast_to(values, batch + values.shape[-inner:]).copy()
         changed[name][(..., number, *(slice(None),) * (inner - 1))] = item
     result = scene.with_parts({part: replace(old, **changed)})
     return replace(result, drawn=scene.drawn or scene)

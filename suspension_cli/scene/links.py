@@ -1,95 +1,41 @@
-"""Springs of a scene: `[[stage.spring]]`, flexures, `[[link]]` and `[[damper]]`, one row each."""
+"""Springs of a scene: `[[stage.spring]]`, `[[link]]` and `[[damper]]`, one member each."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.conventions import DOFS, GROUND, SUPPORT
+from suspension_cli.conventions import DOFS, GROUND
 from suspension_cli.design import materials
 from suspension_cli.design.derive import gravity_strength, spring_loss
 from suspension_cli.design.links import Damper, Link, Strands
-from suspension_cli.design.schema import Design
-from suspension_cli.scene import eddy_current, strands, tensions
+from suspension_cli.design.schema import Design, Stage
+from suspension_cli.scene import eddy_current, strands
 from suspension_cli.scene.arrays import Array
-from suspension_cli.scene.scene import Spectrum, Springs
+from suspension_cli.scene.places import Places
+from suspension_cli.scene.scene import Spectrum
 
 if TYPE_CHECKING:
     from jaxtyping import Inexact
 
     from suspension_cli.design.units import Matrix6
+    from suspension_cli.scene.towers import Row
 
 
-@dataclass(frozen=True)
-class SpringPart:
-    """One spring between two bodies, see `Springs`."""
-
-    label: str
-    upper: int
-    lower: int
-    lower_point: Sequence[float] | Inexact[np.ndarray, " 3"]
-    stiffness: Inexact[np.ndarray, "6 6"]
-    damping: Inexact[np.ndarray, "6 6"]
-    preload: Sequence[float] | Inexact[np.ndarray, " 6"]
-    loss: float
-    grounded: bool = False
-    spectrum: Spectrum | None = None
-    leg: float = 0.0
-
-
-def springs(design: Design, parts: Sequence[Any], position: Array) -> Springs:
-    """Collect all springs of a design, those of stages first.
-
-    `parts` are the `parts.StagePart` of each stage, `position` (n + 1, 3) the nominal COMs from the
-    suspension point, m; row 0 is the support.
-    """
-    rows: list[SpringPart] = []
-    for n, part in enumerate(parts, 1):
-        legs = part.stage.inverted_pendulum
-        length = 0.0 if legs is None else legs.length
-        flexures = [(spring, length) for spring in part.flexures]
-        for spring, leg in (*((spring, 0.0) for spring in part.stage.spring), *flexures):
-            rows.append(
-                SpringPart(
-                    f"{part.stage.name}.spring{len(rows) + 1}",
-                    part.parent,
-                    n,
-                    spring.at,
-                    matrix(spring.stiffness),
-                    matrix(spring.damping),
-                    spring.preload,
-                    spring_loss(design, spring),
-                    leg=leg,
-                )
-            )
-    rows += [*_links(design, position), *_dampers(design, position)]
-    lower = np.array([row.lower_point for row in rows]).reshape(-1, 3)
-    # a stage's own offset rather than a difference of positions: exact where that is exact
-    offset = np.array(
-        [
-            parts[row.lower - 1].offset
-            if parts[row.lower - 1].parent == row.upper
-            else position[row.lower] - position[row.upper]
-            for row in rows
-        ]
-    ).reshape(-1, 3)
-    return Springs(
-        label=tuple(row.label for row in rows),
-        upper=np.array([row.upper for row in rows], dtype=np.intp),
-        lower=np.array([row.lower for row in rows], dtype=np.intp),
-        upper_point=lower + offset,
-        lower_point=lower,
-        stiffness=np.array([row.stiffness for row in rows]).reshape(-1, 6, 6),
-        damping=np.array([row.damping for row in rows]).reshape(-1, 6, 6),
-        preload=np.array([row.preload for row in rows]).reshape(-1, 6),
-        leg=np.array([row.leg for row in rows]),
-        loss=np.array([row.loss for row in rows]),
-        grounded=np.array([row.grounded for row in rows], dtype=bool),
-        spectrum=tuple(row.spectrum for row in rows),
-    )
+def of_stage(design: Design, stage: Stage) -> list[Row]:
+    """List the springs of a stage to the body above it."""
+    return [
+        {
+            "label": f"{stage.name}.spring{number}",
+            "lower_point": np.array(spring.at),
+            "stiffness": matrix(spring.stiffness),
+            "damping": matrix(spring.damping),
+            "preload": spring.preload,
+            "loss": spring_loss(design, spring),
+        }
+        for number, spring in enumerate(stage.spring, 1)
+    ]
 
 
 def matrix(given: Matrix6 | None) -> Inexact[np.ndarray, "6 6"]:
@@ -100,57 +46,44 @@ def matrix(given: Matrix6 | None) -> Inexact[np.ndarray, "6 6"]:
     return found if found.ndim == 2 else np.diag(found)
 
 
-def numbers(design: Design, between: Sequence[str]) -> tuple[int, int]:
-    """Return the numbers of both bodies; 0 for the support and the ground."""
-    known = {SUPPORT: 0, GROUND: 0} | {stage.name: n for n, stage in enumerate(design.stage, 1)}
-    return known[between[0]], known[between[1]]
-
-
-def _links(design: Design, position: Array) -> list[SpringPart]:
+def of_links(design: Design, places: Places) -> list[Row]:
+    """List the links; the body of lower number is the upper one."""
     rows = []
     for link in design.link:
-        first, second = numbers(design, link.between)
+        first, second = (places.number[name] for name in link.between)
+        k = link_stiffness(design, link, places.position[first], places.position[second])
         spectrum = None if link.table is None else spectrum_of(design, link)
-        rows.append(
-            SpringPart(
-                f"{link.name}.link",
-                *_ordered(first, second, link.at, position),
-                link_stiffness(design, link, position[first], position[second]),
-                matrix(link.damping),
-                np.array(link.preload) if first > second else -np.array(link.preload),
-                link_loss(design, link) if spectrum is None else 0.0,
-                link.between[1] == GROUND,
-                spectrum,
-            )
-        )
+        row = {
+            "label": f"{link.name}.link",
+            "stiffness": k,
+            "damping": matrix(link.damping),
+            "preload": np.array(link.preload) if first > second else -np.array(link.preload),
+            "loss": link_loss(design, link) if spectrum is None else 0.0,
+            "spectrum": spectrum,
+        }
+        rows.append(row | _ends(link, places))
     return rows
 
 
-def _ordered(
-    first: int, second: int, at: Sequence[float], position: Array
-) -> tuple[int, int, Sequence[float] | Inexact[np.ndarray, " 3"]]:
-    """Order two bodies by number, the upper one first; the point in the frame of the lower."""
-    if first > second:
-        return second, first, at
-    return first, second, np.array(at) + position[first] - position[second]
-
-
-def _dampers(design: Design, position: Array) -> list[SpringPart]:
+def of_dampers(design: Design, places: Places) -> list[Row]:
+    """List the dampers; the body of lower number is the upper one."""
     rows = []
     for damper in design.damper:
-        first, second = numbers(design, damper.between)
-        rows.append(
-            SpringPart(
-                f"{damper.name}.damper",
-                *_ordered(first, second, damper.at, position),
-                np.zeros((6, 6)),
-                damper_matrix(damper),
-                [0.0] * 6,
-                0.0,
-                damper.between[1] == GROUND,
-            )
-        )
+        row = {"label": f"{damper.name}.damper", "preload": np.zeros(6)}
+        rows.append(row | {"damping": damper_matrix(damper)} | _ends(damper, places))
     return rows
+
+
+def _ends(table: Link | Damper, places: Places) -> Row:
+    """Bodies of a link or damper, and its point in the frame of the lower one."""
+    first, second = (places.number[name] for name in table.between)
+    point = np.array(table.at)
+    return {
+        "upper": min(first, second),
+        "lower": max(first, second),
+        "lower_point": point if first > second else point - places.between(first, second),
+        "grounded": table.between[1] == GROUND,
+    }
 
 
 def damper_matrix(damper: Damper) -> Inexact[np.ndarray, "6 6"]:
@@ -245,18 +178,3 @@ def spectrum_of(design: Design, link: Link) -> Spectrum:
         tuple(table.frequency),
         tuple((axis, over(axis, re), over(axis, im)) for axis, re, im in rows if static[axis] != 0),
     )
-
-
-def preload_wrenches(design: Design, position: Array) -> list[tuple[int, Array]]:
-    """Forces and torques of the preloads of links about the COMs of the bodies, N and N m."""
-    found = []
-    for link in design.link:
-        if not any(link.preload):
-            continue
-        wrench, at = np.array(link.preload), np.array(link.at)
-        first, second = numbers(design, link.between)
-        found.append((first, tensions.move_wrench(wrench, at)))
-        if second:
-            there = at + position[first] - position[second]
-            found.append((second, -tensions.move_wrench(wrench, there)))
-    return found

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.conventions import DOFS, SUPPORT
-from suspension_cli.rotations import cross_matrix, rotation_minus_identity
+from suspension_cli.rotations import rotation_minus_identity
 from suspension_cli.scene.arrays import inner
 from suspension_cli.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from jaxtyping import Float, Inexact, Int
+    from jaxtyping import Inexact, Int
 
 
 @dataclass(frozen=True)
@@ -71,9 +71,9 @@ class Pose:
         Of each blade's tip, along the axes of its body, m.
     """
 
-    shift: Inexact[np.ndarray, "*batch 1+body 3"] = field(metadata=inner(2))
-    turn: Inexact[np.ndarray, "*batch 1+body 3 3"] = field(metadata=inner(3))
-    deflection: Inexact[np.ndarray, "*batch blade 3"] = field(metadata=inner(2))
+    shift: Inexact[np.ndarray, "*batch 1+body 3"] = field(metadata=inner(3))
+    turn: Inexact[np.ndarray, "*batch 1+body 3 3"] = field(metadata=inner(3, 3))
+    deflection: Inexact[np.ndarray, "*batch blade 3"] = field(metadata=inner(3))
 
     @cached_property
     def rotation(self) -> Inexact[np.ndarray, "*batch 1+body 3 3"]:
@@ -112,64 +112,3 @@ def displace(numbering: Layout, pose: Pose, step: Inexact[np.ndarray, "*batch co
         turn=turn + pose.turn + turn @ pose.turn,
         deflection=pose.deflection + padded[..., numbering.blade],
     )
-
-
-def rigid_motion(
-    size: int, position: Float[np.ndarray, "*batch 1+body 3"]
-) -> Float[np.ndarray, "*batch coordinate 6"]:
-    """Motion (..., N, 6) of all coordinates when the scene moves rigidly with the support.
-
-    For unit motions of the support, in m and rad. Coordinates after those of bodies are relative to
-    a body, and stay 0.
-
-    Parameters
-    ----------
-    size
-        Number N of coordinates.
-    position
-        COM of each body from the suspension point, m; row 0 is the support.
-    """
-    position = np.asarray(position, dtype=float)
-    result = np.zeros((*position.shape[:-2], size, 6))
-    for n in range(position.shape[-2]):
-        result[..., 6 * n : 6 * n + 6, :] = np.eye(6)
-        result[..., 6 * n : 6 * n + 3, 3:] = -cross_matrix(
-            position[..., n, :] - position[..., 0, :]
-        )
-    return result
-
-
-def point_jacobian(
-    numbering: Layout,
-    pose: Pose,
-    body: Int[np.ndarray, " point"],
-    arm: Inexact[np.ndarray, "*batch point 3"],
-    blade: Int[np.ndarray, " point"] | None = None,
-) -> Inexact[np.ndarray, "*batch coordinate point 3"]:
-    """Derivatives (..., N, k, 3) of positions of points with respect to the coordinates.
-
-    Parameters
-    ----------
-    arm
-        From the COM of the body to the point, global axes, m.
-    blade
-        The blade whose tip carries the point, or -1.
-    """
-    batch, count = np.broadcast_shapes(arm.shape[:-2], pose.shift.shape[:-2]), len(body)
-    result = np.zeros(
-        (*batch, numbering.size + 1, count, 3), dtype=np.result_type(arm, pose.rotation)
-    )
-    points = np.arange(count)
-    block = np.zeros((*arm.shape[:-1], 6, 3), dtype=result.dtype)
-    block[..., (0, 1, 2), (0, 1, 2)] = 1.0
-    x, y, z = arm[..., 0], arm[..., 1], arm[..., 2]
-    # rotation by a small vector t moves the point by t x arm
-    block[..., 3, 1], block[..., 3, 2] = -z, y
-    block[..., 4, 0], block[..., 4, 2] = z, -x
-    block[..., 5, 0], block[..., 5, 1] = -y, x
-    result[..., 6 * body[:, None] + np.arange(6), points[:, None], :] = block
-    if blade is not None and numbering.blade.size:
-        columns = np.where((blade >= 0)[:, None], numbering.blade[blade], numbering.size)
-        for axis in range(3):
-            result[..., columns[:, axis], points, :] = pose.rotation[..., body, :, :][..., axis]
-    return result[..., :-1, :, :]

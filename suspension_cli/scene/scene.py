@@ -12,16 +12,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.scene.arrays import inner, inner_axes
+from suspension_cli.scene.arrays import inner, inner_axes, shared
 from suspension_cli.scene.composition import Fibres
 from suspension_cli.scene.gravity import Field
 
 if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
     from jaxtyping import Bool, Float, Inexact, Int
 
 
@@ -46,9 +45,9 @@ class Bodies:
     """
 
     name: tuple[str, ...]
-    mass: Inexact[np.ndarray, "*batch body"] = field(metadata=inner(1))
-    inertia: Inexact[np.ndarray, "... body 3 3"] = field(metadata=inner(3))
-    position: Inexact[np.ndarray, "... 1+body 3"] = field(metadata=inner(2))
+    mass: Inexact[np.ndarray, "*batch body"] = field(metadata=inner())
+    inertia: Inexact[np.ndarray, "... body 3 3"] = field(metadata=inner(3, 3))
+    position: Inexact[np.ndarray, "... 1+body 3"] = field(metadata=inner(3))
 
 
 @dataclass(frozen=True)
@@ -85,18 +84,18 @@ class Wires:
     """
 
     label: tuple[str, ...]
-    upper: Int[np.ndarray, " wire"]
-    lower: Int[np.ndarray, " wire"]
-    blade: Int[np.ndarray, " wire"]
-    upper_point: Inexact[np.ndarray, "... wire 3"] = field(metadata=inner(2, "upper"))
-    lower_point: Inexact[np.ndarray, "... wire 3"] = field(metadata=inner(2, "lower"))
-    span: Inexact[np.ndarray, "... wire 3"] = field(metadata=inner(2))
-    length: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1, computed=True))
-    tension: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1, computed=True))
-    stiffness: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1))
-    torsion: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1))
-    loss: Inexact[np.ndarray, " wire"]
-    mass: Inexact[np.ndarray, "... wire 3"] = field(metadata=inner(2))
+    upper: Int[np.ndarray, " wire"] = field(metadata=shared(dtype=int))
+    lower: Int[np.ndarray, " wire"] = field(metadata=shared(dtype=int))
+    blade: Int[np.ndarray, " wire"] = field(metadata=shared(dtype=int, default=-1))
+    upper_point: Inexact[np.ndarray, "... wire 3"] = field(metadata=inner(3, frame="upper"))
+    lower_point: Inexact[np.ndarray, "... wire 3"] = field(metadata=inner(3, frame="lower"))
+    span: Inexact[np.ndarray, "... wire 3"] = field(metadata=inner(3))
+    length: Inexact[np.ndarray, "... wire"] = field(metadata=inner(computed=True))
+    tension: Inexact[np.ndarray, "... wire"] = field(metadata=inner(computed=True))
+    stiffness: Inexact[np.ndarray, "... wire"] = field(metadata=inner())
+    torsion: Inexact[np.ndarray, "... wire"] = field(metadata=inner())
+    loss: Inexact[np.ndarray, " wire"] = field(metadata=shared())
+    mass: Inexact[np.ndarray, "... wire 3"] = field(metadata=inner(3))
 
 
 @dataclass(frozen=True)
@@ -122,13 +121,13 @@ class Blades:
     """
 
     label: tuple[str, ...]
-    body: Int[np.ndarray, " blade"]
-    axes: Bool[np.ndarray, "blade 3"]
-    tip: Inexact[np.ndarray, "... blade 3"] = field(metadata=inner(2, "body"))
-    stiffness: Inexact[np.ndarray, "... blade 3"] = field(metadata=inner(2))
-    load: Inexact[np.ndarray, "... blade 3"] = field(metadata=inner(2, vector=True, computed=True))
-    tip_mass: Inexact[np.ndarray, "... blade"] = field(metadata=inner(1))
-    loss: Float[np.ndarray, " blade"]
+    body: Int[np.ndarray, " blade"] = field(metadata=shared(dtype=int))
+    axes: Bool[np.ndarray, "blade 3"] = field(metadata=shared(3, dtype=bool))
+    tip: Inexact[np.ndarray, "... blade 3"] = field(metadata=inner(3, frame="body"))
+    stiffness: Inexact[np.ndarray, "... blade 3"] = field(metadata=inner(3))
+    load: Inexact[np.ndarray, "... blade 3"] = field(metadata=inner(3, vector=True, computed=True))
+    tip_mass: Inexact[np.ndarray, "... blade"] = field(metadata=inner())
+    loss: Float[np.ndarray, " blade"] = field(metadata=shared())
 
 
 @dataclass(frozen=True)
@@ -175,41 +174,17 @@ class Springs:
     """
 
     label: tuple[str, ...]
-    upper: Int[np.ndarray, " spring"]
-    lower: Int[np.ndarray, " spring"]
-    upper_point: Inexact[np.ndarray, "... spring 3"] = field(metadata=inner(2, "upper"))
-    lower_point: Inexact[np.ndarray, "... spring 3"] = field(metadata=inner(2, "lower"))
-    stiffness: Inexact[np.ndarray, "... spring 6 6"] = field(metadata=inner(3, vector=True))
-    damping: Inexact[np.ndarray, "... spring 6 6"] = field(metadata=inner(3, vector=True))
-    preload: Inexact[np.ndarray, "... spring 6"] = field(metadata=inner(2, vector=True))
-    leg: Inexact[np.ndarray, "... spring"] = field(metadata=inner(1))
-    loss: Inexact[np.ndarray, " spring"]
-    grounded: Bool[np.ndarray, " spring"]
+    upper: Int[np.ndarray, " spring"] = field(metadata=shared(dtype=int))
+    lower: Int[np.ndarray, " spring"] = field(metadata=shared(dtype=int))
+    upper_point: Inexact[np.ndarray, "... spring 3"] = field(metadata=inner(3, frame="upper"))
+    lower_point: Inexact[np.ndarray, "... spring 3"] = field(metadata=inner(3, frame="lower"))
+    stiffness: Inexact[np.ndarray, "... spring 6 6"] = field(metadata=inner(6, 6, vector=True))
+    damping: Inexact[np.ndarray, "... spring 6 6"] = field(metadata=inner(6, 6, vector=True))
+    preload: Inexact[np.ndarray, "... spring 6"] = field(metadata=inner(6, vector=True))
+    leg: Inexact[np.ndarray, "... spring"] = field(metadata=inner())
+    loss: Inexact[np.ndarray, " spring"] = field(metadata=shared())
+    grounded: Bool[np.ndarray, " spring"] = field(metadata=shared(dtype=bool))
     spectrum: tuple[Spectrum | None, ...]
-
-
-def no_struts() -> Wires:
-    """Struts of a scene without any."""
-    none, points, values = np.zeros(0, dtype=np.intp), np.zeros((0, 3)), np.zeros(0)
-    return Wires(
-        label=(),
-        **dict.fromkeys(("upper", "lower", "blade"), none),
-        **dict.fromkeys(("upper_point", "lower_point", "span"), points),
-        **dict.fromkeys(("length", "tension", "stiffness", "torsion", "loss"), values),
-        mass=np.zeros((0, 3)),
-    )
-
-
-def spring_of_leg(scene: Scene, number: int) -> int:
-    """Number of the spring of the flexures of a leg (from 0)."""
-    nominal = scene.drawn or scene
-    springs, struts = nominal.springs, nominal.struts
-    tops, own = (
-        points.reshape(-1, *points.shape[-2:])[0]
-        for points in (springs.lower_point, struts.lower_point)
-    )
-    same = (springs.upper == struts.upper[number]) & (springs.lower == struts.lower[number])
-    return int(np.flatnonzero(same & (tops == own[number]).all(-1))[0])
 
 
 @dataclass(frozen=True)
@@ -229,23 +204,15 @@ class Bars:
         First, mixed and second, kg.
     """
 
-    label: tuple[str, ...] = ()
-    body: Int[np.ndarray, "bar 2"] = field(default_factory=lambda: np.zeros((0, 2), np.intp))
-    point: Inexact[np.ndarray, "... bar 2 3"] = field(
-        default_factory=lambda: np.zeros((0, 2, 3)), metadata=inner(3, "body")
-    )
-    inertia: Inexact[np.ndarray, "... bar 3"] = field(
-        default_factory=lambda: np.zeros((0, 3)), metadata=inner(2)
-    )
+    label: tuple[str, ...]
+    body: Int[np.ndarray, "bar 2"] = field(metadata=shared(2, dtype=int))
+    point: Inexact[np.ndarray, "... bar 2 3"] = field(metadata=inner(2, 3, frame="body"))
+    inertia: Inexact[np.ndarray, "... bar 3"] = field(metadata=inner(3))
 
     @property
     def loads(self) -> Inexact[np.ndarray, "... bar 2"]:
         """Mass (..., bar, 2) whose weight rests on each end, kg."""
         return self.inertia[..., [0, 2]] + self.inertia[..., [1]]
-
-
-Part = TypeVar("Part", bound="DataclassInstance")
-"""Bodies, wires or parts of another kind: a dataclass of arrays."""
 
 
 @dataclass(frozen=True)
@@ -263,10 +230,10 @@ class Flex:
         Torque per twist, N m/rad.
     """
 
-    upper: Inexact[np.ndarray, "... wire 2 3"] = field(metadata=inner(3))
-    lower: Inexact[np.ndarray, "... wire 2 3"] = field(metadata=inner(3))
-    bend: Inexact[np.ndarray, "... wire 2 3"] | None = field(metadata=inner(3))
-    twist: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1))
+    upper: Inexact[np.ndarray, "... wire 2 3"] = field(metadata=inner(2, 3))
+    lower: Inexact[np.ndarray, "... wire 2 3"] = field(metadata=inner(2, 3))
+    bend: Inexact[np.ndarray, "... wire 2 3"] | None = field(metadata=inner(2, 3))
+    twist: Inexact[np.ndarray, "... wire"] = field(metadata=inner())
 
 
 @dataclass(frozen=True)
@@ -306,8 +273,8 @@ class Scene:
     wires: Wires
     blades: Blades
     springs: Springs
-    struts: Wires = field(default_factory=no_struts)
-    bars: Bars = field(default_factory=Bars)
+    struts: Wires
+    bars: Bars
     drawn: Scene | None = None
     fibres: Fibres | None = None
     flex: Flex | None = None

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.scene.arrays import inner_axes
-from suspension_cli.scene.scene import Part, Scene, Wires
+from suspension_cli.scene.arrays import change_arrays
+from suspension_cli.scene.scene import Scene, Wires
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Int
@@ -32,16 +32,14 @@ def stack_scenes(scenes: Sequence[Scene], pick: Int[np.ndarray, " build"] | None
     """
     order = np.arange(len(scenes)) if pick is None else pick
     drawn = [scene.drawn for scene in scenes if scene.drawn is not None]
-    parts = {
-        key: replace(
-            part,
-            **{
-                name: np.stack([getattr(scene.parts[key], name) for scene in scenes])[order]
-                for name in inner_axes(type(part))
-            },
-        )
-        for key, part in scenes[0].parts.items()
-    }
+
+    def stacked(_: int, *values: np.ndarray) -> np.ndarray:
+        return np.stack(values)[order]
+
+    kinds = zip(*(scene.parts.values() for scene in scenes), strict=True)
+    parts = dict(
+        zip(scenes[0].parts, (change_arrays(stacked, *same) for same in kinds), strict=True)
+    )
     together = stack_scenes(drawn, pick) if len(drawn) == len(scenes) else None
     return replace(scenes[0].with_parts(parts), drawn=together)
 
@@ -49,21 +47,14 @@ def stack_scenes(scenes: Sequence[Scene], pick: Int[np.ndarray, " build"] | None
 def select_scenes(scene: Scene, which: Bool[np.ndarray, "*batch"]) -> Scene:
     """Select scenes of a batch, along one axis, by a bool array of the batch's shape."""
 
-    def selected(part: Part) -> Part:
-        values = {name: (getattr(part, name), n) for name, n in inner_axes(type(part)).items()}
-        return replace(
-            part,
-            **{
-                name: np.broadcast_to(value, scene.batch + value.shape[value.ndim - axes :])[which]
-                for name, (value, axes) in values.items()
-            },
-        )
+    def selected(axes: int, value: np.ndarray) -> np.ndarray:
+        return np.broadcast_to(value, scene.batch + value.shape[value.ndim - axes :])[which]
 
     drawn = scene.drawn
     if drawn is not None and drawn.batch:
         drawn = select_scenes(drawn, np.broadcast_to(which, drawn.batch))
     parts = scene.parts if scene.flex is None else scene.parts | {"flex": scene.flex}
-    chosen = {key: selected(part) for key, part in parts.items()}
+    chosen = {key: change_arrays(selected, part) for key, part in parts.items()}
     return replace(scene.with_parts(chosen), drawn=drawn)
 
 
@@ -74,11 +65,12 @@ def scale_imperfections(scene: Scene, fraction: float) -> Scene:
     drawn = scene.drawn
     assert drawn is not None
 
-    def between(old: Part, new: Part) -> Part:
-        values = {name: (getattr(old, name), getattr(new, name)) for name in inner_axes(type(new))}
-        return replace(new, **{name: a + fraction * (b - a) for name, (a, b) in values.items()})
+    def between(_: int, new: np.ndarray, old: np.ndarray) -> np.ndarray:
+        return old + fraction * (new - old)
 
-    parts = {key: between(drawn.parts[key], part) for key, part in scene.parts.items()}
+    parts = {
+        key: change_arrays(between, part, drawn.parts[key]) for key, part in scene.parts.items()
+    }
     wires = parts["wires"]
     assert isinstance(wires, Wires)
     parts["wires"] = replace(wires, length=np.sqrt((wires.span**2).sum(-1)))

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.errors import Fault
 from suspension_cli.rotations import cross
 from suspension_cli.scene.arrays import Array, Index
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Inexact
+
+    from suspension_cli.scene.scene import Blades, Wires
 
 BALANCE = 1e-9
 """Residual force, over the weight, and torque, over the weight times 1 m, that count as 0."""
@@ -24,27 +25,13 @@ TORQUES = 1e-3
 """Weight (1/m) of torques relative to forces in a load that cannot be balanced."""
 
 ROUNDING = 1e-12
-"""Relative difference of tensions that are equal but for rounding."""
-
-_NAMES = (
-    "force along x",
-    "force along y",
-    "force along z",
-    "roll torque",
-    "pitch torque",
-    "yaw torque",
-)
+"""Relative difference of numbers that are equal but for rounding."""
 
 
 def move_wrench(wrench: Array, offset: Array) -> Array:
     """Transform a wrench (..., 6) to a point that lies at -offset (..., 3) from its own, m."""
     force = wrench[..., :3]
     return np.concatenate([force, wrench[..., 3:] + cross(offset, force)], axis=-1)
-
-
-def weight_wrench(weight: float, point: Array) -> Array:
-    """Compute the wrench (6,) of a weight (N) at a point (3,) about the origin."""
-    return move_wrench(np.array([0.0, 0.0, -weight, 0.0, 0.0, 0.0]), point)
 
 
 def wire_wrenches(direction: Array, point: Array) -> Array:
@@ -83,8 +70,10 @@ def least_energy(
     left_over : (6,) array
         Unbalanced wrench, N and N m.
     """
-    scaled = compliance / np.trace(compliance)
-    root = _inverse_root(scaled)
+    # R R^T = C^-1; eigenvalues are kept above the rounding error of the largest: beside a soft
+    # blade the compliance of its wires is lost in rounding
+    values, vectors = np.linalg.eigh(compliance / np.trace(compliance))
+    root = vectors / np.sqrt(np.maximum(values, np.finfo(float).eps * values[-1]))
     tension = root @ (np.linalg.pinv(wrenches.T @ root, rcond=1e-10) @ -load)
     left_over = wrenches.T @ tension + load
     # where not all can be balanced, balance the forces first: what is left over reads better
@@ -95,19 +84,6 @@ def least_energy(
         )
         left_over = wrenches.T @ best + load
     return tension, left_over
-
-
-def _inverse_root(matrix: Array) -> Array:
-    """Compute R with R R^T = C^-1 for a positive definite C.
-
-    Eigenvalues are kept above the rounding error of the largest: beside a soft blade the compliance
-    of its wires is lost in rounding.
-    """
-    try:
-        return np.asarray(np.linalg.inv(np.linalg.cholesky(matrix)).T, dtype=np.float64)
-    except np.linalg.LinAlgError:
-        values, vectors = np.linalg.eigh(matrix)
-        return vectors / np.sqrt(np.maximum(values, np.finfo(float).eps * values[-1]))
 
 
 def compliance(
@@ -130,30 +106,38 @@ def compliance(
     return result
 
 
-def equalise_mirrored(tension: Array, upper: Array, lower: Array, stiffness: Array) -> Array:
-    """Make tensions (w,) of mirror-image wires exactly equal where they differ by rounding."""
-    for axis in (0, 1):
-        flip = np.ones(3)
-        flip[axis] = -1.0
-        wires = np.concatenate([upper, lower, stiffness[:, None]], axis=1)
-        images = np.concatenate([upper * flip, lower * flip, stiffness[:, None]], axis=1)
-        same = (wires[:, None, :] == images[None, :, :]).all(-1)
-        if (same.sum(0) == 1).all():
-            even = (tension + tension[same.argmax(0)]) / 2
-            if np.abs(even - tension).max() <= ROUNDING * np.abs(tension).max():
-                tension = even
-    return tension
+def carry(
+    lines: Wires,
+    own: Index,
+    blades: Blades,
+    load: Array,
+    fixed: Bool[np.ndarray, " own"] | None = None,
+) -> tuple[Array, Array]:
+    """Distribute a load (6,) on a body about its COM over its wires or legs, in the nominal pose.
 
-
-def report_imbalance(left_over: Array, weight: float, key: str, remedy: str) -> list[Fault]:
-    """Report the largest forces and torques of a residual wrench (6,), if any, as a fault."""
-    found = [
-        f"{left_over[axis]:.3g} {'N' if axis < 3 else 'N m'} of {_NAMES[axis]}"
-        for axis in np.argsort(-np.abs(left_over))
-        if abs(left_over[axis]) > max(BALANCE * weight, 1e-3 * np.abs(left_over).max())
-    ]
-    if not found:
-        return []
-    return [
-        Fault(key, f"cannot balance in the nominal pose: {', '.join(found[:3])} left over", remedy)
-    ]
+    `own` are their numbers. Returns their tensions, of which those that are `fixed` are the lines'
+    own, and the wrench (6,) left over.
+    """
+    free = np.ones(len(own), dtype=bool) if fixed is None else ~fixed
+    direction = lines.span[own] / lines.length[own, None]
+    wrenches = wire_wrenches(direction, lines.lower_point[own])
+    tension = np.where(free, 0.0, lines.tension[own])
+    left_over = load + wrenches.T @ tension
+    if not free.any():
+        return tension, left_over
+    c = compliance(lines.stiffness[own], direction, lines.blade[own], blades.axes, blades.stiffness)
+    # Equal tensions are those of least energy if the slopes of all wires are equal, and so are the
+    # elongations that they cause: then these are proportional to the wires' vertical forces.
+    slope, elongation = direction[:, 2], c.sum(1)
+    if free.all() and np.ptp(slope) == 0 and np.ptp(elongation) <= ROUNDING * elongation[0]:
+        equal = np.full(len(slope), load[2] / slope.sum())
+        unbalanced = load + wrenches.T @ equal
+        if np.abs(unbalanced).max() <= ROUNDING * np.abs(load).max():
+            return equal, unbalanced
+    among = c[np.ix_(free, free)]
+    # A wire of given tension deflects the blade that it shares with a free wire: minimise about the
+    # tensions of the free wires that this deflection corresponds to.
+    shift = np.linalg.solve(among, c[np.ix_(free, ~free)] @ tension[~free])
+    carried, left_over = least_energy(wrenches[free], left_over - wrenches[free].T @ shift, among)
+    tension[free] = carried - shift
+    return tension, left_over

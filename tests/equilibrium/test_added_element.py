@@ -38,10 +38,10 @@ class Tethers:
     label: tuple[str, ...]
     upper: np.ndarray
     lower: np.ndarray
-    upper_point: np.ndarray = field(metadata=inner(2, "upper"))
-    lower_point: np.ndarray = field(metadata=inner(2, "lower"))
-    k: np.ndarray = field(metadata=inner(1))
-    q: np.ndarray = field(metadata=inner(1))
+    upper_point: np.ndarray = field(metadata=inner(3, frame="upper"))
+    lower_point: np.ndarray = field(metadata=inner(3, frame="lower"))
+    k: np.ndarray = field(metadata=inner())
+    q: np.ndarray = field(metadata=inner())
     loss: np.ndarray
 
 

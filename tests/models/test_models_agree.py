@@ -48,9 +48,9 @@ def apart(stiffness, other):
 def test_table_1(case):
     design = scenes.design_of(paper.table_1(case))
     closed, string, chain = (
-        closed_form.linear_model(design),
+        closed_form.CLOSED_FORM.suspension(design),
         string_model(design),
-        force.linear_model(design),
+        force.FORCE.suspension(design),
     )
     assert worst(closed, string) < 1e-12
     assert worst(chain, string) < 1e-12
@@ -73,8 +73,8 @@ def test_table_1_as_printed():
 def test_closed_form_is_string_for_many_singles():
     for seed in range(60):
         design = scenes.design_of(scenes.closed(np.random.default_rng(seed)))
-        assert not closed_form.unsuited(design)
-        closed, string = closed_form.linear_model(design), string_model(design)
+        assert not closed_form.CLOSED_FORM.unsuitable(design)
+        closed, string = closed_form.CLOSED_FORM.suspension(design), string_model(design)
         assert worst(closed, string) < 1e-12, seed
         assert apart(closed.stiffness, string.stiffness) < 1e-13, seed
 
@@ -83,8 +83,8 @@ def test_closed_form_is_string_for_many_singles():
 def test_force_is_string_for_chains(stages):
     for seed in range(10):
         design = scenes.design_of(scenes.chain(np.random.default_rng([1, stages, seed]), stages))
-        assert not force.unsuited(design)
-        chain, string = force.linear_model(design), string_model(design)
+        assert not force.FORCE.unsuitable(design)
+        chain, string = force.FORCE.suspension(design), string_model(design)
         assert worst(chain, string) < 1e-10, seed
         assert apart(chain.stiffness, string.stiffness) < 1e-13, seed
         assert np.array_equal(chain.mass, string.mass)
@@ -96,9 +96,9 @@ def test_force_is_string_for_blades_above_vertical_wires(stages):
         design = scenes.design_of(
             scenes.bladed_chain(np.random.default_rng([2, stages, seed]), stages)
         )
-        assert not force.unsuited(design)
-        assert not force.series_is_approximate(design)
-        chain, string = force.linear_model(design), string_model(design)
+        assert not force.FORCE.unsuitable(design)
+        assert not force.FORCE.approximated_stages(design)
+        chain, string = force.FORCE.suspension(design), string_model(design)
         assert worst(chain, string) < 1e-10, seed
         assert apart(chain.stiffness, condensed_whole(string)) < 1e-13, seed
 
@@ -114,7 +114,7 @@ def test_every_number_of_blades(wires, blades):
             scenes.stage(rng, "low"),
         ]
         design = scenes.design_of(scenes.raw_of(*stages))
-        chain, string = force.linear_model(design), string_model(design)
+        chain, string = force.FORCE.suspension(design), string_model(design)
         assert string.size == 6 * 4 + blades
         assert worst(chain, string) < 1e-10, seed
         assert apart(chain.stiffness, condensed_whole(string)) < 1e-13, seed
@@ -138,8 +138,8 @@ def test_losses_agree():
         rng = np.random.default_rng([6, seed])
         design = lossy_design(rng, 1, blades=False)
         models = [
-            closed_form.linear_model(design),
-            force.linear_model(design),
+            closed_form.CLOSED_FORM.suspension(design),
+            force.FORCE.suspension(design),
             string_model(design),
         ]
         for model in models:
@@ -147,7 +147,7 @@ def test_losses_agree():
             assert apart(model.lossy.real, model.stiffness) < 1e-13
         assert np.abs(models[-1].lossy.imag).max() > 1.0
         design = lossy_design(rng, 3, blades=True)
-        chain, string = force.linear_model(design), string_model(design)
+        chain, string = force.FORCE.suspension(design), string_model(design)
         condensed = condensed_whole(string, string.lossy)
         assert apart(chain.lossy.imag, condensed.imag) < 1e-12
         assert apart(chain.lossy, condensed) < 1e-13
@@ -177,10 +177,10 @@ def test_blades_above_angled_wires_are_approximate(count):
     """In series means a deflection along the wire; the tip really moves along z, so they part by up
     to sin^2 of the angle."""
     design = angled_on_blades(count=count)
-    assert force.series_is_approximate(design) == ["test"]
+    assert force.FORCE.approximated_stages(design) == ("test",)
     choice = registry.choose(design)
     assert choice.level == "string" or "string" in choice.reason
-    difference = worst(force.linear_model(design), string_model(design))
+    difference = worst(force.FORCE.suspension(design), string_model(design))
     assert 1e-3 < difference < 0.2
 
 
@@ -192,7 +192,7 @@ def test_the_difference_vanishes_with_the_angle():
             design = angled_on_blades(tilt)
             (chain,), (string,) = (
                 eigenmodes.solve(model).of(dof)
-                for model in (force.linear_model(design), string_model(design))
+                for model in (force.FORCE.suspension(design), string_model(design))
             )
             found.append(abs(chain / string - 1))
         assert found[0] > 1e-7, dof
@@ -203,7 +203,7 @@ def test_the_difference_vanishes_with_the_angle():
 def test_the_difference_goes_with_the_compliance_of_the_blades():
     stiffnesses = (1e6, 1e7, 1e8)
     found = [
-        worst(force.linear_model(design), string_model(design))
+        worst(force.FORCE.suspension(design), string_model(design))
         for design in (angled_on_blades(blade=k) for k in stiffnesses)
     ]
     assert found[0] > 1e-5
@@ -230,7 +230,7 @@ def test_stiff_blades_are_no_blades():
     )
     bare = scenes.design_of(raw)
     assert worst(string_model(with_blades), string_model(bare)) < 1e-10
-    assert worst(force.linear_model(with_blades), force.linear_model(bare)) < 1e-10
+    assert worst(force.FORCE.suspension(with_blades), force.FORCE.suspension(bare)) < 1e-10
     assert worst(string_model(without), string_model(bare)) > 0.1
 
 
@@ -293,16 +293,16 @@ def test_coupling_of_x_and_pitch_vanishes_with_d():
 
 def test_an_invalid_model_is_refused():
     chain = scenes.design_of(scenes.chain(np.random.default_rng(5), 2))
-    assert "more than one stage" in closed_form.unsuited(chain)
+    assert "more than one stage" in closed_form.CLOSED_FORM.unsuitable(chain)
     raw = paper.table_1(1)
     wires = {key: value for key, value in raw["stage"][0]["wires"].items() if key != "s"} | {
         "s_upper": 0.02,
         "s_lower": 0.03,
     }
     splayed = scenes.design_of(scenes.raw_of(raw["stage"][0] | {"wires": wires}))
-    assert "angled in x" in closed_form.unsuited(splayed)
+    assert "angled in x" in closed_form.CLOSED_FORM.unsuitable(splayed)
     with pytest.raises(InputError, match="angled in x"):
         registry.choose(splayed, "closed-form")
     crooked = scenes.design_of(scenes.crooked(np.random.default_rng(5)))
-    assert "explicit wires" in force.unsuited(crooked)
+    assert "explicit wires" in force.FORCE.unsuitable(crooked)
     assert registry.choose(crooked).level == "string"

@@ -494,6 +494,22 @@ def test_symmetry_of_legs_and_filters_is_exact():
 def test_chain_models_say_why_they_do_not_fit():
     tower, legs = reader.parse(TOWER), alone(frequency=0.1).design
     assert registry.by_name("force").unsuitable(tower) == "stage ip stands on legs"
-    assert registry.by_name("closed-form").unsuitable(legs) == "it stands on legs"
+    assert registry.by_name("closed-form").unsuitable(legs) == "stage ip stands on legs"
     gas = reader.parse(FILTER.format(more=""))
     assert registry.by_name("force").unsuitable(gas) == "stage f has a filter"
+
+
+def test_springs_below_legs_have_the_losses_of_their_material():
+    """The flexures of legs are springs of the scene, too, before them."""
+    wire = 'material = "steel302", radius = 4e-4'
+    spring = '[[stage.spring]]\nstiffness = [50.0, 50.0, 0.0, 0.0, 0.0, 0.0]\nmaterial = "lossy"\n'
+    lossy = "[materials.lossy]\nyoungs_modulus = 2e11\ndensity = 7800.0\nloss_angle = 0.01\n"
+    own = TOWER.replace(f"k = {WIRE['k']}", wire) + spring
+
+    def noise(text):
+        found = sus.thermal(sus.parse(text), outputs=["f.x"], frequency=[0.5], fidelity="beam")
+        return found.data[0].density.sum(0)[0]
+
+    given = own.replace('material = "lossy"', "loss_angle = 0.01")
+    assert noise(own + lossy) == pytest.approx(noise(given), rel=1e-9)
+    assert noise(given) > 1.1 * noise(given.replace("loss_angle = 0.01\n", ""))

@@ -96,14 +96,6 @@ def test_straight_wire_is_a_beam_and_a_polyline_a_frame() -> None:
     np.testing.assert_allclose(found, _frame(points), rtol=1e-11, atol=1e-12)
 
 
-def test_complex_step_through_shapes() -> None:
-    for shape in (strands.u_shape, strands.catenary):
-        h = 1e-6
-        exact = strands.stiffness(shape(END, 0.4 + 1e-30j), WIRE).imag / 1e-30
-        plus, minus = (strands.stiffness(shape(END, 0.4 + s * h), WIRE) for s in (1, -1))
-        np.testing.assert_allclose(exact, (plus - minus) / (2 * h), rtol=1e-4, atol=1e-5)
-
-
 def test_sag_of_a_straight_wire() -> None:
     """A horizontal beam clamped at both ends descends by w L^4 / 384 EI in its middle."""
     length = 0.2

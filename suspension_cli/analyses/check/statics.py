@@ -18,6 +18,7 @@ from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.equilibrium.solve import solve as balance
 from suspension_cli.rotations import rotation_vector
 from suspension_cli.scene import links, strands
+from suspension_cli.scene.places import Places
 from suspension_cli.scene.scene import Scene
 
 
@@ -168,17 +169,17 @@ def solve(design: Design) -> Statics:
         ),
         top=max((end for heights in ends for end in heights), default=0.0),
         residual=float(balanced.residual),
-        links=tuple(_links(design, scene)),
+        links=tuple(_links(design)),
         legs=towers.leg_loads(design, scene, balanced),
         filters=towers.filter_loads(design, scene, balanced),
     )
 
 
-def _links(design: Design, scene: Scene) -> Iterator[LinkLoad]:
+def _links(design: Design) -> Iterator[LinkLoad]:
     """Links and dampers between bodies, in the order of the file."""
-    position = scene.bodies.position
+    places = Places.of(design)
     for link in design.link:
-        first, second = (position[n] for n in links.numbers(design, link.between))
+        first, second = (places.position[places.number[name]] for name in link.between)
         stiffness = links.link_stiffness(design, link, first, second)
         found = LinkLoad(
             link.name,
@@ -189,11 +190,10 @@ def _links(design: Design, scene: Scene) -> Iterator[LinkLoad]:
         )
         if link.strands is not None:
             curve, wire = links.link_curve(link, first, second), links.wire_of(design, link.strands)
-            length = float(curve.length)
             found = replace(
                 found,
-                length=length,
-                weight=link.strands.count * length * float(wire.weight),
+                length=curve.length,
+                weight=link.strands.count * curve.length * wire.weight,
                 sag=strands.sag(curve, wire)[0],
             )
         yield found

@@ -1,0 +1,56 @@
+"""Places of the bodies of a design in its nominal pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from suspension_cli.conventions import GROUND, SUPPORT
+from suspension_cli.design.derive import com_offset
+from suspension_cli.design.schema import Design
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+
+@dataclass(frozen=True)
+class Places:
+    """Tree of the bodies; number 0 is the support, n the n-th stage.
+
+    Attributes
+    ----------
+    number
+        Of each body by name, 0 also for the ground.
+    parent
+        The body above each, 0 for the support itself.
+    offset
+        COM from the COM above (or the suspension point), m.
+    position
+        COM from the suspension point, m.
+    """
+
+    number: dict[str, int]
+    parent: list[int]
+    offset: Float[np.ndarray, "1+body 3"]
+    position: Float[np.ndarray, "1+body 3"]
+
+    @classmethod
+    def of(cls, design: Design) -> Places:
+        """The places of the bodies of a design."""
+        number, parent = {SUPPORT: 0, GROUND: 0}, [0]
+        for n, stage in enumerate(design.stage, 1):
+            number[stage.name] = n
+            parent.append(n - 1 if stage.hangs_from is None else number[stage.hangs_from])
+        offset = np.array([(0.0, 0.0, 0.0), *(com_offset(stage) for stage in design.stage)])
+        position = offset.copy()
+        for n, above in enumerate(parent[1:], 1):
+            position[n] += position[above]
+        return cls(number, parent, offset, position)
+
+    def between(self, upper: int, lower: int) -> Float[np.ndarray, " 3"]:
+        """COM of one body from that of another, m."""
+        if lower and self.parent[lower] == upper:
+            return self.offset[lower]  # exact where a difference of positions is rounded
+        return self.position[lower] - self.position[upper]
