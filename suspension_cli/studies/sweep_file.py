@@ -1,8 +1,9 @@
-"""The results file of a sweep, and the points that are done while it runs.
+"""The results file of a sweep, into which points are written while it runs.
 
-During a run the points are records of one size in ``NAME.h5.part``, after a digest of the job and a
-mark for each unit of points that is safely on disk; so a killed run can be resumed. From all of
-them the HDF5 file is written.
+``NAME.h5.part`` has the layout of the finished HDF5 file from the start, and room for all points.
+They are written to their places in it without HDF5, which leaves a damaged file behind if it is
+killed. A further dataset marks the points that are safely on disk; so a killed run can be resumed.
+When all are, the marks are deleted and the file gets its name.
 """
 
 from __future__ import annotations
@@ -35,17 +36,15 @@ UNIT = 64
 """Points per mark; chunks are multiples of it."""
 SYNC_SECONDS = 2.0
 """Interval at which results are forced to disk and marked, s."""
-HEAD = 32
-"""Bytes of the digest of the job, so that a changed design is not resumed."""
-BLOCK = 1 << 24
-"""Bytes that are copied to the HDF5 file at once."""
 OVERHEAD = 1 << 20
 """Bytes of an HDF5 file beyond the points, at most."""
+MARKS = "unfinished"
+"""Dataset with a mark for each unit of points; its attribute `sweep` is a digest of the job."""
 
 Fill = Callable[[h5py.Group], None]
 """Writes the rest of the group beside the columns."""
 After = Callable[[Path], None]
-"""Completes an unfinished file that has all its points."""
+"""Completes an unfinished file that has all its points and is locked: open it without locking."""
 
 
 class Job(Protocol):
@@ -86,17 +85,17 @@ class Store:
         Of the finished file.
     handle
         Of the unfinished one.
+    places
+        Byte at which each column begins in it, and the marks.
     done
         uint8: 1 for each unit that is safely on disk.
-    record
-        Type of one point.
     """
 
     job: Job
     path: Path
     handle: int
+    places: dict[str, int]
     done: Int[np.ndarray, " unit"]
-    record: np.dtype
     pending: list[tuple[int, int]] = field(default_factory=list)
     synced: float = field(default_factory=lambda: time.monotonic())
 
@@ -113,11 +112,11 @@ class Store:
 
     def put(self, start: int, stop: int, values: ColumnValues) -> None:
         """Write the results of one chunk."""
-        points = np.zeros(stop - start, dtype=self.record)
-        for name in self.record.names or ():
-            points[name] = values[name]
         with writing_to(self.path):
-            _write_all(self.handle, points.tobytes(), self._offset(start))
+            for column in self.job.columns:
+                data = np.asarray(values[column.name], column.dtype).tobytes()
+                size = len(data) // (stop - start)
+                _write_all(self.handle, data, self.places[column.name] + start * size)
         self.pending.append((start, stop))
         if time.monotonic() - self.synced > SYNC_SECONDS:
             self.sync()
@@ -131,112 +130,56 @@ class Store:
             os.fsync(self.handle)
             for start, stop in self.pending:
                 self.done[start // UNIT : -(-stop // UNIT)] = 1
-            _write_all(self.handle, self.done.tobytes(), HEAD)
+            _write_all(self.handle, self.done.tobytes(), self.places[MARKS])
             os.fsync(self.handle)
         self.pending.clear()
         self.synced = time.monotonic()
 
-    def finish(self, group: str, origin: Provenance, fill: Fill, after: After | None) -> None:
-        """Write the HDF5 file, let `after` fill the columns that need all points."""
+    def finish(self, after: After | None) -> None:
+        """Let `after` fill the columns that need all points, and rename the file."""
         self.sync()
         assert self.done.all(), "every unit must have been written"
-        new = self.path.with_name(self.path.name + ".new")
+        part = part_of(self.path)
         with writing_to(self.path):
-            try:
-                new.unlink(missing_ok=True)
-                with open(os.open(new, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666), "rb") as stream:
-                    # HDF5 hangs or crashes where there is no room
-                    _allocate(stream.fileno(), os.fstat(self.handle).st_size + OVERHEAD)
-                with h5py.File(new, "w") as file:
-                    write_root_attributes(file, origin)
-                    self._write_group(file.create_group(group), fill)
-                if after is not None:
-                    after(new)
-                with new.open("rb") as stream:
-                    os.fsync(stream.fileno())
-                os.replace(new, self.path)
-            except BaseException:
-                new.unlink(missing_ok=True)
-                raise
-            _part(self.path).unlink()
-
-    def _write_group(self, home: h5py.Group, fill: Fill) -> None:
-        job, shape = self.job, self.job.shape
-        fill(home)
-        for column in job.columns:
-            home.create_dataset(column.name, (*shape, *column.shape), column.dtype)
-            home[column.name].attrs["units"] = column.units
-        for place, start, block in _blocks(shape, BLOCK // self.record.itemsize):
-            size = math.prod(block) * self.record.itemsize
-            points = np.frombuffer(os.pread(self.handle, size, self._offset(start)), self.record)
-            for column in job.columns:
-                values: Stored = home[column.name]
-                values[place] = points[column.name].reshape(*block, *column.shape)
-        for name in job.scales:
-            axis: Stored = home[name]
-            if not axis.is_scale:
-                axis.make_scale(name)
-        for column in job.columns:
-            values = home[column.name]
-            for axis, name in zip(values.dims, (*job.scales, *column.axes), strict=True):
-                axis.label = name
-                if name != column.name:  # a scale has none itself
-                    axis.attach_scale(home[name])
-
-    def _offset(self, point: int) -> int:
-        return HEAD + len(self.done) + point * self.record.itemsize
-
-
-def _blocks(
-    shape: tuple[int, ...], most: int
-) -> Iterator[tuple[tuple[int | slice, ...], int, tuple[int, ...]]]:
-    """Divide a grid into blocks of consecutive points, if possible of at most so many.
-
-    Yields their places in the grid, numbers of their first points, and shapes.
-    """
-    inner = [math.prod(shape[n + 1 :]) for n in range(len(shape))]
-    axis = next(n for n, size in enumerate(inner) if size <= most or size == 1)
-    step = max(1, most // inner[axis])
-    for outer in np.ndindex(shape[:axis]):
-        first = sum(n * size for n, size in zip(outer, inner, strict=False))
-        for start in range(0, shape[axis], step):
-            stop = min(start + step, shape[axis])
-            block = (stop - start, *shape[axis + 1 :])
-            yield (*outer, slice(start, stop)), first + start * inner[axis], block
+            # HDF5 hangs or crashes where there is no room
+            _allocate(self.handle, os.fstat(self.handle).st_size + OVERHEAD)
+            if after is not None:
+                after(part)
+            with h5py.File(part, "r+", locking=False) as file:
+                del file[MARKS]
+            os.fsync(self.handle)
+            os.replace(part, self.path)
 
 
 @contextlib.contextmanager
-def opened(job: Job, path: Path, origin: Provenance, resume: bool) -> Iterator[Store]:
-    """Begin or resume the points of a job; finished ones are saved however the block ends."""
-    record = np.dtype([(column.name, column.dtype, column.shape) for column in job.columns])
-    part, units = _part(path), -(-job.count // UNIT)
+def opened(
+    job: Job, path: Path, group: str, origin: Provenance, fill: Fill, resume: bool
+) -> Iterator[Store]:
+    """Begin or resume the file of a job; finished points are saved however the block ends."""
+    part = part_of(path)
     key = (__version__, job.count, job.columns, origin.design, origin.sweep)
-    digest = hashlib.sha256(repr(key).encode()).digest()
-    size = HEAD + units + job.count * record.itemsize
+    digest = hashlib.sha256(repr(key).encode()).hexdigest()
     with contextlib.ExitStack() as stack:
         with writing_to(path):
             for own in (path, part):
                 if not is_regular(own):
                     remedy = "delete it, or name another folder"
                     raise InputError.of("--out", "is not a regular file", remedy, str(own))
-            fresh = not part.exists()
+            fresh = not (resume and part.exists())
             handle = os.open(part, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
             stack.callback(os.close, handle)
             _lock(handle, path)
-            done = np.zeros(units, dtype=np.uint8)
-            if resume and not fresh:
-                _check(handle, part, digest, size)
-                done[:] = np.frombuffer(os.pread(handle, units, HEAD), dtype=np.uint8)
-            else:
+            if fresh:
                 try:
-                    os.ftruncate(handle, 0)
-                    _allocate(handle, 2 * size + OVERHEAD)  # both files exist at the end
-                    os.ftruncate(handle, size)
-                    _write_all(handle, digest, 0)
+                    _create(handle, part, job, group, origin, fill, digest)
                 except BaseException:
                     part.unlink(missing_ok=True)
                     raise
-        store = Store(job, path, handle, done, record)
+            places = _find_places(part, job, group, digest)
+            done = np.frombuffer(
+                os.pread(handle, -(-job.count // UNIT), places[MARKS]), np.uint8
+            ).copy()
+        store = Store(job, path, handle, places, done)
         try:
             yield store
         except BaseException:
@@ -245,8 +188,67 @@ def opened(job: Job, path: Path, origin: Provenance, resume: bool) -> Iterator[S
             raise
 
 
-def _part(path: Path) -> Path:
+def part_of(path: Path) -> Path:
+    """Path of the unfinished file."""
     return path.with_name(path.name + ".part")
+
+
+def _create(
+    handle: int, part: Path, job: Job, group: str, origin: Provenance, fill: Fill, digest: str
+) -> None:
+    """Write the file without points, and allocate room for them.
+
+    A full disk is then reported at once. HDF5 itself hangs or crashes on one, so there is a first
+    attempt without it.
+    """
+    points = sum(
+        job.count * math.prod(column.shape) * np.dtype(column.dtype).itemsize
+        for column in job.columns
+    )
+    _allocate(handle, points + OVERHEAD)
+    allocated = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    allocated.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+    allocated.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
+    with h5py.File(part, "w", locking=False) as file:
+        write_root_attributes(file, origin)
+        home = file.create_group(group)
+        fill(home)
+        for column in job.columns:
+            shape = (*job.shape, *column.shape)
+            home.create_dataset(column.name, shape, column.dtype, dcpl=allocated)
+            home[column.name].attrs["units"] = column.units
+        for name in job.scales:
+            axis: Stored = home[name]
+            if not axis.is_scale:
+                axis.make_scale(name)
+        for column in job.columns:
+            values: Stored = home[column.name]
+            for axis, name in zip(values.dims, (*job.scales, *column.axes), strict=True):
+                axis.label = name
+                if name != column.name:  # a scale has none itself
+                    axis.attach_scale(home[name])
+        file[MARKS] = np.zeros(-(-job.count // UNIT), dtype=np.uint8)
+        file[MARKS].attrs["sweep"] = digest
+    _allocate(handle, os.fstat(handle).st_size)
+
+
+def _find_places(part: Path, job: Job, group: str, digest: str) -> dict[str, int]:
+    """Find where columns and marks begin in the unfinished file of a job.
+
+    Raises `InputError` if the file is another one, or is damaged.
+    """
+    anew = "start anew without --resume"
+    try:
+        with h5py.File(part, "r", locking=False) as file:
+            if MARKS not in file or file[MARKS].attrs["sweep"] != digest:
+                problem = f"{part.name} belongs to another design or sweep"
+                remedy = f"take the same design and options, or {anew}"
+                raise InputError.of("--resume", problem, remedy)
+            names = (MARKS, *(f"{group}/{column.name}" for column in job.columns))
+            sets: list[Stored] = [file[name] for name in names]
+            return {one.name.rpartition("/")[2]: one.id.get_offset() for one in sets}
+    except (OSError, RuntimeError, KeyError):
+        raise InputError.of("--resume", f"{part.name} was cut off", anew) from None
 
 
 def _lock(handle: int, path: Path) -> None:
@@ -257,16 +259,6 @@ def _lock(handle: int, path: Path) -> None:
         raise InputError.of("--out", problem, remedy, str(path)) from None
     except OSError:
         pass  # a file system without locks
-
-
-def _check(handle: int, part: Path, digest: bytes, size: int) -> None:
-    """Raise `InputError` for an unfinished file that is not that of the job."""
-    anew, found = "start anew without --resume", os.fstat(handle).st_size
-    if found >= HEAD and os.pread(handle, HEAD, 0) != digest:
-        problem = f"{part.name} belongs to another design or sweep"
-        raise InputError.of("--resume", problem, f"take the same design and options, or {anew}")
-    if found != size:
-        raise InputError.of("--resume", f"{part.name} was cut off", anew)
 
 
 def _allocate(handle: int, size: int) -> None:

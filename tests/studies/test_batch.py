@@ -212,7 +212,7 @@ def test_resume_after_an_exception(count, fails, chunk, other):
         done = counting_sweep.Toy(count, log).computed()
         assert np.array_equal(done == 1, counting_sweep.marked(path, count))
         job = counting_sweep.Toy(count, log)
-        kept = counting_sweep.records(counting_sweep.part(path), job)["value"]
+        kept = counting_sweep.records(counting_sweep.part(path), "value")
         assert np.array_equal(kept[done == 1], job.values()[done == 1])
         counting_sweep.run(counting_sweep.Toy(count, log), path, chunk=other, resume=True)
         assert (counting_sweep.Toy(count, log).computed() == 1).all()
@@ -339,16 +339,6 @@ def test_resume_of_something_else_is_refused(other, tmp_path):
     assert before == counting_sweep.part(path).read_bytes()
     counting_sweep.run(counting_sweep.Toy(500, log), path, resume=True)
     assert path.read_bytes() == reference(tmp_path, 500)
-
-
-@given(st.lists(st.integers(1, 6), min_size=1, max_size=4), st.integers(1, 50))
-def test_blocks_of_a_grid(shape, most):
-    """Every point once, in the order of the points."""
-    grid = np.full(shape, -1)
-    for place, first, block in sweep_file._blocks(tuple(shape), most):
-        assert grid[place].shape == block and np.prod(block) <= most
-        grid[place] = first + np.arange(np.prod(block)).reshape(block)
-    assert grid.ravel().tolist() == list(range(grid.size))
 
 
 def test_resume_with_nothing_to_take_up_starts(tmp_path):

@@ -36,7 +36,7 @@ def full_disk(tmp_path_factory):
     real, count = os.pwrite, iter(range(10**9))
 
     def pwrite(handle, data, offset):
-        if next(count) >= 4:
+        if next(count) >= 8:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         return real(handle, data, offset)
 
