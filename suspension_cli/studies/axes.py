@@ -9,6 +9,7 @@ import numpy as np
 
 from suspension_cli.design.path_units import displayed_unit
 from suspension_cli.errors import Fault, InputError
+from suspension_cli.studies.job import Job
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -30,8 +31,15 @@ class Axis:
         return displayed_unit(self.name, float(np.max(np.abs(self.values))))
 
 
-class Product:
-    """A job over the product of some axes; the first varies slowest."""
+@dataclass(frozen=True)
+class Product(Job):
+    """A job over the product of some axes; the first varies slowest.
+
+    Attributes
+    ----------
+    axes
+        Parameters with their values in SI.
+    """
 
     axes: tuple[Axis, ...]
 

@@ -22,7 +22,8 @@ from suspension_cli.errors import PendsusError
 from suspension_cli.files.hdf5 import Provenance
 from suspension_cli.studies import cluster
 from suspension_cli.studies.builds import ColumnValues
-from suspension_cli.studies.sweep_file import UNIT, After, Fill, Job, opened
+from suspension_cli.studies.job import Job
+from suspension_cli.studies.sweep_file import UNIT, After, Fill, opened
 
 STARTUP = 5.0
 """Time, s, that a sweep must still take for further processes to start: they import the program."""
@@ -76,15 +77,15 @@ def run(
             client = stack.enter_context(cluster.connected(plan.scheduler))
         store = stack.enter_context(opened(job, path, group, origin, fill, plan.resume))
         ranges = store.missing(chunk)
-        done, began, fresh = job.count - sum(b - a for a, b in ranges), time.monotonic(), 0
-        plan.progress(done, job.count, 0.0)
+        done, began, fresh = store.count - sum(b - a for a, b in ranges), time.monotonic(), 0
+        plan.progress(done, store.count, 0.0)
         here = client is None
         results = _here(job, ranges, plan.workers) if here else _on_cluster(job, ranges, client)
         with contextlib.closing(results):
             for (start, stop), values in results:
                 store.put(start, stop, values)
                 done, fresh = done + stop - start, fresh + stop - start
-                plan.progress(done, job.count, fresh / max(time.monotonic() - began, 1e-9))
+                plan.progress(done, store.count, fresh / max(time.monotonic() - began, 1e-9))
         store.finish(after)
 
 

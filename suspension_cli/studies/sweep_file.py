@@ -18,7 +18,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import h5py
 import numpy as np
@@ -26,7 +26,8 @@ import numpy as np
 from suspension_cli.errors import InputError
 from suspension_cli.files.atomic import is_regular, writing_to
 from suspension_cli.files.hdf5 import Provenance, Stored, write_root_attributes
-from suspension_cli.studies.builds import Column, ColumnValues
+from suspension_cli.studies.builds import ColumnValues
+from suspension_cli.studies.job import Job
 from suspension_cli.version import __version__
 
 if TYPE_CHECKING:
@@ -45,34 +46,6 @@ Fill = Callable[[h5py.Group], None]
 """Writes the rest of the group beside the columns."""
 After = Callable[[Path], None]
 """Completes an unfinished file that has all its points and is locked: open it without locking."""
-
-
-class Job(Protocol):
-    """A sweep's points; picklable."""
-
-    @property
-    def count(self) -> int:
-        """Number of points."""
-        ...
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Lengths of the axes, the last varying fastest; their product is `count`."""
-        ...
-
-    @property
-    def scales(self) -> tuple[str, ...]:
-        """Names of the datasets that are the scales of `shape`: columns, or made by `fill`."""
-        ...
-
-    @property
-    def columns(self) -> tuple[Column, ...]:
-        """The results stored for each point."""
-        ...
-
-    def compute(self, start: int, stop: int) -> ColumnValues:
-        """Compute the results of points start to stop - 1."""
-        ...
 
 
 @dataclass
@@ -99,11 +72,16 @@ class Store:
     pending: list[tuple[int, int]] = field(default_factory=list)
     synced: float = field(default_factory=lambda: time.monotonic())
 
+    @property
+    def count(self) -> int:
+        """Number of points."""
+        return math.prod(self.job.shape)
+
     def missing(self, chunk: int) -> list[tuple[int, int]]:
         """Ranges of points still to be computed, each of at most a chunk."""
         ranges: list[tuple[int, int]] = []
         for unit in np.flatnonzero(self.done == 0).tolist():
-            start, stop = unit * UNIT, min((unit + 1) * UNIT, self.job.count)
+            start, stop = unit * UNIT, min((unit + 1) * UNIT, self.count)
             if ranges and ranges[-1][1] == start and stop - ranges[-1][0] <= chunk:
                 ranges[-1] = (ranges[-1][0], stop)
             else:
@@ -157,7 +135,7 @@ def opened(
 ) -> Iterator[Store]:
     """Begin or resume the file of a job; finished points are saved however the block ends."""
     part = part_of(path)
-    key = (__version__, job.count, job.columns, origin.design, origin.sweep)
+    key = (__version__, job.shape, job.columns, origin.design, origin.sweep)
     digest = hashlib.sha256(repr(key).encode()).hexdigest()
     with contextlib.ExitStack() as stack:
         with writing_to(path):
@@ -176,10 +154,9 @@ def opened(
                     part.unlink(missing_ok=True)
                     raise
             places = _find_places(part, job, group, digest)
-            done = np.frombuffer(
-                os.pread(handle, -(-job.count // UNIT), places[MARKS]), np.uint8
-            ).copy()
-        store = Store(job, path, handle, places, done)
+        store = Store(job, path, handle, places, np.zeros(0, dtype=np.uint8))
+        marks = os.pread(handle, -(-store.count // UNIT), places[MARKS])
+        store.done = np.frombuffer(marks, dtype=np.uint8).copy()
         try:
             yield store
         except BaseException:
@@ -201,11 +178,9 @@ def _create(
     A full disk is then reported at once. HDF5 itself hangs or crashes on one, so there is a first
     attempt without it.
     """
-    points = sum(
-        job.count * math.prod(column.shape) * np.dtype(column.dtype).itemsize
-        for column in job.columns
-    )
-    _allocate(handle, points + OVERHEAD)
+    count = math.prod(job.shape)
+    record = np.dtype([(column.name, column.dtype, column.shape) for column in job.columns])
+    _allocate(handle, count * record.itemsize + OVERHEAD)
     allocated = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     allocated.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
     allocated.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
@@ -227,7 +202,7 @@ def _create(
                 axis.label = name
                 if name != column.name:  # a scale has none itself
                     axis.attach_scale(home[name])
-        file[MARKS] = np.zeros(-(-job.count // UNIT), dtype=np.uint8)
+        file[MARKS] = np.zeros(-(-count // UNIT), dtype=np.uint8)
         file[MARKS].attrs["sweep"] = digest
     _allocate(handle, os.fstat(handle).st_size)
 

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.design import reader
 from suspension_cli.errors import InputError
 from suspension_cli.linear import batch_modes, eigenmodes
 from suspension_cli.linear.eigenmodes import Modes
@@ -16,7 +15,7 @@ from suspension_cli.linear.named_results import Mode, Ratio, Scalar
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.studies import builds, variants
-from suspension_cli.studies.axes import Axis, Product, of_option
+from suspension_cli.studies.axes import Product, of_option
 from suspension_cli.studies.builds import Builds, Column, ColumnValues
 
 if TYPE_CHECKING:
@@ -29,28 +28,17 @@ STATUS = (*builds.STATUS, "the design has other coordinates than the one swept")
 
 @dataclass(frozen=True)
 class ParameterSweep(Product):
-    """Grid of designs, a job for `studies.run`; the first axis varies slowest.
+    """Grid of designs, whose axes are named by dotted paths.
 
     Attributes
     ----------
-    text
-        The design as TOML.
-    axes
-        Parameters, named by dotted paths, with their values in SI.
     allow_unstable
         Whether responses about an unstable equilibrium count as valid.
     """
 
-    text: str
-    axes: tuple[Axis, ...]
     level: str
     results: tuple[Scalar, ...]
     allow_unstable: bool = False
-
-    @property
-    def identity(self) -> str:
-        """Text that differs between sweeps of one design."""
-        return repr((self.axes, self.level, self.results, self.allow_unstable))
 
     @property
     def columns(self) -> tuple[Column, ...]:
@@ -105,7 +93,7 @@ class ParameterSweep(Product):
 
         Modes and coordinates do not need these terms, which cannot be pickled.
         """
-        return replace(registry.by_name(self.level).system(reader.parse(self.text)), terms=())
+        return replace(registry.by_name(self.level).system(self.design), terms=())
 
     @cached_property
     def nominal(self) -> Modes:

@@ -7,7 +7,6 @@ motion for vertical motion of the support. It is computed on grids of any number
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,7 +22,7 @@ from suspension_cli.linear.signals import Signal
 from suspension_cli.models import registry
 from suspension_cli.scene.scene import Scene
 from suspension_cli.studies import builds, variants
-from suspension_cli.studies.axes import Axis, Product, of_option
+from suspension_cli.studies.axes import Product, of_option
 from suspension_cli.studies.builds import Builds, Column, ColumnValues
 
 if TYPE_CHECKING:
@@ -67,28 +66,17 @@ class CouplingRequest:
 
 @dataclass(frozen=True)
 class Sweep(Product):
-    """Grid of imperfections, a job for `studies.run`; the first axis varies slowest.
+    """Grid of imperfections (see `PARAMETERS`) or dotted paths.
 
     Attributes
     ----------
-    text
-        The design as TOML.
-    axes
-        Imperfections (see `PARAMETERS`) or dotted paths, and their values.
     allow_unstable
         Whether a build with an unstable equilibrium counts as valid.
     """
 
-    text: str
-    axes: tuple[Axis, ...]
     question: CouplingRequest
     allow_unstable: bool = False
     level: str = registry.STRING.name
-
-    @property
-    def identity(self) -> str:
-        """Text that differs between sweeps of one design."""
-        return repr((self.axes, self.question, self.allow_unstable, self.level))
 
     @property
     def wire_label(self) -> str:
@@ -156,16 +144,6 @@ class Sweep(Product):
             for name, value in found.items():
                 result[name][here] = value
         return result
-
-    @cached_property
-    def design(self) -> Design:
-        """The design that is perturbed."""
-        return reader.parse(self.text)
-
-    @cached_property
-    def scene(self) -> Scene:
-        """The scene of the design."""
-        return expand(self.design)
 
 
 def quotient_unit(out: Signal, into: Signal) -> str:
