@@ -6,6 +6,7 @@ import shlex
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from suspension_cli.analyses import options
 from suspension_cli.analyses.analysis import Analysis, Result, Run
 from suspension_cli.errors import Interrupted, escape_unprintable
 from suspension_cli.files.atomic import target, writing_to
@@ -21,19 +22,10 @@ if TYPE_CHECKING:
     from suspension_cli.studies.sweep_file import After
 
 UNRECORDED = {
-    "--workers": 1,
-    "--scheduler": 1,
-    "--chunk": 1,
-    "--out": 1,
-    "--name": 1,
-    "--resume": 0,
-    "--json": 0,
-    "--plot": 0,
-    "--no-plot": 0,
-    "-q": 0,
-    "--quiet": 0,
-    "-v": 0,
-    "--verbose": 0,
+    name: 0 if one.is_flag else 1
+    for one in (*options.SWEEP, *options.WRITING)
+    if one.group in (options.BATCH, options.FILES) and one is not options.OVERRIDES
+    for name in (*one.opts, *one.secondary_opts)
 }
 """Options that do not change the result, and the number of words that follow each."""
 

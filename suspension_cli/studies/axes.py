@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.design.path_units import displayed_unit
-from suspension_cli.errors import Fault, InputError
+from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.studies.job import Job
 
 if TYPE_CHECKING:
@@ -67,26 +67,26 @@ class Product(Job):
         }
 
 
+def distinct(axes: list[Axis], option: str, given: str) -> tuple[Axis, ...]:
+    """Return axes of an option; raises `InputError` if two are of one parameter."""
+    if len({axis.name for axis in axes}) < len(axes):
+        problem = "names a parameter twice"
+        raise InputError.of(option, problem, "give each once", format_value(given))
+    return tuple(axes)
+
+
 def ends_and_middle(axes: tuple[Axis, ...]) -> tuple[Axis, ...]:
     """Reduce axes to the corners and middles of a grid; those after the third to their middle.
 
     >>> ends_and_middle((Axis("k", (1.0, 2.0, 3.0, 4.0, 5.0)),))
     (Axis(name='k', values=(1.0, 3.0, 5.0)),)
     """
-    return tuple(
-        Axis(axis.name, tuple(axis.values[i] for i in chosen))
-        for axis, chosen in zip(axes, _chosen(axes), strict=True)
-    )
-
-
-def _chosen(axes: tuple[Axis, ...]) -> list[list[int]]:
-    """Choose the first, middle and last value of each axis; after the third axis, the middle."""
-    last = [len(axis.values) - 1 for axis in axes]
-    middle = [len(axis.values) // 2 for axis in axes]
-    return [
-        sorted({0, half, end}) if n < 3 else [half]
-        for n, (half, end) in enumerate(zip(middle, last, strict=True))
-    ]
+    result = []
+    for n, axis in enumerate(axes):
+        half, last = len(axis.values) // 2, len(axis.values) - 1
+        chosen = sorted({0, half, last}) if n < 3 else [half]
+        result.append(Axis(axis.name, tuple(axis.values[i] for i in chosen)))
+    return tuple(result)
 
 
 def of_option(error: InputError, option: str, axis: Axis, value: float) -> InputError:

@@ -151,7 +151,12 @@ class RandomBuilds(Job):
 
     def compute(self, start: int, stop: int) -> ColumnValues:
         """Compute the `columns` of builds start to stop - 1."""
-        scene = sampling.imperfect(self.scene, self.factors, self.deviations(start, stop))
+        found = self.compute_with(self.deviations(start, stop))
+        return {"build": np.arange(start, stop, dtype=np.uint32), **found}
+
+    def compute_with(self, deviations: Float[np.ndarray, "build factor"]) -> ColumnValues:
+        """Compute the `columns` but for `build` of builds with these deviations."""
+        scene = sampling.imperfect(self.scene, self.factors, deviations)
         found = builds.balance(
             scene, self.design, level=self.level, allow_unstable=self.allow_unstable
         )
@@ -165,7 +170,6 @@ class RandomBuilds(Job):
         frequency[failed] = np.nan
         static = np.where(failed[:, None, None], np.nan, found.static)
         return {
-            "build": np.arange(start, stop, dtype=np.uint32),
             "frequency": frequency,
             "ratio": ratio,
             "static": static,

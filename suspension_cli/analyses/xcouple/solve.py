@@ -17,7 +17,7 @@ from suspension_cli.design.imperfections import swept
 from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium import hanging
 from suspension_cli.equilibrium.nominal import expand
-from suspension_cli.errors import Fault, InputError
+from suspension_cli.errors import InputError
 from suspension_cli.linear.signals import Signal
 from suspension_cli.models import registry
 from suspension_cli.scene.scene import Scene
@@ -88,15 +88,8 @@ class Sweep(Product):
         """Raise `InputError` if no wire can be imperfect, or a path, value or signal is invalid."""
         of_wire = [axis.name for axis in self.axes if _part(axis.name) == "wire"]
         if of_wire and self.question.wire < 0:
-            raise InputError(
-                [
-                    Fault(
-                        "--wire",
-                        f"{of_wire[0]} changes a wire, but the mirror hangs on none",
-                        "name a wire, or sweep mass, com or a path",
-                    )
-                ]
-            )
+            problem = f"{of_wire[0]} changes a wire, but the mirror hangs on none"
+            raise InputError.of("--wire", problem, "name a wire, or sweep mass, com or a path")
         paths = [axis for axis in self.axes if axis.name not in PARAMETERS]
         for axis in paths:
             for value in dict.fromkeys((axis.values[0], axis.values[-1])):
