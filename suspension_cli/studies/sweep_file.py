@@ -2,8 +2,8 @@
 
 ``NAME.h5.part`` has the layout of the finished HDF5 file from the start, and room for all points.
 They are written to their places in it without HDF5, which leaves a damaged file behind if it is
-killed. A further dataset marks the points that are safely on disk; so a killed run can be resumed.
-When all are, the marks are deleted and the file gets its name.
+killed. A further dataset has checksums of the points that are done; so a killed run can be resumed,
+also after a power cut. When all are done it is deleted, and the file gets its name.
 """
 
 from __future__ import annotations
@@ -14,11 +14,10 @@ import fcntl
 import hashlib
 import math
 import os
-import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+import zlib
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import h5py
 import numpy as np
@@ -30,17 +29,14 @@ from suspension_cli.studies.builds import ColumnValues
 from suspension_cli.studies.job import Job
 from suspension_cli.version import __version__
 
-if TYPE_CHECKING:
-    from jaxtyping import Int
-
 UNIT = 64
-"""Points per mark; chunks are multiples of it."""
-SYNC_SECONDS = 2.0
-"""Interval at which results are forced to disk and marked, s."""
+"""Points per checksum; chunks are multiples of it."""
 OVERHEAD = 1 << 20
 """Bytes of an HDF5 file beyond the points, at most."""
-MARKS = "unfinished"
-"""Dataset with a mark for each unit of points; its attribute `sweep` is a digest of the job."""
+SUMS = "unfinished"
+"""Dataset with the checksum of each unit of points; its attribute `sweep` identifies the job."""
+SUM = np.dtype("u4")
+"""Type of a checksum (CRC-32); 0 for points that are missing."""
 
 Fill = Callable[[h5py.Group], None]
 """Writes the rest of the group beside the columns."""
@@ -59,18 +55,13 @@ class Store:
     handle
         Of the unfinished one.
     places
-        Byte at which each column begins in it, and the marks.
-    done
-        uint8: 1 for each unit that is safely on disk.
+        Byte at which each column begins in it, and the checksums.
     """
 
     job: Job
     path: Path
     handle: int
     places: dict[str, int]
-    done: Int[np.ndarray, " unit"]
-    pending: list[tuple[int, int]] = field(default_factory=list)
-    synced: float = field(default_factory=lambda: time.monotonic())
 
     @property
     def count(self) -> int:
@@ -80,8 +71,12 @@ class Store:
     def missing(self, chunk: int) -> list[tuple[int, int]]:
         """Ranges of points still to be computed, each of at most a chunk."""
         ranges: list[tuple[int, int]] = []
-        for unit in np.flatnonzero(self.done == 0).tolist():
+        size = -(-self.count // UNIT) * SUM.itemsize
+        sums = np.frombuffer(os.pread(self.handle, size, self.places[SUMS]), SUM)
+        for unit, known in enumerate(sums.tolist()):
             start, stop = unit * UNIT, min((unit + 1) * UNIT, self.count)
+            if known and known == self._sum_in_file(start, stop):
+                continue
             if ranges and ranges[-1][1] == start and stop - ranges[-1][0] <= chunk:
                 ranges[-1] = (ranges[-1][0], stop)
             else:
@@ -89,51 +84,54 @@ class Store:
         return ranges
 
     def put(self, start: int, stop: int, values: ColumnValues) -> None:
-        """Write the results of one chunk."""
+        """Write the results of one chunk, then their checksums."""
+        data = [np.asarray(values[column.name], column.dtype) for column in self.job.columns]
         with writing_to(self.path):
-            for column in self.job.columns:
-                data = np.asarray(values[column.name], column.dtype).tobytes()
-                size = len(data) // (stop - start)
-                _write_all(self.handle, data, self.places[column.name] + start * size)
-        self.pending.append((start, stop))
-        if time.monotonic() - self.synced > SYNC_SECONDS:
-            self.sync()
-
-    def sync(self) -> None:
-        """Force results to disk, then mark them.
-
-        In this order a power cut loses work, but no missing result is ever marked.
-        """
-        with writing_to(self.path):
-            os.fsync(self.handle)
-            for start, stop in self.pending:
-                self.done[start // UNIT : -(-stop // UNIT)] = 1
-            _write_all(self.handle, self.done.tobytes(), self.places[MARKS])
-            os.fsync(self.handle)
-        self.pending.clear()
-        self.synced = time.monotonic()
+            for (place, _), part in zip(self._ranges(start, stop), data, strict=True):
+                _write_all(self.handle, part.tobytes(), place)
+            sums = [
+                checksum(part[n : n + UNIT].tobytes() for part in data)
+                for n in range(0, stop - start, UNIT)
+            ]
+            place = self.places[SUMS] + start // UNIT * SUM.itemsize
+            _write_all(self.handle, np.array(sums, SUM).tobytes(), place)
 
     def finish(self, after: After | None) -> None:
         """Let `after` fill the columns that need all points, and rename the file."""
-        self.sync()
-        assert self.done.all(), "every unit must have been written"
         part = part_of(self.path)
         with writing_to(self.path):
-            # HDF5 hangs or crashes where there is no room
-            _allocate(self.handle, os.fstat(self.handle).st_size + OVERHEAD)
+            _demand_room(self.handle, OVERHEAD)
             if after is not None:
                 after(part)
             with h5py.File(part, "r+", locking=False) as file:
-                del file[MARKS]
+                del file[SUMS]
             os.fsync(self.handle)
             os.replace(part, self.path)
+
+    def _sum_in_file(self, start: int, stop: int) -> int:
+        """Checksum of the points of a unit as they are in the file."""
+        return checksum(os.pread(self.handle, n, place) for place, n in self._ranges(start, stop))
+
+    def _ranges(self, start: int, stop: int) -> Iterator[tuple[int, int]]:
+        """First byte, and number of bytes, of points in each column."""
+        for column in self.job.columns:
+            size = math.prod(column.shape) * np.dtype(column.dtype).itemsize
+            yield self.places[column.name] + start * size, (stop - start) * size
+
+
+def checksum(parts: Iterable[bytes]) -> int:
+    """Checksum of the bytes of a unit of points; never 0, which stands for none."""
+    result = 0
+    for part in parts:
+        result = zlib.crc32(part, result)
+    return result or 1
 
 
 @contextlib.contextmanager
 def opened(
     job: Job, path: Path, group: str, origin: Provenance, fill: Fill, resume: bool
 ) -> Iterator[Store]:
-    """Begin or resume the file of a job; finished points are saved however the block ends."""
+    """Begin or resume the file of a job."""
     part = part_of(path)
     key = (__version__, job.shape, job.columns, origin.design, origin.sweep)
     digest = hashlib.sha256(repr(key).encode()).hexdigest()
@@ -154,15 +152,7 @@ def opened(
                     part.unlink(missing_ok=True)
                     raise
             places = _find_places(part, job, group, digest)
-        store = Store(job, path, handle, places, np.zeros(0, dtype=np.uint8))
-        marks = os.pread(handle, -(-store.count // UNIT), places[MARKS])
-        store.done = np.frombuffer(marks, dtype=np.uint8).copy()
-        try:
-            yield store
-        except BaseException:
-            with contextlib.suppress(OSError, InputError):
-                store.sync()
-            raise
+        yield Store(job, path, handle, places)
 
 
 def part_of(path: Path) -> Path:
@@ -173,14 +163,10 @@ def part_of(path: Path) -> Path:
 def _create(
     handle: int, part: Path, job: Job, group: str, origin: Provenance, fill: Fill, digest: str
 ) -> None:
-    """Write the file without points, and allocate room for them.
-
-    A full disk is then reported at once. HDF5 itself hangs or crashes on one, so there is a first
-    attempt without it.
-    """
+    """Write the file without points, if there is room for them."""
     count = math.prod(job.shape)
     record = np.dtype([(column.name, column.dtype, column.shape) for column in job.columns])
-    _allocate(handle, count * record.itemsize + OVERHEAD)
+    _demand_room(handle, count * record.itemsize + OVERHEAD)
     allocated = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     allocated.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
     allocated.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
@@ -202,24 +188,23 @@ def _create(
                 axis.label = name
                 if name != column.name:  # a scale has none itself
                     axis.attach_scale(home[name])
-        file[MARKS] = np.zeros(-(-count // UNIT), dtype=np.uint8)
-        file[MARKS].attrs["sweep"] = digest
-    _allocate(handle, os.fstat(handle).st_size)
+        file[SUMS] = np.zeros(-(-count // UNIT), SUM)
+        file[SUMS].attrs["sweep"] = digest
 
 
 def _find_places(part: Path, job: Job, group: str, digest: str) -> dict[str, int]:
-    """Find where columns and marks begin in the unfinished file of a job.
+    """Find where columns and checksums begin in the unfinished file of a job.
 
     Raises `InputError` if the file is another one, or is damaged.
     """
     anew = "start anew without --resume"
     try:
         with h5py.File(part, "r", locking=False) as file:
-            if MARKS not in file or file[MARKS].attrs["sweep"] != digest:
+            if SUMS not in file or file[SUMS].attrs["sweep"] != digest:
                 problem = f"{part.name} belongs to another design or sweep"
                 remedy = f"take the same design and options, or {anew}"
                 raise InputError.of("--resume", problem, remedy)
-            names = (MARKS, *(f"{group}/{column.name}" for column in job.columns))
+            names = (SUMS, *(f"{group}/{column.name}" for column in job.columns))
             sets: list[Stored] = [file[name] for name in names]
             return {one.name.rpartition("/")[2]: one.id.get_offset() for one in sets}
     except (OSError, RuntimeError, KeyError):
@@ -236,15 +221,12 @@ def _lock(handle: int, path: Path) -> None:
         pass  # a file system without locks
 
 
-def _allocate(handle: int, size: int) -> None:
-    """Allocate the space now, so that a full disk is reported at once."""
-    if hasattr(os, "posix_fallocate"):
-        os.posix_fallocate(handle, 0, size)
-    else:
-        system = os.fstatvfs(handle)
-        if system.f_bavail * system.f_frsize < size:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        os.ftruncate(handle, size)
+def _demand_room(handle: int, size: int) -> None:
+    """Raise `OSError` if a file cannot grow by so many bytes, as HDF5 hangs or crashes then."""
+    system, before = os.fstatvfs(handle), os.fstat(handle).st_size
+    if system.f_bavail * system.f_frsize < size:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    os.ftruncate(handle, before + size)
 
 
 def _write_all(handle: int, data: bytes, offset: int) -> None:

@@ -104,7 +104,7 @@ def marks(file: Path, count: int) -> Any:
     """Marks of the units of points in an unfinished file."""
     try:
         with h5py.File(file, locking=False) as stored:
-            return stored[sweep_file.MARKS][:]
+            return (stored[sweep_file.SUMS][:] != 0).astype(np.uint8)
     except (OSError, KeyError):  # just begun, or just finished
         return np.zeros(-(-count // sweep_file.UNIT), dtype=np.uint8)
 
