@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspension_cli.design import reader
 from suspension_cli.design.path_units import displayed_unit
+from suspension_cli.design.paths import settings
+from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.studies.job import Job
 
@@ -66,6 +70,28 @@ class Product(Job):
             for axis, pick in zip(self.axes, chosen, strict=True)
         }
 
+    def check_designs(
+        self,
+        option: str,
+        axes: Iterable[Axis],
+        check: Callable[[Design], object],
+        *,
+        every: bool = False,
+    ) -> None:
+        """Raise `InputError` if a path does not exist, or no value (not `every` one) is valid.
+
+        `check` raises it for invalid designs; the first, middle and last values are tried.
+        """
+        for axis in axes:
+            [tried], errors = ends_and_middle((axis,)), []
+            for value in tried.values:
+                try:
+                    check(reader.parse_with_overrides(self.text, settings({axis.name: value})))
+                except InputError as error:
+                    errors.append(_of_option(error, option, axis, value))
+            if len(errors) == len(tried.values) or (every and errors):
+                raise errors[0]
+
 
 def distinct(axes: list[Axis], option: str, given: str) -> tuple[Axis, ...]:
     """Return axes of an option; raises `InputError` if two are of one parameter."""
@@ -89,7 +115,7 @@ def ends_and_middle(axes: tuple[Axis, ...]) -> tuple[Axis, ...]:
     return tuple(result)
 
 
-def of_option(error: InputError, option: str, axis: Axis, value: float) -> InputError:
+def _of_option(error: InputError, option: str, axis: Axis, value: float) -> InputError:
     """Attribute faults of a design at a value of an axis to the option that gave it."""
     found = []
     for fault in error.faults:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options, tables
@@ -83,7 +82,6 @@ class SweepAnalysis(Analysis):
         setting, source = run.setting, run.source
         over = axes(list(setting["vary"]))
         unstable = setting["allow_unstable"]
-        job = ParameterSweep(source.text, over, registry.STRING.name, (), unstable)
         simplest = registry.choose(source.design, setting["fidelity"])
 
         def on(level: str, names: list[str]) -> ParameterSweep:
@@ -91,7 +89,7 @@ class SweepAnalysis(Analysis):
             found = eigenmodes.solve(system.constant)
             known = signals.bodies_with_signals(system)
             results = named_results.parse(names, found, known)
-            return dataclasses.replace(job, level=level, results=results)
+            return ParameterSweep(source.text, over, level, results, unstable)
 
         names = list(setting["results"]) or [named_results.ALL]
         try:

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.errors import InputError
 from suspension_cli.linear import batch_modes, eigenmodes
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.named_results import Mode, Ratio, Scalar
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.studies import builds, variants
-from suspension_cli.studies.axes import Product, of_option
+from suspension_cli.studies.axes import Product
 from suspension_cli.studies.builds import Builds, Column, ColumnValues
 
 if TYPE_CHECKING:
@@ -106,22 +105,8 @@ class ParameterSweep(Product):
         return batch_modes.solve_one(self._model).shape[0]
 
     def check(self) -> None:
-        """Raise `InputError` if a path does not exist or its values give no valid design.
-
-        Tries the first, the middle and the last value of each axis.
-        """
-        for axis in self.axes:
-            errors = []
-            tried = [
-                axis.values[n] for n in sorted({0, len(axis.values) // 2, len(axis.values) - 1})
-            ]
-            for value in tried:
-                try:
-                    registry.choose(variants.overridden(self.text, {axis.name: value}), self.level)
-                except InputError as error:
-                    errors.append(of_option(error, "--vary", axis, value))
-            if len(errors) == len(tried):
-                raise errors[0]
+        """Raise `InputError` if a path does not exist or its values give no valid design."""
+        self.check_designs("--vary", self.axes, lambda one: registry.choose(one, self.level))
 
     def compute(self, start: int, stop: int) -> ColumnValues:
         """Compute the `columns` of points start to stop - 1."""
