@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
+from suspension_cli.analyses import options
 from suspension_cli.analyses.analysis import Analysis, Result, Run
 from suspension_cli.errors import Interrupted, escape_unprintable
 from suspension_cli.files.atomic import target, writing_to
@@ -14,37 +15,19 @@ from suspension_cli.files.hdf5 import Provenance, open_results
 from suspension_cli.studies.cluster import describe_exposure
 from suspension_cli.studies.run import Plan
 from suspension_cli.studies.run import run as compute
-from suspension_cli.studies.sweep_file import Job
 
 if TYPE_CHECKING:
     from suspension_cli.models.registry import Choice
+    from suspension_cli.studies.job import Job
     from suspension_cli.studies.sweep_file import After
 
 UNRECORDED = {
-    "--workers": 1,
-    "--scheduler": 1,
-    "--chunk": 1,
-    "--out": 1,
-    "--name": 1,
-    "--resume": 0,
-    "--json": 0,
-    "--plot": 0,
-    "--no-plot": 0,
-    "-q": 0,
-    "--quiet": 0,
-    "-v": 0,
-    "--verbose": 0,
+    name: 0 if one.is_flag else 1
+    for one in (*options.SWEEP, *options.WRITING)
+    if one.group in (options.BATCH, options.FILES) and one is not options.OVERRIDES
+    for name in (*one.opts, *one.secondary_opts)
 }
 """Options that do not change the result, and the number of words that follow each."""
-
-
-class RecordedJob(Job, Protocol):
-    """A sweep's points, with the text by which a results file is known to be of this sweep."""
-
-    @property
-    def identity(self) -> str:
-        """Everything that the points depend on besides the design."""
-        ...
 
 
 def recorded(command: str) -> str:
@@ -70,7 +53,7 @@ def recorded(command: str) -> str:
 def fill(
     run: Run,
     analysis: Analysis,
-    job: RecordedJob,
+    job: Job,
     choice: Choice,
     put: Callable[..., None],
     after: After | None = None,

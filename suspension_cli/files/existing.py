@@ -22,34 +22,24 @@ def read_design(path: Path) -> str | None:
     if not os.path.isfile(path):
         return None
     try:
-        return str(_READ[path.suffix](path))
+        match path.suffix:
+            case ".h5":
+                with h5py.File(path, "r") as file:
+                    return str(file.attrs["design"])
+            case ".mat":
+                from scipy.io import loadmat
+
+                stored = loadmat(path, variable_names=["pendsus"], simplify_cells=True)
+                return str(stored["pendsus"]["design"])
+            case ".npz":
+                import numpy as np
+
+                with np.load(path) as arrays:
+                    return str(arrays["design"])
+            case _:
+                return str(json.loads(path.read_text(encoding="utf-8"))["design"])
     except Exception:  # whatever the failure, it is not a result
         return None
-
-
-def _hdf5(path: Path) -> object:
-    with h5py.File(path, "r") as file:
-        return file.attrs["design"]
-
-
-def _mat(path: Path) -> object:
-    from scipy.io import loadmat
-
-    return loadmat(path, variable_names=["pendsus"], simplify_cells=True)["pendsus"]["design"]
-
-
-def _npz(path: Path) -> object:
-    import numpy as np
-
-    with np.load(path) as arrays:
-        return arrays["design"]
-
-
-def _json(path: Path) -> object:
-    return json.loads(path.read_text(encoding="utf-8"))["design"]
-
-
-_READ = {".h5": _hdf5, ".mat": _mat, ".npz": _npz, ".json": _json}
 
 
 @contextlib.contextmanager

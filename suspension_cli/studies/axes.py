@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspension_cli.design import reader
 from suspension_cli.design.path_units import displayed_unit
-from suspension_cli.errors import Fault, InputError
+from suspension_cli.design.paths import settings
+from suspension_cli.design.schema import Design
+from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.studies.job import Job
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -30,8 +35,15 @@ class Axis:
         return displayed_unit(self.name, float(np.max(np.abs(self.values))))
 
 
-class Product:
-    """A job over the product of some axes; the first varies slowest."""
+@dataclass(frozen=True)
+class Product(Job):
+    """A job over the product of some axes; the first varies slowest.
+
+    Attributes
+    ----------
+    axes
+        Parameters with their values in SI.
+    """
 
     axes: tuple[Axis, ...]
 
@@ -58,6 +70,36 @@ class Product:
             for axis, pick in zip(self.axes, chosen, strict=True)
         }
 
+    def check_designs(
+        self,
+        option: str,
+        axes: Iterable[Axis],
+        check: Callable[[Design], object],
+        *,
+        every: bool = False,
+    ) -> None:
+        """Raise `InputError` if a path does not exist, or no value (not `every` one) is valid.
+
+        `check` raises it for invalid designs; the first, middle and last values are tried.
+        """
+        for axis in axes:
+            [tried], errors = ends_and_middle((axis,)), []
+            for value in tried.values:
+                try:
+                    check(reader.parse_with_overrides(self.text, settings({axis.name: value})))
+                except InputError as error:
+                    errors.append(_of_option(error, option, axis, value))
+            if len(errors) == len(tried.values) or (every and errors):
+                raise errors[0]
+
+
+def distinct(axes: list[Axis], option: str, given: str) -> tuple[Axis, ...]:
+    """Return axes of an option; raises `InputError` if two are of one parameter."""
+    if len({axis.name for axis in axes}) < len(axes):
+        problem = "names a parameter twice"
+        raise InputError.of(option, problem, "give each once", format_value(given))
+    return tuple(axes)
+
 
 def ends_and_middle(axes: tuple[Axis, ...]) -> tuple[Axis, ...]:
     """Reduce axes to the corners and middles of a grid; those after the third to their middle.
@@ -65,23 +107,15 @@ def ends_and_middle(axes: tuple[Axis, ...]) -> tuple[Axis, ...]:
     >>> ends_and_middle((Axis("k", (1.0, 2.0, 3.0, 4.0, 5.0)),))
     (Axis(name='k', values=(1.0, 3.0, 5.0)),)
     """
-    return tuple(
-        Axis(axis.name, tuple(axis.values[i] for i in chosen))
-        for axis, chosen in zip(axes, _chosen(axes), strict=True)
-    )
+    result = []
+    for n, axis in enumerate(axes):
+        half, last = len(axis.values) // 2, len(axis.values) - 1
+        chosen = sorted({0, half, last}) if n < 3 else [half]
+        result.append(Axis(axis.name, tuple(axis.values[i] for i in chosen)))
+    return tuple(result)
 
 
-def _chosen(axes: tuple[Axis, ...]) -> list[list[int]]:
-    """Choose the first, middle and last value of each axis; after the third axis, the middle."""
-    last = [len(axis.values) - 1 for axis in axes]
-    middle = [len(axis.values) // 2 for axis in axes]
-    return [
-        sorted({0, half, end}) if n < 3 else [half]
-        for n, (half, end) in enumerate(zip(middle, last, strict=True))
-    ]
-
-
-def of_option(error: InputError, option: str, axis: Axis, value: float) -> InputError:
+def _of_option(error: InputError, option: str, axis: Axis, value: float) -> InputError:
     """Attribute faults of a design at a value of an axis to the option that gave it."""
     found = []
     for fault in error.faults:

@@ -1,16 +1,13 @@
-"""Sweeps on a Dask cluster (the extra ``pendsus[cluster]``)."""
+"""Connection to a Dask cluster (the extra ``pendsus[cluster]``)."""
 
 from __future__ import annotations
 
 import contextlib
-import itertools
 import socket
-from collections.abc import Generator, Iterator
+from collections.abc import Iterator
 from typing import Any
 
-from suspension_cli.errors import InputError, PendsusError, format_value
-from suspension_cli.studies.builds import ColumnValues
-from suspension_cli.studies.sweep_file import Job
+from suspension_cli.errors import InputError, format_value
 
 Client = Any
 """A `distributed.Client`, of an optional dependency."""
@@ -94,54 +91,3 @@ def connected(scheduler: str) -> Iterator[Client]:
                 format_value(scheduler),
             ) from None
         yield client
-
-
-def on_cluster(
-    job: Job, ranges: list[tuple[int, int]], client: Client
-) -> Generator[tuple[tuple[int, int], ColumnValues], None, None]:
-    """Compute ranges (start, stop) of a job on a cluster; yield results as they are ready.
-
-    The job is sent to the workers once.
-
-    Raises `PendsusError` if the connection to the scheduler is lost, or workers are killed
-    repeatedly.
-    """
-    from concurrent.futures import CancelledError
-
-    from distributed import KilledWorker  # pyright: ignore[reportMissingImports]
-    from distributed.comm import CommClosedError  # pyright: ignore
-
-    try:
-        yield from _compute_ranges(job, ranges, client)
-    except (CancelledError, CommClosedError) as error:
-        raise PendsusError(
-            f"the connection to the scheduler was lost ({str(error).splitlines()[0]}); restart it"
-            " and continue with --resume"
-        ) from None
-    except KilledWorker:
-        raise PendsusError(
-            "the cluster's workers were killed, perhaps out of memory; give a smaller --chunk and"
-            " continue with --resume"
-        ) from None
-
-
-def _compute_ranges(
-    job: Job, ranges: list[tuple[int, int]], client: Client
-) -> Iterator[tuple[tuple[int, int], ColumnValues]]:
-    from distributed import as_completed  # pyright: ignore[reportMissingImports]
-
-    sent = client.scatter(job, broadcast=True, hash=False)
-    waiting = iter(ranges)
-    most = 4 * max(1, sum(client.nthreads().values()))
-    first = [
-        client.submit(_compute, sent, part, pure=False) for part in itertools.islice(waiting, most)
-    ]
-    running = as_completed(first, loop=client.loop)
-    for future in running:
-        yield future.result()
-        for part in itertools.islice(waiting, 1):
-            running.add(client.submit(_compute, sent, part, pure=False))
-
-
-def _compute(job: Job, part: tuple[int, int]) -> tuple[tuple[int, int], ColumnValues]:
-    return part, job.compute(*part)

@@ -2,7 +2,7 @@
 
 From the nominal design to the nearest grid point, and on to the neighbours of points already
 visited, each mode becomes the one that overlaps it most (`linear.mode_pairing`). Points without
-modes are bypassed; beyond a gap the nearest visited point is used.
+modes are bypassed, or crossed where there is no way round.
 
 Where two modes that couple come close, their shapes mix: on a fine grid each would turn into the
 other, step by step, however weak the coupling. So modes closer than `CLOSE` are compared with the
@@ -13,7 +13,7 @@ shape they had before. Pitch is then pitch again beyond a near crossing, and lin
 from __future__ import annotations
 
 from collections import deque
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -49,27 +49,19 @@ def follow(
     """
     rank = np.full((*good.shape, len(nominal)), -1, dtype=np.int16)
     overlap = np.full((*good.shape, len(nominal)), np.nan)
-    left = good.copy()
-    reached: list[tuple[int, ...]] = []
-    while left.any():
-        point, before = _nearest(left, start, reached)
-        known = (
-            np.asarray(nominal, dtype=float)
-            if before is None
-            else np.asarray(shapes[before])[rank[before]]
-        )
-        queue = deque([(point, known)])
-        left[point] = False
-        while queue:
-            here, known = queue.popleft()
+    left = np.ones(good.shape, dtype=bool)
+    left[start] = False
+    queue, beyond_gaps = deque([(start, np.asarray(nominal, dtype=float))]), deque[Any]()
+    while queue or beyond_gaps:
+        here, known = (queue or beyond_gaps).popleft()
+        if good[here]:
             mine = np.asarray(shapes[here], dtype=float)
             rank[here], overlap[here] = pair_by_shape(known, mine)
-            reached.append(here)
             sure = ~_close(omega_squared[here], mine)[rank[here]]
             known = np.where(sure[:, None], mine[rank[here]], known)
-            for there in _neighbours(here, left):
-                left[there] = False
-                queue.append((there, known))
+        for there in _neighbours(here, left):
+            left[there] = False
+            (queue if good[there] else beyond_gaps).append((there, known))
     return rank, overlap
 
 
@@ -96,15 +88,3 @@ def _neighbours(here: tuple[int, ...], left: Bool[np.ndarray, "*grid"]) -> list[
         for there in steps
         if all(0 <= k < n for k, n in zip(there, left.shape, strict=True)) and left[there]
     ]
-
-
-def _nearest(
-    left: Bool[np.ndarray, "*grid"], start: tuple[int, ...], reached: list[tuple[int, ...]]
-) -> tuple[tuple[int, ...], tuple[int, ...] | None]:
-    """Find the next point to visit, and one to follow modes from (None at the start)."""
-    points = np.argwhere(left)
-    if not reached:
-        return tuple(points[np.abs(points - np.array(start)).sum(1).argmin()].tolist()), None
-    known = np.array(reached)
-    point = points[np.abs(points - np.array(start)).sum(1).argmin()]
-    return tuple(point.tolist()), tuple(known[np.abs(known - point).sum(1).argmin()].tolist())

@@ -9,7 +9,6 @@ a build depends only on its number, so builds can be drawn in any chunks.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -74,29 +73,24 @@ class SamplePoints:
 
     def of(self, start: int, stop: int, width: int) -> Float[np.ndarray, "stop-start width"]:
         """Points, in [0, 1), of builds start to stop - 1."""
-        pieces = [
-            self._of_block(block, first, last, width)
-            for block, first, last in _split(start, stop, self.rows)
-        ]
-        return np.concatenate(pieces) if pieces else np.zeros((0, width))
-
-    def _of_block(
-        self, block: int, start: int, stop: int, width: int
-    ) -> Float[np.ndarray, "stop-start width"]:
-        """Points of some rows of one matrix."""
-        both = self._sequence(start, stop, width * min(self.blocks, 2))
-        if block < 2:
-            return both[:, block * width : (block + 1) * width]
-        from_b = np.array(self.groups) == block - 2
-        return np.where(from_b, both[:, width:], both[:, :width])
-
-    def _sequence(self, start: int, stop: int, width: int) -> Float[np.ndarray, "stop-start width"]:
-        if self.method == RANDOM:
-            return uniforms(self.seed, start, stop, width)
-        pieces = [
-            scrambled_sobol(self.seed, replicate, first, last, width)
-            for replicate, first, last in _split(start, stop, self.rows // REPLICATES)
-        ]
+        replicates = 1 if self.method == RANDOM else REPLICATES
+        size, both = self.rows // replicates, width * min(self.blocks, 2)
+        pieces = [np.zeros((0, width))]
+        while start < stop:
+            piece, first = divmod(start, size)
+            last = min(first + stop - start, size)
+            block, replicate = divmod(piece, replicates)
+            if self.method == RANDOM:
+                points = uniforms(self.seed, first, last, both)
+            else:
+                points = scrambled_sobol(self.seed, replicate, first, last, both)
+            if block < 2:
+                points = points[:, block * width : (block + 1) * width]
+            else:
+                from_b = np.array(self.groups) == block - 2
+                points = np.where(from_b, points[:, width:], points[:, :width])
+            pieces.append(points)
+            start += last - first
         return np.concatenate(pieces)
 
 
@@ -155,12 +149,3 @@ def _engine(seed: int, replicate: int, width: int) -> Sobol:
     from scipy.stats import qmc
 
     return qmc.Sobol(width, bits=BITS, rng=np.random.default_rng([seed, replicate]))
-
-
-def _split(start: int, stop: int, size: int) -> Iterator[tuple[int, int, int]]:
-    """Split a range at multiples of a size: number of the piece, and start and stop in it."""
-    while start < stop:
-        piece, first = divmod(start, size)
-        last = min(first + stop - start, size)
-        yield piece, first, last
-        start += last - first

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.design.imperfections import AXES, PARTS, Imperfection, scattered
+from suspension_cli.design.imperfections import AXES, PARTS, Imperfection, Part, scattered
 from suspension_cli.design.schema import Design, Distribution
 from suspension_cli.equilibrium.hanging import impose
 from suspension_cli.errors import InputError
@@ -72,38 +72,35 @@ def factors(design: Design, scene: Scene) -> tuple[ScatteredNumber, ...]:
             "missing",
             f"add a table [[tolerance.PART]] with PART one of {', '.join(PARTS)}",
         )
-    wires = list(enumerate(scene.wires.label))
-    found: list[ScatteredNumber] = []
-    for item in given.wire:
-        for number, label in wires:
-            if label == item.wire or label.rsplit(".", 1)[0] == item.stage:
-                found += _of_part("wire", item, number, label, item.hold)
-    for item in given.body:
-        found += _of_part("body", item, scene.bodies.name.index(item.stage) + 1, item.stage)
-    for part, items in (("blade", given.blade), ("leg", given.leg)):
-        for item in items:
-            for label, number in imperfections.members(scene, part).items():
-                if label.split(".", 1)[0] == item.stage:
-                    name = label if "." in label else f"{label} blades"
-                    found += _of_part(part, item, number, name)
-    links = imperfections.members(scene, "link")
-    for item in given.link:
-        found += _of_part("link", item, links[item.link], item.link)
-    return tuple(found)
+    return tuple(
+        factor
+        for part in PARTS
+        for item in getattr(given, part)
+        for label, number in imperfections.members(scene, part).items()
+        if _concerns(item, part, label)
+        for factor in _of_part(part, item, number, label)
+    )
 
 
-def _of_part(
-    part: str, item: Distribution, number: int, label: str, hold: str = "loaded-length"
-) -> Iterator[ScatteredNumber]:
+def _concerns(item: Distribution, part: Part, label: str) -> bool:
+    """Whether a table is about a part with this label, or about its stage."""
+    stage = getattr(item, "stage", None)
+    whole = part in ("body", "link")
+    return label == getattr(item, part, stage) or (not whole and label.partition(".")[0] == stage)
+
+
+def _of_part(part: Part, item: Distribution, number: int, label: str) -> Iterator[ScatteredNumber]:
     """List the numbers of one part to which a table gives a distribution."""
+    stage = getattr(item, "stage", None)
+    owner = f"{stage} {part if part == 'body' else f'{part}s'}" if stage else getattr(item, part)
+    if part == "blade" and "." not in label:
+        label = f"{label} blades"
     for row in scattered(part):
         if spread := getattr(item, row.spread):
-            parts = {"body": "body"}.get(part, f"{part}s")
-            stage = getattr(item, "stage", None)
-            owner = getattr(item, part) if stage is None else f"{stage} {parts}"
-            group = f"{owner} {row.spread}"
             for axis, name in enumerate(AXES if row.vector else ("",)):
                 full = f"{label} {row.spread} {name}".rstrip()
+                hold = getattr(item, "hold", ScatteredNumber.hold)
+                group = f"{owner} {row.spread}"
                 yield ScatteredNumber(full, number, row, axis, spread, hold, group)
 
 

@@ -19,6 +19,7 @@ from suspension_cli.linear import eigenmodes, response, signals
 from suspension_cli.models import registry
 from suspension_cli.scene.stack import stack_scenes
 from suspension_cli.studies import builds
+from suspension_cli.studies import job as jobs
 from tests.support.golden import ROOT
 from tests.support.soft_blades_mp import Assembly, column
 
@@ -151,7 +152,8 @@ def test_batches_of_builds(ratio, tip_mass, level):
 def test_modes_of_batches(ratio, tip_mass, monkeypatch):
     """`tolerance` finds the modes of a design without imperfections, from one matrix in doubles."""
     design = geo(ratio, tip_mass=tip_mass)
-    monkeypatch.setattr(random_builds, "_parse", lambda _: design)
+    for module in (random_builds, jobs):
+        monkeypatch.setattr(module, "parse", lambda _: design)
     job = RandomBuilds(f"{ratio} {tip_mass}", 1, 0, None)
     found = builds.balance(stack_scenes([expand(design)] * 2), design)
     alone, shape, keep = random_builds._solve_nominal(job.text, job.level)

@@ -36,13 +36,12 @@ def full_disk(tmp_path_factory):
     real, count = os.pwrite, iter(range(10**9))
 
     def pwrite(handle, data, offset):
-        if next(count) >= 4:
+        if next(count) >= 8:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         return real(handle, data, offset)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sweep_file.os, "pwrite", pwrite)
-        patch.setattr(sweep_file, "SYNC_SECONDS", 0.0)  # what is done is marked
         assert run("xcouple", FILE, "--out", folder, *SMALL).exit_code == 2
     assert 0 < marks(folder / f"{NAME}.part", 200).sum() < 4
     return folder

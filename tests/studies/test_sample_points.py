@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from suspension_cli.studies import natural_steps
 from suspension_cli.studies.confidence import (
@@ -117,12 +116,6 @@ def test_indices_of_what_fails_or_does_not_vary():
     found = sobol_indices(values, np.arange(64) // 8)
     assert np.isfinite(found.total[:, 0]).all()
     assert np.isnan(found.total[:, 1]).all() and np.isnan(found.first[:, 1]).all()
-
-
-@pytest.mark.parametrize(("count", "builds"), [(0, 30), (3, 30), (30, 30), (991, 1000), (1, 1)])
-def test_wilsons_interval_is_scipys(count, builds):
-    expected = stats.binomtest(count, builds).proportion_ci(method="wilson")
-    assert wilson_interval(count, builds) == pytest.approx(tuple(expected), abs=1e-12)
 
 
 def test_intervals_of_replicates_contain_the_fraction():

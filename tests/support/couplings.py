@@ -66,15 +66,17 @@ def question(
 
 
 def answers(
-    values: dict[str, Any], requested: CouplingRequest | None = None, design: Design = FIGURE_6
+    values: dict[str, Any],
+    requested: CouplingRequest | None = None,
+    design: Design = FIGURE_6,
+    level: str = "string",
 ) -> dict[str, Any]:
     """Results of builds by the batch: `values` are arrays by the short names of `pendsus
     xcouple`."""
     requested = requested or question(design)
     table = {name: np.atleast_1d(np.asarray(value, dtype=float)) for name, value in values.items()}
-    return coupling.compute_coupling(
-        coupling.impose(expand(design), table, requested), design, requested
-    )
+    scene = coupling.impose(expand(design), table, requested)
+    return coupling.couplings(builds.balance(scene, design, level=level), requested)
 
 
 def ratios(

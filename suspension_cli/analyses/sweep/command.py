@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, plain
 from suspension_cli.analyses.options import option
-from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.errors import InputError, format_value
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -83,7 +82,6 @@ class SweepAnalysis(Analysis):
         setting, source = run.setting, run.source
         over = axes(list(setting["vary"]))
         unstable = setting["allow_unstable"]
-        job = ParameterSweep(source.text, over, registry.STRING.name, (), unstable)
         simplest = registry.choose(source.design, setting["fidelity"])
 
         def on(level: str, names: list[str]) -> ParameterSweep:
@@ -91,7 +89,7 @@ class SweepAnalysis(Analysis):
             found = eigenmodes.solve(system.constant)
             known = signals.bodies_with_signals(system)
             results = named_results.parse(names, found, known)
-            return dataclasses.replace(job, level=level, results=results)
+            return ParameterSweep(source.text, over, level, results, unstable)
 
         names = list(setting["results"]) or [named_results.ALL]
         try:
@@ -104,7 +102,7 @@ class SweepAnalysis(Analysis):
         if follows and simplest.model.has_wire_mass:
             remedy = "take beam, or ask for responses alone"
             problem = "has no modes that could be followed"
-            raise InputError([Fault("--fidelity", problem, remedy, format_value(simplest.level))])
+            raise InputError.of("--fidelity", problem, remedy, format_value(simplest.level))
         first.check()
         choice = model_choice.for_builds(
             source,
@@ -200,31 +198,19 @@ class SweepAnalysis(Analysis):
 def axes(vary: list[str]) -> tuple[Axis, ...]:
     """Parse the axes of `--vary`."""
     from suspension_cli.grids import parse_grid
-    from suspension_cli.studies.axes import Axis
+    from suspension_cli.studies.axes import Axis, distinct
 
     example = "write for example --vary stage.test.wires.s=1e-3:0.05:50:log"
     if not vary:
-        raise InputError([Fault("--vary", "is missing", example)])
+        raise InputError.of("--vary", "is missing", example)
     result = []
     for text in vary:
         path, equals, values = (part.strip() for part in text.partition("="))
         if not equals or not all(part.strip() for part in path.split(".")) or "." not in path:
-            raise InputError(
-                [Fault("--vary", "is not of the form PATH=GRID", example, format_value(text))]
-            )
+            problem = "is not of the form PATH=GRID"
+            raise InputError.of("--vary", problem, example, format_value(text))
         result.append(Axis(path, tuple(parse_grid(values, f"--vary {path}"))))
-    if len({axis.name for axis in result}) < len(result):
-        raise InputError(
-            [
-                Fault(
-                    "--vary",
-                    "names a parameter twice",
-                    "give each once",
-                    format_value(" ".join(vary)),
-                )
-            ]
-        )
-    return tuple(result)
+    return distinct(result, "--vary", " ".join(vary))
 
 
 ANALYSIS = SweepAnalysis()

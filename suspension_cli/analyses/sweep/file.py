@@ -168,7 +168,7 @@ def _magnitude(model: LinearSystem, item: Ratio) -> float:
 
 def complete(part: Path, job: ParameterSweep) -> None:
     """Track modes over the grid of a file with all points, and fill in the results."""
-    with h5py.File(part, "r+") as file:
+    with h5py.File(part, "r+", locking=False) as file:
         group: Stored = file["sweep"]
         squared = rank = None
         if "shape" in group:

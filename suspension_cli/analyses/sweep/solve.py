@@ -8,15 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.design import reader
-from suspension_cli.errors import InputError
 from suspension_cli.linear import batch_modes, eigenmodes
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.named_results import Mode, Ratio, Scalar
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.studies import builds, variants
-from suspension_cli.studies.axes import Axis, Product, of_option
+from suspension_cli.studies.axes import Product
 from suspension_cli.studies.builds import Builds, Column, ColumnValues
 
 if TYPE_CHECKING:
@@ -29,28 +27,17 @@ STATUS = (*builds.STATUS, "the design has other coordinates than the one swept")
 
 @dataclass(frozen=True)
 class ParameterSweep(Product):
-    """Grid of designs, a job for `studies.run`; the first axis varies slowest.
+    """Grid of designs, whose axes are named by dotted paths.
 
     Attributes
     ----------
-    text
-        The design as TOML.
-    axes
-        Parameters, named by dotted paths, with their values in SI.
     allow_unstable
         Whether responses about an unstable equilibrium count as valid.
     """
 
-    text: str
-    axes: tuple[Axis, ...]
     level: str
     results: tuple[Scalar, ...]
     allow_unstable: bool = False
-
-    @property
-    def identity(self) -> str:
-        """Text that differs between sweeps of one design."""
-        return repr((self.axes, self.level, self.results, self.allow_unstable))
 
     @property
     def columns(self) -> tuple[Column, ...]:
@@ -105,7 +92,7 @@ class ParameterSweep(Product):
 
         Modes and coordinates do not need these terms, which cannot be pickled.
         """
-        return replace(registry.by_name(self.level).system(reader.parse(self.text)), terms=())
+        return replace(registry.by_name(self.level).system(self.design), terms=())
 
     @cached_property
     def nominal(self) -> Modes:
@@ -118,22 +105,8 @@ class ParameterSweep(Product):
         return batch_modes.solve_one(self._model).shape[0]
 
     def check(self) -> None:
-        """Raise `InputError` if a path does not exist or its values give no valid design.
-
-        Tries the first, the middle and the last value of each axis.
-        """
-        for axis in self.axes:
-            errors = []
-            tried = [
-                axis.values[n] for n in sorted({0, len(axis.values) // 2, len(axis.values) - 1})
-            ]
-            for value in tried:
-                try:
-                    registry.choose(variants.overridden(self.text, {axis.name: value}), self.level)
-                except InputError as error:
-                    errors.append(of_option(error, "--vary", axis, value))
-            if len(errors) == len(tried):
-                raise errors[0]
+        """Raise `InputError` if a path does not exist or its values give no valid design."""
+        self.check_designs("--vary", self.axes, lambda one: registry.choose(one, self.level))
 
     def compute(self, start: int, stop: int) -> ColumnValues:
         """Compute the `columns` of points start to stop - 1."""

@@ -12,7 +12,7 @@ import click
 from suspension_cli.analyses import options
 from suspension_cli.analyses.analysis import Analysis, Document, Log, Result, Run, Settings
 from suspension_cli.analyses.options import option
-from suspension_cli.errors import Fault, InputError
+from suspension_cli.errors import InputError
 
 if TYPE_CHECKING:
     import h5py
@@ -136,7 +136,8 @@ class ToleranceAnalysis(Analysis):
         )
         job = _of_possible_count(job, run.log)
         options_given = tuple(setting["require"])
-        job = job.requiring(quantities.with_responses(run.design, options_given, job.names))
+        known = quantities.requirements(run.design, options_given, job.names, lenient=True)
+        job = job.requiring(known)
         job.check()
         run.log.detail(f"{len(job.factors)} numbers of the design vary between builds")
         choice = model_choice.for_builds(
@@ -217,9 +218,8 @@ def _of_possible_count(job: RandomBuilds, log: Log) -> RandomBuilds:
             if groups
             else "--sampling sobol"
         )
-        problem = f"is too few for {what}"
-        remedy = f"give at least {least}"
-        raise InputError([Fault("--builds", problem, remedy, str(job.count))])
+        problem, remedy = f"is too few for {what}", f"give at least {least}"
+        raise InputError.of("--builds", problem, remedy, str(job.count))
     job = dataclasses.replace(job, count=count)
     rows, replicates = job.points.rows, sample_points.REPLICATES
     if groups:

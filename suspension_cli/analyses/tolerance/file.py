@@ -97,7 +97,7 @@ def _add_empty(group: h5py.Group, name: str, units: str, *axes: h5py.Dataset) ->
 
 def complete(path: Path, job: RandomBuilds, limit: float) -> None:
     """Write the statistics into a file with all builds."""
-    with h5py.File(path, "r+") as file:
+    with h5py.File(path, "r+", locking=False) as file:
         group: Stored = file["tolerance"]
         found = summarise_group(group, job, limit, ranked=0)
         shape = (len(job.scene.bodies.name), len(STATIC))

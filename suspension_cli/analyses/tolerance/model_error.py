@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import replace
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.analyses.tolerance.solve import RandomBuilds
+from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import body_overlap, pair_by_overlap
 from suspension_cli.models.base import Model
 from suspension_cli.models.choice import Frequencies, Systems
-from suspension_cli.scene.arrays import Array
 from suspension_cli.studies.builds import ColumnValues
 from suspension_cli.studies.relative_change import largest_relative_change, relative_change
+from suspension_cli.studies.sample_points import RANDOM
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 SEARCHED = 1000
 """First builds from which the extreme ones are taken."""
@@ -22,24 +27,6 @@ EXTREME = 15
 """Number of builds with the largest deviations, at which models are compared."""
 NO_BUILD = "no extreme build has an equilibrium"
 ONE_MODEL_ONLY = "some builds have an equilibrium in only one of the models"
-
-
-@dataclass(frozen=True)
-class _Extremes(RandomBuilds):
-    """The nominal build and the extreme builds of a job."""
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Number of builds."""
-        return (1 + min(EXTREME, self.count),)
-
-    def deviations(self, start: int, stop: int) -> Array:
-        """Deviations (p, factors) of builds start to stop - 1; 0 for the nominal build."""
-        every = super().deviations(0, min(SEARCHED, self.count))
-        scale = every.std(0)
-        size = (every / np.where(scale > 0, scale, 1.0) ** 2 * every).sum(1)
-        most = np.argsort(-size, kind="stable")[:EXTREME]
-        return np.concatenate([np.zeros_like(every[:1]), every[most]])[start:stop]
 
 
 def build_change(job: RandomBuilds) -> Callable[[Model, Model], tuple[float, str]]:
@@ -50,33 +37,28 @@ def build_change(job: RandomBuilds) -> Callable[[Model, Model], tuple[float, str
     The effect of wire mass on frequencies is estimated for the nominal build. The change is
     infinite if a build has an equilibrium in only one model.
     """
+    systems = Systems(job.design)
+    deviations = _extremes(replace(job, method=RANDOM, with_indices=False))
 
     @cache
-    def solved(level: str) -> tuple[_Extremes, ColumnValues]:
-        fields = (job.text, job.count, job.seed, job.question, job.allow_unstable)
-        extremes = _Extremes(*fields, level, job.requirements)
-        return extremes, extremes.compute(0, *extremes.shape)
-
-    systems = Systems(job.design)
+    def solved(model: Model) -> tuple[Modes, ColumnValues]:
+        one = replace(job, level=model.name)
+        return one.nominal, one.compute_with(deviations)
 
     def change(simple: Model, refined: Model) -> tuple[float, str]:
-        (old_job, old), (new_job, new) = solved(simple.name), solved(refined.name)
+        (modes, old), (others, new) = solved(simple), solved(refined)
         if (np.isfinite(old["ratio"]) != np.isfinite(new["ratio"])).any():
             return float("inf"), ONE_MODEL_ONLY
-        coupling = relative_change(old["ratio"], new["ratio"])
-        if np.isnan(coupling):
-            return coupling, NO_BUILD
-        changes = [(coupling, "the cross-coupling")]
-        changes += [
-            (relative_change(old["static"][..., part], new["static"][..., part]), what)
-            for part, what in (
-                (slice(3), "static displacements"),
-                (slice(3, 6), "static rotations"),
-            )
+        if not np.isfinite(old["ratio"]).any():
+            return float("nan"), NO_BUILD
+        parts = [
+            ("the cross-coupling", "ratio", slice(None)),
+            ("static displacements", "static", np.s_[..., :3]),
+            ("static rotations", "static", np.s_[..., 3:]),
+            *((one.text, "response", np.s_[:, n]) for n, one in enumerate(job.ratios)),
         ]
-        changes += [
-            (relative_change(old["response"][:, n], new["response"][:, n]), one.text)
-            for n, one in enumerate(job.ratios)
+        changes = [
+            (relative_change(old[name][part], new[name][part]), what) for what, name, part in parts
         ]
         if refined.has_wire_mass:
             changes.append(Frequencies().change(systems(simple), systems(refined)))
@@ -84,15 +66,21 @@ def build_change(job: RandomBuilds) -> Callable[[Model, Model], tuple[float, str
             model = systems(simple)
             count = 6 * len(model.body)
             mass = model.mass[6 : 6 + count, 6 : 6 + count]
-            a, b = old_job.nominal, new_job.nominal
-            there = pair_by_overlap(body_overlap(a.shape, b.shape, mass))
+            there = pair_by_overlap(body_overlap(modes.shape, others.shape, mass))
+            before, after = old["frequency"], new["frequency"][:, there]
             changes += [
-                (
-                    largest_relative_change(old["frequency"][:, n], new["frequency"][:, there[n]]),
-                    label,
-                )
-                for n, label in enumerate(a.label)
+                (largest_relative_change(before[:, n], after[:, n]), label)
+                for n, label in enumerate(modes.label)
             ]
         return max(changes, key=lambda one: one[0])
 
     return change
+
+
+def _extremes(job: RandomBuilds) -> Float[np.ndarray, "build factor"]:
+    """Deviations of the nominal build, 0, and of the most extreme ones."""
+    every = job.deviations(0, min(SEARCHED, job.count))
+    scale = every.std(0)
+    size = ((every / np.where(scale > 0, scale, 1.0)) ** 2).sum(1)
+    most = np.argsort(-size, kind="stable")[:EXTREME]
+    return np.concatenate([np.zeros_like(every[:1]), every[most]])

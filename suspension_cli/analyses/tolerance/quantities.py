@@ -8,12 +8,9 @@ static pitch``, or the magnitude of a named response (`linear.named_results`). A
 
 from __future__ import annotations
 
-import contextlib
 import math
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -183,60 +180,34 @@ class Names:
             else "give a mode's label (pendsus modes lists them), coupling, STAGE static"
             f" {'|'.join(STATIC)}, or a response OUTPUT/INPUT:FREQUENCY"
         )
-        raise InputError([Fault(key, "is no quantity of builds", remedy, format_value(text))])
+        raise InputError.of(key, "is no quantity of builds", remedy, format_value(text))
 
 
-def with_responses(
-    design: Design, options: tuple[str, ...], names: Names
+def requirements(
+    design: Design, options: tuple[str, ...], names: Names, *, lenient: bool = False
 ) -> tuple[Requirement, ...]:
-    """Parse only the requirements on named responses, which no model changes; ignore faults."""
-    some = [item for item in _calls(design, options, names) if "/" in item[0]]
-    found: list[Requirement] = []
-    for _, call in some:
-        with contextlib.suppress(InputError):
-            found.append(call())
-    return tuple(dict.fromkeys(found))
-
-
-def requirements(design: Design, options: tuple[str, ...], names: Names) -> tuple[Requirement, ...]:
     """Parse the requirements of a design and of ``--require``.
 
-    Raises
-    ------
-    InputError
-        With the faults of all.
+    If `lenient`, those with faults are left out: another model may have a mode of that label. Else
+    raises `InputError` with the faults of all.
     """
+    ratios: dict[Ratio, int] = {}
     found: list[Requirement] = []
     faults: list[Fault] = []
-    for _, call in _calls(design, options, names):
+    given = design.tolerance.require if design.tolerance else []
+    for n, item in enumerate((*given, *options), 1):
         try:
-            found.append(call())
+            if isinstance(item, str):
+                found.append(parse(item, names, ratios))
+                continue
+            quantity = names.parse(item.quantity, f"tolerance.require.{n}.quantity", ratios)
+            low, high = item.band or (item.above or -math.inf, item.below or math.inf)
+            found.append(Requirement(quantity, low, high, item.band is None))
         except InputError as error:
             faults += error.faults
-    if faults:
+    if faults and not lenient:
         raise InputError(faults)
     return tuple(dict.fromkeys(found))
-
-
-def _calls(
-    design: Design, options: tuple[str, ...], names: Names
-) -> list[tuple[str, Callable[[], Requirement]]]:
-    """List the texts of requirements with functions that parse them."""
-    ratios: dict[Ratio, int] = {}
-    given = design.tolerance.require if design.tolerance else []
-    calls: list[tuple[str, Callable[[], Requirement]]] = []
-    for n, item in enumerate(given, 1):
-        low, high = item.band or (item.above or -math.inf, item.below or math.inf)
-
-        def of_table(
-            name: str = item.quantity,
-            key: str = f"tolerance.require.{n}.quantity",
-            limits: tuple[float, float, bool] = (low, high, item.band is None),
-        ) -> Requirement:
-            return Requirement(names.parse(name, key, ratios), *limits)
-
-        calls.append((item.quantity, of_table))
-    return [*calls, *((text, partial(parse, text, names, ratios)) for text in options)]
 
 
 def parse(
@@ -244,32 +215,28 @@ def parse(
 ) -> Requirement:
     """Parse one requirement as ``--require`` takes it."""
 
-    def refused(problem: str, remedy: str) -> InputError:
-        return InputError([Fault(option, problem, remedy, format_value(text))])
+    def refused(problem: str, remedy: str = SYNTAX) -> InputError:
+        return InputError.of(option, problem, remedy, format_value(text))
 
     band = re.fullmatch(r"\s*(.+?)\s+in\s+([^:\s]+)\s*:\s*([^:\s]+)\s*", text)
     bound = re.fullmatch(r"\s*([^<>]+?)\s*([<>])\s*([^\s<>]+)\s*", text)
     found = band or bound
     if found is None:
-        raise refused("is no requirement", SYNTAX)
+        raise refused("is no requirement")
     try:
         numbers = [float(word) for word in (found.groups()[1:] if band else [found[3]])]
     except ValueError:
-        raise refused("has a limit that is no number", SYNTAX) from None
+        raise refused("has a limit that is no number") from None
     if not all(map(math.isfinite, numbers)):
-        raise refused("has a limit that is not finite", SYNTAX)
+        raise refused("has a limit that is not finite")
     if band:
         low, high = numbers
         if not low < high:
-            raise refused(
-                "is a reversed or empty band",
-                "give LEAST:LARGEST",
-            )
+            raise refused("is a reversed or empty band", "give LEAST:LARGEST")
     else:
         [limit] = numbers
         if not limit > 0:
-            raise refused(
-                "limits a magnitude to a value that is not positive", "give a positive limit"
-            )
+            problem = "limits a magnitude to a value that is not positive"
+            raise refused(problem, "give a positive limit")
         low, high = (-math.inf, limit) if found[2] == "<" else (limit, math.inf)
     return Requirement(names.parse(found[1], option, ratios), low, high, not band)

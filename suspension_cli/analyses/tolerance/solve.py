@@ -14,43 +14,29 @@ import numpy as np
 from suspension_cli.analyses.sweep.solve import evaluate_ratio
 from suspension_cli.analyses.tolerance.quantities import Names, Requirement
 from suspension_cli.analyses.xcouple.solve import CouplingRequest, couplings, quotient_unit
-from suspension_cli.design import reader
-from suspension_cli.design.schema import Design
-from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import batch_modes, batches, eigenmodes, signals
 from suspension_cli.linear.mode_pairing import pair_by_overlap
 from suspension_cli.linear.named_results import Ratio
 from suspension_cli.models import registry, string
 from suspension_cli.models.surroundings import surrounded
 from suspension_cli.scene.arrays import Array, Index
-from suspension_cli.scene.scene import Scene
 from suspension_cli.studies import builds, sampling
 from suspension_cli.studies.builds import Column, ColumnValues
+from suspension_cli.studies.job import Job, expand, parse
 from suspension_cli.studies.sample_points import RANDOM, SamplePoints
 
 if TYPE_CHECKING:
     from jaxtyping import Float, Int
 
 
-# Jobs of one design that differ in model or requirements share these results.
-@lru_cache(maxsize=4)
-def _parse(text: str) -> Design:
-    return reader.parse(text)
-
-
-@lru_cache(maxsize=4)
-def _expand(text: str) -> Scene:
-    return expand(_parse(text))
-
-
 @lru_cache(maxsize=8)
 def _solve_nominal(text: str, level: str) -> tuple[eigenmodes.Modes, Array, Index]:
     """Nominal modes, their mass-normalised shapes (m, c), and the coordinates (c,) of these."""
     # symmetry blocks keep the labels of degenerate modes
-    model, design = registry.by_name(level), _parse(text)
+    model, design = registry.by_name(level), parse(text)
     found = eigenmodes.solve(model.system(design))
     plain = surrounded(
-        string.linear_model(_expand(text), split=False, wire_inertia=not model.has_wire_mass),
+        string.linear_model(expand(text), split=False, wire_inertia=not model.has_wire_mass),
         design,
     )
     keep = np.flatnonzero(~plain.massless[6:]) + 6  # coordinates with inertia
@@ -59,13 +45,11 @@ def _solve_nominal(text: str, level: str) -> tuple[eigenmodes.Modes, Array, Inde
 
 
 @dataclass(frozen=True)
-class RandomBuilds:
-    """Random builds of one design, a job for `studies.run`.
+class RandomBuilds(Job):
+    """Random builds of one design with a `[tolerance]` table.
 
     Attributes
     ----------
-    text
-        The design as TOML, with its `[tolerance]` table.
     count
         Number of builds.
     question
@@ -82,7 +66,6 @@ class RandomBuilds:
         Whether builds are drawn for Sobol indices.
     """
 
-    text: str
     count: int
     seed: int
     question: CouplingRequest
@@ -103,13 +86,6 @@ class RandomBuilds:
         return ("build",)
 
     @property
-    def identity(self) -> str:
-        """Text that identifies a job of one design."""
-        fields = (self.count, self.seed, self.question, self.allow_unstable, self.level)
-        further = (self.requirements, self.method, self.with_indices)
-        return repr((*fields, *further))
-
-    @property
     def columns(self) -> tuple[Column, ...]:
         """Datasets of the file."""
         ratio = quotient_unit(self.question.over, self.question.under)
@@ -125,16 +101,6 @@ class RandomBuilds:
             Column("status", "u1", (), "1"),
             Column("slack_wire", "i2", (), "1"),
         )
-
-    @property
-    def design(self) -> Design:
-        """Parsed design."""
-        return _parse(self.text)
-
-    @property
-    def scene(self) -> Scene:
-        """Scene without random imperfections."""
-        return _expand(self.text)
 
     @cached_property
     def factors(self) -> tuple[sampling.ScatteredNumber, ...]:
@@ -185,7 +151,12 @@ class RandomBuilds:
 
     def compute(self, start: int, stop: int) -> ColumnValues:
         """Compute the `columns` of builds start to stop - 1."""
-        scene = sampling.imperfect(self.scene, self.factors, self.deviations(start, stop))
+        found = self.compute_with(self.deviations(start, stop))
+        return {"build": np.arange(start, stop, dtype=np.uint32), **found}
+
+    def compute_with(self, deviations: Float[np.ndarray, "build factor"]) -> ColumnValues:
+        """Compute the `columns` but for `build` of builds with these deviations."""
+        scene = sampling.imperfect(self.scene, self.factors, deviations)
         found = builds.balance(
             scene, self.design, level=self.level, allow_unstable=self.allow_unstable
         )
@@ -199,7 +170,6 @@ class RandomBuilds:
         frequency[failed] = np.nan
         static = np.where(failed[:, None, None], np.nan, found.static)
         return {
-            "build": np.arange(start, stop, dtype=np.uint32),
             "frequency": frequency,
             "ratio": ratio,
             "static": static,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from typing import TYPE_CHECKING
 
 import click
@@ -11,7 +12,7 @@ from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, plain
 from suspension_cli.analyses.options import option
 from suspension_cli.conventions import DOFS
-from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.errors import InputError, format_value
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -144,7 +145,6 @@ class CouplingAnalysis(Analysis):
                 f"{count} of {job.count} builds failed: {why}" for why, count in failed
             )
             run.log.warn(f"{whys}; they have no result: sweep smaller imperfections")
-        _warn_of_faint(run, requested, found)
         return result
 
     def document(self, result: Result) -> Document:
@@ -304,78 +304,30 @@ def axes(text: str, table: Document) -> tuple[Axis, ...]:
     from suspension_cli.analyses.xcouple.solve import PARAMETERS, UNITS
     from suspension_cli.design.faults import suggest
     from suspension_cli.grids import parse_grid
-    from suspension_cli.studies.axes import Axis
+    from suspension_cli.studies.axes import Axis, distinct
 
-    parts: list[str] = []
-    for piece in text.split(","):
-        if parts and _is_number(piece):
-            parts[-1] += f",{piece}"  # one more value of a list
-        else:
-            parts.append(piece)
     result = []
-    for part in parts:
+    for part in re.split(r",(?!\s*[-+.\d])", text):  # numbers are further values of a list
         name, equals, values = (piece.strip() for piece in part.partition("="))
         if name not in PARAMETERS and "." not in name:
-            raise InputError(
-                [
-                    Fault(
-                        "--sweep",
-                        f"there is no imperfection {name!r}",
-                        suggest(name, list(PARAMETERS)) + " or a dotted path",
-                        format_value(text),
-                    )
-                ]
-            )
+            problem = f"there is no imperfection {name!r}"
+            remedy = suggest(name, list(PARAMETERS)) + " or a dotted path"
+            raise InputError.of("--sweep", problem, remedy, format_value(text))
         if "." in name and not equals:
-            raise InputError(
-                [
-                    Fault(
-                        "--sweep",
-                        f"{name} has no grid",
-                        f"write {name}=start:stop:count",
-                        format_value(text),
-                    )
-                ]
-            )
+            problem, remedy = f"{name} has no grid", f"write {name}=start:stop:count"
+            raise InputError.of("--sweep", problem, remedy, format_value(text))
         factor = UNITS.get(name) == "1"
         default = DEFAULT_GRID.get(name, FACTOR_GRID if factor else OTHER_GRID)
         given = values or _grid_text(table.get(name, default))
         lowest = 1 / LARGEST if factor else -LARGEST
         grid = parse_grid(given, f"--sweep {name}", lowest=lowest, highest=LARGEST)
         result.append(Axis(name, tuple(grid)))
-    if len({axis.name for axis in result}) < len(result):
-        raise InputError(
-            [Fault("--sweep", "names a parameter twice", "give each once", format_value(text))]
-        )
-    return tuple(result)
+    return distinct(result, "--sweep", text)
 
 
 def _grid_text(value: object) -> str:
     """Convert a grid of the design's table to the form of the command line."""
     return ",".join(map(str, value)) if isinstance(value, list) else str(value)
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
-
-
-def _warn_of_faint(run: Run, requested: CouplingRequest, answer: Coupling) -> None:
-    """Warn of couplings so small that rounding of the attachments' coordinates shows."""
-    import numpy as np
-
-    from suspension_cli.analyses.xcouple.solve import ROUNDING
-
-    size = np.abs(answer.ratio)
-    faint = (size > 0) & (size < ROUNDING)
-    if requested.over.unit == requested.under.unit and faint.any():
-        run.log.warn(
-            f"{int(faint.sum())} of {size.size} couplings are below {ROUNDING:g} (down to"
-            f" {size[faint].min():.1e}), where rounding leaves two digits at most; take these as 0"
-        )
 
 
 def _all_motions(

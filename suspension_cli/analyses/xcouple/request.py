@@ -5,7 +5,7 @@ from __future__ import annotations
 from suspension_cli.analyses.analysis import Settings
 from suspension_cli.analyses.xcouple.solve import CouplingRequest
 from suspension_cli.design.faults import suggest
-from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.errors import InputError, format_value
 from suspension_cli.grids import parse_frequencies
 from suspension_cli.linear import signals
 from suspension_cli.linear.system import LinearSystem
@@ -23,14 +23,11 @@ def parse_request(model: LinearSystem, setting: Settings, mirror: str) -> Coupli
         (label for label in labels if label.startswith(f"{mirror}.")), None
     )
     if wire is not None and wire not in labels:
-        raise InputError(
-            [Fault("--wire", "names no wire", suggest(wire, labels), format_value(wire))]
-        )
+        raise InputError.of("--wire", "names no wire", suggest(wire, labels), format_value(wire))
     body = setting.get("body") or (mirror if wire is None else wire.rsplit(".", 1)[0])
     if body not in model.body:
-        raise InputError(
-            [Fault("--body", "names no stage", suggest(body, list(model.body)), format_value(body))]
-        )
+        close = suggest(body, list(model.body))
+        raise InputError.of("--body", "names no stage", close, format_value(body))
     observed, _, point = (setting["observe"] or f"{mirror}@0,0,-0.001").partition("@")
     at = f"@{point}" if point else ""
     over, under = (name if setting[name[2:]] else "--observe" for name in ("--over", "--under"))

@@ -7,23 +7,20 @@ motion for vertical motion of the support. It is computed on grids of any number
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.analyses.sweep.solve import blank_values, divide
-from suspension_cli.design import reader
 from suspension_cli.design.imperfections import swept
-from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium import hanging
 from suspension_cli.equilibrium.nominal import expand
-from suspension_cli.errors import Fault, InputError
+from suspension_cli.errors import InputError
 from suspension_cli.linear.signals import Signal
 from suspension_cli.models import registry
 from suspension_cli.scene.scene import Scene
 from suspension_cli.studies import builds, variants
-from suspension_cli.studies.axes import Axis, Product, of_option
+from suspension_cli.studies.axes import Product
 from suspension_cli.studies.builds import Builds, Column, ColumnValues
 
 if TYPE_CHECKING:
@@ -67,28 +64,17 @@ class CouplingRequest:
 
 @dataclass(frozen=True)
 class Sweep(Product):
-    """Grid of imperfections, a job for `studies.run`; the first axis varies slowest.
+    """Grid of imperfections (see `PARAMETERS`) or dotted paths.
 
     Attributes
     ----------
-    text
-        The design as TOML.
-    axes
-        Imperfections (see `PARAMETERS`) or dotted paths, and their values.
     allow_unstable
         Whether a build with an unstable equilibrium counts as valid.
     """
 
-    text: str
-    axes: tuple[Axis, ...]
     question: CouplingRequest
     allow_unstable: bool = False
     level: str = registry.STRING.name
-
-    @property
-    def identity(self) -> str:
-        """Text that differs between sweeps of one design."""
-        return repr((self.axes, self.question, self.allow_unstable, self.level))
 
     @property
     def wire_label(self) -> str:
@@ -100,24 +86,10 @@ class Sweep(Product):
         """Raise `InputError` if no wire can be imperfect, or a path, value or signal is invalid."""
         of_wire = [axis.name for axis in self.axes if _part(axis.name) == "wire"]
         if of_wire and self.question.wire < 0:
-            raise InputError(
-                [
-                    Fault(
-                        "--wire",
-                        f"{of_wire[0]} changes a wire, but the mirror hangs on none",
-                        "name a wire, or sweep mass, com or a path",
-                    )
-                ]
-            )
+            problem = f"{of_wire[0]} changes a wire, but the mirror hangs on none"
+            raise InputError.of("--wire", problem, "name a wire, or sweep mass, com or a path")
         paths = [axis for axis in self.axes if axis.name not in PARAMETERS]
-        for axis in paths:
-            for value in dict.fromkeys((axis.values[0], axis.values[-1])):
-                try:
-                    expand(
-                        reader.parse_with_overrides(self.text, (f"{axis.name}={float(value)!r}",))
-                    )
-                except InputError as error:
-                    raise of_option(error, "--sweep", axis, value) from None
+        self.check_designs("--sweep", paths, expand, every=True)
         self.compute(0, 1)
 
     @property
@@ -146,26 +118,15 @@ class Sweep(Product):
             imperfections = {
                 name: value[here] for name, value in values.items() if name in PARAMETERS
             }
-            found = compute_coupling(
+            found = builds.balance(
                 impose(scene, imperfections, self.question),
                 design,
-                self.question,
-                self.allow_unstable,
-                self.level,
+                level=self.level,
+                allow_unstable=self.allow_unstable,
             )
-            for name, value in found.items():
+            for name, value in couplings(found, self.question).items():
                 result[name][here] = value
         return result
-
-    @cached_property
-    def design(self) -> Design:
-        """The design that is perturbed."""
-        return reader.parse(self.text)
-
-    @cached_property
-    def scene(self) -> Scene:
-        """The scene of the design."""
-        return expand(self.design)
 
 
 def quotient_unit(out: Signal, into: Signal) -> str:
@@ -200,18 +161,6 @@ def impose(
 def _part(name: str) -> str:
     """Part of a swept parameter, ``wire`` or ``body``; "" for a dotted path."""
     return PARAMETERS[name][0].part if name in PARAMETERS else ""
-
-
-def compute_coupling(
-    scene: Scene,
-    design: Design,
-    question: CouplingRequest,
-    allow_unstable: bool = False,
-    level: str = registry.STRING.name,
-) -> ColumnValues:
-    """Compute the coupling (`Sweep.columns`) of builds along one batch axis of a scene."""
-    found = builds.balance(scene, design, level=level, allow_unstable=allow_unstable)
-    return couplings(found, question)
 
 
 def couplings(found: Builds, question: CouplingRequest) -> ColumnValues:

@@ -129,10 +129,3 @@ def test_commands_say_it(tmp_path):
             r" stage",
             run(*command).stderr,
         )
-
-
-def test_faint_couplings_are_reported(tmp_path):
-    config = ROOT / "configs" / "husman2000" / "figure6.toml"
-    sweep = ["xcouple", config, "--workers", "1", "--no-plot", "--out", tmp_path, "--sweep"]
-    assert "below 1e-17" in run(*sweep, "offset=1e-9,1e-3").stderr
-    assert "below" not in run(*sweep, "lower_offset=1e-9,1e-3").stderr

@@ -25,19 +25,11 @@ from suspension_cli.studies.axes import Axis
 from tests.analyses.xcouple.test_xcouple_builds import FAILING, perturbed, random_builds
 from tests.support import finite_elements, lossy, scenes
 from tests.support.commandline import assert_refused, edited, run, strict_json, written
-from tests.support.couplings import FIGURE_6, FILE, FORBIDDEN, TRIPLE_FILE, question
+from tests.support.couplings import FIGURE_6, FILE, FORBIDDEN, TRIPLE_FILE, answers, question
 from tests.support.golden import CONFIGS
 
 LEVELS = ("beam", "violin")
 on_both = pytest.mark.parametrize("level", LEVELS)
-
-
-def answers(values, requested, design, level):
-    """Results of builds on a model, by the short names of `pendsus xcouple`."""
-    table = {name: np.atleast_1d(np.asarray(value, dtype=float)) for name, value in values.items()}
-    return coupling.compute_coupling(
-        coupling.impose(expand(design), table, requested), design, requested, level=level
-    )
 
 
 def one_by_one(raw, requested, level):
