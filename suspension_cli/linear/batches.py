@@ -16,13 +16,14 @@ import numpy as np
 
 from suspension_cli.conventions import FRAME, SUPPORT
 from suspension_cli.linear.elimination import Pattern, Positions, as_slice, by_body
-from suspension_cli.linear.graded_eigenvalues import RIGID
 from suspension_cli.linear.stretching import Stretching
 from suspension_cli.linear.system import LinearSystem
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Inexact, Int
 
+RIGID = 64 * np.finfo(float).eps
+"""Fraction of its terms below which omega^2 is a rounding error and the mode rigid."""
 CHUNK = 512
 """Systems that are eliminated at once."""
 ONE = np.ones(1)

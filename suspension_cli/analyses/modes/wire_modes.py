@@ -16,7 +16,7 @@ import numpy as np
 from suspension_cli.analyses.modes.cut_wires import CUTS, cut_all
 from suspension_cli.elements.dynamic_wire import PARTS
 from suspension_cli.errors import Fault, InputError
-from suspension_cli.linear import damped, eigenmodes, mode_count, quality, roots
+from suspension_cli.linear import batch_modes, damped, eigenmodes, mode_count, quality, roots
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.frequency_terms import WireTerm
 from suspension_cli.linear.mode_count import Progress, silent
@@ -187,7 +187,7 @@ class _Solver:
         for group in roots.group_roots(start, DEGENERATE):
             if len(group) > 1:
                 vectors = np.linalg.qr(motion[:, group])[0]
-                motion[:, group] = eigenmodes.localise(np.zeros(len(group)), vectors)
+                motion[:, group] = batch_modes.localise(np.zeros(len(group)), vectors)
         start = replace(start, motion=motion + 0j)
         result = self.describe(start)
         if not damping:
