@@ -31,6 +31,8 @@ SHIFT = 0.7
 """(rad/s)^2: s, that of slow pendulums, so that rigid modes are no exception."""
 STILL = 1e-12
 """(rad/s)^2, a period of two months, below which a mode is rigid."""
+CHUNK = 128
+"""Systems that are solved at once, so that their matrices stay in the cache."""
 ALIKE = 1e-12
 """Relative difference of omega^2 that may be a rounding error."""
 DEGENERATE = 1e-9
@@ -67,7 +69,9 @@ def solve(model: LinearSystem) -> Spectrum:
     count, size = len(model.stiffness), model.size
     mass = np.broadcast_to(model.mass, model.stiffness.shape)
     nonzero = np.packbits((mass != 0) | (model.stiffness != 0), axis=-1).reshape(count, -1)
-    patterns, number = np.unique(nonzero, axis=0, return_inverse=True)
+    groups: dict[bytes, list[int]] = {}  # systems of one pattern have the same blocks
+    for n, row in enumerate(nonzero):
+        groups.setdefault(row.tobytes(), []).append(n)
     modes = int((~model.massless[6:]).sum())
     result = Spectrum(
         np.empty((count, modes)),
@@ -75,25 +79,31 @@ def solve(model: LinearSystem) -> Spectrum:
         np.zeros((count, modes, size)),
         np.zeros((count, modes), dtype=np.intp),
     )
-    for n in range(len(patterns)):  # systems of one pattern have the same blocks
-        members = number.ravel() == n
-        stretched = model.stretched
-        if stretched is not None and stretched.form.ndim > 2:
-            form, soft = stretched.form[members], stretched.soft[members]
-            k = np.broadcast_to(stretched.stiffness, stretched.form.shape[:-1])[members]
-            stretched = replace(stretched, form=form, soft=soft, stiffness=k)
-        one = replace(
-            model,
-            mass=mass[members],
-            stiffness=model.stiffness[members],
-            stretched=stretched,
-            damping=np.zeros((size, size)),
-            lossy=None,
-        )
-        found = _solve_blocks(one, one.blocks)
-        for name, values in vars(found).items():
-            getattr(result, name)[members] = values
+    for same in groups.values():
+        blocks = _select(model, np.array(same[:1])).blocks
+        for start in range(0, len(same), CHUNK):
+            members = np.array(same[start : start + CHUNK])
+            found = _solve_blocks(_select(model, members), blocks)
+            for name, values in vars(found).items():
+                getattr(result, name)[members] = values
     return result
+
+
+def _select(model: LinearSystem, members: Index) -> LinearSystem:
+    """Undamped systems of some builds."""
+    stretched = model.stretched
+    if stretched is not None and stretched.form.ndim > 2:
+        form, soft = stretched.form[members], stretched.soft[members]
+        k = np.broadcast_to(stretched.stiffness, stretched.form.shape[:-1])[members]
+        stretched = replace(stretched, form=form, soft=soft, stiffness=k)
+    return replace(
+        model,
+        mass=np.broadcast_to(model.mass, model.stiffness.shape)[members],
+        stiffness=model.stiffness[members],
+        stretched=stretched,
+        damping=np.zeros((model.size, model.size)),
+        lossy=None,
+    )
 
 
 def _solve_blocks(model: LinearSystem, blocks: tuple[Index, ...]) -> Spectrum:

@@ -24,6 +24,7 @@ import numpy as np
 
 from suspension_cli.linear import eigenmodes as undamped
 from suspension_cli.linear import quality
+from suspension_cli.linear.batch_modes import ascending
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.frequency_terms import LossTerm, is_massive
 from suspension_cli.linear.pencil import Block, Pencil
@@ -34,8 +35,6 @@ from suspension_cli.linear.system import LinearSystem
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Int
 
-ALIKE = 1e-12
-"""Relative difference of omega^2 that may be a rounding error."""
 UNDAMPED = 1e-24
 """Fraction of the largest damping below which a rigid mode counts as undamped."""
 LIGHT = 0.02
@@ -66,7 +65,8 @@ def solve(model: LinearSystem, found: Modes) -> Modes:
         start = _starts_with_dampers(model, block, squared, x)
         if start is None:
             some = squared > 0
-            start = 1j * np.sqrt(squared[some]), x[some].astype(complex)
+            rate = 1 / np.maximum(found.q[own[some]], 1.0)  # to first order
+            start = 1j * np.sqrt(squared[some] * (1 + 1j * rate)), x[some].astype(complex)
             own = own[some]
         if not len(start[0]):
             continue
@@ -238,7 +238,7 @@ def _build_modes(
     squared = np.where(
         oscillates, np.abs(value) ** 2, np.where(np.real(value) > 0, -(np.real(value) ** 2), 0.0)
     )
-    energy, tips = mean_energies(model, motion)
+    energy, tips = undamped.energy_fractions(model, motion)
     shape = real_shapes(motion) @ model.basis.T
     known = oscillates & quality.knows_energy(model)
     new = {
@@ -255,7 +255,10 @@ def _build_modes(
         "order": np.zeros(len(value), dtype=np.intp),
         "decay_rate": decay,
     }
-    return merge_modes(found, plain, new)
+    both = found.select(plain).followed_by(replace(found, **new))
+    # overdamped ones by decay
+    order = np.argsort(np.where(both.omega_squared == 0, both.decay_rate, 0.0), kind="stable")
+    return both.select(order[ascending(both.omega_squared[order])])
 
 
 def motions(
@@ -315,45 +318,6 @@ def refine_decays(
         elastic,
         np.where(oscillates, weight / np.where(mass > 0, mass, 1.0), 1.0),
     )
-
-
-def mean_energies(
-    model: LinearSystem, motion: Complex[np.ndarray, "pole coordinate"]
-) -> tuple[Float[np.ndarray, "pole moving"], Float[np.ndarray, "pole tip"]]:
-    """Fractions of the mean kinetic energy, as `eigenmodes.energy_fractions`, of complex shapes."""
-    bodies = 6 * len(model.body)
-    total, energy = np.zeros(len(motion)), np.zeros((len(motion), model.size - 6))
-    for part in np.real(motion), np.imag(motion):
-        weight = quality.quadratic_form(model.mass, part)
-        moves = weight > 0
-        total[moves] += weight[moves]
-        own = np.concatenate(undamped.energy_fractions(model, part[moves]), axis=1)
-        energy[moves] += weight[moves, None] * own
-    energy /= total[:, None]
-    return energy[:, :bodies], energy[:, bodies:]
-
-
-def merge_modes(found: Modes, kept: Bool[np.ndarray, " mode"], new: dict[str, np.ndarray]) -> Modes:
-    """Merge kept modes with new ones, by omega^2, then by decay if overdamped.
-
-    `new` has attributes of `Modes` with one entry per new mode.
-    """
-    both = {
-        name: np.concatenate([getattr(found, name)[kept], values]) for name, values in new.items()
-    }
-    order = ascending(both["omega_squared"], both["decay_rate"])
-    return replace(found, **{name: values[order] for name, values in both.items()})
-
-
-def ascending(
-    squared: Float[np.ndarray, " mode"], decay: Float[np.ndarray, " mode"]
-) -> Int[np.ndarray, " mode"]:
-    """Order modes by omega^2, if overdamped by decay; those of one frequency keep their order."""
-    order = np.lexsort((np.where(squared == 0, decay, 0.0), squared))
-    apart = np.diff(squared[order], prepend=-np.inf) > ALIKE * np.abs(squared[order])
-    group = np.empty(len(order), dtype=np.intp)
-    group[order] = np.cumsum(apart | (squared[order] == 0))
-    return np.argsort(group, kind="stable")
 
 
 def quality_factor(value: Complex[np.ndarray, " pole"]) -> Float[np.ndarray, " pole"]:

@@ -13,7 +13,7 @@ from suspension_cli.linear import batch_modes, quality
 from suspension_cli.linear.system import LinearSystem
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Float, Int
+    from jaxtyping import Bool, Float, Inexact, Int
 
 PER_MODE = (
     "omega_squared",
@@ -277,9 +277,9 @@ def _solve(model: LinearSystem) -> Modes:
 
 
 def energy_fractions(
-    model: LinearSystem, shapes: Float[np.ndarray, "mode coordinate"]
+    model: LinearSystem, shapes: Inexact[np.ndarray, "mode coordinate"]
 ) -> tuple[Float[np.ndarray, "mode moving"], Float[np.ndarray, "mode tip"]]:
-    """Fractions of kinetic energy in the coordinates of bodies and of tips, summing to 1.
+    """Fractions of mean kinetic energy in the coordinates of bodies and of tips, summing to 1.
 
     Squares of M^(1/2) v with the M of each body, so never negative. A body's M includes tip masses
     that move with it.
@@ -290,10 +290,10 @@ def energy_fractions(
         rows = slice(6 * (n + 1), 6 * (n + 2))
         values, vectors = np.linalg.eigh(model.mass[rows, rows])
         root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
-        body_energy[:, 6 * n : 6 * (n + 1)] = (shapes[:, rows] @ root) ** 2
+        body_energy[:, 6 * n : 6 * (n + 1)] = np.abs(shapes[:, rows] @ root) ** 2
     tips = slice(6 * (bodies + 1), model.size)
     mass = model.basis[tips, tips] @ model.mass[tips, tips] @ model.basis[tips, tips].T
-    tip_energy = (shapes @ model.basis.T)[:, tips] ** 2 * np.diag(mass)
+    tip_energy = np.abs((shapes @ model.basis.T)[:, tips]) ** 2 * np.diag(mass)
     total = (body_energy.sum(1) + tip_energy.sum(1))[:, None]
     return body_energy / total, tip_energy / total
 

@@ -131,7 +131,7 @@ class _Found:
         """Join modes, ascending."""
         names = ("value", "shape", "energy", "lost", "elastic")
         both = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
-        order = damped.ascending(np.abs(both["value"]) ** 2, 0 * np.abs(both["value"]))
+        order = batch_modes.ascending(np.abs(both["value"]) ** 2)
         return _Found(parts[0].moving, **{name: part[order] for name, part in both.items()})
 
 
@@ -256,7 +256,7 @@ def _build_modes(model: LinearSystem, found: _Found, damping: bool) -> Modes:
         name = f"{term.stage}.{NAMES[part]}"
         wire[name] = wire.get(name, 0.0) + energy
     names = tuple(name for name in wire if (wire[name] > 1e-12).any())
-    energy, tips = damped.mean_energies(model, found.shape)
+    energy, tips = eigenmodes.energy_fractions(model, found.shape)
     bodily = np.maximum(1 - found.energy.sum(1), 0.0)[:, None]
     shape = (damped.real_shapes(found.shape) @ model.basis.T)[:, 6:]
     q = damped.quality_factor(value) if damping else quality.safe_ratio(omega**2, found.lost)
