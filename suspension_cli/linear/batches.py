@@ -1,4 +1,4 @@
-"""Equations of many builds: responses, condensation of blade tips, stability.
+"""Equations of many builds: responses, stability.
 
 The tensions of wires are unknowns, as in `pencil`, and all builds, or builds times frequencies, are
 eliminated together (`elimination`), in chunks that stay in the cache; in real arithmetic if nothing
