@@ -31,6 +31,8 @@ STILL = 1e-12
 """Fraction of the largest pole below which a pole is that of a free coordinate."""
 FAR = 50.0
 """Decay within a delay, nepers, beyond which poles are given up."""
+GROWING = 1e-18
+"""Growth rate over frequency up to which it is a rounding error of the power of loops."""
 BESIDE = 1 + 1e-6
 """Factor from a start value to where the force of a loop is evaluated: it may be a pole of it."""
 
@@ -121,4 +123,6 @@ def _refine_decays(
         block = blocks[number]
         for place, loop in enumerate(block.loops, len(block.owner) - len(block.loops)):
             power[n] += np.imag(np.conj(motion[n]) @ loop.pushed * found.motion[place, n])
-    return damped.refine_decays(plant.model, found.value, motion, power).value
+    value = damped.refine_decays(plant.model, found.value, motion, power).value
+    steady = (np.real(value) > 0) & (np.real(value) <= GROWING * np.abs(value))
+    return np.where(steady, 1j * np.imag(value), value)

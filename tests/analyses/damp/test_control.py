@@ -216,6 +216,7 @@ def test_poles_are_zeros_of_the_determinant(name):
     closed = built(name)
     system = build_closed_loop(closed, [], plants.all_motions(closed.model))
     found = closed_loop_poles.find(closed)
+    assert found.stable or name != "across blocks"  # no growth by rounding
     order = sum(len(loop_filters.expand_roots(one.poles)) for one in closed.loops)
     assert len(system.a) == 2 * (closed.model.size - 6 - closed.model.massless.sum()) + order
     for pole in found.value:
