@@ -1,119 +1,236 @@
-"""Undamped modes of a batch of linear systems, block by block."""
+"""Undamped modes of one linear system or of many, block by block.
+
+With blade tips without mass and the tensions t of wires among the unknowns (see `pencil`; R^T R is
+the stiffness from their stretching), a mode x is
+
+    ( K + s M   R^T ) (x)                   (M x)
+    (    R      -1  ) (t) = (omega^2 + s) (  0  ),
+
+so with M = L L^T the eigenvalues of L^T (K + s M)^-1 L are 1 / (omega^2 + s), the largest for the
+softest modes. Wires a million times stiffer than the tension makes them across cost these nothing.
+The stationary value of the energies in each shape (Rayleigh quotient; Parlett, The Symmetric
+Eigenvalue Problem, chapter 1) then gives omega^2 of soft and stiff modes to rounding.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.linear import batches, eigenmodes, graded_eigenvalues
+from suspension_cli.linear.batches import RIGID
+from suspension_cli.linear.small_matrices import solve_each
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Index
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
+    from jaxtyping import Float, Int
 
-WIDE = 1e-6
-"""Fraction of the largest omega^2 below which an eigenvalue solver has errors above 1e-9: the modes
-of a tower on an inverted pendulum would be off by 4e-8."""
+SHIFT = 0.7
+"""(rad/s)^2: s, that of slow pendulums, so that rigid modes are no exception."""
+STILL = 1e-12
+"""(rad/s)^2, a period of two months, below which a mode is rigid."""
+CHUNK = 128
+"""Systems that are solved at once, so that their matrices stay in the cache."""
+ALIKE = 1e-12
+"""Relative difference of omega^2 that may be a rounding error."""
+DEGENERATE = 1e-9
+"""Relative difference of omega^2 below which modes of one block count as degenerate."""
 
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Modes of a batch of p systems, each in ascending order of omega^2.
+    """Modes of one system or of many, each in ascending order of omega^2.
 
     Attributes
     ----------
     omega_squared
         (rad/s)^2; negative for an unstable mode, exactly 0 for a rigid one.
     shape
-        L^T v with the mass matrix M = L L^T: rows are orthonormal, and where M is diagonal their
+        L^T x with the mass matrix M = L L^T: rows are orthonormal, and where M is diagonal their
         squares are fractions of the kinetic energy. 0 for coordinates without inertia.
+    motion
+        Shapes x of unit modal mass in the system's own coordinates.
+    block
+        Number of the block of each mode.
     """
 
-    omega_squared: Float[np.ndarray, "build mode"]
-    shape: Float[np.ndarray, "build mode coordinate"]
+    omega_squared: Float[np.ndarray, "*build mode"]
+    shape: Float[np.ndarray, "*build mode coordinate"]
+    motion: Float[np.ndarray, "*build mode own"]
+    block: Int[np.ndarray, "*build mode"]
 
 
 def solve(model: LinearSystem) -> Spectrum:
-    """Solve for the undamped modes of a batch with one axis, each independent of the others."""
-    keep = np.flatnonzero(~model.massless[6:]) + 6
-    condensed = np.zeros_like(model.stiffness)
-    condensed[:, keep[:, None], keep] = batches.condensed_stiffness(model, keep)
+    """Solve for the undamped modes of a system, or of a batch with one axis."""
+    if model.stiffness.ndim == 2:
+        return _solve_blocks(model, model.blocks)
     count, size = len(model.stiffness), model.size
     mass = np.broadcast_to(model.mass, model.stiffness.shape)
     nonzero = np.packbits((mass != 0) | (model.stiffness != 0), axis=-1).reshape(count, -1)
-    patterns, number = np.unique(nonzero, axis=0, return_inverse=True)
-    result = Spectrum(np.empty((count, len(keep))), np.zeros((count, len(keep), size - 6)))
-    for n in range(len(patterns)):  # systems of one pattern have the same blocks
-        members = number.ravel() == n
-        undamped = np.zeros((size, size))
-        one = replace(model, mass=mass[members], stiffness=model.stiffness[members])
-        blocks = replace(one, damping=undamped, lossy=None).blocks
-        # condensing the tips leaves rounding errors between blocks
-        found = _solve_blocks(replace(one, stiffness=condensed[members]), blocks)
-        result.omega_squared[members], result.shape[members] = found
+    groups: dict[bytes, list[int]] = {}  # systems of one pattern have the same blocks
+    for n, row in enumerate(nonzero):
+        groups.setdefault(row.tobytes(), []).append(n)
+    modes = int((~model.massless[6:]).sum())
+    result = Spectrum(
+        np.empty((count, modes)),
+        np.zeros((count, modes, size - 6)),
+        np.zeros((count, modes, size)),
+        np.zeros((count, modes), dtype=np.intp),
+    )
+    for same in groups.values():
+        blocks = _select(model, np.array(same[:1])).blocks
+        for start in range(0, len(same), CHUNK):
+            members = np.array(same[start : start + CHUNK])
+            found = _solve_blocks(_select(model, members), blocks)
+            for name, values in vars(found).items():
+                getattr(result, name)[members] = values
     return result
 
 
-def _solve_blocks(
-    model: LinearSystem, blocks: tuple[Index, ...]
-) -> tuple[Float[np.ndarray, "build mode"], Float[np.ndarray, "build mode coordinate"]]:
-    values, shapes = [], []
-    tension = largest_from_tension(model)
-    for block in blocks:
-        kept = block[~model.massless[block]]
-        if not len(kept):
+def _select(model: LinearSystem, members: Index) -> LinearSystem:
+    """Undamped systems of some builds."""
+    stretched = model.stretched
+    if stretched is not None and stretched.form.ndim > 2:
+        form, soft = stretched.form[members], stretched.soft[members]
+        k = np.broadcast_to(stretched.stiffness, stretched.form.shape[:-1])[members]
+        stretched = replace(stretched, form=form, soft=soft, stiffness=k)
+    return replace(
+        model,
+        mass=np.broadcast_to(model.mass, model.stiffness.shape)[members],
+        stiffness=model.stiffness[members],
+        stretched=stretched,
+        damping=np.zeros((model.size, model.size)),
+        lossy=None,
+    )
+
+
+def _solve_blocks(model: LinearSystem, blocks: tuple[Index, ...]) -> Spectrum:
+    values, shapes, motions, numbers = [], [], [], []
+    for number, block in enumerate(blocks):
+        heavy = block[~model.massless[block]]
+        if not len(heavy):
             continue
-        mass, stiffness = (part[:, kept[:, None], kept] for part in (model.mass, model.stiffness))
-        squares, vectors = solve_matrices(mass, stiffness, tension)
-        close = np.diff(squares, axis=-1) <= eigenmodes.DEGENERATE * np.abs(squares[:, 1:])
-        for n in np.flatnonzero(close.any(-1)):
-            vectors[n] = eigenmodes.localise(squares[n], vectors[n])
-        full = np.zeros((len(squares), squares.shape[1], model.size))
-        full[..., kept] = np.swapaxes(vectors, -1, -2)
-        values.append(squares)
-        shapes.append(full)
-    omega_squared = np.concatenate(values, axis=1)
-    order = np.argsort(omega_squared, axis=1, kind="stable")
-    shape = np.concatenate(shapes, axis=1) @ model.basis.T
-    return np.take_along_axis(omega_squared, order, 1), np.take_along_axis(
-        shape, order[..., None], 1
-    )[..., 6:]
+        squared, vectors, motion = _solve_block(model, block)
+        shape, whole = (np.zeros((*squared.shape, model.size)) for _ in range(2))
+        shape[..., heavy], whole[..., block] = (
+            np.swapaxes(each, -1, -2) for each in (vectors, motion)
+        )
+        values.append(squared)
+        shapes.append(shape)
+        motions.append(whole)
+        numbers.append(np.full(squared.shape, number))
+    squared = np.concatenate(values, axis=-1)
+    order = ascending(squared)
+    shape, motion = (
+        np.take_along_axis(np.concatenate(each, axis=-2), order[..., None], -2)
+        for each in (shapes, motions)
+    )
+    number = np.take_along_axis(np.concatenate(numbers, axis=-1), order, -1)
+    shape = (shape @ model.basis.T)[..., 6:]
+    return Spectrum(np.take_along_axis(squared, order, -1), shape, motion, number)
 
 
-def largest_from_tension(model: LinearSystem) -> Float[np.ndarray, " build"]:
-    """Bound on the omega^2 of a rotation from tension alone, (rad/s)^2."""
-    return graded_eigenvalues.TURNING * graded_eigenvalues.softest_translation(model)
+def _solve_block(
+    model: LinearSystem, block: Index
+) -> tuple[
+    Float[np.ndarray, "*build mode"],
+    Float[np.ndarray, "*build heavy mode"],
+    Float[np.ndarray, "*build own mode"],
+]:
+    """Solve one block: omega^2, and the vectors L^T x and shapes x of the modes."""
+    soft, form = _split_stiffness(model, block)
+    own, wires = len(block), form.shape[-2]
+    mass = model.mass[..., block[:, None], block]
+    matrix = np.zeros((*soft.shape[:-2], own + wires, own + wires))
+    matrix[..., :own, :own] = soft + SHIFT * mass
+    matrix[..., own:, :own], matrix[..., :own, own:] = form, np.swapaxes(form, -1, -2)
+    matrix[..., own:, own:] = -np.eye(wires)
+    good = np.isfinite(matrix).all((-2, -1))
+    matrix[~good] = np.eye(own + wires)
+    size = np.abs(matrix).max(-1)
+    # powers of 2: pivots do not depend on units, and scaling does not round
+    scale = np.exp2(-np.rint(np.log2(np.where(size > 0, size, 1.0)) / 2))[..., None]
+    heavy = np.flatnonzero(~model.massless[block])
+    load = np.zeros((*matrix.shape[:-1], len(heavy)))
+    load[..., heavy, :] = np.linalg.cholesky(mass[..., heavy[:, None], heavy])
+    moved = scale * solve_each(matrix * scale * np.swapaxes(scale, -1, -2), scale * load)
+    flexible = np.swapaxes(load, -1, -2) @ moved
+    inverse, vectors = np.linalg.eigh((flexible + np.swapaxes(flexible, -1, -2)) / 2)
+
+    def evaluate() -> tuple[np.ndarray, np.ndarray]:
+        x = (moved @ vectors / inverse[..., None, :])[..., :own, :]
+        x = x / np.sqrt((x * (mass @ x)).sum(-2, keepdims=True))
+        tension = form @ x
+        squared = (x * (soft @ x)).sum(-2) + (tension**2).sum(-2)
+        terms = (np.abs(x) * (np.abs(soft) @ np.abs(x))).sum(-2)
+        terms += (np.abs(tension) * (np.abs(form) @ np.abs(x))).sum(-2)
+        rigid = np.abs(squared) < np.maximum(RIGID * terms, STILL)
+        return np.where(rigid, 0.0, squared), x
+
+    squared, x = evaluate()
+    order = np.argsort(squared, axis=-1, kind="stable")
+    squared, inverse = (np.take_along_axis(each, order, -1) for each in (squared, inverse))
+    vectors, x = (np.take_along_axis(each, order[..., None, :], -1) for each in (vectors, x))
+    apart = np.diff(squared, axis=-1) > DEGENERATE * np.abs(squared[..., 1:])
+    close = np.asarray(~apart.all(-1))
+    if close.any():
+        for n in np.ndindex(close.shape):
+            if close[n]:
+                vectors[n] = localise(squared[n], vectors[n])
+        x = evaluate()[1]
+    squared[~good] = np.nan
+    return squared, vectors, x
 
 
-def solve_matrices(
-    mass: Float[np.ndarray, "build coordinate coordinate"],
-    stiffness: Float[np.ndarray, "build coordinate coordinate"],
-    tension: Float[np.ndarray, " build"],
-) -> tuple[Float[np.ndarray, "build mode"], Float[np.ndarray, "build coordinate mode"]]:
-    """Solve for eigenvalues and orthonormal vectors L^T v, M = L L^T.
+def _split_stiffness(
+    model: LinearSystem, block: Index
+) -> tuple[Float[np.ndarray, "*build own own"], Float[np.ndarray, "*build row own"]]:
+    """Stiffness without the stretching of wires, and a matrix R with R^T R for that.
 
-    NaN where a matrix is not finite. Only systems with modes that are `WIDE` apart are solved again
-    (`graded_eigenvalues`); for these, `tension` is `largest_from_tension`.
+    QR decomposition of the elongations times sqrt(k) leaves no more rows than needed, as tensions
+    of redundant wires are indefinite where these are nearly rigid.
     """
-    dynamic = batches.scaled_by_mass(mass, stiffness)
-    failed = ~np.isfinite(dynamic).all((1, 2))
-    dynamic[failed] = np.eye(mass.shape[-1])
-    values, vectors = np.linalg.eigh(dynamic)
-    size = np.abs(values)
-    wide = size.min(-1) < WIDE * size.max(-1)
-    if wide.any():
-        resolved, shapes = graded_eigenvalues.solve(mass[wide], stiffness[wide])
-        error = graded_eigenvalues.rounding(stiffness[wide], np.swapaxes(shapes, -1, -2))
-        values[wide] = graded_eigenvalues.rigid(resolved, error, tension[wide])
-        vectors[wide] = np.swapaxes(np.linalg.cholesky(mass[wide]), -1, -2) @ shapes
-    values[failed] = np.nan
-    return values, vectors
+    stretched, whole = model.stretched, model.stiffness
+    at = (..., block[:, None], block)
+    if stretched is None or stretched.form.ndim != whole.ndim:
+        return whole[at], np.zeros((*whole.shape[:-2], 0, len(block)))
+    form = stretched.form[..., block] * np.sqrt(np.real(stretched.stiffness))[..., None]
+    rows: Any = np.linalg.qr(form, mode="r")
+    return np.real(stretched.soft)[at], rows
 
 
-def solve_one(model: LinearSystem) -> Spectrum:
-    """Solve for the modes of one system, as a batch of one."""
-    mass, stiffness = model.mass[None], model.stiffness[None]
-    return solve(replace(model, mass=mass, stiffness=stiffness, stretched=None))
+def ascending(values: Float[np.ndarray, "*build mode"]) -> Int[np.ndarray, "*build mode"]:
+    """Order of values, in which those that differ by rounding errors keep their order."""
+    order = np.argsort(values, axis=-1, kind="stable")
+    size = np.take_along_axis(values, order, -1)
+    apart = np.diff(size, axis=-1, prepend=-np.inf) > ALIKE * np.abs(size)
+    group = np.empty_like(order)
+    np.put_along_axis(group, order, np.cumsum(apart, axis=-1), -1)
+    return np.argsort(group, axis=-1, kind="stable")
+
+
+def localise(
+    values: Float[np.ndarray, " mode"], vectors: Float[np.ndarray, "coordinate mode"]
+) -> Float[np.ndarray, "coordinate mode"]:
+    """Rotate each degenerate group of modes to the basis that moves as few coordinates as possible.
+
+    In turn each mode takes the coordinate in which the group moves most, and the remaining modes
+    leave it at rest. Any rotation of degenerate modes solves the equations, but this one does not
+    depend on rounding. `values` are omega^2, ascending; the columns of `vectors` are
+    orthonormal.
+    """
+    result, start = vectors.copy(), 0
+    while start < len(values):
+        stop = start + 1
+        while stop < len(values) and values[stop] - values[start] <= DEGENERATE * abs(values[stop]):
+            stop += 1
+        for first in range(start, stop - 1):
+            group = result[:, first:stop]
+            size = (group**2).sum(1)
+            row = group[int(np.flatnonzero(size >= size.max() * (1 - 1e-9))[0])]
+            rotation = np.linalg.qr(np.column_stack([row, np.eye(len(row))]))[0]
+            result[:, first:stop] = group @ rotation
+        start = stop
+    return result

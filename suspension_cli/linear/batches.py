@@ -1,4 +1,4 @@
-"""Equations of many builds: responses, condensation of blade tips, stability.
+"""Equations of many builds: responses, stability.
 
 The tensions of wires are unknowns, as in `pencil`, and all builds, or builds times frequencies, are
 eliminated together (`elimination`), in chunks that stay in the cache; in real arithmetic if nothing
@@ -16,13 +16,14 @@ import numpy as np
 
 from suspension_cli.conventions import FRAME, SUPPORT
 from suspension_cli.linear.elimination import Pattern, Positions, as_slice, by_body
-from suspension_cli.linear.graded_eigenvalues import RIGID
 from suspension_cli.linear.stretching import Stretching
 from suspension_cli.linear.system import LinearSystem
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Inexact, Int
 
+RIGID = 64 * np.finfo(float).eps
+"""Fraction of its terms below which omega^2 is a rounding error and the mode rigid."""
 CHUNK = 512
 """Systems that are eliminated at once."""
 ONE = np.ones(1)
@@ -304,50 +305,6 @@ def evaluate_terms(
     for term in terms:
         term.add(added, compliance, omega, which)
     return added, compliance
-
-
-def condensed_stiffness(
-    model: LinearSystem, keep: Int[np.ndarray, " kept"]
-) -> Float[np.ndarray, "build kept kept"]:
-    """Lossless static stiffness of the coordinates `keep`, which all others follow.
-
-    Blade tips are eliminated first, then tensions: a wire's compliance adds to that of its blade.
-    """
-    equations, count = of_stiffness(model, lossy=False), len(model.stiffness)
-    # owners are eliminated in descending order
-    owner = np.where(np.isin(np.arange(6, model.size), keep), 0, 2)
-    wires = equations.form.shape[-2]
-    pattern = equations.pattern(owner, np.ones(wires, dtype=int))
-    steps = pattern.size - len(keep)
-    compliance = np.real(evaluate_terms(model, (), np.arange(count), np.zeros(count))[1])
-    result = np.empty((count, len(keep), len(keep)))
-    number = np.cumsum(owner == 0) - 1
-    for start in range(0, count, CHUNK):
-        some = slice(start, min(start + CHUNK, count))
-        elements = equations.elements(pattern, some, compliance[some].T[..., None])[..., 0]
-        pattern.factor(elements, steps)
-        rest = slice(pattern.start[steps], None)
-        row, column = (number[place[rest]] for place in (pattern.row, pattern.column))
-        whole = np.zeros((len(keep), len(keep), elements.shape[-1]))
-        whole[row, column] = whole[column, row] = elements[rest]
-        result[some] = np.moveaxis(whole, -1, 0)
-    return result
-
-
-def scaled_by_mass(
-    mass: Float[np.ndarray, "build kept kept"], stiffness: Float[np.ndarray, "build kept kept"]
-) -> Float[np.ndarray, "build kept kept"]:
-    """Compute L^-1 K L^-T, with the lower triangular root L of M = L L^T."""
-    pattern = _pattern(np.zeros(mass.shape[-1], dtype=int).tobytes(), used(mass).tobytes())
-    factors = pattern.factor(mass[:, pattern.row, pattern.column].T.copy())
-    scale = np.sqrt(factors.pivots)
-    result = np.moveaxis(stiffness, 0, -1).copy()
-    for _ in range(2):  # rows, then columns
-        factors.reduce(result)
-        result *= scale[:, None]
-        result = result.swapaxes(0, 1)
-    result = np.moveaxis(result, -1, 0)
-    return (result + result.swapaxes(-1, -2)) / 2
 
 
 def grows(model: LinearSystem) -> Bool[np.ndarray, " build"]:

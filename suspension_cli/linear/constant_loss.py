@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.linear import eigenmodes
+from suspension_cli.linear import batch_modes, eigenmodes
 from suspension_cli.linear.system import LinearSystem
 
 if TYPE_CHECKING:
@@ -31,10 +31,9 @@ def with_constant_loss(model: LinearSystem) -> LinearSystem:
     if not model.terms:
         return model
     # dampers are constant already
-    modes = eigenmodes.solve(replace(model, damping=np.zeros_like(model.damping)))
-    shapes = np.linalg.solve(model.basis, np.pad(modes.shape, ((0, 0), (6, 0))).T)
-    in_block = model.member[:, None] == modes.block
-    momentum = model.mass @ np.where(in_block, shapes, 0.0)
+    undamped = replace(model, damping=np.zeros_like(model.damping))
+    modes = eigenmodes.solve(undamped)
+    momentum = model.mass @ batch_modes.solve(undamped).motion.T
     lossy = np.isfinite(modes.q) & (modes.omega_squared > 0)  # an unstable mode has no Q
     dissipation = np.where(lossy, modes.omega_squared / np.where(lossy, modes.q, 1.0), 0.0)
     loss = 1j * _relative_to_support((momentum * dissipation) @ momentum.T, model.rigid)

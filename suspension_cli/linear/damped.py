@@ -16,13 +16,15 @@ x^H Z(s) x = 0 gives it from the dissipation at omega, sums of squares in which 
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.linear import eigenmodes as undamped
 from suspension_cli.linear import quality
+from suspension_cli.linear.batch_modes import ascending
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.frequency_terms import LossTerm, is_massive
 from suspension_cli.linear.pencil import Block, Pencil
@@ -33,14 +35,12 @@ from suspension_cli.linear.system import LinearSystem
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Int
 
-ALIKE = 1e-12
-"""Relative difference of omega^2 that may be a rounding error."""
 UNDAMPED = 1e-24
 """Fraction of the largest damping below which a rigid mode counts as undamped."""
 LIGHT = 0.02
 """Damping rate over frequency up to which poles start from undamped modes."""
-SLOW = 1e-5
-"""Decay rate over frequency up to which that of wires with mass follows from the dissipation."""
+SLOW = 1e-4
+"""Decay rate over frequency up to which it follows from the dissipation."""
 BODILY = 0.5
 """Fraction of the energy of a mode of bodies that is not in wires."""
 
@@ -65,7 +65,8 @@ def solve(model: LinearSystem, found: Modes) -> Modes:
         start = _starts_with_dampers(model, block, squared, x)
         if start is None:
             some = squared > 0
-            start = 1j * np.sqrt(squared[some]), x[some].astype(complex)
+            rate = 1 / np.maximum(found.q[own[some]], 1.0)  # to first order
+            start = 1j * np.sqrt(squared[some] * (1 + 1j * rate)), x[some].astype(complex)
             own = own[some]
         if not len(start[0]):
             continue
@@ -224,33 +225,20 @@ def _build_modes(
     roots: list[Roots],
 ) -> Modes:
     """Build the modes, ascending, from poles and the undamped modes to keep (`plain`)."""
-    value = np.concatenate([part.value for part in roots])
+    motion = np.concatenate([motions(model, blocks, part) for part in roots])
+    found_at = np.concatenate([part.value for part in roots])
     member = np.concatenate([part.block for part in roots])
-    motion = np.zeros((len(value), model.size), dtype=complex)
-    columns = [column for part in roots for column in part.motion.T]
-    for row, number, column in zip(motion, member.tolist(), columns, strict=True):
-        keep = blocks[number].keep
-        row[keep] = column[: len(keep)]
-    mass = quality.quadratic_form(model.mass, motion)
-    motion = motion / np.sqrt(np.abs(mass))[:, None]
-    oscillates = np.imag(value) > 0
-    omega = np.where(oscillates, np.imag(value), 1.0)
-    wires = quality.end_motions(model, motion)
-    lost, elastic = quality.dissipation(model, omega, motion, wires)
-    sigma = np.where(np.abs(lost) > quality.NOTHING * omega**2, -lost / (2 * omega), 0.0)
-    sigma = np.where(sigma > ROUNDING * omega, sigma, np.minimum(sigma, 0.0))
-    heavier = np.ones(len(value))  # kinetic energy with that of wires, over that without
-    if any(is_massive(term) for term in model.terms):
-        energy = sum(sum(quality.wire_energies(*one, omega).values()) for one in wires)
-        heavier = np.where(oscillates, 1 + energy, 1.0)
-        fast = oscillates & (np.abs(sigma) > SLOW * omega) & (np.real(value) < 0)
-        heavier = np.where(fast, sigma / np.where(fast, np.real(value), 1.0), heavier)
-    value = np.where(oscillates, sigma / heavier + 1j * np.imag(value), value)
+    motion = motion / np.sqrt(np.abs(quality.quadratic_form(model.mass, motion)))[:, None]
+    refined = refine_decays(model, found_at, motion)
+    value, heavier, oscillates = refined.value, refined.heavier, np.imag(found_at) > 0
+    rate = np.real(value)
+    steady = oscillates & (rate > 0) & (rate <= ROUNDING * np.imag(value))
+    value = np.where(steady, 1j * np.imag(value), value)
     decay = np.where(oscillates, -np.real(value), np.maximum(-np.real(value), 0.0)) + 0.0
     squared = np.where(
         oscillates, np.abs(value) ** 2, np.where(np.real(value) > 0, -(np.real(value) ** 2), 0.0)
     )
-    energy, tips = mean_energies(model, motion)
+    energy, tips = undamped.energy_fractions(model, motion)
     shape = real_shapes(motion) @ model.basis.T
     known = oscillates & quality.knows_energy(model)
     new = {
@@ -261,52 +249,75 @@ def _build_modes(
         "block": member,
         "q": quality_factor(value),
         "dilution": np.where(
-            known, quality.safe_ratio(np.abs(value) ** 2 * heavier, elastic), np.nan
+            known, quality.safe_ratio(np.abs(value) ** 2 * heavier, refined.elastic), np.nan
         ),
         "wire_energy": np.zeros((len(value), 0)),
         "order": np.zeros(len(value), dtype=np.intp),
         "decay_rate": decay,
     }
-    return merge_modes(found, plain, new)
+    both = found.select(plain).followed_by(replace(found, **new))
+    # overdamped ones by decay
+    order = np.argsort(np.where(both.omega_squared == 0, both.decay_rate, 0.0), kind="stable")
+    return both.select(order[ascending(both.omega_squared[order])])
 
 
-def mean_energies(
-    model: LinearSystem, motion: Complex[np.ndarray, "pole coordinate"]
-) -> tuple[Float[np.ndarray, "pole moving"], Float[np.ndarray, "pole tip"]]:
-    """Fractions of the mean kinetic energy, as `eigenmodes.energy_fractions`, of complex shapes."""
-    bodies = 6 * len(model.body)
-    total, energy = np.zeros(len(motion)), np.zeros((len(motion), model.size - 6))
-    for part in np.real(motion), np.imag(motion):
-        weight = quality.quadratic_form(model.mass, part)
-        moves = weight > 0
-        total[moves] += weight[moves]
-        own = np.concatenate(undamped.energy_fractions(model, part[moves]), axis=1)
-        energy[moves] += weight[moves, None] * own
-    energy /= total[:, None]
-    return energy[:, :bodies], energy[:, bodies:]
+def motions(
+    model: LinearSystem, blocks: Sequence[Block], found: Roots
+) -> Complex[np.ndarray, "root coordinate"]:
+    """Motions of all coordinates in each root."""
+    result = np.zeros((len(found.value), model.size), dtype=complex)
+    for row, number, column in zip(result, found.block.tolist(), found.motion.T, strict=True):
+        keep = blocks[number].keep
+        row[keep] = column[: len(keep)]
+    return result
 
 
-def merge_modes(found: Modes, kept: Bool[np.ndarray, " mode"], new: dict[str, np.ndarray]) -> Modes:
-    """Merge kept modes with new ones, by omega^2, then by decay if overdamped.
+@dataclass(frozen=True)
+class RefinedDecays:
+    """Poles with slow decays from dissipation.
 
-    `new` has attributes of `Modes` with one entry per new mode.
+    Attributes
+    ----------
+    elastic
+        See `quality.dissipation`.
+    heavier
+        Kinetic energy with that of wires over that without.
     """
-    both = {
-        name: np.concatenate([getattr(found, name)[kept], values]) for name, values in new.items()
-    }
-    order = ascending(both["omega_squared"], both["decay_rate"])
-    return replace(found, **{name: values[order] for name, values in both.items()})
+
+    value: Complex[np.ndarray, " pole"]
+    elastic: Float[np.ndarray, " pole"]
+    heavier: Float[np.ndarray, " pole"]
 
 
-def ascending(
-    squared: Float[np.ndarray, " mode"], decay: Float[np.ndarray, " mode"]
-) -> Int[np.ndarray, " mode"]:
-    """Order modes by omega^2, if overdamped by decay; those of one frequency keep their order."""
-    order = np.lexsort((np.where(squared == 0, decay, 0.0), squared))
-    apart = np.diff(squared[order], prepend=-np.inf) > ALIKE * np.abs(squared[order])
-    group = np.empty(len(order), dtype=np.intp)
-    group[order] = np.cumsum(apart | (squared[order] == 0))
-    return np.argsort(group, kind="stable")
+def refine_decays(
+    model: LinearSystem,
+    value: Complex[np.ndarray, " pole"],
+    motion: Complex[np.ndarray, "pole coordinate"],
+    power: Float[np.ndarray, " pole"] | float = 0.0,
+) -> RefinedDecays:
+    """Compute the decays of slowly decaying poles that oscillate from their dissipation.
+
+    `power` is Im x^H f of forces -f on the coordinates beside those of the model.
+    """
+    oscillates = np.imag(value) > 0
+    omega = np.where(oscillates, np.imag(value), 1.0)
+    wires = quality.end_motions(model, motion)
+    lost, elastic = quality.dissipation(model, omega, motion, wires)
+    mass = quality.quadratic_form(model.mass, motion)
+    weight = mass.copy()
+    if any(is_massive(term) for term in model.terms):
+        weight = weight + sum(sum(quality.wire_energies(*one, omega).values()) for one in wires)
+    lost = lost + power
+    some = np.abs(lost) > quality.NOTHING * omega**2 * weight
+    sigma = np.where(some, -lost / np.where(some, 2 * omega * weight, 1.0), 0.0)
+    slow = oscillates & (np.abs(np.real(value)) <= SLOW * omega)
+    fast = oscillates & ~slow & (np.real(value) < 0)
+    weight[fast] = -lost[fast] / (2 * omega * np.real(value))[fast]
+    return RefinedDecays(
+        np.where(slow, sigma + 1j * np.imag(value), value),
+        elastic,
+        np.where(oscillates, weight / np.where(mass > 0, mass, 1.0), 1.0),
+    )
 
 
 def quality_factor(value: Complex[np.ndarray, " pole"]) -> Float[np.ndarray, " pole"]:

@@ -1,9 +1,4 @@
-"""Normal modes: frequencies, shapes, and the body and degree of freedom that move most.
-
-Each block of coordinates is solved separately: massless coordinates (blade tips without tip mass)
-are eliminated, and the symmetric eigenvalue problem K v = omega^2 M v is solved so that soft modes
-keep their relative accuracy (`graded_eigenvalues`).
-"""
+"""Normal modes: frequencies, shapes, and the body and degree of freedom that move most."""
 
 from __future__ import annotations
 
@@ -14,11 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.conventions import DOF_NAMES, WIRE_MODE_NAMES
-from suspension_cli.linear import graded_eigenvalues, quality, static_condensation
+from suspension_cli.linear import batch_modes, quality
 from suspension_cli.linear.system import LinearSystem
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Float, Int
+    from jaxtyping import Bool, Float, Inexact, Int
 
 PER_MODE = (
     "omega_squared",
@@ -40,8 +35,6 @@ COUPLED = 0.01
 "strongly" coupled in the paper."""
 NEAR = 2e-3
 """Relative difference of frequency below which violin modes of equal wires are listed as one."""
-DEGENERATE = 1e-9
-"""Relative difference of omega^2 below which modes of one block count as degenerate."""
 
 
 @dataclass(frozen=True)
@@ -259,158 +252,34 @@ def solve(model: LinearSystem) -> Modes:
 
 
 def _solve(model: LinearSystem) -> Modes:
-    solutions = _solve_blocks(model)
-    values = np.concatenate([values for values, _ in solutions])
-    shapes = np.zeros((len(values), model.size))
-    block_of = np.zeros(len(values), dtype=np.intp)
-    start = 0
-    for number, (block, (squares, vectors)) in enumerate(zip(model.blocks, solutions, strict=True)):
-        rows = slice(start, start + len(squares))
-        shapes[rows, block] = vectors.T
-        block_of[rows] = number
-        start = rows.stop
-    order = np.argsort(values, kind="stable")
-    shapes = shapes[order]
-    q, dilution = _q_and_dilution(model, shapes, values[order])
+    # systems that differ only in their terms in frequency share these
+    same = all(map(np.array_equal, model.constant.blocks, model.blocks))
+    prepared = (model.constant if same else model).prepared
+    if "spectrum" not in prepared:
+        prepared["spectrum"] = batch_modes.solve(model)
+    found: batch_modes.Spectrum = prepared["spectrum"]
+    values, shapes = found.omega_squared, found.motion
+    q, dilution = _q_and_dilution(model, shapes, values)
     energy, tips = energy_fractions(model, shapes)
     shapes = fix_signs(shapes @ model.basis.T, np.concatenate([energy, tips], axis=1))[:, 6:]
-    fields = energy.reshape(len(shapes), -1, 6), tips, block_of[order], q, dilution
+    fields = energy.reshape(len(shapes), -1, 6), tips, found.block, q, dilution
     no_wires = (), np.zeros((len(shapes), 0)), np.zeros(len(shapes), dtype=np.intp)
     return Modes(
         model.body,
         model.coordinate[6:],
-        values[order],
+        values,
         shapes,
         *fields,
         *no_wires,
-        decay_rates(values[order], q),
+        decay_rates(values, q),
         model.top,
     )
 
 
-def _solve_blocks(
-    model: LinearSystem,
-) -> list[tuple[Float[np.ndarray, " _"], Float[np.ndarray, "_ _"]]]:
-    """Solve all blocks, once for systems that differ only in their terms in frequency."""
-    constant = model.prepared.get("constant")
-    if constant is not None and all(map(np.array_equal, constant.blocks, model.blocks)):
-        return _solve_blocks(constant)
-    if "blocks of modes" not in model.prepared:
-        tension = graded_eigenvalues.TURNING * graded_eigenvalues.softest_translation(model)
-        model.prepared["blocks of modes"] = [
-            _solve_block(model, block, tension) for block in model.blocks
-        ]
-    return model.prepared["blocks of modes"]
-
-
-def condense_block(
-    model: LinearSystem, block: Int[np.ndarray, " own"]
-) -> tuple[
-    Int[np.ndarray, " kept"],
-    Float[np.ndarray, "*#batch kept kept"],
-    Float[np.ndarray, "*#batch kept kept"],
-    Float[np.ndarray, "*#batch light kept"],
-]:
-    """Eliminate the massless coordinates b of a block; the others are a.
-
-    Returns
-    -------
-    kept : (c,) int array
-        The coordinates a.
-    mass, stiffness : (..., c, c) arrays
-    recover : (..., r, c) array
-        Motions of b per motion of a: -K_bb^-1 K_ba.
-    """
-    massless = model.massless[block]
-    kept = block[~massless]
-    mass = model.mass[..., kept[:, None], kept]
-    reduced = static_condensation.condense(model.stiffness[..., block[:, None], block], massless)
-    return kept, mass, reduced.matrix, -reduced.follow
-
-
-def _condense(
-    model: LinearSystem, block: Int[np.ndarray, " own"]
-) -> tuple[
-    Float[np.ndarray, "kept kept"],
-    Float[np.ndarray, "row kept"],
-    Float[np.ndarray, "light kept"],
-]:
-    """Condense one system without its tensions, to a stiffness K + E^T E.
-
-    Massless coordinates b (blade tips) follow the others, a, and the tensions t:
-
-        K_bb x_b = -K_ba x_a - E_b^T t,    (c + E_b K_bb^-1 E_b^T) t = (E_a - E_b K_bb^-1 K_ba) x_a,
-
-    with the compliances c of wires, to which those of blades are added. Returns K, E (with the root
-    of the stiffness), and the motion of b per motion of a.
-    """
-    stretched, massless = model.stretched, model.massless[block]
-    matrix, form, k = model.stiffness, np.zeros((0, model.size)), np.ones(0)
-    if stretched is not None:
-        matrix, form, k = np.real(stretched.soft), stretched.form, np.real(stretched.stiffness)
-    own = form[:, block]
-    own = own[some := own.any(1)]
-    soft = static_condensation.condense(matrix[np.ix_(block, block)], massless)
-    a, b = own[:, ~massless], own[:, massless]
-    follow, pull = -soft.follow, -soft.compliance @ b.T
-    compliance = np.diag(1 / k[some]) - b @ pull
-    elongation = np.linalg.solve(np.linalg.cholesky(compliance), a + b @ follow)
-    tension = np.linalg.solve(compliance, a + b @ follow)
-    return soft.matrix, elongation, follow + pull @ tension
-
-
-def _solve_block(
-    model: LinearSystem, block: Int[np.ndarray, " own"], tension: Float[np.ndarray, ""]
-) -> tuple[Float[np.ndarray, " mode"], Float[np.ndarray, "own mode"]]:
-    """Solve one block: omega^2 and shapes over all of its coordinates."""
-    massless = model.massless[block]
-    if massless.all():
-        return np.zeros(0), np.zeros((len(block), 0))
-    kept = block[~massless]
-    mass = model.mass[np.ix_(kept, kept)]
-    soft, form, recover = _condense(model, block)
-    values, vectors = graded_eigenvalues.solve(mass, soft, form)
-    whole = np.zeros((len(values), model.size))
-    whole[:, kept], whole[:, block[massless]] = vectors.T, (recover @ vectors).T
-    values = graded_eigenvalues.rigid(values, graded_eigenvalues.rounding_of(model, whole), tension)
-    if (np.diff(values) <= DEGENERATE * np.abs(values[1:])).any():
-        root = np.linalg.cholesky(mass)
-        vectors = np.linalg.solve(root.T, localise(values, root.T @ vectors))
-    shapes = np.zeros((len(block), len(values)))
-    shapes[~massless] = vectors
-    shapes[massless] = recover @ vectors
-    return values, shapes
-
-
-def localise(
-    values: Float[np.ndarray, " mode"], vectors: Float[np.ndarray, "coordinate mode"]
-) -> Float[np.ndarray, "coordinate mode"]:
-    """Rotate each degenerate group of modes to the basis that moves as few coordinates as possible.
-
-    In turn each mode takes the coordinate in which the group moves most, and the remaining modes
-    leave it at rest. Any rotation of degenerate modes solves the equations, but this one does not
-    depend on rounding. `values` are omega^2, ascending; the columns of `vectors` are
-    orthonormal.
-    """
-    result, start = vectors.copy(), 0
-    while start < len(values):
-        stop = start + 1
-        while stop < len(values) and values[stop] - values[start] <= DEGENERATE * abs(values[stop]):
-            stop += 1
-        for first in range(start, stop - 1):
-            group = result[:, first:stop]
-            size = (group**2).sum(1)
-            row = group[int(np.flatnonzero(size >= size.max() * (1 - 1e-9))[0])]
-            rotation = np.linalg.qr(np.column_stack([row, np.eye(len(row))]))[0]
-            result[:, first:stop] = group @ rotation
-        start = stop
-    return result
-
-
 def energy_fractions(
-    model: LinearSystem, shapes: Float[np.ndarray, "mode coordinate"]
+    model: LinearSystem, shapes: Inexact[np.ndarray, "mode coordinate"]
 ) -> tuple[Float[np.ndarray, "mode moving"], Float[np.ndarray, "mode tip"]]:
-    """Fractions of kinetic energy in the coordinates of bodies and of tips, summing to 1.
+    """Fractions of mean kinetic energy in the coordinates of bodies and of tips, summing to 1.
 
     Squares of M^(1/2) v with the M of each body, so never negative. A body's M includes tip masses
     that move with it.
@@ -421,10 +290,10 @@ def energy_fractions(
         rows = slice(6 * (n + 1), 6 * (n + 2))
         values, vectors = np.linalg.eigh(model.mass[rows, rows])
         root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
-        body_energy[:, 6 * n : 6 * (n + 1)] = (shapes[:, rows] @ root) ** 2
+        body_energy[:, 6 * n : 6 * (n + 1)] = np.abs(shapes[:, rows] @ root) ** 2
     tips = slice(6 * (bodies + 1), model.size)
     mass = model.basis[tips, tips] @ model.mass[tips, tips] @ model.basis[tips, tips].T
-    tip_energy = (shapes @ model.basis.T)[:, tips] ** 2 * np.diag(mass)
+    tip_energy = np.abs((shapes @ model.basis.T)[:, tips]) ** 2 * np.diag(mass)
     total = (body_energy.sum(1) + tip_energy.sum(1))[:, None]
     return body_energy / total, tip_energy / total
 

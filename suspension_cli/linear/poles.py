@@ -28,13 +28,10 @@ class Poles:
         rad/s.
     state
         The state that participates most in each pole.
-    rounding
-        Real part, relative to the modulus, that may be a rounding error.
     """
 
     value: Complex[np.ndarray, " pole"]
     state: tuple[str, ...]
-    rounding: float = 0.0
 
     @property
     def frequency(self) -> Float[np.ndarray, " pole"]:
@@ -44,9 +41,7 @@ class Poles:
     @property
     def growth_rate(self) -> Float[np.ndarray, " pole"]:
         """Growth rates, 1/s; 0 for a stable pole."""
-        return np.where(
-            np.real(self.value) > self.rounding * np.abs(self.value), np.real(self.value), 0.0
-        )
+        return np.maximum(np.real(self.value), 0.0)
 
     @property
     def stable(self) -> bool:
@@ -56,19 +51,17 @@ class Poles:
     @property
     def q(self) -> Float[np.ndarray, " pole"]:
         """Q = |p| / (-2 Re p): infinite if undamped, 1/2 if real, negative if unstable."""
-        undamped = np.abs(np.real(self.value)) <= self.rounding * np.abs(self.value)
-        return np.where(
-            undamped,
-            np.inf,
-            np.abs(self.value) / (-2 * np.where(undamped, 1.0, np.real(self.value))),
-        )
+        rate = np.real(self.value)
+        return np.where(rate == 0, np.inf, np.abs(self.value) / np.where(rate == 0, 1.0, -2 * rate))
 
 
-def poles(system: statespace.StateSpace) -> Poles:
-    """Compute the poles of a state space, and the state that participates most in each.
+def solve(
+    system: statespace.StateSpace,
+) -> tuple[Poles, Complex[np.ndarray, "output pole"]]:
+    """Compute the poles of a state space, and the outputs in each.
 
-    A pole with at least `NAMED` of its participation in mechanical states is named after one of
-    these rather than after a filter's.
+    Real parts that may be rounding errors are 0. A pole with at least `NAMED` of its participation
+    in mechanical states is named after one of these rather than after a filter's.
     """
     eigen: Any = np.linalg.eig(system.a)
     values, right = eigen.eigenvalues.astype(complex), eigen.eigenvectors
@@ -79,11 +72,10 @@ def poles(system: statespace.StateSpace) -> Poles:
     mechanical_fraction = (participation * mechanical).sum(0) / participation.sum(0)
     participation = np.where(mechanical | (mechanical_fraction < NAMED), participation, 0.0)
     leading = participation[:, upper_half].argmax(0)[order]
-    return Poles(
-        values[upper_half][order],
-        tuple(system.state[n].removesuffix(" rate") for n in leading),
-        ROUNDING,
-    )
+    names = tuple(system.state[n].removesuffix(" rate") for n in leading)
+    values, shapes = values[upper_half][order], (system.c @ right)[:, upper_half][:, order]
+    steady = np.abs(np.real(values)) <= ROUNDING * np.abs(values)
+    return Poles(np.where(steady, 1j * np.imag(values), values), names), shapes
 
 
 def impulse(

@@ -11,17 +11,22 @@ among the unknowns.
 
 Roots closer to one another than losses move them start together: for several x at one shift, s' are
 eigenvalues of the same quotient of small matrices, and their eigenvectors combine the y.
+
+The force u = H (sensed . x) of a control loop with H = N / D is one more unknown of its block, with
+the equation N (sensed . x) - D u = 0, so that poles of H are as harmless as its delay, exp(-s T) in
+N. These equations are not symmetric, and convergence is of second order.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.linear.pencil import Block, Loss, Pencil
+from suspension_cli.linear.pencil import Block, Loss, Part, Pencil
 from suspension_cli.linear.small_matrices import dense, solve_each
 
 if TYPE_CHECKING:
@@ -97,6 +102,77 @@ class Roots:
 
 
 @dataclass(frozen=True)
+class Feedback:
+    """One control loop: forces -u on the coordinates, u = H(s) (sensed . x).
+
+    Attributes
+    ----------
+    sensed, pushed
+        Linear forms in the coordinates of the system.
+    gain, zeros, poles
+        H(s) = gain prod(s + zero) / prod(s + pole), rad/s.
+    delay
+        s.
+    """
+
+    sensed: Float[np.ndarray, " coordinate"]
+    pushed: Float[np.ndarray, " coordinate"]
+    gain: float
+    zeros: Complex[np.ndarray, " zero"]
+    poles: Complex[np.ndarray, " pole"]
+    delay: float
+
+    def at(
+        self, s: Complex[np.ndarray, " frequency"]
+    ) -> tuple[Complex[np.ndarray, "3 frequency"], Complex[np.ndarray, "3 frequency"]]:
+        """Evaluate 1, N and D, and their derivatives."""
+        size = self.gain / np.prod(unit := np.where(self.poles == 0, 1.0, np.abs(self.poles)))
+        with np.errstate(all="ignore"):  # far to the left a delay overflows, and the root is lost
+            late = size * np.exp(-s * self.delay)
+        (zeros, zeros_slope), (poles, poles_slope) = (
+            _multiply_factors(s, roots) for roots in (self.zeros, self.poles)
+        )
+        values = np.ones(len(s)), late * zeros, poles / np.prod(unit)
+        numerator_slope = late * (zeros_slope - self.delay * zeros)
+        slopes = np.zeros(len(s)), numerator_slope, poles_slope / np.prod(unit)
+        return np.array(values), np.array(slopes)
+
+
+def _multiply_factors(
+    s: Complex[np.ndarray, " frequency"], roots: Complex[np.ndarray, " root"]
+) -> tuple[Complex[np.ndarray, " frequency"], Complex[np.ndarray, " frequency"]]:
+    """Product of all s + root, and its derivative."""
+    factors = s + roots[:, None]
+    others = (np.delete(factors, n, 0).prod(0) for n in range(len(roots)))
+    return factors.prod(0), sum(others, np.zeros(len(s), dtype=complex))
+
+
+@dataclass(frozen=True)
+class ClosedBlock(Block):
+    """A block with the forces of control loops as unknowns after the tensions."""
+
+    loops: tuple[Feedback, ...]
+
+    @cached_property
+    def owner(self) -> list[int]:
+        """Number of the body of each unknown; the loops go with the support."""
+        return [*Block(self.pencil, self.keep, self.pull).owner, *(0 for _ in self.loops)]
+
+    @cached_property
+    def parts(self) -> list[Part]:
+        """Weights of the functions of `Block.parts`, then of those of each `Feedback`."""
+        size, count = len(self.owner), len(self.loops)
+        result = list(Block(self.pencil, self.keep, self.pull).parts)
+        for n, loop in enumerate(self.loops, size - count):
+            weights = np.zeros((3, size, 6 + size))
+            weights[0, : len(self.keep), 6 + n] = loop.pushed[self.keep]
+            weights[1, n, 6 : 6 + len(self.keep)] = loop.sensed[self.keep]
+            weights[2, n, 6 + n] = -1.0
+            result.append(Part.of(weights))
+        return result
+
+
+@dataclass(frozen=True)
 class Linearised:
     """Z and Z' of one block at several s (f,)."""
 
@@ -117,7 +193,7 @@ class Linearised:
         self, right: Complex[np.ndarray, "unknown vector frequency"], *, pivoting: bool
     ) -> Complex[np.ndarray, "unknown vector frequency"]:
         """Solve Z(s) y = b; not finite at a root to the last bit."""
-        if len(right) > FEW and not pivoting:
+        if len(right) > FEW and not pivoting and not isinstance(self.block, ClosedBlock):
             equations = self.block.absolute
             return equations.pattern.solve(equations.elements(self.functions), right, np.inf)
         return dense(self.block.matrix(self.functions)[:, 6:], right)
@@ -163,6 +239,10 @@ def _linearise(
         for n, (_, term) in enumerate(own.terms, 4):
             if term.dispersive:
                 slopes[n] = (near[n][:, here] - functions[n]) / (BESIDE * s[here])
+        for loop in own.loops if isinstance(own, ClosedBlock) else ():
+            values, derivatives = loop.at(s[here])
+            functions.append(values)
+            slopes.append(derivatives)
         yield here, Linearised(own, functions, slopes)
 
 
@@ -189,7 +269,7 @@ def find_roots(
     each = list(np.arange(len(start.value))[:, None])
     found = iterate(pencil, blocks, found, each, STEPS, loss)
     far = np.abs(found.value - start.value) > STRAYED * np.abs(start.value)
-    lost = found.lost | far
+    lost = found.lost | far | ~np.isfinite(found.motion).all(0)
     return Roots(
         value=np.where(lost, start.value, found.value),
         block=start.block,

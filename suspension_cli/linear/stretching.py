@@ -3,7 +3,7 @@
 An elongation e = a . x of a wire stores k (a . x)^2 / 2, so a stiffness is a soft part plus a sum
 of k a a^T. In one double the sum of k and of a blade's stiffness 1e10 times smaller keeps six
 digits of the latter, and eliminating the blade's tip squares that loss. In responses (`pencil`) and
-modes (`eigenmodes`) k enters as a compliance, to which that of a blade is added.
+modes (`batch_modes`) k enters as a compliance, to which that of a blade is added.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from suspension_cli.linear.stretching import Stretching
 from suspension_cli.scene.arrays import Index
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Complex, Float, Inexact, Int
+    from jaxtyping import Bool, Complex, Float, Inexact
 
 
 @dataclass(frozen=True)
@@ -148,14 +148,6 @@ class LinearSystem:
     def prepared(self) -> dict[Any, Any]:
         """Cache of the solvers, by block."""
         return {}
-
-    @cached_property
-    def member(self) -> Int[np.ndarray, " coordinate"]:
-        """Block number of each coordinate; -1 for those of the support."""
-        result = np.full(self.size, -1)
-        for number, group in enumerate(self.blocks):
-            result[group] = number
-        return result
 
     @cached_property
     def blocks(self) -> tuple[Index, ...]:

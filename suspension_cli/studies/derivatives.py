@@ -27,8 +27,9 @@ from suspension_cli.design.path_units import unit_of
 from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
+from suspension_cli.linear.batch_modes import DEGENERATE
 from suspension_cli.linear.batches import evaluate_terms
-from suspension_cli.linear.eigenmodes import DEGENERATE, Modes
+from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import pair_by_shape
 from suspension_cli.models import registry
 from suspension_cli.scene import stack

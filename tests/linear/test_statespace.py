@@ -9,9 +9,8 @@ import pytest
 from scipy.linalg import eigh
 
 from suspension_cli.analyses.export import solve as export
-from suspension_cli.linear import eigenmodes, response, signals, statespace
+from suspension_cli.linear import eigenmodes, poles, response, signals, statespace
 from suspension_cli.linear.pencil import Pencil
-from suspension_cli.linear.poles import poles
 from suspension_cli.models import registry
 from tests.support import plants, responses_mp, scenes
 
@@ -208,7 +207,7 @@ def test_loss_becomes_the_damping_of_each_mode(kind, level):
         for frequency, rate in zip(np.sqrt(values) / (2 * np.pi), rates, strict=True):
             q = found.q[np.abs(found.frequency - frequency).argmin()]
             assert rate == pytest.approx(2 * np.pi * frequency / q, rel=1e-6, abs=1e-15)
-    closed = poles(statespace.build(model, *ends(model)))
+    closed, _ = poles.solve(statespace.build(model, *ends(model)))
     assert len(closed.value) == len(found.q)
     order = np.argsort(found.frequency)
     np.testing.assert_allclose(closed.frequency, found.frequency[order], rtol=1e-6)

@@ -87,10 +87,10 @@ def soft_pitch(distance: Any = DISTANCE) -> Row:
             f"At d = −4 k s² / (m g) (here −{-1e3 * float(critical):.4f} mm) stretch and gravity"
             " cancel, and what is left of the restoring torque keeps as many digits fewer as it is"
             " smaller: of difference quotients none at 10⁻⁵. The program's closed forms tell"
-            " stable from unstable down to 10⁻¹³ of that height."
+            " stable from unstable down to 10⁻¹¹ of that height."
         ),
         limit=(
-            "ε / distance, from 10⁻¹³ on reported as rigid; `modes` warns where lowering wires by"
+            "ε / distance, from 10⁻¹² on reported as rigid; `modes` warns where lowering wires by"
             " less than 0.1 mm would tip a body over"
         ),
     )

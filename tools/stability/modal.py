@@ -63,38 +63,39 @@ def rigid_wires(ratio: Any = STIFFNESS_RATIO) -> Row:
         error=error,
         finding=(
             "Eigenvalue solvers leave rounding errors of the largest ω² in the smallest. The"
-            " program projects on the soft modes and solves them again alone; where wires"
-            " lean, the sums in the stiffness matrix round the soft part away before any solver"
-            " sees it, so what they round is kept and projected too."
+            " program solves for 1 / ω² instead, with the tensions of wires as unknowns: where"
+            " wires lean, the sums in the stiffness matrix round the soft part away before any"
+            " solver sees it."
         ),
         limit=(
-            "none found on `string`, `beam` and `violin`; `force` with wires that lean: ε × ratio,"
-            " and `modes` warns where that passes 10⁻⁴"
+            "none found on `string`, `beam` and `violin`; `force` with wires that lean: ε × ratio"
         ),
     )
 
 
 def graded_chain(ratio: Any = STIFFNESS_RATIO) -> Row:
-    """Compute errors of all modes of a chain, with several soft modes per block."""
+    """Compute errors of the pendulum modes of a chain, with several soft modes per block."""
 
     def compute(value: float) -> Any:
         model = registry.STRING.system(_chain(value))
-        return given_omega_squared(model), {
+        found = {
             SHIPPED: np.sort(eigenmodes.solve(model).omega_squared),
             "eigenvalues of M⁻¹K": naive.unscaled(model),
             "symmetric eigenvalues": naive.symmetric(model),
         }
+        soft = SOFT * CHAIN
+        return given_omega_squared(model)[:soft], {n: v[:soft] for n, v in found.items()}
 
     return Row(
         title="Nearly rigid wires, four stages",
         driver="stiffness ratio k l / T",
-        quantity="ω² of all modes, given the matrices",
+        quantity="ω² of the pendulum modes, given the matrices",
         value=np.asarray(ratio),
         error=sample(ratio, compute),
         finding=(
             "In a chain several soft modes share a block with stiff ones, and rounding mixes them"
-            " with each other too. The program takes the stiff modes out first, so that each group"
-            " is solved at its own scale."
+            " with each other too. In 1 / ω² the stiff ones vanish; theirs follow from the energies"
+            " in their shapes, to 10⁻⁹ up to ratios of 10⁸."
         ),
         limit="none found",
     )

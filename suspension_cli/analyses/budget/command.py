@@ -84,7 +84,8 @@ class BudgetAnalysis(Analysis):
             metavar="[COORDINATES=]SOURCE",
             help=(
                 "Motion of the support: nlnm (quiet ground), nhnm (noisy ground), aligo-isi"
-                " and aligo-ham (platforms), a CSV file, or none; x,y=SOURCE for some coordinates (repeatable)."
+                " and aligo-ham (platforms), a CSV file, or none; x,y=SOURCE for some"
+                " coordinates (repeatable)."
             ),
         ),
         option(

@@ -6,13 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.damp import closed_loop_poles, control, control_statespace
+from suspension_cli.analyses.damp import closed_loop_poles, control
 from suspension_cli.analyses.damp.control import Plant
 from suspension_cli.analyses.modes import wire_modes
-from suspension_cli.conventions import DOFS
 from suspension_cli.errors import Fault, InputError
-from suspension_cli.linear import poles, signals
-from suspension_cli.linear.constant_loss import with_constant_loss
 from suspension_cli.linear.system import LinearSystem
 
 if TYPE_CHECKING:
@@ -40,13 +37,7 @@ def find_stable_poles(design: Design, model: LinearSystem) -> Complex[np.ndarray
     InputError
         If one grows, as no motion is stationary then.
     """
-    known = signals.bodies_with_signals(model)
-    every = [signals.parse_output(f"{body}.{dof}", known) for body in model.body for dof in DOFS]
-    plant = build_plant(design, model)
-    constant = build_plant(design, with_constant_loss(model))
-    found = closed_loop_poles.refine(
-        poles.poles(control_statespace.build_closed_loop(constant, [], every)), plant
-    )
+    found = closed_loop_poles.find(build_plant(design, model))
     if found.stable:
         return found.value
     worst = int(found.growth_rate.argmax())

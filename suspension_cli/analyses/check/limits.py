@@ -1,4 +1,4 @@
-"""Limits of validity: rounding errors of modes, bodies close to tipping over, nearly slack wires.
+"""Limits of validity: bodies close to tipping over, nearly slack wires.
 
 `results/stability.md` shows where each matters.
 """
@@ -14,13 +14,10 @@ from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.residual_scale import carried_weights
 from suspension_cli.errors import InputError
-from suspension_cli.linear import graded_eigenvalues
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array
 
-DIGITS = 1e-4
-"""Relative error of a frequency above which there is a warning."""
 TIPPING = 1e-4
 """Lowering of the wires that makes a body unstable, m, below which there is a warning."""
 SLACK = 0.01
@@ -31,7 +28,7 @@ BALANCE = 1e-6
 
 @dataclass(frozen=True)
 class NearLimit:
-    """A mode or wire near a limit, with its error, height (m) or fraction; see `Limits`."""
+    """A mode or wire near a limit, with its height (m) or fraction; see `Limits`."""
 
     name: str
     value: float
@@ -43,9 +40,6 @@ class Limits:
 
     Attributes
     ----------
-    digits : NearLimit or None
-        The mode with the largest rounding error from the stiffness matrix, relative to its
-        frequency.
     tipping : NearLimit or None
         The mode closest to instability, and the `compute_tipping_height` of it.
     slack : NearLimit or None
@@ -54,7 +48,6 @@ class Limits:
         Residual of the equilibrium over the weight if above `BALANCE`, else 0.
     """
 
-    digits: NearLimit | None
     tipping: NearLimit | None
     slack: NearLimit | None
     balance: float
@@ -63,18 +56,12 @@ class Limits:
 def find_limits(design: Design, model: LinearSystem, found: Modes) -> Limits:
     """Find the limits that a design is near; `model` is the beam model for violin modes."""
     bodily = (found.order == 0) & (found.omega_squared != 0)
-    with np.errstate(divide="ignore"):
-        error = graded_eigenvalues.relative_error_bound(model, found.omega_squared, found.shape)
-    digits = np.where(bodily, error, 0.0)
     height = np.where(
         bodily & (found.omega_squared > 0), compute_tipping_height(design, found), np.inf
     )
-    worst, lowest = (
-        NearLimit(found.label[n], float(values[n]))
-        for values, n in ((digits, int(digits.argmax())), (height, int(height.argmin())))
-    )
+    n = int(height.argmin())
+    lowest = NearLimit(found.label[n], float(height[n]))
     return Limits(
-        digits=worst if worst.value > DIGITS else None,
         tipping=lowest if lowest.value < TIPPING else None,
         slack=_slackest_of(design),
         balance=model.residual if model.residual > BALANCE else 0.0,

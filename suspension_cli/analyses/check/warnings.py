@@ -61,11 +61,6 @@ def warn_of_tables(design: Design, frequency: Array, log: Log) -> None:
 def describe_limits(near: Limits) -> list[str]:
     """Describe each limit in one line."""
     lines = []
-    if near.digits is not None:
-        lines.append(
-            f"stiff wires leave soft modes few digits: the frequency of {near.digits.name} has a"
-            f" relative error of up to {near.digits.value:.1e}; check the stiffest wires"
-        )
     if near.tipping is not None:
         lines.append(
             f"{near.tipping.name} is close to unstable: attaching the wires"

@@ -152,7 +152,7 @@ def _name(axes: Axes, text: str) -> None:
 def _draw_poles(axes: Axes, damped: LocalControl) -> None:
     """Draw poles by rate (symmetric log) and frequency (log)."""
     both = (damped.open, damped.closed)
-    real = np.concatenate([_rates(poles) for poles in both])
+    real = np.concatenate([np.real(poles.value) for poles in both])
     sizes = np.abs(real[real != 0])
     high = 10 ** np.ceil(np.log10(sizes.max(initial=1.0)))
     least = 10 ** np.floor(np.log10(max(sizes.min(initial=high), 1e-9 * high)))
@@ -243,16 +243,10 @@ def _distance(apart: Float[np.ndarray, "point 2"], size: tuple[float, float]) ->
     return float(np.abs(apart / size).max(1).min(initial=9.0)) if len(apart) else 9.0
 
 
-def _rates(poles: Poles) -> Float[np.ndarray, " pole"]:
-    """Real parts, 1/s; 0 where they may be rounding errors."""
-    rate = np.real(poles.value)
-    return np.where(np.abs(rate) <= poles.rounding * np.abs(poles.value), 0.0, rate)
-
-
 def _group(poles: Poles) -> list[tuple[float, float, int]]:
     """Rates (1/s), frequencies (Hz) and counts of poles, similar ones as one."""
     found: list[list[float]] = []
-    for rate, at in zip(_rates(poles), poles.frequency, strict=True):
+    for rate, at in zip(np.real(poles.value), poles.frequency, strict=True):
         if at <= 0:
             continue
         for one in found:

@@ -166,17 +166,9 @@ def find_poles(design: Design, model: LinearSystem) -> FoundPoles:
     InputError
         If delays are so long that growing poles are missing.
     """
-    plant, constant = (
-        control.build_plant(design, model),
-        control.build_plant(design, with_constant_loss(model)),
-    )
-    known = signals.bodies_with_signals(model)  # all motions of all bodies show all modes
-    names = [f"{body}.{dof}" for body in model.body for dof in signals.DOFS]
-    every = [signals.parse_output(name, known) for name in names]
-    closed, opened = (
-        closed_loop_poles.refine(poles.poles(build_closed_loop(fixed, [], every)), exact)
-        for fixed, exact in ((constant, plant), (constant.with_loops([]), plant.with_loops([])))
-    )
+    plant = control.build_plant(design, model)
+    constant = replace(plant, model=with_constant_loss(model))
+    closed, opened = (closed_loop_poles.find(one) for one in (plant, plant.with_loops([])))
     if closed.stable and any(loop.delay for loop in plant.loops):
         nyquist_count.check_stable(plant, closed, opened)
     return FoundPoles(plant, constant, closed, opened)

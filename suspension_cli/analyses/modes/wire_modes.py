@@ -16,7 +16,7 @@ import numpy as np
 from suspension_cli.analyses.modes.cut_wires import CUTS, cut_all
 from suspension_cli.elements.dynamic_wire import PARTS
 from suspension_cli.errors import Fault, InputError
-from suspension_cli.linear import damped, eigenmodes, mode_count, quality, roots
+from suspension_cli.linear import batch_modes, damped, eigenmodes, mode_count, quality, roots
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.frequency_terms import WireTerm
 from suspension_cli.linear.mode_count import Progress, silent
@@ -131,7 +131,7 @@ class _Found:
         """Join modes, ascending."""
         names = ("value", "shape", "energy", "lost", "elastic")
         both = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
-        order = damped.ascending(np.abs(both["value"]) ** 2, 0 * np.abs(both["value"]))
+        order = batch_modes.ascending(np.abs(both["value"]) ** 2)
         return _Found(parts[0].moving, **{name: part[order] for name, part in both.items()})
 
 
@@ -187,7 +187,7 @@ class _Solver:
         for group in roots.group_roots(start, DEGENERATE):
             if len(group) > 1:
                 vectors = np.linalg.qr(motion[:, group])[0]
-                motion[:, group] = eigenmodes.localise(np.zeros(len(group)), vectors)
+                motion[:, group] = batch_modes.localise(np.zeros(len(group)), vectors)
         start = replace(start, motion=motion + 0j)
         result = self.describe(start)
         if not damping:
@@ -256,7 +256,7 @@ def _build_modes(model: LinearSystem, found: _Found, damping: bool) -> Modes:
         name = f"{term.stage}.{NAMES[part]}"
         wire[name] = wire.get(name, 0.0) + energy
     names = tuple(name for name in wire if (wire[name] > 1e-12).any())
-    energy, tips = damped.mean_energies(model, found.shape)
+    energy, tips = eigenmodes.energy_fractions(model, found.shape)
     bodily = np.maximum(1 - found.energy.sum(1), 0.0)[:, None]
     shape = (damped.real_shapes(found.shape) @ model.basis.T)[:, 6:]
     q = damped.quality_factor(value) if damping else quality.safe_ratio(omega**2, found.lost)

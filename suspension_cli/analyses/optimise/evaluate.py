@@ -200,7 +200,7 @@ class Evaluator:
     def _nominal(self) -> Float[np.ndarray, "mode coordinate"]:
         """Shapes of the modes of the starting design, as in `batch_modes.Spectrum`."""
         model = self.modes.model.system(self.freed.design(self.freed.begin))
-        return batch_modes.solve_one(model.constant).shape[0]
+        return batch_modes.solve(model.constant).shape
 
     @cached_property
     def _floors(self) -> Float[np.ndarray, " quantity"]:

@@ -102,7 +102,7 @@ class ParameterSweep(Product):
     @cached_property
     def nominal_shape(self) -> Float[np.ndarray, "mode coordinate"]:
         """Shapes of the nominal modes, as in `batch_modes.Spectrum`."""
-        return batch_modes.solve_one(self._model).shape[0]
+        return batch_modes.solve(self._model).shape
 
     def check(self) -> None:
         """Raise `InputError` if a path does not exist or its values give no valid design."""

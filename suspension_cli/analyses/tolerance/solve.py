@@ -14,7 +14,7 @@ import numpy as np
 from suspension_cli.analyses.sweep.solve import evaluate_ratio
 from suspension_cli.analyses.tolerance.quantities import Names, Requirement
 from suspension_cli.analyses.xcouple.solve import CouplingRequest, couplings, quotient_unit
-from suspension_cli.linear import batch_modes, batches, eigenmodes, signals
+from suspension_cli.linear import batch_modes, eigenmodes, signals
 from suspension_cli.linear.mode_pairing import pair_by_overlap
 from suspension_cli.linear.named_results import Ratio
 from suspension_cli.models import registry, string
@@ -194,12 +194,8 @@ def follow_modes(
     keep
         Their coordinates, which have inertia.
     """
-    model = found.model
-    stiffness = batches.condensed_stiffness(model, keep)
-    mass = np.broadcast_to(model.mass, model.stiffness.shape)[:, keep[:, None], keep]
-    values, vectors = batch_modes.solve_matrices(
-        mass, stiffness, batch_modes.largest_from_tension(model)
-    )
+    solved = batch_modes.solve(found.model)
+    values, vectors = solved.omega_squared, np.swapaxes(solved.shape[..., keep - 6], -1, -2)
     overlap = (shapes @ vectors) ** 2  # (p, m, m): nominal, build
     choice = overlap.argmax(-1)
     clash = (np.sort(choice, axis=-1) != np.arange(choice.shape[-1])).any(-1)

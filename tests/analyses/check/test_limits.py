@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 
 import pytest
@@ -15,7 +14,7 @@ from suspension_cli.models import registry
 from tests.support.commandline import run
 from tests.support.golden import ROOT
 from tools.stability import geometry
-from tools.stability.references import MP, SHAPE, document, omega_squared, stage
+from tools.stability.references import MP, document
 
 
 def near(raw, level="string"):
@@ -32,7 +31,7 @@ def written(tmp_path, raw):
 
 def test_an_ordinary_design_is_near_nothing():
     for level in ("force", "string"):
-        assert near(document(), level) == limits.Limits(None, None, None, 0.0)
+        assert near(document(), level) == limits.Limits(None, None, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -41,33 +40,8 @@ def test_an_ordinary_design_is_near_nothing():
 def test_no_shipped_design_is_near_a_limit(config, tmp_path):
     result = run("modes", config, "--fidelity", "string", "--no-plot", "--out", tmp_path)
     assert result.exit_code == 0
-    for word in ("few digits", "close to unstable", "go slack", "has a residual"):
+    for word in ("close to unstable", "go slack", "has a residual"):
         assert word not in result.stderr
-
-
-@pytest.mark.parametrize("ratio", [1e12, 1e14, 1e15])
-@pytest.mark.parametrize("level", ["force", "string"])
-def test_reported_digits_are_those_lost(ratio, level):
-    """Never less than what is lost, and within a factor of 300 of it: a bound by rounding errors
-    that all add up. On `string` none are."""
-    k = ratio * geometry.MASS * 9.81 / 4 / SHAPE["l"]
-    raw = document(k=k, t1=0.0815)
-    model = registry.by_name(level).system(convert(raw))
-    found = eigenmodes.solve(model)
-    wanted = [float(MP.sqrt(v)) for v in omega_squared(stage(shape={"k": k, "t1": 0.0815}))[:2]]
-    lost = max(abs(found.omega_squared[n] ** 0.5 / wanted[n] - 1) for n in range(2))
-    reported = near(raw, level).digits
-    if level == "string":
-        assert lost < 1e-12
-    if level == "string" or ratio < 1e13:
-        assert reported is None
-    else:
-        assert reported is not None
-        assert lost <= reported.value <= 300 * lost
-
-
-def test_vertical_wires_however_stiff_lose_nothing():
-    assert near(document(k=1e15)).digits is None
 
 
 @pytest.mark.parametrize("above", [2e-5, 8e-5, 2e-4])
@@ -99,15 +73,6 @@ def test_reported_tension_is_the_one_left(left):
 
 
 def test_commands_say_it(tmp_path):
-    stiff = written(tmp_path, document(k=1e16, t1=0.0815))
-    words = ("--fidelity", "force", "--json", "--out", tmp_path)
-    result = run("modes", stiff, *words)
-    assert json.loads(result.stdout)["stable"]
-    assert re.search(
-        r"warning: one-stage: stiff wires leave soft modes few digits: the frequency of test \w+"
-        r" has a relative error of up to [\d.e-]+",
-        result.stderr,
-    )
     low = written(tmp_path, document(s=geometry.CLOSE, d=float(geometry.tipping_height()) + 2e-5))
     result = run(
         "response", low, "--frequency", "1", "--fidelity", "string", "--no-plot", "--out", tmp_path

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from suspension_cli.analyses.damp import closed_loop_poles, control
-from suspension_cli.analyses.damp.control_statespace import build_closed_loop
 from suspension_cli.design import loop_filters
-from suspension_cli.linear import eigenmodes, poles
+from suspension_cli.linear import eigenmodes
 from tests.analyses.damp.test_control import LEAD, loop, plant, simple
 from tests.support import plants, scenes
 from tests.support.commandline import run, strict_json, written
@@ -20,10 +19,7 @@ MP.dps = 50
 
 
 def found_of(closed):
-    return closed_loop_poles.refine(
-        poles.poles(build_closed_loop(closed, [], plants.all_motions(closed.model))),
-        closed,
-    )
+    return closed_loop_poles.find(closed)
 
 
 @pytest.mark.parametrize("c", [0.4, 1e-3, 1e-8, 1e-12, 1e-20])
@@ -112,7 +108,7 @@ def test_weak_loops_in_fifty_digits(gain):
     touched = [
         n
         for n, value in enumerate(found.value)
-        if value.imag > 0 and 0 < -value.real < closed_loop_poles.SLOW * abs(value)
+        if value.imag > 0 and 0 < -value.real < 1e-3 * abs(value)
     ]
     assert len(touched) >= 5
     for n in touched:

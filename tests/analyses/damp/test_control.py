@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from suspension_cli.analyses.damp import control
+from suspension_cli.analyses.damp import closed_loop_poles, control
 from suspension_cli.analyses.damp.control_statespace import build_closed_loop
 from suspension_cli.conventions import DOFS
 from suspension_cli.design import loop_filters
@@ -68,7 +68,7 @@ def test_a_damped_pendulum_by_hand(c):
         closed, plants.drives(closed.model, "support.x"), plants.motions(closed.model, "test.x")
     )
     expected = np.roots([mass, c, mass * 9.81 / length])
-    found = poles.poles(system)
+    found = poles.solve(system)[0]
     expected = expected[expected.imag >= 0]
     np.testing.assert_allclose(np.sort_complex(found.value), np.sort_complex(expected), rtol=1e-10)
     assert set(found.state) == {"test.x"}
@@ -215,11 +215,13 @@ def characteristic(closed, s):
 def test_poles_are_zeros_of_the_determinant(name):
     closed = built(name)
     system = build_closed_loop(closed, [], plants.all_motions(closed.model))
-    found = poles.poles(system)
+    found = closed_loop_poles.find(closed)
+    assert found.stable or name != "across blocks"  # no growth by rounding
     order = sum(len(loop_filters.expand_roots(one.poles)) for one in closed.loops)
     assert len(system.a) == 2 * (closed.model.size - 6 - closed.model.massless.sum()) + order
     for pole in found.value:
-        assert abs(1 / characteristic(closed, pole)) < 1e-8 * abs(pole)
+        beside = pole * (1 + 1e-10)  # at the pole itself it may be infinite
+        assert abs(1 / characteristic(closed, beside)) < 1e-8 * abs(pole)
 
 
 def gains_at(closed, s):
@@ -234,7 +236,7 @@ def gains_at(closed, s):
 def test_poles_where_the_loop_gain_is_minus_one(name):
     """det(1 + H G) = 0 for every pole that the loops moved."""
     closed = built(name)
-    found = poles.poles(build_closed_loop(closed, [], plants.all_motions(closed.model))).value
+    found = closed_loop_poles.find(closed).value
     bare = 2 * np.pi * eigenmodes.solve(closed.model).frequency
 
     def determinant(s):

@@ -10,13 +10,11 @@ from scipy.special import lambertw
 from suspension_cli.analyses.damp import (
     closed_loop_poles,
     control,
-    control_statespace,
     margins,
     nyquist_count,
     sensitivity,
 )
 from suspension_cli.design.schema import NoiseSpectrum
-from suspension_cli.linear import poles
 from tests.analyses.damp.test_control import LEAD, loop, plant
 from tests.support import plants, scenes
 
@@ -29,8 +27,7 @@ STAGE = {
 
 def pole_values(closed):
     """Closed-loop poles of a plant, one of each conjugate pair."""
-    system = control_statespace.build_closed_loop(closed, [], plants.all_motions(closed.model))
-    return closed_loop_poles.refine(poles.poles(system), closed)
+    return closed_loop_poles.find(closed)
 
 
 @pytest.mark.parametrize("delay", [0.01, 0.3])
