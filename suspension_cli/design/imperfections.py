@@ -6,16 +6,37 @@ function (for a wire, the argument) of its name.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Optional
 
-from suspension_cli.design.units import Angle, Factor, Position, Table, doc, extend_table, unit
+from suspension_cli.design.units import (
+    Angle,
+    Factor,
+    Plausible,
+    Position,
+    Table,
+    doc,
+    extend_table,
+    of_unit,
+    unit,
+)
 
 AXES = ("x", "y", "z")
 Part = Literal["wire", "body", "blade", "leg", "link"]
 PARTS: tuple[Part, ...] = ("wire", "body", "blade", "leg", "link")
 """Parts of a build that have imperfections; blades are those of wires and of filters."""
+
+
+LARGE_SHIFT = Plausible(0.02, "larger than in any real build")
+LARGE_TURN = Plausible(
+    0.1, "larger than in any real build", (("degrees", math.pi / 180), ("mrad", 1e-3))
+)
+LARGE_FRACTION = Plausible(0.5, "a larger fraction than in any real build", (("%", 1e-2),))
+"""Also of tolerances."""
+Shift = Annotated[Position, of_unit("m", "signed length in m", LARGE_SHIFT)]
+Turn = Annotated[Angle, of_unit("rad", "angle in rad", LARGE_TURN)]
 
 
 @dataclass(frozen=True)
@@ -61,6 +82,11 @@ class Imperfection:
         return unit(self.kind)
 
     @property
+    def plausible(self) -> Plausible:
+        """Range of plausible deviations."""
+        return {"1": LARGE_FRACTION, "m": LARGE_SHIFT, "rad": LARGE_TURN}[self.unit]
+
+    @property
     def relative(self) -> bool:
         """Whether it is a factor on a quantity."""
         return self.unit == "1"
@@ -91,7 +117,7 @@ IMPERFECTIONS = (
     Imperfection(
         "length_change",
         "wire",
-        Position,
+        Shift,
         "change of the wire's unstretched length, after trimming",
         spread="length",
         sweep="length",
@@ -99,7 +125,7 @@ IMPERFECTIONS = (
     Imperfection(
         "upper_offset",
         "wire",
-        Position,
+        Shift,
         "offset of the wire's upper end",
         vector=True,
         spread="upper",
@@ -108,7 +134,7 @@ IMPERFECTIONS = (
     Imperfection(
         "lower_offset",
         "wire",
-        Position,
+        Shift,
         "offset of the wire's lower end",
         vector=True,
         spread="lower",
@@ -136,7 +162,7 @@ IMPERFECTIONS = (
     Imperfection(
         "com_offset",
         "body",
-        Position,
+        Shift,
         "offset of the body's COM relative to the attachments",
         vector=True,
         spread="com",
@@ -145,7 +171,7 @@ IMPERFECTIONS = (
     Imperfection(
         "rotation",
         "body",
-        Angle,
+        Turn,
         "rotation vector of the mass relative to the attachments",
         vector=True,
     ),
@@ -154,7 +180,7 @@ IMPERFECTIONS = (
         "stiffness_factor", "leg", Factor, "the stiffness of the leg's flexures", spread="stiffness"
     ),
     Imperfection(
-        "length_change", "leg", Position, "change of the leg's unloaded length", spread="length"
+        "length_change", "leg", Shift, "change of the leg's unloaded length", spread="length"
     ),
     Imperfection("stiffness_factor", "link", Factor, "the link's stiffness", spread="stiffness"),
 )

@@ -62,7 +62,7 @@ from suspension_cli.design.units import (
     doc,
     key,
 )
-from suspension_cli.design.wires import Blade, BladeSet, Wire, WireSet
+from suspension_cli.design.wires import TALL, Blade, BladeSet, Wire, WireSet
 
 
 class Header(Table, frozen=True):
@@ -109,23 +109,18 @@ class MaterialLoss(with_keys(Table, MECHANISMS, of_wire=False)):
     """Losses of a material, for the models in which wires bend."""
 
 
-_STIFF = "is outside 1e+07 Pa (rubber) to 1.3e+12 Pa (diamond)"
-ELASTIC = Plausible(
-    1.3e12,  # diamond has 1.22 TPa (CRC Handbook)
-    _STIFF,
-    "give it in Pa: 2e11 for steel",
-    (("GPa", 1e9), ("MPa", 1e6), ("kPa", 1e3)),
-    low=1e7,
-    below=_STIFF,
-    serious=True,
+PASCALS = (("MPa", 1e6), ("GPa", 1e9))
+MODULUS = Plausible(
+    1.3e12, "stiffer than diamond", PASCALS[::-1], 1e7, "softer than rubber", serious=True
 )
+STRENGTH = Plausible(2e11, "stronger than any material", PASCALS, 1e5, "weaker than any wire")
 
 
 class Material(Table, frozen=True):
     """A material of wires or blades; defaults are those of the built-in one of the same name."""
 
     youngs_modulus: float | None = key(
-        "Young's modulus in Pa", unit="Pa", plausible=ELASTIC, ge=1.0, le=1e15
+        "Young's modulus in Pa", unit="Pa", plausible=MODULUS, ge=1.0, le=1e15
     )
     poisson_ratio: float | None = key(
         "Poisson's ratio, for the twisting of wires; 0.3 if not given", unit="1", gt=-1, lt=0.5
@@ -140,6 +135,7 @@ class Material(Table, frozen=True):
     tensile_strength: float | None = key(
         "stress in Pa at which the material breaks (or, of blades, yields)",
         unit="Pa",
+        plausible=STRENGTH,
         ge=1.0,
         le=1e13,
     )
@@ -263,7 +259,8 @@ class Stage(Table, frozen=True):
     )
     position: Vector | None = key(
         "nominal COM from the COM above (or support point), m; implied by a symmetric"
-        " set or an inverted pendulum, needed otherwise"
+        " set or an inverted pendulum, needed otherwise",
+        plausible=TALL,
     )
     wires: WireSet | None = None
     wire: list[Wire] = key("wires anywhere, instead of a symmetric set", [])
@@ -336,12 +333,7 @@ SpectralDensity = Annotated[
         le=1e3,
         extra={
             # optical shadow sensors reach 1e-10
-            "plausible": Plausible(
-                1e-4,
-                "is more than that of any sensor (0.0001)",
-                "give it in m/sqrt(Hz) or rad/sqrt(Hz)",
-                (("nm/sqrt(Hz)", 1e-9),),
-            )
+            "plausible": Plausible(1e-4, "more than that of any sensor", (("nm/sqrt(Hz)", 1e-9),))
         },
     ),
 ]

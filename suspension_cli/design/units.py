@@ -27,29 +27,44 @@ Problems = Iterator[tuple[str, str, str]]
 """Key, problem and remedy of what is wrong with a table ("" for the whole table)."""
 
 
+MILLIMETRES = (("mm", 1e-3), ("um", 1e-6))
+
+
 @dataclass(frozen=True)
 class Plausible:
     """Range of the magnitude of plausible numbers; others are valid, but rarely meant.
 
     Attributes
     ----------
-    above, below
-        The problem of larger and smaller numbers.
-    remedy
-        What to do if no other unit was probably meant.
+    high, above
+        Largest plausible number, and what a larger one is: "longer than any suspension".
     units
         Other units (name, size in SI) that may have been meant.
+    low, below
+        Smallest plausible number, and what a smaller one is.
     serious
         Whether results are meaningless beyond the range, so that analyses warn too.
     """
 
     high: float
     above: str
-    remedy: str = "give it in m"
-    units: tuple[tuple[str, float], ...] = (("mm", 1e-3), ("um", 1e-6))
+    units: tuple[tuple[str, float], ...] = MILLIMETRES
     low: float = 0.0
     below: str = ""
     serious: bool = False
+
+    def problem(self, size: float, unit: str) -> str:
+        """Describe what is wrong with the size of a number; "" for a plausible one."""
+        if self.low <= size <= self.high:
+            return ""
+        word, limit = (self.above, self.high) if size > self.high else (self.below, self.low)
+        return f"is {word} ({f'{limit:g} {unit}'.rstrip()})"
+
+    def remedy(self, size: float, unit: str) -> str:
+        """Suggest the first unit in which the number is plausible: "did you mean mm?"."""
+        good = (name for name, one in self.units if self.low <= size * one <= self.high)
+        give = f"give it in {unit}" if unit else "check its unit"
+        return next((f"did you mean {name}?" for name in good), give)
 
 
 def doc(description: str, **bounds: Any) -> Meta:
@@ -159,27 +174,21 @@ Inertia = Annotated[
 ]
 BodySize = Annotated[
     Length,
-    of_unit(
-        "m",
-        "length in m",
-        Plausible(10.0, "is larger than any suspended body (10 m)", "check it", serious=True),
-    ),
+    of_unit("m", "length in m", Plausible(10.0, "larger than any suspended body", serious=True)),
 ]
+WireSize = Annotated[
+    Length, of_unit("m", "length in m", Plausible(0.02, "thicker than any wire", serious=True))
+]
+OSMIUM = 22_600.0
+"""Density in kg/m^3 (CRC Handbook of Chemistry and Physics); nothing is denser."""
+GRAMS = (("g/cm^3", 1e3), ("g/m^3", 1e-3))
+DENSITY = Plausible(OSMIUM, "denser than osmium", GRAMS, 25.0, "less dense than foam", serious=True)
 Density = Annotated[
     float,
     of_unit(
         "kg/m^3",
         "density in kg/m^3",
-        # osmium: CRC Handbook of Chemistry and Physics; only aerogels are less dense than foam
-        Plausible(
-            22_600.0,
-            "is denser than osmium (22600 kg/m^3)",
-            "give it in kg/m^3",
-            (("g/cm^3", 1e3), ("g/m^3", 1e-3)),
-            25.0,
-            "is less dense than foam (25 kg/m^3)",
-            serious=True,
-        ),
+        DENSITY,
         ge=1e-3,
         le=1e6,
     ),
@@ -192,26 +201,16 @@ Coefficient = Annotated[
 Load = Annotated[float, doc("force in N or torque in N m", ge=-1e12, le=1e12)]
 Tension = Annotated[float, of_unit("N", "tension in N", ge=1e-12, le=1e12)]
 Frequency = Annotated[float, of_unit("Hz", "frequency in Hz", ge=1e-6, le=1e6)]
-ISOLATING = Plausible(
-    100.0,
-    "is above 100 Hz, where it isolates from nothing",
-    "give it in Hz",
-    (("mHz", 1e-3),),
-)
+ISOLATING = Plausible(100.0, "too high to isolate from anything", (("mHz", 1e-3),))
 """Frequencies of parts that isolate, a few Hz."""
-PART_SIZE = Plausible(10.0, "is larger than any part of a suspension (10 m)")
+PART_SIZE = Plausible(10.0, "larger than any part of a suspension")
 Kelvin = Annotated[float, of_unit("K", "temperature in K", gt=0, le=1e4)]
 Expansion = Annotated[
     float,
     of_unit(
         "1/K",
         "coefficient of linear thermal expansion in 1/K",
-        Plausible(
-            1e-3,
-            "is more than 0.001 1/K, twice that of any solid",
-            "give it in 1/K: 1.2e-5 for steel",
-            (("1e-6 1/K", 1e-6),),
-        ),
+        Plausible(1e-3, "more than twice that of any solid", (("1e-6 1/K", 1e-6),)),
         ge=-1e-2,
         le=1e-2,
     ),
@@ -225,21 +224,14 @@ ModulusSlope = Annotated[
         le=1.0,
     ),
 ]
-GRAVITY = "is outside 1 to 30 m/s^2, of small moons to giant planets"
+PER_SECOND = (("cm/s^2", 1e-2), ("mm/s^2", 1e-3))
+GRAVITY = Plausible(30.0, "more than on Jupiter", PER_SECOND, 1.0, "less than on the Moon")
 Acceleration = Annotated[
     float,
     of_unit(
         "m/s^2",
         "acceleration in m/s^2",
-        # the Moon's is 1.6, Jupiter's 25
-        Plausible(
-            30.0,
-            GRAVITY,
-            "give it in m/s^2: 9.81 on Earth",
-            (("cm/s^2", 1e-2), ("mm/s^2", 1e-3)),
-            1.0,
-            GRAVITY,
-        ),
+        GRAVITY,
         gt=0,
         le=1e3,
     ),
@@ -253,12 +245,7 @@ GravityGradient = Annotated[
     of_unit(
         "1/s^2",
         "gradient of gravity in 1/s^2",
-        Plausible(
-            1e-3,
-            "is more than 0.001 1/s^2, 300 times that of Earth",
-            "give it in 1/s^2: 3.1e-6 on Earth (1 eotvos is 1e-9, 1 mGal/m is 1e-5)",
-            (),
-        ),
+        Plausible(1e-3, "300 times that of Earth", (("eotvos", 1e-9),)),
         ge=-1.0,
         le=1.0,
     ),

@@ -38,6 +38,7 @@ from suspension_cli.design.units import (
     Tension,
     Torsion,
     Vector,
+    WireSize,
     doc,
     key,
 )
@@ -47,8 +48,10 @@ CROSS_SECTIONS: tuple[type[CrossSection], ...] = (Round, Ribbon)
 SHAPES = tuple(kind.key for kind in CROSS_SECTIONS)
 """Keys of the cross-sections."""
 
+TALL = Plausible(50.0, "larger than any suspension", serious=True)
+"""Lengths and positions; mirror suspensions are up to about 10 m tall."""
 Radii = Annotated[
-    list[Length],
+    list[WireSize],
     doc("radius in m at the upper and at the lower end of a taper", min_length=2, max_length=2),
 ]
 # a list: msgspec 0.22 crashes on a union of a bounded number and a tuple of them
@@ -65,7 +68,7 @@ class WireSection(Table, frozen=True):
         "loaded length, m; the lengths sum to the wire's; one section may leave its own"
         " out and takes the rest"
     )
-    radius: Length | Radii | None = key(
+    radius: WireSize | Radii | None = key(
         "radius of a round stretch, m; [upper, lower] of a tapered one"
     )
     section: Ribbon | None = None
@@ -109,7 +112,7 @@ Clamped = (
 class Neck(Table, frozen=True):
     """Thick ends of a fibre, equal above and below: stock, and a taper to the fibre's radius."""
 
-    radius: Length = key("radius of the stock, m")
+    radius: WireSize = key("radius of the stock, m")
     length: Length = key("length of each linear taper, m")
     stock: Separation = key("length of uniform stock beyond each taper, m", 0.0)
     steps: Steps | None = None
@@ -124,7 +127,7 @@ class Profile(Table, frozen=True):
     position: list[Position] = key(
         "positions from the upper end down, ascending, m", [], max_length=20000
     )
-    diameter: list[Length] = key("diameter at each position, m", [], max_length=20000)
+    diameter: list[WireSize] = key("diameter at each position, m", [], max_length=20000)
     error: float = key(
         "relative error that reducing the profile to uniform sections may leave",
         1e-3,
@@ -159,7 +162,7 @@ class AnyWire(_WireLosses, frozen=True):
         f"name of a material, built in or of [materials] ({NAMES}); with a cross-section: k = E"
         " A / l"
     )
-    radius: Length | None = key("radius of a round wire, m")
+    radius: WireSize | None = key("radius of a round wire, m")
     section: Ribbon | None = None
     sections: list[WireSection] | None = key(
         "stretches from the upper to the lower end, instead of radius and section",
@@ -269,7 +272,7 @@ class WireSet(AnyWire, frozen=True):
     """Wires symmetric in x and y, in the paper's symbols: 1, 2 or 4; or any number on a ring."""
 
     count: int = key("number of wires: 1, 2 or 4; any with a ring", ge=1, le=100)
-    l: Length = key("loaded length of each wire, m")
+    l: Length = key("loaded length of each wire, m", plausible=TALL)
     s: Separation | None = key("half separation in x at both ends, m (four wires)")
     s_upper: Separation | None = key("half separation in x at the upper end, m")
     s_lower: Position | None = key(
@@ -316,8 +319,8 @@ class WireSet(AnyWire, frozen=True):
 class Wire(AnyWire, frozen=True):
     """One wire, its ends in the frames of the two bodies, from their COMs or the support point."""
 
-    upper: Vector = key("upper end, from the COM above or the support point, m")
-    lower: Vector = key("lower end, from this body's COM, m")
+    upper: Vector = key("upper end, from the COM above or the support point, m", plausible=TALL)
+    lower: Vector = key("lower end, from this body's COM, m", plausible=TALL)
     natural_length: Length | None = key("unstretched length, m; the pose is then solved for")
     tension: Tension | None = key("tension in the nominal pose, N, instead of a natural length")
     blade: Name | None = key(f"name of a [[stage.blade]] that carries the upper end: {NAMES}")
@@ -328,15 +331,19 @@ class Wire(AnyWire, frozen=True):
         yield from excludes(self, "natural_length", "tension", remedy="give one of them")
 
 
+BLADE_WIDTH = Plausible(2.0, "wider than any blade")
+BLADE_THICKNESS = Plausible(0.1, "thicker than any blade")
+
+
 class BladeGeometry(Table, frozen=True):
     """A tapered cantilever blade clamped at its base, loaded at its tip."""
 
     length: Length = key(
         "length from the clamp to the tip, m",
-        plausible=Plausible(10.0, "is longer than any blade (10 m)", "check it", serious=True),
+        plausible=Plausible(10.0, "longer than any blade", serious=True),
     )
-    base_width: Length = key("width at the clamp, m")
-    thickness: Length = key("thickness, m")
+    base_width: Length = key("width at the clamp, m", plausible=BLADE_WIDTH)
+    thickness: Length = key("thickness, m", plausible=BLADE_THICKNESS)
     shape_factor: float = key(
         "shape factor of a cantilever blade: 1 rectangular, 1.5 triangular",
         unit="1",
@@ -361,7 +368,11 @@ class AnyBlade(Table, frozen=True):
         " another load it deflects and the pose is solved for; default: its load in the nominal"
         " pose or, if all wires of the stage have natural lengths, in the pose solved for"
     )
-    tip_mass: MassOrZero = key("mass that moves with one tip, kg", 0.0)
+    tip_mass: MassOrZero = key(
+        "mass that moves with one tip, kg",
+        0.0,
+        plausible=Plausible(10.0, "more than any blade bears at its tip", (("g", 1e-3),)),
+    )
     lateral_stiffness: tuple[Stiffness, Stiffness] | None = key(
         "stiffness of one tip along x and y, N/m; rigid if not given"
     )
@@ -371,7 +382,7 @@ class AnyBlade(Table, frozen=True):
     )
     thickness: Length | None = key(
         "thickness of the blade in m, for its loss, where no geometry is given",
-        plausible=Plausible(0.1, "is thicker than any blade (0.1 m)", "check it"),
+        plausible=BLADE_THICKNESS,
     )
     temperature: Kelvin | None = key("temperature of the blade in K; default that of [constants]")
 

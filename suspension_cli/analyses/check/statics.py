@@ -8,17 +8,44 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from suspension_cli.analyses.check import towers
+from suspension_cli.analyses.check.columns import Column
 from suspension_cli.analyses.check.towers import FilterLoad, LegLoad
 from suspension_cli.design import materials
 from suspension_cli.design.schema import Body, Design, Stage
 from suspension_cli.design.sections import given_sections, thinnest
-from suspension_cli.design.wires import Blade, BladeSet, Wire, WireSet
+from suspension_cli.design.wires import Blade, BladeSet, Profile, Wire, WireSet
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.equilibrium.solve import solve as balance
 from suspension_cli.rotations import rotation_vector
 from suspension_cli.scene import links, strands
 from suspension_cli.scene.scene import Scene
+
+STRESS = {
+    "stress": Column("stress_pa", "stress\nMPa", ".0f", 1e-6),
+    "strength": Column("strength_pa"),
+    "fraction": Column("strength_fraction", "of strength\n%", ".3g", 100),
+}
+WIRES = {
+    "label": Column("wire", "wire"),
+    "tension": Column("tension_n", "tension\nN", ".2f"),
+    "stretch": Column("stretch_m", "stretch\nmm", ".3f", 1e3),
+    "strain": Column("stretch_fraction"),
+    **STRESS,
+}
+BLADES = {
+    "label": Column("blade", "blade"),
+    "load": Column("load_n", "load\nN", ".2f"),
+    "sag": Column("sag_m", "sag\nmm", ".3f", 1e3),
+    **STRESS,
+}
+BODIES = {
+    "name": Column("stage"),
+    "shift": Column("shift_m"),
+    "rotation": Column("rotation_rad"),
+}
+PROFILES = {name: Column(name) for name in ("wire", "places", "sections")}
+LOWEST = {"name": Column("stage"), "z": Column("z_m"), "point": Column("point")}
 
 
 @dataclass(frozen=True)
@@ -44,6 +71,16 @@ class Stress:
     fraction: float | None
     material: str
 
+    @property
+    def stage(self) -> str:
+        """Name of its stage."""
+        return self.label.rsplit(".", 1)[0]
+
+    @property
+    def number(self) -> str:
+        """Its number or name in the stage."""
+        return self.label.rsplit(".", 1)[1]
+
 
 @dataclass(frozen=True)
 class WireLoad(Stress):
@@ -52,6 +89,11 @@ class WireLoad(Stress):
     tension: float
     stretch: float
     length: float
+
+    @property
+    def strain(self) -> float:
+        """Elongation over length."""
+        return self.stretch / self.length
 
 
 @dataclass(frozen=True)
@@ -109,6 +151,15 @@ class LinkLoad:
 
 
 @dataclass(frozen=True)
+class ReducedProfile:
+    """Numbers of places of a measured profile of a fibre, and of its uniform sections."""
+
+    wire: str
+    places: int
+    sections: int
+
+
+@dataclass(frozen=True)
 class Statics:
     """Statics of a design; `top` is z of the highest end of a wire, m."""
 
@@ -121,6 +172,7 @@ class Statics:
     links: tuple[LinkLoad, ...] = ()
     legs: tuple[LegLoad, ...] = ()
     filters: tuple[FilterLoad, ...] = ()
+    profiles: tuple[ReducedProfile, ...] = ()
 
     @property
     def height(self) -> float:
@@ -140,16 +192,9 @@ def solve(design: Design) -> Statics:
     balanced = balance(scene)
     balanced.demand(scene)
     tables = [table for stage in design.stage for table in list_wire_tables(stage)]
-    tension = balanced.tension
-    rows = zip(
-        tables,
-        scene.wires.label,
-        tension.tolist(),
-        (tension / scene.wires.stiffness).tolist(),
-        scene.wires.length.tolist(),
-        _upper_weights(scene),
-        strict=True,
-    )
+    wires, tension = scene.wires, balanced.tension
+    stretch, above = tension / wires.stiffness, _upper_weights(scene)
+    rows = zip(tables, wires.label, tension, stretch, wires.length, above, strict=True)
     pose = balanced.pose
     bodies = tuple(
         BodyPose(
@@ -159,7 +204,10 @@ def solve(design: Design) -> Statics:
     )
     ends = _end_heights(scene, balanced)
     return Statics(
-        wires=tuple(_wire_load(design, *row) for row in rows),
+        wires=tuple(
+            _wire_load(design, table, label, *map(float, numbers))
+            for table, label, *numbers in rows
+        ),
         blades=tuple(_blade_load(design, *blade) for blade in _blade_rows(design, scene, balanced)),
         bodies=bodies,
         lowest=tuple(
@@ -171,7 +219,19 @@ def solve(design: Design) -> Statics:
         links=tuple(_links(design, scene)),
         legs=towers.leg_loads(design, scene, balanced),
         filters=towers.filter_loads(design, scene, balanced),
+        profiles=tuple(_profiles(design)),
     )
+
+
+def _profiles(design: Design) -> Iterator[ReducedProfile]:
+    """Measured profiles of fibres, from top to bottom."""
+    for stage in design.stage:
+        for number, table in enumerate(stage.wire_tables, 1):
+            if isinstance(table.profile, Profile):
+                name = f"{stage.name}.{'wires' if stage.wires is not None else number}"
+                yield ReducedProfile(
+                    name, len(table.profile.position), len(given_sections(table) or ())
+                )
 
 
 def _links(design: Design, scene: Scene) -> Iterator[LinkLoad]:
@@ -202,11 +262,11 @@ def _links(design: Design, scene: Scene) -> Iterator[LinkLoad]:
         yield LinkLoad(damper.name, tuple(damper.between), (0.0, 0.0, 0.0), damping)
 
 
-def _upper_weights(scene: Scene) -> list[float]:
+def _upper_weights(scene: Scene) -> np.ndarray:
     """Excess of tension at the upper end of each wire by its own weight, N."""
     wires = scene.wires
     weight = scene.gravity * (wires.mass[:, 0] + wires.mass[:, 1])
-    return (weight * -wires.span[:, 2] / wires.length).tolist()
+    return weight * -wires.span[:, 2] / wires.length
 
 
 def list_wire_tables(stage: Stage) -> list[WireSet] | list[Wire]:
@@ -233,14 +293,9 @@ def _wire_load(
         name, area = piece.material or table.material, thinnest(piece)
         if area is not None:
             found.append(((tension + weight) / area, _strength(design, name), name or ""))
-    known = [
-        (stress / strength, strength, name)
-        for stress, strength, name in found
-        if strength is not None
-    ]
-    fraction, strength, material = max(
-        known, default=(None, None, max(found)[2] if found else table.material or "")
-    )
+    known = [(stress / limit, limit, name) for stress, limit, name in found if limit is not None]
+    unknown = (None, None, max(found)[2] if found else table.material or "")
+    fraction, strength, material = max(known, default=unknown)
     largest = max((stress for stress, _, _ in found), default=None)
     return WireLoad(label, largest, strength, fraction, material, tension, stretch, length)
 

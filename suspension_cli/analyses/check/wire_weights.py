@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from suspension_cli.analyses.check.columns import Column
 from suspension_cli.analyses.check.statics import Statics, list_wire_tables
 from suspension_cli.design.derive import gravity_strength, wire_line_densities
 from suspension_cli.design.schema import Design
@@ -13,6 +14,12 @@ from suspension_cli.equilibrium.nominal import expand
 NOTED = 4e-3
 """Weight over tension above which `check` notes that a design leaves it out; frequencies of
 pendulums change by up to a quarter of it."""
+COLUMNS = {
+    "total": Column("total_n"),
+    "ratio": Column("largest_over_tension"),
+    "sag": Column("sag_m"),
+    "error": Column("error"),
+}
 
 
 @dataclass(frozen=True)

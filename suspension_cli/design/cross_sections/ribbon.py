@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from suspension_cli.design.cross_sections.shape import CrossSection
-from suspension_cli.design.units import Length, Table, doc
+from suspension_cli.design.units import Table, WireSize, doc
 
 if TYPE_CHECKING:
     from suspension_cli.design.cross_sections.shape import Frequencies, Spectrum
@@ -20,8 +20,8 @@ class Ribbon(Table, CrossSection, frozen=True):
     wire: ClassVar[str] = "a ribbon"
     form: ClassVar[str] = "section { width, thickness }"
 
-    width: Annotated[Length, doc("width along y, m")]
-    thickness: Annotated[Length, doc("thickness along x, m")]
+    width: Annotated[WireSize, doc("width along y, m")]
+    thickness: Annotated[WireSize, doc("thickness along x, m")]
 
     def sizes(self) -> Iterator[tuple[str, float, float]]:
         """Width and thickness, m."""

@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-import json
 import re
 
 import pytest
 import tomli_w
 
-from suspension_cli.analyses.check import limits, statics
+from suspension_cli.analyses.check import findings, statics
 from suspension_cli.design.reader import convert
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
 from tests.support.commandline import run
 from tests.support.golden import ROOT
 from tools.stability import geometry
-from tools.stability.references import MP, SHAPE, document, omega_squared, stage
+from tools.stability.references import MP, document
 
 
-def near(raw, level="string"):
+def tipping(raw):
     design = convert(raw)
-    model = registry.by_name(level).system(design)
-    return limits.find_limits(design, model, eigenmodes.solve(model))
+    model = registry.by_name("string").system(design)
+    return findings.describe_tipping(design, eigenmodes.solve(model))
 
 
 def written(tmp_path, raw):
@@ -30,84 +29,43 @@ def written(tmp_path, raw):
     return path
 
 
-def test_an_ordinary_design_is_near_nothing():
-    for level in ("force", "string"):
-        assert near(document(), level) == limits.Limits(None, None, None, 0.0)
-
-
 @pytest.mark.parametrize(
     "config", sorted((ROOT / "configs").rglob("*.toml")), ids=lambda path: path.stem
 )
 def test_no_shipped_design_is_near_a_limit(config, tmp_path):
     result = run("modes", config, "--fidelity", "string", "--no-plot", "--out", tmp_path)
     assert result.exit_code == 0
-    for word in ("few digits", "close to unstable", "go slack", "has a residual"):
+    for word in ("close to unstable", "go slack"):
         assert word not in result.stderr
-
-
-@pytest.mark.parametrize("ratio", [1e12, 1e14, 1e15])
-@pytest.mark.parametrize("level", ["force", "string"])
-def test_reported_digits_are_those_lost(ratio, level):
-    """Never less than what is lost, and within a factor of 300 of it: a bound by rounding errors
-    that all add up. On `string` none are."""
-    k = ratio * geometry.MASS * 9.81 / 4 / SHAPE["l"]
-    raw = document(k=k, t1=0.0815)
-    model = registry.by_name(level).system(convert(raw))
-    found = eigenmodes.solve(model)
-    wanted = [float(MP.sqrt(v)) for v in omega_squared(stage(shape={"k": k, "t1": 0.0815}))[:2]]
-    lost = max(abs(found.omega_squared[n] ** 0.5 / wanted[n] - 1) for n in range(2))
-    reported = near(raw, level).digits
-    if level == "string":
-        assert lost < 1e-12
-    if level == "string" or ratio < 1e13:
-        assert reported is None
-    else:
-        assert reported is not None
-        assert lost <= reported.value <= 300 * lost
-
-
-def test_vertical_wires_however_stiff_lose_nothing():
-    assert near(document(k=1e15)).digits is None
 
 
 @pytest.mark.parametrize("above", [2e-5, 8e-5, 2e-4])
 def test_reported_height_is_where_it_tips(above):
     d = float(geometry.tipping_height()) + above
-    reported = near(document(s=geometry.CLOSE, d=d)).tipping
-    if above > limits.TIPPING:
-        assert reported is None
-    else:
-        assert reported is not None
-        assert reported.name == "test pitch"
-        assert reported.value == pytest.approx(above, rel=0.05)  # the mode's x goes along a little
+    reported = tipping(document(s=geometry.CLOSE, d=d))
+    if above > findings.TIPPING:
+        assert reported == ""
+    else:  # the mode's x goes along a little
+        assert reported.startswith("test pitch is close to unstable")
+        height = float(re.search(r"the wires ([\d.]+) mm", reported)[1])
+        assert height == pytest.approx(1e3 * above, rel=0.05)
 
 
 @pytest.mark.parametrize("left", [0.5, 5e-3, 1e-5])
 def test_reported_tension_is_the_one_left(left):
     change = float(geometry.slack_length() * (1 - MP.mpf(left)))
     raw = document() | {"perturbation": [{"wire": "test.1", "length_change": change}]}
-    carried = statics.solve(convert(raw))
-    reported = near(raw).slack
-    if left > limits.SLACK:
-        assert reported is None
+    loads = statics.solve(convert(raw))
+    reported = findings.find_slackest(loads)
+    if left > findings.SLACK:
+        assert reported == []
     else:
-        assert reported is not None
-        assert reported.value == pytest.approx(
-            min(w.tension for w in carried.wires) * 4 / sum(w.tension for w in carried.wires),
-            rel=1e-9,
-        )
+        tension = [wire.tension for wire in loads.wires]
+        share = f"{100 * min(tension) * 4 / sum(tension):.2g} % of the mean tension"
+        assert share in reported[0].fault.problem
 
 
 def test_commands_say_it(tmp_path):
-    stiff = written(tmp_path, document(k=1e16, t1=0.0815))
-    words = ("--fidelity", "force", "--json", "--out", tmp_path)
-    result = run("modes", stiff, *words)
-    assert json.loads(result.stdout)["stable"]
-    assert re.search(
-        r"warning: one-stage: stiff wires leave soft modes few digits: the frequency of test \w+"
-        r" has a relative error of up to [\d.e-]+",
-        result.stderr,
-    )
     low = written(tmp_path, document(s=geometry.CLOSE, d=float(geometry.tipping_height()) + 2e-5))
     result = run(
         "response", low, "--frequency", "1", "--fidelity", "string", "--no-plot", "--out", tmp_path
