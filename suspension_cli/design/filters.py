@@ -110,13 +110,15 @@ class Filter(Table, frozen=True):
         "thermal expansion of the blades in 1/K; adds to that shift", 0.0
     )
 
+    rules = (
+        exactly_one("stiffness", "frequency"),
+        at_most_one("loss_angle", "q"),
+        at_most_one("saturation", "mass_coupling"),
+    )
+
     def faults(self) -> Problems:
-        """Check that it has one stiffness, loss and inertia of its blades."""
-        what, none = "stiffness in N/m, or frequency at the load in Hz", "has no stiffness"
-        yield from exactly_one(self, "stiffness", "frequency", give=what, none=none)
-        yield from at_most_one(self, "loss_angle", "q", give="loss_angle in rad, or q")
-        what = "saturation, or mass_coupling in kg"
-        yield from at_most_one(self, "saturation", "mass_coupling", give=what)
+        """Check that the inertia of the blades is part of that of the keystone."""
+        yield from super().faults()
         if self.q is not None and self.q <= 1:
             remedy = "give a larger one, or damp the stage with [stage.damping]"
             yield "q", "gives a loss angle of 1 rad or more", remedy

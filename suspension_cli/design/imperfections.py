@@ -232,6 +232,11 @@ def scattered(part: str) -> tuple[Imperfection, ...]:
     return tuple(item for item in IMPERFECTIONS if item.spread and item.part == part)
 
 
+def spreads(part: str) -> list[str]:
+    """List the keys of `[[tolerance.PART]]` that give a distribution."""
+    return [item.spread for item in scattered(part)]
+
+
 def with_perturbations(base: type[Table]) -> type:
     """Derive a table of the file from `base`, with a key per imperfection of any part."""
     keys: dict[str, Any] = {}

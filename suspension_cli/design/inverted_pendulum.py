@@ -29,7 +29,13 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from suspension_cli.design.circles import direction
-from suspension_cli.design.rules import at_most_one, exactly_one
+from suspension_cli.design.rules import (
+    at_most_one,
+    exactly_one,
+    excludes,
+    required,
+    whole_or_parts,
+)
 from suspension_cli.design.units import (
     ISOLATING,
     PART_SIZE,
@@ -121,27 +127,24 @@ class InvertedPendulum(Table, frozen=True):
         "Q of the lateral mode with the load, instead of loss_angle", unit="1", gt=0, le=1e12
     )
 
+    rules = (
+        whole_or_parts("points", "count", "radius"),
+        required("points", when=lambda legs: legs.count is None and legs.radius is None),
+        excludes("points", "phase", "top"),
+        exactly_one("stiffness", "frequency"),
+        at_most_one("loss_angle", "q"),
+    )
+
     def faults(self) -> Problems:
         """Check the places of the legs, and their stiffness, loss and inertia."""
-        what = "points, or count with radius"
-        yield from exactly_one(self, "points", "count", give=what, none="has no legs")
-        if self.points is None and self.count is not None and self.radius is None:
-            yield "radius", "missing", "give the radius of the circle of legs in m"
-        elif self.points is not None and self.count is None:
-            for name in ("radius", "phase", "top"):
-                if getattr(self, name):
-                    problem = "goes with count; points place the legs themselves"
-                    yield name, problem, "remove it or give count"
-            if _are_on_a_line(self.points):
-                problem = "has all legs on one line, so that the stage would fall over"
-                yield "points", problem, "place a leg off this line"
-        what = "stiffness in N m/rad, or frequency with the load in Hz"
-        yield from exactly_one(self, "stiffness", "frequency", give=what, none="has no stiffness")
-        yield from at_most_one(self, "loss_angle", "q", give="loss_angle in rad, or q")
-        most, weight = self.leg_mass * self.length**2, self.counterweight
-        if self.leg_mass == 0 and (self.leg_inertia or self.leg_com):
+        yield from super().faults()
+        if not self.leg_mass and (self.leg_inertia or self.leg_com):
             yield "leg_mass", "missing", "give the mass of a leg in kg"
-        elif self.leg_inertia is not None and self.leg_inertia > most:
+        if self.points is not None and _are_on_a_line(self.points):
+            problem = "has all legs on one line, so that the stage would fall over"
+            yield "points", problem, "place a leg off this line"
+        most, weight = self.leg_mass * self.length**2, self.counterweight
+        if self.leg_mass and (self.leg_inertia or 0.0) > most:
             problem = f"is more than m L^2 of the leg, {most:g} kg m^2"
             remedy = "give it about the leg's COM in kg m^2; a thin rod has m L^2 / 12"
             yield "leg_inertia", problem, remedy

@@ -5,7 +5,14 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from suspension_cli.conventions import DOFS
-from suspension_cli.design.rules import ascending, exactly_one, symmetric, together
+from suspension_cli.design.rules import (
+    ascending,
+    by_kind,
+    exactly_one,
+    excludes,
+    symmetric,
+    together,
+)
 from suspension_cli.design.units import (
     Coefficient,
     Frequency,
@@ -69,13 +76,15 @@ class StiffnessTable(Table, frozen=True):
     )
     factor: float = key("factor on all stiffnesses of the table", 1.0, unit="1", gt=0, le=1e6)
 
+    rules = (ascending("frequency"),)
+
     def faults(self) -> Problems:
         """Check that each axis has one value per frequency, and a static stiffness."""
         axes, count = 6 if self.axis is None else 1, len(self.frequency)
         columns = {"real": self.real, "imaginary": self.imaginary}
         uneven = [name for name, rows in columns.items() if len(rows) != axes]
         ragged = [name for name, rows in columns.items() if any(len(row) != count for row in rows)]
-        yield from ascending(self, "frequency")
+        yield from super().faults()
         if self.file is not None:
             remedy = "read the design from its file, or give frequency, real and imaginary"
             yield "file", "is read only with a design file, not with its text alone", remedy
@@ -121,14 +130,12 @@ class Strands(Table, frozen=True):
     length: Length | None = key("length of one wire, m; not with points")
     points: list[Vector] = key("points between the ends, from the COM of the first body, m", [])
 
-    def faults(self) -> Problems:
-        """Check that the length or the points of the shape are given."""
-        if self.shape == "points" and self.length is not None:
-            yield "length", "follows from the points", "remove it"
-        elif self.shape != "points" and self.points:
-            yield "points", f"conflict with shape {self.shape}", "remove them"
-        elif self.shape != "points" and self.length is None:
-            yield "length", "missing", "give the length of one wire, m"
+    rules = (
+        by_kind(
+            "shape",
+            {"u": (["length"], []), "catenary": (["length"], []), "points": ([], ["points"])},
+        ),
+    )
 
 
 class BetweenBodies(Table, frozen=True):
@@ -159,13 +166,11 @@ class Link(BetweenBodies, frozen=True):
     )
     active: Active = False
 
-    def faults(self) -> Problems:
-        """Check that it has one stiffness, with symmetric matrices."""
-        ways = ("stiffness", "table", "strands")
-        yield from exactly_one(self, *ways, give="stiffness, or table, or strands")
-        yield from symmetric(self, "stiffness", "damping")
-        if self.table is not None and self.loss_angle is not None:
-            yield "loss_angle", "conflicts with the imaginary part of the table", "remove it"
+    rules = (
+        exactly_one("stiffness", "table", "strands"),
+        symmetric("stiffness", "damping"),
+        excludes("table", "loss_angle"),
+    )
 
 
 class EddyCurrent(Table, frozen=True):
@@ -190,11 +195,14 @@ class EddyCurrent(Table, frozen=True):
     volume: float | None = key("volume of the magnet, m^3", unit="m^3", gt=0, le=1)
     count: int = key("number of equal magnets, far apart", 1, ge=1, le=1000)
 
+    rules = (
+        exactly_one("moment", "remanence"),
+        together("remanence", "volume"),
+    )
+
     def faults(self) -> Problems:
-        """Check that the magnet has one strength, and the conductor is a metal."""
-        what = "moment, or remanence with volume"
-        yield from exactly_one(self, "moment", "remanence", give=what)
-        yield from together(self, "remanence", "volume", remedy="give both, or moment alone")
+        """Check what depends on several keys."""
+        yield from super().faults()
         if not 1e4 <= self.conductivity <= 1e12:
             remedy = "give it in S/m: copper has 5.8e7 at room temperature"
             yield "conductivity", "is not that of a metal", remedy
@@ -210,7 +218,4 @@ class Damper(BetweenBodies, frozen=True):
     eddy_current: EddyCurrent | None = None
     active: Active = False
 
-    def faults(self) -> Problems:
-        """Check that it has one damping, with a symmetric matrix."""
-        yield from exactly_one(self, "damping", "eddy_current", give="damping or eddy_current")
-        yield from symmetric(self, "damping")
+    rules = (exactly_one("damping", "eddy_current"), symmetric("damping"))

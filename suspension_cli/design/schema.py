@@ -20,12 +20,15 @@ from suspension_cli.design.links import Active, BetweenBodies, Damper, Link
 from suspension_cli.design.losses.mechanism import with_keys
 from suspension_cli.design.losses.registry import MECHANISMS
 from suspension_cli.design.rules import (
+    any_of,
     ascending,
     exactly_one,
     excludes,
     given,
     is_symmetric,
+    needs,
     not_tiny,
+    same_length,
     symmetric,
     unique,
 )
@@ -92,17 +95,15 @@ class Constants(Table, frozen=True):
     temperature: Kelvin = key("temperature in K where no other is given", 290.0)
 
     def faults(self) -> Problems:
-        """Check that gravity points down, and its gradient is that of a potential."""
-        gradient = self.gravity_gradient
+        """Check what depends on several keys."""
         if isinstance(self.gravity, list) and not self.gravity[2] < 0:
             remedy = "give [x, y, z] with z below 0: [0.0, 0.0, -9.81]"
             yield "gravity", "does not point down, so that nothing hangs", remedy
-        if isinstance(gradient, list) and len(gradient) != 3:
-            remedy = "give one number dg_z/dz, or three rows of three"
-            yield "gravity_gradient", f"has {len(gradient)} rows", remedy
-        elif isinstance(gradient, list) and not is_symmetric(gradient):
-            problem = "is not symmetric, but gravity is conservative"
-            yield "gravity_gradient", problem, "give dg_i/dx_j = dg_j/dx_i"
+        if isinstance(self.gravity_gradient, list) and not (
+            len(self.gravity_gradient) == 3 and is_symmetric(self.gravity_gradient)
+        ):
+            remedy = "give one number dg_z/dz, or three rows of three with dg_i/dx_j = dg_j/dx_i"
+            yield "gravity_gradient", "is not a symmetric 3x3, but gravity is conservative", remedy
 
 
 class MaterialLoss(with_keys(Table, MECHANISMS, of_wire=False)):
@@ -176,11 +177,7 @@ class Spring(Table, frozen=True):
     temperature: Kelvin | None = key("temperature in K, for its loss; default that of [constants]")
     active: Active = False
 
-    def faults(self) -> Problems:
-        """Check that its matrices are symmetric, and its thickness has an effect."""
-        yield from symmetric(self, "stiffness", "damping")
-        if self.thickness is not None and self.material is None:
-            yield "thickness", "has no effect without a material", "name the material too"
+    rules = (symmetric("stiffness", "damping"), needs("thickness", "material"))
 
 
 Viscous = Annotated[float, doc("viscous damping in N s/m or N m s/rad", ge=0, le=1e12)]
@@ -228,8 +225,11 @@ class Support(Table, frozen=True):
     damping: FrameDamping = FrameDamping()
     loss_angle: LossAngle = key("loss angle of the stiffness in rad", 0.0)
 
+    rules = (not_tiny("mass", "kg"), not_tiny("inertia", "kg m^2"))
+
     def faults(self) -> Problems:
         """Check that it moves in some direction, and is damped only where it moves."""
+        yield from super().faults()
         elastic = given(self.stiffness, *DOFS)
         if not elastic:
             remedy = "give z = ... (N/m), or leave [support] out"
@@ -239,8 +239,6 @@ class Support(Table, frozen=True):
             if getattr(self.damping, dof) and dof not in elastic:
                 remedy = f"give support.stiffness.{dof} too"
                 yield f"damping.{dof}", "damps a rigid direction", remedy
-        yield from not_tiny(self, "mass", "kg")
-        yield from not_tiny(self, "inertia", "kg m^2")
 
 
 class Stage(Table, frozen=True):
@@ -271,26 +269,29 @@ class Stage(Table, frozen=True):
     filter: Filter | None = None
     damping: Damping | None = None
 
+    rules = (
+        excludes("wires", "wire", problem="conflicts with a symmetric set [stage.wires]"),
+        excludes("wires", "position", problem="a symmetric set implies the position"),
+        unique("blade"),
+    )
+
     def faults(self) -> Problems:
-        """Check that it hangs or stands in one way, at a known position."""
-        legs = self.inverted_pendulum
-        if self.wires is not None and self.wire:
-            yield "wire", "conflicts with a symmetric set [stage.wires]", "keep one of the two"
-        if self.wires is None and not self.wire and not self.spring and legs is None:
-            ways = "[stage.wires], [[stage.wire]], [[stage.spring]] or [stage.inverted_pendulum]"
-            yield "", "has neither wires nor springs", f"add {ways}"
-        if legs is not None and self.wire_tables:
+        """Check what depends on several keys."""
+        yield from super().faults()
+        if self.inverted_pendulum is not None and self.wire_tables:
             problem = "conflicts with wires: a stage either stands on legs or hangs on wires"
-            yield "inverted_pendulum", problem, "keep one of the two"
-        if self.wires is not None and self.position is not None:
-            yield "position", "a symmetric set implies the position", "remove it"
-        elif self.wires is None and self.position is None and legs is None:
-            remedy = "give the nominal COM from the COM above, [x, y, z] in m"
-            yield "position", "missing", remedy
+            remedy = "keep one of the two"
+            yield "inverted_pendulum", problem, remedy
         if self.blades is not None and self.wires is None:
             remedy = "use [[stage.blade]] and name the blade in each wire"
             yield "blades", "goes with a symmetric set [stage.wires]", remedy
-        yield from unique(self, "blade", "blade")
+        if not (self.wire_tables or self.spring or self.inverted_pendulum):
+            remedy = (
+                "add [stage.wires], [[stage.wire]], [[stage.spring]] or [stage.inverted_pendulum]"
+            )
+            yield "", "has neither wires nor springs", remedy
+        if not given(self, "position", "wires", "inverted_pendulum"):
+            yield "position", "missing", "give the nominal COM from the COM above, [x, y, z] in m"
 
     @property
     def wire_tables(self) -> list[WireSet | Wire]:
@@ -365,17 +366,16 @@ class NoiseSpectrum(Table, frozen=True):
         "Hz, ascending; interpolated linearly in the logarithms, constant outside", min_length=2
     )
 
+    rules = (excludes("frequency", "corner"), ascending("frequency"))
+
     def faults(self) -> Problems:
         """Check that a density is given per frequency, or one with a corner."""
+        yield from super().faults()
         if isinstance(self.asd, list) != (self.frequency is not None):
             problem = "asd and frequency are lists of one length, or asd a number without frequency"
             yield "", problem, "give {asd, corner} or {frequency = [...], asd = [...]}"
-        elif self.frequency is not None and isinstance(self.asd, list):
-            yield from excludes(self, "frequency", "corner", remedy="remove it")
-            if len(self.frequency) != len(self.asd):
-                problem = f"has {len(self.asd)} values for {len(self.frequency)} frequencies"
-                yield "asd", problem, "give one per frequency"
-            yield from ascending(self, "frequency", "sort it, each frequency once")
+        elif isinstance(self.asd, list):
+            yield from same_length("asd", "frequency")(self)
             if min(self.asd) <= 0:
                 problem = "must be positive, as its logarithm is interpolated"
                 yield "asd", problem, "give a small number instead of 0"
@@ -425,19 +425,18 @@ class Loop(Table, frozen=True):
         "amplitude spectral density in N/sqrt(Hz) or N m/sqrt(Hz), flat", 0.0, ge=0, le=1e3
     )
 
+    rules = (excludes("gain_at", "damper", "gain"),)
+
     def faults(self) -> Problems:
         """Check that it has one filter, and that the strings of filters can be read."""
-        if not (self.gain_at and self.damper is None and self.gain is None):
-            what = "damper, or gain (or gain_at) with zeros and poles, or filter"
-            yield from exactly_one(self, "damper", "gain", "filter", give=what)
-            yield from excludes(self, "gain_at", "damper", "gain")
-        if self.damper is not None or self.filter is not None:
-            problem, other = "a damper has no filter", "damper"
-            if self.damper is None:
-                problem, other = "conflicts with filter, which has its own roots", "filter"
-            for name in ("zeros", "poles"):
-                if getattr(self, name):
-                    yield name, problem, f"give gain instead of {other}"
+        yield from super().faults()
+        if self.gain_at is None:
+            yield from exactly_one("damper", "gain", "filter")(self)
+        for name in ("zeros", "poles"):
+            if getattr(self, name) and self.filter is not None:
+                yield name, "conflicts with filter, which has its own roots", "give gain instead"
+            elif getattr(self, name) and self.damper is not None:
+                yield name, "a damper has no filter", "give gain instead"
         for name in given(self, "filter", "sensor_response"):
             try:
                 foton.parse(getattr(self, name))
@@ -450,9 +449,7 @@ class Control(Table, frozen=True):
 
     loop: list[Loop] = key(min_length=1)
 
-    def faults(self) -> Problems:
-        """Check that loops have different names."""
-        yield from unique(self, "loop", "loop")
+    rules = (unique("loop"),)
 
 
 Spread = Annotated[float, Meta(ge=0, le=1e3)]
@@ -465,16 +462,14 @@ class Distribution(Table, frozen=True):
     uniform: Spread | None = key("half width")
     truncate: Spread | None = key("largest deviation of a normal distribution")
 
+    rules = (exactly_one("normal", "uniform"),)
+
     def faults(self) -> Problems:
-        """Check that it is normal or uniform."""
-        what = "normal (standard deviation) or uniform (half width)"
-        yield from exactly_one(self, "normal", "uniform", give=what)
+        """Check what depends on several keys."""
+        yield from super().faults()
         if self.truncate is not None and not (self.normal and self.truncate > 0):
-            yield (
-                "truncate",
-                "goes with a normal distribution and must be positive",
-                "give normal too",
-            )
+            remedy = "give normal too"
+            yield "truncate", "goes with a normal distribution and must be positive", remedy
 
 
 class _WireScatter(Table, frozen=True):
@@ -486,29 +481,18 @@ class _PartScatter(Table, frozen=True):
     stage: StageName
 
 
-def _spread_faults(item: Table, part: imperfections.Part) -> Problems:
-    known = [row.spread for row in imperfections.scattered(part)]
-    if not given(item, *known):
-        yield "", "has no distribution", f"give {' or '.join(known)}"
-
-
 class WireTolerance(imperfections.with_spreads(_WireScatter, "wire", Distribution)):
     """Scatter of one wire, or independently of every wire of a stage."""
 
     hold: Hold = "loaded-length"
 
-    def faults(self) -> Problems:
-        """Check that it names one stage or wire, and a distribution."""
-        yield from exactly_one(self, "stage", "wire", give='stage = "test" or wire = "test.1"')
-        yield from _spread_faults(self, "wire")
+    rules = (exactly_one("stage", "wire"), any_of(*imperfections.spreads("wire")))
 
 
 class BodyTolerance(imperfections.with_spreads(_PartScatter, "body", Distribution)):
     """Scatter of one body."""
 
-    def faults(self) -> Problems:
-        """Check that it has a distribution."""
-        yield from _spread_faults(self, "body")
+    rules = (any_of(*imperfections.spreads("body")),)
 
 
 class BladeTolerance(imperfections.with_spreads(_PartScatter, "blade", Distribution)):
@@ -544,10 +528,11 @@ class Requirement(Table, frozen=True):
     below: Limit | None = key("upper limit of the magnitude")
     above: Limit | None = key("lower limit of the magnitude")
 
+    rules = (exactly_one("band", "below", "above"),)
+
     def faults(self) -> Problems:
-        """Check that it has one limit."""
-        what = "band = [least, largest], below = limit or above = limit"
-        yield from exactly_one(self, "band", "below", "above", give=what)
+        """Check what depends on several keys."""
+        yield from super().faults()
         if self.band is not None and not self.band[0] < self.band[1]:
             yield "band", "is reversed or empty, so that no build is in it", "give [least, largest]"
 
@@ -562,11 +547,7 @@ class Tolerance(Table, frozen=True):
     link: list[LinkTolerance] = []
     require: list[Requirement] = []
 
-    def faults(self) -> Problems:
-        """Check that anything scatters."""
-        if not any(getattr(self, part) for part in imperfections.PARTS):
-            ways = " or ".join(f"[[tolerance.{part}]]" for part in imperfections.PARTS)
-            yield "", "has no distribution", f"add {ways}"
+    rules = (any_of(*imperfections.PARTS),)
 
 
 class Design(Table, frozen=True):

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import (
     Annotated,
     Any,
+    ClassVar,
     Literal,
     NamedTuple,
     Optional,
@@ -138,9 +139,14 @@ class Table(
 ):
     """Base of all tables of a file: immutable, and unknown keys are faults."""
 
+    rules: ClassVar[Sequence[Callable[[Any], Problems]]] = ()
+    """Rules beyond single values, of `design.rules`; those of the base count too."""
+
     def faults(self) -> Problems:
-        """Find what is wrong beyond single values, by `design.rules` and rules of its own."""
-        yield from ()
+        """Find what breaks the rules; a table with rules of its own kind extends this."""
+        for kind in reversed(type(self).__mro__):
+            for rule in vars(kind).get("rules", ()):
+                yield from rule(self)
 
 
 def extend_table(base: type[Table], keys: Mapping[str, object]) -> Any:

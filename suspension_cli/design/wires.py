@@ -15,6 +15,7 @@ from suspension_cli.design.rules import (
     excludes,
     given,
     not_tiny,
+    same_length,
     whole_or_parts,
 )
 from suspension_cli.design.units import (
@@ -75,10 +76,11 @@ class WireSection(Table, frozen=True):
     material: MaterialName | None = key(f"name of a material; default the wire's ({NAMES})")
     steps: Steps | None = None
 
+    rules = (exactly_one(*SHAPES),)
+
     def faults(self) -> Problems:
-        """Check that it has one cross-section, and steps only of a taper."""
-        what = " or ".join(kind.form for kind in CROSS_SECTIONS)
-        yield from exactly_one(self, *SHAPES, give=what)
+        """Check what depends on several keys."""
+        yield from super().faults()
         if self.steps is not None and not isinstance(self.radius, list):
             yield "steps", "goes with a taper", "give radius = [upper, lower], or remove it"
 
@@ -136,17 +138,19 @@ class Profile(Table, frozen=True):
         le=0.1,
     )
 
+    rules = (
+        same_length("diameter", "position"),
+        ascending("position"),
+    )
+
     def faults(self) -> Problems:
-        """Check that it has a diameter per place, from the upper end down."""
-        places = len(self.position)
-        if self.file is not None and not places:
+        """Check what depends on several keys."""
+        yield from super().faults()
+        if self.file is not None and not self.position:
             remedy = "read the design from its file, or give { position, diameter }"
             yield "file", "is a file that was not read", remedy
-        elif places < 2 or places != len(self.diameter):
-            problem = f"has {len(self.diameter)} diameters at {places} places"
-            yield "", problem, "give one diameter per place, at two places or more"
-        else:
-            yield from ascending(self, "position", "sort the table by position, each place once")
+        elif len(self.position) == len(self.diameter) < 2:
+            yield "", "has fewer than two places", "give position and diameter, each a list"
 
 
 if TYPE_CHECKING:
@@ -199,58 +203,43 @@ class AnyWire(_WireLosses, frozen=True):
         "temperature in K, or { upper, lower }; default that of [constants]"
     )
 
+    rules = (
+        excludes("profile", *SHAPES, "sections", "neck"),
+        excludes("neck", "section", "sections"),
+        excludes("sections", *SHAPES),
+    )
+
     def faults(self) -> Problems:
         """Check that the wire has k, or a material and one way to give its cross-section."""
+        yield from super().faults()
+        if isinstance(self.profile, str):
+            remedy = "read the design from its file, or give { position, diameter }"
+            yield "profile", "is a file that was not read", remedy
         for mechanism in MECHANISMS:
             yield from mechanism.check_wire(self)
-        simple = self.profile is None and self.sections is None
-        shapes = [kind for kind in CROSS_SECTIONS if getattr(self, kind.key) is not None]
-        if self.bending and self.k and simple and not shapes:
+        shapes = given(self, *SHAPES)
+        whole = given(self, "profile", "sections", "neck", *SHAPES)
+        if self.k is None and not whole:
+            yield SHAPES[0], "missing", f"give the wire's {' or '.join(SHAPES)} in m, or k in N/m"
+        if self.bending and not whole:
             remedy = "give material and radius too, or remove it"
             yield "bending", "needs the wire's cross-section", remedy
-        if self.profile is not None:
-            others = (*SHAPES, "sections", "neck")
-            yield from excludes(self, "profile", *others, problem="conflicts with a profile")
-            if self.material is None:
-                yield "material", "missing", "name the material of the fibre"
-            if isinstance(self.profile, str):
-                remedy = "read the design from its file, or give { position, diameter }"
-                yield "profile", "is a file that was not read", remedy
-            return
-        if self.neck is not None:
-            yield from self._neck_faults(self.neck)
-        if self.sections is not None:
-            yield from excludes(self, "sections", *SHAPES, remedy="give it in the sections alone")
-            yield from self._section_faults(self.sections)
-            return
         if len(shapes) > 1:
-            remedy = "give " + " or ".join(f"{kind.key} for {kind.wire}" for kind in CROSS_SECTIONS)
-            yield shapes[0].key, f"conflicts with a {shapes[1].key}", remedy
-        if self.k is None and self.material is None:
-            yield "material", "missing", "name a material, or give k in N/m"
-        if self.k is None and not shapes and self.neck is None:
-            remedy = f"give the wire's {' or '.join(SHAPES)} in m, or k in N/m"
-            yield SHAPES[0], "missing", remedy
-
-    def _neck_faults(self, neck: Neck) -> Problems:
-        others = given(self, "section", "sections")
-        if others:
-            yield others[0], "conflicts with neck", "give radius and neck alone"
-        elif self.radius is None:
-            yield "radius", "missing", "give the radius between the necks in m"
-        elif neck.radius <= self.radius:
-            problem = f"is not above the radius of the fibre ({self.radius:g} m)"
-            yield "neck.radius", problem, "give the radius of the thick ends in m"
-
-    def _section_faults(self, sections: list[WireSection]) -> Problems:
-        open_ended = [n for n, piece in enumerate(sections, 1) if piece.length is None]
+            yield shapes[0], f"conflicts with a {shapes[1]}", "keep one of the two"
+        bare = [n for n, one in enumerate(self.sections or (), 1) if one.material is None]
+        if self.material is None and self.k is None and (bare or self.sections is None):
+            key = f"sections.{bare[0]}.material" if bare else "material"
+            yield key, "missing", "name a material for the whole wire, or give k in N/m"
+        if self.neck is not None and not given(self, "section", "sections", "profile"):
+            if self.radius is None:
+                yield "radius", "missing", "give the radius between the necks in m"
+            elif self.neck.radius <= self.radius:
+                problem = f"is not above the radius of the fibre ({self.radius:g} m)"
+                yield "neck.radius", problem, "give the radius of the thick ends in m"
+        open_ended = [n for n, one in enumerate(self.sections or (), 1) if one.length is None]
         for n in open_ended[1:]:
             remedy = f"give it in m; section {open_ended[0]} takes the rest already"
             yield f"sections.{n}.length", "missing", remedy
-        for n, piece in enumerate(sections, 1):
-            if piece.material is None and self.material is None and self.k is None:
-                remedy = "name a material here or for the whole wire"
-                yield f"sections.{n}.material", "missing", remedy
 
 
 def cross_sections(table: AnyWire | WireSection) -> list[CrossSection]:
@@ -289,11 +278,11 @@ class WireSet(AnyWire, frozen=True):
     d: Position = key("height of the lower end above the COM of this body, m", 0.0)
     d_upper: Position = key("depth of the upper end below the COM of the body above, m", 0.0)
 
+    rules = (whole_or_parts(*SEPARATIONS), whole_or_parts(*RADII))
+
     def faults(self) -> Problems:
         """Check the geometry of a grid of 1, 2 or 4 wires, or of a ring."""
         yield from super().faults()
-        yield from whole_or_parts(self, *SEPARATIONS)
-        yield from whole_or_parts(self, *RADII)
         across = ("t1", "t2")
         if is_ring(self):
             for name in given(self, *SEPARATIONS, *across):
@@ -325,10 +314,7 @@ class Wire(AnyWire, frozen=True):
     tension: Tension | None = key("tension in the nominal pose, N, instead of a natural length")
     blade: Name | None = key(f"name of a [[stage.blade]] that carries the upper end: {NAMES}")
 
-    def faults(self) -> Problems:
-        """Check its composition, and that its tension or its natural length follows."""
-        yield from super().faults()
-        yield from excludes(self, "natural_length", "tension", remedy="give one of them")
+    rules = (excludes("natural_length", "tension"),)
 
 
 BLADE_WIDTH = Plausible(2.0, "wider than any blade")
@@ -386,17 +372,17 @@ class AnyBlade(Table, frozen=True):
     )
     temperature: Kelvin | None = key("temperature of the blade in K; default that of [constants]")
 
+    rules = (
+        exactly_one("stiffness", "uncoupled_frequency", "geometry"),
+        excludes("geometry", "material", "thickness"),
+        not_tiny("tip_mass", "kg"),
+    )
+
     def faults(self) -> Problems:
-        """Check that it has one stiffness, and where its material and thickness stand."""
-        what = "stiffness in N/m, uncoupled_frequency in Hz or geometry"
-        ways = ("stiffness", "uncoupled_frequency", "geometry")
-        yield from exactly_one(self, *ways, give=what)
-        if self.geometry is not None:
-            for name in given(self, "material", "thickness"):
-                yield name, "conflicts with a geometry", "give it there alone"
-        elif self.thickness is not None and self.material is None:
+        """Check what depends on several keys."""
+        yield from super().faults()
+        if self.thickness and self.geometry is None and self.material is None:
             yield "thickness", "has no effect without a material", "name the material too"
-        yield from not_tiny(self, "tip_mass", "kg")
 
 
 class BladeSet(AnyBlade, frozen=True):

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 from suspension_cli.design.losses.mechanism import Mechanism
-from suspension_cli.design.rules import ascending
+from suspension_cli.design.rules import ascending, same_length
 from suspension_cli.design.units import (
     Frequency,
     LossAngle,
@@ -36,12 +36,7 @@ class LossTable(Table, frozen=True):
         "loss angle in rad at each of the frequencies", min_length=1, max_length=10000
     )
 
-    def faults(self) -> Problems:
-        """Check that there is an angle for each of ascending frequencies."""
-        if len(self.frequency) != len(self.angle):
-            problem = f"{len(self.angle)} loss angles for {len(self.frequency)} frequencies"
-            yield "angle", problem, "give one for each frequency"
-        yield from ascending(self, "frequency", "sort the table by frequency")
+    rules = (same_length("angle", "frequency"), ascending("frequency"))
 
 
 @dataclass(frozen=True)
