@@ -11,7 +11,6 @@ from collections.abc import Iterator
 
 from suspension_cli.conventions import ANALYSES, FRAME, SUPPORT
 from suspension_cli.design import (
-    imperfections,
     link_checks,
     loop_filters,
     materials,
@@ -22,10 +21,9 @@ from suspension_cli.design.faults import fault_of, suggest
 from suspension_cli.design.filters import SUFFIX
 from suspension_cli.design.inverted_pendulum import leg_count
 from suspension_cli.design.losses.registry import MECHANISMS
-from suspension_cli.design.schema import Design, Loop, Perturbation, Stage
-from suspension_cli.design.units import Table
+from suspension_cli.design.schema import Design, Loop, Stage
 from suspension_cli.design.wires import Clamp, Profile, Wire, WireSet, is_ring
-from suspension_cli.errors import Fault, format_key, format_value
+from suspension_cli.errors import Fault, format_key
 
 BLADES_FOR_WIRES = {1: (1,), 2: (1, 2), 4: (2, 4)}
 """Numbers of blades that can carry a symmetric set, by its number of wires."""
@@ -40,18 +38,16 @@ NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 
 def check_design(design: Design) -> list[Fault]:
     """List all faults of a design whose single values are valid."""
-    found = [*rules.find_faults(design), *_check_names(design), *_check_materials(design)]
+    found = [*rules.find_faults(design), *_check_stages(design), *_check_materials(design)]
+    found += _check_names(design)
     for stage in design.stage:
         found += _check_suspension(stage, f"stage.{stage.name}")
     sound = not any(fault.key.startswith(("stage", "materials")) for fault in found)
-    for number, perturbation in enumerate(design.perturbation if sound else (), 1):
-        found += _check_perturbation(design, perturbation, f"perturbation.{number}")
     found += link_checks.check_links(design, placed=sound)
     for loop in design.control.loop if design.control is not None else ():
         path = f"control.loop.{loop.name}"
         if not any(fault.key.startswith(path) for fault in found):
             found += _check_order(loop, path)
-    found += _check_tolerance(design)
     if not found:
         found += link_checks.check_active(design)
     commands = [*ANALYSES, "info"]
@@ -62,27 +58,18 @@ def check_design(design: Design) -> list[Fault]:
     return found
 
 
-def _check_names(design: Design) -> Iterator[Fault]:
-    above: list[str] = [SUPPORT]
+def _check_stages(design: Design) -> Iterator[Fault]:
+    """Check that the names of stages differ, and that one is the mirror."""
+    taken = {SUPPORT: "the suspension point"}
+    if design.support is not None:
+        taken[FRAME] = "the support structure that [support] describes"
     for stage in design.stage:
         path = f"stage.{stage.name}"
-        if stage.name in above:
-            taken = "is also the name of an earlier stage"
-            if stage.name == SUPPORT:
-                taken = "is the name of the suspension point"
-            yield fault_of(stage, path, "name", taken, "give each stage a name of its own")
-        if stage.name == FRAME and design.support is not None:
-            problem = "is the name of the support structure that [support] describes"
-            yield fault_of(stage, path, "name", problem, "give the stage another name")
-        named: list[tuple[Table, str, str]] = [(stage, path, "hangs_from")]
-        if stage.damping is not None:
-            named.append((stage.damping, f"{path}.damping", "against"))
-        for table, where, key in named:
-            name = getattr(table, key)
-            if name is not None and name not in above:
-                remedy = suggest(name, above)
-                yield fault_of(table, where, key, "names no earlier stage", remedy)
-        above += [stage.name, *([stage.name + SUFFIX] if stage.filter is not None else [])]
+        if stage.name in taken:
+            problem = f"is the name of {taken[stage.name]}"
+            yield fault_of(stage, path, "name", problem, "give each stage another name")
+        for name in (stage.name, *([stage.name + SUFFIX] if stage.filter is not None else [])):
+            taken[name] = "an earlier stage"
     for stage in [stage for stage in design.stage if stage.mirror][1:]:
         path, problem = f"stage.{stage.name}", "is given for an earlier stage too"
         yield fault_of(stage, path, "mirror", problem, "keep it on the stage that is the mirror")
@@ -103,13 +90,25 @@ def _check_materials(design: Design) -> Iterator[Fault]:
         for mechanism in MECHANISMS:
             for key, problem, remedy in mechanism.check(design.materials[name], material):
                 yield fault_of(design.materials[name], path, key, problem, remedy)
-    known = materials.known(design)
+
+
+def _check_names(design: Design) -> Iterator[Fault]:
+    """Check that parts which are named exist."""
+    known = _known_names(design)
+    tables = {link.name for link in design.link if link.table is not None}
     for path, table in rules.tables(design):
+        stage = path.split(".")[1] if path.startswith("stage.") else ""
         for key, kind in rules.keys_with(type(table), "names"):
-            name = getattr(table, key)
-            if kind == "material" and name is not None and name not in known:
-                remedy = suggest(name, known) + " or define it as [materials.NAME]"
-                yield fault_of(table, path, key, "unknown material", remedy)
+            name, names = getattr(table, key), known.get(kind, known.get(f"{kind} {stage}", []))
+            if name is not None and name not in names:
+                remedy = suggest(name, names)
+                if kind == "material":
+                    remedy += " or define it as [materials.NAME]"
+                yield fault_of(table, path, key, f"names no {kind}", remedy)
+            elif kind == "link" and name in tables:
+                problem = "names a link given by a table, whose stiffness does not scatter"
+                remedy = f"vary link.{name}.table.factor with --set or sweep"
+                yield fault_of(table, path, key, problem, remedy)
 
 
 def _check_suspension(stage: Stage, path: str) -> Iterator[Fault]:
@@ -119,9 +118,6 @@ def _check_suspension(stage: Stage, path: str) -> Iterator[Fault]:
     blades = [blade.name for blade in stage.blade]
     for number, wire in enumerate(stage.wire, 1):
         where = f"{path}.wire.{number}"
-        if wire.blade is not None and wire.blade not in blades:
-            remedy = suggest(wire.blade, blades)
-            yield fault_of(wire, where, "blade", "names no [[stage.blade]]", remedy)
         if stage.position is not None:
             ends = zip(stage.position, wire.lower, wire.upper, strict=True)
             x, y, z = (p + q - u for p, q, u in ends)
@@ -213,53 +209,33 @@ def _check_direction(
         yield fault_of(clamp, path, end, problem, remedy)
 
 
-def _parts_of(design: Design) -> dict[str, list[str]]:
-    """List the names of all parts that have imperfections."""
-    found: dict[str, list[str]] = {part: [] for part in imperfections.PARTS}
-    for stage in design.stage:
+def _known_names(design: Design) -> dict[str, list[str]]:
+    """List the names of all parts by kind; of some kinds for each stage."""
+    found: dict[str, list[str]] = {kind: [] for kind in ("stage", "wire", "blade", "leg")}
+    above = [SUPPORT]
+    for number, stage in enumerate(design.stage, 1):
         name, legs, count = stage.name, stage.inverted_pendulum, len(stage.wire)
         blades = [blade.name for blade in stage.blade]
+        for key in (name, number):  # by which paths call it
+            found[f"earlier stage {key}"], found[f"blade of the stage {key}"] = [*above], blades
         if stage.wires is not None:
             count = stage.wires.count
         if stage.blades is not None:
             blades = [f"blade{n}" for n in range(1, stage.blades.count + 1)]
+        own = [name, *([name + SUFFIX] if stage.filter is not None else [])]
+        found["stage"] += own
+        above += own
         found["wire"] += [f"{name}.{n}" for n in range(1, count + 1)]
-        found["body"] += [name, *([name + SUFFIX] if stage.filter is not None else [])]
-        found["blade"] += [f"{name}.{blade}" for blade in blades]
+        found["blade"] += [f"{name}.{blade}" for blade in blades] + own[:-1]
         found["leg"] += [f"{name}.leg{n}" for n in range(1, leg_count(legs) + 1)] if legs else []
-    found["blade"] += [stage.name for stage in design.stage if stage.filter is not None]
-    found["link"] = [link.name for link in design.link]
-    return found
-
-
-def _check_perturbation(design: Design, item: Perturbation, path: str) -> Iterator[Fault]:
-    parts = [part for part in imperfections.PARTS if getattr(item, part) is not None]
-    if len(parts) != 1:
-        remedy = 'give wire = "test.1" or body = "test"'
-        yield Fault(path, "must name one wire, body, blade, leg or link", remedy)
-        return
-    part = parts[0]
-    known = [row.name for row in imperfections.perturbed(part)]
-    every = (row.name for one in imperfections.PARTS for row in imperfections.perturbed(one))
-    for key in dict.fromkeys(every):
-        if key not in known and getattr(item, key) is not None:
-            remedy = f"known here: {', '.join(known)}"
-            yield fault_of(item, path, key, f"is not for a {part}", remedy)
-    if all(getattr(item, key) is None for key in known):
-        yield Fault(path, "changes nothing", f"give {' or '.join(known)}")
-    if part == "link":
-        yield from _check_no_table(design, item.link, f"{path}.link")
-    names, given = _parts_of(design)[part], getattr(item, part)
-    if given not in names:
-        problem = f"names no {'stage' if part == 'body' else part}"
-        yield fault_of(item, path, part, problem, suggest(given, names))
-
-
-def _check_no_table(design: Design, name: str, path: str) -> Iterator[Fault]:
-    if any(link.name == name and link.table is not None for link in design.link):
-        problem = "names a link given by a table, whose stiffness cannot differ from build to build"
-        remedy = f"vary link.{name}.table.factor with --set or sweep"
-        yield Fault(path, problem, remedy, format_value(name))
+    for part in ("wire", "blade", "leg"):
+        found[f"stage with {part}s"] = list(
+            dict.fromkeys(name.split(".", 1)[0] for name in found[part])
+        )
+    return found | {
+        "link": [link.name for link in design.link],
+        "material": materials.known(design),
+    }
 
 
 def _check_order(loop: Loop, path: str) -> Iterator[Fault]:
@@ -279,25 +255,3 @@ def _check_order(loop: Loop, path: str) -> Iterator[Fault]:
     problem = f"{what} with more zeros ({zeros}) than poles ({poles}) cannot be built"
     remedy = "add poles, or its gain grows with frequency without bound"
     yield fault_of(loop, path, key, problem, remedy)
-
-
-def _check_tolerance(design: Design) -> Iterator[Fault]:
-    """Check the names of parts that scatter."""
-    parts = _parts_of(design)
-    for kind in imperfections.PARTS if design.tolerance is not None else ():
-        for number, item in enumerate(getattr(design.tolerance, kind), 1):
-            path, names, called = f"tolerance.{kind}.{number}", parts[kind], f"stage with {kind}s"
-            key = "link" if kind == "link" else "stage"
-            if kind == "link":
-                called = kind
-                yield from _check_no_table(design, item.link, f"{path}.link")
-            elif kind == "body":
-                called = "stage"
-            else:
-                names = list(dict.fromkeys(name.split(".", 1)[0] for name in names))
-            given = [(key, called, names)]
-            given += [("wire", "wire", parts["wire"])] if kind == "wire" else []
-            for key, called, names in given:
-                name = getattr(item, key)
-                if name is not None and name not in names:
-                    yield fault_of(item, path, key, f"names no {called}", suggest(name, names))

@@ -12,8 +12,10 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Optional
 
 from suspension_cli.design.units import (
+    NAMES,
     Angle,
     Factor,
+    Name,
     Plausible,
     Position,
     Table,
@@ -252,6 +254,9 @@ def with_spreads(base: type[Table], part: str, distribution: type[Table]) -> typ
     """Derive a table of the file from `base`, with a distribution per imperfection of a part."""
     keys: dict[str, Any] = {}
     rows = scattered(part)
+    if part in ("body", "blade", "leg"):
+        whole = "stage" if part == "body" else f"stage with {part}s"
+        keys["stage"] = Annotated[Name, of_unit("", f"a stage's name: {NAMES}", names=whole)]
     for item in rows:
         each = " (each axis)" * item.vector
         text = f"relative error of {item.quantity}" if item.relative else item.help("x, y and z")

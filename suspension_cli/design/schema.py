@@ -55,7 +55,6 @@ from suspension_cli.design.units import (
     Problems,
     Raw,
     Schema,
-    StageName,
     Stem,
     Stiffness,
     Table,
@@ -197,7 +196,9 @@ class FrameDamping(Table, frozen=True):
 class Damping(FrameDamping, frozen=True):
     """Viscous damping of a body's motion relative to another body or the support, at its COM."""
 
-    against: Name = key(f'"support", or the name of a stage above: {NAMES}', "support")
+    against: Name = key(
+        f'"support", or the name of a stage above: {NAMES}', "support", names="earlier stage"
+    )
 
 
 class Compliance(Table, frozen=True):
@@ -248,7 +249,8 @@ class Stage(Table, frozen=True):
     body: Body
     hangs_from: Name | None = key(
         '"support" or an earlier stage, which makes a tree; default the stage before,'
-        f" or the keystone of its filter ({NAMES})"
+        f" or the keystone of its filter ({NAMES})",
+        names="earlier stage",
     )
     mirror: bool = key(
         "whether this is the mirror, whose motion commands output by default; without one, the"
@@ -305,19 +307,36 @@ class Stage(Table, frozen=True):
 
 
 class _Imperfect(Table, frozen=True):
-    wire: WireName | None = key("a stage's name and a wire's number: test.1")
-    body: Name | None = key(f"a stage's name, instead of a wire: {NAMES}")
+    wire: WireName | None = key("a stage's name and a wire's number: test.1", names="wire")
+    body: Name | None = key(f"a stage's name, instead of a wire: {NAMES}", names="stage")
     blade: str | None = key(
-        "a blade: test.blade1; for the blades of a filter its stage", max_length=80
+        "a blade: test.blade1; for the blades of a filter its stage", max_length=80, names="blade"
     )
-    leg: str | None = key("a leg of an inverted pendulum: platform.leg1", max_length=80)
-    link: str | None = key("the name of a link", max_length=80)
+    leg: str | None = key(
+        "a leg of an inverted pendulum: platform.leg1", max_length=80, names="leg"
+    )
+    link: str | None = key("the name of a link", max_length=80, names="link")
 
 
 class Perturbation(imperfections.with_perturbations(_Imperfect)):
     """Imperfections of one wire, body, blade, leg or link in this build."""
 
     hold: Hold = "loaded-length"
+
+    def faults(self) -> Problems:
+        """Check that it names one part, and changes that."""
+        parts = given(self, *imperfections.PARTS)
+        if len(parts) != 1:
+            remedy = 'give wire = "test.1" or body = "test"'
+            yield "", "must name one wire, body, blade, leg or link", remedy
+            return
+        known = [row.name for row in imperfections.perturbed(parts[0])]
+        every = [row.name for one in imperfections.PARTS for row in imperfections.perturbed(one)]
+        for name in given(self, *dict.fromkeys(every)):
+            if name not in known:
+                yield name, f"is not for a {parts[0]}", f"known here: {', '.join(known)}"
+        if not given(self, *known):
+            yield "", "changes nothing", f"give {' or '.join(known)}"
 
 
 Hertz = Annotated[float, Meta(ge=-1e9, le=1e9)]
@@ -473,12 +492,10 @@ class Distribution(Table, frozen=True):
 
 
 class _WireScatter(Table, frozen=True):
-    stage: Name | None = key(f"a stage's name, for each of its wires: {NAMES}")
-    wire: WireName | None = key("one wire, instead of a stage: test.1")
-
-
-class _PartScatter(Table, frozen=True):
-    stage: StageName
+    stage: Name | None = key(
+        f"a stage's name, for each of its wires: {NAMES}", names="stage with wires"
+    )
+    wire: WireName | None = key("one wire, instead of a stage: test.1", names="wire")
 
 
 class WireTolerance(imperfections.with_spreads(_WireScatter, "wire", Distribution)):
@@ -489,22 +506,22 @@ class WireTolerance(imperfections.with_spreads(_WireScatter, "wire", Distributio
     rules = (exactly_one("stage", "wire"), any_of(*imperfections.spreads("wire")))
 
 
-class BodyTolerance(imperfections.with_spreads(_PartScatter, "body", Distribution)):
+class BodyTolerance(imperfections.with_spreads(Table, "body", Distribution)):
     """Scatter of one body."""
 
     rules = (any_of(*imperfections.spreads("body")),)
 
 
-class BladeTolerance(imperfections.with_spreads(_PartScatter, "blade", Distribution)):
+class BladeTolerance(imperfections.with_spreads(Table, "blade", Distribution)):
     """Scatter of every blade of a stage, independently; those of a filter as one spring."""
 
 
-class LegTolerance(imperfections.with_spreads(_PartScatter, "leg", Distribution)):
+class LegTolerance(imperfections.with_spreads(Table, "leg", Distribution)):
     """Scatter of every leg of an inverted pendulum, independently."""
 
 
 class _LinkScatter(Table, frozen=True):
-    link: str = key("the name of a link", max_length=80)
+    link: str = key("the name of a link", max_length=80, names="link")
 
 
 class LinkTolerance(imperfections.with_spreads(_LinkScatter, "link", Distribution)):

@@ -73,9 +73,15 @@ def doc(description: str, **bounds: Any) -> Meta:
     return Meta(description=description or None, **bounds)
 
 
-def of_unit(name: str, description: str, plausible: Plausible | None = None, **bounds: Any) -> Meta:
-    """Describe a number in an SI unit; `unit` reads it back from the type."""
-    facts = {"unit": name, "plausible": plausible}
+def of_unit(
+    name: str,
+    description: str,
+    plausible: Plausible | None = None,
+    names: str = "",
+    **bounds: Any,
+) -> Meta:
+    """Describe a number in an SI unit, or a name of a part; `unit` reads it back from the type."""
+    facts = {"unit": name, "plausible": plausible, "names": names}
     return doc(description, extra={name: fact for name, fact in facts.items() if fact}, **bounds)
 
 
@@ -99,6 +105,8 @@ _REQUIRED: Any = object()
 
 def key(description: str = "", default: Any = _REQUIRED, *, unit: str = "", **bounds: Any) -> Any:
     """Declare a key of a table beside its type: description, unit, `plausible` range and bounds.
+
+    `names` is the kind of part that it names: ``stage``, ``wire``, ... of `checks.check_names`.
 
     A key without a default is required, but for one whose type allows None.
     """
@@ -300,4 +308,3 @@ WireName = Annotated[
         pattern=r"^[A-Za-z][A-Za-z0-9_-]*\.[1-9][0-9]*$",
     ),
 ]
-StageName = Annotated[Name, doc(f"a stage's name: {NAMES}")]

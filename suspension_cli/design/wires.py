@@ -312,7 +312,9 @@ class Wire(AnyWire, frozen=True):
     lower: Vector = key("lower end, from this body's COM, m", plausible=TALL)
     natural_length: Length | None = key("unstretched length, m; the pose is then solved for")
     tension: Tension | None = key("tension in the nominal pose, N, instead of a natural length")
-    blade: Name | None = key(f"name of a [[stage.blade]] that carries the upper end: {NAMES}")
+    blade: Name | None = key(
+        f"name of a [[stage.blade]] that carries the upper end: {NAMES}", names="blade of the stage"
+    )
 
     rules = (excludes("natural_length", "tension"),)
 

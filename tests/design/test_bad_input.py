@@ -110,7 +110,7 @@ def test_all_contradictions_at_once(tmp_path):
         },
     )
     file = written(tmp_path, spoilt)
-    assert len(assert_refused(run("modes", file), file)) == 6
+    assert len(assert_refused(run("modes", file), file)) == 8
 
 
 def test_check_reports_the_faults_of_all_files(tmp_path):

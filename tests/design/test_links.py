@@ -77,7 +77,7 @@ def _faults(text: str) -> str:
         (LINK + STRANDS.replace("[0.1,", "[0.0,"), "lies above or below the point at"),
         (
             LINK + STRANDS.replace("aluminium", "alumnium"),
-            "unknown material; did you mean 'aluminium'",
+            "names no material; did you mean 'aluminium'",
         ),
         (
             LINK + STRANDS.replace('"u"', '"points"'),

@@ -47,7 +47,7 @@ FAULTS = [
     (f"{BLADES}.mass_coupling=3.0", f"{BLADES}.mass_coupling = 3.0: is not below the mass of"),
     (f"{BLADES}.keystone.inertia=[0,1,1]", f"{BLADES}.keystone.inertia.1 = 0: "),
     ("stage.f.hangs_from=ip-keyston", "stage.f.hangs_from = 'ip-keyston': names no earlier stage"),
-    ("stage.f.name=ip-keystone", "stage.ip-keystone.name = 'ip-keystone': is also the name"),
+    ("stage.f.name=ip-keystone", "stage.ip-keystone.name = 'ip-keystone': is the name"),
 ]
 
 

@@ -169,7 +169,7 @@ KEYS = [
     Case(
         "unknown-material",
         {(*WIRES, "material"): "steel320"},
-        'stage.test.wires.material = "steel320": unknown material',
+        'stage.test.wires.material = "steel320": names no material',
         "did you mean 'steel302'?",
     ),
     Case(
@@ -199,7 +199,7 @@ KEYS = [
     Case(
         "same-stage",
         {("stage", 1, "name"): "upper"},
-        'stage.upper.name = "upper": is also the name of an earlier stage',
+        'stage.upper.name = "upper": is the name of an earlier stage',
         base="double",
     ),
     Case(
@@ -1025,7 +1025,7 @@ FIBRES = [
     fibre(
         "part-material",
         {(*PARTS, 3, "material"): "c70stel"},
-        'stage.test.wires.sections.4.material = "c70stel": unknown',
+        'stage.test.wires.sections.4.material = "c70stel": names',
         "'c70steel'",
     ),
     fibre(
@@ -1101,7 +1101,7 @@ FIBRES = [
     fibre(
         "blade-stuff",
         {(*STAGE, "blades", "material"): "steel"},
-        'stage.test.blades.material = "steel": unknown material',
+        'stage.test.blades.material = "steel": names no material',
         "[materials.NAME]",
     ),
     Case(
@@ -1234,7 +1234,7 @@ NEW_WIRES = [
     Case(
         "spring-material",
         {(*STAGE, "spring"): [{"stiffness": SIX, "material": "glas"}]},
-        'stage.test.spring.1.material = "glas": unknown material',
+        'stage.test.spring.1.material = "glas": names no material',
     ),
     Case(
         "spring-thickness",
