@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from suspension_cli.conventions import DOFS
-from suspension_cli.design import reader, rules
+from suspension_cli.design import reader
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.measured import Number, Positive
 from suspension_cli.design.rules import (
@@ -19,7 +19,6 @@ from suspension_cli.design.rules import (
 )
 from suspension_cli.design.schema import Perturbation
 from suspension_cli.design.units import Name, Problems, Table, key
-from suspension_cli.errors import InputError, attribute_faults_to
 
 Kind = Literal["band", "separation", "coupling", "isolation", "cross-coupling", "stress", "height"]
 Dof = Literal["x", "y", "z", "roll", "pitch", "yaw"]
@@ -177,9 +176,4 @@ class Goals(Table, frozen=True):
 
 def read(file: str | Path, text: str | None = None) -> Goals:
     """Read and check a file of goals, or its text if given; raises `InputError` with all faults."""
-    raw = reader.read_toml(file, text)
-    with attribute_faults_to(str(file)):
-        if "stage" in raw:
-            problem = "is a design, not a file of goals"
-            raise InputError.of("", problem, "name a TOML file with [[goal]] and [[free]]")
-        return rules.convert(raw, Goals)
+    return reader.read_as(Goals, "file of goals", file, text)

@@ -8,10 +8,10 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from suspension_cli.design import faults, reader, rules
+from suspension_cli.design import faults, reader
 from suspension_cli.design.rules import bounded, excludes, together, unique
 from suspension_cli.design.units import Frequency, Problems, Schema, Stem, Table, key
-from suspension_cli.errors import InputError, attribute_faults_to, format_value
+from suspension_cli.errors import format_value
 
 Number = Annotated[float, Meta(ge=-1e20, le=1e20)]
 Positive = Annotated[float, Meta(gt=0, le=1e20)]
@@ -243,15 +243,7 @@ class Measured(Table, frozen=True):
 
 def read(file: str | Path, text: str | None = None) -> Measured:
     """Read and check a file of measurements, or its text if given; raises `InputError`."""
-    raw = reader.read_toml(file, text)
-    with attribute_faults_to(str(file)):
-        if "stage" in raw:
-            problem = "is a design, not a file of measurements"
-            remedy = (
-                "name the design first, then a TOML file with [[mode]] or [[transfer_function]]"
-            )
-            raise InputError.of("", problem, remedy)
-        return rules.convert(raw, Measured)
+    return reader.read_as(Measured, "file of measurements", file, text)
 
 
 def json_schema() -> Schema:

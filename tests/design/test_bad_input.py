@@ -168,14 +168,6 @@ def test_deep_tables(text, tmp_path):
     assert "nested too deeply" in line
 
 
-def test_dots_in_texts_are_no_tables(tmp_path):
-    """Neither in numbers, comments and long texts."""
-    dots = "a." * 200
-    long = f'reference = """\n{dots}\n"""  # {dots}\n'
-    file = written(tmp_path, TEXTS["single"].replace("[design]\n", f"[design]\n{long}", 1))
-    assert run("check", file).exit_code == 0
-
-
 def test_endless_file():
     assert_refused(run("modes", "/dev/zero"), "/dev/zero")
 

@@ -392,7 +392,7 @@ BAD = {
         "equal.a.lower = 2.0: is not below the upper bound",
     ),
     # what does not go with the design
-    "a design": ({"stage": []}, "is a design, not a file of goals"),
+    "a design": ({"stage": []}, "is a design (it has [[stage]]), not a file of goals"),
     "no such number": (
         {"goal": [BAND], "free": [LENGTH | {"name": f"{WIRES}.q"}]},
         f'free.1.name = "{WIRES}.q": the design gives no such number',
