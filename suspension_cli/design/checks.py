@@ -10,12 +10,7 @@ import re
 from collections.abc import Iterator
 
 from suspension_cli.conventions import ANALYSES, FRAME, SUPPORT
-from suspension_cli.design import (
-    link_checks,
-    loop_filters,
-    materials,
-    rules,
-)
+from suspension_cli.design import link_checks, loop_filters, materials, rules
 from suspension_cli.design.derive import set_geometry
 from suspension_cli.design.faults import fault_of, suggest
 from suspension_cli.design.filters import SUFFIX

@@ -9,14 +9,7 @@ from suspension_cli.conventions import DOFS
 from suspension_cli.design import reader
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.measured import Number, Positive
-from suspension_cli.design.rules import (
-    bounded,
-    by_kind,
-    exactly_one,
-    excludes,
-    given,
-    needs,
-)
+from suspension_cli.design.rules import bounded, by_kind, exactly_one, excludes, given, needs
 from suspension_cli.design.schema import Perturbation
 from suspension_cli.design.units import Name, Problems, Table, key
 

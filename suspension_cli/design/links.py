@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from suspension_cli.conventions import DOFS
+from suspension_cli.design import units
 from suspension_cli.design.rules import (
     ascending,
     by_kind,
@@ -13,24 +14,10 @@ from suspension_cli.design.rules import (
     symmetric,
     together,
 )
-from suspension_cli.design.units import (
-    Coefficient,
-    Frequency,
-    Length,
-    LossAngle,
-    MaterialName,
-    Matrix6,
-    Name,
-    Problems,
-    Table,
-    Vector,
-    Wrench,
-    doc,
-    key,
-)
+from suspension_cli.design.units import Problems, Table, doc, key
 
 Between = Annotated[
-    list[Name],
+    list[units.Name],
     doc(
         'the two bodies: a stage first, then another stage, "support" (the suspension point) or'
         ' "ground" (beside it)',
@@ -38,7 +25,9 @@ Between = Annotated[
         max_length=2,
     ),
 ]
-At = Annotated[Vector, doc("the common point, from the COM of the first body, nominal pose, m")]
+At = Annotated[
+    units.Vector, doc("the common point, from the COM of the first body, nominal pose, m")
+]
 Active = Annotated[
     bool,
     doc(
@@ -46,7 +35,9 @@ Active = Annotated[
         " damping and loss are refused"
     ),
 ]
-Series = Annotated[list[Coefficient], doc("one number per frequency, at least 2", min_length=2)]
+Series = Annotated[
+    list[units.Coefficient], doc("one number per frequency, at least 2", min_length=2)
+]
 
 
 class StiffnessTable(Table, frozen=True):
@@ -64,12 +55,12 @@ class StiffnessTable(Table, frozen=True):
     axis: Literal["x", "y", "z", "roll", "pitch", "yaw"] | None = key(
         "axis of a table of one axis; the others have no stiffness"
     )
-    frequency: list[Frequency] = key("Hz, ascending", [])
+    frequency: list[units.Frequency] = key("Hz, ascending", [])
     real: list[Series] = key("real part: for each axis a list over frequency, N/m or N m/rad", [])
     imaginary: list[Series] = key(
         "imaginary part: for each axis a list over frequency, N/m or N m/rad", []
     )
-    static: list[Coefficient] | None = key(
+    static: list[units.Coefficient] | None = key(
         "static stiffness per axis, N/m or N m/rad; default the real part at the lowest frequency",
         min_length=1,
         max_length=6,
@@ -116,19 +107,21 @@ class StiffnessTable(Table, frozen=True):
 class Strands(Table, frozen=True):
     """Equal curved wires side by side that join the two bodies: a heat link, a cable."""
 
-    to: Vector = key(
+    to: units.Vector = key(
         "far end, from the COM of the second body (support or ground: from the suspension"
         " point), m; the near end is the link's at"
     )
-    material: MaterialName
-    diameter: Length = key("diameter of one wire, m")
+    material: units.MaterialName
+    diameter: units.Length = key("diameter of one wire, m")
     shape: Literal["u", "catenary", "points"] = key(
         '"u": vertical legs and a half circle below them; "catenary"; "points": straight'
         " pieces through points. The shape is that of the wire without load"
     )
     count: int = key("number of wires, which bend independently", 1, ge=1, le=1_000_000)
-    length: Length | None = key("length of one wire, m; not with points")
-    points: list[Vector] = key("points between the ends, from the COM of the first body, m", [])
+    length: units.Length | None = key("length of one wire, m; not with points")
+    points: list[units.Vector] = key(
+        "points between the ends, from the COM of the first body, m", []
+    )
 
     rules = (
         by_kind(
@@ -141,7 +134,7 @@ class Strands(Table, frozen=True):
 class BetweenBodies(Table, frozen=True):
     """Base of the tables of elements between any two bodies."""
 
-    name: Name
+    name: units.Name
     between: Between
 
 
@@ -149,17 +142,17 @@ class Link(BetweenBodies, frozen=True):
     """A spring between any two bodies at a common point: a heat link, a cable, a stop."""
 
     at: At = (0.0, 0.0, 0.0)
-    stiffness: Matrix6 | None = key(
+    stiffness: units.Matrix6 | None = key(
         "x, y, z, roll, pitch, yaw at the point, or a full 6x6: N/m, N m/rad"
     )
     table: StiffnessTable | None = None
     strands: Strands | None = None
-    loss_angle: LossAngle | None = key(
+    loss_angle: units.LossAngle | None = key(
         "loss angle of the stiffness in rad; default for strands: that of their"
         " material in the design"
     )
-    damping: Matrix6 | None = key("six elements or a full 6x6: N s/m, N m s/rad")
-    preload: Wrench = key(
+    damping: units.Matrix6 | None = key("six elements or a full 6x6: N s/m, N m s/rad")
+    preload: units.Wrench = key(
         "force (N) and torque (N m) on the first body at the point in the nominal pose; the"
         " second takes the opposite",
         [0.0] * 6,
@@ -184,8 +177,8 @@ class EddyCurrent(Table, frozen=True):
     conductivity: float = key(
         "conductivity of the conductor, at its temperature in use, S/m", unit="S/m", gt=0, le=1e13
     )
-    thickness: Length = key("thickness of the plate or tube wall, m")
-    gap: Length = key(
+    thickness: units.Length = key("thickness of the plate or tube wall, m")
+    gap: units.Length = key(
         "from the centre of the magnet to the plate, or the inner radius of the tube, m"
     )
     moment: float | None = key("dipole moment of one magnet, A m^2", unit="A m^2", gt=0, le=1e6)
@@ -195,10 +188,7 @@ class EddyCurrent(Table, frozen=True):
     volume: float | None = key("volume of the magnet, m^3", unit="m^3", gt=0, le=1)
     count: int = key("number of equal magnets, far apart", 1, ge=1, le=1000)
 
-    rules = (
-        exactly_one("moment", "remanence"),
-        together("remanence", "volume"),
-    )
+    rules = (exactly_one("moment", "remanence"), together("remanence", "volume"))
 
     def faults(self) -> Problems:
         """Check what depends on several keys."""
@@ -212,7 +202,7 @@ class Damper(BetweenBodies, frozen=True):
     """A viscous damper between any two bodies at a common point."""
 
     at: At = (0.0, 0.0, 0.0)
-    damping: Matrix6 | None = key(
+    damping: units.Matrix6 | None = key(
         "x, y, z, roll, pitch, yaw at the point, or a full 6x6: N s/m, N m s/rad"
     )
     eddy_current: EddyCurrent | None = None

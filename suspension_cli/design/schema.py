@@ -12,7 +12,7 @@ import msgspec
 from msgspec import Meta
 
 from suspension_cli.conventions import DOFS
-from suspension_cli.design import foton, imperfections
+from suspension_cli.design import foton, imperfections, units
 from suspension_cli.design.bodies import Body
 from suspension_cli.design.filters import Filter
 from suspension_cli.design.inverted_pendulum import InvertedPendulum
@@ -32,45 +32,14 @@ from suspension_cli.design.rules import (
     symmetric,
     unique,
 )
-from suspension_cli.design.units import (
-    NAMES,
-    Acceleration,
-    Density,
-    Expansion,
-    Frequency,
-    GravityGradient,
-    GravityRow,
-    GravityVector,
-    Hold,
-    Kelvin,
-    Length,
-    LossAngle,
-    MassOrZero,
-    MaterialName,
-    Matrix6,
-    ModulusSlope,
-    MomentOrZero,
-    Name,
-    Plausible,
-    Problems,
-    Raw,
-    Schema,
-    Stem,
-    Stiffness,
-    Table,
-    Vector,
-    WireName,
-    Wrench,
-    doc,
-    key,
-)
+from suspension_cli.design.units import NAMES, Problems, Raw, Schema, Table, doc, key
 from suspension_cli.design.wires import TALL, Blade, BladeSet, Wire, WireSet
 
 
 class Header(Table, frozen=True):
     """Name and origin of the design."""
 
-    name: Stem
+    name: units.Stem
     title: str = key("title, for tables and pictures", "")
     reference: str = key("where the design comes from", "")
 
@@ -78,12 +47,12 @@ class Header(Table, frozen=True):
 class Constants(Table, frozen=True):
     """Gravity and temperature."""
 
-    gravity: Acceleration | GravityVector = key(
+    gravity: units.Acceleration | units.GravityVector = key(
         "acceleration due to gravity in m/s^2; a vector [x, y, z] with z below 0 acts after"
         " the suspension was trimmed level",
         9.81,
     )
-    gravity_gradient: GravityGradient | list[GravityRow] = key(
+    gravity_gradient: units.GravityGradient | list[units.GravityRow] = key(
         "gradient of gravity in 1/s^2: dg_z/dz (3.1e-6 on Earth), or the symmetric 3x3 dg_i/dx_j",
         0.0,
     )
@@ -91,7 +60,7 @@ class Constants(Table, frozen=True):
         "whether wires of known density and cross-section have weight, and inertia in all models",
         False,
     )
-    temperature: Kelvin = key("temperature in K where no other is given", 290.0)
+    temperature: units.Kelvin = key("temperature in K where no other is given", 290.0)
 
     def faults(self) -> Problems:
         """Check what depends on several keys."""
@@ -110,10 +79,10 @@ class MaterialLoss(with_keys(Table, MECHANISMS, of_wire=False)):
 
 
 PASCALS = (("MPa", 1e6), ("GPa", 1e9))
-MODULUS = Plausible(
+MODULUS = units.Plausible(
     1.3e12, "stiffer than diamond", PASCALS[::-1], 1e7, "softer than rubber", serious=True
 )
-STRENGTH = Plausible(2e11, "stronger than any material", PASCALS, 1e5, "weaker than any wire")
+STRENGTH = units.Plausible(2e11, "stronger than any material", PASCALS, 1e5, "weaker than any wire")
 
 
 class Material(Table, frozen=True):
@@ -125,9 +94,9 @@ class Material(Table, frozen=True):
     poisson_ratio: float | None = key(
         "Poisson's ratio, for the twisting of wires; 0.3 if not given", unit="1", gt=-1, lt=0.5
     )
-    density: Density | None = None
-    thermal_expansion: Expansion | None = None
-    modulus_slope: ModulusSlope | None = None
+    density: units.Density | None = None
+    thermal_expansion: units.Expansion | None = None
+    modulus_slope: units.ModulusSlope | None = None
     specific_heat: float | None = key("specific heat in J/(kg K)", unit="J/(kg K)", ge=1e-6, le=1e6)
     thermal_conductivity: float | None = key(
         "thermal conductivity in W/(m K)", unit="W/(m K)", ge=1e-6, le=1e6
@@ -139,7 +108,7 @@ class Material(Table, frozen=True):
         ge=1.0,
         le=1e13,
     )
-    loss_angle: LossAngle | None = key(
+    loss_angle: units.LossAngle | None = key(
         "constant loss angle in rad: short for angle in the table loss"
     )
     loss: MaterialLoss | None = None
@@ -158,22 +127,32 @@ class Gas(Table, frozen=True):
     molar_mass: float = key(
         "molar mass in kg/mol; 0.028 is nitrogen", 0.028, unit="kg/mol", ge=1e-3, le=1.0
     )
-    temperature: Kelvin | None = key("temperature of the gas in K; default that of [constants]")
+    temperature: units.Kelvin | None = key(
+        "temperature of the gas in K; default that of [constants]"
+    )
 
 
 class Spring(Table, frozen=True):
     """A linear spring between this body and the one it hangs from: a flexure, a cable."""
 
-    stiffness: Matrix6 = key("x, y, z, roll, pitch, yaw at the point, or a full 6x6: N/m, N m/rad")
-    at: Vector = key("the point, from this body's COM, m", (0.0, 0.0, 0.0))
-    damping: Matrix6 | None = key("six elements or a full 6x6: N s/m, N m s/rad")
-    preload: Wrench = key("force (N) and torque (N m) on this body in the nominal pose", [0.0] * 6)
-    loss_angle: LossAngle | None = key(
+    stiffness: units.Matrix6 = key(
+        "x, y, z, roll, pitch, yaw at the point, or a full 6x6: N/m, N m/rad"
+    )
+    at: units.Vector = key("the point, from this body's COM, m", (0.0, 0.0, 0.0))
+    damping: units.Matrix6 | None = key("six elements or a full 6x6: N s/m, N m s/rad")
+    preload: units.Wrench = key(
+        "force (N) and torque (N m) on this body in the nominal pose", [0.0] * 6
+    )
+    loss_angle: units.LossAngle | None = key(
         "loss angle of the stiffness in rad; default that of the material"
     )
-    material: MaterialName | None = key(f"name of the spring's material, for its loss: {NAMES}")
-    thickness: Length | None = key("thickness in m of a flexure that bends, for its loss")
-    temperature: Kelvin | None = key("temperature in K, for its loss; default that of [constants]")
+    material: units.MaterialName | None = key(
+        f"name of the spring's material, for its loss: {NAMES}"
+    )
+    thickness: units.Length | None = key("thickness in m of a flexure that bends, for its loss")
+    temperature: units.Kelvin | None = key(
+        "temperature in K, for its loss; default that of [constants]"
+    )
     active: Active = False
 
     rules = (symmetric("stiffness", "damping"), needs("thickness", "material"))
@@ -196,7 +175,7 @@ class FrameDamping(Table, frozen=True):
 class Damping(FrameDamping, frozen=True):
     """Viscous damping of a body's motion relative to another body or the support, at its COM."""
 
-    against: Name = key(
+    against: units.Name = key(
         f'"support", or the name of a stage above: {NAMES}', "support", names="earlier stage"
     )
 
@@ -204,27 +183,27 @@ class Damping(FrameDamping, frozen=True):
 class Compliance(Table, frozen=True):
     """Stiffness of the support structure, N/m and N m/rad; directions left out are rigid."""
 
-    x: Stiffness | None = None
-    y: Stiffness | None = None
-    z: Stiffness | None = None
-    roll: Stiffness | None = None
-    pitch: Stiffness | None = None
-    yaw: Stiffness | None = None
+    x: units.Stiffness | None = None
+    y: units.Stiffness | None = None
+    z: units.Stiffness | None = None
+    roll: units.Stiffness | None = None
+    pitch: units.Stiffness | None = None
+    yaw: units.Stiffness | None = None
 
 
 class Support(Table, frozen=True):
     """An elastic support structure between the ground and the suspension point."""
 
     stiffness: Compliance
-    mass: MassOrZero = key("mass that moves with the suspension point, kg", 0.0)
-    inertia: list[MomentOrZero] = key(
+    mass: units.MassOrZero = key("mass that moves with the suspension point, kg", 0.0)
+    inertia: list[units.MomentOrZero] = key(
         "moments of inertia about x, y, z at the suspension point, kg m^2",
         [0.0] * 3,
         min_length=3,
         max_length=3,
     )
     damping: FrameDamping = FrameDamping()
-    loss_angle: LossAngle = key("loss angle of the stiffness in rad", 0.0)
+    loss_angle: units.LossAngle = key("loss angle of the stiffness in rad", 0.0)
 
     rules = (not_tiny("mass", "kg"), not_tiny("inertia", "kg m^2"))
 
@@ -245,9 +224,9 @@ class Support(Table, frozen=True):
 class Stage(Table, frozen=True):
     """A body and what it hangs on."""
 
-    name: Name
+    name: units.Name
     body: Body
-    hangs_from: Name | None = key(
+    hangs_from: units.Name | None = key(
         '"support" or an earlier stage, which makes a tree; default the stage before,'
         f" or the keystone of its filter ({NAMES})",
         names="earlier stage",
@@ -257,7 +236,7 @@ class Stage(Table, frozen=True):
         " end of the longest chain, of several as long the one listed first",
         False,
     )
-    position: Vector | None = key(
+    position: units.Vector | None = key(
         "nominal COM from the COM above (or support point), m; implied by a symmetric"
         " set or an inverted pendulum, needed otherwise",
         plausible=TALL,
@@ -307,8 +286,8 @@ class Stage(Table, frozen=True):
 
 
 class _Imperfect(Table, frozen=True):
-    wire: WireName | None = key("a stage's name and a wire's number: test.1", names="wire")
-    body: Name | None = key(f"a stage's name, instead of a wire: {NAMES}", names="stage")
+    wire: units.WireName | None = key("a stage's name and a wire's number: test.1", names="wire")
+    body: units.Name | None = key(f"a stage's name, instead of a wire: {NAMES}", names="stage")
     blade: str | None = key(
         "a blade: test.blade1; for the blades of a filter its stage", max_length=80, names="blade"
     )
@@ -321,7 +300,7 @@ class _Imperfect(Table, frozen=True):
 class Perturbation(imperfections.with_perturbations(_Imperfect)):
     """Imperfections of one wire, body, blade, leg or link in this build."""
 
-    hold: Hold = "loaded-length"
+    hold: units.Hold = "loaded-length"
 
     def faults(self) -> Problems:
         """Check that it names one part, and changes that."""
@@ -353,7 +332,9 @@ SpectralDensity = Annotated[
         le=1e3,
         extra={
             # optical shadow sensors reach 1e-10
-            "plausible": Plausible(1e-4, "more than that of any sensor", (("nm/sqrt(Hz)", 1e-9),))
+            "plausible": units.Plausible(
+                1e-4, "more than that of any sensor", (("nm/sqrt(Hz)", 1e-9),)
+            )
         },
     ),
 ]
@@ -362,7 +343,7 @@ SpectralDensity = Annotated[
 class GainAt(Table, frozen=True):
     """Magnitude of a filter at one frequency, which sets its gain."""
 
-    frequency: Frequency
+    frequency: units.Frequency
     magnitude: float = key(
         "|H| there, N/m (N m/rad); if negative, reverses the sign of H", ge=-1e20, le=1e20
     )
@@ -381,7 +362,7 @@ class NoiseSpectrum(Table, frozen=True):
         gt=0,
         le=1e6,
     )
-    frequency: list[Frequency] | None = key(
+    frequency: list[units.Frequency] | None = key(
         "Hz, ascending; interpolated linearly in the logarithms, constant outside", min_length=2
     )
 
@@ -410,7 +391,7 @@ class Loop(Table, frozen=True):
     (i f + p) over poles p, or a Foton string; R the response of the sensor, T a delay.
     """
 
-    name: Name
+    name: units.Name
     sensor: str = key("a motion of a stage: upper.x, upper.x@0,0,0.01")
     actuator: str = key("a force or torque on a stage: upper.force_x")
     reference: Literal["support", "inertial"] = key(
@@ -492,16 +473,16 @@ class Distribution(Table, frozen=True):
 
 
 class _WireScatter(Table, frozen=True):
-    stage: Name | None = key(
+    stage: units.Name | None = key(
         f"a stage's name, for each of its wires: {NAMES}", names="stage with wires"
     )
-    wire: WireName | None = key("one wire, instead of a stage: test.1", names="wire")
+    wire: units.WireName | None = key("one wire, instead of a stage: test.1", names="wire")
 
 
 class WireTolerance(imperfections.with_spreads(_WireScatter, "wire", Distribution)):
     """Scatter of one wire, or independently of every wire of a stage."""
 
-    hold: Hold = "loaded-length"
+    hold: units.Hold = "loaded-length"
 
     rules = (exactly_one("stage", "wire"), any_of(*imperfections.spreads("wire")))
 

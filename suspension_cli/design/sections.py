@@ -68,8 +68,7 @@ def thinnest(wire: WireSet | Wire | WireSection) -> float | None:
     given = None if isinstance(wire, WireSection) else given_sections(wire)
     tables = given or [wire]
     return min(
-        (shape.least_area for table in tables for shape in cross_sections(table)),
-        default=None,
+        (shape.least_area for table in tables for shape in cross_sections(table)), default=None
     )
 
 

@@ -74,11 +74,7 @@ def doc(description: str, **bounds: Any) -> Meta:
 
 
 def of_unit(
-    name: str,
-    description: str,
-    plausible: Plausible | None = None,
-    names: str = "",
-    **bounds: Any,
+    name: str, description: str, plausible: Plausible | None = None, names: str = "", **bounds: Any
 ) -> Meta:
     """Describe a number in an SI unit, or a name of a part; `unit` reads it back from the type."""
     facts = {"unit": name, "plausible": plausible, "names": names}
@@ -183,8 +179,7 @@ Mass = Annotated[float, of_unit("kg", "mass in kg", ge=1e-9, le=1e9)]
 MassOrZero = Annotated[float, of_unit("kg", "mass in kg, zero allowed", ge=0, le=1e9)]
 MomentOrZero = Annotated[float, of_unit("kg m^2", "", ge=0, le=1e15)]
 Inertia = Annotated[
-    float,
-    of_unit("kg m^2", "moment or product of inertia in kg m^2", ge=-1e15, le=1e15),
+    float, of_unit("kg m^2", "moment or product of inertia in kg m^2", ge=-1e15, le=1e15)
 ]
 BodySize = Annotated[
     Length,
@@ -197,16 +192,7 @@ OSMIUM = 22_600.0
 """Density in kg/m^3 (CRC Handbook of Chemistry and Physics); nothing is denser."""
 GRAMS = (("g/cm^3", 1e3), ("g/m^3", 1e-3))
 DENSITY = Plausible(OSMIUM, "denser than osmium", GRAMS, 25.0, "less dense than foam", serious=True)
-Density = Annotated[
-    float,
-    of_unit(
-        "kg/m^3",
-        "density in kg/m^3",
-        DENSITY,
-        ge=1e-3,
-        le=1e6,
-    ),
-]
+Density = Annotated[float, of_unit("kg/m^3", "density in kg/m^3", DENSITY, ge=1e-3, le=1e6)]
 Stiffness = Annotated[float, of_unit("N/m", "stiffness in N/m", ge=1e-12, le=1e20)]
 Torsion = Annotated[float, of_unit("N m/rad", "torsional stiffness in N m/rad", ge=1e-18, le=1e15)]
 Coefficient = Annotated[
@@ -240,16 +226,7 @@ ModulusSlope = Annotated[
 ]
 PER_SECOND = (("cm/s^2", 1e-2), ("mm/s^2", 1e-3))
 GRAVITY = Plausible(30.0, "more than on Jupiter", PER_SECOND, 1.0, "less than on the Moon")
-Acceleration = Annotated[
-    float,
-    of_unit(
-        "m/s^2",
-        "acceleration in m/s^2",
-        GRAVITY,
-        gt=0,
-        le=1e3,
-    ),
-]
+Acceleration = Annotated[float, of_unit("m/s^2", "acceleration in m/s^2", GRAVITY, gt=0, le=1e3)]
 Pull = Annotated[float, of_unit("m/s^2", "component of gravity in m/s^2", ge=-1e3, le=1e3)]
 GravityVector = Annotated[
     list[Pull], doc("gravity along x, y and z in m/s^2", min_length=3, max_length=3)

@@ -35,7 +35,7 @@ class Round(CrossSection):
     wire: ClassVar[str] = "a round wire"
     form: ClassVar[str] = "radius (one, or [upper, lower] of a taper)"
     round: ClassVar[bool] = True
-    order: ClassVar[float] = 1.0
+    order = 1.0
 
     upper: float
     lower: float

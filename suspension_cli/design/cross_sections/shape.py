@@ -47,7 +47,7 @@ class CrossSection:
     wire: ClassVar[str]
     form: ClassVar[str]
     round: ClassVar[bool] = False
-    order: ClassVar[float] = 0.5
+    order = 0.5
 
     @classmethod
     def read(cls, value: Any) -> Self:

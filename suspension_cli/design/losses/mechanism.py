@@ -80,11 +80,7 @@ class Mechanism:
         raise NotImplementedError
 
     def bending(
-        self,
-        shape: CrossSection,
-        plane: int,
-        omega: Frequencies,
-        temperature: float,
+        self, shape: CrossSection, plane: int, omega: Frequencies, temperature: float
     ) -> Spectrum:
         """Loss angle of bending in one plane; with a `coefficient` a, divided by a^2."""
         raise NotImplementedError
