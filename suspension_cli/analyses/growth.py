@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from suspension_cli.design.link_checks import find_active
+from suspension_cli.design.checks import find_active
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault
 from suspension_cli.linear import damped, eigenmodes

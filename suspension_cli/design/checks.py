@@ -8,15 +8,18 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
 
-from suspension_cli.conventions import ANALYSES, FRAME, SUPPORT
-from suspension_cli.design import link_checks, loop_filters, materials, rules
-from suspension_cli.design.derive import set_geometry
+from suspension_cli.conventions import ANALYSES, DOFS, FRAME, GROUND, SUPPORT
+from suspension_cli.design import loop_filters, materials, rules, units
+from suspension_cli.design.derive import com_positions, set_geometry, spring_loss
 from suspension_cli.design.faults import fault_of, suggest
 from suspension_cli.design.filters import SUFFIX
 from suspension_cli.design.inverted_pendulum import leg_count
+from suspension_cli.design.links import Damper, Link, Strands
 from suspension_cli.design.losses.registry import MECHANISMS
-from suspension_cli.design.schema import Design, Loop, Stage
+from suspension_cli.design.schema import Design, Loop, Spring, Stage
 from suspension_cli.design.wires import Clamp, Profile, Wire, WireSet, is_ring
 from suspension_cli.errors import Fault, format_key
 
@@ -28,6 +31,8 @@ PROFILE = 0.05
 """Largest relative difference of lengths of a wire and its measured profile, which is scaled."""
 SPAN = 1e-6
 """Largest relative difference of a wire's length from the sum of its sections."""
+ROUNDING = 1e-9
+"""Negative eigenvalue of a matrix, its diagonal scaled to 1, that is an error of its digits."""
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 
 
@@ -38,13 +43,13 @@ def check_design(design: Design) -> list[Fault]:
     for stage in design.stage:
         found += _check_suspension(stage, f"stage.{stage.name}")
     sound = not any(fault.key.startswith(("stage", "materials")) for fault in found)
-    found += link_checks.check_links(design, placed=sound)
+    found += _check_links(design, placed=sound)
     for loop in design.control.loop if design.control is not None else ():
         path = f"control.loop.{loop.name}"
         if not any(fault.key.startswith(path) for fault in found):
             found += _check_order(loop, path)
     if not found:
-        found += link_checks.check_active(design)
+        found += _check_active(design)
     commands = [*ANALYSES, "info"]
     for command in design.analysis:
         if command not in commands:
@@ -250,3 +255,110 @@ def _check_order(loop: Loop, path: str) -> Iterator[Fault]:
     problem = f"{what} with more zeros ({zeros}) than poles ({poles}) cannot be built"
     remedy = "add poles, or its gain grows with frequency without bound"
     yield fault_of(loop, path, key, problem, remedy)
+
+
+def _check_links(design: Design, *, placed: bool) -> Iterator[Fault]:
+    """Check all elements between two bodies; geometry only where the bodies are `placed`."""
+    stages = [stage.name for stage in design.stage]
+    taken, ends = [*stages], [*stages, SUPPORT, GROUND]
+    for kind, item in design.between_bodies:
+        path, (first, second) = f"{kind}.{item.name}", item.between
+        if item.name in taken:
+            problem = "is the name of another link, damper or stage"
+            yield fault_of(item, path, "name", problem, "give each a name of its own")
+        taken.append(item.name)
+        problem = remedy = ""
+        if first not in stages:
+            problem, remedy = f"begins with {first}, which is not a stage", suggest(first, stages)
+            if second in stages and first in ends:
+                problem, remedy = "must begin with a stage", f'swap them: ["{second}", "{first}"]'
+        elif second not in ends:
+            problem, remedy = f"ends with {second}, which is not a body", suggest(second, ends)
+            if second == FRAME:
+                remedy = f'write "{SUPPORT}" for the structure, or "{GROUND}" for the ground'
+        elif first == second:
+            problem, remedy = "joins a body to itself", "name two bodies"
+        elif GROUND in stages and second == GROUND:
+            problem, remedy = "ends on the ground or a stage of that name", "rename the stage"
+        if problem:
+            yield fault_of(item, path, "between", problem, remedy)
+    for link in design.link if placed else ():
+        if link.strands is not None:
+            yield from _check_strands(design, link, link.strands, f"link.{link.name}.strands")
+
+
+def _check_active(design: Design) -> Iterator[Fault]:
+    """Check that springs, links and dampers take power from the motion, unless `active`."""
+    for table, fault in find_active(design):
+        if not table.active:
+            remedy = f"{fault.remedy}, or give active = true if a sensor and an actuator do this"
+            yield replace(fault, remedy=remedy)
+
+
+def find_active(design: Design) -> Iterator[tuple[Link | Damper | Spring, Fault]]:
+    """Find springs, links and dampers that give power to the motion, each with what does so."""
+    for path, part in rules.tables(design):
+        if not isinstance(part, (Link, Damper, Spring)):
+            continue
+        if problem := _negative(part.damping):
+            problem = f"{problem}, so it drives the motion instead of damping it"
+            yield part, fault_of(part, path, "damping", problem, "make it positive")
+        if isinstance(part, Damper):
+            continue
+        angle = spring_loss(design, part) if isinstance(part, Spring) else part.loss_angle
+        problem = _negative(part.stiffness)
+        if angle and problem:
+            problem = f"is that of a stiffness that {problem}, so it drives the motion"
+            yield part, fault_of(part, path, "loss_angle", problem, "give loss_angle = 0.0")
+        table = getattr(part, "table", None)
+        least = min((min(row, default=0.0) for row in table.imaginary), default=0.0) if table else 0
+        if table and least < 0:
+            row = next(row for row in table.imaginary if least in row)
+            axis = table.axis or DOFS[table.imaginary.index(row)]
+            problem = (
+                f"is negative along {axis} at {table.frequency[row.index(least)]:g} Hz, so it"
+                " drives the motion instead of damping it"
+            )
+            yield part, Fault(f"{path}.table.imaginary", problem, "make it positive", f"{least:g}")
+
+
+def _negative(given: units.Matrix6 | None) -> str:
+    """In which direction a matrix is negative, as a verb phrase; "" if it is not."""
+    import numpy as np
+
+    if given is None or not np.isrealobj(given):
+        return ""
+    matrix = np.array(given, dtype=float)
+    matrix = np.diag(matrix) if matrix.ndim == 1 else matrix
+    if (matrix.diagonal() < 0).any():
+        return f"is negative along {DOFS[int(matrix.diagonal().argmin())]}"
+    scale = np.sqrt(np.where(matrix.diagonal() > 0, matrix.diagonal(), np.abs(matrix).max() or 1.0))
+    least = np.linalg.eigvalsh(matrix / np.outer(scale, scale))[0]
+    return "has a negative eigenvalue" if least < -ROUNDING else ""
+
+
+def _check_strands(design: Design, link: Link, given: Strands, path: str) -> Iterator[Fault]:
+    """Check that wires reach from end to end in their shape."""
+    position = com_positions(design) | dict.fromkeys((SUPPORT, GROUND), (0.0, 0.0, 0.0))
+    if any(name not in position for name in link.between):
+        return
+    first, second = (position[name] for name in link.between)
+    x, y, z = (b + q - a - p for a, b, p, q in zip(first, second, link.at, given.to, strict=True))
+    width = math.hypot(x, y)
+    if given.shape == "points":
+        end = tuple(p + d for p, d in zip(link.at, (x, y, z), strict=True))
+        points = [link.at, *given.points, end]
+        if any(math.dist(one, other) < 1e-9 for one, other in pairwise(points)):
+            yield Fault(f"{path}.points", "two points of the wire coincide", "check at, points, to")
+    elif width < 1e-6:
+        problem = "lies above or below the point at, so the shape has no plane"
+        yield fault_of(given, path, "to", problem, "move one end sideways, or give points")
+    elif given.length is not None:
+        least = math.hypot(width, z) if given.shape == "catenary" else math.pi / 2 * width + abs(z)
+        if given.length <= least * (1 + 1e-9):
+            problem = (
+                f"is too short for ends {width:.4g} m apart and {abs(z):.4g} m in height: this"
+                f" shape needs more than {least:.4g} m"
+            )
+            remedy = "give a longer wire, or check at and to (m)"
+            yield fault_of(given, path, "length", problem, remedy)
