@@ -421,11 +421,7 @@ def test_other_sizes_are_believed(name):
             for part in (*carried.wires, *carried.blades)
             if part.fraction is not None and part.fraction > 1
         }
-        strained = {
-            wire.label.rsplit(".", 1)[0]
-            for wire in carried.wires
-            if wire.stretch > 0.03 * wire.length
-        }
+        strained = {wire.label.rsplit(".", 1)[0] for wire in carried.wires if wire.strain > 0.03}
         for doubt in findings.find_serious(design):
             stage = doubt.fault.key.split(".")[1]
             assert ("times the strength" in doubt.fault.problem and stage in broken) or (

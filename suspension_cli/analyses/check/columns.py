@@ -1,9 +1,13 @@
-"""Columns of what `check` lists: keys of the JSON document, headings and forms of the tables."""
+"""Columns of what `check` lists: keys of the JSON document, headings and forms of the tables.
+
+They annotate the fields of the parts that are listed.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
+from functools import cache
+from typing import Any, NamedTuple, get_type_hints
 
 from suspension_cli.analyses import tables
 from suspension_cli.analyses.analysis import Document
@@ -18,28 +22,30 @@ class Column(NamedTuple):
     factor: float = 1.0
 
 
-Columns = Mapping[str, Column]
-"""Columns by the attribute of a part."""
+@cache
+def _columns(kind: type) -> dict[str, Column]:
+    """Columns of a class by field, its own before those of its base."""
+    hints = get_type_hints(kind, include_extras=True)
+    names = [name for one in kind.__mro__ for name in vars(one).get("__annotations__", ())]
+    known = ((name, getattr(hints[name], "__metadata__", ())) for name in dict.fromkeys(names))
+    return {name: column for name, (column, *_) in ((n, m) for n, m in known if m)}
 
 
-def list_documents(columns: Columns, parts: Sequence[object]) -> list[Document]:
-    """Return the JSON list of parts."""
-    return [{column.key: getattr(part, name) for name, column in columns.items()} for part in parts]
-
-
-def list_rows(columns: Columns, parts: Sequence[object]) -> list[list[float | str | None]]:
-    """List the cells of the table of parts."""
-    shown = [(name, column.factor) for name, column in columns.items() if column.head]
+def list_documents(parts: Sequence[object]) -> list[Document]:
+    """Return the JSON list of parts of one kind."""
     return [
-        [
-            value if factor == 1 or value is None else value * factor
-            for name, factor in shown
-            for value in [getattr(part, name)]
-        ]
+        {column.key: getattr(part, name) for name, column in _columns(type(part)).items()}
         for part in parts
     ]
 
 
-def render(columns: Columns, rows: Sequence[Sequence[float | str | None]]) -> str:
-    """Render the table of rows."""
-    return tables.render({c.head: c.form for c in columns.values() if c.head}, rows)
+def list_rows(parts: Sequence[object]) -> list[list[Any]]:
+    """List the cells of the table of parts."""
+    shown = [item for item in _columns(type(parts[0])).items() if item[1].head]
+    cells = [[(getattr(part, name), column.factor) for name, column in shown] for part in parts]
+    return [[v if factor == 1 or v is None else v * factor for v, factor in row] for row in cells]
+
+
+def render(kind: type, rows: Sequence[Sequence[Any]]) -> str:
+    """Render the table of rows of a kind of part."""
+    return tables.render({c.head: c.form for c in _columns(kind).values() if c.head}, rows)

@@ -52,7 +52,6 @@ class Check(Report):
 
     def document(self) -> Document:
         """Return the JSON document that ``pendsus check --json`` prints."""
-        from suspension_cli.analyses.check import statics, towers, wire_weights
         from suspension_cli.analyses.check.columns import list_documents
 
         loads, own = self.statics, self.weights
@@ -64,16 +63,16 @@ class Check(Report):
             "stability_model": self.stability_model,
             "residual": loads.residual,
             "height_m": loads.height,
-            "lowest": list_documents(statics.LOWEST, loads.lowest),
-            "wires": list_documents(statics.WIRES, loads.wires),
-            "blades": list_documents(statics.BLADES, loads.blades),
-            "bodies": list_documents(statics.BODIES, loads.bodies),
+            "lowest": list_documents(loads.lowest),
+            "wires": list_documents(loads.wires),
+            "blades": list_documents(loads.blades),
+            "bodies": list_documents(loads.bodies),
         }
         rare = {
             "links": [asdict(link) for link in loads.links],
-            "inverted_pendulums": list_documents(towers.LEGS, loads.legs),
-            "filters": list_documents(towers.FILTERS, loads.filters),
-            "profiles": list_documents(statics.PROFILES, loads.profiles),
+            "inverted_pendulums": list_documents(loads.legs),
+            "filters": list_documents(loads.filters),
+            "profiles": list_documents(loads.profiles),
         }
         result |= {name: rows for name, rows in rare.items() if rows}
         result["warnings"] = [
@@ -82,11 +81,10 @@ class Check(Report):
             for item in self.warnings
         ]
         if own is not None and own.included:
-            [result["wire_weight"]] = list_documents(wire_weights.COLUMNS, [own])
+            [result["wire_weight"]] = list_documents([own])
         return result
 
     def __str__(self) -> str:
-        from suspension_cli.analyses.check import statics, towers
         from suspension_cli.analyses.check.columns import list_rows, render
 
         loads, count = self.statics, len(self.warnings)
@@ -95,14 +93,9 @@ class Check(Report):
             f"{escape_unprintable(self.source.file) or self.name}: {verdict}; simplest valid model:"
             f" {self.choice.level} ({self.choice.reason})"
         ]
-        for columns, parts in (
-            (statics.WIRES, loads.wires),
-            (statics.BLADES, loads.blades),
-            (towers.LEGS, loads.legs),
-            (towers.FILTERS, loads.filters),
-        ):
-            if rows := list_rows(columns, parts):
-                lines.append(render(columns, _merge_equal(rows)))
+        for parts in (loads.wires, loads.blades, loads.legs, loads.filters):
+            if parts:
+                lines.append(render(type(parts[0]), _merge_equal(list_rows(parts))))
         lines += _link_tables(loads.links)
         if self.weights is not None and self.weights.line:
             lines.append(f"  {self.weights.line}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from suspension_cli.analyses.check import towers
 from suspension_cli.analyses.check.columns import Column
 from suspension_cli.analyses.check.towers import FilterLoad, LegLoad
 from suspension_cli.design import materials
+from suspension_cli.design.derive import blade_material
 from suspension_cli.design.schema import Body, Design, Stage
 from suspension_cli.design.sections import given_sections, thinnest
 from suspension_cli.design.wires import Blade, BladeSet, Profile, Wire, WireSet
@@ -20,32 +22,6 @@ from suspension_cli.equilibrium.solve import solve as balance
 from suspension_cli.rotations import rotation_vector
 from suspension_cli.scene import links, strands
 from suspension_cli.scene.scene import Scene
-
-STRESS = {
-    "stress": Column("stress_pa", "stress\nMPa", ".0f", 1e-6),
-    "strength": Column("strength_pa"),
-    "fraction": Column("strength_fraction", "of strength\n%", ".3g", 100),
-}
-WIRES = {
-    "label": Column("wire", "wire"),
-    "tension": Column("tension_n", "tension\nN", ".2f"),
-    "stretch": Column("stretch_m", "stretch\nmm", ".3f", 1e3),
-    "strain": Column("stretch_fraction"),
-    **STRESS,
-}
-BLADES = {
-    "label": Column("blade", "blade"),
-    "load": Column("load_n", "load\nN", ".2f"),
-    "sag": Column("sag_m", "sag\nmm", ".3f", 1e3),
-    **STRESS,
-}
-BODIES = {
-    "name": Column("stage"),
-    "shift": Column("shift_m"),
-    "rotation": Column("rotation_rad"),
-}
-PROFILES = {name: Column(name) for name in ("wire", "places", "sections")}
-LOWEST = {"name": Column("stage"), "z": Column("z_m"), "point": Column("point")}
 
 
 @dataclass(frozen=True)
@@ -66,9 +42,9 @@ class Stress:
     """
 
     label: str
-    stress: float | None
-    strength: float | None
-    fraction: float | None
+    stress: Annotated[float | None, Column("stress_pa", "stress\nMPa", ".0f", 1e-6)]
+    strength: Annotated[float | None, Column("strength_pa")]
+    fraction: Annotated[float | None, Column("strength_fraction", "of strength\n%", ".3g", 100)]
     material: str
 
     @property
@@ -84,42 +60,39 @@ class Stress:
 
 @dataclass(frozen=True)
 class WireLoad(Stress):
-    """Load of one wire: tension (N), elongation and loaded length (m)."""
+    """Load of one wire: tension (N), elongation (m), and that over its loaded length."""
 
-    tension: float
-    stretch: float
-    length: float
-
-    @property
-    def strain(self) -> float:
-        """Elongation over length."""
-        return self.stretch / self.length
+    label: Annotated[str, Column("wire", "wire")]
+    tension: Annotated[float, Column("tension_n", "tension\nN", ".2f")]
+    stretch: Annotated[float, Column("stretch_m", "stretch\nmm", ".3f", 1e3)]
+    strain: Annotated[float, Column("stretch_fraction")]
 
 
 @dataclass(frozen=True)
 class BladeLoad(Stress):
     """Load of one blade: vertical force at its tip (N), and deflection of the tip (m)."""
 
-    load: float
-    sag: float
+    label: Annotated[str, Column("blade", "blade")]
+    load: Annotated[float, Column("load_n", "load\nN", ".2f")]
+    sag: Annotated[float, Column("sag_m", "sag\nmm", ".3f", 1e3)]
 
 
 @dataclass(frozen=True)
 class BodyPose:
     """Displacement (m) and rotation vector (rad) of one body from its nominal pose."""
 
-    name: str
-    shift: tuple[float, float, float]
-    rotation: tuple[float, float, float]
+    name: Annotated[str, Column("stage")]
+    shift: Annotated[tuple[float, float, float], Column("shift_m")]
+    rotation: Annotated[tuple[float, float, float], Column("rotation_rad")]
 
 
 @dataclass(frozen=True)
 class Lowest:
     """Lowest point of a stage: z (m) from the suspension point, and the part there."""
 
-    name: str
-    z: float
-    point: str
+    name: Annotated[str, Column("stage")]
+    z: Annotated[float, Column("z_m")]
+    point: Annotated[str, Column("point")]
 
 
 @dataclass(frozen=True)
@@ -154,9 +127,9 @@ class LinkLoad:
 class ReducedProfile:
     """Numbers of places of a measured profile of a fibre, and of its uniform sections."""
 
-    wire: str
-    places: int
-    sections: int
+    wire: Annotated[str, Column("wire")]
+    places: Annotated[int, Column("places")]
+    sections: Annotated[int, Column("sections")]
 
 
 @dataclass(frozen=True)
@@ -198,7 +171,9 @@ def solve(design: Design) -> Statics:
     pose = balanced.pose
     bodies = tuple(
         BodyPose(
-            name, _vector(pose.shift[n]), _vector(rotation_vector(pose.rotation[n] - np.eye(3)))
+            name=name,
+            shift=_vector(pose.shift[n]),
+            rotation=_vector(rotation_vector(pose.rotation[n] - np.eye(3))),
         )
         for n, name in enumerate(scene.bodies.name, 1)
     )
@@ -229,9 +204,8 @@ def _profiles(design: Design) -> Iterator[ReducedProfile]:
         for number, table in enumerate(stage.wire_tables, 1):
             if isinstance(table.profile, Profile):
                 name = f"{stage.name}.{'wires' if stage.wires is not None else number}"
-                yield ReducedProfile(
-                    name, len(table.profile.position), len(given_sections(table) or ())
-                )
+                places, sections = table.profile.position, given_sections(table) or ()
+                yield ReducedProfile(wire=name, places=len(places), sections=len(sections))
 
 
 def _links(design: Design, scene: Scene) -> Iterator[LinkLoad]:
@@ -297,7 +271,16 @@ def _wire_load(
     unknown = (None, None, max(found)[2] if found else table.material or "")
     fraction, strength, material = max(known, default=unknown)
     largest = max((stress for stress, _, _ in found), default=None)
-    return WireLoad(label, largest, strength, fraction, material, tension, stretch, length)
+    return WireLoad(
+        label=label,
+        tension=tension,
+        stretch=stretch,
+        strain=stretch / length,
+        stress=largest,
+        strength=strength,
+        fraction=fraction,
+        material=material,
+    )
 
 
 def _strength(design: Design, name: str | None) -> float | None:
@@ -324,13 +307,20 @@ def _blade_load(
     The largest stress under F, at its base, is moment F L over section modulus b h^2 / 6:
     6 F L / (b h^2).
     """
-    shape, sag = table.geometry, load / stiffness
-    if shape is None:
-        return BladeLoad(label, None, None, None, table.material or "", load, sag)
-    stress = 6 * load * shape.length / (shape.base_width * shape.thickness**2)
-    strength = _strength(design, shape.material)
-    fraction = None if strength is None else stress / strength
-    return BladeLoad(label, stress, strength, fraction, shape.material, load, sag)
+    shape = table.geometry
+    stress = strength = None
+    if shape is not None:
+        stress = 6 * load * shape.length / (shape.base_width * shape.thickness**2)
+        strength = _strength(design, shape.material)
+    return BladeLoad(
+        label=label,
+        load=load,
+        sag=load / stiffness,
+        stress=stress,
+        strength=strength,
+        fraction=None if stress is None or strength is None else stress / strength,
+        material=blade_material(table) or "",
+    )
 
 
 def _end_heights(scene: Scene, balanced: Equilibrium) -> list[list[float]]:
@@ -354,7 +344,7 @@ def _find_lowest(
     if body.shape is not None:
         points = [(z - _half_height(body, balanced.pose.rotation[n, 2]), "body"), *points]
     lowest = min(points, key=lambda point: point[0])
-    return Lowest(scene.bodies.name[n - 1], *lowest)
+    return Lowest(name=scene.bodies.name[n - 1], z=lowest[0], point=lowest[1])
 
 
 def _half_height(body: Body, up: np.ndarray) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
@@ -17,32 +18,6 @@ from suspension_cli.equilibrium.residual_scale import carried_weights
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.scene.scene import Scene
 
-LEGS = {
-    "stage": Column("stage", "legs"),
-    "thrust": Column("thrust_n"),
-    "load": Column("load_n", "load\nN", ".2f"),
-    "critical": Column("critical_load_n", "tips over at\nN", ".2f"),
-    "margin": Column("margin", "margin\n%", ".3g", 100),
-    "flexure": Column("flexure_n_m_per_rad"),
-    "stiffness": Column("stiffness_n_per_m", "stiffness\nN/m", ".4g"),
-    "elastic": Column("elastic_stiffness_n_per_m"),
-    "frequency": Column("frequency_hz", "frequency\nHz", ".4g"),
-    "tilt": Column("tilt_m_per_rad", "ground tilt\nm/rad", ".4g"),
-    "saturation": Column("saturation", "saturation", ".2g"),
-    "dilution": Column("dilution"),
-}
-FILTERS = {
-    "stage": Column("stage", "filter"),
-    "carried": Column("carried_n", "carried\nN", ".2f"),
-    "load": Column("load_n"),
-    "sag": Column("sag_m", "sag\nmm", ".3f", 1e3),
-    "stiffness": Column("stiffness_n_per_m", "stiffness\nN/m", ".4g"),
-    "frequency": Column("frequency_hz", "frequency\nHz", ".4g"),
-    "saturation": Column("saturation", "saturation", ".2g"),
-    "thermal_force": Column("thermal_force_n_per_k", "thermal force\nN/K", ".3g"),
-    "thermal_shift": Column("thermal_shift_m_per_k", "shift\nmm/K", ".3g", 1e3),
-}
-
 
 @dataclass(frozen=True)
 class LegLoad:
@@ -54,6 +29,8 @@ class LegLoad:
         At the top of each leg in equilibrium, N.
     load, critical : float
         Weight and other vertical force on the legs, and that at which they tip over, N.
+    margin : float
+        Critical load over load, less 1; negative if it tips over.
     flexure : float
         Bending stiffness at the foot of one leg, N m/rad.
     stiffness, elastic : float
@@ -69,22 +46,18 @@ class LegLoad:
         `stiffness` over `elastic`.
     """
 
-    stage: str
-    thrust: list[float]
-    load: float
-    critical: float
-    flexure: float
-    stiffness: float
-    elastic: float
-    frequency: float | None
-    tilt: float | None
-    saturation: float
-    dilution: float
-
-    @property
-    def margin(self) -> float:
-        """Critical load over load, less 1; negative if it tips over."""
-        return self.critical / self.load - 1
+    stage: Annotated[str, Column("stage", "legs")]
+    thrust: Annotated[list[float], Column("thrust_n")]
+    load: Annotated[float, Column("load_n", "load\nN", ".2f")]
+    critical: Annotated[float, Column("critical_load_n", "tips over at\nN", ".2f")]
+    margin: Annotated[float, Column("margin", "margin\n%", ".3g", 100)]
+    flexure: Annotated[float, Column("flexure_n_m_per_rad")]
+    stiffness: Annotated[float, Column("stiffness_n_per_m", "stiffness\nN/m", ".4g")]
+    elastic: Annotated[float, Column("elastic_stiffness_n_per_m")]
+    frequency: Annotated[float | None, Column("frequency_hz", "frequency\nHz", ".4g")]
+    tilt: Annotated[float | None, Column("tilt_m_per_rad", "ground tilt\nm/rad", ".4g")]
+    saturation: Annotated[float, Column("saturation", "saturation", ".2g")]
+    dilution: Annotated[float, Column("dilution")]
 
 
 @dataclass(frozen=True)
@@ -109,15 +82,15 @@ class FilterLoad:
         Change of the working point, m/K, upwards.
     """
 
-    stage: str
-    carried: float
-    load: float
-    stiffness: float
-    frequency: float
-    sag: float
-    saturation: float
-    thermal_force: float
-    thermal_shift: float
+    stage: Annotated[str, Column("stage", "filter")]
+    carried: Annotated[float, Column("carried_n", "carried\nN", ".2f")]
+    load: Annotated[float, Column("load_n")]
+    stiffness: Annotated[float, Column("stiffness_n_per_m", "stiffness\nN/m", ".4g")]
+    frequency: Annotated[float, Column("frequency_hz", "frequency\nHz", ".4g")]
+    sag: Annotated[float, Column("sag_m", "sag\nmm", ".3f", 1e3)]
+    saturation: Annotated[float, Column("saturation", "saturation", ".2g")]
+    thermal_force: Annotated[float, Column("thermal_force_n_per_k", "thermal force\nN/K", ".3g")]
+    thermal_shift: Annotated[float, Column("thermal_shift_m_per_k", "shift\nmm/K", ".3g", 1e3)]
 
 
 def leg_loads(design: Design, scene: Scene, balanced: Equilibrium) -> tuple[LegLoad, ...]:
@@ -150,6 +123,7 @@ def leg_loads(design: Design, scene: Scene, balanced: Equilibrium) -> tuple[LegL
                 thrust=thrust[own].tolist(),
                 load=load,
                 critical=drawn.critical,
+                margin=drawn.critical / load - 1,
                 flexure=drawn.flexure,
                 stiffness=stiffness,
                 elastic=drawn.elastic,
