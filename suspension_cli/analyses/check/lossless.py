@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design import materials
@@ -48,12 +49,10 @@ def find_lossless(design: Design, level: str) -> list[Lossless]:
     if frame and not frame.loss_angle and not any(getattr(frame.damping, dof) for dof in DOFS):
         found.append(Lossless(SUPPORT))
     for stage in design.stage:
-        blades = stage.blade_tables
-        names = ["" if isinstance(blade, BladeSet) else blade.name for blade in blades]
-        found += _merge_parts(stage, "blades", names, [_blade(design, b, level) for b in blades])
-        wires = stage.wire_tables
-        names = [str(n + 1) for n in range(len(wires))]
-        found += _merge_parts(stage, "wires", names, [_wire(design, w, level) for w in wires])
+        found += _of_kind(
+            stage, "blades", stage.blade_tables, lambda one: _blade(design, one, level)
+        )
+        found += _of_kind(stage, "wires", stage.wire_tables, lambda one: _wire(design, one, level))
         elastic = [
             spring
             for spring in stage.spring
@@ -73,13 +72,14 @@ def find_lossless(design: Design, level: str) -> list[Lossless]:
     return found
 
 
-def _merge_parts(
-    stage: Stage, word: str, names: list[str], lacking: Sequence[Lossless | None]
+def _of_kind(
+    stage: Stage, word: str, tables: Sequence[Any], find: Callable[[Any], Lossless | None]
 ) -> list[Lossless]:
-    """Merge parts of one kind of a stage if all lack the same."""
-    first = lacking[0] if lacking else None
-    if first is not None and all(one == first for one in lacking):
-        return [replace(first, part=f"{stage.name}.{word}")]
+    """Find the parts of one kind of a stage without loss, as one part if all lack the same."""
+    lacking = [find(table) for table in tables]
+    names = [getattr(table, "name", str(n)) for n, table in enumerate(tables, 1)]
+    if lacking and all(one == lacking[0] for one in lacking):
+        lacking, names = lacking[:1], [word]
     pairs = zip(names, lacking, strict=True)
     return [replace(one, part=f"{stage.name}.{name}") for name, one in pairs if one is not None]
 
