@@ -74,7 +74,7 @@ class Constants(Table, frozen=True):
             yield "gravity_gradient", "is not a symmetric 3x3, but gravity is conservative", remedy
 
 
-class MaterialLoss(with_keys(Table, MECHANISMS, of_wire=False)):
+class MaterialLoss(with_keys(Table, MECHANISMS)):
     """Losses of a material, for the models in which wires bend."""
 
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from suspension_cli.design import units
 from suspension_cli.design.cross_sections.ribbon import Ribbon
 from suspension_cli.design.cross_sections.round import Round
 from suspension_cli.design.cross_sections.shape import CrossSection
-from suspension_cli.design.losses.mechanism import with_keys
-from suspension_cli.design.losses.registry import MECHANISMS
 from suspension_cli.design.rules import (
     ascending,
     exactly_one,
@@ -126,13 +124,7 @@ class Profile(Table, frozen=True):
             yield "", "has fewer than two places", "give position and diameter, each a list"
 
 
-if TYPE_CHECKING:
-    _WireLosses = Table
-else:
-    _WireLosses = with_keys(Table, MECHANISMS, of_wire=True)
-
-
-class AnyWire(_WireLosses, frozen=True):
+class AnyWire(Table, frozen=True):
     """Composition of a wire or of each of a set, and how its ends are held."""
 
     material: units.MaterialName | None = key(
@@ -188,8 +180,6 @@ class AnyWire(_WireLosses, frozen=True):
         if isinstance(self.profile, str):
             remedy = "read the design from its file, or give { position, diameter }"
             yield "profile", "is a file that was not read", remedy
-        for mechanism in MECHANISMS:
-            yield from mechanism.check_wire(self)
         shapes = given(self, *SHAPES)
         whole = given(self, "profile", "sections", "neck", *SHAPES)
         if self.k is None and not whole:

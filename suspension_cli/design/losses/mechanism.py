@@ -23,8 +23,8 @@ class Mechanism:
     ----------
     name
         For messages.
-    keys, wire_keys
-        Its keys in ``[materials.NAME.loss]`` and in the tables of wires: types by name.
+    keys
+        Its keys in ``[materials.NAME.loss]``: types by name.
     uniform
         Whether it acts in every deformation; otherwise in bending alone.
     cause
@@ -34,7 +34,6 @@ class Mechanism:
 
     name: ClassVar[str]
     keys: ClassVar[dict[str, Any]] = {}
-    wire_keys: ClassVar[dict[str, Any]] = {}
     uniform: ClassVar[bool] = False
     cause: ClassVar[str] = ""
 
@@ -53,12 +52,6 @@ class Mechanism:
         Bounds of single numbers are in their types.
         """
         del own, material
-        yield from ()
-
-    @classmethod
-    def check_wire(cls, wire: Table) -> Problems:
-        """Check the keys in the table of wires."""
-        del wire
         yield from ()
 
     @classmethod
@@ -113,7 +106,7 @@ class Mechanism:
         return True
 
 
-def with_keys(base: type[Table], mechanisms: Iterable[type[Mechanism]], *, of_wire: bool) -> Any:
+def with_keys(base: type[Table], mechanisms: Iterable[type[Mechanism]]) -> Any:
     """Derive a table of the design file from `base`, with the keys of all mechanisms."""
-    keys = (one.wire_keys if of_wire else one.keys for one in mechanisms)
-    return extend_table(base, {name: kind | None for own in keys for name, kind in own.items()})
+    keys = {name: kind for one in mechanisms for name, kind in one.keys.items()}
+    return extend_table(base, {name: kind | None for name, kind in keys.items()})
