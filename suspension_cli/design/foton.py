@@ -120,26 +120,17 @@ def find_without_plane(text: str) -> list[str]:
     return re.findall(r"(?:pole|zero)2?\s*\([^()\"']*\)", text)
 
 
-def format_filter(filter_: Filter, plane: str = "n") -> str:
-    """Write a filter as a Foton string, to all digits.
+def format_filter(filter_: Filter) -> str:
+    """Write a filter as a Foton string in plane "n", to all digits.
 
     Examples
     --------
     >>> format_filter(Filter(2.0, (0.0,), (4.0,)))
     'zpk([0],[4],0.5,"n")'
     """
-    size = len(filter_.zeros) - len(filter_.poles)
-    if plane == "n":
-        unit = 1.0
-        gain = filter_.gain * _normal(filter_.zeros) / _normal(filter_.poles)
-    else:
-        unit = -1.0 if plane == "f" else -2 * math.pi
-        gain = filter_.gain * (2 * math.pi) ** -size
-    zeros, poles = (
-        ";".join(_write_root(unit * root) for root in roots)
-        for roots in (filter_.zeros, filter_.poles)
-    )
-    return f'zpk([{zeros}],[{poles}],{_write(gain)},"{plane}")'
+    gain = filter_.gain * _normal(filter_.zeros) / _normal(filter_.poles)
+    zeros, poles = (";".join(map(_write_root, some)) for some in (filter_.zeros, filter_.poles))
+    return f'zpk([{zeros}],[{poles}],{_write(gain)},"n")'
 
 
 def _normal(roots: tuple[complex, ...]) -> float:
