@@ -12,7 +12,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 from suspension_cli.conventions import ANALYSES, DOFS, FRAME, GROUND, SUPPORT
-from suspension_cli.design import loop_filters, materials, rules, units
+from suspension_cli.design import materials, rules, units
 from suspension_cli.design.derive import com_positions, set_geometry, spring_loss
 from suspension_cli.design.faults import fault_of, suggest
 from suspension_cli.design.filters import SUFFIX
@@ -241,12 +241,12 @@ def _known_names(design: Design) -> dict[str, list[str]]:
 def _check_order(loop: Loop, path: str) -> Iterator[Fault]:
     """Check that the gain of a filter can be set, and that it does not grow without bound."""
     if loop.gain_at is not None:
-        size = abs(loop_filters.without_gain_at(loop).at(loop.gain_at.frequency))
+        size = abs(loop.without_gain_at.at(loop.gain_at.frequency))
         if not 0 < size < math.inf or loop.gain_at.magnitude == 0:
             problem = "the gain cannot be set where the filter is 0 or infinite, or to 0"
             yield Fault(f"{path}.gain_at", problem, "give another frequency or magnitude")
             return
-    whole = loop_filters.controller_and_sensor(loop)
+    whole = loop.controller_and_sensor
     zeros, poles = len(whole.zeros), len(whole.poles)
     if zeros <= poles or (loop.damper is not None and loop.sensor_response is None):
         return  # a damper acts on the velocity, which is known

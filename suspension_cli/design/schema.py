@@ -6,6 +6,9 @@ across tables are in `checks.py`.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated, Literal
 
 import msgspec
@@ -442,6 +445,42 @@ class Loop(Table, frozen=True):
                 foton.parse(getattr(self, name))
             except foton.FotonError as error:
                 yield name, error.problem, error.remedy
+
+    @property
+    def without_gain_at(self) -> foton.Filter:
+        """The filter H before `gain_at` is applied, without sensor and delay."""
+        if self.damper is not None:
+            return foton.Filter(2 * math.pi * self.damper, (0j,))
+        if self.filter is not None:
+            return foton.parse(self.filter)
+        gain = (1.0 if self.gain_at is not None else 0.0) if self.gain is None else self.gain
+        return foton.Filter(gain, expand_roots(self.zeros), expand_roots(self.poles))
+
+    @property
+    def controller(self) -> foton.Filter:
+        """The filter H, without sensor and delay."""
+        bare = self.without_gain_at
+        if self.gain_at is None:
+            return bare
+        size = abs(bare.at(self.gain_at.frequency))
+        return replace(bare, gain=bare.gain * self.gain_at.magnitude / size)
+
+    @property
+    def controller_and_sensor(self) -> foton.Filter:
+        """The filter from motion to force: controller and sensor, without the delay."""
+        made = self.controller
+        return made if self.sensor_response is None else made * foton.parse(self.sensor_response)
+
+    @property
+    def is_velocity_damper(self) -> bool:
+        """Whether it acts as a viscous damper: without sensor dynamics and delay."""
+        return self.damper is not None and self.sensor_response is None and self.delay == 0
+
+
+def expand_roots(given: Sequence[float | list[float]]) -> tuple[complex, ...]:
+    """List roots in Hz as complex numbers; a pair [re, im] stands for both conjugates."""
+    pairs = ((one, [one[0], -one[1]]) if isinstance(one, list) else ([one],) for one in given)
+    return tuple(complex(*root) for pair in pairs for root in pair)
 
 
 class Control(Table, frozen=True):

@@ -33,7 +33,6 @@ from scipy.linalg import block_diag
 
 from suspension_cli.analyses.damp import control, control_statespace
 from suspension_cli.analyses.damp.control import Plant
-from suspension_cli.design import loop_filters
 from suspension_cli.design.schema import Loop
 from suspension_cli.linear.frequency_terms import Term
 from suspension_cli.linear.poles import Poles
@@ -187,7 +186,7 @@ class _Block:
         resisting, filters = damping, []
         for loop, pushed, sensed in zip(acting.loops, acting.pushed, acting.sensed, strict=True):
             filters.append(control_statespace.realise_filter(loop))
-            if loop_filters.is_velocity_damper(loop):
+            if loop.is_velocity_damper:
                 resisting = resisting + loop.damper * np.outer(pushed, sensed)
         return _Block(
             acting,
@@ -231,7 +230,7 @@ class _Block:
 
 def _delayed_damper(loop: Loop) -> float:
     """Coefficient of a velocity damper that has a delay or a sensor; 0 for other loops."""
-    made = loop_filters.controller_and_sensor(loop)
+    made = loop.controller_and_sensor
     return made.gain / (2 * np.pi) if loop.delay and len(made.zeros) > len(made.poles) else 0.0
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from suspension_cli.analyses.damp import closed_loop_poles, control
 from suspension_cli.analyses.damp.control_statespace import build_closed_loop
-from suspension_cli.design import loop_filters
+from suspension_cli.design.schema import expand_roots
 from suspension_cli.linear import eigenmodes, poles
 from tests.analyses.damp.test_control import LEAD, loop, plant, simple
 from tests.support import plants, scenes
@@ -95,9 +95,9 @@ def determinant(closed, k, c, m, *outer):
                 h = MP.mpf(one.damper) * at
             else:
                 f, h = at / (2 * MP.pi), MP.mpf(one.gain)
-                for zero in loop_filters.expand_roots(one.zeros):
+                for zero in expand_roots(one.zeros):
                     h *= f + MP.mpmathify(zero)
-                for pole in loop_filters.expand_roots(one.poles):
+                for pole in expand_roots(one.poles):
                     h /= f + MP.mpmathify(pole)
             total = total + h * pair
         return MP.det(total)
