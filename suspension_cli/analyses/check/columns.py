@@ -34,9 +34,13 @@ def _columns(kind: type) -> dict[str, Column]:
 def list_documents(parts: Sequence[object]) -> list[Document]:
     """Return the JSON list of parts of one kind."""
     return [
-        {column.key: getattr(part, name) for name, column in _columns(type(part)).items()}
+        {column.key: _plain(getattr(part, name)) for name, column in _columns(type(part)).items()}
         for part in parts
     ]
+
+
+def _plain(value: Any) -> Any:
+    return list(value) if isinstance(value, tuple) else value
 
 
 def list_rows(parts: Sequence[object]) -> list[list[Any]]:
