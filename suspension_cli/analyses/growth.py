@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from suspension_cli.design.link_checks import find_active
-from suspension_cli.design.plausibility import RAISE
+from suspension_cli.design.checks import find_active
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault
 from suspension_cli.linear import damped, eigenmodes
@@ -15,6 +14,9 @@ from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.models.base import Model
+
+RAISE = "attach the wires higher above the COM (raise d)"
+"""What to do about most unstable equilibria."""
 
 
 @dataclass(frozen=True)

@@ -156,7 +156,7 @@ def stable_system(
                 [dataclasses.replace(fault, remedy=f"{way}, or give --allow-unstable")]
             )
         log.warn(f"{name} is unstable: {grows.worst}; {fault.remedy}")
-    near_limits.warn(source.design, system, eigenmodes.solve(system.constant), log)
+    near_limits.warn(source.design, eigenmodes.solve(system.constant), log)
     return system
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Literal
+from typing import Literal
 
-from suspension_cli.design.rules import LEAST_MASS, exactly_one, given, is_symmetric, symmetric
+from suspension_cli.design.rules import LEAST_MASS, by_kind, exactly_one, symmetric
 from suspension_cli.design.units import BodySize, Density, Inertia, Mass, Problems, Row3, Table, key
 
 LEAST_INERTIA = 1e-30
@@ -14,9 +14,12 @@ THINNEST = 1e-12
 """Smallest ratio of two moments of inertia: that of a rod a millionth as thick as long."""
 MOST_MASS = 1e9
 """Largest mass that follows from a density, kg: that of a given mass."""
-SIZES = {"cylinder": ("axis", "radius", "inner_radius", "length"), "box": ("size",)}
-"""Keys of a shape."""
-NEEDED = {"cylinder": ("radius", "length"), "box": ("size",)}
+KEYS = {
+    None: (["mass", "inertia"], []),
+    "cylinder": (["radius", "length"], ["axis", "inner_radius", "mass", "density"]),
+    "box": (["size"], ["mass", "density"]),
+}
+"""Keys that a body without a shape, and each shape, needs, and others that it takes."""
 
 Rows = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
 
@@ -40,60 +43,35 @@ class Body(Table, frozen=True):
     size: tuple[BodySize, BodySize, BodySize] | None = key("sides of a box along x, y and z, m")
     density: Density | None = key("density of a shape in kg/m^3, instead of a mass")
 
+    rules = (by_kind("shape", KEYS), symmetric("inertia", tolerance=1e-12))
+
     def faults(self) -> Problems:
         """Check that a rigid body can have this mass and inertia, or shape."""
-        if self.shape is None:
-            for name in given(self, *SIZES["cylinder"], *SIZES["box"], "density"):
-                yield name, "needs a shape", 'add shape = "cylinder" or "box"'
-            if self.mass is None:
-                yield "mass", "missing", "give mass in kg"
-            if self.inertia is None:
-                yield "inertia", "missing", "give inertia = [Ix, Iy, Iz] in kg m^2, or a shape"
-            else:
-                yield from self._inertia_faults(self.inertia)
-            return
-        if self.inertia is not None:
-            yield "inertia", "a shape has its own inertia", "give either inertia or shape"
-        yield from exactly_one(self, "mass", "density", give="mass in kg or density in kg/m^3")
-        missing = [name for name in NEEDED[self.shape] if getattr(self, name) is None]
-        for name in missing:
-            yield name, f"missing for a {self.shape}", "give it in m"
-        foreign = SIZES["box" if self.shape == "cylinder" else "cylinder"]
-        for name in given(self, *foreign):
-            yield name, f"does not describe a {self.shape}", "remove it"
-        hollow = self.radius is not None and (self.inner_radius or 0.0) >= self.radius
-        if hollow:
+        found = [*super().faults()]
+        if self.shape is not None:
+            found += exactly_one("mass", "density")(self)
+        if self.inner_radius is not None and self.inner_radius >= (self.radius or math.inf):
             problem = f"not smaller than the radius {self.radius:g} m"
-            yield "inner_radius", problem, "give a smaller hole"
-        sound = not (missing or hollow or self.inertia or given(self, *foreign))
-        if sound and len(given(self, "mass", "density")) == 1:
-            yield from self._shape_faults()
+            found.append(("inner_radius", problem, "give a smaller hole"))
+        yield from found
+        if not found:
+            yield from self._mass_faults()
 
-    def _inertia_faults(self, inertia: list[Any]) -> Problems:
-        yield from symmetric(self, "inertia", tolerance=1e-12)
-        if not any(isinstance(row, list) for row in inertia):
-            if min(inertia) <= 0:
-                yield "inertia", "moments of inertia must be positive", "give them in kg m^2"
-            elif min(inertia) < max(LEAST_INERTIA, THINNEST * max(inertia)):
-                problem = "has one moment that is almost zero beside the others"
-                yield "inertia", problem, "give all three in kg m^2"
-        elif all(isinstance(row, list) for row in inertia) and is_symmetric(inertia, 1e-12):
-            import numpy as np
+    def _mass_faults(self) -> Problems:
+        import numpy as np
 
-            least = max(LEAST_INERTIA, THINNEST * np.abs(inertia).max())
-            if np.linalg.eigvalsh(np.array(inertia))[0] < least:
-                remedy = "check the signs of the products of inertia"
-                yield "inertia", "is not positive definite", remedy
-
-    def _shape_faults(self) -> Problems:
-        mass, moments = body_mass(self), [row[n] for n, row in enumerate(body_inertia(self))]
+        mass, moments = body_mass(self), np.linalg.eigvalsh(body_inertia(self))
         if not LEAST_MASS <= mass <= MOST_MASS:
             problem = f"the body has {mass:.3g} kg, not {LEAST_MASS:g} to {MOST_MASS:g} kg"
             yield "mass" if self.density is None else "density", problem, "check the sizes, in m"
-        elif min(moments) < max(LEAST_INERTIA, THINNEST * max(moments)):
-            sizes = f"{min(moments):.3g} to {max(moments):.3g} kg m^2"
-            problem = f"has moments of inertia of {sizes}, too small or too unequal"
-            yield "", problem, "check the sizes, in m"
+        elif moments[0] < max(LEAST_INERTIA, THINNEST * moments[-1]):
+            key, remedy = "", "check the sizes, in m"
+            if self.shape is None:
+                key, remedy = "inertia", "give moments in kg m^2, products with the right signs"
+            problem = (
+                f"has a moment of inertia of {moments[0]:.3g} kg m^2, not positive or too small"
+            )
+            yield key, f"{problem} beside {moments[-1]:.3g} kg m^2", remedy
 
 
 def body_mass(body: Body) -> float:

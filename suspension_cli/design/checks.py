@@ -8,24 +8,20 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
 
-from suspension_cli.conventions import ANALYSES, FRAME, SUPPORT
-from suspension_cli.design import (
-    imperfections,
-    link_checks,
-    loop_filters,
-    materials,
-    rules,
-)
-from suspension_cli.design.derive import set_geometry
+from suspension_cli.conventions import ANALYSES, DOFS, FRAME, GROUND, SUPPORT
+from suspension_cli.design import materials, rules, units
+from suspension_cli.design.derive import com_positions, set_geometry, spring_loss
 from suspension_cli.design.faults import fault_of, suggest
 from suspension_cli.design.filters import SUFFIX
 from suspension_cli.design.inverted_pendulum import leg_count
+from suspension_cli.design.links import Damper, Link, Strands
 from suspension_cli.design.losses.registry import MECHANISMS
-from suspension_cli.design.schema import Design, Loop, Perturbation, Stage
-from suspension_cli.design.units import Table
+from suspension_cli.design.schema import Design, Loop, Spring, Stage
 from suspension_cli.design.wires import Clamp, Profile, Wire, WireSet, is_ring
-from suspension_cli.errors import Fault, format_key, format_value
+from suspension_cli.errors import Fault, format_key
 
 BLADES_FOR_WIRES = {1: (1,), 2: (1, 2), 4: (2, 4)}
 """Numbers of blades that can carry a symmetric set, by its number of wires."""
@@ -35,25 +31,25 @@ PROFILE = 0.05
 """Largest relative difference of lengths of a wire and its measured profile, which is scaled."""
 SPAN = 1e-6
 """Largest relative difference of a wire's length from the sum of its sections."""
+ROUNDING = 1e-9
+"""Negative eigenvalue of a matrix, its diagonal scaled to 1, that is an error of its digits."""
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 
 
 def check_design(design: Design) -> list[Fault]:
     """List all faults of a design whose single values are valid."""
-    found = [*rules.find_faults(design), *_check_names(design), *_check_materials(design)]
+    found = [*rules.find_faults(design), *_check_stages(design), *_check_materials(design)]
+    found += _check_names(design)
     for stage in design.stage:
         found += _check_suspension(stage, f"stage.{stage.name}")
     sound = not any(fault.key.startswith(("stage", "materials")) for fault in found)
-    for number, perturbation in enumerate(design.perturbation if sound else (), 1):
-        found += _check_perturbation(design, perturbation, f"perturbation.{number}")
-    found += link_checks.check_links(design, placed=sound)
+    found += _check_links(design, placed=sound)
     for loop in design.control.loop if design.control is not None else ():
         path = f"control.loop.{loop.name}"
         if not any(fault.key.startswith(path) for fault in found):
             found += _check_order(loop, path)
-    found += _check_tolerance(design)
     if not found:
-        found += link_checks.check_active(design)
+        found += _check_active(design)
     commands = [*ANALYSES, "info"]
     for command in design.analysis:
         if command not in commands:
@@ -62,27 +58,18 @@ def check_design(design: Design) -> list[Fault]:
     return found
 
 
-def _check_names(design: Design) -> Iterator[Fault]:
-    above: list[str] = [SUPPORT]
+def _check_stages(design: Design) -> Iterator[Fault]:
+    """Check that the names of stages differ, and that one is the mirror."""
+    taken = {SUPPORT: "the suspension point"}
+    if design.support is not None:
+        taken[FRAME] = "the support structure that [support] describes"
     for stage in design.stage:
         path = f"stage.{stage.name}"
-        if stage.name in above:
-            taken = "is also the name of an earlier stage"
-            if stage.name == SUPPORT:
-                taken = "is the name of the suspension point"
-            yield fault_of(stage, path, "name", taken, "give each stage a name of its own")
-        if stage.name == FRAME and design.support is not None:
-            problem = "is the name of the support structure that [support] describes"
-            yield fault_of(stage, path, "name", problem, "give the stage another name")
-        named: list[tuple[Table, str, str]] = [(stage, path, "hangs_from")]
-        if stage.damping is not None:
-            named.append((stage.damping, f"{path}.damping", "against"))
-        for table, where, key in named:
-            name = getattr(table, key)
-            if name is not None and name not in above:
-                remedy = suggest(name, above)
-                yield fault_of(table, where, key, "names no earlier stage", remedy)
-        above += [stage.name, *([stage.name + SUFFIX] if stage.filter is not None else [])]
+        if stage.name in taken:
+            problem = f"is the name of {taken[stage.name]}"
+            yield fault_of(stage, path, "name", problem, "give each stage another name")
+        for name in (stage.name, *([stage.name + SUFFIX] if stage.filter is not None else [])):
+            taken[name] = "an earlier stage"
     for stage in [stage for stage in design.stage if stage.mirror][1:]:
         path, problem = f"stage.{stage.name}", "is given for an earlier stage too"
         yield fault_of(stage, path, "mirror", problem, "keep it on the stage that is the mirror")
@@ -103,13 +90,25 @@ def _check_materials(design: Design) -> Iterator[Fault]:
         for mechanism in MECHANISMS:
             for key, problem, remedy in mechanism.check(design.materials[name], material):
                 yield fault_of(design.materials[name], path, key, problem, remedy)
-    known = materials.known(design)
+
+
+def _check_names(design: Design) -> Iterator[Fault]:
+    """Check that parts which are named exist."""
+    known = _known_names(design)
+    tables = {link.name for link in design.link if link.table is not None}
     for path, table in rules.tables(design):
+        stage = path.split(".")[1] if path.startswith("stage.") else ""
         for key, kind in rules.keys_with(type(table), "names"):
-            name = getattr(table, key)
-            if kind == "material" and name is not None and name not in known:
-                remedy = suggest(name, known) + " or define it as [materials.NAME]"
-                yield fault_of(table, path, key, "unknown material", remedy)
+            name, names = getattr(table, key), known.get(kind, known.get(f"{kind} {stage}", []))
+            if name is not None and name not in names:
+                remedy = suggest(name, names)
+                if kind == "material":
+                    remedy += " or define it as [materials.NAME]"
+                yield fault_of(table, path, key, f"names no {kind}", remedy)
+            elif kind == "link" and name in tables:
+                problem = "names a link given by a table, whose stiffness does not scatter"
+                remedy = f"vary link.{name}.table.factor with --set or sweep"
+                yield fault_of(table, path, key, problem, remedy)
 
 
 def _check_suspension(stage: Stage, path: str) -> Iterator[Fault]:
@@ -119,9 +118,6 @@ def _check_suspension(stage: Stage, path: str) -> Iterator[Fault]:
     blades = [blade.name for blade in stage.blade]
     for number, wire in enumerate(stage.wire, 1):
         where = f"{path}.wire.{number}"
-        if wire.blade is not None and wire.blade not in blades:
-            remedy = suggest(wire.blade, blades)
-            yield fault_of(wire, where, "blade", "names no [[stage.blade]]", remedy)
         if stage.position is not None:
             ends = zip(stage.position, wire.lower, wire.upper, strict=True)
             x, y, z = (p + q - u for p, q, u in ends)
@@ -213,64 +209,44 @@ def _check_direction(
         yield fault_of(clamp, path, end, problem, remedy)
 
 
-def _parts_of(design: Design) -> dict[str, list[str]]:
-    """List the names of all parts that have imperfections."""
-    found: dict[str, list[str]] = {part: [] for part in imperfections.PARTS}
-    for stage in design.stage:
+def _known_names(design: Design) -> dict[str, list[str]]:
+    """List the names of all parts by kind; of some kinds for each stage."""
+    found: dict[str, list[str]] = {kind: [] for kind in ("stage", "wire", "blade", "leg")}
+    above = [SUPPORT]
+    for number, stage in enumerate(design.stage, 1):
         name, legs, count = stage.name, stage.inverted_pendulum, len(stage.wire)
         blades = [blade.name for blade in stage.blade]
+        for key in (name, number):  # by which paths call it
+            found[f"earlier stage {key}"], found[f"blade of the stage {key}"] = [*above], blades
         if stage.wires is not None:
             count = stage.wires.count
         if stage.blades is not None:
             blades = [f"blade{n}" for n in range(1, stage.blades.count + 1)]
+        own = [name, *([name + SUFFIX] if stage.filter is not None else [])]
+        found["stage"] += own
+        above += own
         found["wire"] += [f"{name}.{n}" for n in range(1, count + 1)]
-        found["body"] += [name, *([name + SUFFIX] if stage.filter is not None else [])]
-        found["blade"] += [f"{name}.{blade}" for blade in blades]
+        found["blade"] += [f"{name}.{blade}" for blade in blades] + own[:-1]
         found["leg"] += [f"{name}.leg{n}" for n in range(1, leg_count(legs) + 1)] if legs else []
-    found["blade"] += [stage.name for stage in design.stage if stage.filter is not None]
-    found["link"] = [link.name for link in design.link]
-    return found
-
-
-def _check_perturbation(design: Design, item: Perturbation, path: str) -> Iterator[Fault]:
-    parts = [part for part in imperfections.PARTS if getattr(item, part) is not None]
-    if len(parts) != 1:
-        remedy = 'give wire = "test.1" or body = "test"'
-        yield Fault(path, "must name one wire, body, blade, leg or link", remedy)
-        return
-    part = parts[0]
-    known = [row.name for row in imperfections.perturbed(part)]
-    every = (row.name for one in imperfections.PARTS for row in imperfections.perturbed(one))
-    for key in dict.fromkeys(every):
-        if key not in known and getattr(item, key) is not None:
-            remedy = f"known here: {', '.join(known)}"
-            yield fault_of(item, path, key, f"is not for a {part}", remedy)
-    if all(getattr(item, key) is None for key in known):
-        yield Fault(path, "changes nothing", f"give {' or '.join(known)}")
-    if part == "link":
-        yield from _check_no_table(design, item.link, f"{path}.link")
-    names, given = _parts_of(design)[part], getattr(item, part)
-    if given not in names:
-        problem = f"names no {'stage' if part == 'body' else part}"
-        yield fault_of(item, path, part, problem, suggest(given, names))
-
-
-def _check_no_table(design: Design, name: str, path: str) -> Iterator[Fault]:
-    if any(link.name == name and link.table is not None for link in design.link):
-        problem = "names a link given by a table, whose stiffness cannot differ from build to build"
-        remedy = f"vary link.{name}.table.factor with --set or sweep"
-        yield Fault(path, problem, remedy, format_value(name))
+    for part in ("wire", "blade", "leg"):
+        found[f"stage with {part}s"] = list(
+            dict.fromkeys(name.split(".", 1)[0] for name in found[part])
+        )
+    return found | {
+        "link": [link.name for link in design.link],
+        "material": materials.known(design),
+    }
 
 
 def _check_order(loop: Loop, path: str) -> Iterator[Fault]:
     """Check that the gain of a filter can be set, and that it does not grow without bound."""
     if loop.gain_at is not None:
-        size = abs(loop_filters.without_gain_at(loop).at(loop.gain_at.frequency))
+        size = abs(loop.without_gain_at.at(loop.gain_at.frequency))
         if not 0 < size < math.inf or loop.gain_at.magnitude == 0:
             problem = "the gain cannot be set where the filter is 0 or infinite, or to 0"
             yield Fault(f"{path}.gain_at", problem, "give another frequency or magnitude")
             return
-    whole = loop_filters.controller_and_sensor(loop)
+    whole = loop.controller_and_sensor
     zeros, poles = len(whole.zeros), len(whole.poles)
     if zeros <= poles or (loop.damper is not None and loop.sensor_response is None):
         return  # a damper acts on the velocity, which is known
@@ -281,23 +257,108 @@ def _check_order(loop: Loop, path: str) -> Iterator[Fault]:
     yield fault_of(loop, path, key, problem, remedy)
 
 
-def _check_tolerance(design: Design) -> Iterator[Fault]:
-    """Check the names of parts that scatter."""
-    parts = _parts_of(design)
-    for kind in imperfections.PARTS if design.tolerance is not None else ():
-        for number, item in enumerate(getattr(design.tolerance, kind), 1):
-            path, names, called = f"tolerance.{kind}.{number}", parts[kind], f"stage with {kind}s"
-            key = "link" if kind == "link" else "stage"
-            if kind == "link":
-                called = kind
-                yield from _check_no_table(design, item.link, f"{path}.link")
-            elif kind == "body":
-                called = "stage"
-            else:
-                names = list(dict.fromkeys(name.split(".", 1)[0] for name in names))
-            given = [(key, called, names)]
-            given += [("wire", "wire", parts["wire"])] if kind == "wire" else []
-            for key, called, names in given:
-                name = getattr(item, key)
-                if name is not None and name not in names:
-                    yield fault_of(item, path, key, f"names no {called}", suggest(name, names))
+def _check_links(design: Design, *, placed: bool) -> Iterator[Fault]:
+    """Check all elements between two bodies; geometry only where the bodies are `placed`."""
+    stages = [stage.name for stage in design.stage]
+    taken, ends = [*stages], [*stages, SUPPORT, GROUND]
+    for kind, item in design.between_bodies:
+        path, (first, second) = f"{kind}.{item.name}", item.between
+        if item.name in taken:
+            problem = "is the name of another link, damper or stage"
+            yield fault_of(item, path, "name", problem, "give each a name of its own")
+        taken.append(item.name)
+        problem = remedy = ""
+        if first not in stages:
+            problem, remedy = f"begins with {first}, which is not a stage", suggest(first, stages)
+            if second in stages and first in ends:
+                problem, remedy = "must begin with a stage", f'swap them: ["{second}", "{first}"]'
+        elif second not in ends:
+            problem, remedy = f"ends with {second}, which is not a body", suggest(second, ends)
+            if second == FRAME:
+                remedy = f'write "{SUPPORT}" for the structure, or "{GROUND}" for the ground'
+        elif first == second:
+            problem, remedy = "joins a body to itself", "name two bodies"
+        elif GROUND in stages and second == GROUND:
+            problem, remedy = "ends on the ground or a stage of that name", "rename the stage"
+        if problem:
+            yield fault_of(item, path, "between", problem, remedy)
+    for link in design.link if placed else ():
+        if link.strands is not None:
+            yield from _check_strands(design, link, link.strands, f"link.{link.name}.strands")
+
+
+def _check_active(design: Design) -> Iterator[Fault]:
+    """Check that springs, links and dampers take power from the motion, unless `active`."""
+    for table, fault in find_active(design):
+        if not table.active:
+            remedy = f"{fault.remedy}, or give active = true if a sensor and an actuator do this"
+            yield replace(fault, remedy=remedy)
+
+
+def find_active(design: Design) -> Iterator[tuple[Link | Damper | Spring, Fault]]:
+    """Find springs, links and dampers that give power to the motion, each with what does so."""
+    for path, part in rules.tables(design):
+        if not isinstance(part, (Link, Damper, Spring)):
+            continue
+        if problem := _negative(part.damping):
+            problem = f"{problem}, so it drives the motion instead of damping it"
+            yield part, fault_of(part, path, "damping", problem, "make it positive")
+        if isinstance(part, Damper):
+            continue
+        angle = spring_loss(design, part) if isinstance(part, Spring) else part.loss_angle
+        problem = _negative(part.stiffness)
+        if angle and problem:
+            problem = f"is that of a stiffness that {problem}, so it drives the motion"
+            yield part, fault_of(part, path, "loss_angle", problem, "give loss_angle = 0.0")
+        table = getattr(part, "table", None)
+        least = min((min(row, default=0.0) for row in table.imaginary), default=0.0) if table else 0
+        if table and least < 0:
+            row = next(row for row in table.imaginary if least in row)
+            axis = table.axis or DOFS[table.imaginary.index(row)]
+            problem = (
+                f"is negative along {axis} at {table.frequency[row.index(least)]:g} Hz, so it"
+                " drives the motion instead of damping it"
+            )
+            yield part, Fault(f"{path}.table.imaginary", problem, "make it positive", f"{least:g}")
+
+
+def _negative(given: units.Matrix6 | None) -> str:
+    """In which direction a matrix is negative, as a verb phrase; "" if it is not."""
+    import numpy as np
+
+    if given is None or not np.isrealobj(given):
+        return ""
+    matrix = np.array(given, dtype=float)
+    matrix = np.diag(matrix) if matrix.ndim == 1 else matrix
+    if (matrix.diagonal() < 0).any():
+        return f"is negative along {DOFS[int(matrix.diagonal().argmin())]}"
+    scale = np.sqrt(np.where(matrix.diagonal() > 0, matrix.diagonal(), np.abs(matrix).max() or 1.0))
+    least = np.linalg.eigvalsh(matrix / np.outer(scale, scale))[0]
+    return "has a negative eigenvalue" if least < -ROUNDING else ""
+
+
+def _check_strands(design: Design, link: Link, given: Strands, path: str) -> Iterator[Fault]:
+    """Check that wires reach from end to end in their shape."""
+    position = com_positions(design) | dict.fromkeys((SUPPORT, GROUND), (0.0, 0.0, 0.0))
+    if any(name not in position for name in link.between):
+        return
+    first, second = (position[name] for name in link.between)
+    x, y, z = (b + q - a - p for a, b, p, q in zip(first, second, link.at, given.to, strict=True))
+    width = math.hypot(x, y)
+    if given.shape == "points":
+        end = tuple(p + d for p, d in zip(link.at, (x, y, z), strict=True))
+        points = [link.at, *given.points, end]
+        if any(math.dist(one, other) < 1e-9 for one, other in pairwise(points)):
+            yield Fault(f"{path}.points", "two points of the wire coincide", "check at, points, to")
+    elif width < 1e-6:
+        problem = "lies above or below the point at, so the shape has no plane"
+        yield fault_of(given, path, "to", problem, "move one end sideways, or give points")
+    elif given.length is not None:
+        least = math.hypot(width, z) if given.shape == "catenary" else math.pi / 2 * width + abs(z)
+        if given.length <= least * (1 + 1e-9):
+            problem = (
+                f"is too short for ends {width:.4g} m apart and {abs(z):.4g} m in height: this"
+                f" shape needs more than {least:.4g} m"
+            )
+            remedy = "give a longer wire, or check at and to (m)"
+            yield fault_of(given, path, "length", problem, remedy)

@@ -25,11 +25,11 @@ PER_HZ = {"Hz": 1.0, "hz": 1.0, "mHz": 1e3, "kHz": 1e-3}
 """Numbers of units per SI unit: to divide by them rounds correctly, 400 um are 0.0004 m."""
 
 
-class BadTable(Exception):
+class BadTable(InputError):
     """Fault of a CSV file: what is wrong, and what to do."""
 
     def __init__(self, problem: str, remedy: str) -> None:
-        super().__init__(problem)
+        super().__init__([Fault("", problem, remedy)])
         self.problem, self.remedy = problem, remedy
 
 
@@ -95,25 +95,22 @@ def insert_files(raw: Raw, folder: Path, *, of_links: bool = True) -> None:
     Raises `InputError` for files that cannot be read or have another form.
     """
     found: list[Fault] = []
-    for number, link in enumerate(_tables(raw, "link") if of_links else [], 1):
-        table, key = link.get("table"), f"link.{link.get('name', number)}.table"
+    links = [*_tables(raw, "link", "link")] if of_links else []
+    for path, table in [(f"{path}.table", link.get("table")) for path, link in links]:
         if not isinstance(table, dict) or not isinstance(table.get("file"), str):
             continue
         given = [name for name in ("frequency", "real", "imaginary") if name in table]
         if given:
-            found.append(Fault(f"{key}.{given[0]}", "is also in the file", "remove it, or file"))
+            found.append(Fault(f"{path}.{given[0]}", "is also in the file", "remove it, or file"))
             continue
         name, form = table.pop("file"), table.pop("form", "real-imaginary")
-        with _reported(found, f"{key}.file", name):
+        with _reported(found, f"{path}.file", name):
             table |= _stiffness(folder / name, form)
-    for number, stage in enumerate(_tables(raw, "stage"), 1):
-        where = f"stage.{stage.get('name', number)}"
-        wires = {f"{where}.wire.{n}": wire for n, wire in enumerate(_tables(stage, "wire"), 1)}
-        for path, wire in ({f"{where}.wires": stage.get("wires")} | wires).items():
-            if not isinstance(wire, dict):
-                continue
-            given = wire.get("profile")
-            own = {"file": given} if isinstance(given, str) else given
+    for where, stage in _tables(raw, "stage", "stage"):
+        wires = [(f"{where}.wires", stage.get("wires")), *_tables(stage, "wire", f"{where}.wire")]
+        for path, wire in wires:
+            own = wire.get("profile") if isinstance(wire, dict) else None
+            own = {"file": own} if isinstance(own, str) else own
             if not isinstance(own, dict) or "position" in own or "diameter" in own:
                 continue
             if isinstance(name := own.get("file"), str):
@@ -125,9 +122,12 @@ def insert_files(raw: Raw, folder: Path, *, of_links: bool = True) -> None:
         raise InputError(found)
 
 
-def _tables(raw: Raw, key: str) -> list[Raw]:
+def _tables(raw: Raw, key: str, path: str) -> Iterator[tuple[str, Raw]]:
+    """List the tables of an array, each behind its path."""
     rows = raw.get(key)
-    return [row if isinstance(row, dict) else {} for row in rows] if isinstance(rows, list) else []
+    for number, row in enumerate(rows if isinstance(rows, list) else [], 1):
+        if isinstance(row, dict):
+            yield f"{path}.{row.get('name', number)}", row
 
 
 @contextlib.contextmanager

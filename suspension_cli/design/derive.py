@@ -280,30 +280,15 @@ def wire_line_densities(
     design: Design, wire: WireSet | Wire, length: float
 ) -> list[tuple[float, float]]:
     """List length (m) and mass per length (kg/m) of the uniform stretches of a wire."""
-    return [
-        (
-            piece.length,
-            ((piece.material and materials.resolve(design, piece.material).density) or 0.0)
-            * piece.shape.bulk[0],
-        )
-        for piece in stretches(wire, length)
-    ]
-
-
-CHAIN_KEYS = (
-    *("design", "constants", "materials", "gas", "stage", "link", "damper", "support"),
-    *("control", "perturbation", "tolerance", "analysis"),
-    *("gravity", "gravity_gradient", "wire_weight", "temperature"),
-)
-"""Tables and constants that models of symmetric chains read, ignore rightly, or refuse by name."""
+    found = []
+    for piece in stretches(wire, length):
+        density = materials.resolve(design, piece.material).density if piece.material else None
+        found.append((piece.length, (density or 0.0) * piece.shape.bulk[0]))
+    return found
 
 
 def beyond_symmetric_chains(design: Design) -> str:
     """Name the physics that symmetric-chain models omit besides bending and wire mass, or ""."""
-    for table in (design, design.constants):
-        for key in table.__struct_fields__:
-            if key not in CHAIN_KEYS and getattr(table, key):
-                return f"it has {key}"
     if gravity_field(design) is not None:
         return "its gravity is a vector or has a gradient"
     if design.constants.wire_weight:

@@ -21,23 +21,9 @@ import math
 from dataclasses import dataclass
 from typing import Annotated
 
+from suspension_cli.design import units
 from suspension_cli.design.rules import at_most_one, exactly_one
-from suspension_cli.design.units import (
-    ISOLATING,
-    PART_SIZE,
-    Expansion,
-    Frequency,
-    LossAngle,
-    Mass,
-    ModulusSlope,
-    Problems,
-    Stiffness,
-    Table,
-    Tension,
-    Vector,
-    key,
-    of_unit,
-)
+from suspension_cli.design.units import Problems, Table, key
 
 SUFFIX = "-keystone"
 LATERAL, TILT = 1e7, 1e4
@@ -50,8 +36,8 @@ STEEL = 7900.0
 class Keystone(Table, frozen=True):
     """Mass and inertia of a keystone, the part of the blades that moves with it included."""
 
-    mass: Mass
-    inertia: list[Annotated[float, of_unit("kg m^2", "", gt=0, le=1e15)]] | None = key(
+    mass: units.Mass
+    inertia: list[Annotated[float, units.of_unit("kg m^2", "", gt=0, le=1e15)]] | None = key(
         "moments of inertia about x, y, z, kg m^2; default those of a steel cylinder as"
         " high as wide",
         min_length=3,
@@ -67,20 +53,21 @@ class Filter(Table, frozen=True):
     """
 
     keystone: Keystone
-    at: Vector = key(
-        "COM of the keystone from this body's COM, m", (0.0, 0.0, 0.0), plausible=PART_SIZE
+    at: units.Vector = key(
+        "COM of the keystone from this body's COM, m", (0.0, 0.0, 0.0), plausible=units.PART_SIZE
     )
-    frequency: Frequency | None = key(
-        "vertical frequency at the working point, Hz, with the load rigid", plausible=ISOLATING
+    frequency: units.Frequency | None = key(
+        "vertical frequency at the working point, Hz, with the load rigid",
+        plausible=units.ISOLATING,
     )
-    stiffness: Stiffness | None = key(
+    stiffness: units.Stiffness | None = key(
         "vertical stiffness of all blades at the working point, N/m, instead of frequency"
     )
-    load: Tension | None = key(
+    load: units.Tension | None = key(
         "load under which the keystone is at its nominal point, its own weight included,"
         " N; default that of the design, with vertical preloads of links"
     )
-    lateral_stiffness: Stiffness = key(
+    lateral_stiffness: units.Stiffness = key(
         "stiffness of the blades against horizontal motion, N/m", LATERAL
     )
     tilt_stiffness: float = key(
@@ -99,24 +86,26 @@ class Filter(Table, frozen=True):
         ge=-1e6,
         le=1e6,
     )
-    loss_angle: LossAngle | None = key("loss angle of the blades' stiffness in rad")
+    loss_angle: units.LossAngle | None = key("loss angle of the blades' stiffness in rad")
     q: float | None = key("Q of the vertical mode, 1/loss_angle", unit="1", gt=0, le=1e12)
-    modulus_slope: ModulusSlope = key(
+    modulus_slope: units.ModulusSlope = key(
         "relative change of Young's modulus of the blades with temperature, 1/K, for the"
         " shift of the working point that check reports",
         0.0,
     )
-    thermal_expansion: Expansion = key(
+    thermal_expansion: units.Expansion = key(
         "thermal expansion of the blades in 1/K; adds to that shift", 0.0
     )
 
+    rules = (
+        exactly_one("stiffness", "frequency"),
+        at_most_one("loss_angle", "q"),
+        at_most_one("saturation", "mass_coupling"),
+    )
+
     def faults(self) -> Problems:
-        """Check that it has one stiffness, loss and inertia of its blades."""
-        what, none = "stiffness in N/m, or frequency at the load in Hz", "has no stiffness"
-        yield from exactly_one(self, "stiffness", "frequency", give=what, none=none)
-        yield from at_most_one(self, "loss_angle", "q", give="loss_angle in rad, or q")
-        what = "saturation, or mass_coupling in kg"
-        yield from at_most_one(self, "saturation", "mass_coupling", give=what)
+        """Check that the inertia of the blades is part of that of the keystone."""
+        yield from super().faults()
         if self.q is not None and self.q <= 1:
             remedy = "give a larger one, or damp the stage with [stage.damping]"
             yield "q", "gives a loss angle of 1 rad or more", remedy

@@ -17,15 +17,12 @@ of `FilterDesign` in LIGO's Global Diagnostics System):
 
 from __future__ import annotations
 
-import ast
 import cmath
 import math
-import operator
 import re
-import warnings
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, NoReturn
+from typing import Any
 
 PAIRED = 1e-9
 """Relative distance within which two complex roots are conjugates."""
@@ -37,12 +34,13 @@ FACTOR = re.compile(
     r"\s*(?P<times>\*?)\s*(?P<name>[A-Za-z_]\w*)\s*"
     r"\((?P<arguments>(?:[^()\"']|\"[^\"]*\"|'[^']*')*+)\)"
 )
+EXAMPLE = 'write for example zpk([0],[20;10+i*17.3;10-i*17.3],126,"n")'
 
 
 class FotonError(ValueError):
     """Error in a Foton string: what is wrong, with its column, and what to do."""
 
-    def __init__(self, problem: str, remedy: str) -> None:
+    def __init__(self, problem: str, remedy: str = EXAMPLE) -> None:
         super().__init__(f"{problem}; {remedy}")
         self.problem, self.remedy = problem, remedy
 
@@ -81,7 +79,7 @@ def parse(text: str) -> Filter:
     Raises
     ------
     FotonError
-        With the column of the error.
+        With the column of the factor at fault.
 
     Examples
     --------
@@ -95,9 +93,16 @@ def parse(text: str) -> Filter:
         found = FACTOR.match(text, place)
         if found is None or (place == 0 and found["times"]):
             rest = text[place:].strip()
-            _fail(end - len(rest), f"{rest[:20]!r} is not understood" if rest else "is empty")
-        columns = found.start("name"), found.start("arguments")
-        result *= _factor(found["name"], columns[0], found["arguments"], columns[1])
+            what = f"{rest[:20]!r} is not understood" if rest else "is empty"
+            raise FotonError(f"column {end - len(rest) + 1}: {what}")
+        where = f"column {found.start('name') + 1}: {found['name']}"
+        try:
+            result *= _make(found["name"], found["arguments"])
+        except FotonError as error:
+            raise FotonError(f"{where} {error.problem}", error.remedy) from None
+        except (OverflowError, ZeroDivisionError):
+            problem = f"{where} has numbers too large or too small to compute with"
+            raise FotonError(problem, "check its frequencies, Q and gain") from None
         place = found.end()
     if not all(map(cmath.isfinite, (result.gain, *result.zeros, *result.poles))):
         raise FotonError("a gain or root is not a finite number", "check the gains and roots")
@@ -115,26 +120,17 @@ def find_without_plane(text: str) -> list[str]:
     return re.findall(r"(?:pole|zero)2?\s*\([^()\"']*\)", text)
 
 
-def format_filter(filter_: Filter, plane: str = "n") -> str:
-    """Write a filter as a Foton string, to all digits.
+def format_filter(filter_: Filter) -> str:
+    """Write a filter as a Foton string in plane "n", to all digits.
 
     Examples
     --------
     >>> format_filter(Filter(2.0, (0.0,), (4.0,)))
     'zpk([0],[4],0.5,"n")'
     """
-    size = len(filter_.zeros) - len(filter_.poles)
-    if plane == "n":
-        unit = 1.0
-        gain = filter_.gain * _normal(filter_.zeros) / _normal(filter_.poles)
-    else:
-        unit = -1.0 if plane == "f" else -2 * math.pi
-        gain = filter_.gain * (2 * math.pi) ** -size
-    zeros, poles = (
-        ";".join(_write_root(unit * root) for root in roots)
-        for roots in (filter_.zeros, filter_.poles)
-    )
-    return f'zpk([{zeros}],[{poles}],{_write(gain)},"{plane}")'
+    gain = filter_.gain * _normal(filter_.zeros) / _normal(filter_.poles)
+    zeros, poles = (";".join(map(_write_root, some)) for some in (filter_.zeros, filter_.poles))
+    return f'zpk([{zeros}],[{poles}],{_write(gain)},"n")'
 
 
 def _normal(roots: tuple[complex, ...]) -> float:
@@ -154,133 +150,93 @@ def _write_root(root: complex) -> str:
     return f"{_write(root.real)}{'-' if root.imag < 0 else '+'}i*{_write(abs(root.imag))}"
 
 
-def _factor(name: str, column: int, arguments: str, start: int) -> Filter:
-    """Read one factor from its name and arguments, and their columns."""
+def _make(name: str, arguments: str) -> Filter:
+    """Make the filter of one factor from its arguments."""
     if name not in MINIMUM:
-        problem = f"{name} is not known here ({', '.join(MINIMUM)})"
-        _fail(column, problem, "have Foton write the filter as zeros, poles and gain")
-    # the same text in Python, column by column
-    text = re.sub(r"(?<=[\d.])[ij]\b", "j", arguments).replace(";", ",")
-    try:
-        with warnings.catch_warnings(action="ignore"):
-            nodes = ast.parse(f"[{text}]", mode="eval").body
-        assert isinstance(nodes, ast.List)
-        given = [(_value(node, start), start + node.col_offset - 1) for node in nodes.elts]
-        return _make(name, column, given)
-    except (
-        SyntaxError,
-        ValueError,
-        AssertionError,
-        TypeError,
-        RecursionError,
-        MemoryError,
-    ) as error:
-        if isinstance(error, FotonError):
-            raise
-        _fail(start, f"the arguments of {name} cannot be read")
-    except (OverflowError, ZeroDivisionError):
-        problem = f"{name} has numbers too large or too small to compute with"
-        _fail(column, problem, "check its frequencies, Q and gain")
-
-
-def _value(node: ast.expr, start: int) -> Any:
-    """A string, a complex number (1, -i*2, 1+i*2, 1+2*i, 1-2i), or roots with their columns."""
-    place = start + node.col_offset - 1
-    match node:
-        case ast.Constant(value=str(text)):
-            return text
-        case ast.Constant(value=int() | float() | complex() as number):
-            if not cmath.isfinite(number):
-                _fail(place, "the number is too large", "write a smaller one")
-            return complex(number)
-        case ast.Name(id="i" | "j"):
-            return 1j
-        case ast.UnaryOp(op=ast.UAdd() | ast.USub() as sign, operand=operand):
-            return complex(_value(operand, start)) * (-1 if isinstance(sign, ast.USub) else 1)
-        case ast.BinOp(left=left, op=ast.Add() | ast.Sub() | ast.Mult() as sign, right=right):
-            combine = {ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul}
-            terms = (complex(_value(one, start)) for one in (left, right))
-            return combine[type(sign)](*terms)
-        case ast.List(elts=members):
-            return [(_value(one, start), start + one.col_offset - 1) for one in members]
-        case _:
-            return _fail(place, "a number, a vector of roots or a plane expected")
-
-
-def _fail(column: int, problem: str, remedy: str = "") -> NoReturn:
-    raise FotonError(
-        f"column {column + 1}: {problem}",
-        remedy or 'write for example zpk([0],[20;10+i*17.3;10-i*17.3],126,"n")',
-    )
-
-
-def _make(name: str, column: int, given: list[tuple[object, int]]) -> Filter:
-    plane = "scalar" if name == "gain" else "s"
-    if given and isinstance(given[-1][0], str):
-        plane, at = str(given[-1][0]), given.pop()[1]
-        allowed = ("scalar", "dB") if name == "gain" else tuple(SIDE)
+        remedy = "have Foton write the filter as zeros, poles and gain"
+        raise FotonError(f"is not known here ({', '.join(MINIMUM)})", remedy)
+    given = [_read(one.strip()) for one in re.split(r",(?![^\[]*\])", arguments) if arguments]
+    plane, allowed = ("scalar", ("scalar", "dB")) if name == "gain" else ("s", tuple(SIDE))
+    if given and isinstance(given[-1], str):
+        plane = given.pop()
         if plane not in allowed:
             known = " or ".join(f'"{one}"' for one in allowed)
-            _fail(at, f'"{plane}" is not known', f"write {known}")
+            raise FotonError(f'has no plane "{plane}"', f"write {known}")
     least = MINIMUM[name]
     most = least + (name not in ("zpk", "gain"))
     if not least <= len(given) <= most:
         count = f"{least}" if least == most else f"{least} or {most}"
-        _fail(column, f"{name} takes {count} numbers, found {len(given)}")
+        raise FotonError(f"takes {count} numbers, found {len(given)}")
     if name == "zpk":
-        zeros, poles = (_roots(*one) for one in given[:2])
-        made = _normalise(_number(*given[2]), zeros, poles, plane)
-        for pole in made.poles:
-            if pole.real < 0:
-                where = f"at {_write_root(-pole)} Hz is in the right half plane"
-                remedy = f'in plane "{plane}" stable poles have {SIDE[plane]} real parts'
-                _fail(given[1][1], f"a pole {where} and grows", remedy)
-        return made
-    numbers = [_number(*one) for one in given]
+        return _zpk(given[0], given[1], given[2], plane)
+    numbers = [_real(one) for one in given]
     if name == "gain":
         return Filter(10 ** (numbers[0] / 20) if plane == "dB" else numbers[0])
-    extra = numbers[least] if len(numbers) > least else 1.0
-    if numbers[0] < 0:
-        _fail(given[0][1], f"the frequency of {name} is negative", "give it positive")
+    if numbers[0] < 0 or (name.endswith("2") and not (numbers[0] > 0 and numbers[1] > 0)):
+        raise FotonError("takes a positive frequency and Q", "correct them")
     roots: tuple[complex, ...] = (complex(numbers[0]),)
-    if name not in ("pole", "zero"):
-        f0, q = numbers[:2]
-        if not q > 0 or f0 == 0:
-            _fail(column, f"{name} takes a positive frequency and Q", "correct them")
+    if name.endswith("2"):
         # f0^2 - f^2 + i f f0 / Q = (i f + r1) (i f + r2), r1 + r2 = f0 / Q, r1 r2 = f0^2
+        f0, q = numbers[:2]
         half, root = f0 / (2 * q), f0 * cmath.sqrt(1 / (4 * q * q) - 1)
         roots = (half + root, half - root)
     if plane != "n":  # `pole` and `zero` have positive frequencies in every plane
         roots = tuple(-root for root in roots)
-    is_pole = name.startswith("pole")
-    return _normalise(extra, () if is_pole else roots, roots if is_pole else (), plane)
+    extra = numbers[least] if len(numbers) > least else 1.0
+    zeros, poles = ((), roots) if name.startswith("pole") else (roots, ())
+    return _normalise(extra, zeros, poles, plane)
 
 
-def _number(value: object, column: int) -> float:
+def _zpk(zeros: Any, poles: Any, gain: Any, plane: str) -> Filter:
+    made = _normalise(_real(gain), _pair_roots(zeros), _pair_roots(poles), plane)
+    for pole in made.poles:
+        if pole.real < 0:
+            problem = f"has a pole at {_write_root(-pole)} Hz in the right half plane, which grows"
+            remedy = f'in plane "{plane}" stable poles have {SIDE[plane]} real parts'
+            raise FotonError(problem, remedy)
+    return made
+
+
+def _read(text: str) -> Any:
+    """Read an argument: a string, a list of roots, or a number (1, -i*2, 1+i*2, 1+2*i, 1-2i)."""
+    if quoted := re.fullmatch(r"([\"'])(.*)\1", text):
+        return quoted[2]
+    if vector := re.fullmatch(r"\[([^\[\]]*)\]", text):
+        return [_read(root) for root in re.split("[;,]", vector[1]) if vector[1].strip()]
+    plain = re.sub(r"\s", "", text).replace("i", "j")
+    plain = re.sub(r"j\*([\d.]+(?:e[+-]?\d+)?)", r"\1j", plain).replace("*j", "j")
+    try:
+        number = complex(plain)
+    except ValueError:
+        problem = f"has {text.strip()[:20]!r} instead of a number, a vector of roots or a plane"
+        raise FotonError(problem) from None
+    if not cmath.isfinite(number):
+        raise FotonError(f"has a number that is too large ({text})", "write a smaller one")
+    return number
+
+
+def _real(value: Any) -> float:
     if not isinstance(value, complex) or value.imag:
-        _fail(column, "a real number expected")
+        raise FotonError("takes real numbers here")
     return value.real
 
 
-def _roots(value: object, column: int) -> tuple[complex, ...]:
-    """Check the roots of a vector: complex ones come in conjugate pairs."""
-    if isinstance(value, complex):  # Foton takes one root without brackets
-        value = [(value, column)]
-    if not isinstance(value, list):
-        _fail(column, "a vector of roots expected", "write [0.1;0.2], or [] for none")
-    left: list[tuple[complex, int]] = list(value)
+def _pair_roots(value: Any) -> tuple[complex, ...]:
+    """Check the roots of a vector (or one alone): complex ones come in conjugate pairs."""
+    if isinstance(value, str):
+        raise FotonError("takes vectors of roots", "write [0.1;0.2], or [] for none")
+    left: list[complex] = value if isinstance(value, list) else [value]
     result: list[complex] = []
     while left:
-        root, at = left.pop(0)
-        if root.imag == 0:
-            result.append(root)
-            continue
-        distance = [abs(other - root.conjugate()) for other, _ in left]
-        if not distance or min(distance) > PAIRED * abs(root):
-            problem = f"the complex root {_write_root(root)} has no conjugate"
-            _fail(at, problem, f"add {_write_root(root.conjugate())}")
-        left.pop(distance.index(min(distance)))
-        result += [root, root.conjugate()]
+        root, *left = left
+        result.append(root)
+        if root.imag:
+            near = min(left, key=lambda other: abs(other - root.conjugate()), default=root)
+            if abs(near - root.conjugate()) > PAIRED * abs(root):
+                problem = f"has no conjugate of the complex root {_write_root(root)}"
+                raise FotonError(problem, f"add {_write_root(root.conjugate())}")
+            left.remove(near)
+            result.append(root.conjugate())
     return tuple(result)
 
 

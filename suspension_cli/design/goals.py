@@ -6,31 +6,29 @@ from pathlib import Path
 from typing import Literal
 
 from suspension_cli.conventions import DOFS
-from suspension_cli.design import reader, rules
+from suspension_cli.design import reader
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.measured import Number, Positive
-from suspension_cli.design.rules import bounded, exactly_one
+from suspension_cli.design.rules import bounded, by_kind, exactly_one, excludes, given, needs
 from suspension_cli.design.schema import Perturbation
 from suspension_cli.design.units import Name, Problems, Table, key
-from suspension_cli.errors import InputError, attribute_faults_to
 
 Kind = Literal["band", "separation", "coupling", "isolation", "cross-coupling", "stress", "height"]
 Dof = Literal["x", "y", "z", "roll", "pitch", "yaw"]
 
 
-LIMITS = ("at_least", "at_most", "equals")
-MODAL = ("dof", "lowest", "modes")
-TAKES: dict[str, tuple[str, ...]] = {
-    "band": ("at_least", "at_most", "equals", *MODAL),
-    "separation": ("at_least", "apart", *MODAL),
-    "coupling": ("at_least", *MODAL),
-    "isolation": ("at_most", "response", "perturbation"),
-    "cross-coupling": ("at_most", "response", "perturbation"),
-    "stress": ("at_most", "wires", "blades"),
-    "height": ("at_least", "at_most", "equals", "stage"),
+LIMITS = ["at_least", "at_most", "equals"]
+MODAL = ["dof", "lowest", "modes"]
+TAKES: dict[object, tuple[list[str], list[str]]] = {
+    "band": ([], [*LIMITS, *MODAL]),
+    "separation": ([], ["at_least", "apart", *MODAL]),
+    "coupling": ([], ["at_least", *MODAL]),
+    "isolation": (["response"], ["at_most", "perturbation"]),
+    "cross-coupling": (["response"], ["at_most", "perturbation"]),
+    "stress": ([], ["at_most", "wires", "blades"]),
+    "height": ([], [*LIMITS, "stage"]),
 }
-"""Keys that each kind of goal takes beside `kind`, `name`, `minimise`, `maximise` and `weight`."""
-COMMON = ("kind", "name", "minimise", "maximise", "weight")
+"""Keys that each kind of goal needs, and takes, beside those that all take."""
 PARTS = {
     "isolation": (1, "OUTPUT/INPUT:FREQUENCY, test.x/support.x:10"),
     "cross-coupling": (2, "OVER/UNDER/INPUT:FREQUENCY, test.x/test.z/support.z:50"),
@@ -47,9 +45,11 @@ class Free(Table, frozen=True):
     start: Number | None = key("where to begin; default: the design's value")
     scale: Literal["linear", "log"] = key('"log": steps of equal ratio', "linear")
 
+    rules = (bounded,)
+
     def faults(self) -> Problems:
-        """Check the bounds."""
-        yield from bounded(self, self.start)
+        """Check what depends on several keys."""
+        yield from super().faults()
         if self.scale == "log" and self.lower <= 0:
             remedy = 'give a positive bound, or scale = "linear"'
             yield "lower", "must be positive on a logarithmic scale", remedy
@@ -64,11 +64,13 @@ class Equal(Table, frozen=True):
     lower: Number | None = None
     upper: Number | None = None
 
+    rules = (bounded,)
+
     def faults(self) -> Problems:
-        """Check that it follows from something, within bounds."""
+        """Check what depends on several keys."""
+        yield from super().faults()
         if not self.terms:
             yield "terms", "is empty", 'give { "dotted.path" = coefficient }'
-        yield from bounded(self)
 
 
 class Goal(Table, frozen=True):
@@ -100,40 +102,28 @@ class Goal(Table, frozen=True):
     blades: list[Name] | None = key("stages whose blades are meant", min_length=1)
     stage: Name | None = key("stage whose depth below the suspension point is meant")
 
+    rules = (
+        by_kind("kind", TAKES),
+        excludes("equals", "at_least", "at_most"),
+        needs("lowest", "dof"),
+    )
+
     def faults(self) -> Problems:
         """Check that it has the keys of its kind, and one limit or direction."""
-        takes = TAKES[self.kind]
-        keys = [
-            name
-            for name in self.__struct_fields__
-            if getattr(self, name) not in (None, False, "") and name not in COMMON
-        ]
-        for name in keys:
-            if name not in takes:
-                remedy = f"known here: {', '.join(takes)}"
-                yield name, f"is not for a goal of kind {self.kind}", remedy
-        limits = [key for key in LIMITS if key in keys]
-        if self.minimise and self.maximise:
-            yield "", "has both minimise and maximise", "keep one of the two"
-        elif not limits and not self.minimise and not self.maximise:
-            ways = " or ".join(key for key in takes if key in LIMITS)
-            yield "", "sets no limit", f"give {ways}, or minimise or maximise = true"
+        yield from super().faults()
         if self.weight is not None and not (self.minimise or self.maximise):
             yield "weight", "has no effect on a limit", "give minimise or maximise too"
-        if self.equals is not None and len(limits) > 1:
-            yield "equals", "conflicts with another limit", "give equals alone"
         low, high = self.at_least, self.at_most
+        if (self.minimise and self.maximise) or not (
+            given(self, *LIMITS) or self.minimise or self.maximise
+        ):
+            ways = " or ".join(key for key in TAKES[self.kind][1] if key in LIMITS)
+            problem = "sets no limit" if not self.minimise else "has both minimise and maximise"
+            yield "", problem, f"give {ways}, or one of minimise and maximise = true"
         if low is not None and high is not None and low >= high:
             yield "at_least", f"is not below at_most = {high:g}", "exchange them"
-        yield from self._faults_of_kind()
-
-    def _faults_of_kind(self) -> Problems:
-        low = self.at_least
-        if "dof" in TAKES[self.kind]:
-            what = 'dof = ["yaw"] or modes = ["test pitch"]'
-            yield from exactly_one(self, "dof", "modes", give=what, none="must say which modes")
-            if self.lowest is not None and self.dof is None:
-                yield "lowest", "goes with dof", "give dof too, or name the modes"
+        if "dof" in TAKES[self.kind][1]:
+            yield from exactly_one("dof", "modes")(self)
         if self.kind == "coupling" and (low or 0) > 1:
             remedy = "give a fraction from 0 to 1, such as 0.01"
             yield "at_least", "is more than the whole kinetic energy", remedy
@@ -142,12 +132,9 @@ class Goal(Table, frozen=True):
         if self.kind == "separation" and self.apart != "hertz" and low is not None and low <= 1:
             remedy = 'give 1.1 for 10 % apart, or apart = "hertz"'
             yield "at_least", "must be a ratio above 1", remedy
-        if self.kind in PARTS:
-            slashes, example = PARTS[self.kind]
-            if self.response is None:
-                yield "response", "missing", f"give {example}"
-            elif self.response.partition(":")[0].count("/") != slashes:
-                yield "response", f"has the wrong form for {self.kind}", f"write {example}"
+        slashes, example = PARTS.get(self.kind, (0, ""))
+        if self.response and example and self.response.partition(":")[0].count("/") != slashes:
+            yield "response", f"has the wrong form for {self.kind}", f"write {example}"
 
 
 class Goals(Table, frozen=True):
@@ -182,9 +169,4 @@ class Goals(Table, frozen=True):
 
 def read(file: str | Path, text: str | None = None) -> Goals:
     """Read and check a file of goals, or its text if given; raises `InputError` with all faults."""
-    raw = reader.read_toml(file, text)
-    with attribute_faults_to(str(file)):
-        if "stage" in raw:
-            problem = "is a design, not a file of goals"
-            raise InputError.of("", problem, "name a TOML file with [[goal]] and [[free]]")
-        return rules.convert(raw, Goals)
+    return reader.read_as(Goals, "file of goals", file, text)

@@ -6,16 +6,28 @@ function (for a wire, the argument) of its name.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Optional
 
-from suspension_cli.design.units import Angle, Factor, Position, Table, doc, extend_table, unit
+from suspension_cli.design import units
+from suspension_cli.design.units import NAMES, Table, doc
 
 AXES = ("x", "y", "z")
 Part = Literal["wire", "body", "blade", "leg", "link"]
 PARTS: tuple[Part, ...] = ("wire", "body", "blade", "leg", "link")
 """Parts of a build that have imperfections; blades are those of wires and of filters."""
+
+
+LARGE_SHIFT = units.Plausible(0.02, "larger than in any real build")
+LARGE_TURN = units.Plausible(
+    0.1, "larger than in any real build", (("degrees", math.pi / 180), ("mrad", 1e-3))
+)
+LARGE_FRACTION = units.Plausible(0.5, "a larger fraction than in any real build", (("%", 1e-2),))
+"""Also of tolerances."""
+Shift = Annotated[units.Position, units.of_unit("m", "signed length in m", LARGE_SHIFT)]
+Turn = Annotated[units.Angle, units.of_unit("rad", "angle in rad", LARGE_TURN)]
 
 
 @dataclass(frozen=True)
@@ -58,7 +70,12 @@ class Imperfection:
     @property
     def unit(self) -> str:
         """SI unit; ``1`` for a factor."""
-        return unit(self.kind)
+        return units.unit(self.kind)
+
+    @property
+    def plausible(self) -> units.Plausible:
+        """Range of plausible deviations."""
+        return {"1": LARGE_FRACTION, "m": LARGE_SHIFT, "rad": LARGE_TURN}[self.unit]
 
     @property
     def relative(self) -> bool:
@@ -79,11 +96,13 @@ class Imperfection:
 
 
 IMPERFECTIONS = (
-    Imperfection("k_factor", "wire", Factor, "the wire's spring constant", spread="k", sweep="k"),
+    Imperfection(
+        "k_factor", "wire", units.Factor, "the wire's spring constant", spread="k", sweep="k"
+    ),
     Imperfection(
         "radius_factor",
         "wire",
-        Factor,
+        units.Factor,
         "the wire's radius (its spring constant goes with the square)",
         spread="radius",
         perturbation=False,
@@ -91,7 +110,7 @@ IMPERFECTIONS = (
     Imperfection(
         "length_change",
         "wire",
-        Position,
+        Shift,
         "change of the wire's unstretched length, after trimming",
         spread="length",
         sweep="length",
@@ -99,7 +118,7 @@ IMPERFECTIONS = (
     Imperfection(
         "upper_offset",
         "wire",
-        Position,
+        Shift,
         "offset of the wire's upper end",
         vector=True,
         spread="upper",
@@ -108,7 +127,7 @@ IMPERFECTIONS = (
     Imperfection(
         "lower_offset",
         "wire",
-        Position,
+        Shift,
         "offset of the wire's lower end",
         vector=True,
         spread="lower",
@@ -117,7 +136,7 @@ IMPERFECTIONS = (
     Imperfection(
         "mass_factor",
         "body",
-        Factor,
+        units.Factor,
         "the body's mass",
         spread="mass",
         sweep="mass",
@@ -126,7 +145,7 @@ IMPERFECTIONS = (
     Imperfection(
         "inertia_factor",
         "body",
-        Factor,
+        units.Factor,
         "the body's moments of inertia",
         vector=True,
         spread="inertia",
@@ -136,7 +155,7 @@ IMPERFECTIONS = (
     Imperfection(
         "com_offset",
         "body",
-        Position,
+        Shift,
         "offset of the body's COM relative to the attachments",
         vector=True,
         spread="com",
@@ -145,18 +164,26 @@ IMPERFECTIONS = (
     Imperfection(
         "rotation",
         "body",
-        Angle,
+        Turn,
         "rotation vector of the mass relative to the attachments",
         vector=True,
     ),
-    Imperfection("stiffness_factor", "blade", Factor, "the blade's stiffness", spread="stiffness"),
     Imperfection(
-        "stiffness_factor", "leg", Factor, "the stiffness of the leg's flexures", spread="stiffness"
+        "stiffness_factor", "blade", units.Factor, "the blade's stiffness", spread="stiffness"
     ),
     Imperfection(
-        "length_change", "leg", Position, "change of the leg's unloaded length", spread="length"
+        "stiffness_factor",
+        "leg",
+        units.Factor,
+        "the stiffness of the leg's flexures",
+        spread="stiffness",
     ),
-    Imperfection("stiffness_factor", "link", Factor, "the link's stiffness", spread="stiffness"),
+    Imperfection(
+        "length_change", "leg", Shift, "change of the leg's unloaded length", spread="length"
+    ),
+    Imperfection(
+        "stiffness_factor", "link", units.Factor, "the link's stiffness", spread="stiffness"
+    ),
 )
 
 
@@ -206,6 +233,11 @@ def scattered(part: str) -> tuple[Imperfection, ...]:
     return tuple(item for item in IMPERFECTIONS if item.spread and item.part == part)
 
 
+def spreads(part: str) -> list[str]:
+    """List the keys of `[[tolerance.PART]]` that give a distribution."""
+    return [item.spread for item in scattered(part)]
+
+
 def with_perturbations(base: type[Table]) -> type:
     """Derive a table of the file from `base`, with a key per imperfection of any part."""
     keys: dict[str, Any] = {}
@@ -214,17 +246,22 @@ def with_perturbations(base: type[Table]) -> type:
         text = SHARED[item.name] if item.name in keys else item.help("x, y, z")
         described: Any = Annotated[kind, doc(text)]
         keys[item.name] = described | None
-    return extend_table(base, keys)
+    return units.extend_table(base, keys)
 
 
 def with_spreads(base: type[Table], part: str, distribution: type[Table]) -> type:
     """Derive a table of the file from `base`, with a distribution per imperfection of a part."""
     keys: dict[str, Any] = {}
     rows = scattered(part)
+    if part in ("body", "blade", "leg"):
+        whole = "stage" if part == "body" else f"stage with {part}s"
+        keys["stage"] = Annotated[
+            units.Name, units.of_unit("", f"a stage's name: {NAMES}", names=whole)
+        ]
     for item in rows:
         each = " (each axis)" * item.vector
         text = f"relative error of {item.quantity}" if item.relative else item.help("x, y and z")
         kind: Any = Annotated[distribution, doc(text + each)]
         # a table without its only quantity would say nothing
         keys[item.spread] = kind if len(rows) == 1 else Optional[kind]  # noqa: UP045
-    return extend_table(base, keys)
+    return units.extend_table(base, keys)

@@ -28,28 +28,12 @@ import math
 from dataclasses import dataclass
 from typing import Annotated
 
+from suspension_cli.design import units
 from suspension_cli.design.circles import direction
-from suspension_cli.design.rules import at_most_one, exactly_one
-from suspension_cli.design.units import (
-    ISOLATING,
-    PART_SIZE,
-    Angle,
-    Frequency,
-    Length,
-    LossAngle,
-    Mass,
-    MassOrZero,
-    MomentOrZero,
-    Position,
-    Problems,
-    Stiffness,
-    Table,
-    Vector,
-    key,
-    of_unit,
-)
+from suspension_cli.design.rules import at_most_one, exactly_one, excludes, required, whole_or_parts
+from suspension_cli.design.units import Problems, Table, key
 
-FLEXURE = Annotated[float, of_unit("N m/rad", "", gt=0, le=1e15)]
+FLEXURE = Annotated[float, units.of_unit("N m/rad", "", gt=0, le=1e15)]
 AXIAL_STIFFNESS = 1e8
 """Default stiffness of a leg along its length, N/m: an aluminium tube of 60 mm by 5 mm, 0.6 m
 long."""
@@ -60,8 +44,8 @@ ROUND_ROD = 1.3
 class Counterweight(Table, frozen=True):
     """A mass on each leg below its foot, to move the leg's centre of percussion."""
 
-    mass: Mass
-    below: Length = key("distance below the flexure, m")
+    mass: units.Mass
+    below: units.Length = key("distance below the flexure, m")
 
 
 def _are_on_a_line(points: list[tuple[float, float, float]]) -> bool:
@@ -74,25 +58,25 @@ def _are_on_a_line(points: list[tuple[float, float, float]]) -> bool:
 class InvertedPendulum(Table, frozen=True):
     """Legs on which a stage stands: feet on the body above it in the file, or on the support."""
 
-    length: Length = key("length of a leg, foot to top, m", plausible=PART_SIZE)
-    points: list[Vector] | None = key(
+    length: units.Length = key("length of a leg, foot to top, m", plausible=units.PART_SIZE)
+    points: list[units.Vector] | None = key(
         "tops of the legs from this body's COM, m; instead of count and radius",
         min_length=3,
         max_length=24,
     )
     count: int | None = key("number of legs, evenly spaced on a circle", ge=3, le=24)
-    radius: Length | None = key("radius of that circle, m", plausible=PART_SIZE)
-    phase: Angle = key("angle of the first leg from the x axis towards y, rad", 0.0)
-    top: Position = key(
-        "height of the tops above this body's COM, with count, m", 0.0, plausible=PART_SIZE
+    radius: units.Length | None = key("radius of that circle, m", plausible=units.PART_SIZE)
+    phase: units.Angle = key("angle of the first leg from the x axis towards y, rad", 0.0)
+    top: units.Position = key(
+        "height of the tops above this body's COM, with count, m", 0.0, plausible=units.PART_SIZE
     )
     stiffness: FLEXURE | None = key(
         "bending stiffness of the flexure at the foot of a leg, N m/rad"
     )
-    frequency: Frequency | None = key(
+    frequency: units.Frequency | None = key(
         "lateral frequency with the load, Hz, instead of stiffness; the load moves as one"
         " with the stage",
-        plausible=ISOLATING,
+        plausible=units.ISOLATING,
     )
     top_stiffness: float = key(
         "bending stiffness of the joint at the top of a leg, N m/rad",
@@ -107,41 +91,40 @@ class InvertedPendulum(Table, frozen=True):
         ge=0,
         le=1e15,
     )
-    axial_stiffness: Stiffness = key("stiffness of a leg along its length, N/m", AXIAL_STIFFNESS)
-    leg_mass: MassOrZero = key("mass of a leg, kg", 0.0)
+    axial_stiffness: units.Stiffness = key(
+        "stiffness of a leg along its length, N/m", AXIAL_STIFFNESS
+    )
+    leg_mass: units.MassOrZero = key("mass of a leg, kg", 0.0)
     leg_com: float | None = key(
         "height of the COM of a leg above its foot, m; default half", unit="m", ge=-1e5, le=1e5
     )
-    leg_inertia: MomentOrZero | None = key(
+    leg_inertia: units.MomentOrZero | None = key(
         "moment of inertia of a leg about its COM, kg m^2; default that of a thin rod"
     )
     counterweight: Counterweight | None = None
-    loss_angle: LossAngle | None = key("loss angle of the flexures in rad")
+    loss_angle: units.LossAngle | None = key("loss angle of the flexures in rad")
     q: float | None = key(
         "Q of the lateral mode with the load, instead of loss_angle", unit="1", gt=0, le=1e12
     )
 
+    rules = (
+        whole_or_parts("points", "count", "radius"),
+        required("points", when=lambda legs: legs.count is None and legs.radius is None),
+        excludes("points", "phase", "top"),
+        exactly_one("stiffness", "frequency"),
+        at_most_one("loss_angle", "q"),
+    )
+
     def faults(self) -> Problems:
         """Check the places of the legs, and their stiffness, loss and inertia."""
-        what = "points, or count with radius"
-        yield from exactly_one(self, "points", "count", give=what, none="has no legs")
-        if self.points is None and self.count is not None and self.radius is None:
-            yield "radius", "missing", "give the radius of the circle of legs in m"
-        elif self.points is not None and self.count is None:
-            for name in ("radius", "phase", "top"):
-                if getattr(self, name):
-                    problem = "goes with count; points place the legs themselves"
-                    yield name, problem, "remove it or give count"
-            if _are_on_a_line(self.points):
-                problem = "has all legs on one line, so that the stage would fall over"
-                yield "points", problem, "place a leg off this line"
-        what = "stiffness in N m/rad, or frequency with the load in Hz"
-        yield from exactly_one(self, "stiffness", "frequency", give=what, none="has no stiffness")
-        yield from at_most_one(self, "loss_angle", "q", give="loss_angle in rad, or q")
-        most, weight = self.leg_mass * self.length**2, self.counterweight
-        if self.leg_mass == 0 and (self.leg_inertia or self.leg_com):
+        yield from super().faults()
+        if not self.leg_mass and (self.leg_inertia or self.leg_com):
             yield "leg_mass", "missing", "give the mass of a leg in kg"
-        elif self.leg_inertia is not None and self.leg_inertia > most:
+        if self.points is not None and _are_on_a_line(self.points):
+            problem = "has all legs on one line, so that the stage would fall over"
+            yield "points", problem, "place a leg off this line"
+        most, weight = self.leg_mass * self.length**2, self.counterweight
+        if self.leg_mass and (self.leg_inertia or 0.0) > most:
             problem = f"is more than m L^2 of the leg, {most:g} kg m^2"
             remedy = "give it about the leg's COM in kg m^2; a thin rod has m L^2 / 12"
             yield "leg_inertia", problem, remedy

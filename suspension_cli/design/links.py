@@ -5,25 +5,19 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from suspension_cli.conventions import DOFS
-from suspension_cli.design.rules import ascending, exactly_one, symmetric, together
-from suspension_cli.design.units import (
-    Coefficient,
-    Frequency,
-    Length,
-    LossAngle,
-    MaterialName,
-    Matrix6,
-    Name,
-    Problems,
-    Table,
-    Vector,
-    Wrench,
-    doc,
-    key,
+from suspension_cli.design import units
+from suspension_cli.design.rules import (
+    ascending,
+    by_kind,
+    exactly_one,
+    excludes,
+    symmetric,
+    together,
 )
+from suspension_cli.design.units import Problems, Table, doc, key
 
 Between = Annotated[
-    list[Name],
+    list[units.Name],
     doc(
         'the two bodies: a stage first, then another stage, "support" (the suspension point) or'
         ' "ground" (beside it)',
@@ -31,7 +25,9 @@ Between = Annotated[
         max_length=2,
     ),
 ]
-At = Annotated[Vector, doc("the common point, from the COM of the first body, nominal pose, m")]
+At = Annotated[
+    units.Vector, doc("the common point, from the COM of the first body, nominal pose, m")
+]
 Active = Annotated[
     bool,
     doc(
@@ -39,7 +35,9 @@ Active = Annotated[
         " damping and loss are refused"
     ),
 ]
-Series = Annotated[list[Coefficient], doc("one number per frequency, at least 2", min_length=2)]
+Series = Annotated[
+    list[units.Coefficient], doc("one number per frequency, at least 2", min_length=2)
+]
 
 
 class StiffnessTable(Table, frozen=True):
@@ -57,17 +55,19 @@ class StiffnessTable(Table, frozen=True):
     axis: Literal["x", "y", "z", "roll", "pitch", "yaw"] | None = key(
         "axis of a table of one axis; the others have no stiffness"
     )
-    frequency: list[Frequency] = key("Hz, ascending", [])
+    frequency: list[units.Frequency] = key("Hz, ascending", [])
     real: list[Series] = key("real part: for each axis a list over frequency, N/m or N m/rad", [])
     imaginary: list[Series] = key(
         "imaginary part: for each axis a list over frequency, N/m or N m/rad", []
     )
-    static: list[Coefficient] | None = key(
+    static: list[units.Coefficient] | None = key(
         "static stiffness per axis, N/m or N m/rad; default the real part at the lowest frequency",
         min_length=1,
         max_length=6,
     )
     factor: float = key("factor on all stiffnesses of the table", 1.0, unit="1", gt=0, le=1e6)
+
+    rules = (ascending("frequency"),)
 
     def faults(self) -> Problems:
         """Check that each axis has one value per frequency, and a static stiffness."""
@@ -75,7 +75,7 @@ class StiffnessTable(Table, frozen=True):
         columns = {"real": self.real, "imaginary": self.imaginary}
         uneven = [name for name, rows in columns.items() if len(rows) != axes]
         ragged = [name for name, rows in columns.items() if any(len(row) != count for row in rows)]
-        yield from ascending(self, "frequency")
+        yield from super().faults()
         if self.file is not None:
             remedy = "read the design from its file, or give frequency, real and imaginary"
             yield "file", "is read only with a design file, not with its text alone", remedy
@@ -107,34 +107,34 @@ class StiffnessTable(Table, frozen=True):
 class Strands(Table, frozen=True):
     """Equal curved wires side by side that join the two bodies: a heat link, a cable."""
 
-    to: Vector = key(
+    to: units.Vector = key(
         "far end, from the COM of the second body (support or ground: from the suspension"
         " point), m; the near end is the link's at"
     )
-    material: MaterialName
-    diameter: Length = key("diameter of one wire, m")
+    material: units.MaterialName
+    diameter: units.Length = key("diameter of one wire, m")
     shape: Literal["u", "catenary", "points"] = key(
         '"u": vertical legs and a half circle below them; "catenary"; "points": straight'
         " pieces through points. The shape is that of the wire without load"
     )
     count: int = key("number of wires, which bend independently", 1, ge=1, le=1_000_000)
-    length: Length | None = key("length of one wire, m; not with points")
-    points: list[Vector] = key("points between the ends, from the COM of the first body, m", [])
+    length: units.Length | None = key("length of one wire, m; not with points")
+    points: list[units.Vector] = key(
+        "points between the ends, from the COM of the first body, m", []
+    )
 
-    def faults(self) -> Problems:
-        """Check that the length or the points of the shape are given."""
-        if self.shape == "points" and self.length is not None:
-            yield "length", "follows from the points", "remove it"
-        elif self.shape != "points" and self.points:
-            yield "points", f"conflict with shape {self.shape}", "remove them"
-        elif self.shape != "points" and self.length is None:
-            yield "length", "missing", "give the length of one wire, m"
+    rules = (
+        by_kind(
+            "shape",
+            {"u": (["length"], []), "catenary": (["length"], []), "points": ([], ["points"])},
+        ),
+    )
 
 
 class BetweenBodies(Table, frozen=True):
     """Base of the tables of elements between any two bodies."""
 
-    name: Name
+    name: units.Name
     between: Between
 
 
@@ -142,30 +142,28 @@ class Link(BetweenBodies, frozen=True):
     """A spring between any two bodies at a common point: a heat link, a cable, a stop."""
 
     at: At = (0.0, 0.0, 0.0)
-    stiffness: Matrix6 | None = key(
+    stiffness: units.Matrix6 | None = key(
         "x, y, z, roll, pitch, yaw at the point, or a full 6x6: N/m, N m/rad"
     )
     table: StiffnessTable | None = None
     strands: Strands | None = None
-    loss_angle: LossAngle | None = key(
+    loss_angle: units.LossAngle | None = key(
         "loss angle of the stiffness in rad; default for strands: that of their"
         " material in the design"
     )
-    damping: Matrix6 | None = key("six elements or a full 6x6: N s/m, N m s/rad")
-    preload: Wrench = key(
+    damping: units.Matrix6 | None = key("six elements or a full 6x6: N s/m, N m s/rad")
+    preload: units.Wrench = key(
         "force (N) and torque (N m) on the first body at the point in the nominal pose; the"
         " second takes the opposite",
         [0.0] * 6,
     )
     active: Active = False
 
-    def faults(self) -> Problems:
-        """Check that it has one stiffness, with symmetric matrices."""
-        ways = ("stiffness", "table", "strands")
-        yield from exactly_one(self, *ways, give="stiffness, or table, or strands")
-        yield from symmetric(self, "stiffness", "damping")
-        if self.table is not None and self.loss_angle is not None:
-            yield "loss_angle", "conflicts with the imaginary part of the table", "remove it"
+    rules = (
+        exactly_one("stiffness", "table", "strands"),
+        symmetric("stiffness", "damping"),
+        excludes("table", "loss_angle"),
+    )
 
 
 class EddyCurrent(Table, frozen=True):
@@ -179,8 +177,8 @@ class EddyCurrent(Table, frozen=True):
     conductivity: float = key(
         "conductivity of the conductor, at its temperature in use, S/m", unit="S/m", gt=0, le=1e13
     )
-    thickness: Length = key("thickness of the plate or tube wall, m")
-    gap: Length = key(
+    thickness: units.Length = key("thickness of the plate or tube wall, m")
+    gap: units.Length = key(
         "from the centre of the magnet to the plate, or the inner radius of the tube, m"
     )
     moment: float | None = key("dipole moment of one magnet, A m^2", unit="A m^2", gt=0, le=1e6)
@@ -190,11 +188,11 @@ class EddyCurrent(Table, frozen=True):
     volume: float | None = key("volume of the magnet, m^3", unit="m^3", gt=0, le=1)
     count: int = key("number of equal magnets, far apart", 1, ge=1, le=1000)
 
+    rules = (exactly_one("moment", "remanence"), together("remanence", "volume"))
+
     def faults(self) -> Problems:
-        """Check that the magnet has one strength, and the conductor is a metal."""
-        what = "moment, or remanence with volume"
-        yield from exactly_one(self, "moment", "remanence", give=what)
-        yield from together(self, "remanence", "volume", remedy="give both, or moment alone")
+        """Check what depends on several keys."""
+        yield from super().faults()
         if not 1e4 <= self.conductivity <= 1e12:
             remedy = "give it in S/m: copper has 5.8e7 at room temperature"
             yield "conductivity", "is not that of a metal", remedy
@@ -204,13 +202,10 @@ class Damper(BetweenBodies, frozen=True):
     """A viscous damper between any two bodies at a common point."""
 
     at: At = (0.0, 0.0, 0.0)
-    damping: Matrix6 | None = key(
+    damping: units.Matrix6 | None = key(
         "x, y, z, roll, pitch, yaw at the point, or a full 6x6: N s/m, N m s/rad"
     )
     eddy_current: EddyCurrent | None = None
     active: Active = False
 
-    def faults(self) -> Problems:
-        """Check that it has one damping, with a symmetric matrix."""
-        yield from exactly_one(self, "damping", "eddy_current", give="damping or eddy_current")
-        yield from symmetric(self, "damping")
+    rules = (exactly_one("damping", "eddy_current"), symmetric("damping"))

@@ -8,10 +8,10 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from suspension_cli.design import faults, reader, rules
+from suspension_cli.design import faults, reader
 from suspension_cli.design.rules import bounded, excludes, together, unique
 from suspension_cli.design.units import Frequency, Problems, Schema, Stem, Table, key
-from suspension_cli.errors import InputError, attribute_faults_to, format_value
+from suspension_cli.errors import format_value
 
 Number = Annotated[float, Meta(ge=-1e20, le=1e20)]
 Positive = Annotated[float, Meta(gt=0, le=1e20)]
@@ -29,10 +29,7 @@ class Mode(Table, frozen=True):
         "without a label: coordinates of which one must dominate the mode", min_length=1
     )
 
-    def faults(self) -> Problems:
-        """Check that it is identified in one way."""
-        problem, remedy = "conflicts with label, which determines it", "give one of them"
-        yield from excludes(self, "label", "dof", problem=problem, remedy=remedy)
+    rules = (excludes("label", "dof"),)
 
 
 Column = Annotated[str, Meta(min_length=1)] | Annotated[int, Meta(ge=1)]
@@ -82,7 +79,7 @@ class TransferFunction(Table, frozen=True):
     band: list[Frequency] | None = key("use frequencies from, to, Hz", min_length=2, max_length=2)
 
     def faults(self) -> Problems:
-        """Check gain and band."""
+        """Check what depends on several keys."""
         if self.gain == 0:
             yield "gain", "must not be zero", "give the factor"
         if self.band is not None and self.band[0] >= self.band[1]:
@@ -119,6 +116,7 @@ class Transducer(Table, frozen=True):
 
     def faults(self) -> Problems:
         """Check gain and names of signals."""
+        yield from super().faults()
         if self.gain == 0:
             yield "gain", "must not be zero", "give the gain"
         for name, signal in [("signal", self.signal), *(("mix", signal) for signal in self.mix)]:
@@ -156,10 +154,7 @@ class Free(Table, frozen=True):
         "names of the experiments that share it; default: all", min_length=1
     )
 
-    def faults(self) -> Problems:
-        """Check bounds and prior."""
-        yield from together(self, "prior", "uncertainty")
-        yield from bounded(self, self.start)
+    rules = (together("prior", "uncertainty"), bounded)
 
 
 class Measured(Table, frozen=True):
@@ -197,6 +192,8 @@ class Measured(Table, frozen=True):
         given = self.parameter[n].experiments
         return tuple(given is None or name in given for name in self.names)
 
+    rules = (unique("sensor"), unique("actuator"), unique("transfer_function"))
+
     def faults(self) -> Problems:
         """Check that something is measured, and that names differ and are known."""
         own = [name for name in ("mode", "transfer_function") if getattr(self, name)]
@@ -210,8 +207,7 @@ class Measured(Table, frozen=True):
             if title in self.names[:n]:
                 remedy = "give each a name of its own"
                 yield f"experiment.{n + 1}.name", f"{title} is also that of an earlier one", remedy
-        for kind in ("sensor", "actuator", "transfer_function"):
-            yield from unique(self, kind, kind.replace("_", " "))
+        yield from super().faults()
         yield from self._signal_faults()
         yield from self._parameter_faults()
 
@@ -247,15 +243,7 @@ class Measured(Table, frozen=True):
 
 def read(file: str | Path, text: str | None = None) -> Measured:
     """Read and check a file of measurements, or its text if given; raises `InputError`."""
-    raw = reader.read_toml(file, text)
-    with attribute_faults_to(str(file)):
-        if "stage" in raw:
-            problem = "is a design, not a file of measurements"
-            remedy = (
-                "name the design first, then a TOML file with [[mode]] or [[transfer_function]]"
-            )
-            raise InputError.of("", problem, remedy)
-        return rules.convert(raw, Measured)
+    return reader.read_as(Measured, "file of measurements", file, text)
 
 
 def json_schema() -> Schema:

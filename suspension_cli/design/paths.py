@@ -58,40 +58,29 @@ def assign(document: Raw, keys: list[str], value: object, override: str) -> None
     """
     node: Value = document
     place: Value = ""
+    shown = format_value(override)
     for depth, key in enumerate(keys):
         last = depth == len(keys) - 1
         place = key
         if isinstance(node, list):
-            place = _existing(node, key, override)
+            place = member(node, key)
+            if place is None:
+                names = [str(_name(item) or n) for n, item in enumerate(node, 1)]
+                remedy = faults.suggest(key, names)
+                raise InputError.of("--set", f"there is no {key!r} here", remedy, shown)
         elif not isinstance(node, dict):
-            raise InputError.of(
-                "--set",
-                f"{'.'.join(keys[:depth])} is a value, not a table",
-                "shorten the path",
-                format_value(override),
-            )
+            problem = f"{'.'.join(keys[:depth])} is a value, not a table"
+            raise InputError.of("--set", problem, "shorten the path", shown)
         elif not last and key not in node:
             if keys[depth + 1].isdigit():
                 whole = ".".join(keys[: depth + 1])
-                raise InputError.of(
-                    "--set",
-                    f"the design gives no {whole} of which this is a member",
-                    f"give {whole} whole, or take what the design gives there: {', '.join(node)}",
-                    format_value(override),
-                )
+                problem = f"the design gives no {whole} of which this is a member"
+                remedy = f"give {whole} whole, or take what the design gives there"
+                raise InputError.of("--set", problem, f"{remedy}: {', '.join(node)}", shown)
             node[key] = {}
         if not last:
             node = node[place]
     node[place] = value
-
-
-def _existing(items: list[object], key: str, override: str) -> int:
-    place = member(items, key)
-    if place is not None:
-        return place
-    names = [str(_name(item) or n) for n, item in enumerate(items, 1)]
-    remedy = faults.suggest(key, names)
-    raise InputError.of("--set", f"there is no {key!r} here", remedy, format_value(override))
 
 
 def changed(node: Value, keys: Sequence[str], change: Callable[[Value], Value]) -> Value:

@@ -12,30 +12,31 @@ from dataclasses import dataclass, replace
 from datetime import date, time
 from decimal import Decimal
 from pathlib import Path
+from typing import TypeVar
 
-from suspension_cli.design import checks, csv_columns, faults, paths
+from suspension_cli.design import checks, csv_columns, faults, paths, rules
 from suspension_cli.design.keystones import add_keystones
 from suspension_cli.design.schema import Design
-from suspension_cli.design.units import Raw
+from suspension_cli.design.units import Raw, Table
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
 from suspension_cli.files import bounded
 
+T = TypeVar("T", bound=Table)
 LONGEST_STEM = 150
 """Letters of the start of a file's name; systems take 255 bytes for the whole name."""
 TEMPLATES = ("single", "double", "triple", "quad", "blades")
 """Starting designs of `pendsus new`."""
-OTHER_KINDS = {"measurements": ("mode", "transfer_function"), "goals": ("goal",)}
-"""Tables of TOML files that are not designs."""
+KINDS = {
+    "design": ("stage",),
+    "file of measurements": ("mode", "transfer_function", "experiment"),
+    "file of goals": ("goal",),
+}
+"""Tables that TOML files of each kind have."""
 
 _TOO_DEEP = Fault("", "tables or arrays are nested too deeply", "use fewer levels")
-MAX_PARTS = 50
-"""Longest dotted key; the tables of a longer one take memory as the square of its parts."""
-_KEY = re.compile(r"""[\w-]++|"(?:[^"\\\n]|\\.)*+"?|'[^'\n]*+'?""")
-_DOTTED = re.compile(
-    r'"{3}(?:[^"\\]|\\[\s\S]|"{1,2}(?!"))*+"{0,5}' + r"|'{3}(?:[^']|'{1,2}(?!'))*+'{0,5}"
-    rf"|\#[^\n]*+|(?P<key>(?:{_KEY.pattern})(?:[ \t]*+\.[ \t]*+(?:{_KEY.pattern}))*+)"
-)
-"""Texts of several lines, comments, and dotted keys (or other texts and numbers)."""
+_PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
+_LONG_KEY = re.compile(rf"{_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{50}}")
+"""Dotted keys whose tables take much memory: as the square of their parts."""
 
 
 @dataclass(frozen=True)
@@ -91,21 +92,20 @@ def read(file: str | Path, overrides: tuple[str, ...] = ()) -> Source:
     try:
         raw = _parse(_text(Path(file)))
         apply_overrides(raw, overrides)
-        _check_kind(raw)
+        _check_kind(raw, "design")
         csv_columns.insert_files(raw, folder)
         return Source(convert(raw), write_toml(raw), name)
     except InputError as error:
         raise error.in_file(name) from None
 
 
-def _check_kind(raw: Raw) -> None:
-    """Raise `InputError` for a file of measurements or goals given as a design."""
-    if "stage" in raw:
-        return
-    for kind, keys in OTHER_KINDS.items():
-        if found := [key for key in keys if key in raw]:
-            problem = f"is a file of {kind} (it has [[{found[0]}]]), not a design"
-            raise InputError.of("", problem, "name a design, a file with [[stage]], first")
+def _check_kind(raw: Raw, wanted: str) -> None:
+    """Raise `InputError` for a TOML file of another kind."""
+    for kind, keys in KINDS.items():
+        found = [key for key in keys if key in raw]
+        if found and kind != wanted and not any(key in raw for key in KINDS[wanted]):
+            remedy = f"name a TOML file with {' or '.join(f'[[{key}]]' for key in KINDS[wanted])}"
+            raise InputError.of("", f"is a {kind} (it has [[{found[0]}]]), not a {wanted}", remedy)
 
 
 def read_text(file: str | Path) -> str:
@@ -119,6 +119,14 @@ def read_toml(file: str | Path, text: str | None = None) -> Raw:
     with attribute_faults_to(str(file)):
         whole = _text(Path(file)) if text is None else text
         return _parse(whole, "write tables into it, as docs/ shows")
+
+
+def read_as(kind: type[T], wanted: str, file: str | Path, text: str | None = None) -> T:
+    """Read a file of measurements or goals, or its text if given; raises `InputError`."""
+    raw = read_toml(file, text)
+    with attribute_faults_to(str(file)):
+        _check_kind(raw, wanted)
+        return rules.convert(raw, kind)
 
 
 def parse(text: str) -> Design:
@@ -182,11 +190,9 @@ def _parsed(text: str) -> Raw:
 
 
 def _loads(text: str) -> Raw:
-    for found in _DOTTED.finditer(text):
-        key = found["key"] or ""
-        if key.count(".") >= MAX_PARTS and len(_KEY.findall(key)) > MAX_PARTS:
-            line = text.count("\n", 0, found.start()) + 1
-            raise InputError([replace(_TOO_DEEP, key=f"line {line}")])
+    if long := _LONG_KEY.search(text):
+        line = text.count("\n", 0, long.start()) + 1
+        raise InputError([replace(_TOO_DEEP, key=f"line {line}")])
     return tomllib.loads(text)
 
 

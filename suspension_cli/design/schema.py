@@ -6,13 +6,16 @@ across tables are in `checks.py`.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated, Literal
 
 import msgspec
 from msgspec import Meta
 
 from suspension_cli.conventions import DOFS
-from suspension_cli.design import foton, imperfections
+from suspension_cli.design import foton, imperfections, units
 from suspension_cli.design.bodies import Body
 from suspension_cli.design.filters import Filter
 from suspension_cli.design.inverted_pendulum import InvertedPendulum
@@ -20,55 +23,26 @@ from suspension_cli.design.links import Active, BetweenBodies, Damper, Link
 from suspension_cli.design.losses.mechanism import with_keys
 from suspension_cli.design.losses.registry import MECHANISMS
 from suspension_cli.design.rules import (
+    any_of,
     ascending,
     exactly_one,
     excludes,
     given,
     is_symmetric,
+    needs,
     not_tiny,
+    same_length,
     symmetric,
     unique,
 )
-from suspension_cli.design.units import (
-    NAMES,
-    Acceleration,
-    Density,
-    Expansion,
-    Frequency,
-    GravityGradient,
-    GravityRow,
-    GravityVector,
-    Hold,
-    Kelvin,
-    Length,
-    LossAngle,
-    MassOrZero,
-    MaterialName,
-    Matrix6,
-    ModulusSlope,
-    MomentOrZero,
-    Name,
-    Plausible,
-    Problems,
-    Raw,
-    Schema,
-    StageName,
-    Stem,
-    Stiffness,
-    Table,
-    Vector,
-    WireName,
-    Wrench,
-    doc,
-    key,
-)
-from suspension_cli.design.wires import Blade, BladeSet, Wire, WireSet
+from suspension_cli.design.units import NAMES, Problems, Raw, Schema, Table, doc, key
+from suspension_cli.design.wires import TALL, Blade, BladeSet, Wire, WireSet
 
 
 class Header(Table, frozen=True):
     """Name and origin of the design."""
 
-    name: Stem
+    name: units.Stem
     title: str = key("title, for tables and pictures", "")
     reference: str = key("where the design comes from", "")
 
@@ -76,12 +50,12 @@ class Header(Table, frozen=True):
 class Constants(Table, frozen=True):
     """Gravity and temperature."""
 
-    gravity: Acceleration | GravityVector = key(
+    gravity: units.Acceleration | units.GravityVector = key(
         "acceleration due to gravity in m/s^2; a vector [x, y, z] with z below 0 acts after"
         " the suspension was trimmed level",
         9.81,
     )
-    gravity_gradient: GravityGradient | list[GravityRow] = key(
+    gravity_gradient: units.GravityGradient | list[units.GravityRow] = key(
         "gradient of gravity in 1/s^2: dg_z/dz (3.1e-6 on Earth), or the symmetric 3x3 dg_i/dx_j",
         0.0,
     )
@@ -89,50 +63,43 @@ class Constants(Table, frozen=True):
         "whether wires of known density and cross-section have weight, and inertia in all models",
         False,
     )
-    temperature: Kelvin = key("temperature in K where no other is given", 290.0)
+    temperature: units.Kelvin = key("temperature in K where no other is given", 290.0)
 
     def faults(self) -> Problems:
-        """Check that gravity points down, and its gradient is that of a potential."""
-        gradient = self.gravity_gradient
+        """Check what depends on several keys."""
         if isinstance(self.gravity, list) and not self.gravity[2] < 0:
             remedy = "give [x, y, z] with z below 0: [0.0, 0.0, -9.81]"
             yield "gravity", "does not point down, so that nothing hangs", remedy
-        if isinstance(gradient, list) and len(gradient) != 3:
-            remedy = "give one number dg_z/dz, or three rows of three"
-            yield "gravity_gradient", f"has {len(gradient)} rows", remedy
-        elif isinstance(gradient, list) and not is_symmetric(gradient):
-            problem = "is not symmetric, but gravity is conservative"
-            yield "gravity_gradient", problem, "give dg_i/dx_j = dg_j/dx_i"
+        if isinstance(self.gravity_gradient, list) and not (
+            len(self.gravity_gradient) == 3 and is_symmetric(self.gravity_gradient)
+        ):
+            remedy = "give one number dg_z/dz, or three rows of three with dg_i/dx_j = dg_j/dx_i"
+            yield "gravity_gradient", "is not a symmetric 3x3, but gravity is conservative", remedy
 
 
-class MaterialLoss(with_keys(Table, MECHANISMS, of_wire=False)):
+class MaterialLoss(with_keys(Table, MECHANISMS)):
     """Losses of a material, for the models in which wires bend."""
 
 
-_STIFF = "is outside 1e+07 Pa (rubber) to 1.3e+12 Pa (diamond)"
-ELASTIC = Plausible(
-    1.3e12,  # diamond has 1.22 TPa (CRC Handbook)
-    _STIFF,
-    "give it in Pa: 2e11 for steel",
-    (("GPa", 1e9), ("MPa", 1e6), ("kPa", 1e3)),
-    low=1e7,
-    below=_STIFF,
-    serious=True,
+PASCALS = (("MPa", 1e6), ("GPa", 1e9))
+MODULUS = units.Plausible(
+    1.3e12, "stiffer than diamond", PASCALS[::-1], 1e7, "softer than rubber", serious=True
 )
+STRENGTH = units.Plausible(2e11, "stronger than any material", PASCALS, 1e5, "weaker than any wire")
 
 
 class Material(Table, frozen=True):
     """A material of wires or blades; defaults are those of the built-in one of the same name."""
 
     youngs_modulus: float | None = key(
-        "Young's modulus in Pa", unit="Pa", plausible=ELASTIC, ge=1.0, le=1e15
+        "Young's modulus in Pa", unit="Pa", plausible=MODULUS, ge=1.0, le=1e15
     )
     poisson_ratio: float | None = key(
         "Poisson's ratio, for the twisting of wires; 0.3 if not given", unit="1", gt=-1, lt=0.5
     )
-    density: Density | None = None
-    thermal_expansion: Expansion | None = None
-    modulus_slope: ModulusSlope | None = None
+    density: units.Density | None = None
+    thermal_expansion: units.Expansion | None = None
+    modulus_slope: units.ModulusSlope | None = None
     specific_heat: float | None = key("specific heat in J/(kg K)", unit="J/(kg K)", ge=1e-6, le=1e6)
     thermal_conductivity: float | None = key(
         "thermal conductivity in W/(m K)", unit="W/(m K)", ge=1e-6, le=1e6
@@ -140,10 +107,11 @@ class Material(Table, frozen=True):
     tensile_strength: float | None = key(
         "stress in Pa at which the material breaks (or, of blades, yields)",
         unit="Pa",
+        plausible=STRENGTH,
         ge=1.0,
         le=1e13,
     )
-    loss_angle: LossAngle | None = key(
+    loss_angle: units.LossAngle | None = key(
         "constant loss angle in rad: short for angle in the table loss"
     )
     loss: MaterialLoss | None = None
@@ -162,29 +130,35 @@ class Gas(Table, frozen=True):
     molar_mass: float = key(
         "molar mass in kg/mol; 0.028 is nitrogen", 0.028, unit="kg/mol", ge=1e-3, le=1.0
     )
-    temperature: Kelvin | None = key("temperature of the gas in K; default that of [constants]")
+    temperature: units.Kelvin | None = key(
+        "temperature of the gas in K; default that of [constants]"
+    )
 
 
 class Spring(Table, frozen=True):
     """A linear spring between this body and the one it hangs from: a flexure, a cable."""
 
-    stiffness: Matrix6 = key("x, y, z, roll, pitch, yaw at the point, or a full 6x6: N/m, N m/rad")
-    at: Vector = key("the point, from this body's COM, m", (0.0, 0.0, 0.0))
-    damping: Matrix6 | None = key("six elements or a full 6x6: N s/m, N m s/rad")
-    preload: Wrench = key("force (N) and torque (N m) on this body in the nominal pose", [0.0] * 6)
-    loss_angle: LossAngle | None = key(
+    stiffness: units.Matrix6 = key(
+        "x, y, z, roll, pitch, yaw at the point, or a full 6x6: N/m, N m/rad"
+    )
+    at: units.Vector = key("the point, from this body's COM, m", (0.0, 0.0, 0.0))
+    damping: units.Matrix6 | None = key("six elements or a full 6x6: N s/m, N m s/rad")
+    preload: units.Wrench = key(
+        "force (N) and torque (N m) on this body in the nominal pose", [0.0] * 6
+    )
+    loss_angle: units.LossAngle | None = key(
         "loss angle of the stiffness in rad; default that of the material"
     )
-    material: MaterialName | None = key(f"name of the spring's material, for its loss: {NAMES}")
-    thickness: Length | None = key("thickness in m of a flexure that bends, for its loss")
-    temperature: Kelvin | None = key("temperature in K, for its loss; default that of [constants]")
+    material: units.MaterialName | None = key(
+        f"name of the spring's material, for its loss: {NAMES}"
+    )
+    thickness: units.Length | None = key("thickness in m of a flexure that bends, for its loss")
+    temperature: units.Kelvin | None = key(
+        "temperature in K, for its loss; default that of [constants]"
+    )
     active: Active = False
 
-    def faults(self) -> Problems:
-        """Check that its matrices are symmetric, and its thickness has an effect."""
-        yield from symmetric(self, "stiffness", "damping")
-        if self.thickness is not None and self.material is None:
-            yield "thickness", "has no effect without a material", "name the material too"
+    rules = (symmetric("stiffness", "damping"), needs("thickness", "material"))
 
 
 Viscous = Annotated[float, doc("viscous damping in N s/m or N m s/rad", ge=0, le=1e12)]
@@ -204,36 +178,41 @@ class FrameDamping(Table, frozen=True):
 class Damping(FrameDamping, frozen=True):
     """Viscous damping of a body's motion relative to another body or the support, at its COM."""
 
-    against: Name = key(f'"support", or the name of a stage above: {NAMES}', "support")
+    against: units.Name = key(
+        f'"support", or the name of a stage above: {NAMES}', "support", names="earlier stage"
+    )
 
 
 class Compliance(Table, frozen=True):
     """Stiffness of the support structure, N/m and N m/rad; directions left out are rigid."""
 
-    x: Stiffness | None = None
-    y: Stiffness | None = None
-    z: Stiffness | None = None
-    roll: Stiffness | None = None
-    pitch: Stiffness | None = None
-    yaw: Stiffness | None = None
+    x: units.Stiffness | None = None
+    y: units.Stiffness | None = None
+    z: units.Stiffness | None = None
+    roll: units.Stiffness | None = None
+    pitch: units.Stiffness | None = None
+    yaw: units.Stiffness | None = None
 
 
 class Support(Table, frozen=True):
     """An elastic support structure between the ground and the suspension point."""
 
     stiffness: Compliance
-    mass: MassOrZero = key("mass that moves with the suspension point, kg", 0.0)
-    inertia: list[MomentOrZero] = key(
+    mass: units.MassOrZero = key("mass that moves with the suspension point, kg", 0.0)
+    inertia: list[units.MomentOrZero] = key(
         "moments of inertia about x, y, z at the suspension point, kg m^2",
         [0.0] * 3,
         min_length=3,
         max_length=3,
     )
     damping: FrameDamping = FrameDamping()
-    loss_angle: LossAngle = key("loss angle of the stiffness in rad", 0.0)
+    loss_angle: units.LossAngle = key("loss angle of the stiffness in rad", 0.0)
+
+    rules = (not_tiny("mass", "kg"), not_tiny("inertia", "kg m^2"))
 
     def faults(self) -> Problems:
         """Check that it moves in some direction, and is damped only where it moves."""
+        yield from super().faults()
         elastic = given(self.stiffness, *DOFS)
         if not elastic:
             remedy = "give z = ... (N/m), or leave [support] out"
@@ -243,27 +222,27 @@ class Support(Table, frozen=True):
             if getattr(self.damping, dof) and dof not in elastic:
                 remedy = f"give support.stiffness.{dof} too"
                 yield f"damping.{dof}", "damps a rigid direction", remedy
-        yield from not_tiny(self, "mass", "kg")
-        yield from not_tiny(self, "inertia", "kg m^2")
 
 
 class Stage(Table, frozen=True):
     """A body and what it hangs on."""
 
-    name: Name
+    name: units.Name
     body: Body
-    hangs_from: Name | None = key(
+    hangs_from: units.Name | None = key(
         '"support" or an earlier stage, which makes a tree; default the stage before,'
-        f" or the keystone of its filter ({NAMES})"
+        f" or the keystone of its filter ({NAMES})",
+        names="earlier stage",
     )
     mirror: bool = key(
         "whether this is the mirror, whose motion commands output by default; without one, the"
         " end of the longest chain, of several as long the one listed first",
         False,
     )
-    position: Vector | None = key(
+    position: units.Vector | None = key(
         "nominal COM from the COM above (or support point), m; implied by a symmetric"
-        " set or an inverted pendulum, needed otherwise"
+        " set or an inverted pendulum, needed otherwise",
+        plausible=TALL,
     )
     wires: WireSet | None = None
     wire: list[Wire] = key("wires anywhere, instead of a symmetric set", [])
@@ -274,26 +253,29 @@ class Stage(Table, frozen=True):
     filter: Filter | None = None
     damping: Damping | None = None
 
+    rules = (
+        excludes("wires", "wire", problem="conflicts with a symmetric set [stage.wires]"),
+        excludes("wires", "position", problem="a symmetric set implies the position"),
+        unique("blade"),
+    )
+
     def faults(self) -> Problems:
-        """Check that it hangs or stands in one way, at a known position."""
-        legs = self.inverted_pendulum
-        if self.wires is not None and self.wire:
-            yield "wire", "conflicts with a symmetric set [stage.wires]", "keep one of the two"
-        if self.wires is None and not self.wire and not self.spring and legs is None:
-            ways = "[stage.wires], [[stage.wire]], [[stage.spring]] or [stage.inverted_pendulum]"
-            yield "", "has neither wires nor springs", f"add {ways}"
-        if legs is not None and self.wire_tables:
+        """Check what depends on several keys."""
+        yield from super().faults()
+        if self.inverted_pendulum is not None and self.wire_tables:
             problem = "conflicts with wires: a stage either stands on legs or hangs on wires"
-            yield "inverted_pendulum", problem, "keep one of the two"
-        if self.wires is not None and self.position is not None:
-            yield "position", "a symmetric set implies the position", "remove it"
-        elif self.wires is None and self.position is None and legs is None:
-            remedy = "give the nominal COM from the COM above, [x, y, z] in m"
-            yield "position", "missing", remedy
+            remedy = "keep one of the two"
+            yield "inverted_pendulum", problem, remedy
         if self.blades is not None and self.wires is None:
             remedy = "use [[stage.blade]] and name the blade in each wire"
             yield "blades", "goes with a symmetric set [stage.wires]", remedy
-        yield from unique(self, "blade", "blade")
+        if not (self.wire_tables or self.spring or self.inverted_pendulum):
+            remedy = (
+                "add [stage.wires], [[stage.wire]], [[stage.spring]] or [stage.inverted_pendulum]"
+            )
+            yield "", "has neither wires nor springs", remedy
+        if not given(self, "position", "wires", "inverted_pendulum"):
+            yield "position", "missing", "give the nominal COM from the COM above, [x, y, z] in m"
 
     @property
     def wire_tables(self) -> list[WireSet | Wire]:
@@ -307,19 +289,36 @@ class Stage(Table, frozen=True):
 
 
 class _Imperfect(Table, frozen=True):
-    wire: WireName | None = key("a stage's name and a wire's number: test.1")
-    body: Name | None = key(f"a stage's name, instead of a wire: {NAMES}")
+    wire: units.WireName | None = key("a stage's name and a wire's number: test.1", names="wire")
+    body: units.Name | None = key(f"a stage's name, instead of a wire: {NAMES}", names="stage")
     blade: str | None = key(
-        "a blade: test.blade1; for the blades of a filter its stage", max_length=80
+        "a blade: test.blade1; for the blades of a filter its stage", max_length=80, names="blade"
     )
-    leg: str | None = key("a leg of an inverted pendulum: platform.leg1", max_length=80)
-    link: str | None = key("the name of a link", max_length=80)
+    leg: str | None = key(
+        "a leg of an inverted pendulum: platform.leg1", max_length=80, names="leg"
+    )
+    link: str | None = key("the name of a link", max_length=80, names="link")
 
 
 class Perturbation(imperfections.with_perturbations(_Imperfect)):
     """Imperfections of one wire, body, blade, leg or link in this build."""
 
-    hold: Hold = "loaded-length"
+    hold: units.Hold = "loaded-length"
+
+    def faults(self) -> Problems:
+        """Check that it names one part, and changes that."""
+        parts = given(self, *imperfections.PARTS)
+        if len(parts) != 1:
+            remedy = 'give wire = "test.1" or body = "test"'
+            yield "", "must name one wire, body, blade, leg or link", remedy
+            return
+        known = [row.name for row in imperfections.perturbed(parts[0])]
+        every = [row.name for one in imperfections.PARTS for row in imperfections.perturbed(one)]
+        for name in given(self, *dict.fromkeys(every)):
+            if name not in known:
+                yield name, f"is not for a {parts[0]}", f"known here: {', '.join(known)}"
+        if not given(self, *known):
+            yield "", "changes nothing", f"give {' or '.join(known)}"
 
 
 Hertz = Annotated[float, Meta(ge=-1e9, le=1e9)]
@@ -336,11 +335,8 @@ SpectralDensity = Annotated[
         le=1e3,
         extra={
             # optical shadow sensors reach 1e-10
-            "plausible": Plausible(
-                1e-4,
-                "is more than that of any sensor (0.0001)",
-                "give it in m/sqrt(Hz) or rad/sqrt(Hz)",
-                (("nm/sqrt(Hz)", 1e-9),),
+            "plausible": units.Plausible(
+                1e-4, "more than that of any sensor", (("nm/sqrt(Hz)", 1e-9),)
             )
         },
     ),
@@ -350,7 +346,7 @@ SpectralDensity = Annotated[
 class GainAt(Table, frozen=True):
     """Magnitude of a filter at one frequency, which sets its gain."""
 
-    frequency: Frequency
+    frequency: units.Frequency
     magnitude: float = key(
         "|H| there, N/m (N m/rad); if negative, reverses the sign of H", ge=-1e20, le=1e20
     )
@@ -369,21 +365,20 @@ class NoiseSpectrum(Table, frozen=True):
         gt=0,
         le=1e6,
     )
-    frequency: list[Frequency] | None = key(
+    frequency: list[units.Frequency] | None = key(
         "Hz, ascending; interpolated linearly in the logarithms, constant outside", min_length=2
     )
 
+    rules = (excludes("frequency", "corner"), ascending("frequency"))
+
     def faults(self) -> Problems:
         """Check that a density is given per frequency, or one with a corner."""
+        yield from super().faults()
         if isinstance(self.asd, list) != (self.frequency is not None):
             problem = "asd and frequency are lists of one length, or asd a number without frequency"
             yield "", problem, "give {asd, corner} or {frequency = [...], asd = [...]}"
-        elif self.frequency is not None and isinstance(self.asd, list):
-            yield from excludes(self, "frequency", "corner", remedy="remove it")
-            if len(self.frequency) != len(self.asd):
-                problem = f"has {len(self.asd)} values for {len(self.frequency)} frequencies"
-                yield "asd", problem, "give one per frequency"
-            yield from ascending(self, "frequency", "sort it, each frequency once")
+        elif isinstance(self.asd, list):
+            yield from same_length("asd", "frequency")(self)
             if min(self.asd) <= 0:
                 problem = "must be positive, as its logarithm is interpolated"
                 yield "asd", problem, "give a small number instead of 0"
@@ -399,7 +394,7 @@ class Loop(Table, frozen=True):
     (i f + p) over poles p, or a Foton string; R the response of the sensor, T a delay.
     """
 
-    name: Name
+    name: units.Name
     sensor: str = key("a motion of a stage: upper.x, upper.x@0,0,0.01")
     actuator: str = key("a force or torque on a stage: upper.force_x")
     reference: Literal["support", "inertial"] = key(
@@ -433,24 +428,59 @@ class Loop(Table, frozen=True):
         "amplitude spectral density in N/sqrt(Hz) or N m/sqrt(Hz), flat", 0.0, ge=0, le=1e3
     )
 
+    rules = (excludes("gain_at", "damper", "gain"),)
+
     def faults(self) -> Problems:
         """Check that it has one filter, and that the strings of filters can be read."""
-        if not (self.gain_at and self.damper is None and self.gain is None):
-            what = "damper, or gain (or gain_at) with zeros and poles, or filter"
-            yield from exactly_one(self, "damper", "gain", "filter", give=what)
-            yield from excludes(self, "gain_at", "damper", "gain")
-        if self.damper is not None or self.filter is not None:
-            problem, other = "a damper has no filter", "damper"
-            if self.damper is None:
-                problem, other = "conflicts with filter, which has its own roots", "filter"
-            for name in ("zeros", "poles"):
-                if getattr(self, name):
-                    yield name, problem, f"give gain instead of {other}"
+        yield from super().faults()
+        if self.gain_at is None:
+            yield from exactly_one("damper", "gain", "filter")(self)
+        for name in ("zeros", "poles"):
+            if getattr(self, name) and self.filter is not None:
+                yield name, "conflicts with filter, which has its own roots", "give gain instead"
+            elif getattr(self, name) and self.damper is not None:
+                yield name, "a damper has no filter", "give gain instead"
         for name in given(self, "filter", "sensor_response"):
             try:
                 foton.parse(getattr(self, name))
             except foton.FotonError as error:
                 yield name, error.problem, error.remedy
+
+    @property
+    def without_gain_at(self) -> foton.Filter:
+        """The filter H before `gain_at` is applied, without sensor and delay."""
+        if self.damper is not None:
+            return foton.Filter(2 * math.pi * self.damper, (0j,))
+        if self.filter is not None:
+            return foton.parse(self.filter)
+        gain = (1.0 if self.gain_at is not None else 0.0) if self.gain is None else self.gain
+        return foton.Filter(gain, expand_roots(self.zeros), expand_roots(self.poles))
+
+    @property
+    def controller(self) -> foton.Filter:
+        """The filter H, without sensor and delay."""
+        bare = self.without_gain_at
+        if self.gain_at is None:
+            return bare
+        size = abs(bare.at(self.gain_at.frequency))
+        return replace(bare, gain=bare.gain * self.gain_at.magnitude / size)
+
+    @property
+    def controller_and_sensor(self) -> foton.Filter:
+        """The filter from motion to force: controller and sensor, without the delay."""
+        made = self.controller
+        return made if self.sensor_response is None else made * foton.parse(self.sensor_response)
+
+    @property
+    def is_velocity_damper(self) -> bool:
+        """Whether it acts as a viscous damper: without sensor dynamics and delay."""
+        return self.damper is not None and self.sensor_response is None and self.delay == 0
+
+
+def expand_roots(given: Sequence[float | list[float]]) -> tuple[complex, ...]:
+    """List roots in Hz as complex numbers; a pair [re, im] stands for both conjugates."""
+    pairs = ((one, [one[0], -one[1]]) if isinstance(one, list) else ([one],) for one in given)
+    return tuple(complex(*root) for pair in pairs for root in pair)
 
 
 class Control(Table, frozen=True):
@@ -458,9 +488,7 @@ class Control(Table, frozen=True):
 
     loop: list[Loop] = key(min_length=1)
 
-    def faults(self) -> Problems:
-        """Check that loops have different names."""
-        yield from unique(self, "loop", "loop")
+    rules = (unique("loop"),)
 
 
 Spread = Annotated[float, Meta(ge=0, le=1e3)]
@@ -473,62 +501,47 @@ class Distribution(Table, frozen=True):
     uniform: Spread | None = key("half width")
     truncate: Spread | None = key("largest deviation of a normal distribution")
 
+    rules = (exactly_one("normal", "uniform"),)
+
     def faults(self) -> Problems:
-        """Check that it is normal or uniform."""
-        what = "normal (standard deviation) or uniform (half width)"
-        yield from exactly_one(self, "normal", "uniform", give=what)
+        """Check what depends on several keys."""
+        yield from super().faults()
         if self.truncate is not None and not (self.normal and self.truncate > 0):
-            yield (
-                "truncate",
-                "goes with a normal distribution and must be positive",
-                "give normal too",
-            )
+            remedy = "give normal too"
+            yield "truncate", "goes with a normal distribution and must be positive", remedy
 
 
 class _WireScatter(Table, frozen=True):
-    stage: Name | None = key(f"a stage's name, for each of its wires: {NAMES}")
-    wire: WireName | None = key("one wire, instead of a stage: test.1")
-
-
-class _PartScatter(Table, frozen=True):
-    stage: StageName
-
-
-def _spread_faults(item: Table, part: imperfections.Part) -> Problems:
-    known = [row.spread for row in imperfections.scattered(part)]
-    if not given(item, *known):
-        yield "", "has no distribution", f"give {' or '.join(known)}"
+    stage: units.Name | None = key(
+        f"a stage's name, for each of its wires: {NAMES}", names="stage with wires"
+    )
+    wire: units.WireName | None = key("one wire, instead of a stage: test.1", names="wire")
 
 
 class WireTolerance(imperfections.with_spreads(_WireScatter, "wire", Distribution)):
     """Scatter of one wire, or independently of every wire of a stage."""
 
-    hold: Hold = "loaded-length"
+    hold: units.Hold = "loaded-length"
 
-    def faults(self) -> Problems:
-        """Check that it names one stage or wire, and a distribution."""
-        yield from exactly_one(self, "stage", "wire", give='stage = "test" or wire = "test.1"')
-        yield from _spread_faults(self, "wire")
+    rules = (exactly_one("stage", "wire"), any_of(*imperfections.spreads("wire")))
 
 
-class BodyTolerance(imperfections.with_spreads(_PartScatter, "body", Distribution)):
+class BodyTolerance(imperfections.with_spreads(Table, "body", Distribution)):
     """Scatter of one body."""
 
-    def faults(self) -> Problems:
-        """Check that it has a distribution."""
-        yield from _spread_faults(self, "body")
+    rules = (any_of(*imperfections.spreads("body")),)
 
 
-class BladeTolerance(imperfections.with_spreads(_PartScatter, "blade", Distribution)):
+class BladeTolerance(imperfections.with_spreads(Table, "blade", Distribution)):
     """Scatter of every blade of a stage, independently; those of a filter as one spring."""
 
 
-class LegTolerance(imperfections.with_spreads(_PartScatter, "leg", Distribution)):
+class LegTolerance(imperfections.with_spreads(Table, "leg", Distribution)):
     """Scatter of every leg of an inverted pendulum, independently."""
 
 
 class _LinkScatter(Table, frozen=True):
-    link: str = key("the name of a link", max_length=80)
+    link: str = key("the name of a link", max_length=80, names="link")
 
 
 class LinkTolerance(imperfections.with_spreads(_LinkScatter, "link", Distribution)):
@@ -552,10 +565,11 @@ class Requirement(Table, frozen=True):
     below: Limit | None = key("upper limit of the magnitude")
     above: Limit | None = key("lower limit of the magnitude")
 
+    rules = (exactly_one("band", "below", "above"),)
+
     def faults(self) -> Problems:
-        """Check that it has one limit."""
-        what = "band = [least, largest], below = limit or above = limit"
-        yield from exactly_one(self, "band", "below", "above", give=what)
+        """Check what depends on several keys."""
+        yield from super().faults()
         if self.band is not None and not self.band[0] < self.band[1]:
             yield "band", "is reversed or empty, so that no build is in it", "give [least, largest]"
 
@@ -570,11 +584,7 @@ class Tolerance(Table, frozen=True):
     link: list[LinkTolerance] = []
     require: list[Requirement] = []
 
-    def faults(self) -> Problems:
-        """Check that anything scatters."""
-        if not any(getattr(self, part) for part in imperfections.PARTS):
-            ways = " or ".join(f"[[tolerance.{part}]]" for part in imperfections.PARTS)
-            yield "", "has no distribution", f"add {ways}"
+    rules = (any_of(*imperfections.PARTS),)
 
 
 class Design(Table, frozen=True):

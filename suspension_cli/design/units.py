@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import (
     Annotated,
     Any,
+    ClassVar,
     Literal,
     NamedTuple,
     Optional,
@@ -27,29 +28,44 @@ Problems = Iterator[tuple[str, str, str]]
 """Key, problem and remedy of what is wrong with a table ("" for the whole table)."""
 
 
+MILLIMETRES = (("mm", 1e-3), ("um", 1e-6))
+
+
 @dataclass(frozen=True)
 class Plausible:
     """Range of the magnitude of plausible numbers; others are valid, but rarely meant.
 
     Attributes
     ----------
-    above, below
-        The problem of larger and smaller numbers.
-    remedy
-        What to do if no other unit was probably meant.
+    high, above
+        Largest plausible number, and what a larger one is: "longer than any suspension".
     units
         Other units (name, size in SI) that may have been meant.
+    low, below
+        Smallest plausible number, and what a smaller one is.
     serious
         Whether results are meaningless beyond the range, so that analyses warn too.
     """
 
     high: float
     above: str
-    remedy: str = "give it in m"
-    units: tuple[tuple[str, float], ...] = (("mm", 1e-3), ("um", 1e-6))
+    units: tuple[tuple[str, float], ...] = MILLIMETRES
     low: float = 0.0
     below: str = ""
     serious: bool = False
+
+    def problem(self, size: float, unit: str) -> str:
+        """Describe what is wrong with the size of a number; "" for a plausible one."""
+        if self.low <= size <= self.high:
+            return ""
+        word, limit = (self.above, self.high) if size > self.high else (self.below, self.low)
+        return f"is {word} ({f'{limit:g} {unit}'.rstrip()})"
+
+    def remedy(self, size: float, unit: str) -> str:
+        """Suggest the first unit in which the number is plausible: "did you mean mm?"."""
+        good = (name for name, one in self.units if self.low <= size * one <= self.high)
+        give = f"give it in {unit}" if unit else "check its unit"
+        return next((f"did you mean {name}?" for name in good), give)
 
 
 def doc(description: str, **bounds: Any) -> Meta:
@@ -57,9 +73,11 @@ def doc(description: str, **bounds: Any) -> Meta:
     return Meta(description=description or None, **bounds)
 
 
-def of_unit(name: str, description: str, plausible: Plausible | None = None, **bounds: Any) -> Meta:
-    """Describe a number in an SI unit; `unit` reads it back from the type."""
-    facts = {"unit": name, "plausible": plausible}
+def of_unit(
+    name: str, description: str, plausible: Plausible | None = None, names: str = "", **bounds: Any
+) -> Meta:
+    """Describe a number in an SI unit, or a name of a part; `unit` reads it back from the type."""
+    facts = {"unit": name, "plausible": plausible, "names": names}
     return doc(description, extra={name: fact for name, fact in facts.items() if fact}, **bounds)
 
 
@@ -83,6 +101,8 @@ _REQUIRED: Any = object()
 
 def key(description: str = "", default: Any = _REQUIRED, *, unit: str = "", **bounds: Any) -> Any:
     """Declare a key of a table beside its type: description, unit, `plausible` range and bounds.
+
+    `names` is the kind of part that it names: ``stage``, ``wire``, ... of `checks.check_names`.
 
     A key without a default is required, but for one whose type allows None.
     """
@@ -123,9 +143,14 @@ class Table(
 ):
     """Base of all tables of a file: immutable, and unknown keys are faults."""
 
+    rules: ClassVar[Sequence[Callable[[Any], Problems]]] = ()
+    """Rules beyond single values, of `design.rules`; those of the base count too."""
+
     def faults(self) -> Problems:
-        """Find what is wrong beyond single values, by `design.rules` and rules of its own."""
-        yield from ()
+        """Find what breaks the rules; a table with rules of its own kind extends this."""
+        for kind in reversed(type(self).__mro__):
+            for rule in vars(kind).get("rules", ()):
+                yield from rule(self)
 
 
 def extend_table(base: type[Table], keys: Mapping[str, object]) -> Any:
@@ -154,36 +179,20 @@ Mass = Annotated[float, of_unit("kg", "mass in kg", ge=1e-9, le=1e9)]
 MassOrZero = Annotated[float, of_unit("kg", "mass in kg, zero allowed", ge=0, le=1e9)]
 MomentOrZero = Annotated[float, of_unit("kg m^2", "", ge=0, le=1e15)]
 Inertia = Annotated[
-    float,
-    of_unit("kg m^2", "moment or product of inertia in kg m^2", ge=-1e15, le=1e15),
+    float, of_unit("kg m^2", "moment or product of inertia in kg m^2", ge=-1e15, le=1e15)
 ]
 BodySize = Annotated[
     Length,
-    of_unit(
-        "m",
-        "length in m",
-        Plausible(10.0, "is larger than any suspended body (10 m)", "check it", serious=True),
-    ),
+    of_unit("m", "length in m", Plausible(10.0, "larger than any suspended body", serious=True)),
 ]
-Density = Annotated[
-    float,
-    of_unit(
-        "kg/m^3",
-        "density in kg/m^3",
-        # osmium: CRC Handbook of Chemistry and Physics; only aerogels are less dense than foam
-        Plausible(
-            22_600.0,
-            "is denser than osmium (22600 kg/m^3)",
-            "give it in kg/m^3",
-            (("g/cm^3", 1e3), ("g/m^3", 1e-3)),
-            25.0,
-            "is less dense than foam (25 kg/m^3)",
-            serious=True,
-        ),
-        ge=1e-3,
-        le=1e6,
-    ),
+WireSize = Annotated[
+    Length, of_unit("m", "length in m", Plausible(0.02, "thicker than any wire", serious=True))
 ]
+OSMIUM = 22_600.0
+"""Density in kg/m^3 (CRC Handbook of Chemistry and Physics); nothing is denser."""
+GRAMS = (("g/cm^3", 1e3), ("g/m^3", 1e-3))
+DENSITY = Plausible(OSMIUM, "denser than osmium", GRAMS, 25.0, "less dense than foam", serious=True)
+Density = Annotated[float, of_unit("kg/m^3", "density in kg/m^3", DENSITY, ge=1e-3, le=1e6)]
 Stiffness = Annotated[float, of_unit("N/m", "stiffness in N/m", ge=1e-12, le=1e20)]
 Torsion = Annotated[float, of_unit("N m/rad", "torsional stiffness in N m/rad", ge=1e-18, le=1e15)]
 Coefficient = Annotated[
@@ -192,26 +201,16 @@ Coefficient = Annotated[
 Load = Annotated[float, doc("force in N or torque in N m", ge=-1e12, le=1e12)]
 Tension = Annotated[float, of_unit("N", "tension in N", ge=1e-12, le=1e12)]
 Frequency = Annotated[float, of_unit("Hz", "frequency in Hz", ge=1e-6, le=1e6)]
-ISOLATING = Plausible(
-    100.0,
-    "is above 100 Hz, where it isolates from nothing",
-    "give it in Hz",
-    (("mHz", 1e-3),),
-)
+ISOLATING = Plausible(100.0, "too high to isolate from anything", (("mHz", 1e-3),))
 """Frequencies of parts that isolate, a few Hz."""
-PART_SIZE = Plausible(10.0, "is larger than any part of a suspension (10 m)")
+PART_SIZE = Plausible(10.0, "larger than any part of a suspension")
 Kelvin = Annotated[float, of_unit("K", "temperature in K", gt=0, le=1e4)]
 Expansion = Annotated[
     float,
     of_unit(
         "1/K",
         "coefficient of linear thermal expansion in 1/K",
-        Plausible(
-            1e-3,
-            "is more than 0.001 1/K, twice that of any solid",
-            "give it in 1/K: 1.2e-5 for steel",
-            (("1e-6 1/K", 1e-6),),
-        ),
+        Plausible(1e-3, "more than twice that of any solid", (("1e-6 1/K", 1e-6),)),
         ge=-1e-2,
         le=1e-2,
     ),
@@ -225,25 +224,9 @@ ModulusSlope = Annotated[
         le=1.0,
     ),
 ]
-GRAVITY = "is outside 1 to 30 m/s^2, of small moons to giant planets"
-Acceleration = Annotated[
-    float,
-    of_unit(
-        "m/s^2",
-        "acceleration in m/s^2",
-        # the Moon's is 1.6, Jupiter's 25
-        Plausible(
-            30.0,
-            GRAVITY,
-            "give it in m/s^2: 9.81 on Earth",
-            (("cm/s^2", 1e-2), ("mm/s^2", 1e-3)),
-            1.0,
-            GRAVITY,
-        ),
-        gt=0,
-        le=1e3,
-    ),
-]
+PER_SECOND = (("cm/s^2", 1e-2), ("mm/s^2", 1e-3))
+GRAVITY = Plausible(30.0, "more than on Jupiter", PER_SECOND, 1.0, "less than on the Moon")
+Acceleration = Annotated[float, of_unit("m/s^2", "acceleration in m/s^2", GRAVITY, gt=0, le=1e3)]
 Pull = Annotated[float, of_unit("m/s^2", "component of gravity in m/s^2", ge=-1e3, le=1e3)]
 GravityVector = Annotated[
     list[Pull], doc("gravity along x, y and z in m/s^2", min_length=3, max_length=3)
@@ -253,12 +236,7 @@ GravityGradient = Annotated[
     of_unit(
         "1/s^2",
         "gradient of gravity in 1/s^2",
-        Plausible(
-            1e-3,
-            "is more than 0.001 1/s^2, 300 times that of Earth",
-            "give it in 1/s^2: 3.1e-6 on Earth (1 eotvos is 1e-9, 1 mGal/m is 1e-5)",
-            (),
-        ),
+        Plausible(1e-3, "300 times that of Earth", (("eotvos", 1e-9),)),
         ge=-1.0,
         le=1.0,
     ),
@@ -307,4 +285,3 @@ WireName = Annotated[
         pattern=r"^[A-Za-z][A-Za-z0-9_-]*\.[1-9][0-9]*$",
     ),
 ]
-StageName = Annotated[Name, doc(f"a stage's name: {NAMES}")]

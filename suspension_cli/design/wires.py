@@ -2,80 +2,59 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
+from suspension_cli.design import units
 from suspension_cli.design.cross_sections.ribbon import Ribbon
 from suspension_cli.design.cross_sections.round import Round
 from suspension_cli.design.cross_sections.shape import CrossSection
-from suspension_cli.design.losses.mechanism import with_keys
-from suspension_cli.design.losses.registry import MECHANISMS
 from suspension_cli.design.rules import (
     ascending,
     exactly_one,
     excludes,
     given,
     not_tiny,
+    same_length,
     whole_or_parts,
 )
-from suspension_cli.design.units import (
-    ISOLATING,
-    NAMES,
-    Angle,
-    Direction,
-    Frequency,
-    Kelvin,
-    Length,
-    LossAngle,
-    MassOrZero,
-    MaterialName,
-    Name,
-    Plausible,
-    Position,
-    Problems,
-    Separation,
-    Stiffness,
-    Table,
-    Tension,
-    Torsion,
-    Vector,
-    doc,
-    key,
-)
+from suspension_cli.design.units import NAMES, Problems, Table, doc, key
 
 CROSS_SECTIONS: tuple[type[CrossSection], ...] = (Round, Ribbon)
 """Cross-sections; each has its key in `AnyWire` and `WireSection`."""
 SHAPES = tuple(kind.key for kind in CROSS_SECTIONS)
 """Keys of the cross-sections."""
 
+TALL = units.Plausible(50.0, "larger than any suspension", serious=True)
+"""Lengths and positions; mirror suspensions are up to about 10 m tall."""
 Radii = Annotated[
-    list[Length],
+    list[units.WireSize],
     doc("radius in m at the upper and at the lower end of a taper", min_length=2, max_length=2),
 ]
 # a list: msgspec 0.22 crashes on a union of a bounded number and a tuple of them
 Steps = Annotated[
-    int,
-    doc("number of uniform steps that approximate a taper; 16 if not given", ge=1, le=256),
+    int, doc("number of uniform steps that approximate a taper; 16 if not given", ge=1, le=256)
 ]
 
 
 class WireSection(Table, frozen=True):
     """A stretch of a wire: uniform, or tapered linearly from one radius to another."""
 
-    length: Length | None = key(
+    length: units.Length | None = key(
         "loaded length, m; the lengths sum to the wire's; one section may leave its own"
         " out and takes the rest"
     )
-    radius: Length | Radii | None = key(
+    radius: units.WireSize | Radii | None = key(
         "radius of a round stretch, m; [upper, lower] of a tapered one"
     )
     section: Ribbon | None = None
-    material: MaterialName | None = key(f"name of a material; default the wire's ({NAMES})")
+    material: units.MaterialName | None = key(f"name of a material; default the wire's ({NAMES})")
     steps: Steps | None = None
 
+    rules = (exactly_one(*SHAPES),)
+
     def faults(self) -> Problems:
-        """Check that it has one cross-section, and steps only of a taper."""
-        what = " or ".join(kind.form for kind in CROSS_SECTIONS)
-        yield from exactly_one(self, *SHAPES, give=what)
+        """Check what depends on several keys."""
+        yield from super().faults()
         if self.steps is not None and not isinstance(self.radius, list):
             yield "steps", "goes with a taper", "give radius = [upper, lower], or remove it"
 
@@ -83,15 +62,15 @@ class WireSection(Table, frozen=True):
 class Clamp(Table, frozen=True):
     """Directions of the wire at its clamps, both from the upper towards the lower end."""
 
-    upper: Direction | None = None
-    lower: Direction | None = None
+    upper: units.Direction | None = None
+    lower: units.Direction | None = None
 
 
 class EndTemperatures(Table, frozen=True):
     """Temperatures of the two ends of a wire."""
 
-    upper: Kelvin
-    lower: Kelvin
+    upper: units.Kelvin
+    lower: units.Kelvin
 
 
 Clamped = (
@@ -109,9 +88,9 @@ Clamped = (
 class Neck(Table, frozen=True):
     """Thick ends of a fibre, equal above and below: stock, and a taper to the fibre's radius."""
 
-    radius: Length = key("radius of the stock, m")
-    length: Length = key("length of each linear taper, m")
-    stock: Separation = key("length of uniform stock beyond each taper, m", 0.0)
+    radius: units.WireSize = key("radius of the stock, m")
+    length: units.Length = key("length of each linear taper, m")
+    stock: units.Separation = key("length of uniform stock beyond each taper, m", 0.0)
     steps: Steps | None = None
 
 
@@ -121,10 +100,10 @@ class Profile(Table, frozen=True):
     file: str | None = key(
         "CSV file of positions and diameters, from this file's folder; read once", max_length=1000
     )
-    position: list[Position] = key(
+    position: list[units.Position] = key(
         "positions from the upper end down, ascending, m", [], max_length=20000
     )
-    diameter: list[Length] = key("diameter at each position, m", [], max_length=20000)
+    diameter: list[units.WireSize] = key("diameter at each position, m", [], max_length=20000)
     error: float = key(
         "relative error that reducing the profile to uniform sections may leave",
         1e-3,
@@ -133,33 +112,26 @@ class Profile(Table, frozen=True):
         le=0.1,
     )
 
+    rules = (same_length("diameter", "position"), ascending("position"))
+
     def faults(self) -> Problems:
-        """Check that it has a diameter per place, from the upper end down."""
-        places = len(self.position)
-        if self.file is not None and not places:
+        """Check what depends on several keys."""
+        yield from super().faults()
+        if self.file is not None and not self.position:
             remedy = "read the design from its file, or give { position, diameter }"
             yield "file", "is a file that was not read", remedy
-        elif places < 2 or places != len(self.diameter):
-            problem = f"has {len(self.diameter)} diameters at {places} places"
-            yield "", problem, "give one diameter per place, at two places or more"
-        else:
-            yield from ascending(self, "position", "sort the table by position, each place once")
+        elif len(self.position) == len(self.diameter) < 2:
+            yield "", "has fewer than two places", "give position and diameter, each a list"
 
 
-if TYPE_CHECKING:
-    _WireLosses = Table
-else:
-    _WireLosses = with_keys(Table, MECHANISMS, of_wire=True)
-
-
-class AnyWire(_WireLosses, frozen=True):
+class AnyWire(Table, frozen=True):
     """Composition of a wire or of each of a set, and how its ends are held."""
 
-    material: MaterialName | None = key(
+    material: units.MaterialName | None = key(
         f"name of a material, built in or of [materials] ({NAMES}); with a cross-section: k = E"
         " A / l"
     )
-    radius: Length | None = key("radius of a round wire, m")
+    radius: units.WireSize | None = key("radius of a round wire, m")
     section: Ribbon | None = None
     sections: list[WireSection] | None = key(
         "stretches from the upper to the lower end, instead of radius and section",
@@ -173,11 +145,11 @@ class AnyWire(_WireLosses, frozen=True):
         "measured diameter against length instead of a radius: a CSV file from this file's"
         " folder, or { file, error } or { position, diameter, error }"
     )
-    k: Stiffness | None = key(
+    k: units.Stiffness | None = key(
         "spring constant of one wire, N/m, instead of material and cross-section; beside them it"
         " overrides E A / l, with the loaded length or, if given, the natural_length"
     )
-    torsion: Torsion | None = key(
+    torsion: units.Torsion | None = key(
         "torsional stiffness of the wire about its axis, N m/rad; default: none in the models"
         " up to string; in beam and violin that of its cross-section, material and tension,"
         " (G J + T I_p / A) / l"
@@ -192,62 +164,45 @@ class AnyWire(_WireLosses, frozen=True):
         'string model: "hinged" ends the string sqrt(E I / T) from each clamp (an'
         " approximation); beam and violin bend the wire exactly and ignore it"
     )
-    temperature: Kelvin | EndTemperatures | None = key(
+    temperature: units.Kelvin | EndTemperatures | None = key(
         "temperature in K, or { upper, lower }; default that of [constants]"
+    )
+
+    rules = (
+        excludes("profile", *SHAPES, "sections", "neck"),
+        excludes("neck", "section", "sections"),
+        excludes("sections", *SHAPES),
     )
 
     def faults(self) -> Problems:
         """Check that the wire has k, or a material and one way to give its cross-section."""
-        for mechanism in MECHANISMS:
-            yield from mechanism.check_wire(self)
-        simple = self.profile is None and self.sections is None
-        shapes = [kind for kind in CROSS_SECTIONS if getattr(self, kind.key) is not None]
-        if self.bending and self.k and simple and not shapes:
+        yield from super().faults()
+        if isinstance(self.profile, str):
+            remedy = "read the design from its file, or give { position, diameter }"
+            yield "profile", "is a file that was not read", remedy
+        shapes = given(self, *SHAPES)
+        whole = given(self, "profile", "sections", "neck", *SHAPES)
+        if self.k is None and not whole:
+            yield SHAPES[0], "missing", f"give the wire's {' or '.join(SHAPES)} in m, or k in N/m"
+        if self.bending and not whole:
             remedy = "give material and radius too, or remove it"
             yield "bending", "needs the wire's cross-section", remedy
-        if self.profile is not None:
-            others = (*SHAPES, "sections", "neck")
-            yield from excludes(self, "profile", *others, problem="conflicts with a profile")
-            if self.material is None:
-                yield "material", "missing", "name the material of the fibre"
-            if isinstance(self.profile, str):
-                remedy = "read the design from its file, or give { position, diameter }"
-                yield "profile", "is a file that was not read", remedy
-            return
-        if self.neck is not None:
-            yield from self._neck_faults(self.neck)
-        if self.sections is not None:
-            yield from excludes(self, "sections", *SHAPES, remedy="give it in the sections alone")
-            yield from self._section_faults(self.sections)
-            return
         if len(shapes) > 1:
-            remedy = "give " + " or ".join(f"{kind.key} for {kind.wire}" for kind in CROSS_SECTIONS)
-            yield shapes[0].key, f"conflicts with a {shapes[1].key}", remedy
-        if self.k is None and self.material is None:
-            yield "material", "missing", "name a material, or give k in N/m"
-        if self.k is None and not shapes and self.neck is None:
-            remedy = f"give the wire's {' or '.join(SHAPES)} in m, or k in N/m"
-            yield SHAPES[0], "missing", remedy
-
-    def _neck_faults(self, neck: Neck) -> Problems:
-        others = given(self, "section", "sections")
-        if others:
-            yield others[0], "conflicts with neck", "give radius and neck alone"
-        elif self.radius is None:
-            yield "radius", "missing", "give the radius between the necks in m"
-        elif neck.radius <= self.radius:
-            problem = f"is not above the radius of the fibre ({self.radius:g} m)"
-            yield "neck.radius", problem, "give the radius of the thick ends in m"
-
-    def _section_faults(self, sections: list[WireSection]) -> Problems:
-        open_ended = [n for n, piece in enumerate(sections, 1) if piece.length is None]
+            yield shapes[0], f"conflicts with a {shapes[1]}", "keep one of the two"
+        bare = [n for n, one in enumerate(self.sections or (), 1) if one.material is None]
+        if self.material is None and self.k is None and (bare or self.sections is None):
+            key = f"sections.{bare[0]}.material" if bare else "material"
+            yield key, "missing", "name a material for the whole wire, or give k in N/m"
+        if self.neck is not None and not given(self, "section", "sections", "profile"):
+            if self.radius is None:
+                yield "radius", "missing", "give the radius between the necks in m"
+            elif self.neck.radius <= self.radius:
+                problem = f"is not above the radius of the fibre ({self.radius:g} m)"
+                yield "neck.radius", problem, "give the radius of the thick ends in m"
+        open_ended = [n for n, one in enumerate(self.sections or (), 1) if one.length is None]
         for n in open_ended[1:]:
             remedy = f"give it in m; section {open_ended[0]} takes the rest already"
             yield f"sections.{n}.length", "missing", remedy
-        for n, piece in enumerate(sections, 1):
-            if piece.material is None and self.material is None and self.k is None:
-                remedy = "name a material here or for the whole wire"
-                yield f"sections.{n}.material", "missing", remedy
 
 
 def cross_sections(table: AnyWire | WireSection) -> list[CrossSection]:
@@ -269,28 +224,30 @@ class WireSet(AnyWire, frozen=True):
     """Wires symmetric in x and y, in the paper's symbols: 1, 2 or 4; or any number on a ring."""
 
     count: int = key("number of wires: 1, 2 or 4; any with a ring", ge=1, le=100)
-    l: Length = key("loaded length of each wire, m")
-    s: Separation | None = key("half separation in x at both ends, m (four wires)")
-    s_upper: Separation | None = key("half separation in x at the upper end, m")
-    s_lower: Position | None = key(
+    l: units.Length = key("loaded length of each wire, m", plausible=TALL)
+    s: units.Separation | None = key("half separation in x at both ends, m (four wires)")
+    s_upper: units.Separation | None = key("half separation in x at the upper end, m")
+    s_lower: units.Position | None = key(
         "half separation in x at the lower end, m; negative: wires cross"
     )
-    t1: Separation | None = key("half separation in y at the upper end, m")
-    t2: Position | None = key("half separation in y at the lower end, m; negative: wires cross")
-    ring: Separation | None = key("radius of the circle of the ends, m, above and below")
-    ring_upper: Separation | None = key("radius of the circle of the upper ends, m")
-    ring_lower: Position | None = key(
+    t1: units.Separation | None = key("half separation in y at the upper end, m")
+    t2: units.Position | None = key(
+        "half separation in y at the lower end, m; negative: wires cross"
+    )
+    ring: units.Separation | None = key("radius of the circle of the ends, m, above and below")
+    ring_upper: units.Separation | None = key("radius of the circle of the upper ends, m")
+    ring_lower: units.Position | None = key(
         "radius of the circle of the lower ends, m; negative: the wires cross at the axis"
     )
-    phase: Angle = key("angle of the first wire of a ring from x towards y, rad", 0.0)
-    d: Position = key("height of the lower end above the COM of this body, m", 0.0)
-    d_upper: Position = key("depth of the upper end below the COM of the body above, m", 0.0)
+    phase: units.Angle = key("angle of the first wire of a ring from x towards y, rad", 0.0)
+    d: units.Position = key("height of the lower end above the COM of this body, m", 0.0)
+    d_upper: units.Position = key("depth of the upper end below the COM of the body above, m", 0.0)
+
+    rules = (whole_or_parts(*SEPARATIONS), whole_or_parts(*RADII))
 
     def faults(self) -> Problems:
         """Check the geometry of a grid of 1, 2 or 4 wires, or of a ring."""
         yield from super().faults()
-        yield from whole_or_parts(self, *SEPARATIONS)
-        yield from whole_or_parts(self, *RADII)
         across = ("t1", "t2")
         if is_ring(self):
             for name in given(self, *SEPARATIONS, *across):
@@ -316,76 +273,88 @@ class WireSet(AnyWire, frozen=True):
 class Wire(AnyWire, frozen=True):
     """One wire, its ends in the frames of the two bodies, from their COMs or the support point."""
 
-    upper: Vector = key("upper end, from the COM above or the support point, m")
-    lower: Vector = key("lower end, from this body's COM, m")
-    natural_length: Length | None = key("unstretched length, m; the pose is then solved for")
-    tension: Tension | None = key("tension in the nominal pose, N, instead of a natural length")
-    blade: Name | None = key(f"name of a [[stage.blade]] that carries the upper end: {NAMES}")
+    upper: units.Vector = key(
+        "upper end, from the COM above or the support point, m", plausible=TALL
+    )
+    lower: units.Vector = key("lower end, from this body's COM, m", plausible=TALL)
+    natural_length: units.Length | None = key("unstretched length, m; the pose is then solved for")
+    tension: units.Tension | None = key(
+        "tension in the nominal pose, N, instead of a natural length"
+    )
+    blade: units.Name | None = key(
+        f"name of a [[stage.blade]] that carries the upper end: {NAMES}", names="blade of the stage"
+    )
 
-    def faults(self) -> Problems:
-        """Check its composition, and that its tension or its natural length follows."""
-        yield from super().faults()
-        yield from excludes(self, "natural_length", "tension", remedy="give one of them")
+    rules = (excludes("natural_length", "tension"),)
+
+
+BLADE_WIDTH = units.Plausible(2.0, "wider than any blade")
+BLADE_THICKNESS = units.Plausible(0.1, "thicker than any blade")
 
 
 class BladeGeometry(Table, frozen=True):
     """A tapered cantilever blade clamped at its base, loaded at its tip."""
 
-    length: Length = key(
+    length: units.Length = key(
         "length from the clamp to the tip, m",
-        plausible=Plausible(10.0, "is longer than any blade (10 m)", "check it", serious=True),
+        plausible=units.Plausible(10.0, "longer than any blade", serious=True),
     )
-    base_width: Length = key("width at the clamp, m")
-    thickness: Length = key("thickness, m")
+    base_width: units.Length = key("width at the clamp, m", plausible=BLADE_WIDTH)
+    thickness: units.Length = key("thickness, m", plausible=BLADE_THICKNESS)
     shape_factor: float = key(
-        "shape factor of a cantilever blade: 1 rectangular, 1.5 triangular",
-        unit="1",
-        ge=0.5,
-        le=10,
+        "shape factor of a cantilever blade: 1 rectangular, 1.5 triangular", unit="1", ge=0.5, le=10
     )
-    material: MaterialName
+    material: units.MaterialName
 
 
 class AnyBlade(Table, frozen=True):
     """Stiffness, load and loss of a cantilever blade, or of each of a set."""
 
-    stiffness: Stiffness | None = key("vertical stiffness of one blade at its tip, N/m")
-    uncoupled_frequency: Frequency | None = key(
+    stiffness: units.Stiffness | None = key("vertical stiffness of one blade at its tip, N/m")
+    uncoupled_frequency: units.Frequency | None = key(
         "frequency f of this stage's mass m alone on its n blades, Hz; each has the stiffness"
         " (2 pi f)^2 m / n",
-        plausible=ISOLATING,
+        plausible=units.ISOLATING,
     )
     geometry: BladeGeometry | None = None
-    load: Tension | None = key(
+    load: units.Tension | None = key(
         "load in N, tip mass included, at which the tip is at its nominal position; under"
         " another load it deflects and the pose is solved for; default: its load in the nominal"
         " pose or, if all wires of the stage have natural lengths, in the pose solved for"
     )
-    tip_mass: MassOrZero = key("mass that moves with one tip, kg", 0.0)
-    lateral_stiffness: tuple[Stiffness, Stiffness] | None = key(
+    tip_mass: units.MassOrZero = key(
+        "mass that moves with one tip, kg",
+        0.0,
+        plausible=units.Plausible(10.0, "more than any blade bears at its tip", (("g", 1e-3),)),
+    )
+    lateral_stiffness: tuple[units.Stiffness, units.Stiffness] | None = key(
         "stiffness of one tip along x and y, N/m; rigid if not given"
     )
-    loss_angle: LossAngle | None = key("loss angle in rad; default that of the material, else 0")
-    material: MaterialName | None = key(
+    loss_angle: units.LossAngle | None = key(
+        "loss angle in rad; default that of the material, else 0"
+    )
+    material: units.MaterialName | None = key(
         f"name of the blade's material, for its loss, where no geometry is given: {NAMES}"
     )
-    thickness: Length | None = key(
+    thickness: units.Length | None = key(
         "thickness of the blade in m, for its loss, where no geometry is given",
-        plausible=Plausible(0.1, "is thicker than any blade (0.1 m)", "check it"),
+        plausible=BLADE_THICKNESS,
     )
-    temperature: Kelvin | None = key("temperature of the blade in K; default that of [constants]")
+    temperature: units.Kelvin | None = key(
+        "temperature of the blade in K; default that of [constants]"
+    )
+
+    rules = (
+        exactly_one("stiffness", "uncoupled_frequency", "geometry"),
+        excludes("geometry", "material", "thickness"),
+        not_tiny("tip_mass", "kg"),
+    )
 
     def faults(self) -> Problems:
-        """Check that it has one stiffness, and where its material and thickness stand."""
-        what = "stiffness in N/m, uncoupled_frequency in Hz or geometry"
-        ways = ("stiffness", "uncoupled_frequency", "geometry")
-        yield from exactly_one(self, *ways, give=what)
-        if self.geometry is not None:
-            for name in given(self, "material", "thickness"):
-                yield name, "conflicts with a geometry", "give it there alone"
-        elif self.thickness is not None and self.material is None:
+        """Check what depends on several keys."""
+        yield from super().faults()
+        if self.thickness and self.geometry is None and self.material is None:
             yield "thickness", "has no effect without a material", "name the material too"
-        yield from not_tiny(self, "tip_mass", "kg")
 
 
 class BladeSet(AnyBlade, frozen=True):
@@ -402,7 +371,7 @@ class BladeSet(AnyBlade, frozen=True):
 class Blade(AnyBlade, frozen=True):
     """One cantilever blade, for wires that name it."""
 
-    name: Name = key(f"name by which wires refer to it: {NAMES}")
-    at: Vector | None = key(
+    name: units.Name = key(f"name by which wires refer to it: {NAMES}")
+    at: units.Vector | None = key(
         "tip in the frame of the body above, m; default: the mean of its wires' upper ends"
     )

@@ -77,10 +77,13 @@ def _faults(text: str) -> str:
         (LINK + STRANDS.replace("[0.1,", "[0.0,"), "lies above or below the point at"),
         (
             LINK + STRANDS.replace("aluminium", "alumnium"),
-            "unknown material; did you mean 'aluminium'",
+            "names no material; did you mean 'aluminium'",
         ),
-        (LINK + STRANDS.replace('"u"', '"points"'), "follows from the points; remove it"),
-        (LINK + "loss_angle = 0.1\n" + TABLE, "conflicts with the imaginary part of the table"),
+        (
+            LINK + STRANDS.replace('"u"', '"points"'),
+            'goes with shape = "u" or "catenary"; remove it',
+        ),
+        (LINK + "loss_angle = 0.1\n" + TABLE, "link.a.loss_angle = 0.1: conflicts with table"),
         (LINK + TABLE.replace("[1.0, 2.0]\nreal", "[2.0, 1.0]\nreal"), "is not in ascending order"),
         (
             LINK + TABLE.replace('axis = "x"\n', ""),

@@ -5,13 +5,12 @@ from __future__ import annotations
 
 import contextlib
 import math
-import re
 import tomllib
 
 import numpy as np
 import pytest
 
-from suspension_cli.analyses.check import plausible
+from suspension_cli.analyses.check import findings
 from suspension_cli.analyses.check.names import find_unknown_names as names_of
 from suspension_cli.analyses.check.statics import solve
 from suspension_cli.design import csv_columns
@@ -21,7 +20,6 @@ from suspension_cli.design.reader import convert, template
 from suspension_cli.errors import InputError
 from tests.support.commandline import (
     KINDS,
-    MISSING,
     edited,
     from_template,
     run,
@@ -61,354 +59,210 @@ def test_shipped_designs_are_believed(name, tmp_path):
     assert all(share is None or 0.02 < share < 0.8 for share in shares)
 
 
-UPPER, LAST = ("stage", 0), ("stage", -1)
 NONSENSE = {
     "length": (
         "double",
-        {(*LAST, "wires", "l"): 602.0},
-        "stage.test.wires.l = 602.0: is longer than any suspension .50 m.; did you mean mm?",
-    ),
-    "height": (
-        "double",
-        {(*LAST, "wires", "d"): 1.0},
-        "stage.test.wires.d = 1.0: lower ends of wires lie 1 m from the COM, .*; did you mean mm?",
+        "stage.test.wires.l=602.0",
+        "stage.test.wires.l = 602.0: is larger than any suspension (50 m); did you mean mm?",
     ),
     "depth": (
         "double",
-        {(*LAST, "wires", "d_upper"): 1.0},
-        (
-            "stage.test.wires.d_upper = 1.0: upper ends of wires lie, on upper, 1 m .*; did you"
-            " mean mm?"
-        ),
-    ),
-    "separation": (
-        "double",
-        {(*LAST, "wires", "s"): 6.0},
-        "stage.test.wires.s = 6.0: .*; did you mean mm?",
+        "stage.test.wires.d_upper=1.0",
+        "stage.test.wires.d_upper = 1.0: upper ends of wires lie 1 m from the COM, ",
     ),
     "no shape": (
         "husman2000/table1-case1",
-        {(*LAST, "wires", "s"): 40.0},
-        "stage.test.wires.s = 40.0: .* by its inertia.*; did you mean mm?",
-    ),
-    "wire in mm": (
-        "double",
-        {(*LAST, "wires", "radius"): 0.075},
-        "stage.test.wires.radius = 0.075: the wire is 0.15 m thick, .*; did you mean mm?",
-    ),
-    "thick wire": (
-        "double",
-        {(*LAST, "wires", "radius"): 0.305},
-        "stage.test.wires.radius = 0.305: the wire is 0.61 m thick, .*; did you mean mm?",
+        "stage.test.wires.s=40.0",
+        "stage.test.wires.s = 40.0: lower ends of wires lie 40 m from the COM, far outside the body"
+        " (whose half along x is about 0.078 m); did you mean mm?",
     ),
     "wire in um": (
         "double",
-        {(*LAST, "wires", "radius"): 75.0},
-        "stage.test.wires.radius = 75.0: .*; did you mean um?",
-    ),
-    "ribbon": (
-        "double",
-        {
-            (*LAST, "wires", "radius"): MISSING,
-            (*LAST, "wires", "section"): {"width": 0.4, "thickness": 1e-4},
-        },
-        "stage.test.wires.section.width = 0.4: .*; did you mean mm?",
-    ),
-    "thin wire": (
-        "double",
-        {(*LAST, "wires", "radius"): 15.4e-6},
-        "stage.test.wires: wire test.1 is under 8.8. GPa, 4.4. times the strength of c70steel",
+        "stage.test.wires.radius=75.0",
+        "stage.test.wires.radius = 75.0: is thicker than any wire (0.02 m); did you mean um?",
     ),
     "thin fibre": (
         "quadruple",
-        {(*LAST, "wires", "radius"): 26.7e-6},
+        "stage.test.wires.radius=26.7e-6",
         "stage.test.wires: wire test.1 is under 43.8 GPa, 11.8 times the strength of fused-sil",
-    ),
-    "body in mm": (
-        "husman2000/figure3",
-        {(*LAST, "body", "radius"): 90.0},
-        "stage.test.body.mass = 6.0: makes the body less dense .*; did you mean mm?",
     ),
     "large body": (
         "quadruple",
-        {(*LAST, "body", "radius"): 170.0},
-        (
-            "stage.test.body.radius = 170.0: is larger than any suspended body .10 m.; did you"
-            " mean mm?"
-        ),
+        "stage.test.body.radius=170.0",
+        "stage.test.body.radius = 170.0: is larger than any suspended body (10 m); did you mean mm",
     ),
     "box in mm": (
         "double",
-        {(*UPPER, "body", "size"): [100.0, 140.0, 30.0]},
-        "stage.upper.body.mass = 3.0: makes the body less dense .*; did you mean mm for",
+        "stage.upper.body.size=[100.0, 140.0, 30.0]",
+        "stage.upper.body.mass = 3.0: a body of 3 kg of this size has 7.14e-06 kg/m^3, lighter than"
+        " air (1.2); did you mean mm for the sizes?",
     ),
     "mass in g": (
         "double",
-        {(*UPPER, "body", "mass"): 3000.0},
-        "stage.upper.body.mass = 3000.0: makes the body denser .* than osmium .*; did you mean g?",
+        "stage.upper.body.mass=3000.0",
+        "than osmium (22600); did you mean g for the mass?",
     ),
     "mass alone in g": (
         "husman2000/table2",
-        {(*UPPER, "body", "mass"): 5860.0},
-        "stage.upper.body.inertia = .*; did you mean g for the mass 5860?",
+        "stage.upper.body.mass=5860.0",
+        "than osmium (22600); did you mean g for the mass?",
     ),
     "density": (
         "double",
-        {(*LAST, "body", "density"): 2.2},
-        "stage.test.body.density = 2.2: is less dense than foam .25 kg/m.3.; did you mean g/cm.3?",
-    ),
-    "dense": (
-        "double",
-        {(*LAST, "body", "density"): 22000.0 * 1.1},
-        "stage.test.body.density = 24200.* is denser than osmium",
-    ),
-    "inertia in g m2": (
-        "husman2000/table2",
-        {(*UPPER, "body", "inertia"): [81.26, 3.81, 83.38]},
-        "stage.upper.body.inertia = .*; did you mean g m.2?",
+        "stage.test.body.density=2.2",
+        "stage.test.body.density = 2.2: is less dense than foam (25 kg/m^3); did you mean g/cm^3?",
     ),
     "inertia in kg cm2": (
         "husman2000/table2",
-        {(*UPPER, "body", "inertia"): [812.6, 38.1, 833.8]},
-        "stage.upper.body.inertia = .*; did you mean kg cm.2?",
+        "stage.upper.body.inertia=[812.6, 38.1, 833.8]",
+        "lighter than air (1.2); did you mean kg cm^2 for the inertia?",
     ),
     "one inertia": (
         "husman2000/table2",
-        {(*UPPER, "body", "inertia"): [0.08, 3.81, 0.08]},
-        "stage.upper.body.inertia = .*: one moment exceeds .*; did you mean g m.2?",
+        "stage.upper.body.inertia=[0.08, 3.81, 0.08]",
+        "one moment exceeds the sum of the other two, impossible for a rigid body; check",
     ),
     "modulus in GPa": (
         "double",
-        {("materials", "c70steel"): {"youngs_modulus": 212.0}},
-        "materials.c70steel.youngs_modulus = 212.0: .*; did you mean GPa?",
-    ),
-    "modulus": (
-        "double",
-        {("materials", "c70steel"): {"youngs_modulus": 2.12e14}},
-        "materials.c70steel.youngs_modulus = .*: is outside",
+        "materials.c70steel.youngs_modulus=212.0",
+        "youngs_modulus = 212.0: is softer than rubber (1e+07 Pa); did you mean GPa?",
     ),
     "strength in MPa": (
         "double",
-        {("materials", "c70steel"): {"tensile_strength": 1980.0}},
-        "stage.upper.wires: .*; tensile_strength = 1980: did you mean MPa?",
-    ),
-    "strength": (
-        "double",
-        {("materials", "mine"): {"youngs_modulus": 2e11, "tensile_strength": 1e11}},
-        "materials.mine.tensile_strength = .* no material bears",
-    ),
-    "material density": (
-        "ligo-quad-2005",
-        {("materials", "silica", "density"): 2.2},
-        "materials.silica.density = 2.2: .*; did you mean g/cm.3?",
+        "materials.c70steel.tensile_strength=1980.0",
+        "tensile_strength = 1980.0: is weaker than any wire (100000 Pa); did you mean MPa?",
     ),
     "expansion": (
         "double",
-        {("materials", "c70steel"): {"thermal_expansion": 0.01}},
-        "materials.c70steel.thermal_expansion = 0.01: is more than 0.001 1/K",
+        "materials.c70steel.thermal_expansion=0.01",
+        "= 0.01: is more than twice that of any solid (0.001 1/K); did you mean 1e-6 1/K?",
     ),
     "k in N/mm": (
         "double",
-        {(*LAST, "wires", "k"): 13.4},
-        "stage.test.wires.k = 13.4: wire test.1 is stretched by 176 % .*; did you mean N/mm?",
+        "stage.test.wires.k=13.4",
+        "wires.k = 13.4: wire test.1 is stretched by 176 % of its length; did you mean N/mm?",
     ),
     "soft blade": (
         "geo-silica-triple",
-        {(*UPPER, "blades", "stiffness"): 0.394},
-        "stage.upper.blades.stiffness = 0.394: blade .*; did you mean N/mm?",
+        "stage.upper.blades.stiffness=0.394",
+        "stage.upper.blades.stiffness = 0.394: blade upper.blade1 sags by",
     ),
     "blade in kHz": (
         "quadruple",
-        {("stage", 1, "blades", "uncoupled_frequency"): 2.5e-3},
-        "uncoupled_frequency = 0.0025: blade .* sags by .*; did you mean kHz?",
+        "stage.upper.blades.uncoupled_frequency=2.5e-3",
+        "; did you mean kHz?",
     ),
     "blade in mHz": (
         "quadruple",
-        {("stage", 1, "blades", "uncoupled_frequency"): 2500.0},
-        "stage.upper.blades.uncoupled_frequency = 2500.0: .*; did you mean mHz?",
+        "stage.upper.blades.uncoupled_frequency=2500.0",
+        "= 2500.0: is too high to isolate from anything (100 Hz); did you mean mHz?",
     ),
     "thin blade": (
         "new/blades",
-        {(*LAST, "blades", "geometry", "thickness"): 3e-4},
-        "stage.test.blades: blade test.blade1 is under .* the strength of maraging",
+        "stage.test.blades.geometry.thickness=3e-4",
+        "stage.test.blades: blade test.blade1 is under ",
     ),
     "blade in mm": (
         "new/blades",
-        {(*LAST, "blades", "geometry", "thickness"): 1.5},
-        "stage.test.blades.geometry.thickness = 1.5: .*; did you mean mm?",
-    ),
-    "wide blade": (
-        "new/blades",
-        {(*LAST, "blades", "geometry", "base_width"): 40.0},
-        "stage.test.blades.geometry.base_width = 40.0: .*; did you mean mm?",
-    ),
-    "long blade": (
-        "new/blades",
-        {(*LAST, "blades", "geometry", "length"): 200.0},
-        (
-            "stage.test.blades.geometry.length = 200.0: is longer than any blade .10 m.; did you"
-            " mean mm?"
-        ),
+        "stage.test.blades.geometry.thickness=1.5",
+        "thickness = 1.5: is thicker than any blade (0.1 m); did you mean mm?",
     ),
     "tip in g": (
         "new/blades",
-        {(*LAST, "blades", "tip_mass"): 20.0},
-        (
-            "stage.test.blades.tip_mass = 20.0: is more than the mass of the stage itself .*; did"
-            " you mean g?"
-        ),
+        "stage.test.blades.tip_mass=20.0",
+        "tip_mass = 20.0: is more than any blade bears at its tip (10 kg); did you mean g?",
     ),
     "gravity": (
         "double",
-        {("constants",): {"gravity": 981.0}},
-        "constants.gravity = 981.0: is outside 1 to 30 m/s.2, .*; did you mean cm/s.2?",
-    ),
-    "gravity gradient": (
-        "double",
-        {("constants",): {"gravity_gradient": 0.3}},
-        "constants.gravity_gradient = 0.3: is more than 0.001 1/s.2, .*; give it in 1/s.2",
-    ),
-    "ring in mm": (
-        "pulled-fibres",
-        {(*UPPER, "wires", "ring_upper"): 140.0, (*UPPER, "wires", "ring_lower"): 140.0},
-        "stage.upper.wires.ring_lower = 140.0: lower ends of wires lie 140 m .*; did you mean mm?",
-    ),
-    "neck in mm": (
-        "double",
-        {(*LAST, "wires", "neck"): {"radius": 1.5, "length": 0.01}},
-        "stage.test.wires.neck.radius = 1.5: the wire is 1.5 m thick, .*; did you mean mm?",
+        "constants.gravity=981.0",
+        "constants.gravity = 981.0: is more than on Jupiter (30 m/s^2); did you mean cm/s^2?",
     ),
     "unstable": (
         "double",
-        {(*LAST, "wires", "d"): -0.05},
+        "stage.test.wires.d=-0.05",
         "stage: the equilibrium is unstable in the beam model: ",
     ),
     "degrees": (
         "imperfect",
-        {("perturbation", 2, "rotation"): [1.5, 0.0, 0.0]},
-        "perturbation.3.rotation = .*: an error of 1.5 rad is 85.9 degrees; did you mean deg",
+        "perturbation.3.rotation=[1.5, 0.0, 0.0]",
+        "is larger than in any real build (0.1 rad); did you mean degrees?",
     ),
     "offset in mm": (
         "imperfect",
-        {("perturbation", 0, "upper_offset"): [0.03, 0.0, 0.0]},
-        "perturbation.1.upper_offset = .*; did you mean mm?",
+        "perturbation.1.upper_offset=[0.03, 0.0, 0.0]",
+        "upper_offset = [0.03, 0.0, 0.0]: is larger than in any real build (0.02 m); did you mean",
     ),
     "per cent": (
         "triple-tolerance",
-        {("tolerance", "wire", 0, "radius", "uniform"): 1.0},
-        "tolerance.wire.1.radius = 1.0: .*; did you mean %?",
+        "tolerance.wire.1.radius.uniform=1.0",
+        "tolerance.wire.1.radius = 1.0: is a larger fraction than in any real build (0.5); did you",
     ),
     "spread in um": (
         "triple-tolerance",
-        {("tolerance", "wire", 0, "length", "normal"): 50.0},
-        "tolerance.wire.1.length = 50.0: .*; did you mean um?",
+        "tolerance.wire.1.length.normal=50.0",
+        "tolerance.wire.1.length = 50.0: is larger than in any real build (0.02 m); did you",
     ),
     "noise": (
         "triple-damped",
-        {("control", "loop", 0, "sensor_noise"): 0.1},
-        "control.loop.x.sensor_noise = 0.1: .*; did you mean nm/sqrt.Hz.?",
-    ),
-    "gain": (
-        "triple-damped",
-        {("control", "loop", 0, "gain"): -1e12},
-        "control.loop.x.gain = -1000000000000.0: has unity gain above 100 Hz .*; lower it, or",
-    ),
-    "damper": (
-        "tower",
-        {("control", "loop", 2, "damper"): 1e9},
-        "control.loop.yaw.damper = 1000000000.0: has unity gain above 100 Hz",
-    ),
-    "gap": (
-        "reaction-chain",
-        {("damper", 0, "eddy_current", "gap"): 1e-9},
-        r"damper\..*\.eddy_current\.gap = 1e-09: is inside a magnet of this strength",
+        "control.loop.x.sensor_noise=0.1",
+        "sensor_noise = 0.1: is more than that of any sensor (0.0001); did you mean nm/sqrt(Hz)?",
     ),
     "sensor": (
         "triple-damped",
-        {("control", "loop", 0, "sensor"): "uper.x"},
-        'control.loop.x.sensor = "uper.x": names no body; did you mean .upper.?',
-    ),
-    "strange sensor": (
-        "triple-damped",
-        {("control", "loop", 0, "sensor"): "tpo.x"},
-        'control.loop.x.sensor = "tpo.x": names no body; known here: support, upper',
-    ),
-    "sensed force": (
-        "triple-damped",
-        {("control", "loop", 0, "sensor"): "upper.force_x"},
-        "control.loop.x.sensor = .*: is not a motion of a stage",
+        "control.loop.x.sensor='uper.x'",
+        'control.loop.x.sensor = "uper.x": names no body; did you mean',
     ),
     "actuator": (
         "triple-damped",
-        {("control", "loop", 0, "actuator"): "upper.force_w"},
-        "control.loop.x.actuator = .*: names no motion or force; did you mean",
+        "control.loop.x.actuator='upper.force_w'",
+        "names no motion or force; did you mean",
     ),
     "input": (
         "double",
-        {("analysis",): {"response": {"input": "suport.x"}}},
-        'analysis.response.input = "suport.x": names no body; did you mean .support.?',
+        "analysis.response.input='suport.x'",
+        'analysis.response.input = "suport.x": names no body; did you mean',
     ),
     "observe": (
         "double",
-        {("analysis",): {"tolerance": {"observe": "tst@0,0,0"}}},
-        'analysis.tolerance.observe = "tst@0,0,0": names no body; did you mean .test.?',
+        "analysis.tolerance.observe='tst@0,0,0'",
+        'analysis.tolerance.observe = "tst@0,0,0": names no body; did you mean',
     ),
     "wire": (
         "double",
-        {("analysis",): {"xcouple": {"wire": "test.5"}}},
-        'analysis.xcouple.wire = "test.5": names no wire; did you mean .test.4.?',
+        "analysis.xcouple.wire='test.5'",
+        'analysis.xcouple.wire = "test.5": names no wire; did you mean',
     ),
     "result": (
         "double",
-        {("analysis",): {"sweep": {"result": ["test pich"]}}},
-        'analysis.sweep.result = "test pich": is the label of no mode; did you mean .test pi',
-    ),
-    "path": (
-        "double",
-        {("analysis",): {"xcouple": {"stage.tset.wires.d": "0:0.01:3"}}},
-        "analysis.xcouple.stage.tset.wires.d: does not lead to a table of the design",
+        "analysis.sweep.result=['test pich']",
+        'analysis.sweep.result = "test pich": is the label of no mode; did you mean',
     ),
     "vary": (
         "double",
-        {("analysis",): {"sweep": {"vary": ["stage.tset.wires.d=0:1:3"]}}},
-        "analysis.sweep.vary = .*: does not lead to a table of the design",
+        "analysis.sweep.vary=['stage.tset.wires.d=0:1:3']",
+        "does not lead to a table of the design",
     ),
 }
 
 
 @pytest.mark.parametrize("slip", NONSENSE)
 def test_nonsense_is_noticed(slip, tmp_path):
-    name, edits, expected = NONSENSE[slip]
-    result, answer, lines = checked(tmp_path, edited(raw(name), edits), "--strict")
+    name, override, expected = NONSENSE[slip]
+    result, answer, lines = checked(tmp_path, raw(name), "--strict", "--set", override)
     assert result.exit_code == 1, result.stderr
-    assert any(
-        re.search(
-            (
-                f": {expected}".replace("?", r"\?")
-                if not expected.startswith("uncoupled")
-                else expected.replace("?", r"\?")
-            ),
-            line,
-        )
-        for line in lines
-    ), lines
+    assert any(expected in line for line in lines), lines
     assert len(answer["warnings"]) == len(lines)
 
 
-def test_a_sound_modulus_is_not_suspected(tmp_path):
-    """Where the masses are wrong, not the modulus, no unit of it is suggested."""
-    edits = {(*LAST, "body", "radius"): 170.0}
-    _, _, lines = checked(tmp_path, edited(raw("double"), edits))
-    assert any("is stretched by" in line for line in lines)
-    assert not any("modulus" in line and "did you mean" in line for line in lines)
+LAST = ("stage", -1)
 
 
 @pytest.mark.parametrize("slip", ["length", "tip in g", "unstable"])
 def test_nonsense_is_reported_and_only_strict_fails(slip, tmp_path):
-    name, edits, _ = NONSENSE[slip]
-    result, answer, lines = checked(tmp_path, edited(raw(name), edits))
+    name, override, _ = NONSENSE[slip]
+    result, answer, lines = checked(tmp_path, raw(name), "--set", override)
     assert result.exit_code == 0 and len(answer["warnings"]) == len(lines) > 0
-    strict = run("check", tmp_path / "design.toml", "--strict")
+    strict = run("check", tmp_path / "design.toml", "--strict", "--set", override)
     assert strict.exit_code == 1
     assert (
         f"design.toml: {len(lines)} warning" in strict.stdout
@@ -489,7 +343,7 @@ def test_every_slip_of_a_unit_is_noticed(name):
                 design = convert(edited(document, {way: value * factor}))
                 if not [
                     *numbers.find_implausible(design),
-                    *plausible.find_implausible_loads(design, solve(design)),
+                    *findings.find_implausible_loads(design, solve(design)),
                 ]:
                     missed.append((way, value * factor))
     assert not missed
@@ -567,12 +421,8 @@ def test_other_sizes_are_believed(name):
             for part in (*carried.wires, *carried.blades)
             if part.fraction is not None and part.fraction > 1
         }
-        strained = {
-            wire.label.rsplit(".", 1)[0]
-            for wire in carried.wires
-            if wire.stretch > 0.03 * wire.length
-        }
-        for doubt in plausible.find_serious(design):
+        strained = {wire.label.rsplit(".", 1)[0] for wire in carried.wires if wire.strain > 0.03}
+        for doubt in findings.find_serious(design):
             stage = doubt.fault.key.split(".")[1]
             assert ("times the strength" in doubt.fault.problem and stage in broken) or (
                 "stretched" in doubt.fault.problem and stage in strained
@@ -742,12 +592,12 @@ def test_analyses_repeat_what_is_serious(args, tmp_path):
 
 ROOTS = {
     'pole(30) zpk([0],[9],1,"n") pole2(4,1,"n")': (
-        "pole(30) without a plane: in rad/s by Foton's rule, not in Hz, and pole(30) divides the"
-        ' gain at 0 Hz by 30; write pole(30, "n") for Hz and a gain of 1, or pole(30, "s") if this'
+        "pole(30) without a plane: in rad/s by Foton's rule, not in Hz, with another gain at 0 Hz"
+        ' than 1; write pole(30, "n") for Hz and a gain of 1, or pole(30, "s") if this'
     ),
     "zero2(2, 3) * pole (4) pole2(8,1)": (
         "zero2(2, 3) and pole (4) and pole2(8,1) without a plane: in rad/s by Foton's rule, not in"
-        ' Hz, and zero2(2, 3) multiplies the gain at 0 Hz by 2^2; write zero2(2, 3, "n") for'
+        ' Hz, with another gain at 0 Hz than 1; write zero2(2, 3, "n") for'
     ),
     "zpk([0],[-9],1) pole(7,'s') pole(8, \"f\") gain(2)": None,
 }

@@ -31,7 +31,10 @@ wires = { count = 1, l = 1.0, d = 0.01, k = 1e6 }
 """
 LEGS, BLADES = "stage.ip.inverted_pendulum", "stage.ip.filter"
 FAULTS = [
-    (f"{LEGS}.points=[[1,0,0],[0,1,0],[-1,0,0]]", f"{LEGS}: points and count are both given; "),
+    (
+        f"{LEGS}.points=[[1,0,0],[0,1,0],[-1,0,0]]",
+        f"{LEGS}.points = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]: conflicts",
+    ),
     (f"{LEGS}.stiffness=600.0", f"{LEGS}: stiffness and frequency are both given; give exactly"),
     (f"{LEGS}.length=-0.5", f"{LEGS}.length = -0.5: "),
     (f"{LEGS}.count=2", f"{LEGS}.count = 2: "),
@@ -44,7 +47,7 @@ FAULTS = [
     (f"{BLADES}.mass_coupling=3.0", f"{BLADES}.mass_coupling = 3.0: is not below the mass of"),
     (f"{BLADES}.keystone.inertia=[0,1,1]", f"{BLADES}.keystone.inertia.1 = 0: "),
     ("stage.f.hangs_from=ip-keyston", "stage.f.hangs_from = 'ip-keyston': names no earlier stage"),
-    ("stage.f.name=ip-keystone", "stage.ip-keystone.name = 'ip-keystone': is also the name"),
+    ("stage.f.name=ip-keystone", "stage.ip-keystone.name = 'ip-keystone': is the name"),
 ]
 
 

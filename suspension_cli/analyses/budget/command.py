@@ -318,8 +318,7 @@ def _model(
 ) -> tuple[Choice, LinearSystem, bool]:
     """Choose the model; tell whether it has thermal noise. Warnings are added to `notes`."""
     from suspension_cli.analyses import model_choice
-    from suspension_cli.analyses.check import warnings
-    from suspension_cli.analyses.check.lossless import find_lossless
+    from suspension_cli.analyses.check.lossless import describe_lossless, find_lossless
     from suspension_cli.analyses.thermal import model as thermal
     from suspension_cli.linear import signals
     from suspension_cli.models import registry
@@ -351,7 +350,7 @@ def _model(
     model = model_choice.stable_system(source, choice, controlled, run.log, model, bends=True)
     if warm:
         lossless = find_lossless(run.design, choice.level)
-        for line in warnings.describe_lossless(lossless, choice.level):
+        for line in describe_lossless(lossless, choice.level):
             notes.append(f"{run.name}: {line}")
     return choice, model, warm
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design import materials
@@ -12,6 +13,9 @@ from suspension_cli.design.losses.registry import mechanisms_of
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.wires import AnyWire, Blade, BladeSet
 from suspension_cli.models import registry
+
+MOST_PARTS = 10
+"""Most parts that a warning lists."""
 
 
 @dataclass(frozen=True)
@@ -45,12 +49,10 @@ def find_lossless(design: Design, level: str) -> list[Lossless]:
     if frame and not frame.loss_angle and not any(getattr(frame.damping, dof) for dof in DOFS):
         found.append(Lossless(SUPPORT))
     for stage in design.stage:
-        blades = stage.blade_tables
-        names = ["" if isinstance(blade, BladeSet) else blade.name for blade in blades]
-        found += _merge_parts(stage, "blades", names, [_blade(design, b, level) for b in blades])
-        wires = stage.wire_tables
-        names = [str(n + 1) for n in range(len(wires))]
-        found += _merge_parts(stage, "wires", names, [_wire(design, w, level) for w in wires])
+        found += _of_kind(
+            stage, "blades", stage.blade_tables, lambda one: _blade(design, one, level)
+        )
+        found += _of_kind(stage, "wires", stage.wire_tables, lambda one: _wire(design, one, level))
         elastic = [
             spring
             for spring in stage.spring
@@ -70,17 +72,16 @@ def find_lossless(design: Design, level: str) -> list[Lossless]:
     return found
 
 
-def _merge_parts(
-    stage: Stage, word: str, names: list[str], lacking: Sequence[Lossless | None]
-) -> Iterator[Lossless]:
-    """Merge parts of one kind of a stage if all lack the same."""
-    first = lacking[0] if lacking else None
-    if first is not None and all(one == first for one in lacking):
-        yield replace(first, part=f"{stage.name}.{word}")
-        return
-    for name, one in zip(names, lacking, strict=True):
-        if one is not None:
-            yield replace(one, part=f"{stage.name}.{name}")
+def _of_kind(
+    stage: Stage, word: str, tables: Sequence[Any], find: Callable[[Any], Lossless | None]
+) -> list[Lossless]:
+    """Find the parts of one kind of a stage without loss, as one part if all lack the same."""
+    lacking = [find(table) for table in tables]
+    names = [getattr(table, "name", str(n)) for n, table in enumerate(tables, 1)]
+    if lacking and all(one == lacking[0] for one in lacking):
+        lacking, names = lacking[:1], [word]
+    pairs = zip(names, lacking, strict=True)
+    return [replace(one, part=f"{stage.name}.{name}") for name, one in pairs if one is not None]
 
 
 def _wire(design: Design, wire: AnyWire, level: str) -> Lossless | None:
@@ -130,3 +131,43 @@ def _part(
 
 def _nonzero(matrix: list[float | list[float]] | None) -> bool:
     return any(any(row) if isinstance(row, list) else bool(row) for row in matrix or ())
+
+
+def describe_lossless(found: list[Lossless], level: str) -> list[str]:
+    """Describe parts without loss in the model `level`, and parts with loss only in bending."""
+    lines = []
+    nothing = [one for one in found if not one.bending]
+    partial = [one for one in found if one.bending]
+    if nothing:
+        own = (
+            ""
+            if registry.by_name(level).bends_wires
+            else f" in the {level} model, which uses only loss angles given in the design"
+        )
+        lines.append(
+            f"no loss{own}: {_parts(nothing)}; they add no thermal noise and do not limit Q;"
+            f" {_remedy(nothing)}"
+        )
+    if partial:
+        names = " and ".join(dict.fromkeys(name for one in partial for name in one.bending))
+        lines.append(
+            f"no bulk loss, only {names} loss where they bend: {_parts(partial)};"
+            f" thermal noise is too low and Q too high; {_remedy(partial)}"
+        )
+    return lines
+
+
+def _remedy(found: list[Lossless]) -> str:
+    """Name the keys that give these parts a loss."""
+    made = sorted({f"materials.{name}.loss_angle" for one in found for name in one.material})
+    others = [one.part for one in found if not one.material]
+    return "give " + " and ".join(made + ([f"loss_angle of {', '.join(others)}"] if others else []))
+
+
+def _parts(found: list[Lossless]) -> str:
+    """List at most `MOST_PARTS` parts with materials: ``upper.blades, test.wires (steel302)``."""
+    shown = found if len(found) <= MOST_PARTS else found[: MOST_PARTS - 1]
+    listed = ", ".join(
+        one.part + (f" ({', '.join(one.material)})" if one.material else "") for one in shown
+    )
+    return listed + (f" and {len(found) - len(shown)} more" if len(shown) < len(found) else "")

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
 from suspension_cli.analyses.check import towers
+from suspension_cli.analyses.check.columns import Column
 from suspension_cli.analyses.check.towers import FilterLoad, LegLoad
 from suspension_cli.design import materials
+from suspension_cli.design.derive import blade_material
 from suspension_cli.design.schema import Body, Design, Stage
 from suspension_cli.design.sections import given_sections, thinnest
-from suspension_cli.design.wires import Blade, BladeSet, Wire, WireSet
+from suspension_cli.design.wires import Blade, BladeSet, Profile, Wire, WireSet
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.equilibrium.solve import solve as balance
@@ -40,45 +43,57 @@ class Stress:
     """
 
     label: str
-    stress: float | None
-    strength: float | None
-    fraction: float | None
+    stress: Annotated[float | None, Column("stress_pa", "stress\nMPa", ".0f", 1e-6)]
+    strength: Annotated[float | None, Column("strength_pa")]
+    fraction: Annotated[float | None, Column("strength_fraction", "of strength\n%", ".3g", 100)]
     material: str
+
+    @property
+    def stage(self) -> str:
+        """Name of its stage."""
+        return self.label.rsplit(".", 1)[0]
+
+    @property
+    def number(self) -> str:
+        """Its number or name in the stage."""
+        return self.label.rsplit(".", 1)[1]
 
 
 @dataclass(frozen=True)
 class WireLoad(Stress):
-    """Load of one wire: tension (N), elongation and loaded length (m)."""
+    """Load of one wire: tension (N), elongation (m), and that over its loaded length."""
 
-    tension: float
-    stretch: float
-    length: float
+    label: Annotated[str, Column("wire", "wire")]
+    tension: Annotated[float, Column("tension_n", "tension\nN", ".2f")]
+    stretch: Annotated[float, Column("stretch_m", "stretch\nmm", ".3f", 1e3)]
+    strain: Annotated[float, Column("stretch_fraction")]
 
 
 @dataclass(frozen=True)
 class BladeLoad(Stress):
     """Load of one blade: vertical force at its tip (N), and deflection of the tip (m)."""
 
-    load: float
-    sag: float
+    label: Annotated[str, Column("blade", "blade")]
+    load: Annotated[float, Column("load_n", "load\nN", ".2f")]
+    sag: Annotated[float, Column("sag_m", "sag\nmm", ".3f", 1e3)]
 
 
 @dataclass(frozen=True)
 class BodyPose:
     """Displacement (m) and rotation vector (rad) of one body from its nominal pose."""
 
-    name: str
-    shift: tuple[float, float, float]
-    rotation: tuple[float, float, float]
+    name: Annotated[str, Column("stage")]
+    shift: Annotated[tuple[float, float, float], Column("shift_m")]
+    rotation: Annotated[tuple[float, float, float], Column("rotation_rad")]
 
 
 @dataclass(frozen=True)
 class Lowest:
     """Lowest point of a stage: z (m) from the suspension point, and the part there."""
 
-    name: str
-    z: float
-    point: str
+    name: Annotated[str, Column("stage")]
+    z: Annotated[float, Column("z_m")]
+    point: Annotated[str, Column("point")]
 
 
 @dataclass(frozen=True)
@@ -110,6 +125,15 @@ class LinkLoad:
 
 
 @dataclass(frozen=True)
+class ReducedProfile:
+    """Numbers of places of a measured profile of a fibre, and of its uniform sections."""
+
+    wire: Annotated[str, Column("wire")]
+    places: Annotated[int, Column("places")]
+    sections: Annotated[int, Column("sections")]
+
+
+@dataclass(frozen=True)
 class Statics:
     """Statics of a design; `top` is z of the highest end of a wire, m."""
 
@@ -122,6 +146,7 @@ class Statics:
     links: tuple[LinkLoad, ...] = ()
     legs: tuple[LegLoad, ...] = ()
     filters: tuple[FilterLoad, ...] = ()
+    profiles: tuple[ReducedProfile, ...] = ()
 
     @property
     def height(self) -> float:
@@ -141,26 +166,24 @@ def solve(design: Design) -> Statics:
     balanced = balance(scene)
     balanced.demand(scene)
     tables = [table for stage in design.stage for table in list_wire_tables(stage)]
-    tension = balanced.tension
-    rows = zip(
-        tables,
-        scene.wires.label,
-        tension.tolist(),
-        (tension / scene.wires.stiffness).tolist(),
-        scene.wires.length.tolist(),
-        _upper_weights(scene),
-        strict=True,
-    )
+    wires, tension = scene.wires, balanced.tension
+    stretch, above = tension / wires.stiffness, _upper_weights(scene)
+    rows = zip(tables, wires.label, tension, stretch, wires.length, above, strict=True)
     pose = balanced.pose
     bodies = tuple(
         BodyPose(
-            name, _vector(pose.shift[n]), _vector(rotation_vector(pose.rotation[n] - np.eye(3)))
+            name=name,
+            shift=_vector(pose.shift[n]),
+            rotation=_vector(rotation_vector(pose.rotation[n] - np.eye(3))),
         )
         for n, name in enumerate(scene.bodies.name, 1)
     )
     ends = _end_heights(scene, balanced)
     return Statics(
-        wires=tuple(_wire_load(design, *row) for row in rows),
+        wires=tuple(
+            _wire_load(design, table, label, *map(float, numbers))
+            for table, label, *numbers in rows
+        ),
         blades=tuple(_blade_load(design, *blade) for blade in _blade_rows(design, scene, balanced)),
         bodies=bodies,
         lowest=tuple(
@@ -172,7 +195,18 @@ def solve(design: Design) -> Statics:
         links=tuple(_links(design)),
         legs=towers.leg_loads(design, scene, balanced),
         filters=towers.filter_loads(design, scene, balanced),
+        profiles=tuple(_profiles(design)),
     )
+
+
+def _profiles(design: Design) -> Iterator[ReducedProfile]:
+    """Measured profiles of fibres, from top to bottom."""
+    for stage in design.stage:
+        for number, table in enumerate(stage.wire_tables, 1):
+            if isinstance(table.profile, Profile):
+                name = f"{stage.name}.{'wires' if stage.wires is not None else number}"
+                places, sections = table.profile.position, given_sections(table) or ()
+                yield ReducedProfile(wire=name, places=len(places), sections=len(sections))
 
 
 def _links(design: Design) -> Iterator[LinkLoad]:
@@ -202,11 +236,11 @@ def _links(design: Design) -> Iterator[LinkLoad]:
         yield LinkLoad(damper.name, tuple(damper.between), (0.0, 0.0, 0.0), damping)
 
 
-def _upper_weights(scene: Scene) -> list[float]:
+def _upper_weights(scene: Scene) -> np.ndarray:
     """Excess of tension at the upper end of each wire by its own weight, N."""
     wires = scene.wires
     weight = scene.gravity * (wires.mass[:, 0] + wires.mass[:, 1])
-    return (weight * -wires.span[:, 2] / wires.length).tolist()
+    return weight * -wires.span[:, 2] / wires.length
 
 
 def list_wire_tables(stage: Stage) -> list[WireSet] | list[Wire]:
@@ -233,16 +267,20 @@ def _wire_load(
         name, area = piece.material or table.material, thinnest(piece)
         if area is not None:
             found.append(((tension + weight) / area, _strength(design, name), name or ""))
-    known = [
-        (stress / strength, strength, name)
-        for stress, strength, name in found
-        if strength is not None
-    ]
-    fraction, strength, material = max(
-        known, default=(None, None, max(found)[2] if found else table.material or "")
-    )
+    known = [(stress / limit, limit, name) for stress, limit, name in found if limit is not None]
+    unknown = (None, None, max(found)[2] if found else table.material or "")
+    fraction, strength, material = max(known, default=unknown)
     largest = max((stress for stress, _, _ in found), default=None)
-    return WireLoad(label, largest, strength, fraction, material, tension, stretch, length)
+    return WireLoad(
+        label=label,
+        tension=tension,
+        stretch=stretch,
+        strain=stretch / length,
+        stress=largest,
+        strength=strength,
+        fraction=fraction,
+        material=material,
+    )
 
 
 def _strength(design: Design, name: str | None) -> float | None:
@@ -269,13 +307,20 @@ def _blade_load(
     The largest stress under F, at its base, is moment F L over section modulus b h^2 / 6:
     6 F L / (b h^2).
     """
-    shape, sag = table.geometry, load / stiffness
-    if shape is None:
-        return BladeLoad(label, None, None, None, table.material or "", load, sag)
-    stress = 6 * load * shape.length / (shape.base_width * shape.thickness**2)
-    strength = _strength(design, shape.material)
-    fraction = None if strength is None else stress / strength
-    return BladeLoad(label, stress, strength, fraction, shape.material, load, sag)
+    shape = table.geometry
+    stress = strength = None
+    if shape is not None:
+        stress = 6 * load * shape.length / (shape.base_width * shape.thickness**2)
+        strength = _strength(design, shape.material)
+    return BladeLoad(
+        label=label,
+        load=load,
+        sag=load / stiffness,
+        stress=stress,
+        strength=strength,
+        fraction=None if stress is None or strength is None else stress / strength,
+        material=blade_material(table) or "",
+    )
 
 
 def _end_heights(scene: Scene, balanced: Equilibrium) -> list[list[float]]:
@@ -299,7 +344,7 @@ def _find_lowest(
     if body.shape is not None:
         points = [(z - _half_height(body, balanced.pose.rotation[n, 2]), "body"), *points]
     lowest = min(points, key=lambda point: point[0])
-    return Lowest(scene.bodies.name[n - 1], *lowest)
+    return Lowest(name=scene.bodies.name[n - 1], z=lowest[0], point=lowest[1])
 
 
 def _half_height(body: Body, up: np.ndarray) -> float:

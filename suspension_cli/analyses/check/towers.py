@@ -3,60 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from suspension_cli.analyses import tables
-from suspension_cli.analyses.analysis import Document
+from suspension_cli.analyses.check.columns import Column
 from suspension_cli.design.filters import filter_statics
 from suspension_cli.design.inverted_pendulum import leg_inertia, leg_statics
 from suspension_cli.design.keystones import Keystone
-from suspension_cli.design.plausibility import ImplausibleNumber
 from suspension_cli.design.schema import Design
 from suspension_cli.elements import string
 from suspension_cli.equilibrium.residual_scale import carried_weights
 from suspension_cli.equilibrium.solve import Equilibrium
-from suspension_cli.errors import Fault, format_value
 from suspension_cli.scene.scene import Scene
-
-TIPPING = 1e-3
-"""Margin of an inverted pendulum to its tipping load, over the load, below which there is a
-warning."""
-WORKING_RANGE = 5e-3
-"""Largest plausible displacement of a keystone from its working point, m: blades are soft within
-millimetres."""
-
-
-Columns = dict[str, tuple[str, str, str, float]]
-LEGS: Columns = {
-    "stage": ("stage", "legs", "", 1),
-    "thrust": ("thrust_n", "", "", 1),
-    "load": ("load_n", "load\nN", ".2f", 1),
-    "critical": ("critical_load_n", "tips over at\nN", ".2f", 1),
-    "margin": ("margin", "margin\n%", ".3g", 100),
-    "flexure": ("flexure_n_m_per_rad", "", "", 1),
-    "stiffness": ("stiffness_n_per_m", "stiffness\nN/m", ".4g", 1),
-    "elastic": ("elastic_stiffness_n_per_m", "", "", 1),
-    "frequency": ("frequency_hz", "frequency\nHz", ".4g", 1),
-    "tilt": ("tilt_m_per_rad", "ground tilt\nm/rad", ".4g", 1),
-    "saturation": ("saturation", "saturation", ".2g", 1),
-    "dilution": ("dilution", "", "", 1),
-}
-FILTERS: Columns = {
-    "stage": ("stage", "filter", "", 1),
-    "carried": ("carried_n", "carried\nN", ".2f", 1),
-    "load": ("load_n", "", "", 1),
-    "sag": ("sag_m", "sag\nmm", ".3f", 1e3),
-    "stiffness": ("stiffness_n_per_m", "stiffness\nN/m", ".4g", 1),
-    "frequency": ("frequency_hz", "frequency\nHz", ".4g", 1),
-    "saturation": ("saturation", "saturation", ".2g", 1),
-    "thermal_force": ("thermal_force_n_per_k", "thermal force\nN/K", ".3g", 1),
-    "thermal_shift": ("thermal_shift_m_per_k", "shift\nmm/K", ".3g", 1e3),
-}
-"""Attributes of `LegLoad` and `FilterLoad`: key in JSON; heading, form and factor of the column of
-the table, "" for none."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +29,8 @@ class LegLoad:
         At the top of each leg in equilibrium, N.
     load, critical : float
         Weight and other vertical force on the legs, and that at which they tip over, N.
+    margin : float
+        Critical load over load, less 1; negative if it tips over.
     flexure : float
         Bending stiffness at the foot of one leg, N m/rad.
     stiffness, elastic : float
@@ -84,22 +46,18 @@ class LegLoad:
         `stiffness` over `elastic`.
     """
 
-    stage: str
-    thrust: list[float]
-    load: float
-    critical: float
-    flexure: float
-    stiffness: float
-    elastic: float
-    frequency: float | None
-    tilt: float | None
-    saturation: float
-    dilution: float
-
-    @property
-    def margin(self) -> float:
-        """Critical load over load, less 1; negative if it tips over."""
-        return self.critical / self.load - 1
+    stage: Annotated[str, Column("stage", "legs")]
+    thrust: Annotated[list[float], Column("thrust_n")]
+    load: Annotated[float, Column("load_n", "load\nN", ".2f")]
+    critical: Annotated[float, Column("critical_load_n", "tips over at\nN", ".2f")]
+    margin: Annotated[float, Column("margin", "margin\n%", ".3g", 100)]
+    flexure: Annotated[float, Column("flexure_n_m_per_rad")]
+    stiffness: Annotated[float, Column("stiffness_n_per_m", "stiffness\nN/m", ".4g")]
+    elastic: Annotated[float, Column("elastic_stiffness_n_per_m")]
+    frequency: Annotated[float | None, Column("frequency_hz", "frequency\nHz", ".4g")]
+    tilt: Annotated[float | None, Column("tilt_m_per_rad", "ground tilt\nm/rad", ".4g")]
+    saturation: Annotated[float, Column("saturation", "saturation", ".2g")]
+    dilution: Annotated[float, Column("dilution")]
 
 
 @dataclass(frozen=True)
@@ -124,15 +82,15 @@ class FilterLoad:
         Change of the working point, m/K, upwards.
     """
 
-    stage: str
-    carried: float
-    load: float
-    stiffness: float
-    frequency: float
-    sag: float
-    saturation: float
-    thermal_force: float
-    thermal_shift: float
+    stage: Annotated[str, Column("stage", "filter")]
+    carried: Annotated[float, Column("carried_n", "carried\nN", ".2f")]
+    load: Annotated[float, Column("load_n")]
+    stiffness: Annotated[float, Column("stiffness_n_per_m", "stiffness\nN/m", ".4g")]
+    frequency: Annotated[float, Column("frequency_hz", "frequency\nHz", ".4g")]
+    sag: Annotated[float, Column("sag_m", "sag\nmm", ".3f", 1e3)]
+    saturation: Annotated[float, Column("saturation", "saturation", ".2g")]
+    thermal_force: Annotated[float, Column("thermal_force_n_per_k", "thermal force\nN/K", ".3g")]
+    thermal_shift: Annotated[float, Column("thermal_shift_m_per_k", "shift\nmm/K", ".3g", 1e3)]
 
 
 def leg_loads(design: Design, scene: Scene, balanced: Equilibrium) -> tuple[LegLoad, ...]:
@@ -165,6 +123,7 @@ def leg_loads(design: Design, scene: Scene, balanced: Equilibrium) -> tuple[LegL
                 thrust=thrust[own].tolist(),
                 load=load,
                 critical=drawn.critical,
+                margin=drawn.critical / load - 1,
                 flexure=drawn.flexure,
                 stiffness=stiffness,
                 elastic=drawn.elastic,
@@ -214,62 +173,3 @@ def filter_loads(design: Design, scene: Scene, balanced: Equilibrium) -> tuple[F
             )
         )
     return tuple(found)
-
-
-def documents(legs: tuple[LegLoad, ...], filters: tuple[FilterLoad, ...]) -> Document:
-    """Return JSON lists of inverted pendulums and filters, if there are any."""
-    kinds = (("inverted_pendulums", LEGS, legs), ("filters", FILTERS, filters))
-    return {
-        name: [{key: getattr(one, field) for field, (key, *_) in columns.items()} for one in found]
-        for name, columns, found in kinds
-        if found
-    }
-
-
-def lines(legs: tuple[LegLoad, ...], filters: tuple[FilterLoad, ...]) -> list[str]:
-    """Return tables of inverted pendulums and filters, if there are any."""
-    made = []
-    for columns, found in ((LEGS, legs), (FILTERS, filters)):
-        shown = [(field, *column) for field, (_, *column) in columns.items() if column[0]]
-        heads = {str(head): str(form) for _, head, form, _ in shown}
-        rows = []
-        for one in found:
-            values = ((getattr(one, field), factor) for field, _, _, factor in shown)
-            rows.append([value * factor if factor != 1 else value for value, factor in values])
-        if rows:
-            made.append(tables.render(heads, rows))
-    return made
-
-
-def find_implausible_towers(
-    design: Design, legs: tuple[LegLoad, ...], filters: tuple[FilterLoad, ...]
-) -> Iterator[ImplausibleNumber]:
-    """Report inverted pendulums near tipping, and filters off their working point."""
-    stages = {stage.name: stage for stage in design.stage}
-    for leg in legs:
-        if leg.margin >= TIPPING:
-            continue
-        key = f"stage.{leg.stage}.inverted_pendulum"
-        state = (
-            f"tips over: its load of {leg.load:.6g} N is above the critical load of"
-            f" {leg.critical:.6g} N"
-            if leg.margin <= 0
-            else f"is near tipping: its load of {leg.load:.6g} N is {100 * leg.margin:.2g} % below"
-            f" the critical load of {leg.critical:.6g} N"
-        )
-        table = stages[leg.stage].inverted_pendulum
-        assert table is not None
-        least = leg.flexure + (leg.load - leg.critical) * table.length / len(leg.thrust)
-        remedy = f"reduce the load, or give flexures well above {least:.6g} N m/rad"
-        yield ImplausibleNumber(Fault(key, state, remedy))
-    for own in filters:
-        if abs(own.sag) <= WORKING_RANGE:
-            continue
-        way = "below" if own.sag > 0 else "above"
-        problem = (
-            f"the keystone is {1e3 * abs(own.sag):.3g} mm {way} its working point: it carries"
-            f" {own.carried:.6g} N, not {own.load:.6g} N"
-        )
-        remedy = f"give load = {own.carried:.6g}, leave it out, or change the mass below"
-        key = f"stage.{own.stage}.filter.load"
-        yield ImplausibleNumber(Fault(key, problem, remedy, format_value(own.load)))

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
+from suspension_cli.analyses.check.columns import Column
 from suspension_cli.analyses.check.statics import Statics, list_wire_tables
 from suspension_cli.design.derive import gravity_strength, wire_line_densities
 from suspension_cli.design.schema import Design
@@ -30,22 +32,18 @@ class WireWeights:
     sag : float
         Largest distance of a wire from the straight line between its ends, m: w l / (8 T) for the
         part w of its weight across it (Irvine, Cable Structures, MIT Press (1981), section 1.2).
-    softening : float
-        Largest decrease of a wire's stiffness by its sag, w^2 k l / (12 T^3), over that stiffness k
-        (Ernst, Der Bauingenieur 40, 52 (1965)).
+    error : float
+        Error of the stiffness of straight wires: across, (W/T)^2 / 12, or along them, the largest
+        decrease of a wire's stiffness k by its sag, w^2 k l / (12 T^3), over k (Ernst, Der
+        Bauingenieur 40, 52 (1965)).
     """
 
     included: bool
-    total: float
-    ratio: float
     wire: str
-    sag: float
-    softening: float
-
-    @property
-    def error(self) -> float:
-        """Error of the stiffness of straight wires: across, (W/T)^2 / 12, or along them."""
-        return max(self.ratio**2 / 12, self.softening)
+    total: Annotated[float, Column("total_n")]
+    ratio: Annotated[float, Column("largest_over_tension")]
+    sag: Annotated[float, Column("sag_m")]
+    error: Annotated[float, Column("error")]
 
     @property
     def line(self) -> str:
@@ -83,4 +81,6 @@ def solve(design: Design, statics: Statics) -> WireWeights | None:
         softening = max(softening, across**2 * stiffness / (12 * load.tension**3))
     if not total:
         return None
-    return WireWeights(design.constants.wire_weight, total, ratio, worst, sag, softening)
+    error = max(ratio**2 / 12, softening)
+    included = design.constants.wire_weight
+    return WireWeights(included, worst, total=total, ratio=ratio, sag=sag, error=error)

@@ -16,7 +16,6 @@ import numpy as np
 from suspension_cli.analyses.damp import control_statespace
 from suspension_cli.analyses.damp.control import Plant
 from suspension_cli.conventions import DOFS
-from suspension_cli.design import loop_filters
 from suspension_cli.linear import damped, poles, roots, signals
 from suspension_cli.linear.connected_groups import connected_groups
 from suspension_cli.linear.constant_loss import with_constant_loss
@@ -73,7 +72,7 @@ def _build_blocks(plant: Plant) -> list[ClosedBlock]:
     loops = []
     for loop, sensed, pushed in zip(plant.loops, plant.sensed, plant.pushed, strict=True):
         linked |= np.outer(pushed, sensed) != 0
-        made, turn = loop_filters.controller_and_sensor(loop), 2 * np.pi
+        made, turn = loop.controller_and_sensor, 2 * np.pi
         zeros, places = (np.array(some, dtype=complex) * turn for some in (made.zeros, made.poles))
         gain = made.gain * turn ** (len(places) - len(zeros))
         loops.append(Feedback(sensed, pushed, gain, zeros, places, loop.delay))

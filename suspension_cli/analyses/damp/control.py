@@ -16,9 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.conventions import DOFS, SUPPORT
-from suspension_cli.design import loop_filters
 from suspension_cli.design.derive import com_positions
-from suspension_cli.design.loop_filters import is_velocity_damper
 from suspension_cli.design.schema import Design, Loop, NoiseSpectrum
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.linear import response, signals
@@ -153,9 +151,9 @@ def evaluate_filter(
 ) -> Complex[np.ndarray, "*frequency"]:
     """Evaluate H of a loop (filter, sensor, delay) at frequencies in Hz; N/m or N m/rad."""
     f = 1j * np.asarray(frequency)
-    if loop.damper is not None and is_velocity_damper(loop):
+    if loop.damper is not None and loop.is_velocity_damper:
         return loop.damper * 2 * np.pi * f
-    made = loop_filters.controller_and_sensor(loop)
+    made = loop.controller_and_sensor
     result = np.full(f.shape, complex(made.gain))
     for zero in made.zeros:
         result = result * (f + zero)

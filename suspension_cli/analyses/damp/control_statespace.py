@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.analyses.damp.control import Plant
-from suspension_cli.design import loop_filters
-from suspension_cli.design.loop_filters import is_velocity_damper
 from suspension_cli.design.schema import Loop
 from suspension_cli.linear import signals, statespace
 from suspension_cli.linear.signals import Signal
@@ -70,7 +68,7 @@ def _close_loops(
     a, b, c, d = bare.a, bare.b, bare.c, bare.d
     names, units = list(bare.state), list(bare.state_unit)
     for n, loop in enumerate(plant.loops):
-        if not is_velocity_damper(loop):
+        if not loop.is_velocity_damper:
             # states of the filter, then of its delay
             realised = realise_filter(loop)
             delayed = realise_delayed_filter(loop) if loop.delay else realised
@@ -97,7 +95,7 @@ def _add_dampers(plant: Plant) -> LinearSystem:
     """Add velocity dampers to the damping matrix, which may become asymmetric."""
     damping = plant.model.damping.copy()
     for loop, sensed, pushed in zip(plant.loops, plant.sensed, plant.pushed, strict=True):
-        if loop.damper is not None and is_velocity_damper(loop):
+        if loop.damper is not None and loop.is_velocity_damper:
             damping = damping + loop.damper * np.outer(pushed, sensed)
     return replace(plant.model, damping=damping)
 
@@ -109,7 +107,7 @@ def realise_filter(loop: Loop) -> Realisation:
     """
     from scipy.signal import zpk2ss
 
-    made = loop_filters.controller_and_sensor(loop)
+    made = loop.controller_and_sensor
     if len(made.zeros) > len(made.poles):
         return np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.zeros((1, 1))
     zeros, poles = (-2 * np.pi * np.array(roots) for roots in (made.zeros, made.poles))
@@ -124,7 +122,7 @@ def realise_delayed_filter(loop: Loop) -> Realisation:
 
     For a damper, whose gain grows with frequency, the order is `PADE` - 1 over `PADE`.
     """
-    made = loop_filters.controller_and_sensor(loop)
+    made = loop.controller_and_sensor
     if len(made.zeros) > len(made.poles):  # a damper
         zeros, poles = _pade_roots(PADE - 1, PADE)
         scale = loop.delay**-1

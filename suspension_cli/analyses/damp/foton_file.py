@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from suspension_cli.design import loop_filters
 from suspension_cli.design.foton import format_filter
 from suspension_cli.design.schema import Design, Loop
 
@@ -26,4 +25,4 @@ def _describe(loop: Loop) -> list[str]:
         lines.append(f"# not included: response of the sensor {loop.sensor_response}")
     if loop.delay:
         lines.append(f"# not included: delay of {loop.delay:g} s")
-    return [*lines, format_filter(loop_filters.controller(loop))]
+    return [*lines, format_filter(loop.controller)]

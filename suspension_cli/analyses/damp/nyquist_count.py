@@ -15,7 +15,6 @@ import numpy as np
 
 from suspension_cli.analyses.damp import control, margins
 from suspension_cli.analyses.damp.control import Plant
-from suspension_cli.design import loop_filters
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.linear.poles import Poles
 
@@ -49,7 +48,7 @@ def count_growing(plant: Plant, closed: Poles, opened: Poles) -> int | None:
     # a little damping moves lossless open-loop poles off the path
     model, rate = plant.model, LITTLE * np.abs(every).min()
     plant = replace(plant, model=replace(model, damping=model.damping + 2 * rate * model.mass))
-    filters = [loop_filters.controller_and_sensor(loop) for loop in plant.loops]
+    filters = [loop.controller_and_sensor for loop in plant.loops]
     roots = np.array([pole for one in filters for pole in (*one.zeros, *one.poles)])
     corners = np.concatenate([every / (2 * np.pi), roots[np.abs(roots) > 0]])
     corners = np.unique(np.concatenate([np.abs(corners), np.abs(corners.imag)]))

@@ -20,7 +20,6 @@ from suspension_cli.analyses.damp.control_statespace import build_broken_loop, b
 from suspension_cli.analyses.damp.margins import Margins
 from suspension_cli.analyses.damp.sensitivity import SensitivityPeak
 from suspension_cli.analyses.export import solve as export
-from suspension_cli.design import loop_filters
 from suspension_cli.design.schema import Design
 from suspension_cli.linear import poles, signals
 from suspension_cli.linear.constant_loss import with_constant_loss
@@ -197,7 +196,7 @@ def find_corner_frequencies(plant: Plant, closed: Poles) -> Float[np.ndarray, " 
     for n, loop in enumerate(plant.loops):
         form = export.compute_zero_pole_gain(build_broken_loop(plant, n))
         found += [form.zeros[0][0] / (2 * np.pi), form.poles[0][0] / (2 * np.pi)]
-        made = loop_filters.controller_and_sensor(loop)
+        made = loop.controller_and_sensor
         found += [np.array(roots, dtype=complex) for roots in (made.zeros, made.poles)]
     every = np.concatenate(found)
     every = every[np.isfinite(every) & (np.abs(every) > 0)]

@@ -111,18 +111,15 @@ class ModesAnalysis(Analysis):
 
         from suspension_cli.analyses import growth
         from suspension_cli.analyses.check import warnings
-        from suspension_cli.analyses.check.lossless import find_lossless
+        from suspension_cli.analyses.check.lossless import describe_lossless, find_lossless
 
         choice, model, undamped, modes = _solve(run)
         _animated(modes, run.setting)  # refuse unknown modes before anything is written
         lossless = find_lossless(run.design, choice.level)
         _warn_of_series(run, choice, modes)
-        if choice.model.has_wire_mass:
-            warnings.warn_of_modes(run.design, choice.model, undamped, run.log)
-        else:
-            warnings.warn(run.design, model, undamped, run.log)
+        warnings.warn(run.design, undamped, run.log)
         if np.isfinite(modes.q).any():
-            for line in warnings.describe_lossless(lossless, choice.level):
+            for line in describe_lossless(lossless, choice.level):
                 run.log.warn(f"{run.name}: {line}")
         if not modes.stable:
             grows = growth.find_growth(run.design, choice.model, model)
@@ -296,7 +293,7 @@ def _solve(run: Run) -> tuple[Choice, LinearSystem, Modes, Modes]:
 
 def _admit(run: Run, number: int, top: float, cause: str) -> None:
     """Report the number of modes if there are many; refuse more than `MOST` without --all."""
-    from suspension_cli.analyses.check import plausible
+    from suspension_cli.analyses.check import findings
 
     if number > MOST and not run.setting["every"]:
         problem = (
@@ -307,7 +304,7 @@ def _admit(run: Run, number: int, top: float, cause: str) -> None:
             "check lengths and radii of wires (m), give a lower --max-frequency, or --all to"
             " compute all"
         )
-        causes = [item.line for item in plausible.find_serious(run.design)]
+        causes = [item.line for item in findings.find_serious(run.design)]
         if causes and not causes[0].startswith("control."):
             remedy = f"probable cause: {causes[0]}"
         raise InputError([Fault("", problem, remedy)])

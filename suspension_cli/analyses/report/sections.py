@@ -108,7 +108,7 @@ def _diameter(part: WireSet | Wire) -> float | str | None:
     if part.radius is not None:
         return 2e6 * part.radius
     for shape in cross_sections(part):
-        return " × ".join(f"{1e6 * size:.4g}" for _, size, _ in shape.sizes())
+        return " × ".join(f"{1e6 * size:.4g}" for size in reversed(shape.depth))
     radii = [np.ravel(one.radius) for one in getattr(part, "sections", None) or ()]
     if not radii or any(None in one for one in radii):
         return None

@@ -82,11 +82,11 @@ class ThermalAnalysis(Analysis):
     def solve(self, run: Run) -> Result:
         """Compute the noise of every output."""
         from suspension_cli.analyses.check import warnings
-        from suspension_cli.analyses.check.lossless import find_lossless
+        from suspension_cli.analyses.check.lossless import describe_lossless, find_lossless
 
         choice, noises = _solved(run.source, run.setting, run.log)
         lossless = find_lossless(run.design, choice.level)
-        for line in warnings.describe_lossless(lossless, choice.level):
+        for line in describe_lossless(lossless, choice.level):
             run.log.warn(f"{run.name}: {line}")
         warnings.warn_of_tables(run.design, noises[0].frequency, run.log)
         extra = {"without_loss": [part.part for part in lossless]}

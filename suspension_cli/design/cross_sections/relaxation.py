@@ -31,8 +31,8 @@ import numpy as np
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Inexact
 
-ROUND, FLAT = 1.0, 0.5
-"""Order n of a round wire, and of a ribbon or blade."""
+FLAT = 0.5
+"""Order n of a ribbon or blade."""
 MOST = 1e6
 """|x| beyond which the ratio of Bessel functions is its limit to all digits."""
 FAST = 1e4
@@ -54,7 +54,7 @@ def relaxation(
         w h^2/D, with h half the depth of the section and D its diffusivity; complex for the
         analytic continuation.
     order
-        n: `ROUND` or `FLAT`.
+        n: 1 of a round wire, `FLAT` of a ribbon.
     """
     if np.iscomplexobj(phase):  # Im g = (g(i p) - g(-i p))/2i for real p, and so for all
         return (_moment(1j * phase, order) - _moment(-1j * phase, order)) / 2j

@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import Annotated, ClassVar
 
 from suspension_cli.design.cross_sections.shape import CrossSection
-from suspension_cli.design.units import Length, Table, doc
-
-if TYPE_CHECKING:
-    from suspension_cli.design.cross_sections.shape import Frequencies, Spectrum
+from suspension_cli.design.units import Table, WireSize, doc
 
 
 class Ribbon(Table, CrossSection, frozen=True):
@@ -20,13 +16,8 @@ class Ribbon(Table, CrossSection, frozen=True):
     wire: ClassVar[str] = "a ribbon"
     form: ClassVar[str] = "section { width, thickness }"
 
-    width: Annotated[Length, doc("width along y, m")]
-    thickness: Annotated[Length, doc("thickness along x, m")]
-
-    def sizes(self) -> Iterator[tuple[str, float, float]]:
-        """Width and thickness, m."""
-        yield "section.width", self.width, self.width
-        yield "section.thickness", self.thickness, self.thickness
+    width: Annotated[WireSize, doc("width along y, m")]
+    thickness: Annotated[WireSize, doc("thickness along x, m")]
 
     @property
     def area(self) -> float:
@@ -54,19 +45,6 @@ class Ribbon(Table, CrossSection, frozen=True):
         """(w^2 + t^2)/12, m^2."""
         return (self.thickness**2 + self.width**2) / 12
 
-    def bending_ratio(self, plane: int) -> float:
-        """mu S/V of bending, 1/m.
-
-        e ~ y, the distance from the neutral line. With the depth d in the plane and the breadth b:
-        two faces b (d/2)^2 each and two edges d^3/12 each, over b d^3/12: 6/d + 2/b.
-        """
-        return 6 / self.depth[plane] + 2 / self.depth[1 - plane]
-
-    @property
-    def stretching_ratio(self) -> float:
-        """2/w + 2/t, 1/m."""
-        return 2 / self.thickness + 2 / self.width
-
     @property
     def twisting_ratio(self) -> float:
         """mu S/V of twisting, 1/m.
@@ -87,12 +65,6 @@ class Ribbon(Table, CrossSection, frozen=True):
         short = 64 * t**3 / math.pi**4 * (math.pi**4 / 96 - sech2)
         constant = rectangle_torsion(w, t)
         return (short + (8 * constant - w * short) / t) / constant
-
-    def relaxation(self, phase: Frequencies) -> Spectrum:
-        """Thermoelastic loss angle over its strength."""
-        from suspension_cli.design.cross_sections.relaxation import FLAT, relaxation  # numpy
-
-        return relaxation(phase, FLAT)
 
     def drag(self, normal: float, along: float) -> tuple[float, float, float, float]:
         """Drag per length of two faces and two edges."""

@@ -15,14 +15,10 @@ with the square of the step.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import ClassVar, Self
 
 from suspension_cli.design.cross_sections.shape import CrossSection
-
-if TYPE_CHECKING:
-    from suspension_cli.design.cross_sections.shape import Frequencies, Spectrum
 
 
 @dataclass(frozen=True)
@@ -39,6 +35,7 @@ class Round(CrossSection):
     wire: ClassVar[str] = "a round wire"
     form: ClassVar[str] = "radius (one, or [upper, lower] of a taper)"
     round: ClassVar[bool] = True
+    order = 1.0
 
     upper: float
     lower: float
@@ -52,11 +49,6 @@ class Round(CrossSection):
         """Cut a taper into steps of equal length, from the upper end."""
         radii = [self.upper + (self.lower - self.upper) * n / count for n in range(count + 1)]
         return [Round(radii[n], radii[n + 1]) for n in range(count)]
-
-    def sizes(self) -> Iterator[tuple[str, float, float]]:
-        """Larger radius and its diameter, m."""
-        radius = max(self.upper, self.lower)
-        yield self.key, radius, 2 * radius
 
     @property
     def area(self) -> float:
@@ -99,27 +91,10 @@ class Round(CrossSection):
             a**n * b ** (4 - n) for n in range(5)
         )
 
-    def bending_ratio(self, plane: int) -> float:
-        """mu S/V of bending, 1/m: e ~ y, the distance from the neutral line, so
-        (pi r^3)/(pi r^4/4) = 4/r.
-        """
-        return 8 / self.depth[plane]
-
-    @property
-    def stretching_ratio(self) -> float:
-        """2/r, 1/m."""
-        return 4 / self.depth[0]
-
     @property
     def twisting_ratio(self) -> float:
         """mu S/V of twisting, 1/m: e ~ r', so (2 pi r^3)/(pi r^4/2) = 4/r."""
         return 8 / self.depth[0]
-
-    def relaxation(self, phase: Frequencies) -> Spectrum:
-        """Thermoelastic loss angle over its strength."""
-        from suspension_cli.design.cross_sections.relaxation import ROUND, relaxation  # numpy
-
-        return relaxation(phase, ROUND)
 
     def drag(self, normal: float, along: float) -> tuple[float, float, float, float]:
         """Drag per length: half of the circumference pi d counts as normal, half as tangential."""

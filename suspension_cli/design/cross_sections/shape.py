@@ -14,7 +14,6 @@ methods `..._ratio` give it for each deformation.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 if TYPE_CHECKING:
@@ -39,6 +38,8 @@ class CrossSection:
         How to give it, for messages.
     round
         Whether it is the same in all directions across the wire.
+    order
+        Order n of its thermoelastic relaxation, see `cross_sections.relaxation`.
     """
 
     __slots__ = ()
@@ -46,15 +47,12 @@ class CrossSection:
     wire: ClassVar[str]
     form: ClassVar[str]
     round: ClassVar[bool] = False
+    order = 0.5
 
     @classmethod
     def read(cls, value: Any) -> Self:
         """Make a cross-section from the value of its key."""
         return value
-
-    def sizes(self) -> Iterator[tuple[str, float, float]]:
-        """List keys of the wire's table, their values, and the size across the wire of each, m."""
-        raise NotImplementedError
 
     @property
     def area(self) -> float:
@@ -92,13 +90,18 @@ class CrossSection:
         return self.area, sum(self.moments)
 
     def bending_ratio(self, plane: int) -> float:
-        """mu S/V of bending in one plane, 1/m."""
-        raise NotImplementedError
+        """mu S/V of bending in one plane, 1/m.
+
+        e ~ y, the distance from the neutral line. Of a ribbon with the depth d in the plane and the
+        breadth b: two faces b (d/2)^2 each and two edges d^3/12 each, over b d^3/12: 6/d + 2/b. Of
+        a round wire (pi r^3)/(pi r^4/4) = 8/d, the same for b = d.
+        """
+        return 6 / self.depth[plane] + 2 / self.depth[1 - plane]
 
     @property
     def stretching_ratio(self) -> float:
         """mu S/V of stretching, 1/m: circumference over area, as the strain is uniform."""
-        raise NotImplementedError
+        return 2 / self.depth[0] + 2 / self.depth[1]
 
     @property
     def twisting_ratio(self) -> float:
@@ -114,7 +117,9 @@ class CrossSection:
             w h^2/D, with h half the `depth` in the plane and D the diffusivity; complex for the
             analytic continuation.
         """
-        raise NotImplementedError
+        from suspension_cli.design.cross_sections.relaxation import relaxation  # numpy
+
+        return relaxation(phase, self.order)
 
     def drag(self, normal: float, along: float) -> tuple[float, float, float, float]:
         """Drag of a thin gas per length of wire.

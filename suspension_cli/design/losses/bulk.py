@@ -11,18 +11,10 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
+from suspension_cli.design import units
 from suspension_cli.design.losses.mechanism import Mechanism
-from suspension_cli.design.rules import ascending
-from suspension_cli.design.units import (
-    Frequency,
-    LossAngle,
-    PositiveLossAngle,
-    Problems,
-    Separation,
-    Table,
-    doc,
-    key,
-)
+from suspension_cli.design.rules import ascending, same_length
+from suspension_cli.design.units import Problems, Table, doc, key
 
 if TYPE_CHECKING:
     from suspension_cli.design.cross_sections.shape import CrossSection, Frequencies, Spectrum
@@ -31,17 +23,14 @@ if TYPE_CHECKING:
 class LossTable(Table, frozen=True):
     """Loss angle by frequency: interpolated linearly in the logarithms, constant outside."""
 
-    frequency: list[Frequency] = key("ascending frequencies in Hz", min_length=1, max_length=10000)
-    angle: list[PositiveLossAngle] = key(
+    frequency: list[units.Frequency] = key(
+        "ascending frequencies in Hz", min_length=1, max_length=10000
+    )
+    angle: list[units.PositiveLossAngle] = key(
         "loss angle in rad at each of the frequencies", min_length=1, max_length=10000
     )
 
-    def faults(self) -> Problems:
-        """Check that there is an angle for each of ascending frequencies."""
-        if len(self.frequency) != len(self.angle):
-            problem = f"{len(self.angle)} loss angles for {len(self.frequency)} frequencies"
-            yield "angle", problem, "give one for each frequency"
-        yield from ascending(self, "frequency", "sort the table by frequency")
+    rules = (same_length("angle", "frequency"), ascending("frequency"))
 
 
 @dataclass(frozen=True)
@@ -61,7 +50,7 @@ class Bulk(Mechanism):
     name: ClassVar[str] = "bulk"
     uniform: ClassVar[bool] = True
     keys: ClassVar[dict[str, Any]] = {
-        "angle": Annotated[LossAngle, doc("constant loss angle of the bulk in rad")],
+        "angle": Annotated[units.LossAngle, doc("constant loss angle of the bulk in rad")],
         "table": Annotated[
             LossTable,
             doc(
@@ -70,7 +59,7 @@ class Bulk(Mechanism):
             ),
         ],
         "surface_depth": Annotated[
-            Separation,
+            units.Separation,
             doc(
                 "dissipation depth of the surface in m; default 0, or that of the built-in"
                 " material unless the design gives another loss of the bulk"
@@ -124,11 +113,7 @@ class Bulk(Mechanism):
         return cls(loss.angle, None, loss.surface_depth or 0.0) if loss.angle else None
 
     def bending(
-        self,
-        shape: CrossSection,
-        plane: int,
-        omega: Frequencies,
-        temperature: float,
+        self, shape: CrossSection, plane: int, omega: Frequencies, temperature: float
     ) -> Spectrum:
         """Loss angle of bending in one plane, rad."""
         del temperature

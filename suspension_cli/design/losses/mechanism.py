@@ -23,8 +23,8 @@ class Mechanism:
     ----------
     name
         For messages.
-    keys, wire_keys
-        Its keys in ``[materials.NAME.loss]`` and in the tables of wires: types by name.
+    keys
+        Its keys in ``[materials.NAME.loss]``: types by name.
     uniform
         Whether it acts in every deformation; otherwise in bending alone.
     cause
@@ -34,7 +34,6 @@ class Mechanism:
 
     name: ClassVar[str]
     keys: ClassVar[dict[str, Any]] = {}
-    wire_keys: ClassVar[dict[str, Any]] = {}
     uniform: ClassVar[bool] = False
     cause: ClassVar[str] = ""
 
@@ -56,12 +55,6 @@ class Mechanism:
         yield from ()
 
     @classmethod
-    def check_wire(cls, wire: Table) -> Problems:
-        """Check the keys in the table of wires."""
-        del wire
-        yield from ()
-
-    @classmethod
     def of(cls, material: Any, wire: Table | None) -> Self | None:
         """Read the constants.
 
@@ -80,11 +73,7 @@ class Mechanism:
         raise NotImplementedError
 
     def bending(
-        self,
-        shape: CrossSection,
-        plane: int,
-        omega: Frequencies,
-        temperature: float,
+        self, shape: CrossSection, plane: int, omega: Frequencies, temperature: float
     ) -> Spectrum:
         """Loss angle of bending in one plane; with a `coefficient` a, divided by a^2."""
         raise NotImplementedError
@@ -117,7 +106,7 @@ class Mechanism:
         return True
 
 
-def with_keys(base: type[Table], mechanisms: Iterable[type[Mechanism]], *, of_wire: bool) -> Any:
+def with_keys(base: type[Table], mechanisms: Iterable[type[Mechanism]]) -> Any:
     """Derive a table of the design file from `base`, with the keys of all mechanisms."""
-    keys = (one.wire_keys if of_wire else one.keys for one in mechanisms)
-    return extend_table(base, {name: kind | None for own in keys for name, kind in own.items()})
+    keys = {name: kind for one in mechanisms for name, kind in one.keys.items()}
+    return extend_table(base, {name: kind | None for name, kind in keys.items()})

@@ -50,7 +50,7 @@ class Thermoelastic(Mechanism):
                 "false omits thermoelastic loss, which needs density, expansion, specific"
                 " heat and conductivity (the slope of the modulus may be missing)"
             ),
-        ],
+        ]
     }
 
     youngs_modulus: float
@@ -80,11 +80,7 @@ class Thermoelastic(Mechanism):
         return cls(modulus, density, expansion, slope, capacity, conductivity)
 
     def bending(
-        self,
-        shape: CrossSection,
-        plane: int,
-        omega: Frequencies,
-        temperature: float,
+        self, shape: CrossSection, plane: int, omega: Frequencies, temperature: float
     ) -> Spectrum:
         """Loss angle over a^2, K^2; 0 for a blade of unknown thickness."""
         import numpy as np

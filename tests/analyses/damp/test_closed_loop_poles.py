@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from suspension_cli.analyses.damp import closed_loop_poles, control
-from suspension_cli.design import loop_filters
+from suspension_cli.design.schema import expand_roots
 from suspension_cli.linear import eigenmodes
 from tests.analyses.damp.test_control import LEAD, loop, plant, simple
 from tests.support import plants, scenes
@@ -91,9 +91,9 @@ def determinant(closed, k, c, m, *outer):
                 h = MP.mpf(one.damper) * at
             else:
                 f, h = at / (2 * MP.pi), MP.mpf(one.gain)
-                for zero in loop_filters.expand_roots(one.zeros):
+                for zero in expand_roots(one.zeros):
                     h *= f + MP.mpmathify(zero)
-                for pole in loop_filters.expand_roots(one.poles):
+                for pole in expand_roots(one.poles):
                     h /= f + MP.mpmathify(pole)
             total = total + h * pair
         return MP.det(total)

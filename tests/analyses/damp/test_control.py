@@ -9,8 +9,8 @@ import pytest
 from suspension_cli.analyses.damp import closed_loop_poles, control
 from suspension_cli.analyses.damp.control_statespace import build_closed_loop
 from suspension_cli.conventions import DOFS
-from suspension_cli.design import loop_filters
 from suspension_cli.design.derive import com_positions
+from suspension_cli.design.schema import expand_roots
 from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes, poles
 from suspension_cli.models import registry
@@ -198,9 +198,7 @@ def characteristic(closed, s):
         else:
             f = s / (2j * np.pi)
             h = control.evaluate_filter(one, f)
-            zeros, poles = (
-                np.array(loop_filters.expand_roots(given)) for given in (one.zeros, one.poles)
-            )
+            zeros, poles = (np.array(expand_roots(given)) for given in (one.zeros, one.poles))
             relative = (1 / (s / (2 * np.pi) + zeros)).sum() - (1 / (s / (2 * np.pi) + poles)).sum()
             change = h * relative / (2 * np.pi)
             sharpness += (1 / (s + 2 * np.pi * poles)).sum()
@@ -217,7 +215,7 @@ def test_poles_are_zeros_of_the_determinant(name):
     system = build_closed_loop(closed, [], plants.all_motions(closed.model))
     found = closed_loop_poles.find(closed)
     assert found.stable or name != "across blocks"  # no growth by rounding
-    order = sum(len(loop_filters.expand_roots(one.poles)) for one in closed.loops)
+    order = sum(len(expand_roots(one.poles)) for one in closed.loops)
     assert len(system.a) == 2 * (closed.model.size - 6 - closed.model.massless.sum()) + order
     for pole in found.value:
         beside = pole * (1 + 1e-10)  # at the pole itself it may be infinite

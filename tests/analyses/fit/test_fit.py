@@ -182,7 +182,7 @@ MODE, NUMBER = (
 BAD = {
     "empty": ({}, "is empty"),
     "no modes": ({"parameter": [NUMBER]}, "mode: missing"),
-    "a design": ({"stage": []}, "is a design, not a file of measurements"),
+    "a design": ({"stage": []}, "is a design (it has [[stage]]), not a file of measurements"),
     "a label and a direction": (
         {"mode": [MODE | {"dof": ["z"]}], "parameter": [NUMBER]},
         'mode.1.dof = ["z"]: conflicts with label',

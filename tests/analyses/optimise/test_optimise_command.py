@@ -292,7 +292,7 @@ BAD = {
     ),
     "not of this kind": (
         {"goal": [BAND | {"response": "a/b:1"}], "free": [LENGTH]},
-        'goal.1.response = "a/b:1": is not for a goal of kind band',
+        'goal.1.response = "a/b:1": goes with kind = "isolation" or "cross-coupling"',
     ),
     "no limit": (
         {"goal": [{"kind": "band", "dof": ["x"]}], "free": [LENGTH]},
@@ -312,18 +312,18 @@ BAD = {
     ),
     "equals and more": (
         {"goal": [BAND | {"equals": 0.6}], "free": [LENGTH]},
-        "goal.1.equals = 0.6: conflicts with another limit",
+        "goal.1.at_least = 0.5: conflicts with equals",
     ),
     "which modes": (
         {"goal": [{"kind": "band", "at_least": 0.5}], "free": [LENGTH]},
-        "goal.1: must say which modes",
+        "goal.1: none of dof, modes",
     ),
     "lowest of labels": (
         {
             "goal": [{"kind": "band", "modes": ["1"], "lowest": 1, "at_least": 0.5}],
             "free": [LENGTH],
         },
-        "goal.1.lowest = 1: goes with dof",
+        "goal.1.lowest = 1: has no effect without dof",
     ),
     "more than all": (
         {"goal": [{"kind": "coupling", "dof": ["x"], "at_least": 5.0}], "free": [LENGTH]},
@@ -392,7 +392,7 @@ BAD = {
         "equal.a.lower = 2.0: is not below the upper bound",
     ),
     # what does not go with the design
-    "a design": ({"stage": []}, "is a design, not a file of goals"),
+    "a design": ({"stage": []}, "is a design (it has [[stage]]), not a file of goals"),
     "no such number": (
         {"goal": [BAND], "free": [LENGTH | {"name": f"{WIRES}.q"}]},
         f'free.1.name = "{WIRES}.q": the design gives no such number',

@@ -165,7 +165,7 @@ def test_many_points_are_a_line_and_units_are_checked(design, tmp_path):
     ("tables", "words", "says"),
     [
         (None, (), 'does not say what was driven and observed'),
-        (DESIGN.read_text(), (), "is a design, not a file of measurements"),
+        (DESIGN.read_text(), (), "is a design (it has [[stage]]), not a file of measurements"),
         (None, ("--input", "support.x", "--output", "uper.x"), 'did you mean \'upper\'?'),
         (TABLES.replace("upper.yaw", "uper.yaw"), (), "{file}: output signal = "),
         (TABLES.replace('"osem"', '"ossem"', 1), (), "as upper.x; did you mean 'osem'?"),

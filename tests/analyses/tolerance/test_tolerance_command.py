@@ -255,7 +255,7 @@ def test_a_design_without_a_table(tmp_path):
 
 BODY = {"stage": "test", "mass": {"normal": 0.01}}
 BAD = {
-    "empty": ({}, "tolerance: has no distribution"),
+    "empty": ({}, "tolerance: none of wire, body, blade, leg, link"),
     "unknown kind": (
         {"wires": [BODY]},
         "tolerance.wires = [{stage, mass}]: unknown key; did you mean 'wire'?",
@@ -264,7 +264,10 @@ BAD = {
         {"body": [{"stage": "test", "masses": {"normal": 1}}]},
         "tolerance.body.1.masses = {normal}: unknown key",
     ),
-    "nothing scatters": ({"body": [{"stage": "test"}]}, "tolerance.body.1: has no distribution"),
+    "nothing scatters": (
+        {"body": [{"stage": "test"}]},
+        "tolerance.body.1: none of mass, inertia, com",
+    ),
     "no such stage": (
         {"body": [BODY | {"stage": "tset"}]},
         'tolerance.body.1.stage = "tset": names no stage',
