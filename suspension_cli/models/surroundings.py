@@ -11,7 +11,6 @@ from suspension_cli.conventions import DOFS, FRAME, SUPPORT
 from suspension_cli.design.derive import com_positions
 from suspension_cli.design.schema import Design, Support
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.models.batch_terms import BatchTerm
 from suspension_cli.rotations import cross_matrix
 from suspension_cli.scene.arrays import Array
 
@@ -106,14 +105,6 @@ def with_frame(model: LinearSystem, design: Design) -> LinearSystem:
         if model.rigid is None
         else np.concatenate([model.rigid, np.zeros((*model.rigid.shape[:-2], count, 6))], axis=-2),
     )
-
-
-def framed(terms: tuple[BatchTerm, ...], size: int, design: Design) -> tuple[BatchTerm, ...]:
-    """Frequency-dependent terms of builds of `size` coordinates, in those of `with_frame`."""
-    if design.support is None:
-        return terms
-    spread = _spreading(size, _compliant(design.support))
-    return tuple(term.spread(spread) for term in terms)
 
 
 def _compliant(support: Support) -> list[int]:

@@ -176,14 +176,11 @@ class Plant:
     ) -> Complex[np.ndarray, "frequency coordinate coordinate"]:
         """Frequency-dependent part of the stiffness in the named coordinates."""
         size, to_named = self.system.size, np.linalg.inv(self.system.basis)
-        result = np.zeros((size**2, len(omega)), dtype=complex)
+        result = np.zeros((len(omega), size, size), dtype=complex)
         for term in self.system.terms:
-            functions = np.array(np.broadcast_arrays(*term.at(omega).all_functions()), complex)
-            weights = to_named.T @ np.asarray(term.all_matrices) @ to_named
-            # real weights times complex functions, in real arithmetic
-            flat = np.ascontiguousarray(weights.reshape(-1, size**2).T)
-            result += (flat @ functions.view(float)).view(complex)
-        return result.T.reshape(-1, size, size)
+            at = np.ix_(np.arange(len(omega)), term.columns, term.columns)
+            result[at] += term.at(omega).complete
+        return to_named.T @ result @ to_named
 
     def respond(
         self,

@@ -211,9 +211,8 @@ class _Block:
         moving = omega > 0
         result[moving] = 1j * self.lossy
         for term in self.terms if moving.any() else ():
-            result[moving] += np.einsum(
-                "nf,nij->fij", term.at(omega[moving]).all_functions(), term.all_matrices
-            )
+            at = np.ix_(moving, term.columns, term.columns)
+            result[at] += term.at(omega[moving]).complete
         return result
 
     def dissipated(
