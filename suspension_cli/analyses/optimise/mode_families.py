@@ -135,7 +135,7 @@ def follow_modes(
     shape = np.zeros((count, *nominal.shape))
     for batch, here in variants.balanced(text, path, level, allow_unstable=True):
         if batch.model.size - 6 == nominal.shape[1]:
-            solved = batch_modes.solve(batch.model.constant)
+            solved = batch_modes.solve(batch.model)
             squared[here], shape[here] = solved.omega_squared, solved.shape
             good[here] = batch.status == builds.GOOD
     if not good[-1]:
