@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -28,75 +28,6 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Inexact, Int
 
     Function = Callable[[Inexact[np.ndarray, " frequency"]], Inexact[np.ndarray, " frequency"]]
-
-
-class Term(Protocol):
-    """Frequency-dependent part of a linear system."""
-
-    @property
-    def columns(self) -> Any:
-        """Numbers of the coordinates (c,) that it acts on, ascending."""
-        ...
-
-    @property
-    def compact(self) -> Any:
-        """A_n among these: (n, c, c), real and symmetric; not of wires of many builds."""
-        ...
-
-    @property
-    def dispersive(self) -> bool:
-        """Whether it is a function of a complex frequency, not a loss at that of oscillation."""
-        ...
-
-    @property
-    def viscous(self) -> bool:
-        """Whether it also acts on motion that does not oscillate."""
-        ...
-
-    def at(self, omega: Inexact[np.ndarray, " system"], *, lossy: bool = True) -> Evaluated:
-        """Evaluate at frequencies in rad/s; complex steps differentiate by frequency.
-
-        Of many builds, one frequency each.
-        """
-        ...
-
-    def within(self, columns: Int[np.ndarray, " kept"]) -> Term:
-        """Restrict to some coordinates."""
-        ...
-
-    def spread(self, from_new: Float[np.ndarray, "coordinate new"]) -> Term:
-        """Change to new coordinates: old = `from_new` @ new."""
-        ...
-
-    def select(self, which: Int[np.ndarray, " system"] | slice) -> Term:
-        """Select some of many builds."""
-        ...
-
-
-class Evaluated(Protocol):
-    """One term at given frequencies."""
-
-    def functions(
-        self, which: Int[np.ndarray, " function"]
-    ) -> list[Inexact[np.ndarray, " frequency"]]:
-        """Select functions f_n by number, complex where lossy."""
-        ...
-
-    @property
-    def stiffness(self) -> Inexact[np.ndarray, "system column column"]:
-        """The sum of f_n A_n among `Term.columns`."""
-        ...
-
-    @property
-    def complete(self) -> Inexact[np.ndarray, "frequency column column"]:
-        """`stiffness` of one design, with the change of that of stretching from its static one."""
-        ...
-
-    def dissipated(
-        self, motion: Inexact[np.ndarray, "coordinate frequency"]
-    ) -> dict[tuple[str, float], Float[np.ndarray, " frequency"]]:
-        """Dissipation x^H Im(f A) x in motions, by (cause, temperature in K)."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -218,7 +149,7 @@ class WireTerm:
         return result
 
     def at(self, omega: Inexact[np.ndarray, " system"], *, lossy: bool = True) -> EvaluatedWires:
-        """Evaluate at frequencies in rad/s."""
+        """Evaluate at frequencies in rad/s; of many builds, at one each."""
         strand = self.strand if lossy else replace(self.strand, lossy=False)
         return EvaluatedWires(self, strand.at(omega))
 
@@ -513,3 +444,7 @@ def quadratic_form(
     used = np.flatnonzero(matrix.any(0))
     x = motion[used]
     return np.real(np.conj(x) * multiply_real(matrix[np.ix_(used, used)], x)).sum(0)
+
+
+Term: TypeAlias = WireTerm | LossTerm
+EvaluatedTerm: TypeAlias = EvaluatedWires | EvaluatedLoss

@@ -35,7 +35,7 @@ from suspension_cli.conventions import DOFS, FRAME
 from suspension_cli.linear import elimination
 from suspension_cli.linear.connected_groups import connected_groups
 from suspension_cli.linear.frequency_terms import (
-    Evaluated,
+    EvaluatedTerm,
     EvaluatedWires,
     Term,
     WireTerm,
@@ -105,7 +105,11 @@ class Part:
         column: Int[np.ndarray, " own_column"] | None = None,
         used: Bool[np.ndarray, "own_row own_column"] | None = None,
     ) -> Part:
-        """Keep the rows and columns that are not 0, and have a number that is not negative."""
+        """Keep the rows and columns that are not 0, and have a number that is not negative.
+
+        Weights of one design may lack the axis of builds.
+        """
+        source = source if source.ndim == 4 else source[:, None]
         if used is None:
             used = np.asarray((source != 0).any((0, 1)))
         row = np.arange(source.shape[2]) if row is None else row
@@ -160,7 +164,7 @@ class Part:
         terms = sizes(self.weights, place[6 + self.row], place[self.column])
         terms = np.abs(left).T @ terms @ np.abs(right)
         result = left.T @ self.weights @ right
-        return Part.of(np.where(np.abs(result) > ROUNDING * terms + error, result, 0.0)[:, None])
+        return Part.of(np.where(np.abs(result) > ROUNDING * terms + error, result, 0.0))
 
 
 @dataclass(frozen=True)
@@ -564,7 +568,7 @@ class EvaluatedBlock:
             last = -term.compliance if isinstance(term, EvaluatedWires) else 0 * here[0]
             functions = [*term.functions(used), last]
             result.append(np.array(np.broadcast_arrays(*functions, here[0])[:-1]))
-        stretching = [len(part.source) for part in self.block.parts[len(result) :]]
+        stretching = [len(part.source) for part in self.block.parts[len(result) :][:3]]
         both = np.concatenate([here, 1j * here if self.lossy else 0 * here])
         return result + [here if functions == 1 else both for functions in stretching]
 
@@ -624,7 +628,7 @@ class AtFrequencies:
     """The terms of a system at given frequencies (rad/s)."""
 
     omega: Inexact[np.ndarray, " frequency"]
-    terms: list[Evaluated]
+    terms: list[EvaluatedTerm]
     lossy: bool
     damped: bool
 

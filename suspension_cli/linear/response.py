@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.errors import Fault, InputError
+from suspension_cli.errors import InputError
 from suspension_cli.linear import signals
 from suspension_cli.linear.elimination import as_slice
 from suspension_cli.linear.pencil import Block, Pencil
@@ -248,13 +248,9 @@ def _check_finite(
     """Raise `InputError` at the first frequency whose system is singular to the last bit."""
     if not finite.all():
         at = float(omega[~finite][0]) / (2 * np.pi)
-        raise InputError(
-            [
-                Fault(
-                    "--frequency",
-                    "is a resonance without loss, where the response is infinite",
-                    "move it, or give the design a loss_angle or damping",
-                    f"{at!r}",
-                )
-            ]
+        raise InputError.of(
+            "--frequency",
+            "is a resonance without loss, where the response is infinite",
+            "move it, or give the design a loss_angle or damping",
+            f"{at!r}",
         )

@@ -132,9 +132,10 @@ class Plant:
                 self.design, numbers, self.level, _flat_matrices, nominal=shape
             )
             for name, row, good in zip(new, around.central, around.balanced, strict=True):
-                square, turn = row[: 4 * size**2], row[4 * size**2 :].reshape(-1, 3, 3)
-                parts = square.reshape(4, size, size)
-                self._changes[name] = Matrices(*parts, turn) if good else None
+                mass, stiffness, damping, loss = row[: 4 * size**2].reshape(4, size, size)
+                turn = row[4 * size**2 :].reshape(-1, 3, 3)
+                own = Matrices(mass, stiffness, damping, loss, turn)
+                self._changes[name] = own if good else None
         return [self._changes[name] for name in names]
 
     @cached_property
