@@ -537,7 +537,7 @@ class Block:
     ) -> Bool[np.ndarray, " input"]:
         """Whether each input, a motion of the support or a force, drives this block."""
         driven = (moves[self.pull] != 0).any(0) | (forces[self.keep] != 0).any(0)
-        return np.asarray(driven.reshape(moves.shape[1], -1).any(1))
+        return np.asarray(driven if driven.ndim == 1 else driven.any(1))
 
     def at(self, there: AtFrequencies) -> EvaluatedBlock:
         """Evaluate at frequencies."""
