@@ -113,9 +113,52 @@ class LinearSystem:
     def driven_by_ground(self) -> LinearSystem:
         """System with the motion of the ground in place of that of the support."""
         if "ground" not in self.prepared:
-            assert self.ground is not None
-            self.prepared["ground"] = replace_support(self, self.ground)
+            ground = self.ground
+            assert ground is not None
+
+            def coupled(columns: np.ndarray) -> np.ndarray:
+                result = np.zeros((*columns.shape[:-1], self.size), dtype=columns.dtype)
+                result[..., :6] += columns
+                result[..., :6, :] += np.swapaxes(columns, -1, -2)
+                return result
+
+            at_rest = np.diag(np.arange(self.size) >= 6).astype(float)
+            rest = replace(self, terms=self.terms[len(ground.terms) :])
+            moved = rest.spread(at_rest, 0.0, coupled(ground.stiffness), coupled(ground.damping))
+            terms = (*ground.terms, *moved.terms)
+            self.prepared["ground"] = replace(moved, terms=terms, rigid=None, ground=None)
         return self.prepared["ground"]
+
+    def spread(
+        self,
+        from_new: Float[np.ndarray, "coordinate new"],
+        mass: Inexact[np.ndarray, "*#batch new new"] | float,
+        stiffness: Inexact[np.ndarray, "*#batch new new"],
+        damping: Inexact[np.ndarray, "*#batch new new"],
+    ) -> LinearSystem:
+        """Change matrices to new coordinates, old = `from_new` @ new, and add some to them.
+
+        A stiffness that is added is lossy if it is complex.
+        """
+
+        def change(matrix: np.ndarray) -> np.ndarray:
+            return from_new.T @ matrix @ from_new
+
+        lossy, own = self.lossy, self.stretched
+        if lossy is None and np.iscomplexobj(stiffness):
+            lossy = self.stiffness
+        if own is not None:
+            added = np.real(stiffness) if lossy is None else stiffness
+            own = replace(own.spread(from_new), soft=change(own.soft) + added)
+        return replace(
+            self,
+            mass=change(self.mass) + mass,
+            stiffness=change(self.stiffness) + np.real(stiffness),
+            damping=change(self.damping) + damping,
+            lossy=None if lossy is None else change(lossy) + stiffness,
+            stretched=own,
+            terms=tuple(term.spread(from_new) for term in self.terms),
+        )
 
     @property
     def constant(self) -> LinearSystem:
@@ -232,45 +275,3 @@ def _runs(columns: Int[np.ndarray, " column"]) -> list[tuple[slice, slice]]:
         for part, start in zip(parts, starts, strict=False)
         if len(part)
     ]
-
-
-def replace_support(model: LinearSystem, ground: Ground) -> LinearSystem:
-    """Replace the motion of the support, which stays at rest, by that of the ground."""
-
-    def only(matrix: np.ndarray, columns: np.ndarray | None = None) -> np.ndarray:
-        kind = matrix.dtype if columns is None else np.result_type(matrix, columns)
-        result = matrix.astype(kind)
-        result[..., :6, :], result[..., :, :6] = 0.0, 0.0
-        if columns is not None:
-            result[..., :, :6] += columns
-            result[..., :6, :] += np.swapaxes(columns, -1, -2)
-        return result
-
-    def without(form: np.ndarray) -> np.ndarray:
-        result = form.copy()
-        result[..., :6] = 0.0
-        return result
-
-    lossy, stretched = model.lossy, model.stretched
-    if lossy is None and np.iscomplexobj(ground.stiffness):
-        lossy = model.stiffness.astype(complex)
-    others = np.eye(model.size)
-    others[:6] = 0.0
-    rest = model.terms[len(ground.terms) :]
-    return replace(
-        model,
-        mass=only(model.mass),
-        stiffness=only(model.stiffness, np.real(ground.stiffness)),
-        damping=only(model.damping, ground.damping),
-        lossy=None if lossy is None else only(lossy, ground.stiffness),
-        stretched=None
-        if stretched is None
-        else replace(
-            stretched,
-            form=without(stretched.form),
-            soft=only(stretched.soft, ground.stiffness),
-        ),
-        terms=(*ground.terms, *(term.spread(others) for term in rest)),
-        rigid=None,
-        ground=None,
-    )
