@@ -72,14 +72,16 @@ def with_frame(model: LinearSystem, design: Design) -> LinearSystem:
         own[0] = own[0] * (1 + 1j * support.loss_angle)
     basis = np.eye(size + count)
     basis[:size, :size] = model.basis
-    still = [(0, 0)] * (np.ndim(model.rigid) - 2) + [(0, count), (0, 0)]
+    rigid = model.rigid
+    if rigid is not None:
+        rigid = np.pad(rigid, [(0, 0)] * (rigid.ndim - 2) + [(0, count), (0, 0)])
     return replace(
         model.spread(from_new, mass, *own),
         coordinate=(*model.coordinate, *(f"{FRAME}.{dof}" for dof in names)),
         basis=basis,
         massless=np.append(model.massless, weights[moving] == 0),
         ground=None if model.ground is None else model.ground.widened(count),
-        rigid=None if model.rigid is None else np.pad(model.rigid, still),
+        rigid=rigid,
     )
 
 
