@@ -19,14 +19,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.linear.batches import RIGID
+from suspension_cli.linear.pencil import Pencil, order_by_body
 from suspension_cli.linear.small_matrices import solve_each
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Index
 
 if TYPE_CHECKING:
-    from jaxtyping import Float, Int
+    from jaxtyping import Bool, Float, Int
 
+RIGID = 64 * np.finfo(float).eps
+"""Fraction of its terms below which omega^2 is a rounding error and the mode rigid."""
 SHIFT = 0.7
 """(rad/s)^2: s, that of slow pendulums, so that rigid modes are no exception."""
 STILL = 1e-12
@@ -91,19 +93,10 @@ def solve(model: LinearSystem) -> Spectrum:
 
 def _select(model: LinearSystem, members: Index) -> LinearSystem:
     """Undamped systems of some builds."""
-    stretched = model.stretched
-    if stretched is not None and stretched.form.ndim > 2:
-        form, soft = stretched.form[members], stretched.soft[members]
-        k = np.broadcast_to(stretched.stiffness, stretched.form.shape[:-1])[members]
-        stretched = replace(stretched, form=form, soft=soft, stiffness=k)
-    return replace(
-        model,
-        mass=np.broadcast_to(model.mass, model.stiffness.shape)[members],
-        stiffness=model.stiffness[members],
-        stretched=stretched,
-        damping=np.zeros((model.size, model.size)),
-        lossy=None,
-    )
+    undamped = np.zeros((model.size, model.size))
+    mass = np.broadcast_to(model.mass, model.stiffness.shape)[members]
+    chosen = model.select(members)
+    return replace(chosen, mass=mass, damping=undamped, lossy=None, terms=())
 
 
 def _solve_blocks(model: LinearSystem, blocks: tuple[Index, ...]) -> Spectrum:
@@ -234,3 +227,19 @@ def localise(
             result[:, first:stop] = group @ rotation
         start = stop
     return result
+
+
+def grows(model: LinearSystem) -> Bool[np.ndarray, " build"]:
+    """Find builds with an unstable mode: K + c M is not positive definite.
+
+    The small c, `RIGID` times the sum of K/M, covers the rounding error of a rigid mode.
+    """
+    mass = np.broadcast_to(model.mass, model.stiffness.shape)
+    own, inert = (np.abs(np.einsum("pnn->pn", part)[:, 6:]) for part in (model.stiffness, mass))
+    scale = np.where(inert > 0, own / np.where(inert > 0, inert, 1.0), 0.0).sum(1)
+    shifted = (model.stiffness + RIGID * scale[:, None, None] * mass)[:, 6:, 6:]
+    owner = Pencil(model).owner[6:]
+    pattern = order_by_body(owner.tobytes(), (shifted != 0).any(0).tobytes())
+    with np.errstate(all="ignore"):
+        factors = pattern.factor(shifted[:, pattern.row, pattern.column].T.copy())
+    return np.asarray(~(np.array(factors.pivots) > 0).all(0))

@@ -4,128 +4,58 @@ Each term adds to the stiffness a few functions of frequency times constant matr
 
     Z(omega) = K + i omega C - omega^2 M + sum over terms and n of f_n(omega) A_n,
 
-where K is the whole static, lossless stiffness: f_n(0) is 0 without loss. Equal wires share their
-functions. The tension of a wire is a coordinate instead (`stretching`), as a stiff wire would cost
-soft parts all their digits. It covers the odd stretching motion (the ends move apart); the rest, on
-the even motion, is a function here. A term also computes its dissipation x^H Im(f A) x in a motion
-x, by cause: sums of squares, in which nothing cancels.
+where K is the whole static, lossless stiffness: f_n(0) is 0 without loss. Equal wires of one design
+share their functions; those of many builds have each their own. The stiffness k(omega) between the
+ends of a stretched wire is no such function: the tension is an unknown instead (`pencil`), as a
+stiff wire would cost soft parts all their digits. A term also computes its dissipation
+x^H Im(f A) x in a motion x, by cause: sums of squares, in which nothing cancels.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from suspension_cli.elements.beam import ELEMENT_PLACES
-from suspension_cli.elements.dynamic_wire import COORDINATES, PARTS, TautWire, WireAtFrequencies
+from suspension_cli.elements.dynamic_wire import PARTS, TautWire, WireAtFrequencies
 from suspension_cli.linear.stretching import distinct
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Float, Inexact, Int
+    from jaxtyping import Bool, Complex, Float, Inexact, Int
 
-
-class Term(Protocol):
-    """Frequency-dependent part of a linear system."""
-
-    @property
-    def columns(self) -> Any:
-        """Numbers of the coordinates (c,) that it acts on, ascending."""
-        ...
-
-    @property
-    def compact(self) -> Any:
-        """A_n among these: (n, c, c), real and symmetric.
-
-        Of wires, last that of the odd stretching motion, which the tensions cover.
-        """
-        ...
-
-    @property
-    def all_matrices(self) -> Any:
-        """The same A_n among all coordinates."""
-        ...
-
-    @property
-    def dispersive(self) -> bool:
-        """Whether it is a function of a complex frequency, not a loss at that of oscillation."""
-        ...
-
-    @property
-    def viscous(self) -> bool:
-        """Whether it also acts on motion that does not oscillate."""
-        ...
-
-    def at(self, omega: Inexact[np.ndarray, " frequency"], *, lossy: bool = True) -> Evaluated:
-        """Evaluate at frequencies in rad/s; complex steps differentiate by frequency."""
-        ...
-
-    def within(self, columns: Int[np.ndarray, " kept"]) -> Term:
-        """Restrict to some coordinates."""
-        ...
-
-    def spread(self, from_new: Float[np.ndarray, "coordinate new"]) -> Term:
-        """Change to new coordinates: old = `from_new` @ new."""
-        ...
-
-
-class Evaluated(Protocol):
-    """One term at given frequencies (f,)."""
-
-    def functions(
-        self, which: Int[np.ndarray, " function"]
-    ) -> list[Inexact[np.ndarray, " frequency"]]:
-        """Select functions f_n by number, complex where lossy."""
-        ...
-
-    def all_functions(self) -> Inexact[np.ndarray, "function frequency"]:
-        """Functions f_n of `Term.all_matrices`, for wires without mass."""
-        ...
-
-    def dissipated(
-        self, motion: Inexact[np.ndarray, "coordinate frequency"]
-    ) -> dict[tuple[str, float], Float[np.ndarray, " frequency"]]:
-        """Dissipation x^H Im(f A) x in motions, by (cause, temperature in K)."""
-        ...
+    Function = Callable[[Inexact[np.ndarray, " frequency"]], Inexact[np.ndarray, " frequency"]]
 
 
 @dataclass(frozen=True)
 class WireTerm:
-    """Equal wires of one stage under equal tension.
+    """Equal wires of one stage under equal tension; of many builds, wires of equal sections.
 
     Attributes
     ----------
     stage
         Stage that hangs on them.
     strand
-        The wire that all of them equal.
-    forms
-        Motion of the ends of each wire per coordinate, for each of `dynamic_wire.PARTS`.
+        The wire that all of them equal; of many builds with arrays (wire, build) of numbers.
+    number
+        Their numbers among the wires of the scene.
+    columns
+        Coordinates that move their ends.
+    motion
+        Motion of the ends of each wire per such coordinate, for each of `dynamic_wire.PARTS`.
     allowed
         Elements of a matrix that the symmetry allows.
     """
 
     stage: str
     strand: TautWire
-    forms: dict[str, Float[np.ndarray, "wire _ coordinate"]]
+    number: Int[np.ndarray, " wire"]
+    columns: Int[np.ndarray, " column"]
+    motion: dict[str, Float[np.ndarray, "*build wire _ column"]]
     allowed: Bool[np.ndarray, "coordinate coordinate"]
-
-    @cached_property
-    def functions(self) -> tuple[tuple[str, int, int], ...]:
-        """Part and element (i, j) of each f_n; the planes of a round wire share theirs."""
-        simple = len(self.strand.fibre.sections) == 1
-        parts = [part for part in PARTS if part != "bend-2" or not self.strand.round]
-        result = []
-        for part in parts:
-            every = [(i, j) for i in range(COORDINATES[part]) for j in range(i, COORDINATES[part])]
-            places = {"stretch": ((0, 0),), "twist": ((0, 0), (1, 1)) if simple else every}
-            result += [
-                (part, i, j) for i, j in places.get(part, ELEMENT_PLACES if simple else every)
-            ]
-        return tuple(result)
 
     @property
     def dispersive(self) -> bool:
@@ -137,123 +67,170 @@ class WireTerm:
         """Loss angles act on oscillations alone."""
         return False
 
+    @property
+    def static_stretching(self) -> Any:
+        """Static stiffness k between the ends of a wire, N/m, without loss."""
+        sections = self.strand.fibre.sections
+        return 1 / sum(section.length / section.stretching for section in sections)
+
     @cached_property
-    def columns(self) -> Int[np.ndarray, " column"]:
-        """Coordinates that move the ends of the wires."""
-        return np.flatnonzero(np.any([form.any((0, 1)) for form in self.forms.values()], axis=0))
+    def forms(self) -> dict[str, Float[np.ndarray, "*build wire _ coordinate"]]:
+        """`motion` per coordinate of the system."""
+        result = {}
+        for part, rows in self.motion.items():
+            result[part] = np.zeros((*rows.shape[:-1], len(self.allowed)))
+            result[part][..., self.columns] = rows
+        return result
+
+    @cached_property
+    def resisted(self) -> dict[str, list[Float[np.ndarray, "*build wire column"]]]:
+        """Motions of the wires, by part, that `WireAtFrequencies.change` resists.
+
+        The first of stretching is the elongation, which the tension covers.
+        """
+        result, massive = {}, self.strand.massive
+        half = sum(section.length for section in self.strand.fibre.sections) / 2
+        if np.ndim(half) == 2:
+            half = np.asarray(half).T[..., None]  # builds are in front here
+        for part, rows in self.motion.items():
+            one = [rows[..., n, :] for n in range(rows.shape[-2])]
+            if part.startswith("bend"):
+                even, even_turn, odd, odd_turn = one
+                chord = odd / half
+                off = odd_turn - chord
+                result[part] = [even, even_turn, chord, off] if massive else [even_turn, off]
+            else:
+                even, odd = one
+                result[part] = [2 * odd, *([even - odd, even + odd] if massive else [])]
+        return result
+
+    @cached_property
+    def places(self) -> tuple[tuple[str, int, int], ...]:
+        """Part and two of its `resisted` of each f_n; the planes of a round wire share theirs."""
+        simple, result = len(self.strand.fibre.sections) == 1, []
+        for part in PARTS:
+            if part == "bend-2" and self.strand.round:
+                continue
+            size = len(self.resisted[part])
+            if not part.startswith("bend"):
+                # the springs at both ends of a uniform wire are equal
+                last = min(size, 2) if simple else size
+                result += [(part, i, i) for i in range(int(part == "stretch"), last)]
+            elif simple:
+                result += [(part, *place) for place in (ELEMENT_PLACES if size > 2 else DIAGONAL)]
+            else:
+                result += [(part, i, j) for i in range(size) for j in range(i, size)]
+        return tuple(result)
 
     @cached_property
     def compact(self) -> Float[np.ndarray, "function column column"]:
-        """A_n among `columns`, with that of the odd stretching motion last."""
-        forms = {part: form[..., self.columns] for part, form in self.forms.items()}
-        return np.where(self.allowed[np.ix_(self.columns, self.columns)], self.products(forms), 0.0)
+        """A_n among `columns`."""
+        return np.where(self._allowed, self.products(self.resisted), 0.0)
 
     @property
-    def all_matrices(self) -> Float[np.ndarray, "function coordinate coordinate"]:
-        """A_n among all coordinates."""
-        return _spread_columns(self.compact, self.columns, len(self.allowed))
+    def _allowed(self) -> Bool[np.ndarray, "column column"]:
+        return self.allowed[np.ix_(self.columns, self.columns)]
 
     def products(
-        self, forms: dict[str, Float[np.ndarray, "wire _ column"]]
+        self, resisted: dict[str, list[Float[np.ndarray, "wire column"]]]
     ) -> Float[np.ndarray, "function column column"]:
-        """Sum `compact` over the wires, of motions like `forms`."""
-        result = []
-        for part, i, j in (*self.functions, ("stretch", 1, 1)):
-            total = 0.0
-            for name in ("bend-1", "bend-2") if part == "bend-1" and self.strand.round else (part,):
-                product = forms[name][:, i].T @ forms[name][:, j]
-                total = total + (product if i == j else product + product.T)
-            result.append(total)
-        return np.array(result)
+        """Sum `compact` over the wires, of motions like `resisted`."""
+        result = np.zeros((len(self.places), len(self.columns), len(self.columns)))
+        simple = len(self.strand.fibre.sections) == 1
+        for n, (part, i, j) in enumerate(self.places):
+            shared = [(part, i, j)]
+            if part == "bend-1" and self.strand.round:
+                shared.append(("bend-2", i, j))
+            if simple and i and not part.startswith("bend"):
+                shared.append((part, 2, 2))
+            for name, k, m in shared:
+                product = resisted[name][k].T @ resisted[name][m]
+                result[n] += product if k == m else product + product.T
+        return result
 
-    def at(self, omega: Inexact[np.ndarray, " frequency"], *, lossy: bool = True) -> EvaluatedWires:
-        """Evaluate at frequencies in rad/s."""
+    def at(self, omega: Inexact[np.ndarray, " system"], *, lossy: bool = True) -> EvaluatedWires:
+        """Evaluate at frequencies in rad/s; of many builds, at one each."""
         strand = self.strand if lossy else replace(self.strand, lossy=False)
         return EvaluatedWires(self, strand.at(omega))
 
     @cached_property
-    def distinct(self) -> dict[str, DistinctMotions]:
-        """Motions of the ends that differ by more than sign; of round wires in both planes."""
-        return self._distinct(0)
+    def distinct(
+        self,
+    ) -> dict[str, tuple[Float[np.ndarray, "_ row column"], Float[np.ndarray, " row"]]]:
+        """Motions of the ends that differ by more than sign, and how many wires have each.
 
-    @cached_property
-    def distinct_at_rest(self) -> dict[str, DistinctMotions]:
-        """As `distinct`, with the support, the first 6 coordinates, at rest."""
-        return self._distinct(6)
-
-    def _distinct(self, first: int) -> dict[str, DistinctMotions]:
-        forms = {
-            part: form * (np.arange(form.shape[-1]) >= first) for part, form in self.forms.items()
-        }
+        Of round wires in both planes, which are equal.
+        """
+        forms = dict(self.motion)
         if self.strand.round:
-            planes = forms.pop("bend-1"), forms.pop("bend-2")
-            forms = {"bend-1": np.concatenate(planes), **forms}
-        found = {part: DistinctMotions.of(form) for part, form in forms.items()}
-        return {part: motions for part, motions in found.items() if len(motions.count)}
+            forms["bend-1"] = np.concatenate([forms["bend-1"], forms.pop("bend-2")])
+        result = {}
+        for part, form in forms.items():
+            rows, members = distinct(form.reshape(len(form), -1))
+            if members:
+                rows = rows.reshape(-1, *form.shape[1:]).swapaxes(0, 1)
+                result[part] = rows, np.array([len(wires) for wires in members], dtype=float)
+        return result
 
     def within(self, columns: Int[np.ndarray, " kept"]) -> WireTerm:
         """Restrict to some coordinates."""
-        largest = {part: np.abs(form).max(initial=0.0) for part, form in self.forms.items()}
-        some = {
-            part: np.where(np.abs(f := form[..., columns]) > 1e-14 * largest[part], f, 0.0)
-            for part, form in self.forms.items()
+        size, largest = len(self.allowed), {}
+        for part, rows in self.motion.items():
+            largest[part] = np.abs(rows).max(initial=0.0)
+        some = self.spread(np.eye(size)[:, columns])
+        motion = {
+            part: np.where(np.abs(rows) > 1e-14 * largest[part], rows, 0.0)
+            for part, rows in some.motion.items()
         }
-        return WireTerm(self.stage, self.strand, some, self.allowed[np.ix_(columns, columns)])
+        return replace(some, motion=motion).trimmed()
 
     def spread(self, from_new: Float[np.ndarray, "coordinate new"]) -> WireTerm:
         """Change to new coordinates."""
         reach = (from_new != 0).astype(float)
-        forms = {part: form @ from_new for part, form in self.forms.items()}
-        return WireTerm(self.stage, self.strand, forms, reach.T @ self.allowed @ reach > 0)
+        moved = from_new[self.columns]
+        columns = np.flatnonzero(moved.any(0))
+        motion = {part: rows @ moved[:, columns] for part, rows in self.motion.items()}
+        allowed = reach.T @ self.allowed @ reach > 0
+        return replace(self, columns=columns, motion=motion, allowed=allowed).trimmed()
+
+    def trimmed(self) -> WireTerm:
+        """Leave out coordinates that do not move the wires."""
+        some = np.any([r.any(tuple(range(r.ndim - 1))) for r in self.motion.values()], axis=0)
+        if some.all():
+            return self
+        motion = {part: rows[..., some] for part, rows in self.motion.items()}
+        return replace(self, columns=self.columns[some], motion=motion)
+
+    def select(self, which: Int[np.ndarray, " system"] | slice) -> WireTerm:
+        """Select some of many builds."""
+        fibre = self.strand.fibre
+        sections = tuple(
+            replace(
+                section,
+                **{
+                    name: value[..., which]
+                    for name in ("length", "stretching", "torsion_factor")
+                    if np.ndim(value := getattr(section, name))
+                },
+            )
+            for section in fibre.sections
+        )
+        strand = replace(
+            self.strand,
+            fibre=replace(fibre, sections=sections),
+            tension=np.asarray(self.strand.tension)[..., which],
+        )
+        motion = {part: rows[which] for part, rows in self.motion.items()}
+        return replace(self, strand=strand, motion=motion)
 
 
-def _spread_columns(
-    compact: Float[np.ndarray, "function column column"],
-    columns: Int[np.ndarray, " column"],
-    size: int,
-) -> Float[np.ndarray, "function coordinate coordinate"]:
-    result = np.zeros((len(compact), size, size))
-    result[:, columns[:, None], columns] = compact
-    return result
+DIAGONAL = ((0, 0), (1, 1))
+"""Places of the elements of a wire without mass, on the slopes of both ends."""
 
 
 def is_massive(term: Term) -> bool:
     """Whether a term is that of wires with mass."""
     return isinstance(term, WireTerm) and term.strand.massive
-
-
-@dataclass(frozen=True)
-class DistinctMotions:
-    """Motions of the ends of wires per coordinate, in one part of `dynamic_wire.PARTS`.
-
-    Attributes
-    ----------
-    columns
-        The coordinates that move them.
-    forms
-        Motions that differ by more than sign.
-    count
-        Number of wires of each.
-    """
-
-    columns: Int[np.ndarray, " moving"]
-    forms: Float[np.ndarray, "end row moving"]
-    count: Float[np.ndarray, " row"]
-
-    @staticmethod
-    def of(forms: Float[np.ndarray, "wire end coordinate"]) -> DistinctMotions:
-        """Find the motions that are not 0."""
-        rows, members = distinct(forms.reshape(len(forms), -1))
-        rows = rows.reshape(-1, *forms.shape[1:]).swapaxes(0, 1)
-        columns = np.flatnonzero(rows.any((0, 1)))
-        count = np.array([len(wires) for wires in members], dtype=float)
-        return DistinctMotions(columns, rows[..., columns], count)
-
-    def ends(
-        self, motion: Inexact[np.ndarray, "coordinate frequency"]
-    ) -> Inexact[np.ndarray, "end row frequency"]:
-        """Motions of the ends from coordinates."""
-        return multiply_real(self.forms, motion[self.columns])
 
 
 def multiply_real(
@@ -268,49 +245,70 @@ def multiply_real(
 
 @dataclass(frozen=True)
 class EvaluatedWires:
-    """Equal wires at given frequencies (f,)."""
+    """Equal wires at given frequencies (f,), or the wires of many builds at one each."""
 
     term: WireTerm
     moving: WireAtFrequencies
+    _known: dict[str, Any] = field(default_factory=dict)
+
+    def _change(self, part: str) -> Inexact[np.ndarray, "_ *_ frequency"]:
+        """See `WireAtFrequencies.change`; blocks share it."""
+        part = "bend-1" if part == "bend-2" and self.term.strand.round else part
+        if part not in self._known:
+            self._known[part] = self.moving.change(part)
+        return self._known[part]
 
     def functions(
         self, which: Int[np.ndarray, " function"]
     ) -> list[Inexact[np.ndarray, " frequency"]]:
         """Select functions f_n by number."""
-        static = self.term.strand.static
-        wanted = [self.term.functions[n] for n in which]
-        return [
-            self.even_stiffness
-            if part == "stretch"
-            else self.moving.stiffness(part)[i, j] - static[part][i, j]
-            for part, i, j in wanted
-        ]
-
-    def all_functions(self) -> Inexact[np.ndarray, "function frequency"]:
-        """Functions f_n of `all_matrices`.
-
-        For wires without mass: only the odd motion of their ends stretches them.
-        """
-        odd = self.stretching[2] - self.term.strand.static["stretch"][1, 1]
-        return np.stack([*self.functions(np.arange(len(self.term.functions))), odd])
+        result = []
+        for part, i, j in (self.term.places[n] for n in which):
+            change = self._change(part)
+            result.append(change[i, j] if part.startswith("bend") else change[i])
+        return result
 
     @property
-    def even_stiffness(self) -> Inexact[np.ndarray, " frequency"]:
-        """Stiffness F_ss - F_sa^2 / F_aa of the even motion, with the tension a coordinate."""
-        even, mixed, odd = self.stretching
-        return even - mixed**2 / odd
+    def compliance(self) -> Inexact[np.ndarray, "*wire frequency"]:
+        """1/k(omega) between the ends of a wire, m/N."""
+        return 1 / self._change("stretch")[0]
 
     @property
-    def stretching(
-        self,
-    ) -> tuple[
-        Inexact[np.ndarray, " frequency"],
-        Inexact[np.ndarray, " frequency"],
-        Inexact[np.ndarray, " frequency"],
-    ]:
-        """Stretching stiffness F_ss, F_sa, F_aa of even (s) and odd (a) motion of the ends."""
-        whole = self.moving.stiffness("stretch")
-        return whole[0, 0], whole[0, 1], whole[1, 1]
+    def stiffness(self) -> Complex[np.ndarray, "system column column"]:
+        """The sum of f_n A_n among `WireTerm.columns`."""
+        term = self.term
+        if np.ndim(term.strand.tension) == 0:
+            count = range(len(term.places))
+            functions = np.array(np.broadcast_arrays(*self.functions(np.array(count))))
+            weights = np.ascontiguousarray(np.moveaxis(term.compact, 0, -1))
+            return np.moveaxis(multiply_real(weights, functions + 0j), -1, 0)
+        rows, forces = [], []
+        for part, motions in term.resisted.items():
+            # (..., wire, build) to (build, wire)
+            change = np.swapaxes(self._change(part), -1, -2)[..., None]
+            for i, one in enumerate(motions):
+                if not part.startswith("bend"):
+                    if part == "twist" or i:
+                        rows.append(one)
+                        forces.append(change[i] * one)
+                    continue
+                total = change[i, i] * one
+                for j, other in enumerate(motions):
+                    if j != i and change[i, j].any():
+                        total += change[i, j] * other
+                rows.append(one)
+                forces.append(total)
+        pull = np.concatenate(forces, axis=-2).view(float)
+        result = (np.concatenate(rows, axis=-2).swapaxes(-1, -2) @ pull).view(complex)
+        return result if term._allowed.all() else np.where(term._allowed, result, 0.0)
+
+    @property
+    def complete(self) -> Complex[np.ndarray, "frequency column column"]:
+        """`stiffness`, with the change of that of stretching from its static one."""
+        (row,) = self.term.resisted["stretch"][:1]
+        change = 1 / self.compliance - self.term.static_stretching
+        stretching = np.where(self.term._allowed, row.T @ row, 0.0)
+        return self.stiffness + np.reshape(change, (-1, 1, 1)) * stretching
 
     def dissipated(
         self, motion: Inexact[np.ndarray, "coordinate frequency"]
@@ -324,11 +322,11 @@ class EvaluatedWires:
             "gas": gas.temperature if gas else 0.0,
         }
         result: dict[tuple[str, float], Float[np.ndarray, " frequency"]] = {}
-        moves = self.term.distinct if motion[:6].any() else self.term.distinct_at_rest
-        for part, own in moves.items():
-            for cause, value in self.moving.dissipated(part, own.ends(motion)).items():
+        for part, (rows, count) in self.term.distinct.items():
+            ends = multiply_real(rows, motion[self.term.columns])
+            for cause, value in self.moving.dissipated(part, ends).items():
                 key = (f"{self.term.stage}.{cause}", temperatures.get(cause, (upper + lower) / 2))
-                result[key] = result.get(key, 0.0) + own.count @ value
+                result[key] = result.get(key, 0.0) + count @ value
         return result
 
 
@@ -357,11 +355,9 @@ class LossTerm:
     cause: str
     temperature: float
     matrix: Float[np.ndarray, "*#batch coordinate coordinate"]
-    angle: Callable[[Inexact[np.ndarray, " frequency"]], Inexact[np.ndarray, " frequency"]]
+    angle: Function
     elastic: bool = True
-    storage: (
-        Callable[[Inexact[np.ndarray, " frequency"]], Inexact[np.ndarray, " frequency"]] | None
-    ) = None
+    storage: Function | None = None
 
     @property
     def dispersive(self) -> bool:
@@ -376,17 +372,13 @@ class LossTerm:
     @cached_property
     def columns(self) -> Int[np.ndarray, " column"]:
         """Coordinates that it acts on."""
-        return np.flatnonzero(self.matrix.any(0))
+        return np.flatnonzero(self.matrix.any(tuple(range(self.matrix.ndim - 1))))
 
     @cached_property
-    def compact(self) -> Float[np.ndarray, "1 column column"]:
-        """The matrix A_1 among `columns`."""
-        return self.matrix[None, self.columns[:, None], self.columns]
-
-    @property
-    def all_matrices(self) -> Float[np.ndarray, "1 coordinate coordinate"]:
-        """The matrix A_1."""
-        return self.matrix[None]
+    def compact(self) -> Float[np.ndarray, "_ column column"]:
+        """The matrix A_1 among `columns`, as a stack of one, or of those of many builds."""
+        own = self.matrix[..., self.columns[:, None], self.columns]
+        return own if own.ndim > 2 else own[None]
 
     def at(self, omega: Inexact[np.ndarray, " frequency"], *, lossy: bool = True) -> EvaluatedLoss:
         """Evaluate at frequencies in rad/s."""
@@ -397,25 +389,15 @@ class LossTerm:
 
     def within(self, columns: Int[np.ndarray, " kept"]) -> LossTerm:
         """Restrict to some coordinates."""
-        return LossTerm(
-            self.cause,
-            self.temperature,
-            self.matrix[np.ix_(columns, columns)],
-            self.angle,
-            self.elastic,
-            self.storage,
-        )
+        return replace(self, matrix=self.matrix[np.ix_(columns, columns)])
 
     def spread(self, from_new: Float[np.ndarray, "coordinate new"]) -> LossTerm:
         """Change to new coordinates."""
-        return LossTerm(
-            self.cause,
-            self.temperature,
-            from_new.T @ self.matrix @ from_new,
-            self.angle,
-            self.elastic,
-            self.storage,
-        )
+        return replace(self, matrix=from_new.T @ self.matrix @ from_new)
+
+    def select(self, which: Int[np.ndarray, " system"] | slice) -> LossTerm:
+        """Select some of many builds."""
+        return self if self.matrix.ndim == 2 else replace(self, matrix=self.matrix[which])
 
 
 @dataclass(frozen=True)
@@ -434,9 +416,15 @@ class EvaluatedLoss:
         value = 1j * self.angle if self.lossy else self.angle
         return [value if self.stored is None else value + self.stored] * len(which)
 
-    def all_functions(self) -> Inexact[np.ndarray, "1 frequency"]:
-        """The function f_1."""
-        return np.stack(self.functions(np.arange(1)))
+    @property
+    def stiffness(self) -> Inexact[np.ndarray, "system column column"]:
+        """The function times the matrix, among `LossTerm.columns`."""
+        return self.functions(np.arange(1))[0][:, None, None] * self.term.compact
+
+    @property
+    def complete(self) -> Inexact[np.ndarray, "frequency column column"]:
+        """See `stiffness`."""
+        return self.stiffness
 
     def dissipated(
         self, motion: Inexact[np.ndarray, "coordinate frequency"]
@@ -456,3 +444,7 @@ def quadratic_form(
     used = np.flatnonzero(matrix.any(0))
     x = motion[used]
     return np.real(np.conj(x) * multiply_real(matrix[np.ix_(used, used)], x)).sum(0)
+
+
+Term: TypeAlias = WireTerm | LossTerm
+EvaluatedTerm: TypeAlias = EvaluatedWires | EvaluatedLoss

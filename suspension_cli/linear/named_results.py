@@ -13,7 +13,7 @@ import math
 from dataclasses import dataclass
 
 from suspension_cli.design.faults import suggest
-from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.errors import InputError, format_value
 from suspension_cli.linear import signals
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.signals import Signal
@@ -111,8 +111,8 @@ def _modes(text: str, modes: Modes, option: str, *, only: bool = False) -> list[
             f"write {chosen[0].text!r} to {chosen[-1].text!r}, or its number in pendsus modes on"
             " the same model"
         )
-        raise InputError(
-            [Fault(option, f"is the label of {len(chosen)} modes", remedy, format_value(text))]
+        raise InputError.of(
+            option, f"is the label of {len(chosen)} modes", remedy, format_value(text)
         )
     if not chosen:
         remedy = suggest(text, names) + (
@@ -120,7 +120,7 @@ def _modes(text: str, modes: Modes, option: str, *, only: bool = False) -> list[
             if only
             else "; a response is OUTPUT/INPUT:FREQUENCY, a coupling OVER/UNDER/INPUT:FREQUENCY"
         )
-        raise InputError([Fault(option, "is the label of no mode", remedy, format_value(text))])
+        raise InputError.of(option, "is the label of no mode", remedy, format_value(text))
     return chosen
 
 
@@ -135,24 +135,17 @@ def _ratio(text: str, known: tuple[str, ...], option: str) -> Ratio:
         remedy = (
             "write OUTPUT/INPUT:FREQUENCY or OVER/UNDER/INPUT:FREQUENCY, in Hz: test.x/support.x:10"
         )
-        raise InputError([Fault(option, "is no response", remedy, format_value(text))])
+        raise InputError.of(option, "is no response", remedy, format_value(text))
     found = [signals.parse(part, option, known) for part in parts]
     for signal in found[:-1]:
         if signal.acts:
-            raise InputError(
-                [
-                    Fault(
-                        option,
-                        f"{signal.text} is an input",
-                        "divide a motion by it",
-                        format_value(text),
-                    )
-                ]
+            raise InputError.of(
+                option, f"{signal.text} is an input", "divide a motion by it", format_value(text)
             )
     drive = found[-1]
     if not signals.is_input(drive):
         remedy = f"end with support.x, or a force such as {drive.body}.{signals.FORCES[drive.dof]}"
-        raise InputError([Fault(option, f"{drive.text} is an output", remedy, format_value(text))])
+        raise InputError.of(option, f"{drive.text} is an output", remedy, format_value(text))
     return Ratio(
         "/".join(parts) + f":{frequency:g}",
         found[0],

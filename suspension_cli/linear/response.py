@@ -8,21 +8,24 @@ below 1e-6 of what the body moves by, 1e-14 of that.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.errors import Fault, InputError
+from suspension_cli.errors import InputError
 from suspension_cli.linear import signals
-from suspension_cli.linear.pencil import Pencil
+from suspension_cli.linear.elimination import as_slice
+from suspension_cli.linear.pencil import Block, Pencil
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Complex, Float
+    from jaxtyping import Bool, Complex, Float, Inexact, Int
 
 CHUNK = 1 << 16
 """Unknowns (coordinates and tensions, times inputs, times frequencies) solved at once."""
+BUILDS = 512
+"""Builds, times frequencies, solved at once."""
 
 
 @dataclass(frozen=True)
@@ -118,31 +121,88 @@ def transfer(
     if ground is not None and any(ground):
         return _with_ground(model, omega, drives, acts, rows, ground, finite=finite)
     moves, forces = _split_drives(drives, acts)
-    pencil, direct = Pencil.of(model), rows[:, :6] @ moves
-    chosen = [
-        (block, np.flatnonzero(sensed), np.flatnonzero(driven))
-        for block in pencil.blocks
-        if (sensed := rows[:, block.keep].any(1)).any()
-        and (driven := block.is_driven(moves, forces)).any()
-    ]
-    result = np.zeros((*direct.shape, len(omega)), dtype=complex)
-    result[direct != 0] = direct[direct != 0][:, None]
-    largest = max((len(block.owner) for block, _, _ in chosen), default=1)
+    pencil = Pencil.of(model)
+    chosen = _choose(pencil, moves, forces, rows)
+    result = np.empty((len(omega), len(rows), len(drives)), dtype=complex)
+    largest = max((len(block.owner) for block in chosen), default=1)
     step = max(CHUNK // (largest * max(len(drives), 1)), 64)
-    for start in range(0, len(omega) if chosen else 0, step):
+    for start in range(0, len(omega), step):
         span = slice(start, start + step)
-        there, reached = pencil.at(omega[span]), np.zeros(direct.shape, dtype=bool)
-        for block, sensing, driving in chosen:
-            pairs = np.ix_(sensing, driving)
-            own = rows[sensing[:, None], block.keep], moves[:, driving]
-            first = np.where(reached[pairs], 0.0, direct[pairs])
-            value = block.at(there).respond(*own, forces[np.ix_(block.keep, driving)], first)
-            if finite:
-                _check_finite(np.asarray(np.isfinite(value).all((0, 1))), omega[span])
-            again = reached[pairs][..., None]
-            result[(*pairs, span)] = value + np.where(again, result[(*pairs, span)], 0.0)
-            reached[pairs] = True
-    return result.transpose(2, 0, 1), len(chosen)
+        own = (part[..., None] for part in (rows, moves, forces))
+        value = _respond(pencil, chosen, omega[span], *own)
+        if finite:
+            _check_finite(np.asarray(np.isfinite(value).all((0, 1))), omega[span])
+        result[span] = np.moveaxis(value, -1, 0)
+    return result, len(chosen)
+
+
+def transfer_builds(
+    model: LinearSystem,
+    which: Int[np.ndarray, " build"],
+    omega: Float[np.ndarray, " frequency"],
+    moves: Float[np.ndarray, "every 6 input"],
+    forces: Float[np.ndarray, "every coordinate input"],
+    rows: Float[np.ndarray, "every output coordinate"],
+) -> Inexact[np.ndarray, "build frequency output input"]:
+    """Solve for the responses of builds `which` of a batch to motions of the support and forces.
+
+    `moves`, `forces` and `rows` are those of all builds. Builds, times frequencies, are solved
+    together, in chunks that stay in the cache.
+    """
+    count = len(which) * len(omega)
+    result = np.empty((count, rows.shape[1], moves.shape[2]), dtype=complex)
+    for start in range(0, count, BUILDS):
+        build, frequency = np.divmod(np.arange(start, min(start + BUILDS, count)), len(omega))
+        here: Any = as_slice(which[build]) if len(omega) == 1 else which[build]
+        w = omega[frequency]
+        pencil = Pencil(model.select(here).at(w))
+        own = [np.moveaxis(part[here], 0, -1) for part in (rows, moves, forces)]
+        chosen = _choose(pencil, own[1], own[2], own[0])
+        value = _respond(pencil, chosen, w, *own)
+        result[start : start + len(w)] = np.moveaxis(value, -1, 0)
+    return result.reshape(len(which), len(omega), *result.shape[1:])
+
+
+def _choose(
+    pencil: Pencil,
+    moves: Float[np.ndarray, "6 input *#system"],
+    forces: Float[np.ndarray, "coordinate input *#system"],
+    rows: Float[np.ndarray, "output coordinate *#system"],
+) -> list[Block]:
+    """Choose the blocks that inputs drive and outputs sense."""
+    return [
+        block
+        for block in pencil.blocks
+        if rows[:, block.keep].any() and block.is_driven(moves, forces).any()
+    ]
+
+
+def _respond(
+    pencil: Pencil,
+    chosen: list[Block],
+    omega: Float[np.ndarray, " system"],
+    rows: Float[np.ndarray, "output coordinate #system"],
+    moves: Float[np.ndarray, "6 input #system"],
+    forces: Float[np.ndarray, "coordinate input #system"],
+) -> Inexact[np.ndarray, "output input system"]:
+    """Sum the responses of blocks and those of outputs to the support's own motion."""
+    direct, there = np.einsum("ocs,cis->ois", rows[:, :6], moves), pencil.at(omega)
+    result = np.zeros((*direct.shape[:2], len(omega)), dtype=complex)
+    result[...] = direct
+    reached = np.zeros(direct.shape[:2], dtype=bool)
+    for block in chosen:
+        sensing = np.flatnonzero(rows[:, block.keep].any((1, 2)))
+        driving = np.flatnonzero(block.is_driven(moves, forces))
+        pairs = np.ix_(sensing, driving)
+        # below the modes the support's own motion cancels digits of the relative one: once
+        first = np.where(reached[pairs][..., None], 0.0, direct[pairs])
+        value = block.at(there).respond(
+            rows[sensing][:, block.keep], moves[:, driving], forces[block.keep][:, driving], first
+        )
+        again = reached[pairs][..., None]
+        result[pairs] = value + np.where(again, result[pairs], 0.0)
+        reached[pairs] = True
+    return result
 
 
 def _with_ground(
@@ -188,13 +248,9 @@ def _check_finite(
     """Raise `InputError` at the first frequency whose system is singular to the last bit."""
     if not finite.all():
         at = float(omega[~finite][0]) / (2 * np.pi)
-        raise InputError(
-            [
-                Fault(
-                    "--frequency",
-                    "is a resonance without loss, where the response is infinite",
-                    "move it, or give the design a loss_angle or damping",
-                    f"{at!r}",
-                )
-            ]
+        raise InputError.of(
+            "--frequency",
+            "is a resonance without loss, where the response is infinite",
+            "move it, or give the design a loss_angle or damping",
+            f"{at!r}",
         )

@@ -11,7 +11,7 @@ import numpy as np
 
 from suspension_cli.conventions import DOFS, FRAME, GROUND, SUPPORT
 from suspension_cli.design.faults import suggest
-from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.errors import InputError, format_value
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.rotations import cross_matrix
 
@@ -86,9 +86,7 @@ def parse_input(text: str, known: tuple[str, ...], option: str = "--input") -> S
     signal = parse(text, option, known)
     if not is_input(signal):
         remedy = f"give support.{DOFS[signal.dof]}, or {signal.body}.{FORCES[signal.dof]}"
-        raise InputError(
-            [Fault(option, "a motion of a stage is an output", remedy, format_value(text))]
-        )
+        raise InputError.of(option, "a motion of a stage is an output", remedy, format_value(text))
     return signal
 
 
@@ -101,21 +99,15 @@ def parse_output(text: str, known: tuple[str, ...], option: str = "--output") ->
     """Parse an output: a motion."""
     signal = parse(text, option, known)
     if signal.acts:
-        raise InputError(
-            [
-                Fault(
-                    option,
-                    "a force is an input",
-                    f"give {signal.body}.{DOFS[signal.dof]}",
-                    format_value(text),
-                )
-            ]
+        raise InputError.of(
+            option,
+            "a force is an input",
+            f"give {signal.body}.{DOFS[signal.dof]}",
+            format_value(text),
         )
     if signal.is_ground:
         remedy = f"take a stage's motion, or give {signal.text} as an input"
-        raise InputError(
-            [Fault(option, "the ground's motion is an input", remedy, format_value(text))]
-        )
+        raise InputError.of(option, "the ground's motion is an input", remedy, format_value(text))
     return signal
 
 
@@ -128,42 +120,28 @@ def parse(text: str, option: str, bodies: tuple[str, ...]) -> Signal:
         _check_second(body, against, text, option, bodies)
     if name in bodies:
         remedy = f"write for example {name}.x; motions are {', '.join(DOFS)}"
-        raise InputError(
-            [Fault(option, "names a body, but no motion of it", remedy, format_value(text))]
-        )
+        raise InputError.of(option, "names a body, but no motion of it", remedy, format_value(text))
     if body not in bodies:
-        raise InputError(
-            [
-                Fault(
-                    option,
-                    "names no body",
-                    suggest(body or name, list(bodies)) + "; write for example test.x",
-                    format_value(text),
-                )
-            ]
+        raise InputError.of(
+            option,
+            "names no body",
+            suggest(body or name, list(bodies)) + "; write for example test.x",
+            format_value(text),
         )
     if motion not in DOFS and motion not in FORCES:
-        raise InputError(
-            [
-                Fault(
-                    option,
-                    "names no motion or force",
-                    suggest(motion, [*DOFS, *FORCES]),
-                    format_value(text),
-                )
-            ]
+        raise InputError.of(
+            option,
+            "names no motion or force",
+            suggest(motion, [*DOFS, *FORCES]),
+            format_value(text),
         )
     acts = motion in FORCES
     if acts and body in (SUPPORT, GROUND):
-        raise InputError(
-            [
-                Fault(
-                    option,
-                    f"the {body}'s motion is given, so a force on it has no effect",
-                    f"take {body}.x, or a force on a stage",
-                    format_value(text),
-                )
-            ]
+        raise InputError.of(
+            option,
+            f"the {body}'s motion is given, so a force on it has no effect",
+            f"take {body}.x, or a force on a stage",
+            format_value(text),
         )
     return Signal(
         text,
@@ -187,7 +165,7 @@ def _check_second(body: str, against: str, text: str, option: str, bodies: tuple
         problem, remedy = "names one body twice", "write for example test~reaction.x"
     else:
         return
-    raise InputError([Fault(option, problem, remedy, format_value(text))])
+    raise InputError.of(option, problem, remedy, format_value(text))
 
 
 def _point(where: str, at: str, text: str, option: str) -> tuple[float, float, float]:
@@ -198,15 +176,11 @@ def _point(where: str, at: str, text: str, option: str) -> tuple[float, float, f
     except ValueError:
         x = y = z = math.nan
     if not all(math.isfinite(value) and abs(value) < 1e5 for value in (x, y, z)):
-        raise InputError(
-            [
-                Fault(
-                    option,
-                    "is no point",
-                    "write three lengths in m, for example test.x@0,0,-0.001",
-                    format_value(text),
-                )
-            ]
+        raise InputError.of(
+            option,
+            "is no point",
+            "write three lengths in m, for example test.x@0,0,-0.001",
+            format_value(text),
         )
     return (x, y, z)
 
@@ -229,15 +203,11 @@ def linear_form(signal: Signal, model: LinearSystem) -> Inexact[np.ndarray, "*ba
     if signal.body == FRAME:
         name = f"frame.{DOFS[signal.dof]}"
         if name not in model.coordinate:
-            raise InputError(
-                [
-                    Fault(
-                        "--output",
-                        "the support structure is rigid in this direction",
-                        "give it a stiffness in [support.stiffness]",
-                        format_value(signal.text),
-                    )
-                ]
+            raise InputError.of(
+                "--output",
+                "the support structure is rigid in this direction",
+                "give it a stiffness in [support.stiffness]",
+                format_value(signal.text),
             )
         result[..., model.coordinate.index(name)] = 1.0
         return result
@@ -256,15 +226,11 @@ def _relative_form(signal: Signal, model: LinearSystem) -> Inexact[np.ndarray, "
     own = linear_form(replace(signal, against=""), model)
     rigid = model.rigid
     if rigid is None:
-        raise InputError(
-            [
-                Fault(
-                    signal.text,
-                    "signals between two bodies need a general model",
-                    "rerun with --fidelity string",
-                    None,
-                )
-            ]
+        raise InputError.of(
+            signal.text,
+            "signals between two bodies need a general model",
+            "rerun with --fidelity string",
+            None,
         )
     first = model.body.index(signal.body) + 1
     second = 0 if signal.against == SUPPORT else model.body.index(signal.against) + 1

@@ -24,8 +24,8 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from suspension_cli.conventions import FRAME
-from suspension_cli.errors import Fault, InputError
-from suspension_cli.linear import response, signals, static_condensation
+from suspension_cli.errors import InputError
+from suspension_cli.linear import response, signals
 from suspension_cli.linear.pencil import Block, Pencil
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
@@ -97,7 +97,7 @@ def refuse_ground(inputs: list[Signal]) -> None:
                 " ground"
             )
             problem = "a motion of the ground beside the support is no input of a state space"
-            raise InputError([Fault("--input", problem, remedy, signal.text)])
+            raise InputError.of("--input", problem, remedy, signal.text)
 
 
 def assemble(
@@ -196,9 +196,9 @@ def condense(block: Block) -> Condensed:
     Neither inputs nor outputs act on these.
     """
     model, keep, size = block.pencil.model, block.keep, len(block.owner)
-    whole, loss = (part.whole(size)[0] for part in block.parts[:2])
-    if loss.any():
-        whole = whole + 1j * loss
+    whole = block.at(block.pencil.at(np.zeros(1))).matrix[..., 0]
+    if not np.imag(whole).any():
+        whole = np.real(whole)
     frame = np.array([model.coordinate[n].startswith(FRAME) for n in keep], dtype=bool)
     light = model.massless[keep] & ~frame & ~(model.damping[keep] != 0).any(1)
     a = np.flatnonzero(~light)
@@ -250,15 +250,11 @@ def _block(
         initial=0.0
     ):
         remedy = "give [support] a mass and inertia"
-        raise InputError(
-            [
-                Fault(
-                    "control.loop",
-                    "a damper pushes a support structure without mass along a motion that it does"
-                    " not sense, which leaves that motion undetermined",
-                    remedy,
-                )
-            ]
+        raise InputError.of(
+            "control.loop",
+            "a damper pushes a support structure without mass along a motion that it does"
+            " not sense, which leaves that motion undetermined",
+            remedy,
         )
     solve = np.linalg.inv(np.concatenate([resisted @ c_ll, unresisted @ k_ll]))
     coupling = np.concatenate([resisted @ c_lh, unresisted @ k_lh])
@@ -329,9 +325,11 @@ def _equivalent(
     light: Int[np.ndarray, " light"],
 ) -> Float[np.ndarray, "kept kept"]:
     """Viscous damping of a block's coordinates with mass, equivalent to all its loss angles."""
-    reduced = static_condensation.condense(
-        block.stiffness[:, 6:], np.isin(np.arange(len(block.kept)), light)
-    ).matrix
+    whole = block.stiffness[:, 6:]
+    heavy = np.setdiff1d(np.arange(len(whole)), light)
+    across = whole[np.ix_(light, heavy)]
+    reduced = whole[np.ix_(heavy, heavy)]
+    reduced = reduced - across.T @ np.linalg.solve(whole[np.ix_(light, light)], across)
     return equivalent_damping(mass, np.real(reduced), np.imag(reduced))
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Float, Inexact
+    from jaxtyping import Bool, Float, Inexact, Int
 
 ALIKE = 1e-13
 """Relative difference of two linear forms that counts as rounding."""
@@ -49,6 +49,11 @@ class Stretching:
         pulled = np.swapaxes(self.form, -1, -2) * self.stiffness[..., None, :]
         stretching = np.where(self.allowed, pulled @ self.form, 0.0)
         return self.soft + (stretching + np.swapaxes(stretching, -1, -2)) / 2
+
+    def select(self, which: Int[np.ndarray, " system"] | slice) -> Stretching:
+        """Select some of many builds."""
+        k = self.stiffness if self.stiffness.ndim < 2 else self.stiffness[which]
+        return replace(self, form=self.form[which], stiffness=k, soft=self.soft[which])
 
     def spread(self, from_new: Float[np.ndarray, "coordinate new"]) -> Stretching:
         """Change to new coordinates: old = `from_new` @ new."""

@@ -350,7 +350,7 @@ def _has_mirror(
     scene: Scene, axis: int, chain: Int[np.ndarray, " body"] | None = None
 ) -> Bool[np.ndarray, "*batch"]:
     """Whether bodies and gravity are symmetric in x (axis 0) or y (1)."""
-    bodies, flip = scene.bodies, _signs((3,), axis)
+    bodies, flip = scene.bodies, np.array((PARITY_X, PARITY_Y)[axis][:3])
     place, inertia = bodies.position[..., axis], bodies.inertia
     if chain is not None:
         place, inertia = place[..., chain] - place[..., chain[:1]], inertia[..., chain - 1, :, :]
@@ -454,14 +454,6 @@ def _on_components(
     result = np.ones((1, 1))
     for size in shape:
         result = np.kron(result, operation[:size, :size] if size in (3, 6) else np.eye(size))
-    return result
-
-
-def _signs(shape: tuple[int, ...], axis: int) -> Float[np.ndarray, "*shape"]:
-    """Sign that each component of a vector or tensor of a shape gets in a mirror."""
-    result, parity = np.ones(()), np.array((PARITY_X, PARITY_Y)[axis], dtype=float)
-    for size in shape:
-        result = np.multiply.outer(result, parity[:size] if size in (3, 6) else np.ones(size))
     return result
 
 

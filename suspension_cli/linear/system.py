@@ -10,12 +10,12 @@ import numpy as np
 
 from suspension_cli.conventions import DOFS
 from suspension_cli.linear.connected_groups import connected_groups
-from suspension_cli.linear.frequency_terms import Term
+from suspension_cli.linear.frequency_terms import EvaluatedWires, Term
 from suspension_cli.linear.stretching import Stretching
 from suspension_cli.scene.arrays import Index
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Complex, Float, Inexact
+    from jaxtyping import Bool, Complex, Float, Inexact, Int
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class LinearSystem:
     wire
         Names of the wires (string model).
     terms
-        Parts that depend on frequency (beam and violin models).
+        Parts that depend on frequency.
     rigid
         Coordinates per unit motion of the support (m, rad) when everything moves with it as one
         body; 0 for coordinates relative to a body (blade tips, the frame). None if not known.
@@ -113,9 +113,52 @@ class LinearSystem:
     def driven_by_ground(self) -> LinearSystem:
         """System with the motion of the ground in place of that of the support."""
         if "ground" not in self.prepared:
-            assert self.ground is not None
-            self.prepared["ground"] = replace_support(self, self.ground)
+            ground = self.ground
+            assert ground is not None
+
+            def coupled(columns: np.ndarray) -> np.ndarray:
+                result = np.zeros((*columns.shape[:-1], self.size), dtype=columns.dtype)
+                result[..., :6] += columns
+                result[..., :6, :] += np.swapaxes(columns, -1, -2)
+                return result
+
+            at_rest = np.diag(np.arange(self.size) >= 6).astype(float)
+            rest = replace(self, terms=self.terms[len(ground.terms) :])
+            moved = rest.spread(at_rest, 0.0, coupled(ground.stiffness), coupled(ground.damping))
+            terms = (*ground.terms, *moved.terms)
+            self.prepared["ground"] = replace(moved, terms=terms, rigid=None, ground=None)
         return self.prepared["ground"]
+
+    def spread(
+        self,
+        from_new: Float[np.ndarray, "coordinate new"],
+        mass: Inexact[np.ndarray, "*#batch new new"] | float,
+        stiffness: Inexact[np.ndarray, "*#batch new new"],
+        damping: Inexact[np.ndarray, "*#batch new new"],
+    ) -> LinearSystem:
+        """Change matrices to new coordinates, old = `from_new` @ new, and add some to them.
+
+        A stiffness that is added is lossy if it is complex.
+        """
+
+        def change(matrix: np.ndarray) -> np.ndarray:
+            return from_new.T @ matrix @ from_new
+
+        lossy, own = self.lossy, self.stretched
+        if lossy is None and np.iscomplexobj(stiffness):
+            lossy = self.stiffness
+        if own is not None:
+            added = np.real(stiffness) if lossy is None else stiffness
+            own = replace(own.spread(from_new), soft=change(own.soft) + added)
+        return replace(
+            self,
+            mass=change(self.mass) + mass,
+            stiffness=change(self.stiffness) + np.real(stiffness),
+            damping=change(self.damping) + damping,
+            lossy=None if lossy is None else change(lossy) + stiffness,
+            stretched=own,
+            terms=tuple(term.spread(from_new) for term in self.terms),
+        )
 
     @property
     def constant(self) -> LinearSystem:
@@ -124,10 +167,62 @@ class LinearSystem:
             self.prepared["constant"] = replace(self, terms=())
         return self.prepared["constant"] if self.terms else self
 
+    def select(self, which: Int[np.ndarray, " system"] | slice) -> LinearSystem:
+        """Select some of many builds, any of them more than once."""
+
+        def take(array: Any, axes: int = 2) -> Any:
+            return array if array is None or np.ndim(array) == axes else array[which]
+
+        return replace(
+            self,
+            mass=take(self.mass),
+            stiffness=take(self.stiffness),
+            damping=take(self.damping),
+            lossy=take(self.lossy),
+            stretched=None if self.stretched is None else self.stretched.select(which),
+            orientation=take(self.orientation, 3),
+            terms=tuple(term.select(which) for term in self.terms),
+            rigid=take(self.rigid),
+            ground=None,
+        )
+
+    def at(self, omega: Float[np.ndarray, " system"]) -> LinearSystem:
+        """System whose stiffness is that with all terms, at frequencies in rad/s.
+
+        Of many builds, one frequency each.
+        """
+        if not self.terms:
+            return self
+        own = self.stretched
+        soft = self.complete if own is None else own.soft
+        dynamic = np.empty((len(omega), self.size, self.size), dtype=complex)
+        dynamic[...] = soft
+        stiff = None if own is None else np.empty((len(omega), own.form.shape[-2]), dtype=complex)
+        if own is not None and stiff is not None:
+            stiff[...] = own.stiffness
+        for term in self.terms:
+            here = term.at(omega)
+            added, runs = here.stiffness, _runs(term.columns)
+            for rows, own_rows in runs:
+                for columns, own_columns in runs:
+                    dynamic[:, rows, columns] += added[:, own_rows, own_columns]
+            if stiff is not None and isinstance(here, EvaluatedWires):
+                stiff[:, here.term.number] = np.atleast_2d(1 / here.compliance).T
+        stretched = own
+        if own is not None and stiff is not None:
+            stretched = replace(own, soft=dynamic, stiffness=stiff)
+        return replace(self, terms=(), lossy=dynamic, stretched=stretched)
+
     @property
     def size(self) -> int:
         """Number N of coordinates."""
         return len(self.coordinate)
+
+    @property
+    def complete(self) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
+        """Whole stiffness, complex if lossy, without the terms."""
+        static = self.stiffness if self.lossy is None else self.lossy
+        return static if self.stretched is None else self.stretched.whole
 
     @property
     def batch(self) -> tuple[int, ...]:
@@ -137,12 +232,6 @@ class LinearSystem:
     def index(self, body: str, dof: str) -> int:
         """Return the number of a coordinate of a body."""
         return 6 * (self.body.index(body) + 1) + DOFS.index(dof)
-
-    @cached_property
-    def pulled(self) -> Bool[np.ndarray, "coordinate 6"]:
-        """Whether each motion of the support acts on each coordinate; no batch axes."""
-        full = self.stiffness if self.lossy is None else self.lossy
-        return (full[:, :6] != 0) | (self.damping[:, :6] != 0) | (self.mass[:, :6] != 0)
 
     @cached_property
     def prepared(self) -> dict[Any, Any]:
@@ -169,44 +258,12 @@ class LinearSystem:
         return tuple(group + 6 for group in connected_groups(coupled[6:, 6:]))
 
 
-def replace_support(model: LinearSystem, ground: Ground) -> LinearSystem:
-    """Replace the motion of the support, which stays at rest, by that of the ground."""
-
-    def only(matrix: np.ndarray, columns: np.ndarray | None = None) -> np.ndarray:
-        kind = matrix.dtype if columns is None else np.result_type(matrix, columns)
-        result = matrix.astype(kind)
-        result[..., :6, :], result[..., :, :6] = 0.0, 0.0
-        if columns is not None:
-            result[..., :, :6] += columns
-            result[..., :6, :] += np.swapaxes(columns, -1, -2)
-        return result
-
-    def without(form: np.ndarray) -> np.ndarray:
-        result = form.copy()
-        result[..., :6] = 0.0
-        return result
-
-    lossy, stretched = model.lossy, model.stretched
-    if lossy is None and np.iscomplexobj(ground.stiffness):
-        lossy = model.stiffness.astype(complex)
-    others = np.eye(model.size)
-    others[:6] = 0.0
-    rest = model.terms[len(ground.terms) :]
-    return replace(
-        model,
-        mass=only(model.mass),
-        stiffness=only(model.stiffness, np.real(ground.stiffness)),
-        damping=only(model.damping, ground.damping),
-        lossy=None if lossy is None else only(lossy, ground.stiffness),
-        stretched=None
-        if stretched is None
-        else replace(
-            stretched,
-            form=without(stretched.form),
-            soft=only(stretched.soft, ground.stiffness),
-        ),
-        # of many builds, whose terms are not here, ground.terms are `BatchTerm`s
-        terms=(*ground.terms, *(term.spread(others) for term in rest)) if model.terms else (),
-        rigid=None,
-        ground=None,
-    )
+def _runs(columns: Int[np.ndarray, " column"]) -> list[tuple[slice, slice]]:
+    """Runs of consecutive coordinates, and where each stands among all of `columns`."""
+    parts = np.split(columns, np.flatnonzero(np.diff(columns) > 1) + 1)
+    starts = np.cumsum([0, *map(len, parts)]).tolist()
+    return [
+        (slice(part[0], part[-1] + 1), slice(start, start + len(part)))
+        for part, start in zip(parts, starts, strict=False)
+        if len(part)
+    ]

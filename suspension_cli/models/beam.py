@@ -18,17 +18,11 @@ from suspension_cli.elements.dynamic_wire import EQUAL_WITHIN, TautWire, fit_to_
 from suspension_cli.elements.gas import body_damping
 from suspension_cli.equilibrium import bending_wires, clamps
 from suspension_cli.equilibrium.solve import Equilibrium
-from suspension_cli.linear.frequency_terms import LossTerm, Term, WireTerm
+from suspension_cli.linear.frequency_terms import Term, WireTerm
 from suspension_cli.linear.symmetry import Symmetry, find_symmetry, no_symmetry
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import string as string_model
 from suspension_cli.models.base import MASS
-from suspension_cli.models.batch_terms import (
-    BatchTerm,
-    LossBatchTerm,
-    WireBatchTerm,
-    with_ground_terms,
-)
 from suspension_cli.models.loss_terms import Drag, gas_terms, loss_terms, lossless, spring_terms
 from suspension_cli.rotations import cross, cross_matrix
 from suspension_cli.scene import fibres as fibres_of
@@ -40,68 +34,93 @@ if TYPE_CHECKING:
     from jaxtyping import Float, Inexact, Int
 
 
-def linear_model(scene: Scene, drag: Drag = (), *, massive: bool) -> LinearSystem:
+def linear_model(
+    scene: Scene, drag: Drag = (), *, massive: bool, split: bool = True
+) -> tuple[LinearSystem, Equilibrium]:
     """Linear model of small motions of a scene whose wires bend, and have mass if `massive`.
 
-    The scene has no batch axes, and has `fibres`. The stiffness is static and lossless; `terms` are
-    the rest, functions of frequency.
+    The scene has `fibres`, and one batch axis or none. The stiffness is static and lossless;
+    `terms` are the rest, functions of frequency. Also returns the equilibria, not necessarily
+    converged. `split` as for `string.linear_model`.
 
-    Raises `InputError` if there is no equilibrium, or a wire is slack in it.
+    Raises `InputError` if a scene without batch axes has no equilibrium, or a slack wire in it.
     """
     numbering = layout(scene)
     scene, balanced = bending_wires.solve_bending(scene, numbering)
-    balanced.demand(scene)
-    adapted = find_symmetry(scene, numbering)
+    if not scene.batch:
+        balanced.demand(scene)
+    adapted = find_symmetry(scene, numbering) if split else no_symmetry(numbering)
     model = string_model.linear_model(
         lossless(scene), balanced, wire_inertia=not massive, adapted=adapted
     )
     of_springs, of_ground = spring_terms(scene, numbering, balanced.pose, adapted)
-    grounded = of_springs[: len(of_ground)]
     terms = [
-        *grounded,
+        *of_springs[: len(of_ground)],
         *_wire_terms(scene, numbering, balanced, adapted, massive=massive),
         *loss_terms(scene, numbering, balanced.pose, adapted),
         *of_springs[len(of_ground) :],
         *gas_terms(scene, numbering, balanced.pose, adapted, drag),
     ]
     ground = model.ground if model.ground is None else replace(model.ground, terms=of_ground)
-    return replace(model, terms=tuple(terms), ground=ground)
+    return replace(model, terms=tuple(terms), ground=ground), balanced
 
 
 def _wire_terms(
     scene: Scene, numbering: Layout, balanced: Equilibrium, adapted: Symmetry, *, massive: bool
 ) -> list[Term]:
-    assert scene.fibres is not None
-    if not scene.wires.label:
+    fibres, wires = scene.fibres, scene.wires
+    assert fibres is not None
+    if not wires.label:
         return []
     place, forms = wire_forms(scene, numbering, balanced.pose)
-    wires, fibres = scene.wires, scene.fibres.wire
     length = string.state(scene, balanced.pose).length
-    numbers = np.stack([balanced.tension, length, wires.stiffness, wires.torsion], axis=-1)
-    kinds = [
-        (lower, fibre.sections, fibre.temperature)
-        for lower, fibre in zip(wires.lower, fibres, strict=True)
-    ]
+    geometry = np.stack(
+        np.broadcast_arrays(length, wires.stiffness, balanced.tension, wires.torsion)
+    )
     terms: list[Term] = []
-    left = list(range(len(fibres)))
-    while left:
-        first = left[0]
-        same = np.abs(numbers - numbers[first]) <= EQUAL_WITHIN * np.abs(numbers[first])
-        alike = [n for n in left if same[n].all() and kinds[n] == kinds[first]]
-        left = [n for n in left if n not in alike]
-        tension, span, k, torsion = (float(v) for v in numbers[alike].mean(0))
-        fibre = fit_to_equilibrium(fibres[first], span, k, tension, torsion)
-        strand = TautWire(fibre, tension, massive, lossy=True, surrounded=scene.fibres.gas)
-        stage = scene.bodies.name[wires.lower[first] - 1]
-        some = {}
+    for alike in _alike(scene, geometry):
+        own, number = geometry[..., alike], np.array(alike)
+        if scene.batch:
+            own = np.ascontiguousarray(np.swapaxes(own, -1, -2))
+        else:
+            own = [float(own[0].mean()), own[1, 0], float(own[2].mean()), own[3, 0]]
+        fibre = fit_to_equilibrium(fibres.wire[alike[0]], *own)
+        strand = TautWire(fibre, own[2], massive, lossy=True, surrounded=fibres.gas)
+        columns = np.unique(place[alike])
+        columns = columns[columns < numbering.size]
+        motion = {}
         for part, rows in forms.items():
-            spread = np.zeros((len(alike), rows.shape[1], numbering.size + 1))
-            for whole, n in zip(spread, alike, strict=True):
-                whole[:, place[n]] = rows[n]
-            moved = np.flatnonzero(spread[..., :-1].any((0, 1)))
-            some[part] = spread[..., moved] @ adapted.basis[moved]
-        terms.append(WireTerm(stage, strand, some, adapted.allowed))
+            moved = np.zeros((*rows.shape[:-3], len(alike), rows.shape[-2], len(columns) + 1))
+            for n, wire in enumerate(alike):
+                moved[..., n, :, np.searchsorted(columns, place[wire])] = np.moveaxis(
+                    rows[..., wire, :, :], -1, 0
+                )
+            motion[part] = moved[..., :-1]
+        stage = scene.bodies.name[wires.lower[alike[0]] - 1]
+        allowed = np.ones((numbering.size,) * 2, dtype=bool)
+        term = WireTerm(stage, strand, number, columns, motion, allowed).spread(adapted.basis)
+        terms.append(replace(term, allowed=adapted.allowed))
     return terms
+
+
+def _alike(scene: Scene, geometry: Float[np.ndarray, "4 *build wire"]) -> list[list[int]]:
+    """Group wires of equal sections on one stage; of one design, of equal geometry too."""
+    fibres, wires = scene.fibres, scene.wires
+    assert fibres is not None
+    groups: list[list[int]] = []
+    for n, fibre in enumerate(fibres.wire):
+        kind = fibre.sections, fibre.temperature, wires.lower[n]
+        for group in groups:
+            first = fibres.wire[group[0]]
+            if kind != (first.sections, first.temperature, wires.lower[group[0]]):
+                continue
+            here, there = geometry[..., n], geometry[..., group[0]]
+            if scene.batch or (np.abs(here - there) <= EQUAL_WITHIN * np.abs(there)).all():
+                group.append(n)
+                break
+        else:
+            groups.append([n])
+    return groups
 
 
 def wire_forms(
@@ -153,83 +172,6 @@ def wire_forms(
     return place, result
 
 
-def linear_models(
-    scene: Scene, drag: Drag = (), *, massive: bool, split: bool = False
-) -> tuple[LinearSystem, Equilibrium, tuple[BatchTerm, ...]]:
-    """Static, lossless linear models of many builds, and their frequency-dependent terms.
-
-    The scene has one batch axis, which comes first in the models, and has `fibres`. Also returns
-    the equilibria, not necessarily converged. `split` as for `string.SceneModel.in_equilibrium`,
-    the rest as for `linear_model`.
-    """
-    numbering = layout(scene)
-    scene, found = bending_wires.solve_bending(scene, numbering)
-    model = string_model.linear_model(lossless(scene), found, split=split, wire_inertia=not massive)
-    plain = no_symmetry(numbering)
-    of_springs, of_ground = spring_terms(scene, numbering, found.pose, plain)
-    lossy = [
-        *loss_terms(scene, numbering, found.pose, plain),
-        *of_springs[len(of_ground) :],
-        *gas_terms(scene, numbering, found.pose, plain, drag),
-    ]
-    terms = [
-        *(LossBatchTerm(term) for term in of_springs[: len(of_ground)]),
-        *_batch_wires(scene, numbering, found, massive=massive),
-        *(LossBatchTerm(term) for term in lossy if isinstance(term, LossTerm)),
-    ]
-    model = with_ground_terms(model, of_ground, split=split)
-    return model, found, tuple(term.spread(model.basis) if split else term for term in terms)
-
-
-def _batch_wires(
-    scene: Scene, numbering: Layout, found: Equilibrium, *, massive: bool
-) -> list[BatchTerm]:
-    fibres, wires = scene.fibres, scene.wires
-    assert fibres is not None
-    if not fibres.wire:
-        return []
-    place, forms = wire_forms(scene, numbering, found.pose)
-    length = string.state(scene, found.pose).length
-    geometry = np.stack(np.broadcast_arrays(length, wires.stiffness, found.tension, wires.torsion))
-    kinds: dict[tuple[Hashable, ...], list[int]] = {}
-    for n, fibre in enumerate(fibres.wire):
-        key = (fibre.sections, fibre.temperature, wires.upper[n], wires.lower[n])
-        kinds.setdefault(key, []).append(n)
-    terms: list[BatchTerm] = []
-    for alike in kinds.values():
-        own = {part: rows[..., alike, :, :] for part, rows in forms.items()}
-        rows = np.stack(_motions(own, length[..., alike, None], massive=massive), axis=-3)
-        moving = np.unique(place[alike][(rows != 0).any(tuple(range(rows.ndim - 2)))])
-        moving = moving[moving < numbering.size]
-        whole = np.zeros((*rows.shape[:-1], numbering.size + 1))
-        for i, n in enumerate(alike):
-            whole[..., i, place[n]] = rows[..., i, :]
-        whole = whole[..., moving].reshape(*scene.batch, -1, len(moving))
-        strand = TautWire(fibres.wire[alike[0]], 0.0, massive, lossy=True, surrounded=fibres.gas)
-        terms.append(WireBatchTerm(strand, np.array(alike), geometry[..., alike], moving, whole))
-    return terms
-
-
-def _motions(
-    forms: dict[str, Inexact[np.ndarray, "*batch wire _ 15"]],
-    length: Float[np.ndarray, "*batch wire 1"],
-    *,
-    massive: bool,
-) -> list[Inexact[np.ndarray, "*batch wire 15"]]:
-    """Motions of wires that `TautWire.change` resists, in its coordinates."""
-    result = []
-    for part in ("bend-1", "bend-2"):
-        even, even_turn, odd, odd_turn = (forms[part][..., i, :] for i in range(4))
-        chord = odd * (2 / length)
-        off = odd_turn - chord
-        result += [even, even_turn, chord, off] if massive else [even_turn, off]
-    for part in ("stretch", "twist"):
-        even, odd = (forms[part][..., i, :] for i in range(2))
-        result += [2 * odd] if part == "twist" else []
-        result += [even - odd, even + odd] if massive else []
-    return result
-
-
 def _gas_damping(made: Fibres, design: Design) -> Drag:
     gas = made.gas
     return () if gas is None else tuple(body_damping(stage.body, gas) for stage in design.stage)
@@ -249,8 +191,7 @@ class Beam(string_model.SceneModel):
 
     def of_scene(self, scene: Scene, design: Design) -> LinearSystem:
         """The linear model of a completed scene, on a rigid support without dampers."""
-        assert scene.fibres is not None
-        return linear_model(scene, _gas_damping(scene.fibres, design), massive=self.has_wire_mass)
+        return self.in_equilibrium(scene, design, split=True)[0]
 
     def wire_properties(self, design: Design) -> tuple[Hashable, ...]:
         """Sections, clamps and losses of wires, losses of blades, and gas damping."""
@@ -275,11 +216,11 @@ class Beam(string_model.SceneModel):
 
     def in_equilibrium(
         self, scene: Scene, design: Design, *, split: bool = False
-    ) -> tuple[LinearSystem, Equilibrium, tuple[BatchTerm, ...]]:
+    ) -> tuple[LinearSystem, Equilibrium]:
         """Builds whose wires bend, each with its length and tension in its own equilibrium."""
         assert scene.fibres is not None
         drag = _gas_damping(scene.fibres, design)
-        return linear_models(scene, drag, massive=self.has_wire_mass, split=split)
+        return linear_model(scene, drag, massive=self.has_wire_mass, split=split)
 
 
 BEAM = Beam()

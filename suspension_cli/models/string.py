@@ -24,7 +24,6 @@ from suspension_cli.linear.stretching import Stretching
 from suspension_cli.linear.symmetry import Symmetry, find_symmetry, no_symmetry
 from suspension_cli.linear.system import Ground, LinearSystem
 from suspension_cli.models.base import BENDING, MASS, Model
-from suspension_cli.models.batch_terms import LossBatchTerm, with_ground_terms
 from suspension_cli.models.loss_terms import spring_terms
 from suspension_cli.rotations import rigid_motion
 from suspension_cli.scene.arrays import inner_axes
@@ -36,7 +35,6 @@ if TYPE_CHECKING:
 
     from suspension_cli.elements.element import Contribution
     from suspension_cli.linear.frequency_terms import Term
-    from suspension_cli.models.batch_terms import BatchTerm
 
 
 def linear_model(
@@ -113,7 +111,7 @@ def linear_model(
         residual=float(np.max(balanced.residual)),
         wire=scene.wires.label,
         rigid=rigid_motion(numbering.size, scene.bodies.position + pose.shift),
-        terms=tuple(terms) if not scene.batch else (),
+        terms=tuple(terms),
         top=chain_tops(scene),
     )
     if not scene.springs.grounded.any():
@@ -178,7 +176,7 @@ def _on_ground(
         damping=without_ground(model.damping, damping),
         lossy=lossy,
         stretched=stretched,
-        ground=Ground(columns, resisted, terms if not np.ndim(model.stiffness) > 2 else ()),
+        ground=Ground(columns, resisted, terms),
     )
 
 
@@ -238,13 +236,13 @@ class SceneModel(Model):
     @abstractmethod
     def in_equilibrium(
         self, scene: Scene, design: Design, *, split: bool = False
-    ) -> tuple[LinearSystem, Equilibrium, tuple[BatchTerm, ...]]:
+    ) -> tuple[LinearSystem, Equilibrium]:
         """Linear models of builds about their equilibria, on a rigid support without dampers.
 
         The `scene` is from `completed`, with the builds as its one batch axis, which comes first in
-        the linear models. Also returns the equilibria, not necessarily converged, and the parts
-        that depend on frequency. If `split`, the mirror symmetries that all builds share are used;
-        otherwise the result for one build is independent of the others.
+        the linear models. Also returns the equilibria, not necessarily converged. If `split`, the
+        mirror symmetries that all builds share are used; otherwise the result for one build is
+        independent of the others.
         """
 
 
@@ -276,17 +274,11 @@ class String(SceneModel):
 
     def in_equilibrium(
         self, scene: Scene, design: Design, *, split: bool = False
-    ) -> tuple[LinearSystem, Equilibrium, tuple[BatchTerm, ...]]:
-        """Builds on strings, whose matrices do not depend on frequency."""
+    ) -> tuple[LinearSystem, Equilibrium]:
+        """Builds on strings."""
         del design
-        numbering = layout(scene)
-        found = solve(scene, numbering)
-        model = linear_model(scene, found, split=split)
-        plain = no_symmetry(numbering)
-        terms, ground = spring_terms(scene, numbering, found.pose, plain, tables=True)
-        made = [LossBatchTerm(term) for term in terms]
-        model = with_ground_terms(model, ground, split=split)
-        return model, found, tuple(term.spread(model.basis) if split else term for term in made)
+        found = solve(scene, layout(scene))
+        return linear_model(scene, found, split=split), found
 
 
 STRING = String()

@@ -11,13 +11,10 @@ from suspension_cli.conventions import DOFS, FRAME, SUPPORT
 from suspension_cli.design.derive import com_positions
 from suspension_cli.design.schema import Design, Support
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.models.batch_terms import BatchTerm
 from suspension_cli.rotations import cross_matrix
-from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
-    from jaxtyping import Inexact
-    from numpy.typing import ArrayLike
+    pass
 
 
 def surrounded(model: LinearSystem, design: Design) -> LinearSystem:
@@ -63,69 +60,34 @@ def with_frame(model: LinearSystem, design: Design) -> LinearSystem:
     moving = _compliant(support)
     names = [DOFS[n] for n in moving]
     size, count = model.size, len(moving)
-    spread = _spreading(size, moving)
+    from_new = np.eye(size, size + count)
+    from_new[moving, size + np.arange(count)] = 1.0
     weights = np.array([support.mass] * 3 + list(support.inertia))
-    mass = np.zeros((size, size), dtype=weights.dtype)
-    mass[np.arange(6), np.arange(6)] = weights
-    own = {
-        "stiffness": [getattr(support.stiffness, d) for d in names],
-        "damping": [getattr(support.damping, d) for d in names],
-    }
-
-    def widened(
-        matrix: Inexact[np.ndarray, "*batch coordinate coordinate"], diagonal: ArrayLike
-    ) -> Inexact[np.ndarray, "*batch wide wide"]:
-        wide = (spread.T @ matrix @ spread).astype(
-            np.result_type(matrix, np.asarray(diagonal), float)
-        )
-        wide[..., size + np.arange(count), size + np.arange(count)] += np.asarray(diagonal)
-        return wide
-
-    lossy, stretched = model.lossy, model.stretched
-    added = np.array(own["stiffness"]) * (1 + 1j * support.loss_angle)
-    if support.loss_angle or lossy is not None:
-        lossy = widened(model.stiffness if lossy is None else lossy, added)
-    if stretched is not None:
-        more = added if lossy is not None else own["stiffness"]
-        stretched = replace(stretched.spread(spread), soft=widened(stretched.soft, more))
+    mass = from_new[:6].T @ (weights[:, None] * from_new[:6])
+    own = [
+        np.diag([*np.zeros(size), *(getattr(part, dof) for dof in names)])
+        for part in (support.stiffness, support.damping)
+    ]
+    if support.loss_angle:
+        own[0] = own[0] * (1 + 1j * support.loss_angle)
     basis = np.eye(size + count)
     basis[:size, :size] = model.basis
+    rigid = model.rigid
+    if rigid is not None:
+        rigid = np.pad(rigid, [(0, 0)] * (rigid.ndim - 2) + [(0, count), (0, 0)])
     return replace(
-        model,
+        model.spread(from_new, mass, *own),
         coordinate=(*model.coordinate, *(f"{FRAME}.{dof}" for dof in names)),
         basis=basis,
         massless=np.append(model.massless, weights[moving] == 0),
-        mass=widened(model.mass + mass, np.zeros(count)),
-        stiffness=widened(model.stiffness, own["stiffness"]),
-        damping=widened(model.damping, own["damping"]),
-        lossy=lossy,
-        stretched=stretched,
-        terms=tuple(term.spread(spread) for term in model.terms),
         ground=None if model.ground is None else model.ground.widened(count),
-        rigid=None
-        if model.rigid is None
-        else np.concatenate([model.rigid, np.zeros((*model.rigid.shape[:-2], count, 6))], axis=-2),
+        rigid=rigid,
     )
-
-
-def framed(terms: tuple[BatchTerm, ...], size: int, design: Design) -> tuple[BatchTerm, ...]:
-    """Frequency-dependent terms of builds of `size` coordinates, in those of `with_frame`."""
-    if design.support is None:
-        return terms
-    spread = _spreading(size, _compliant(design.support))
-    return tuple(term.spread(spread) for term in terms)
 
 
 def _compliant(support: Support) -> list[int]:
     """Directions in which the support structure is compliant."""
     return [n for n, dof in enumerate(DOFS) if getattr(support.stiffness, dof) is not None]
-
-
-def _spreading(size: int, moving: list[int]) -> Array:
-    """Matrix from the coordinates with the frame's to those without (rows)."""
-    spread = np.eye(size, size + len(moving))
-    spread[moving, size + np.arange(len(moving))] = 1.0
-    return spread
 
 
 def surroundings_key(design: Design) -> tuple[str, ...]:

@@ -14,15 +14,15 @@ import numpy as np
 from suspension_cli.conventions import PARITY_X, PARITY_Y
 from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.solve import CLEAR, Equilibrium
-from suspension_cli.linear import batches
+from suspension_cli.linear import batch_modes
 from suspension_cli.linear.poles import ROUNDING
+from suspension_cli.linear.response import transfer_builds
 from suspension_cli.linear.signals import Signal, linear_form
 from suspension_cli.linear.small_matrices import solve_each
 from suspension_cli.linear.symmetry import is_mirror_symmetric
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
-from suspension_cli.models.batch_terms import BatchTerm
-from suspension_cli.models.surroundings import framed, surrounded
+from suspension_cli.models.surroundings import surrounded
 from suspension_cli.rotations import rotation_vector
 from suspension_cli.scene.pose import Pose
 from suspension_cli.scene.scene import Scene
@@ -83,8 +83,6 @@ class Builds:
         Largest residual force, relative to the weight.
     mirrors
         Whether each build is symmetric when x, or y, is mirrored.
-    terms
-        Frequency-dependent parts, where wires bend.
     scene, pose
         Of the builds in equilibrium, if known.
     """
@@ -94,7 +92,6 @@ class Builds:
     wire: Int[np.ndarray, " build"]
     residual: Float[np.ndarray, " build"]
     mirrors: Bool[np.ndarray, "build 2"]
-    terms: tuple[BatchTerm, ...] = ()
     scene: Scene | None = None
     pose: Pose | None = None
 
@@ -137,8 +134,8 @@ def balance(
     physics = registry.scene_model(level)
     scene = physics.completed(scene, design)
     with np.errstate(all="ignore"):
-        plain, found, terms = physics.in_equilibrium(scene, design, split=split)
-        model, terms = surrounded(plain, design), framed(terms, plain.size, design)
+        plain, found = physics.in_equilibrium(scene, design, split=split)
+        model = surrounded(plain, design)
         slack = found.tension <= 0
         status = np.full(scene.batch, GOOD, dtype=np.uint8)
         if not allow_unstable:
@@ -146,11 +143,11 @@ def balance(
         status[slack.any(-1)] = SLACK
         status[~found.converged] = UNBALANCED
         if not allow_unstable:
-            mark_driven(status, model, terms)
+            mark_driven(status, model)
     wire = np.full(status.shape, -1, dtype=np.int16)
     wire[status == SLACK] = slack[status == SLACK].argmax(-1) if slack.shape[-1] else -1
     model, mirrors = oriented(model, found), is_mirror_symmetric(scene)
-    return Builds(model, status, wire, found.residual, mirrors, terms, scene, found.pose)
+    return Builds(model, status, wire, found.residual, mirrors, scene, found.pose)
 
 
 def oriented(model: LinearSystem, found: Equilibrium) -> LinearSystem:
@@ -172,18 +169,16 @@ def _unstable(
     if found.pivot is not None and design.support is None:
         unclear = ~(found.pivot > CLEAR)
     if unclear.all():
-        return batches.grows(model)
+        return batch_modes.grows(model)
     if unclear.any():
         mass = np.broadcast_to(model.mass, model.stiffness.shape)[unclear]
-        unclear[unclear] = batches.grows(
+        unclear[unclear] = batch_modes.grows(
             replace(model, stiffness=model.stiffness[unclear], mass=mass)
         )
     return unclear
 
 
-def mark_driven(
-    status: Int[np.ndarray, " build"], model: LinearSystem, terms: tuple[BatchTerm, ...] = ()
-) -> None:
+def mark_driven(status: Int[np.ndarray, " build"], model: LinearSystem) -> None:
     """Mark, in their status, good builds in which active parts make a mode grow.
 
     The poles s and shapes x of M, C and the static stiffness give the growth, as in
@@ -210,10 +205,9 @@ def mark_driven(
         finite = np.isfinite(found[0])
         s, x = found[0][finite], found[1][: len(mass), finite]
         x, omega = x[:, np.imag(s) > 0], np.imag(s)[np.imag(s) > 0]
-        more = batches.further_stiffness(model, terms, np.full(len(omega), n), omega)
-        lossy = (
-            to_all.T @ (loss + np.imag(more[:, 6:, 6:])) @ to_all + omega[:, None, None] * damping
-        )
+        if len(omega) and model.terms:
+            loss = np.imag(model.select(np.full(len(omega), n)).at(omega).complete[:, 6:, 6:])
+        lossy = to_all.T @ loss @ to_all + omega[:, None, None] * damping
         lost = np.einsum("ip,pij,jp->p", x.conj(), lossy, x).real
         energy = np.einsum("ip,ij,jp->p", x.conj(), mass, x).real
         creeps = (np.real(s)[np.imag(s) == 0] > DRIVEN * np.abs(s).max()).any()
@@ -238,33 +232,20 @@ def transfer(
         return np.concatenate(parts, axis=-1)[..., order]
     rows = np.stack([linear_form(signal, builds.model) for signal in outputs], axis=-2)
     drives = np.stack([linear_form(signal, builds.model) for signal in inputs], axis=-1)
+    model = builds.model
     if ground.any():
         rows[..., :6] = 0.0  # the support is at rest
-        builds = driven_by_ground(builds)
+        model = model.driven_by_ground
     acts = np.array([signal.acts for signal in inputs])
-    moves, forces = np.where(acts, 0.0, drives[..., :6, :]), np.where(acts, drives[..., 6:, :], 0.0)
-    omega = 2 * np.pi * np.asarray(frequency)
+    moves, forces = np.where(acts, 0.0, drives[..., :6, :]), np.where(acts, drives, 0.0)
+    good, omega = np.flatnonzero(builds.status == GOOD), 2 * np.pi * np.asarray(frequency)
     result = np.full((*builds.status.shape, len(omega), len(outputs), len(inputs)), NOTHING)
-    good = np.flatnonzero(builds.status == GOOD)
-    if len(good):
-        own = rows[..., 6:]
-        value = batches.transfer(builds.model, builds.terms, good, omega, moves, forces, own)
-        result[good] = value + (rows[..., :6] @ moves)[good, None]
+    result[good] = transfer_builds(model, good, omega, moves, forces, rows)
     for o, out in enumerate(outputs):
         for i, into in enumerate(inputs):
             none = forbidden(builds.mirrors, out, into) & (builds.status == GOOD)
             result[none, :, o, i] = 0.0
     return result
-
-
-def driven_by_ground(builds: Builds) -> Builds:
-    """Replace the motion of the support by that of the ground."""
-    ground = builds.model.ground
-    assert ground is not None
-    others = np.eye(builds.model.size)
-    others[:6] = 0.0
-    rest = (term.spread(others) for term in builds.terms[len(ground.terms) :])
-    return replace(builds, model=builds.model.driven_by_ground, terms=(*ground.terms, *rest))
 
 
 def forbidden(

@@ -28,7 +28,6 @@ from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
 from suspension_cli.linear.batch_modes import DEGENERATE
-from suspension_cli.linear.batches import evaluate_terms
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import pair_by_shape
 from suspension_cli.models import registry
@@ -186,20 +185,20 @@ def mode_matrix(
     soft = np.real(model.stiffness if own is None else own.soft)[..., 6:, 6:] @ shape.T
     form = np.zeros((count, 0, shape.shape[1])) if own is None else own.form[..., 6:]
     long = form @ shape.T
-    stiff = np.zeros(0) if own is None else own.stiffness
+    stiff = np.zeros(0) if own is None else np.real(own.stiffness)
     stiff = stiff[..., None] + np.zeros_like(long)
-    force = soft - squared * (model.mass[..., 6:, 6:] @ shape.T)
     step = max(ELEMENTS // (count * model.size**2), 1)
     for start in range(0, len(shape) if massive else 0, step):
         some = slice(start, start + step)
-        omega, every = np.sqrt(squared[some]), np.arange(count)
-        each = np.repeat(every, len(omega)), np.tile(omega, count)
-        added, compliance = evaluate_terms(model, found.terms, *each)
-        if own is not None:
-            stiff[..., some] = np.real(1 / compliance).reshape(count, len(omega), -1).swapaxes(1, 2)
-        if added is not None:
-            added = np.real(added[:, 6:, 6:]).reshape(count, len(omega), *2 * shape.shape[1:])
-            force[..., some] += np.einsum("pkxy,ky->pxk", added, shape[some])
+        omega = np.sqrt(squared[some])
+        build = np.repeat(np.arange(count), len(omega))
+        now = model.select(build).at(np.tile(omega, count)).stretched
+        assert now is not None
+        own_soft = np.real(now.soft[:, 6:, 6:]).reshape(count, len(omega), *2 * shape.shape[1:])
+        soft[..., some] = np.einsum("pkxy,ky->pxk", own_soft, shape[some])
+        k = np.real(now.stiffness).reshape(count, len(omega), -1)
+        stiff[..., some] = k.swapaxes(1, 2)
+    force = soft - squared * (model.mass[..., 6:, 6:] @ shape.T)
     pull = stiff * long
     result = shape @ force + long.swapaxes(1, 2) @ pull
     force = force + form.swapaxes(1, 2) @ pull

@@ -1,13 +1,13 @@
 """Responses of all outputs of a design to all inputs, with their derivatives by its numbers.
 
-With A x = f, y = C x and A = K + i K'' + i omega C - omega^2 M, which is symmetric, a change of the
+With A x = f, y = C x and A = Z(omega), which is symmetric (`linear.pencil`), a change of the
 matrices changes the responses by
 
     dH = -Y^T dA X + dC X + Y^T dB,    A X = B,  A Y = C^T,
 
-so one factorisation per frequency serves all responses and all numbers; dA, dB and dC are central
-differences of the matrices (`studies.derivatives`). The solutions are accurate to some 1e-9, far
-below the noise of measurements (`linear.response` has the last digits).
+so one factorisation per frequency serves all responses and all numbers: the adjoint solutions Y are
+responses to the outputs as forces. dA, dB and dC are central differences of the matrices
+(`studies.derivatives`).
 
 Modes may be damped beyond the losses of the design: `damping` of mode k adds i omega omega_k
 damping_k M v_k v_k^T M, which lowers its Q to 1/damping_k and leaves all other modes as they are
@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.design.schema import Design
-from suspension_cli.linear import eigenmodes
+from suspension_cli.linear import eigenmodes, response
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.signals import Signal, linear_form
 from suspension_cli.linear.system import LinearSystem
@@ -38,16 +38,14 @@ if TYPE_CHECKING:
 
 LOSSES = ("loss_angle", "loss")
 """Keys whose numbers change only the frequency-dependent terms of models in which wires bend."""
-CHUNK = 1 << 21
-"""Elements of the dynamic matrices that are solved at once."""
 
 
 @dataclass(frozen=True)
 class Matrices:
-    """Static matrices in the named coordinates, or their derivatives.
+    """Derivatives of static matrices in the named coordinates.
 
-    `loss` is the imaginary part of the stiffness, `orientation` that of each body, the support
-    first.
+    `loss` is that of the imaginary part of the stiffness, `orientation` that of the rotation of
+    each body, the support first.
     """
 
     mass: Float[np.ndarray, "coordinate coordinate"]
@@ -61,32 +59,14 @@ class Matrices:
         """Whether any matrix is not 0."""
         return any(part.any() for part in vars(self).values())
 
-    @property
-    def flat(self) -> Float[np.ndarray, " element"]:
-        """All elements."""
-        return np.concatenate([part.ravel() for part in vars(self).values()])
-
-    @staticmethod
-    def of(row: Float[np.ndarray, " element"], size: int) -> Matrices:
-        """Separate the matrices of a row of `_flat_matrices`."""
-        mass, stiffness, damping, loss = row[: 4 * size**2].reshape(4, size, size)
-        return Matrices(mass, stiffness, damping, loss, row[4 * size**2 :].reshape(-1, 3, 3))
-
     def of_modes(self, modes: Modes) -> Float[np.ndarray, "mode mode"]:
-        """Compute the matrix of modes (see `derivatives`), or its derivative."""
+        """Differentiate the matrix of modes (see `derivatives`)."""
         moved = self.stiffness[6:, 6:] @ modes.shape.T
         return modes.shape @ (moved - modes.omega_squared * (self.mass[6:, 6:] @ modes.shape.T))
 
-    def dynamic(
-        self, omega: Float[np.ndarray, " frequency"]
-    ) -> Complex[np.ndarray, "frequency coordinate coordinate"]:
-        """K + i K'' + i omega C - omega^2 M at angular frequencies, rad/s."""
-        w = omega[..., None, None]
-        return self.stiffness + 1j * (self.loss + w * self.damping) - w**2 * self.mass
-
 
 def _flat_matrices(found: Builds) -> Float[np.ndarray, "build element"]:
-    """All elements of the `Matrices` of builds."""
+    """All elements of the matrices of builds that `Matrices` differentiates."""
     model, count, size = found.model, len(found.status), found.model.size
     loss = np.zeros((size, size)) if model.lossy is None else np.imag(model.lossy)
     parts = [
@@ -99,7 +79,7 @@ def _flat_matrices(found: Builds) -> Float[np.ndarray, "build element"]:
 
 @dataclass(frozen=True)
 class Plant:
-    """A design ready for responses at any frequency: its matrices and modes.
+    """A design ready for responses at any frequency.
 
     Attributes
     ----------
@@ -107,8 +87,6 @@ class Plant:
         Name of a model that supports derivatives.
     system
         In symmetry-adapted coordinates, with its terms.
-    matrices
-        Without the terms.
     modes
         Without losses; shapes (m, N - 6) in the named coordinates.
     """
@@ -116,40 +94,29 @@ class Plant:
     design: Design
     level: str
     system: LinearSystem
-    matrices: Matrices
     modes: Modes
 
     @staticmethod
     def of(design: Design, level: str = registry.STRING.name) -> Plant:
         """Find the equilibrium of a design, its matrices and its modes."""
         system = registry.by_name(level).system(design)
-        full = system.stiffness if system.lossy is None else system.lossy
-        to_own = np.linalg.inv(system.basis)
-        mass, stiffness, damping, loss = (
-            to_own.T @ part @ to_own
-            for part in (system.mass, system.stiffness, system.damping, np.imag(full))
-        )
-        turn = np.eye(3) if system.orientation is None else system.orientation
-        turn = np.broadcast_to(turn, (len(system.body) + 1, 3, 3))
-        matrices = Matrices(mass, stiffness, damping, loss, turn)
-        return Plant(design, level, system, matrices, eigenmodes.solve(system.constant))
+        return Plant(design, level, system, eigenmodes.solve(system.constant))
 
     def row(self, signal: Signal) -> Float[np.ndarray, " coordinate"]:
-        """Compute the linear form of a signal in the named coordinates."""
-        turned = replace(
-            self.system, basis=np.eye(self.system.size), orientation=self.matrices.orientation
-        )
-        return linear_form(signal, turned)
+        """Compute the linear form of a signal, which no choice of coordinates of tips changes."""
+        return linear_form(signal, self.system)
 
     def row_change(self, change: Matrices, signal: Signal) -> Float[np.ndarray, " coordinate"]:
         """Differentiate that form: points of signals move with their bodies."""
-        turned = self.matrices.orientation + change.orientation
-        return linear_form(signal, replace(self.system, orientation=turned)) - self.row(signal)
+        turn = self.system.orientation
+        turn = (np.eye(3) if turn is None else turn) + change.orientation
+        return linear_form(signal, replace(self.system, orientation=turn)) - self.row(signal)
 
     @cached_property
     def modal_forces(self) -> Float[np.ndarray, "mode coordinate"]:
-        """Rows M v_k of the modes."""
-        return self.modes.shape @ self.matrices.mass[6:, 6:]
+        """Rows M v_k of the modes, in the named coordinates."""
+        momentum = np.pad(self.modes.shape, ((0, 0), (6, 0))) @ self.system.basis @ self.system.mass
+        return (momentum @ self.system.basis.T)[:, 6:]
 
     def changes(self, names: Sequence[str]) -> list[Matrices | None]:
         """Differentiate all matrices with respect to each of some numbers.
@@ -159,31 +126,21 @@ class Plant:
         new = [name for name in names if name not in self._changes]
         if new:
             numbers = [Parameter(name, value_of(self.design, name)) for name in new]
-            flat = self.matrices.flat
+            size, bodies = self.system.size, len(self.system.body) + 1
+            shape = np.zeros(4 * size**2 + 9 * bodies)
             around = derivatives.differentiate(
-                self.design, numbers, self.level, _flat_matrices, nominal=flat
+                self.design, numbers, self.level, _flat_matrices, nominal=shape
             )
             for name, row, good in zip(new, around.central, around.balanced, strict=True):
-                self._changes[name] = Matrices.of(row, self.system.size) if good else None
+                mass, stiffness, damping, loss = row[: 4 * size**2].reshape(4, size, size)
+                turn = row[4 * size**2 :].reshape(-1, 3, 3)
+                own = Matrices(mass, stiffness, damping, loss, turn)
+                self._changes[name] = own if good else None
         return [self._changes[name] for name in names]
 
     @cached_property
     def _changes(self) -> dict[str, Matrices | None]:
         return {}
-
-    def dispersive(
-        self, omega: Float[np.ndarray, " frequency"]
-    ) -> Complex[np.ndarray, "frequency coordinate coordinate"]:
-        """Frequency-dependent part of the stiffness in the named coordinates."""
-        size, to_named = self.system.size, np.linalg.inv(self.system.basis)
-        result = np.zeros((size**2, len(omega)), dtype=complex)
-        for term in self.system.terms:
-            functions = np.array(np.broadcast_arrays(*term.at(omega).all_functions()), complex)
-            weights = to_named.T @ np.asarray(term.all_matrices) @ to_named
-            # real weights times complex functions, in real arithmetic
-            flat = np.ascontiguousarray(weights.reshape(-1, size**2).T)
-            result += (flat @ functions.view(float)).view(complex)
-        return result.T.reshape(-1, size, size)
 
     def respond(
         self,
@@ -197,45 +154,44 @@ class Plant:
 
         `damping` is an added 1/Q, `stiffening` a relative change of omega^2, of each mode.
         """
-        omega = 2 * np.pi * np.asarray(frequency, dtype=float)
-        size = self.system.size
-        drive = np.array([self.row(signal) for signal in inputs]).reshape(-1, size)
+        omega, basis = 2 * np.pi * np.asarray(frequency, dtype=float), self.system.basis
+        size, count = self.system.size, len(inputs)
+        drives = np.array([self.row(signal) for signal in inputs]).reshape(-1, size)
         rows = np.array([self.row(signal) for signal in outputs]).reshape(-1, size)
-        acts = np.array([signal.acts for signal in inputs], dtype=bool)
-        moves = np.where(acts, 0.0, drive.T)
-        moves[6:] = 0.0
-        forces = np.where(acts, drive.T, 0.0)[6:]
-        state = np.empty((len(omega), size, len(inputs)), dtype=complex)
-        adjoint = np.empty((len(omega), size - 6, len(outputs)), dtype=complex)
-        step = max(CHUNK // size**2, 1)
-        for begin in range(0, len(omega), step):
-            span = slice(begin, begin + step)
-            matrix = self._dynamic(omega[span], damping, stiffening)
-            right = forces - matrix[:, 6:, :6] @ moves[:6]
-            watched = np.broadcast_to(rows[:, 6:].T, (len(right), size - 6, len(rows)))
-            root = np.sqrt(np.abs(np.einsum("fnn->fn", matrix[:, 6:, 6:])))[..., None]
-            root[root == 0] = 1.0
-            own = matrix[:, 6:, 6:] / (root * root.swapaxes(1, 2))
-            both = np.concatenate([right, watched], axis=-1)
-            x = np.linalg.solve(own, both / root) / root
-            state[span, :6], state[span, 6:] = moves[:6], x[..., : len(inputs)]
-            adjoint[span] = x[..., len(inputs) :]
-        return Responses(self, omega, tuple(inputs), tuple(outputs), rows, state, adjoint)
+        acts = [*(signal.acts for signal in inputs), *([True] * len(rows))]
+        x, _ = response.transfer(
+            self._changed(damping, stiffening),
+            omega,
+            np.concatenate([drives, rows]),
+            acts,
+            np.eye(size),
+            finite=False,
+        )
+        x = basis @ x
+        return Responses(
+            self, omega, tuple(inputs), tuple(outputs), rows, x[..., :count], x[:, 6:, count:]
+        )
 
-    def _dynamic(
+    def _changed(
         self,
-        omega: Float[np.ndarray, " frequency"],
         damping: Float[np.ndarray, " mode"] | None,
         stiffening: Float[np.ndarray, " mode"] | None,
-    ) -> Complex[np.ndarray, "frequency coordinate coordinate"]:
-        matrix, w = self.matrices.dynamic(omega) + self.dispersive(omega), omega[:, None, None]
-        squared, forces = self.modes.omega_squared, self.modal_forces
-        if damping is not None:
+    ) -> LinearSystem:
+        """System with added damping and stiffness of modes."""
+        system, squared = self.system, self.modes.omega_squared
+        forces = np.pad(self.modal_forces, ((0, 0), (6, 0))) @ system.basis
+        if damping is not None and damping.any():
             rates = np.sqrt(np.clip(squared, 0.0, None)) * damping
-            matrix[:, 6:, 6:] += 1j * w * ((forces.T * rates) @ forces)
-        if stiffening is not None:
-            matrix[:, 6:, 6:] += (forces.T * (squared * stiffening)) @ forces
-        return matrix
+            system = replace(system, damping=system.damping + (forces.T * rates) @ forces)
+        if stiffening is not None and stiffening.any():
+            added, own = (forces.T * (squared * stiffening)) @ forces, system.stretched
+            system = replace(
+                system,
+                stiffness=system.stiffness + added,
+                lossy=None if system.lossy is None else system.lossy + added,
+                stretched=None if own is None else replace(own, soft=own.soft + added),
+            )
+        return system
 
 
 @dataclass(frozen=True)
@@ -251,7 +207,7 @@ class Responses:
     state
         All coordinates for unit inputs.
     adjoint
-        Solutions of the transposed equations for the outputs.
+        All for unit forces where the outputs are.
     """
 
     plant: Plant
@@ -277,10 +233,9 @@ class Responses:
             (change.mass, -(w**2)),
         )
         for matrix, factor in parts:
-            touched = np.flatnonzero(matrix[6:].any(1))
-            from_ = np.flatnonzero(matrix[6:].any(0))
+            touched, moving = np.flatnonzero(matrix[6:].any(1)), np.flatnonzero(matrix[6:].any(0))
             if len(touched):
-                moved = matrix[np.ix_(touched + 6, from_)] @ self.state[:, from_]
+                moved = matrix[np.ix_(touched + 6, moving)] @ self.state[:, moving]
                 result -= factor * (self.adjoint[:, touched].transpose(0, 2, 1) @ moved)
         if change.orientation.any():
             rows = np.array([self.plant.row_change(change, signal) for signal in self.outputs])

@@ -17,7 +17,7 @@ from suspension_cli.design import paths, reader
 from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
-from suspension_cli.linear import batches
+from suspension_cli.linear import batch_modes
 from suspension_cli.linear.symmetry import is_mirror_symmetric
 from suspension_cli.models import registry
 from suspension_cli.models.base import Model
@@ -141,7 +141,7 @@ def _balanced_designs(
         system = surrounded(model.batch(designs), designs[0])
         status = np.full(count, builds.GOOD, dtype=np.uint8)
         if not allow_unstable:
-            status[batches.grows(system)] = builds.UNSTABLE
+            status[batch_modes.grows(system)] = builds.UNSTABLE
             builds.mark_driven(status, system)
         upright = np.broadcast_to(np.eye(3), (count, len(system.body) + 1, 3, 3))
         wire, mirrors = np.full(count, -1, dtype=np.int16), np.ones((count, 2), dtype=bool)

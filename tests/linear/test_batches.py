@@ -7,7 +7,7 @@ import pytest
 
 from suspension_cli.design.reader import read
 from suspension_cli.equilibrium.nominal import expand
-from suspension_cli.linear import batches, response, signals
+from suspension_cli.linear import response, signals
 from suspension_cli.models import registry
 from suspension_cli.scene.stack import stack_scenes
 from suspension_cli.studies import builds
@@ -29,7 +29,7 @@ def test_as_a_design_alone(name, level, monkeypatch):
     alone = response.solve(model, FREQUENCY, drives, seen).value
     found = builds.balance(stack_scenes([expand(design)] * 3), design, level=level)
     for chunk in (1, 12, 512):
-        monkeypatch.setattr(batches, "CHUNK", chunk)
+        monkeypatch.setattr(response, "BUILDS", chunk)
         batch = builds.transfer(found, FREQUENCY, drives, seen)
         assert (np.abs(batch - alone) <= 1e-8 * np.maximum(np.abs(alone), 1e-6)).all()
 

@@ -12,7 +12,7 @@ from suspension_cli.conventions import DOFS
 from suspension_cli.design.reader import read
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.nominal import expand
-from suspension_cli.linear import eigenmodes, static_condensation
+from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.symmetry import is_mirror_symmetric
 from suspension_cli.models import closed_form
 from suspension_cli.models import string as string_model
@@ -67,7 +67,9 @@ def test_symmetric_chains_fall_into_four_blocks(wires, blades, options, angled):
         assert np.array_equal(matrix, matrix.T)
         n = 6 * 4
         assert not between_families(matrix[:n, :n]).any()
-    reduced = static_condensation.condense(model.stiffness[6:, 6:], model.massless[6:]).matrix
+    light, own = model.massless[6:], model.stiffness[6:, 6:]
+    follow = np.linalg.solve(own[np.ix_(light, light)], own[np.ix_(light, ~light)])
+    reduced = own[np.ix_(~light, ~light)] - own[np.ix_(~light, light)] @ follow
     assert not between_families(np.pad(reduced[:18, :18], ((6, 0), (6, 0)))).any()
 
 

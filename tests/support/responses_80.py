@@ -35,16 +35,14 @@ def solve(model: LinearSystem, omega: float, moves: Any, forces: Any) -> Any:
     rows, compliance = [np.zeros((0, model.size), dtype=wide)], []
     for term in model.terms:
         there = term.at(np.array([omega]))
-        # the tensions cover the odd stretching of wires
-        matrices = term.all_matrices[:-1] if isinstance(term, WireTerm) else term.all_matrices
-        functions = there.functions(np.arange(len(matrices)))
-        for value, matrix in zip(functions, matrices, strict=True):
-            whole += value.astype(wide)[0] * matrix.astype(wide)
+        at = np.ix_(term.columns, term.columns)
+        for value, matrix in zip(
+            there.functions(range(len(term.compact))), term.compact, strict=True
+        ):
+            whole[at] += value.astype(wide)[0] * matrix.astype(wide)
         if isinstance(term, WireTerm):
-            _, mixed, odd = (np.broadcast_to(part, 1).astype(wide) for part in there.stretching)
-            form = completed(term.forms["stretch"][:, 1], None, model)
-            rows.append(form + mixed / odd * term.forms["stretch"][:, 0])
-            compliance += [1 / odd[0]] * len(form)
+            rows.append(completed(2 * term.forms["stretch"][:, 1], None, model))
+            compliance += [there.compliance.astype(wide).reshape(-1)[0]] * len(rows[-1])
     if model.stretched is not None and not compliance:
         k = model.stretched.stiffness
         rows.append(completed(model.stretched.form, None, model))

@@ -122,14 +122,14 @@ def _fit_peak(item: MeasuredResponse, at: float) -> Peak | None:
 
 def residues(plant: Plant, channels: Channels) -> Float[np.ndarray, "function mode"]:
     """Compute the residues of the measured functions: H has residue/(w_k^2 - w^2)."""
-    size, shape = plant.system.size, plant.modes.shape
+    size, shape, basis = plant.system.size, plant.modes.shape, plant.system.basis
     seen, pushed = (
         shape @ np.array([plant.row(signal)[6:] for signal in side]).reshape(-1, size - 6).T
         for side in channels.signal
     )
     for n, signal in enumerate(channels.signal[1]):
         if not signal.acts:
-            pushed[:, n] = -shape @ plant.matrices.stiffness[6:, :6] @ plant.row(signal)[:6]
+            pushed[:, n] = -shape @ (basis @ plant.system.stiffness @ plant.row(signal))[6:]
     seen, pushed = (
         part @ np.real(channels.weights(side, np.zeros(1))[0]).T
         for side, part in enumerate((seen, pushed))

@@ -87,21 +87,24 @@ def _cut(term: WireTerm, fraction: float, start: int, size: int) -> list[WireTer
         back = np.linalg.inv(ENDS[p])
         upper[part], lower[part] = back @ ends[:, : 2 * p], back @ ends[:, p:]
         start += p
-    allowed = np.ones((size, size), dtype=bool)
+    allowed, every = np.ones((size, size), dtype=bool), np.arange(size)
     fibres = _cut_fibre(term.strand.fibre, fraction)
     return [
-        WireTerm(term.stage, replace(term.strand, fibre=fibre), forms, allowed)
+        WireTerm(
+            term.stage, replace(term.strand, fibre=fibre), term.number, every, forms, allowed
+        ).trimmed()
         for fibre, forms in zip(fibres, (upper, lower), strict=True)
     ]
 
 
 def _static_stiffness(term: WireTerm) -> Array:
     """Static stiffness of wires among `term.columns`, without their stretching."""
-    static = [
-        0.0 if part == "stretch" else term.strand.static[part][i, j]
-        for part, i, j in (*term.functions, ("stretch", 1, 1))
-    ]
-    return np.tensordot(static, term.compact, 1)
+    result = np.zeros((len(term.columns),) * 2)
+    for part, rows in term.motion.items():
+        if part != "stretch":
+            static = term.strand.static[part]
+            result += np.einsum("wic,ij,wjd->cd", rows, static, rows)
+    return np.where(term.allowed[np.ix_(term.columns, term.columns)], result, 0.0)
 
 
 def _cut_fibre(fibre: Fibre, fraction: float) -> tuple[Fibre, Fibre]:

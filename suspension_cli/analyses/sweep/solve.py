@@ -124,7 +124,7 @@ class ParameterSweep(Product):
                 continue
             if "shape" in result:
                 solvable = has_modes(found.status)
-                solved = batch_modes.solve(select_models(found.model, solvable))
+                solved = batch_modes.solve(found.model.constant.select(np.flatnonzero(solvable)))
                 result["omega_squared"][here[solvable]] = solved.omega_squared
                 result["shape"][here[solvable]] = solved.shape
             for n, ratio in enumerate(self.ratios):
@@ -135,22 +135,6 @@ class ParameterSweep(Product):
 def has_modes(status: Int[np.ndarray, "*build"]) -> Bool[np.ndarray, "*build"]:
     """Whether builds have an equilibrium on taut wires, stable or not, from their status."""
     return (status == builds.GOOD) | (status == builds.UNSTABLE)
-
-
-def select_models(model: LinearSystem, which: Bool[np.ndarray, " build"]) -> LinearSystem:
-    """Select the models of a batch by a mask, without their losses."""
-    count = len(which)
-
-    def cut(matrix: np.ndarray) -> np.ndarray:
-        return np.broadcast_to(matrix, (count, *matrix.shape[-2:]))[which]
-
-    own = model.stretched
-    if own is not None:
-        wires = own.stiffness[which]
-        own = replace(own, soft=own.soft[which], form=own.form[which], stiffness=wires)
-    return replace(
-        model, mass=cut(model.mass), stiffness=cut(model.stiffness), lossy=None, stretched=own
-    )
 
 
 def evaluate_ratio(found: Builds, ratio: Ratio) -> Complex[np.ndarray, " build"]:

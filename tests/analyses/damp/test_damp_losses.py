@@ -99,8 +99,8 @@ def smallest(closed, s):
     model, free = closed.model, slice(6, None)
     dynamic = (model.stiffness + s * model.damping + s**2 * model.mass).astype(complex)
     for term in model.terms:
-        values = term.at(np.array([s.imag])).all_functions()[:, 0]
-        dynamic = dynamic + np.einsum("n,nij->ij", values, term.all_matrices)
+        at = np.ix_(term.columns, term.columns)
+        dynamic[at] += term.at(np.array([s.imag])).complete[0]
     for one, pushed, sensed in zip(closed.loops, closed.pushed, closed.sensed, strict=True):
         dynamic = dynamic + control.evaluate_filter(one, np.array(s / (2j * np.pi))) * np.outer(
             pushed, sensed

@@ -44,8 +44,8 @@ def test_poles_are_roots_of_the_matrices() -> None:
 def _least_singular_value(model: LinearSystem, s: complex) -> float:
     dynamic = model.stiffness + s * model.damping + s**2 * model.mass
     for term in model.terms:
-        values = term.at(np.array([s.imag])).all_functions()[:, 0]
-        dynamic = dynamic + np.tensordot(values, term.all_matrices, 1)
+        at = np.ix_(term.columns, term.columns)
+        dynamic[at] += term.at(np.array([s.imag])).complete[0]
     scale = np.sqrt(np.abs(s**2 * model.mass.diagonal()) + model.stiffness.diagonal())[6:]
     return float(np.linalg.svd(dynamic[6:, 6:] / np.outer(scale, scale), compute_uv=False)[-1])
 
