@@ -1,21 +1,11 @@
-"""Quantities of a design, as `pendsus modes`, `response` and `check` compute them.
+"""Quantities of designs, as `pendsus modes`, `response` and `check` compute them, in batches.
 
-Their derivatives by free numbers are central differences (`studies.derivatives`): of responses and
-loads themselves, and of the matrix R of the modes s_j,
-
-    R_jk = s_j (K(omega_k) - omega_k^2 M) s_k,
-
-whose diagonal changes as omega_j^2 does, and which changes their shapes to first order by
-
-    sum of s_j R_jk / (omega_k^2 - omega_j^2)    over the other modes j of the same symmetry
-
-(Rayleigh; Courant & Hilbert, Methoden der mathematischen Physik I, section V.13). Fractions of
-kinetic energy are those of the changed shapes. With wire mass, to which violin modes contribute,
-their derivatives are exact but for the fraction of the energy in the wires.
+Their derivatives are central differences between neighbours in every free number.
 """
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -24,42 +14,31 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from suspension_cli.analyses import model_choice
 from suspension_cli.analyses.check import statics
-from suspension_cli.analyses.optimise import mode_families
+from suspension_cli.analyses.check.statics import Statics
 from suspension_cli.analyses.optimise.free_parameters import FreeDesign
-from suspension_cli.analyses.optimise.mode_families import Families
-from suspension_cli.analyses.optimise.quantities import (
-    OfMode,
-    OfResponse,
-    OfStatics,
-    Quantity,
-    Requirements,
-    interpret,
-)
+from suspension_cli.analyses.optimise.mode_families import Families, solve_modes
+from suspension_cli.analyses.optimise.quantities import Requirements, interpret
 from suspension_cli.analyses.sweep.solve import evaluate_ratio
 from suspension_cli.design import checks
+from suspension_cli.design.derive import com_positions
 from suspension_cli.design.schema import Design, Perturbation
 from suspension_cli.equilibrium.nominal import expand_nominal
 from suspension_cli.errors import InputError
-from suspension_cli.linear import batch_modes, eigenmodes, response, signals
-from suspension_cli.linear.eigenmodes import Modes
+from suspension_cli.linear import batch_modes, eigenmodes, signals
+from suspension_cli.linear.eigenmodes import find_top_masses
+from suspension_cli.linear.mode_pairing import pair_by_overlap
 from suspension_cli.linear.named_results import Ratio
-from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.symmetry import is_mirror_symmetric
-from suspension_cli.linear.system import LinearSystem
-from suspension_cli.models import choice, registry
-from suspension_cli.models.choice import Frequencies, Results, Systems, Transfer
-from suspension_cli.models.registry import Choice
+from suspension_cli.models import registry
+from suspension_cli.scene import stack
 from suspension_cli.scene.arrays import Array
+from suspension_cli.studies import builds, mode_tracking, variants
 from suspension_cli.studies.builds import Builds
-from suspension_cli.studies.derivatives import Differences, differentiate, mode_matrix, neighbours
-from suspension_cli.studies.parameters import Parameter
+from suspension_cli.studies.derivatives import neighbours
 
 if TYPE_CHECKING:
     from jaxtyping import Float, Int
-
-    Imperfections = tuple[Perturbation, ...]
 
 TINY = 1e-30
 """Smallest energy fraction or response, in place of 0, which has no logarithm."""
@@ -75,32 +54,6 @@ PATH_STEPS = 24
 
 
 @dataclass(frozen=True)
-class Values:
-    """Quantities of one design.
-
-    Attributes
-    ----------
-    value, log : arrays
-        In their units, NaN for a mode that is unstable or cannot be followed; and logarithms, with
-        a continuation for unstable modes.
-    place : array
-        Number of the mode of each, from 0; -1 for other quantities.
-    ranked : list of int arrays
-        Numbers of the modes of each family, ascending in frequency.
-    massive : bool
-        Whether the modes include the mass of wires.
-    """
-
-    design: Design
-    value: Float[np.ndarray, " quantity"]
-    log: Float[np.ndarray, " quantity"]
-    place: Int[np.ndarray, " quantity"]
-    modes: Modes
-    ranked: list[Int[np.ndarray, " _"]]
-    massive: bool
-
-
-@dataclass(frozen=True)
 class Evaluator:
     """Quantities of a design as functions of its free numbers.
 
@@ -108,257 +61,273 @@ class Evaluator:
     ----------
     families : Families
         Mode families of the starting design.
-    modes : Choice
-        The model of all modes.
-    responses : dict of Choice
-        The model of each response.
+    modes, responses : str
+        Names of the models of the modes and of the responses.
     """
 
     freed: FreeDesign
     requirements: Requirements
     families: Families
-    modes: Choice
-    responses: dict[Quantity, Choice]
+    modes: str
+    responses: str
 
     @staticmethod
-    def of(
-        freed: FreeDesign,
-        level: str,
-        tolerance: float,
-        fraction: Float[np.ndarray, " number"],
-        least: Evaluator | None = None,
-    ) -> Evaluator:
-        """Interpret the goals, and choose the cheapest models that are accurate at a design.
+    def of(freed: FreeDesign) -> Evaluator:
+        """Interpret the goals for the starting design, on the string model.
 
-        Parameters
-        ----------
-        freed : FreeDesign
-        level : str
-            Name of a model for all, or ``auto``.
-        tolerance : float
-            Relative error that ``auto`` may leave.
-        fraction : array
-            Free numbers of the design.
-        least : Evaluator, optional
-            Whose models are the cheapest to take, as other designs need them.
-
-        Raises
-        ------
-        InputError
-            If the requested model is not valid, or the design lacks what a goal refers to.
+        Raises `InputError` if the design lacks something that a goal refers to.
         """
-
-        def choose(request: Results, perturbation: Imperfections, least: Choice | None) -> Choice:
-            here = with_imperfections(freed.design(fraction), perturbation)
-            models, compare = registry.SCENE_MODELS, Systems(here).compare(lambda _: request)
-            model_choice.demand_one_of(level, models, "cannot compute derivatives")
-            found = choice.choose(here, level, models, compare, tolerance)
-            if level != registry.AUTO or least is None or found.model.cost >= least.model.cost:
-                return found
-            kept = choice.choose(here, least.level, (), compare)
-            reason = kept.reason.replace("as requested", "other designs of the search need it", 1)
-            return replace(kept, reason=reason)
-
-        modes = choose(Frequencies(), (), least and least.modes)
-        design = freed.design(freed.begin)
+        design, string = freed.design(freed.begin), registry.STRING
         for n, goal in enumerate(freed.goals.goal, 1):
-            imperfect = with_imperfections(design, tuple(goal.perturbation or ()))
+            imperfect = with_imperfections(design, goal.perturbation or ())
             faults = checks.check_design(imperfect) if goal.perturbation else []
             if faults:
                 raise InputError([replace(one, key=f"goal.{n}.{one.key}") for one in faults])
-        model = modes.model.system(design)
-        found = eigenmodes.solve(model.constant)
-        families = Families.of(is_mirror_symmetric(expand_nominal(design)), found.energy)
+        model = string.system(design)
+        modes = eigenmodes.solve(model.constant)
+        families = Families.of(is_mirror_symmetric(expand_nominal(design)), modes.energy)
         known = signals.bodies_with_signals(model)
-        wanted = interpret(freed.goals, design, found, families, known, modes.level)
-        responses: dict[Quantity, Choice] = {}
-        for item in wanted.quantities:
-            if isinstance(item, OfResponse):
-                at = np.array([item.ratio.frequency])
-                request = Transfer([item.ratio.input], outputs_of(item.ratio), at)
-                known_least = least and least.responses.get(item)
-                responses[item] = choose(request, item.perturbation, known_least)
-        return Evaluator(freed, wanted, families, modes, responses)
+        wanted = interpret(freed.goals, design, modes, families, known)
+        return Evaluator(freed, wanted, families, string.name, string.name)
 
-    @property
-    def quantities(self) -> tuple[Quantity, ...]:
-        """Quantities in the order of all arrays."""
-        return self.requirements.quantities
+    def results(self, designs: Sequence[Design | None], shapes: Array | None = None) -> Results:
+        """Results of some designs; modes with a label have the `shapes` (`follow`)."""
+        return Results(designs, self.modes, self.responses, self.families, shapes)
 
-    def level(self, item: Quantity) -> str:
-        """Name of the model of a quantity; "" for loads (straight wires)."""
-        if isinstance(item, OfStatics):
-            return ""
-        return self.responses.get(item, self.modes).level
+    def values(self, found: Results) -> Float[np.ndarray, "design quantity"]:
+        """Evaluate the quantities, each in its unit; minus the growth rate over 2 pi if unstable.
 
-    @property
-    def levels(self) -> list[str]:
-        """Names of all models, that of the modes first."""
-        return [one.level for one in (self.modes, *self.responses.values())]
+        NaN for a design without equilibrium.
+        """
+        items = self.requirements.quantities
+        return np.stack([getattr(found, item.method)(*item.key) for item in items], axis=1)
 
-    @cached_property
-    def _nominal(self) -> Float[np.ndarray, "mode coordinate"]:
-        """Shapes of the modes of the starting design, as in `batch_modes.Spectrum`."""
-        model = self.modes.model.system(self.freed.design(self.freed.begin))
-        return batch_modes.solve_one(model.constant).shape[0]
+    def at(self, fraction: Float[np.ndarray, " number"]) -> Float[np.ndarray, " quantity"]:
+        """Logarithms of the quantities; raises `InputError` if the design is invalid."""
+        design = self.freed.design(fraction)
+        return self.logs(self.values(self.results([design], self.follow(fraction))))[0]
+
+    def logs(self, value: Float[np.ndarray, "*design quantity"]) -> Array:
+        """Logarithms of quantities; below a floor linear in their squares, to unstable modes."""
+        squared = value * np.abs(value)
+        least = np.maximum(squared, self._floors)
+        return np.log(least) / 2 + (squared - least) / (2 * self._floors)
 
     @cached_property
     def _floors(self) -> Float[np.ndarray, " quantity"]:
-        """omega^2, (rad/s)^2, below which logarithms of frequencies continue linearly."""
-        lowest = np.full(len(self.quantities), np.inf)
-        for limit in self.requirements.limits:
-            lowest[limit.quantity] = min(lowest[limit.quantity], limit.value)
-        return (2 * np.pi * np.where(np.isinf(lowest), LINEAR_BELOW_HZ, LINEAR_BELOW * lowest)) ** 2
+        """Squares of quantities below which their logarithms continue linearly."""
+        lowest = np.full(len(self.requirements.quantities), LINEAR_BELOW_HZ / LINEAR_BELOW)
+        for n, item in enumerate(self.requirements.quantities):
+            asked = [one.value for one in self.requirements.limits if one.quantity == n]
+            lowest[n] = min(asked, default=lowest[n])
+            if item.method != "frequency":
+                lowest[n] = TINY
+        return (LINEAR_BELOW * lowest) ** 2
 
-    def values(self, fraction: Float[np.ndarray, " number"], steps: int = PATH_STEPS) -> Values:
-        """Evaluate the quantities; raises `InputError` if the design is invalid.
+    def follow(
+        self, fraction: Float[np.ndarray, " number"], steps: int = PATH_STEPS
+    ) -> Array | None:
+        """Shapes in a design of all modes of the starting design; None if no goal has a label.
 
-        `steps` are those of the path along which modes with a label are followed.
+        They are followed on the string model along the straight line between the two. NaN if the
+        design has no equilibrium.
         """
-        design = self.freed.design(fraction)
-        systems: dict[Imperfections, Systems] = {(): Systems(design)}
-        model = systems[()](self.modes.model)
-        modes = mode_families.solve_modes(model)
-        ranked, followed = self.families.ranked(modes.energy), np.zeros(0, dtype=int)
-        if any(isinstance(item, OfMode) and item.number >= 0 for item in self.quantities):
-            values = zip(
-                self.freed.values(self.freed.begin).items(),
-                self.freed.values(fraction).values(),
-                strict=True,
-            )
-            path = {name: np.linspace(start, end, steps + 1) for (name, start), end in values}
-            followed = mode_families.follow_modes(
-                self.freed.text, path, self.modes.level, self._nominal, modes, model
-            )
-        value, place = self._loads(design), np.full(len(self.quantities), -1)
-        for n, item in enumerate(self.quantities):
-            if isinstance(item, OfMode):
-                rows = followed if item.number >= 0 else ranked[item.family]
-                number = max(item.number, item.rank)
-                place[n] = rows[number] if number < len(rows) else -1
-                if place[n] < 0:
-                    problem = "modes named by label cannot be followed to this design"
-                    raise InputError.of("goal", problem, "name them by dof instead")
-                value[n] = (modes.top_fraction if item.fraction else modes.frequency)[place[n]]
-            elif isinstance(item, OfResponse):
-                own = item.perturbation
-                if own not in systems:
-                    systems[own] = Systems(with_imperfections(design, own))
-                value[n] = _magnitude(
-                    systems[own](self.responses.get(item, self.modes).model), item.ratio
-                )
-        log = np.log(np.maximum(value, TINY))
-        for n in self._frequencies:
-            squared = max(float(modes.omega_squared[place[n]]), self._floors[n])
-            beyond = (modes.omega_squared[place[n]] - squared) / (2 * self._floors[n])
-            log[n] = np.log(squared) / 2 - np.log(2 * np.pi) + beyond
-        massive = mode_families.has_wire_mass(model)
-        return Values(design, value, log, place, modes, ranked, massive)
+        if all(item.key[0] != -1 for item in self.requirements.quantities):
+            return None
+        freed = self.freed
+        ends = (freed.values(one) for one in (freed.begin, fraction))
+        begin, end = (np.array(list(values.values())) for values in ends)
+        rows = np.linspace(begin, end, steps + 1)
+        squared, shape = np.zeros((2, steps + 1, 0)), np.zeros((steps + 1, 0, 0))
+        good = np.zeros(steps + 1, dtype=bool)
+        path = dict(zip(freed.values(fraction), rows.T, strict=True))
+        for found, here in variants.balanced(
+            freed.text, path, registry.STRING.name, allow_unstable=True
+        ):
+            solved = batch_modes.solve(found.model)
+            if not shape.size:
+                squared = np.zeros((len(good), *solved.omega_squared.shape[1:]))
+                shape = np.zeros((len(good), *solved.shape.shape[1:]))
+            if solved.shape.shape[1:] == shape.shape[1:]:
+                squared[here], shape[here] = solved.omega_squared, solved.shape
+                good[here] = found.status == builds.GOOD
+        if not (good[0] and good[-1]):
+            return np.full(shape.shape[1:], np.nan)
+        rank, _ = mode_tracking.follow(squared, shape, good, (0,), shape[0])
+        return shape[-1][rank[-1]]
 
-    @property
-    def _frequencies(self) -> list[int]:
-        """Numbers of the quantities that are frequencies of modes."""
-        return [
-            n
-            for n, item in enumerate(self.quantities)
-            if isinstance(item, OfMode) and not item.fraction
-        ]
+    def neighbours(
+        self, fraction: Float[np.ndarray, " number"]
+    ) -> tuple[Float[np.ndarray, "side quantity"], Float[np.ndarray, " number"]]:
+        """Logarithms of quantities of the neighbours above and below in each free number.
 
-    def slopes(
-        self, at: Values, fraction: Float[np.ndarray, " number"]
-    ) -> Float[np.ndarray, "quantity number"]:
-        """Differentiate logarithms of the quantities by the free numbers."""
-        design, directions = at.design, self.freed.directions(fraction)
-        slope = np.zeros((len(self.quantities), len(directions)))
-        groups: dict[tuple[Imperfections, str], dict[int, Ratio]] = {}
-        for n, item in enumerate(self.quantities):
-            if isinstance(item, OfMode):
-                groups.setdefault(((), self.modes.level), {})
-            elif isinstance(item, OfResponse):
-                groups.setdefault((item.perturbation, self.level(item)), {})[n] = item.ratio
-        for key, ratios in groups.items():
-            modal = key == ((), self.modes.level)
+        Also returns the factors from their differences to derivatives by the fractions. Raises
+        `InputError` if a number cannot change alone.
+        """
+        directions = self.freed.directions(fraction)
+        step, designs = neighbours(self.freed.design(fraction), directions, STEP)
+        shapes = self.follow(fraction)
+        found = self.values(self.results([*designs, self.freed.design(fraction)], shapes))
+        sides, middle = self.logs(found[:-1]), self.logs(found[-1])
+        for item, both in zip(directions, np.isnan(sides).reshape(len(step), -1), strict=True):
+            if both.all():
+                problem = "a change of this number alone unbalances the suspension"
+                remedy = "let other numbers depend on it by [[equal]]"
+                raise InputError.of(f"free.{item.name}", f"{problem} in its nominal pose", remedy)
+        return np.where(np.isnan(sides), middle, sides), self.freed.rate(fraction) / (2 * step)
 
-            def evaluate(
-                found: Builds, modal: bool = modal, ratios: dict[int, Ratio] = ratios
-            ) -> Array:
-                columns = [evaluate_ratio(found, ratio) for ratio in ratios.values()]
-                return np.column_stack([*columns, *(_mode_changes(found, at) if modal else ())])
 
-            imperfect = with_imperfections(design, key[0])
-            around = differentiate(imperfect, directions, key[1], evaluate, relative=STEP)
-            _demand_balance(around, directions)
-            sizes, rates = np.abs(around.nominal), around.of_magnitudes
-            for k, n in enumerate(ratios):
-                slope[n] = rates[:, k] / sizes[k] if sizes[k] > TINY else 0.0
-            if modal:
-                changes = np.real(around.central[:, len(ratios) :]).reshape(len(directions), 2, -1)
-                for n, item in enumerate(self.quantities):
-                    if isinstance(item, OfMode):
-                        slope[n] = changes[:, int(item.fraction), at.place[n]]
-        for n in self._frequencies:
-            slope[n] /= 2 * max(float(at.modes.omega_squared[at.place[n]]), self._floors[n])
-        loads = [n for n, item in enumerate(self.quantities) if isinstance(item, OfStatics)]
-        if loads:
-            step, designs = neighbours(design, directions, STEP)
-            log = np.log([self._loads(one)[loads] for one in designs])
-            slope[loads] = (log[::2] - log[1::2]).T / (2 * step)
-        return slope
+class Results:
+    """Modes, responses and loads of designs that differ in their numbers, on demand.
 
-    def _loads(self, design: Design) -> Float[np.ndarray, " quantity"]:
-        """Stresses and depths, as in `pendsus check`; NaN for other quantities."""
-        found = np.full(len(self.quantities), np.nan)
-        if any(isinstance(item, OfStatics) for item in self.quantities):
-            solved = statics.solve(design)
-            for n, item in enumerate(self.quantities):
-                if isinstance(item, OfStatics):
-                    found[n] = item.value(design, solved)
+    Without a value (NaN) for a design that is None or has no equilibrium.
+
+    Parameters
+    ----------
+    designs : sequence of Design or None
+    modes, responses : str
+        Names of models.
+    families : Families
+    shapes : array, optional
+        Shapes of modes by which these are known, as in `batch_modes.Spectrum`.
+    """
+
+    def __init__(
+        self,
+        designs: Sequence[Design | None],
+        modes: str,
+        responses: str,
+        families: Families,
+        shapes: Float[np.ndarray, "mode coordinate"] | None,
+    ) -> None:
+        self.designs, self.families, self.shapes = designs, families, shapes
+        self.level_of_modes, self.level_of_responses = modes, responses
+        self._builds: dict[object, list[tuple[list[int], Builds]]] = {}
+
+    def frequency(self, family: int, number: int) -> Float[np.ndarray, " design"]:
+        """Frequency, Hz, of a mode by family and rank, or of family -1 by its shape."""
+        value = np.full(len(self.designs), np.nan)
+        for n, place in self.numbers(family, number).items():
+            squared = self._modes[n].squared[place]
+            value[n] = np.sign(squared) * np.sqrt(np.abs(squared)) / (2 * np.pi)
+        return value
+
+    def top_fraction(self, family: int, number: int) -> Float[np.ndarray, " design"]:
+        """Fraction of the kinetic energy of a mode in its top mass."""
+        value = np.full(len(self.designs), np.nan)
+        for n, place in self.numbers(family, number).items():
+            value[n] = self._modes[n].fraction[place]
+        return value
+
+    def response(
+        self, ratio: Ratio, perturbation: tuple[Perturbation, ...]
+    ) -> Float[np.ndarray, " design"]:
+        """Magnitude of a response, or of a ratio of two, with further imperfections."""
+        value = np.full(len(self.designs), np.nan)
+        for places, found in self._balanced(perturbation, self.level_of_responses):
+            value[places] = np.abs(evaluate_ratio(found, ratio))
+        return value
+
+    def stress(self, part: str, place: int) -> Float[np.ndarray, " design"]:
+        """Stress over tensile strength of a wire or blade, by its number."""
+        return np.array(
+            [one and getattr(one, part)[place].fraction for one in self._statics], dtype=float
+        )
+
+    def depth(self, stage: str) -> Float[np.ndarray, " design"]:
+        """Depth, m, of the COM of a stage below the suspension point."""
+        value = np.full(len(self.designs), np.nan)
+        for n, (design, found) in enumerate(zip(self.designs, self._statics, strict=True)):
+            if design is not None and found is not None:
+                (shift,) = (body.shift for body in found.bodies if body.name == stage)
+                value[n] = -(com_positions(design)[stage][2] + shift[2])
+        return value
+
+    def numbers(self, family: int, number: int) -> dict[int, int]:
+        """Number of a mode, from 0, in every design with an equilibrium."""
+        if family >= 0:
+            return {n: int(modes.ranked[family][number]) for n, modes in self._modes.items()}
+        return {n: int(modes.followed[number]) for n, modes in self._modes.items()}
+
+    @cached_property
+    def _modes(self) -> dict[int, BodyModes]:
+        """Modes of every design with an equilibrium, by its place."""
+        found: dict[int, BodyModes] = {}
+        if registry.by_name(self.level_of_modes).has_wire_mass:
+            for n, design in enumerate(self.designs):
+                with contextlib.suppress(InputError):
+                    if design is not None:
+                        model = registry.by_name(self.level_of_modes).system(design)
+                        modes, own = solve_modes(model), slice(6, 6 + 6 * len(model.body))
+                        shape = modes.shape[:, : own.stop - 6]
+                        shape = shape @ np.linalg.cholesky(model.mass[own, own])
+                        found[n] = self._body_modes(modes.omega_squared, shape, model.top)
+            return found
+        for places, batch in self._balanced((), self.level_of_modes):
+            solved, size = batch_modes.solve(batch.model), 6 * len(batch.model.body)
+            for k in np.flatnonzero(batch.status == builds.GOOD):
+                shape = solved.shape[k, :, :size]
+                found[places[k]] = self._body_modes(solved.omega_squared[k], shape, batch.model.top)
         return found
 
+    def _body_modes(self, squared: Array, shape: Array, top: tuple[int, ...]) -> BodyModes:
+        energy = (shape**2).reshape(len(shape), -1, 6)
+        fraction = energy[np.arange(len(energy)), find_top_masses(energy, top)].sum(-1)
+        followed = np.zeros(0, dtype=int)
+        if self.shapes is not None:
+            overlap = (self.shapes[:, : shape.shape[1]] @ shape.T) ** 2
+            followed = pair_by_overlap(np.nan_to_num(overlap))
+        return BodyModes(squared, fraction, self.families.ranked(energy), followed)
 
-def with_imperfections(design: Design, perturbation: Imperfections) -> Design:
+    def _balanced(
+        self, perturbation: tuple[Perturbation, ...], level: str
+    ) -> list[tuple[list[int], Builds]]:
+        """Balance all designs in batches, with their places."""
+        key = (perturbation, level)
+        if key not in self._builds:
+            imperfect = [one and with_imperfections(one, perturbation) for one in self.designs]
+            self._builds[key] = [
+                (
+                    places,
+                    builds.balance(
+                        stack.stack_scenes(scenes), one, level=level, allow_unstable=True
+                    ),
+                )
+                for places, scenes, one in variants.alike(imperfect, level)
+            ]
+        return self._builds[key]
+
+    @cached_property
+    def _statics(self) -> list[Statics | None]:
+        return [one and _solve_statics(one) for one in self.designs]
+
+
+@dataclass(frozen=True)
+class BodyModes:
+    """Modes of one design.
+
+    Attributes
+    ----------
+    squared, fraction : arrays
+        omega^2, (rad/s)^2, ascending; fraction of the kinetic energy in the top mass.
+    ranked : list of int arrays
+        Numbers of the modes of each family, ascending in frequency.
+    followed : array
+        Number of each mode of the starting design; empty if not asked for.
+    """
+
+    squared: Float[np.ndarray, " mode"]
+    fraction: Float[np.ndarray, " mode"]
+    ranked: list[Int[np.ndarray, " _"]]
+    followed: Int[np.ndarray, " mode"]
+
+
+def with_imperfections(design: Design, perturbation: Sequence[Perturbation]) -> Design:
     """Add imperfections to those of a design."""
     return msgspec.structs.replace(design, perturbation=[*design.perturbation, *perturbation])
 
 
-def outputs_of(ratio: Ratio) -> list[Signal]:
-    """Outputs of a response, or of a ratio of two."""
-    return [ratio.over] + ([] if ratio.under is None else [ratio.under])
-
-
-def _magnitude(model: LinearSystem, ratio: Ratio) -> float:
-    """Magnitude of a response, or of a ratio of two, of one design."""
-    found = response.solve(model, np.array([ratio.frequency]), [ratio.input], outputs_of(ratio))
-    size = np.abs(found.value[0, :, 0])
-    with np.errstate(divide="ignore"):
-        return float(size[0] if len(size) == 1 else size[0] / size[1] if size[0] else 0.0)
-
-
-def _mode_changes(found: Builds, at: Values) -> Float[np.ndarray, "change*mode build"]:
-    """Compute changes of omega^2 of all modes, then logarithms of energy fractions in the top mass.
-
-    Of builds that are neighbours of a design with values `at`.
-    """
-    modes = at.modes
-    matrix = mode_matrix(found, modes, massive=at.massive)
-    squared, count = modes.omega_squared, len(found.model.body)
-    apart = squared - squared[:, None]
-    mixing = (modes.block == modes.block[:, None]) & (apart != 0)
-    mix = np.where(mixing, matrix / np.where(mixing, apart, 1.0), 0.0)
-    shape = modes.shape + mix.swapaxes(1, 2) @ modes.shape
-    moved = shape[..., : 6 * count].reshape(*shape.shape[:2], count, 6)
-    mass = np.broadcast_to(found.model.mass, (len(shape), *found.model.mass.shape[-2:]))
-    own = np.stack([mass[:, 6 * n : 6 * n + 6, 6 * n : 6 * n + 6] for n in range(1, count + 1)], 1)
-    energy = np.einsum("bmni,bnij,bmnj->bmn", moved, own, moved)
-    top = energy[:, np.arange(len(squared)), modes.top_mass] / energy.sum(-1)
-    squares = np.einsum("bkk->kb", matrix)
-    return np.concatenate([squares, np.log(np.maximum(top, TINY)).T])
-
-
-def _demand_balance(around: Differences, directions: Sequence[Parameter]) -> None:
-    """Raise `InputError` if a number cannot change alone."""
-    for item, good in zip(directions, around.balanced, strict=True):
-        if not good:
-            problem = "a change of this number alone unbalances the suspension in its nominal pose"
-            remedy = "let other numbers depend on it by [[equal]]"
-            raise InputError.of(f"free.{item.name}", problem, remedy)
+def _solve_statics(design: Design) -> Statics | None:
+    with contextlib.suppress(InputError):
+        return statics.solve(design)
+    return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -153,6 +154,12 @@ class FreeDesign:
     def design(self, fraction: Float[np.ndarray, " number"]) -> Design:
         """Parsed design; raises `InputError` if it is invalid."""
         return reader.parse(self.toml(fraction))
+
+    def design_if_valid(self, fraction: Float[np.ndarray, " number"]) -> Design | None:
+        """Parsed design; None if it is invalid."""
+        with contextlib.suppress(InputError):
+            return self.design(fraction)
+        return None
 
 
 def _unknown_numbers(goals: Goals, known: dict[str, float]) -> Iterator[Fault]:

@@ -1,9 +1,9 @@
 """Optimisation of the numbers of a design to meet goals.
 
 Searches (`search`) start from the design itself and from the best designs of a Sobol sequence
-between the bounds. They use the cheapest of the string, beam and violin models that is accurate
-enough at the start. Where the result needs a more complete model, the search continues with that,
-at most twice per quantity. Quantities of the result are those of its TOML, read back.
+between the bounds, on the string model. The best result is the start of a search on the models that
+it needs, until it needs no more complete ones. Quantities of the result are those of its TOML, read
+back.
 """
 
 from __future__ import annotations
@@ -14,9 +14,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from suspension_cli.analyses import model_choice
 from suspension_cli.analyses.analysis import Progress
-from suspension_cli.analyses.optimise.evaluate import Evaluator, Values
+from suspension_cli.analyses.optimise.evaluate import Evaluator
 from suspension_cli.analyses.optimise.free_parameters import FreeDesign
+from suspension_cli.analyses.optimise.mode_families import Families, solve_modes
 from suspension_cli.analyses.optimise.optimum import (
     Limits,
     ModeTable,
@@ -25,11 +27,13 @@ from suspension_cli.analyses.optimise.optimum import (
     Quantities,
     Starts,
 )
-from suspension_cli.analyses.optimise.search import FEASIBLE, ActiveSet, Point, Search
+from suspension_cli.analyses.optimise.search import EQUAL, FEASIBLE, ActiveSet, Point, Search
 from suspension_cli.design.goals import Goals
 from suspension_cli.errors import Fault, InputError, format_value
-from suspension_cli.models import registry
-from suspension_cli.models.choice import TOLERANCE
+from suspension_cli.linear.eigenmodes import Modes
+from suspension_cli.models import choice, registry
+from suspension_cli.models.choice import TOLERANCE, Frequencies, Systems
+from suspension_cli.models.registry import Choice
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -40,8 +44,6 @@ SAMPLES = 64
 """Designs between the bounds from which starts are chosen."""
 SAME = 1e-2
 """Largest distance of equal designs, in fractions of the ranges between the bounds."""
-EQUAL = 1e-6
-"""Relative deviation up to which an equality is met."""
 OBJECTIVE = {
     "near": (
         "half the squared distance from the starting design, in fractions of the ranges between the"
@@ -84,13 +86,13 @@ def solve(
         If the design lacks a number or quantity of the goals, or if dependent numbers lie outside
         their bounds in all designs found.
     """
+    models = registry.SCENE_MODELS
+    model_choice.demand_one_of(level, models, "cannot compute derivatives")
     freed = FreeDesign.of(text, goals)
-    evaluator = Evaluator.of(freed, level, tolerance, freed.begin)
-    search, began = Search(evaluator), time.monotonic()
-    if search.value(freed.begin) is None:
-        _check_start(evaluator)
+    evaluator = Evaluator.of(freed)
+    _check_start(evaluator)
+    search, began, ends = Search(evaluator), time.monotonic(), list[tuple[float, Point | None]]()
     begins = [freed.begin, *_choose_starts(evaluator, starts - 1, seed)]
-    ends: list[tuple[float, Point | None]] = []
     for n, fraction in enumerate(begins, 1):
         ends.append(search.run(fraction))
         if report is not None:
@@ -99,27 +101,33 @@ def solve(
     if best.outside > FEASIBLE:
         raise InputError(_bound_faults(freed, freed.values(best.fraction)))
     while True:  # models become more complete
-        needed = Evaluator.of(freed, level, tolerance, best.fraction, evaluator)
-        better = Search(needed)
-        if needed.levels == evaluator.levels or (found := better.run(best.fraction)[1]) is None:
+        systems = Systems(freed.design(best.fraction))
+        compare = systems.compare(lambda _: Frequencies())
+        chosen = choice.choose(systems.design, level, models, compare, tolerance)
+        models = models[[one.name for one in models].index(chosen.level) :]
+        most = registry.most_complete(systems.design).name if level == registry.AUTO else level
+        needed = replace(evaluator, modes=chosen.level, responses=most)
+        if needed == evaluator:
             break
-        evaluator, search, best = needed, better, found
-    best, some = search.compromise(search.begin(best.fraction) or best)
-    return _summarise(search, needed, best, search.active_set(best, some), _starts(ends))
+        evaluator, search = needed, Search(needed)
+        best = search.run(best.fraction)[1] or best
+    search.begin(best.fraction)
+    best = search.compromise(search.point(best.fraction) or best)
+    return _summarise(search, chosen, best, search.active_set(best), _starts(ends))
 
 
 def _check_start(evaluator: Evaluator) -> None:
     """Raise `InputError` with the quantities that are not finite in the starting design."""
-    log = evaluator.values(evaluator.freed.begin).log  # raises if the design is invalid
+    log = evaluator.at(evaluator.freed.begin)
     problem = "has no finite value in the starting design"
     remedy = "divide by a response that does not vanish"
-    raise InputError(
-        [
-            Fault("goal", problem, remedy, format_value(item.text))
-            for item, value in zip(evaluator.quantities, log, strict=True)
-            if not np.isfinite(value)
-        ]
-    )
+    faults = [
+        Fault("goal", problem, remedy, format_value(item.text))
+        for item, value in zip(evaluator.requirements.quantities, log, strict=True)
+        if not np.isfinite(value)
+    ]
+    if faults:
+        raise InputError(faults)
 
 
 def _bound_faults(freed: FreeDesign, value: dict[str, float]) -> list[Fault]:
@@ -137,18 +145,23 @@ def _bound_faults(freed: FreeDesign, value: dict[str, float]) -> list[Fault]:
 def _choose_starts(
     evaluator: Evaluator, count: int, seed: int
 ) -> list[Float[np.ndarray, " number"]]:
-    """Choose the designs of a Sobol sequence that violate limits least, on the model of modes."""
+    """Choose the designs of a Sobol sequence that violate limits least."""
     from scipy.stats import qmc
 
     if count < 1:
         return []
-    search, found = Search(replace(evaluator, responses={})), []
+    freed, search = evaluator.freed, Search(evaluator)
     how: dict[str, Any] = {"seed": seed}
-    for fraction in qmc.Sobol(len(evaluator.freed.begin), **how).random(SAMPLES):
-        begin = search.begin(fraction, steps=1)
-        if begin is not None:
-            found.append((begin.worst, len(found), fraction))
-    return [fraction for _, _, fraction in sorted(found)[:count]]
+    samples = qmc.Sobol(len(freed.begin), **how).random(SAMPLES)
+    shapes = evaluator.follow(freed.begin, steps=1)
+    designs = [freed.design_if_valid(fraction) for fraction in samples]
+    for fraction, log in zip(
+        samples, evaluator.logs(evaluator.values(evaluator.results(designs, shapes))), strict=True
+    ):
+        search.know(fraction, log)
+    found = [search.begin(fraction) for fraction in samples]
+    good = [point for point in found if point is not None]
+    return [point.fraction for point in sorted(good, key=lambda point: point.worst)[:count]]
 
 
 def _starts(ends: list[tuple[float, Point | None]]) -> Starts:
@@ -170,36 +183,46 @@ def _starts(ends: list[tuple[float, Point | None]]) -> Starts:
 
 
 def _summarise(
-    search: Search, needed: Evaluator, best: Point, active: ActiveSet, starts: Starts
+    search: Search, chosen: Choice, best: Point, active: ActiveSet, starts: Starts
 ) -> Optimum:
     """Assemble the result of a search from its best point."""
     evaluator, freed = search.evaluator, search.evaluator.freed
-    wanted, items = evaluator.requirements, evaluator.quantities
-    before, after = (evaluator.values(one) for one in (freed.begin, best.fraction))
-    weight = np.zeros(len(items))
-    for place, own in wanted.terms:
-        weight[place] += own
+    wanted, items = evaluator.requirements, evaluator.requirements.quantities
+    model = registry.by_name(evaluator.modes)
+    modes = [solve_modes(model.system(freed.design(one))) for one in (freed.begin, best.fraction)]
+    results = [
+        evaluator.results([freed.design(one)], evaluator.follow(one))
+        for one in (freed.begin, best.fraction)
+    ]
+    before, after = (np.where(v < 0, np.nan, v) for one in results for v in evaluator.values(one))
+    levels = {"response": evaluator.responses, "stress": "", "depth": ""}
+    modal = [item.method not in levels for item in items]
     terms = "weighted sum of the logarithms of the quantities to minimise, less those to maximise"
     return Optimum(
         numbers=_numbers(freed, best, active),
         quantities=Quantities(
             name=tuple(item.text for item in items),
             unit=tuple(item.unit for item in items),
-            before=before.value,
-            after=after.value,
-            mode=after.place,
-            weight=weight,
-            model=tuple(evaluator.level(item) for item in items),
+            before=before,
+            after=after,
+            mode=np.array(
+                [
+                    results[1].numbers(*item.key)[0] if own else -1
+                    for item, own in zip(items, modal, strict=True)
+                ]
+            ),
+            weight=wanted.weight,
+            model=tuple(levels.get(item.method, evaluator.modes) for item in items),
         ),
         limits=_limits(search, after, active),
-        modes=_modes(evaluator, before, after),
+        modes=_mode_table(evaluator.families, *modes),
         starts=starts,
         unknown=wanted.unknown,
-        objective=terms if wanted.terms else OBJECTIVE[freed.goals.prefer],
+        objective=terms if wanted.weight.any() else OBJECTIVE[freed.goals.prefer],
         stationarity=active.stationarity,
-        fidelity=needed.modes.level,
-        reason=needed.modes.reason,
-        error=needed.modes.error,
+        fidelity=chosen.level,
+        reason=chosen.reason,
+        error=chosen.error,
         design=freed.toml(best.fraction),
     )
 
@@ -235,14 +258,14 @@ def _numbers(freed: FreeDesign, best: Point, active: ActiveSet) -> Numbers:
     )
 
 
-def _limits(search: Search, after: Values, active: ActiveSet) -> Limits:
+def _limits(search: Search, value: Float[np.ndarray, " quantity"], active: ActiveSet) -> Limits:
     """Compare limits, and separations of its neighbouring modes, with the optimised design."""
     wanted, places = search.evaluator.requirements, {one: n for n, one in enumerate(search.limits)}
-    with np.errstate(invalid="ignore", divide="ignore"):
-        log = np.log(after.value)
-    limits = (*wanted.limits, *wanted.neighbours(log))
+    with np.errstate(divide="ignore"):
+        log = np.log(value)
+    limits = wanted.all_limits(log)
     equal = np.array([limit.sense == "equals" for limit in limits], dtype=bool)
-    margins = np.array([limit.margin(log)[0] for limit in limits], dtype=float)
+    margins = np.array([limit.margin(log) for limit in limits], dtype=float)
     margins = np.where(equal, -np.abs(margins), margins)
     known = [places.get(limit, -1) for limit in limits]
     return Limits(
@@ -252,7 +275,7 @@ def _limits(search: Search, after: Values, active: ActiveSet) -> Limits:
         other=np.array([limit.other for limit in limits], dtype=int),
         sense=tuple(limit.sense for limit in limits),
         asked=np.array([limit.value for limit in limits], dtype=float),
-        value=np.array([limit.of(after.value) for limit in limits], dtype=float),
+        value=np.array([limit.of(value) for limit in limits], dtype=float),
         margin=margins,
         met=margins >= np.where(equal, -EQUAL, 0.0),  # NaN is not met
         active=np.array([n >= 0 and bool(active.active[n]) for n in known], dtype=bool),
@@ -260,20 +283,30 @@ def _limits(search: Search, after: Values, active: ActiveSet) -> Limits:
     )
 
 
-def _modes(evaluator: Evaluator, before: Values, after: Values) -> ModeTable:
+def _mode_table(families: Families, *modes: Modes) -> ModeTable:
     """List the modes of both designs by family and rank."""
-    rows = [
-        (f"{evaluator.families.name(family)} {rank + 1}", int(old), int(new))
-        for family, both in enumerate(zip(before.ranked, after.ranked, strict=True))
-        for rank, (old, new) in enumerate(zip(*both, strict=False))
+    ranked = [families.ranked(one.energy) for one in modes]
+    name = [
+        f"{families.name(family)} {rank + 1}"
+        for family, both in enumerate(zip(*ranked, strict=True))
+        for rank in range(min(map(len, both)))
     ]
-    old, new = [old for _, old, _ in rows], [new for _, _, new in rows]
+    old, new = (
+        np.concatenate(
+            [
+                own[: min(map(len, both))]
+                for own, both in zip(one, zip(*ranked, strict=True), strict=True)
+            ]
+        )
+        for one in ranked
+    )
+    before, after = modes
     return ModeTable(
-        name=tuple(name for name, _, _ in rows),
-        label=tuple(after.modes.label[n] for n in new),
-        before=before.modes.frequency[old],
-        after=after.modes.frequency[new],
-        fraction_before=before.modes.top_fraction[old],
-        fraction_after=after.modes.top_fraction[new],
-        number=np.array(new),
+        name=tuple(name),
+        label=tuple(after.label[n] for n in new),
+        before=before.frequency[old],
+        after=after.frequency[new],
+        fraction_before=before.top_fraction[old],
+        fraction_after=after.top_fraction[new],
+        number=new,
     )
