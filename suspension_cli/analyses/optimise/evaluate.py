@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -35,7 +35,6 @@ from suspension_cli.scene import stack
 from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import builds, mode_tracking, variants
 from suspension_cli.studies.builds import Builds
-from suspension_cli.studies.derivatives import neighbours
 
 if TYPE_CHECKING:
     from jaxtyping import Float, Int
@@ -43,7 +42,7 @@ if TYPE_CHECKING:
 TINY = 1e-30
 """Smallest energy fraction or response, in place of 0, which has no logarithm."""
 STEP = 2e-5
-"""Step of derivatives, as energy fractions of close modes vary fast (see `studies.derivatives`)."""
+"""Step of derivatives, in fractions of the ranges; energy fractions of close modes vary fast."""
 LINEAR_BELOW = 0.1
 """Frequency, over the lowest limit on it, below which its logarithm continues linearly in omega^2,
 to unstable modes."""
@@ -90,9 +89,16 @@ class Evaluator:
         wanted = interpret(freed.goals, design, modes, families, known)
         return Evaluator(freed, wanted, families, string.name, string.name)
 
-    def results(self, designs: Sequence[Design | None], shapes: Array | None = None) -> Results:
+    def results(
+        self,
+        designs: Sequence[Design | None],
+        shapes: Array | None = None,
+        *,
+        wire_mass: bool = True,
+    ) -> Results:
         """Results of some designs; modes with a label have the `shapes` (`follow`)."""
-        return Results(designs, self.modes, self.responses, self.families, shapes)
+        massive = wire_mass and registry.by_name(self.modes).has_wire_mass
+        return Results(designs, self.modes, self.responses, self.families, shapes, massive)
 
     def values(self, found: Results) -> Float[np.ndarray, "design quantity"]:
         """Evaluate the quantities, each in its unit; minus the growth rate over 2 pi if unstable.
@@ -111,7 +117,8 @@ class Evaluator:
         """Logarithms of quantities; below a floor linear in their squares, to unstable modes."""
         squared = value * np.abs(value)
         least = np.maximum(squared, self._floors)
-        return np.log(least) / 2 + (squared - least) / (2 * self._floors)
+        with np.errstate(invalid="ignore"):  # infinite ratios of responses
+            return np.log(least) / 2 + (squared - least) / (2 * self._floors)
 
     @cached_property
     def _floors(self) -> Float[np.ndarray, " quantity"]:
@@ -120,7 +127,7 @@ class Evaluator:
         for n, item in enumerate(self.requirements.quantities):
             asked = [one.value for one in self.requirements.limits if one.quantity == n]
             lowest[n] = min(asked, default=lowest[n])
-            if item.method != "frequency":
+            if item.unit != "Hz":
                 lowest[n] = TINY
         return (LINEAR_BELOW * lowest) ** 2
 
@@ -132,92 +139,122 @@ class Evaluator:
         They are followed on the string model along the straight line between the two. NaN if the
         design has no equilibrium.
         """
-        if all(item.key[0] != -1 for item in self.requirements.quantities):
+        if all(item.key[1:2] != (-1,) for item in self.requirements.quantities):
             return None
-        freed = self.freed
-        ends = (freed.values(one) for one in (freed.begin, fraction))
-        begin, end = (np.array(list(values.values())) for values in ends)
-        rows = np.linspace(begin, end, steps + 1)
-        squared, shape = np.zeros((2, steps + 1, 0)), np.zeros((steps + 1, 0, 0))
-        good = np.zeros(steps + 1, dtype=bool)
-        path = dict(zip(freed.values(fraction), rows.T, strict=True))
-        for found, here in variants.balanced(
-            freed.text, path, registry.STRING.name, allow_unstable=True
-        ):
-            solved = batch_modes.solve(found.model)
-            if not shape.size:
-                squared = np.zeros((len(good), *solved.omega_squared.shape[1:]))
-                shape = np.zeros((len(good), *solved.shape.shape[1:]))
-            if solved.shape.shape[1:] == shape.shape[1:]:
-                squared[here], shape[here] = solved.omega_squared, solved.shape
-                good[here] = found.status == builds.GOOD
-        if not (good[0] and good[-1]):
-            return np.full(shape.shape[1:], np.nan)
+        line = np.linspace(self.freed.begin, fraction, steps + 1)
+        designs = [self.freed.design_if_valid(one) for one in line]
+        solved = replace(self, modes=registry.STRING.name).results(designs).modes
+        rows = [solved.get(n, solved[0]) for n in range(steps + 1)]
+        squared, shape = (
+            np.array([getattr(one, name) for one in rows]) for name in ("squared", "shape")
+        )
+        good = np.array([n in solved for n in range(steps + 1)])
         rank, _ = mode_tracking.follow(squared, shape, good, (0,), shape[0])
-        return shape[-1][rank[-1]]
+        return shape[-1][rank[-1]] * (1.0 if good[-1] else np.nan)
 
     def neighbours(
         self, fraction: Float[np.ndarray, " number"]
-    ) -> tuple[Float[np.ndarray, "side quantity"], Float[np.ndarray, " number"]]:
-        """Logarithms of quantities of the neighbours above and below in each free number.
+    ) -> tuple[Float[np.ndarray, "number quantity"], Float[np.ndarray, "number quantity"]]:
+        """Logarithms of quantities a `STEP` above and below in each free number.
 
-        Also returns the factors from their differences to derivatives by the fractions. Raises
-        `InputError` if a number cannot change alone.
+        Where one of both has no equilibrium, they are extrapolated from the other. With wire mass,
+        its changes of the modes are neglected. Raises `InputError` if a number cannot change alone.
         """
-        directions = self.freed.directions(fraction)
-        step, designs = neighbours(self.freed.design(fraction), directions, STEP)
-        shapes = self.follow(fraction)
-        found = self.values(self.results([*designs, self.freed.design(fraction)], shapes))
-        sides, middle = self.logs(found[:-1]), self.logs(found[-1])
-        for item, both in zip(directions, np.isnan(sides).reshape(len(step), -1), strict=True):
-            if both.all():
+        steps = STEP * np.eye(len(fraction))
+        designs = [
+            self.freed.design_if_valid(one)
+            for one in (*(fraction + steps), *(fraction - steps), fraction)
+        ]
+        found = self.results(designs, self.follow(fraction), wire_mass=False)
+        *sides, middle = self.logs(self.values(found))
+        above, below = np.array(sides).reshape(2, len(steps), -1)
+        above, below = (
+            np.where(np.isnan(one), 2 * middle - other, one)
+            for one, other in ((above, below), (below, above))
+        )
+        for item, own in zip(self.freed.goals.free, above, strict=True):
+            if np.isnan(own).any():
                 problem = "a change of this number alone unbalances the suspension"
                 remedy = "let other numbers depend on it by [[equal]]"
                 raise InputError.of(f"free.{item.name}", f"{problem} in its nominal pose", remedy)
-        return np.where(np.isnan(sides), middle, sides), self.freed.rate(fraction) / (2 * step)
+        return above, below
 
 
+@dataclass(frozen=True)
+class BodyModes:
+    """Modes of one design.
+
+    Attributes
+    ----------
+    squared : array
+        omega^2, (rad/s)^2, ascending.
+    shape : array
+        Of bodies, as in `batch_modes.Spectrum`: squares are fractions of the kinetic energy.
+    top : tuple of int
+        As in `LinearSystem`.
+    """
+
+    squared: Float[np.ndarray, " mode"]
+    shape: Float[np.ndarray, "mode coordinate"]
+    top: tuple[int, ...]
+
+    @cached_property
+    def energy(self) -> Float[np.ndarray, "mode body 6"]:
+        """Fractions of the kinetic energy."""
+        return (self.shape**2).reshape(len(self.shape), -1, 6)
+
+    @cached_property
+    def top_fraction(self) -> Float[np.ndarray, " mode"]:
+        """Fraction of the kinetic energy in the top mass."""
+        return self.energy[np.arange(len(self.shape)), find_top_masses(self.energy, self.top)].sum(
+            -1
+        )
+
+    @cached_property
+    def frequency(self) -> Float[np.ndarray, " mode"]:
+        """Frequency, Hz; minus the growth rate over 2 pi of an unstable mode."""
+        return np.sign(self.squared) * np.sqrt(np.abs(self.squared)) / (2 * np.pi)
+
+
+@dataclass(frozen=True)
 class Results:
     """Modes, responses and loads of designs that differ in their numbers, on demand.
 
     Without a value (NaN) for a design that is None or has no equilibrium.
 
-    Parameters
+    Attributes
     ----------
-    designs : sequence of Design or None
-    modes, responses : str
-        Names of models.
-    families : Families
-    shapes : array, optional
-        Shapes of modes by which these are known, as in `batch_modes.Spectrum`.
+    level, level_of_responses : str
+        Names of the models of the modes and of the responses.
+    shapes : array or None
+        Shapes of modes by which these are known.
+    massive : bool
+        Whether the modes include wire mass.
     """
 
-    def __init__(
-        self,
-        designs: Sequence[Design | None],
-        modes: str,
-        responses: str,
-        families: Families,
-        shapes: Float[np.ndarray, "mode coordinate"] | None,
-    ) -> None:
-        self.designs, self.families, self.shapes = designs, families, shapes
-        self.level_of_modes, self.level_of_responses = modes, responses
-        self._builds: dict[object, list[tuple[list[int], Builds]]] = {}
+    designs: Sequence[Design | None]
+    level: str
+    level_of_responses: str
+    families: Families
+    shapes: Float[np.ndarray, "mode coordinate"] | None
+    massive: bool
+    _builds: dict[object, list[tuple[list[int], Builds]]] = field(default_factory=dict)
 
-    def frequency(self, family: int, number: int) -> Float[np.ndarray, " design"]:
-        """Frequency, Hz, of a mode by family and rank, or of family -1 by its shape."""
+    def of_mode(self, what: str, family: int, number: int) -> Float[np.ndarray, " design"]:
+        """An attribute of a mode by family and rank, or of family -1 by its shape."""
         value = np.full(len(self.designs), np.nan)
-        for n, place in self.numbers(family, number).items():
-            squared = self._modes[n].squared[place]
-            value[n] = np.sign(squared) * np.sqrt(np.abs(squared)) / (2 * np.pi)
+        for n, modes in self.modes.items():
+            value[n] = getattr(modes, what)[self.numbers[n][family][number]]
         return value
 
-    def top_fraction(self, family: int, number: int) -> Float[np.ndarray, " design"]:
-        """Fraction of the kinetic energy of a mode in its top mass."""
-        value = np.full(len(self.designs), np.nan)
-        for n, place in self.numbers(family, number).items():
-            value[n] = self._modes[n].fraction[place]
-        return value
+    @cached_property
+    def numbers(self) -> dict[int, list[Int[np.ndarray, " _"]]]:
+        """Numbers of the modes of each family, and last of those with `shapes`, of each design."""
+        found = {n: self.families.ranked(modes.energy) for n, modes in self.modes.items()}
+        for n, modes in self.modes.items() if self.shapes is not None else ():
+            overlap = (self.shapes @ modes.shape.T) ** 2
+            found[n].append(pair_by_overlap(np.nan_to_num(overlap)))
+        return found
 
     def response(
         self, ratio: Ratio, perturbation: tuple[Perturbation, ...]
@@ -243,41 +280,24 @@ class Results:
                 value[n] = -(com_positions(design)[stage][2] + shift[2])
         return value
 
-    def numbers(self, family: int, number: int) -> dict[int, int]:
-        """Number of a mode, from 0, in every design with an equilibrium."""
-        if family >= 0:
-            return {n: int(modes.ranked[family][number]) for n, modes in self._modes.items()}
-        return {n: int(modes.followed[number]) for n, modes in self._modes.items()}
-
     @cached_property
-    def _modes(self) -> dict[int, BodyModes]:
+    def modes(self) -> dict[int, BodyModes]:
         """Modes of every design with an equilibrium, by its place."""
         found: dict[int, BodyModes] = {}
-        if registry.by_name(self.level_of_modes).has_wire_mass:
-            for n, design in enumerate(self.designs):
-                with contextlib.suppress(InputError):
-                    if design is not None:
-                        model = registry.by_name(self.level_of_modes).system(design)
-                        modes, own = solve_modes(model), slice(6, 6 + 6 * len(model.body))
-                        shape = modes.shape[:, : own.stop - 6]
-                        shape = shape @ np.linalg.cholesky(model.mass[own, own])
-                        found[n] = self._body_modes(modes.omega_squared, shape, model.top)
-            return found
-        for places, batch in self._balanced((), self.level_of_modes):
+        for n, design in enumerate(self.designs if self.massive else ()):
+            with contextlib.suppress(InputError):
+                if design is not None:
+                    model = registry.by_name(self.level).system(design)
+                    modes, own = solve_modes(model), slice(6, 6 + 6 * len(model.body))
+                    root = np.linalg.cholesky(model.mass[own, own])
+                    shape = modes.shape[:, : len(root)] @ root
+                    found[n] = BodyModes(modes.omega_squared, shape, model.top)
+        for places, batch in () if self.massive else self._balanced((), self.level):
             solved, size = batch_modes.solve(batch.model), 6 * len(batch.model.body)
             for k in np.flatnonzero(batch.status == builds.GOOD):
                 shape = solved.shape[k, :, :size]
-                found[places[k]] = self._body_modes(solved.omega_squared[k], shape, batch.model.top)
+                found[places[k]] = BodyModes(solved.omega_squared[k], shape, batch.model.top)
         return found
-
-    def _body_modes(self, squared: Array, shape: Array, top: tuple[int, ...]) -> BodyModes:
-        energy = (shape**2).reshape(len(shape), -1, 6)
-        fraction = energy[np.arange(len(energy)), find_top_masses(energy, top)].sum(-1)
-        followed = np.zeros(0, dtype=int)
-        if self.shapes is not None:
-            overlap = (self.shapes[:, : shape.shape[1]] @ shape.T) ** 2
-            followed = pair_by_overlap(np.nan_to_num(overlap))
-        return BodyModes(squared, fraction, self.families.ranked(energy), followed)
 
     def _balanced(
         self, perturbation: tuple[Perturbation, ...], level: str
@@ -300,26 +320,6 @@ class Results:
     @cached_property
     def _statics(self) -> list[Statics | None]:
         return [one and _solve_statics(one) for one in self.designs]
-
-
-@dataclass(frozen=True)
-class BodyModes:
-    """Modes of one design.
-
-    Attributes
-    ----------
-    squared, fraction : arrays
-        omega^2, (rad/s)^2, ascending; fraction of the kinetic energy in the top mass.
-    ranked : list of int arrays
-        Numbers of the modes of each family, ascending in frequency.
-    followed : array
-        Number of each mode of the starting design; empty if not asked for.
-    """
-
-    squared: Float[np.ndarray, " mode"]
-    fraction: Float[np.ndarray, " mode"]
-    ranked: list[Int[np.ndarray, " _"]]
-    followed: Int[np.ndarray, " mode"]
 
 
 def with_imperfections(design: Design, perturbation: Sequence[Perturbation]) -> Design:

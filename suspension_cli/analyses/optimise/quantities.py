@@ -213,10 +213,10 @@ def _modes(goal: Goal, n: int, modes: Modes, families: Families) -> list[Quantit
         chosen += [(f"{name} {rank + 1}", family, rank) for rank in range(lowest)]
     if goal.kind == "separation" and len(chosen) < 2:
         raise InputError.of(at, "there are no two modes to separate", "name more modes")
-    suffix, unit, method = (
+    suffix, unit, what = (
         (" from the top mass", "1", "top_fraction") if coupling else ("", "Hz", "frequency")
     )
-    return [Quantity(text + suffix, unit, method, tuple(key)) for text, *key in chosen]
+    return [Quantity(text + suffix, unit, "of_mode", (what, *key)) for text, *key in chosen]
 
 
 def _response(goal: Goal, n: int, modes: Modes, known: tuple[str, ...]) -> Quantity:

@@ -16,18 +16,18 @@ with priorities).
 from __future__ import annotations
 
 import contextlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.analyses.optimise.evaluate import Evaluator
+from suspension_cli.analyses.optimise.evaluate import STEP, Evaluator
 from suspension_cli.analyses.optimise.quantities import Limit
 from suspension_cli.errors import InputError
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Float, Int
+    from jaxtyping import Bool, Float
 
 MAX_ITERATIONS = 100
 """Most iterations of each search."""
@@ -56,9 +56,9 @@ class Point:
     log : array
         Logarithms of the quantities.
     margin : array
-        Residuals of the rows (`Search.rows`), less the margin of the goals.
+        Residuals of the rows of the search, less the margin of the goals.
     outside : float
-        Largest excess of a dependent number over a bound, relative to that.
+        Largest excess of a dependent number over a bound.
     """
 
     fraction: Float[np.ndarray, " number"]
@@ -70,133 +70,126 @@ class Point:
     @property
     def worst(self) -> float:
         """Largest violation of a limit or a bound."""
-        return max(float(np.max(-self.margin, initial=0.0)), self.outside)
+        return float(np.max(-self.margin, initial=0.0))
 
     @property
     def rank(self) -> tuple[float, ...]:
         """Sort key (smallest is best): excess over bounds, violations, objective."""
         total = float(np.maximum(-self.margin, 0.0).sum())
-        steps = (round(value / EQUAL) for value in (self.outside, self.worst, total))
-        return (*steps, self.objective)
+        return *(round(x / EQUAL) for x in (self.outside, self.worst, total)), self.objective
 
 
 @dataclass(frozen=True)
-class ActiveSet:
-    """Active limits and bounds at a point, with their Lagrange multipliers.
+class Multipliers:
+    """Lagrange multipliers at a point.
 
     Attributes
     ----------
-    active : array
-    multiplier : array
+    limit : array
         Decrease of the objective (of the sum of violations, if limits are violated) per unit by
-        which the margin of a limit may shrink.
+        which the margin of a limit may shrink; NaN for a limit that is not active.
     bound : array
-        -1 at the lower bound, 1 at the upper one, 0 between them.
-    bound_multiplier, dependent_multiplier : arrays
-        Multipliers of the bounds, per range between them, and of those of dependent numbers
-        (`FreeDesign.dependent_margins`).
+        The same of the bounds of free and dependent numbers, per distance between them.
     stationarity : float
         Norm of the gradient that the multipliers do not balance, over that of the whole gradient.
     """
 
-    active: Bool[np.ndarray, " limit"]
-    multiplier: Float[np.ndarray, " limit"]
-    bound: Int[np.ndarray, " number"]
-    bound_multiplier: Float[np.ndarray, " number"]
-    dependent_multiplier: Float[np.ndarray, " bound"]
+    limit: Float[np.ndarray, " limit"]
+    bound: Float[np.ndarray, "side number"]
     stationarity: float
 
 
-@dataclass
 class Search:
     """Constrained search for one design.
+
+    Its rows are the limits, with both signs of equalities, then bounds of dependent numbers.
 
     Attributes
     ----------
     limits : tuple of Limit
         Limits of the goals, then the separations of modes that are neighbours at the last start.
+    limit, sign : arrays
+        Number of the limit of each row, -1 for a bound, and sign of the residual.
     """
 
-    evaluator: Evaluator
-    limits: tuple[Limit, ...] = ()
-    _logs: dict[bytes, Array | None] = field(default_factory=dict)
-    _sides: dict[bytes, tuple[Array, Array]] = field(default_factory=dict)
-
-    def log(self, fraction: Float[np.ndarray, " number"]) -> Array | None:
-        """Logarithms of the quantities; None without a valid design."""
-        key = fraction.tobytes()
-        if key not in self._logs:
-            try:
-                found = self.evaluator.at(fraction)
-            except (InputError, np.linalg.LinAlgError):
-                found = np.array([np.nan])
-            self.know(fraction, found)
-        return self._logs[key]
+    def __init__(self, evaluator: Evaluator) -> None:
+        self.evaluator, self.freed = evaluator, evaluator.freed
+        self.weight = evaluator.requirements.weight
+        self.limits: tuple[Limit, ...] = ()
+        self._logs: dict[bytes, Array | None] = {}
+        self._sides: dict[bytes, tuple[Array, Array]] = {}
+        bounds = self.freed.margins(self.freed.begin)
+        self._bounded = np.isfinite(bounds) & (np.arange(bounds.shape[1]) >= len(self.freed.begin))
 
     def know(self, fraction: Float[np.ndarray, " number"], log: Array) -> None:
         """Take the logarithms of the quantities of a design, which are NaN if it is invalid."""
         self._logs[fraction.tobytes()] = log if np.isfinite(log).all() else None
 
-    @property
-    def rows(self) -> tuple[Int[np.ndarray, " row"], Float[np.ndarray, " row"]]:
-        """Number of the limit of each residual, and its sign: an equality has both."""
-        rows = [
-            (n, sign)
-            for n, limit in enumerate(self.limits)
-            for sign in ((1.0, -1.0) if limit.sense == "equals" else (1.0,))
-        ]
-        number, sign = np.array(rows, dtype=float).reshape(-1, 2).T
-        return number.astype(int), sign
-
-    @property
-    def _equal(self) -> Bool[np.ndarray, " row"]:
-        number, _ = self.rows
-        return np.array([self.limits[n].sense == "equals" for n in number], dtype=bool)
-
-    @property
-    def _shares_margin(self) -> Bool[np.ndarray, " row"]:
-        """Rows whose smallest margin is maximised."""
-        goals, terms = self.evaluator.freed.goals, self.evaluator.requirements.weight
-        return ~self._equal & (goals.prefer == "margin" and not terms.any())
-
-    def _margins(self, log: Float[np.ndarray, "*design quantity"]) -> Array:
-        number, sign = self.rows
-        margins = [self.limits[n].margin(log) for n in number]
-        residual = sign * np.stack(margins, -1) if margins else np.zeros((*log.shape[:-1], 0))
-        return residual - np.where(self._equal, 0.0, self.evaluator.freed.goals.margin)
-
-    def point(self, fraction: Float[np.ndarray, " number"]) -> Point | None:
-        """Evaluate a point; None without a valid design."""
-        log, freed = self.log(fraction), self.evaluator.freed
-        if log is None:
-            return None
-        margin, shared = self._margins(log), self._shares_margin
-        weight, away = self.evaluator.requirements.weight, fraction - freed.begin
-        objective = float(weight @ log if weight.any() else away @ away / 2)
-        if shared.any():
-            objective = float(np.max(-margin[shared]))
-        bounds, _ = freed.dependent_margins(fraction)
-        return Point(fraction, log, margin, objective, float(np.max(-bounds, initial=0.0)))
-
-    def _gradients(self, point: Point) -> tuple[Array, Array]:
-        """Differentiate the margins and the objective of a point."""
-        key, weight = point.fraction.tobytes(), self.evaluator.requirements.weight
-        if key not in self._sides:
-            self._sides[key] = self.evaluator.neighbours(point.fraction)
-        sides, rate = self._sides[key]
-        margin, terms = self._margins(sides), sides @ weight
-        by = (margin[::2] - margin[1::2]).T * rate
-        if weight.any():
-            return by, (terms[::2] - terms[1::2]) * rate
-        return by, point.fraction - self.evaluator.freed.begin
-
     def begin(self, fraction: Float[np.ndarray, " number"]) -> Point | None:
         """Evaluate a point, between whose neighbouring modes separations are kept."""
-        log = self.log(fraction)
+        log = self._log(fraction)
         if log is None:
             return None
         self.limits = self.evaluator.requirements.all_limits(log)
+        rows = [
+            (n, sign, limit.sense == "equals")
+            for n, limit in enumerate(self.limits)
+            for sign in ((1.0, -1.0) if limit.sense == "equals" else (1.0,))
+        ]
+        rows += [(-1, 1.0, False)] * int(self._bounded.sum())
+        self.limit, self.sign, equal = np.array(rows, dtype=float).reshape(-1, 3).T
+        self.equal = equal.astype(bool)
+        goals = self.freed.goals
+        maximise = goals.prefer == "margin" and not self.weight.any()
+        self._shares_margin = maximise & ~self.equal & (self.limit >= 0)
+        self._kept_margin = np.where(self.equal | (self.limit < 0), 0.0, goals.margin)
         return self.point(fraction)
+
+    def _log(self, fraction: Float[np.ndarray, " number"]) -> Array | None:
+        if fraction.tobytes() not in self._logs:
+            try:
+                self.know(fraction, self.evaluator.at(fraction))
+            except (InputError, np.linalg.LinAlgError):
+                self.know(fraction, np.array([np.nan]))
+        return self._logs[fraction.tobytes()]
+
+    def _margins(self, log: Array, fraction: Float[np.ndarray, " number"]) -> Array:
+        limits = [self.limits[int(n)].margin(log) for n in self.limit if n >= 0]
+        bounds = self.freed.margins(fraction)[self._bounded]
+        return self.sign * np.concatenate([limits, bounds]) - self._kept_margin
+
+    def point(self, fraction: Float[np.ndarray, " number"]) -> Point | None:
+        """Evaluate a point; None without a valid design."""
+        log = self._log(fraction)
+        if log is None:
+            return None
+        margin, away = self._margins(log, fraction), fraction - self.freed.begin
+        objective = float(self.weight @ log if self.weight.any() else away @ away / 2)
+        if self._shares_margin.any():
+            objective = float(np.max(-margin[self._shares_margin]))
+        outside = float(np.max(-margin[self.limit < 0], initial=0.0))
+        return Point(fraction, log, margin, objective, outside)
+
+    def _gradients(self, point: Point) -> tuple[Array, Array]:
+        """Differentiate the margins and the objective of a point."""
+        fraction, key = point.fraction, point.fraction.tobytes()
+        if key not in self._sides:
+            self._sides[key] = self.evaluator.neighbours(fraction)
+        steps = STEP * np.eye(len(fraction))
+        above, below = (
+            np.array(
+                [
+                    self._margins(log, fraction + sign * h)
+                    for log, h in zip(logs, steps, strict=True)
+                ]
+            )
+            for logs, sign in zip(self._sides[key], (1, -1), strict=True)
+        )
+        terms = [logs @ self.weight for logs in self._sides[key]]
+        by = (above - below).T / (2 * STEP)
+        if self.weight.any():
+            return by, (terms[0] - terms[1]) / (2 * STEP)
+        return by, fraction - self.freed.begin
 
     def run(self, fraction: Float[np.ndarray, " number"]) -> tuple[float, Point | None]:
         """Search from fractions for a design that violates no limit, and for the best of these.
@@ -207,7 +200,7 @@ class Search:
         if begin is None or found is None:
             return np.nan, None
         if found.worst > FEASIBLE:
-            found = self._minimise(found, np.ones(len(found.margin), dtype=bool))
+            found = self._minimise(found, self.limit >= 0)
         if found.worst <= FEASIBLE:
             found = self._improve(found)
         return begin.worst, found
@@ -226,22 +219,18 @@ class Search:
         Both in the order of the file of goals: a limit is met if it can be beside those before it,
         and beside those that the point meets.
         """
-        number, _ = self.rows
-
-        def violated(point: Point) -> list[int]:
-            return sorted(set(number[point.margin < -FEASIBLE].tolist()))
-
-        left = violated(point)
+        left = np.unique(self.limit[point.margin < -FEASIBLE]).tolist()
         for n in list(left):
-            dropped = np.where(np.isin(number, left) & (number != n), np.inf, 0.0)
-            tried = self._minimise(point, number == n, dropped)
-            if n not in violated(tried):
+            others = np.isin(self.limit, left) & (self.limit != n)
+            tried = self._minimise(point, self.limit == n, np.where(others, np.inf, 0.0))
+            if (tried.margin[self.limit == n] >= -FEASIBLE).all():
                 point = tried
                 left.remove(n)
-        allowed = np.where(np.isin(number, left), np.inf, 0.0)
+        allowed = np.where(np.isin(self.limit, left), np.inf, 0.0)
         for n in left:
-            point = self._minimise(point, number == n, np.where(number == n, 0.0, allowed))
-            allowed = np.where(number == n, np.maximum(-point.margin, 0.0), allowed)
+            allowed[self.limit == n] = 0.0
+            point = self._minimise(point, self.limit == n, allowed)
+            allowed[self.limit == n] = np.maximum(-point.margin, 0.0)[self.limit == n]
         return self._improve(point) if left else point
 
     def _minimise(
@@ -258,12 +247,11 @@ class Search:
         """
         from scipy.optimize import minimize
 
-        size, freed = len(start.fraction), self.evaluator.freed
+        size, any_shared = len(start.fraction), bool(shared.any())
         allowed = np.broadcast_to(allowed, shared.shape)
-        kept, any_shared = np.isfinite(allowed), bool(shared.any())
-        slack = np.where(kept, allowed, 0.0) + np.where(self._equal, PRECISION, 0.0)
-        column = np.where(shared, 1.0, 0.0)[:, None][:, : int(any_shared)]
-        limit = np.where(shared, np.inf, np.maximum(allowed, -start.margin))
+        kept, permitted = np.isfinite(allowed), np.maximum(allowed, -start.margin)
+        slack = np.where(kept, allowed, 0.0) + np.where(self.equal, PRECISION, 0.0)
+        column = shared[:, None][:, : int(any_shared)] * 1.0
         visited = [start]
 
         def largest(point: Point) -> float:
@@ -274,7 +262,7 @@ class Search:
             return beyond, largest(point) if any_shared else point.objective
 
         def is_permitted(point: Point) -> bool:
-            return bool((point.margin + limit >= -FEASIBLE).all())
+            return bool((point.margin + permitted >= -FEASIBLE)[~shared].all())
 
         def at(x: Array) -> Point | None:
             point = self.point(np.clip(x[:size], 0.0, 1.0))
@@ -284,17 +272,13 @@ class Search:
                     raise StopIteration
             return point
 
-        def below(x: Array) -> Array:
+        def margin(x: Array) -> Array:
             point = at(x)
-            margin = visited[-1].margin - PENALTY if point is None else point.margin
-            bounds, _ = freed.dependent_margins(np.clip(x[:size], 0.0, 1.0))
-            return np.concatenate([(margin + slack + column @ x[size:])[kept], bounds])
+            found = visited[-1].margin - PENALTY if point is None else point.margin
+            return (found + slack + column @ x[size:])[kept]
 
-        def below_slope(x: Array) -> Array:
-            rows, _ = self._gradients(at(x) or visited[-1])
-            _, bounds = freed.dependent_margins(np.clip(x[:size], 0.0, 1.0))
-            still = np.zeros((len(bounds), column.shape[1]))
-            return np.block([[rows[kept], column[kept]], [bounds, still]])
+        def margin_slope(x: Array) -> Array:
+            return np.hstack([self._gradients(at(x) or visited[-1])[0], column])[kept]
 
         def function(x: Array) -> float:
             point = at(x)
@@ -306,22 +290,20 @@ class Search:
                 return np.append(np.zeros(size), 1.0)
             return self._gradients(at(x) or visited[-1])[1]
 
-        rules: Any = {"type": "ineq", "fun": below, "jac": below_slope}
-        begin = np.append(start.fraction, [largest(start)] * any_shared)
+        rules: Any = {"type": "ineq", "fun": margin, "jac": margin_slope}
         with contextlib.suppress(StopIteration):
             minimize(
                 function,
-                begin,
+                np.append(start.fraction, [largest(start)] * any_shared),
                 jac=slope,
                 bounds=[(0.0, 1.0)] * size + [(least, None)] * any_shared,
-                constraints=rules if len(below(begin)) else (),
+                constraints=rules if kept.any() else (),
                 method="SLSQP",
                 options={"maxiter": MAX_ITERATIONS, "ftol": PRECISION},
             )
-        good = [point for point in visited if is_permitted(point)]
-        return min(good or [start], key=cost)
+        return min(filter(is_permitted, visited), key=cost)
 
-    def active_set(self, point: Point) -> ActiveSet:
+    def multipliers(self, point: Point) -> Multipliers:
         """Find active limits and bounds, with multipliers by non-negative least squares.
 
         The multipliers meet the conditions of Karush, Kuhn and Tucker as well as possible: of the
@@ -331,32 +313,28 @@ class Search:
 
         by, gradient = self._gradients(point)
         violated, shared = point.margin < -FEASIBLE, self._shares_margin
-        bounds, by_bounds = self.evaluator.freed.dependent_margins(point.fraction)
-        side = (point.fraction >= 1 - FEASIBLE) * 1 - (point.fraction <= FEASIBLE) * 1
         reach = np.zeros(len(by))
         if violated.any():
             gradient, shared = -by[violated].sum(0), np.zeros_like(shared)
         elif shared.any():
             reach[shared] = point.margin[shared].min()
-        active = (point.margin <= reach + ACTIVE) & ~violated
-        near, at, tied = (np.flatnonzero(x) for x in (active, side, bounds <= ACTIVE))
-        matrix = np.concatenate([by[near], -np.diag(side)[at], by_bounds[tied]]).T
+        near = np.flatnonzero((point.margin <= reach + ACTIVE) & ~violated)
+        sides = np.vstack([np.eye(len(gradient)), -np.eye(len(gradient))])
+        at = np.flatnonzero(np.append(point.fraction, 1 - point.fraction) <= FEASIBLE)
+        matrix = np.vstack([by[near], sides[at]]).T
         if shared.any():  # the multipliers of a smallest margin add up to 1
-            gradient = np.append(np.zeros(len(side)), 1.0)
-            matrix = np.vstack([matrix, np.append(shared[near], np.zeros(len(at) + len(tied)))])
-        weight, left = (
-            nnls(matrix, gradient) if matrix.size else (np.zeros(0), np.linalg.norm(gradient))
-        )
-        of_rows, of_bounds, of_tied = np.split(weight, [len(near), len(near) + len(at)])
-        number, sign = self.rows
-        own = np.arange(len(self.limits))[:, None] == number[near]
-        multiplier, dependent = np.zeros(len(side)), np.zeros(len(bounds))
-        multiplier[at], dependent[tied] = of_bounds, of_tied
-        return ActiveSet(
-            own.any(1),
-            own @ (sign[near] * of_rows),
-            side,
-            multiplier,
-            dependent,
-            float(left / max(np.linalg.norm(gradient), 1e-12)),
-        )
+            gradient = np.append(np.zeros(len(gradient)), 1.0)
+            matrix = np.vstack([matrix, np.append(shared[near], np.zeros(len(at)))])
+        weight, left = np.zeros(0), np.linalg.norm(gradient)
+        if matrix.size:
+            weight, left = nnls(matrix, gradient)
+        limit, rows = np.full(len(self.limits), np.nan), np.zeros(len(by))
+        rows[near] = weight[: len(near)] * self.sign[near]
+        for row in near[self.limit[near] >= 0]:
+            n = int(self.limit[row])
+            limit[n] = np.nan_to_num(limit[n]) + rows[row]
+        bound = np.zeros(self._bounded.shape)
+        bound[self._bounded] = rows[self.limit < 0]
+        bound[at // len(point.fraction), at % len(point.fraction)] = weight[len(near) :]
+        size = max(float(np.linalg.norm(gradient)), 1e-12)
+        return Multipliers(limit, bound, float(left) / size)

@@ -18,7 +18,7 @@ from suspension_cli.analyses import model_choice
 from suspension_cli.analyses.analysis import Progress
 from suspension_cli.analyses.optimise.evaluate import Evaluator
 from suspension_cli.analyses.optimise.free_parameters import FreeDesign
-from suspension_cli.analyses.optimise.mode_families import Families, solve_modes
+from suspension_cli.analyses.optimise.mode_families import solve_modes
 from suspension_cli.analyses.optimise.optimum import (
     Limits,
     ModeTable,
@@ -27,10 +27,10 @@ from suspension_cli.analyses.optimise.optimum import (
     Quantities,
     Starts,
 )
-from suspension_cli.analyses.optimise.search import EQUAL, FEASIBLE, ActiveSet, Point, Search
+from suspension_cli.analyses.optimise.search import EQUAL, FEASIBLE, Multipliers, Point, Search
 from suspension_cli.design.goals import Goals
+from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, format_value
-from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.models import choice, registry
 from suspension_cli.models.choice import TOLERANCE, Frequencies, Systems
 from suspension_cli.models.registry import Choice
@@ -113,7 +113,7 @@ def solve(
         best = search.run(best.fraction)[1] or best
     search.begin(best.fraction)
     best = search.compromise(search.point(best.fraction) or best)
-    return _summarise(search, chosen, best, search.active_set(best), _starts(ends))
+    return _summarise(search, chosen, best, search.multipliers(best), _starts(ends))
 
 
 def _check_start(evaluator: Evaluator) -> None:
@@ -183,43 +183,50 @@ def _starts(ends: list[tuple[float, Point | None]]) -> Starts:
 
 
 def _summarise(
-    search: Search, chosen: Choice, best: Point, active: ActiveSet, starts: Starts
+    search: Search, chosen: Choice, best: Point, found: Multipliers, starts: Starts
 ) -> Optimum:
     """Assemble the result of a search from its best point."""
-    evaluator, freed = search.evaluator, search.evaluator.freed
+    evaluator, freed = search.evaluator, search.freed
     wanted, items = evaluator.requirements, evaluator.requirements.quantities
-    model = registry.by_name(evaluator.modes)
-    modes = [solve_modes(model.system(freed.design(one))) for one in (freed.begin, best.fraction)]
-    results = [
-        evaluator.results([freed.design(one)], evaluator.follow(one))
-        for one in (freed.begin, best.fraction)
+    ends = (freed.begin, best.fraction)
+    results = [evaluator.results([freed.design(one)], evaluator.follow(one)) for one in ends]
+    before, after = (evaluator.values(one)[0] for one in results)
+    before, after = (np.where(value < 0, np.nan, value) for value in (before, after))
+    levels = {"response": evaluator.responses, "of_mode": evaluator.modes}
+    numbers = results[1].numbers[0]
+    modal = [item.method == "of_mode" for item in items]
+    mode = [
+        int(numbers[q.key[1]][q.key[2]]) if own else -1 for q, own in zip(items, modal, strict=True)
     ]
-    before, after = (np.where(v < 0, np.nan, v) for one in results for v in evaluator.values(one))
-    levels = {"response": evaluator.responses, "stress": "", "depth": ""}
-    modal = [item.method not in levels for item in items]
     terms = "weighted sum of the logarithms of the quantities to minimise, less those to maximise"
+    lower, upper = freed.bounds
+    at_lower, at_upper = freed.margins(best.fraction) <= EQUAL
     return Optimum(
-        numbers=_numbers(freed, best, active),
+        numbers=Numbers(
+            name=tuple(freed.values(best.fraction)),
+            tied=np.arange(len(lower)) >= len(freed.goals.free),
+            before=np.array(list(freed.values(freed.begin).values())),
+            after=np.array(list(freed.values(best.fraction).values())),
+            lower=lower,
+            upper=upper,
+            bound=at_upper * 1 - at_lower,
+            multiplier=np.where(np.isnan(upper - lower), np.nan, found.bound.sum(0)),
+        ),
         quantities=Quantities(
             name=tuple(item.text for item in items),
             unit=tuple(item.unit for item in items),
             before=before,
             after=after,
-            mode=np.array(
-                [
-                    results[1].numbers(*item.key)[0] if own else -1
-                    for item, own in zip(items, modal, strict=True)
-                ]
-            ),
+            mode=np.array(mode),
             weight=wanted.weight,
-            model=tuple(levels.get(item.method, evaluator.modes) for item in items),
+            model=tuple(levels.get(item.method, "") for item in items),
         ),
-        limits=_limits(search, after, active),
-        modes=_mode_table(evaluator.families, *modes),
+        limits=_limits(search, after, found),
+        modes=_mode_table(evaluator, [freed.design(one) for one in ends]),
         starts=starts,
         unknown=wanted.unknown,
         objective=terms if wanted.weight.any() else OBJECTIVE[freed.goals.prefer],
-        stationarity=active.stationarity,
+        stationarity=found.stationarity,
         fidelity=chosen.level,
         reason=chosen.reason,
         error=chosen.error,
@@ -227,82 +234,48 @@ def _summarise(
     )
 
 
-def _numbers(freed: FreeDesign, best: Point, active: ActiveSet) -> Numbers:
-    """Numbers with their bounds; those of dependent numbers have rows of their own."""
-    before, after = freed.values(freed.begin), freed.values(best.fraction)
-    items = [*freed.goals.free, *freed.goals.equal]
-    lower, upper = (
-        np.array([getattr(item, side) for item in items], dtype=float)
-        for side in ("lower", "upper")
-    )
-    count = len(freed.goals.free)
-    bound, multiplier = np.zeros(len(items), dtype=int), np.zeros(len(items))
-    bound[:count], multiplier[:count] = active.bound, active.bound_multiplier
-    margins, _ = freed.dependent_margins(best.fraction)
-    rows = zip(margins, active.dependent_multiplier, strict=True)
-    for n in range(count, len(items)):
-        for edge, side in ((lower[n], -1), (upper[n], 1)):
-            if np.isfinite(edge):
-                margin, own = next(rows)
-                bound[n] = side if abs(margin) <= EQUAL else bound[n]
-                multiplier[n] += own * (upper[n] - lower[n]) / (abs(edge) or 1.0)
-    return Numbers(
-        name=tuple(after),
-        tied=np.arange(len(items)) >= count,
-        before=np.array(list(before.values())),
-        after=np.array(list(after.values())),
-        lower=lower,
-        upper=upper,
-        bound=bound,
-        multiplier=np.where(np.isnan(upper - lower), np.nan, multiplier),
-    )
-
-
-def _limits(search: Search, value: Float[np.ndarray, " quantity"], active: ActiveSet) -> Limits:
+def _limits(search: Search, value: Float[np.ndarray, " quantity"], found: Multipliers) -> Limits:
     """Compare limits, and separations of its neighbouring modes, with the optimised design."""
-    wanted, places = search.evaluator.requirements, {one: n for n, one in enumerate(search.limits)}
+    wanted = search.evaluator.requirements
     with np.errstate(divide="ignore"):
         log = np.log(value)
     limits = wanted.all_limits(log)
-    equal = np.array([limit.sense == "equals" for limit in limits], dtype=bool)
+    sense = tuple(limit.sense for limit in limits)
+    equal = np.array(sense) == "equals"
     margins = np.array([limit.margin(log) for limit in limits], dtype=float)
     margins = np.where(equal, -np.abs(margins), margins)
-    known = [places.get(limit, -1) for limit in limits]
+    known = dict(zip(search.limits, found.limit.tolist(), strict=True))
+    multiplier = np.array([known.get(limit, np.nan) for limit in limits], dtype=float)
     return Limits(
         name=tuple(limit.name(wanted.quantities) for limit in limits),
         goal=np.array([limit.goal + 1 for limit in limits], dtype=int),
         quantity=np.array([limit.quantity for limit in limits], dtype=int),
         other=np.array([limit.other for limit in limits], dtype=int),
-        sense=tuple(limit.sense for limit in limits),
+        sense=sense,
         asked=np.array([limit.value for limit in limits], dtype=float),
         value=np.array([limit.of(value) for limit in limits], dtype=float),
         margin=margins,
         met=margins >= np.where(equal, -EQUAL, 0.0),  # NaN is not met
-        active=np.array([n >= 0 and bool(active.active[n]) for n in known], dtype=bool),
-        multiplier=np.array([active.multiplier[n] if n >= 0 else 0.0 for n in known]),
+        active=np.isfinite(multiplier),
+        multiplier=np.nan_to_num(multiplier),
     )
 
 
-def _mode_table(families: Families, *modes: Modes) -> ModeTable:
+def _mode_table(evaluator: Evaluator, designs: list[Design]) -> ModeTable:
     """List the modes of both designs by family and rank."""
-    ranked = [families.ranked(one.energy) for one in modes]
-    name = [
-        f"{families.name(family)} {rank + 1}"
-        for family, both in enumerate(zip(*ranked, strict=True))
-        for rank in range(min(map(len, both)))
-    ]
-    old, new = (
-        np.concatenate(
-            [
-                own[: min(map(len, both))]
-                for own, both in zip(one, zip(*ranked, strict=True), strict=True)
-            ]
+    model, families = registry.by_name(evaluator.modes), evaluator.families
+    before, after = (solve_modes(model.system(design)) for design in designs)
+    rows = [
+        (f"{families.name(family)} {rank + 1}", *places)
+        for family, both in enumerate(
+            zip(families.ranked(before.energy), families.ranked(after.energy), strict=True)
         )
-        for one in ranked
-    )
-    before, after = modes
+        for rank, places in enumerate(zip(*both, strict=False))
+    ]
+    name, old, new = zip(*rows, strict=True)
+    old, new = np.array(old), np.array(new)
     return ModeTable(
-        name=tuple(name),
+        name=name,
         label=tuple(after.label[n] for n in new),
         before=before.frequency[old],
         after=after.frequency[new],

@@ -355,7 +355,7 @@ def test_multipliers_are_the_cost_of_a_limit():
     costs = []
     for most in (5.0, 5.0 * 1.001):
         found = solved(text, [Goal(kind="band", dof=["yaw"], at_most=most)], free)
-        away = (found.numbers.after - freed.start) / (freed.upper - freed.lower)
+        away = (found.numbers.after - freed.start) / (freed.bounds[1] - freed.bounds[0])
         costs.append((away @ away / 2, found.limits.multiplier[found.limits.active].sum()))
     assert (costs[0][0] - costs[1][0]) / np.log(1.001) == pytest.approx(
         (costs[0][1] + costs[1][1]) / 2, rel=1e-4
