@@ -252,7 +252,7 @@ class Search:
         kept, permitted = np.isfinite(allowed), np.maximum(allowed, -start.margin)
         slack = np.where(kept, allowed, 0.0) + np.where(self.equal, PRECISION, 0.0)
         column = shared[:, None][:, : int(any_shared)] * 1.0
-        visited = [start]
+        visited, unit = [start], np.append(np.zeros(size), 1.0)
 
         def largest(point: Point) -> float:
             return float(np.max(-point.margin[shared], initial=least))
@@ -264,31 +264,29 @@ class Search:
         def is_permitted(point: Point) -> bool:
             return bool((point.margin + permitted >= -FEASIBLE)[~shared].all())
 
-        def at(x: Array) -> Point | None:
+        def at(x: Array) -> tuple[Point, float]:
+            """The point, or for an invalid design the last one with a penalty."""
             point = self.point(np.clip(x[:size], 0.0, 1.0))
-            if point is not None:
-                visited.append(point)
-                if any_shared and least == 0 and is_permitted(point) and cost(point) == (0.0, 0.0):
-                    raise StopIteration
-            return point
+            if point is None:
+                return visited[-1], PENALTY
+            visited.append(point)
+            if any_shared and least == 0 and is_permitted(point) and cost(point) == (0.0, 0.0):
+                raise StopIteration
+            return point, 0.0
 
         def margin(x: Array) -> Array:
-            point = at(x)
-            found = visited[-1].margin - PENALTY if point is None else point.margin
-            return (found + slack + column @ x[size:])[kept]
+            point, penalty = at(x)
+            return (point.margin - penalty + slack + column @ x[size:])[kept]
 
         def margin_slope(x: Array) -> Array:
-            return np.hstack([self._gradients(at(x) or visited[-1])[0], column])[kept]
+            return np.hstack([self._gradients(at(x)[0])[0], column])[kept]
 
         def function(x: Array) -> float:
-            point = at(x)
-            penalty = PENALTY if point is None else 0.0
-            return float(x[size]) if any_shared else (point or visited[-1]).objective + penalty
+            point, penalty = at(x)
+            return float(x[size]) if any_shared else point.objective + penalty
 
         def slope(x: Array) -> Array:
-            if any_shared:
-                return np.append(np.zeros(size), 1.0)
-            return self._gradients(at(x) or visited[-1])[1]
+            return unit if any_shared else self._gradients(at(x)[0])[1]
 
         rules: Any = {"type": "ineq", "fun": margin, "jac": margin_slope}
         with contextlib.suppress(StopIteration):

@@ -98,8 +98,7 @@ def solve(
         if report is not None:
             report(n, len(begins), n / (time.monotonic() - began))
     best = min((point for _, point in ends if point is not None), key=lambda point: point.rank)
-    if best.outside > FEASIBLE:
-        raise InputError(_bound_faults(freed, freed.values(best.fraction)))
+    _check_bounds(freed, best)
     while True:  # models become more complete
         systems = Systems(freed.design(best.fraction))
         compare = systems.compare(lambda _: Frequencies())
@@ -118,28 +117,24 @@ def solve(
 
 def _check_start(evaluator: Evaluator) -> None:
     """Raise `InputError` with the quantities that are not finite in the starting design."""
-    log = evaluator.at(evaluator.freed.begin)
-    problem = "has no finite value in the starting design"
-    remedy = "divide by a response that does not vanish"
-    faults = [
-        Fault("goal", problem, remedy, format_value(item.text))
-        for item, value in zip(evaluator.requirements.quantities, log, strict=True)
-        if not np.isfinite(value)
-    ]
+    log, items = evaluator.at(evaluator.freed.begin), evaluator.requirements.quantities
+    problem, remedy = "has no finite value in the starting design", "divide by another response"
+    names = [format_value(items[n].text) for n in np.flatnonzero(~np.isfinite(log))]
+    if names:
+        raise InputError([Fault("goal", problem, remedy, name) for name in names])
+
+
+def _check_bounds(freed: FreeDesign, best: Point) -> None:
+    """Raise `InputError` with the bounds that dependent numbers cannot keep to."""
+    remedy, count = "widen its bounds, or those of the numbers that it depends on", len(freed.start)
+    faults = []
+    for side, n in np.argwhere(freed.margins(best.fraction) < -FEASIBLE).tolist():
+        name, at = list(freed.values(best.fraction).items())[n]
+        key, bound = f"equal.{n - count + 1}.{('lower', 'upper')[side]}", freed.bounds[side, n]
+        problem = f"{name} comes no closer to this bound than {at:g}"
+        faults.append(Fault(key, problem, remedy, format_value(float(bound))))
     if faults:
         raise InputError(faults)
-
-
-def _bound_faults(freed: FreeDesign, value: dict[str, float]) -> list[Fault]:
-    remedy = "widen its bounds, or those of the numbers that it depends on"
-    found = []
-    for n, item in enumerate(freed.goals.equal, 1):
-        at = value[item.name]
-        for side, bound in (("lower", item.lower), ("upper", item.upper)):
-            if bound is not None and (at < bound if side == "lower" else at > bound):
-                problem = f"{item.name} comes no closer to this bound than {at:g}"
-                found.append(Fault(f"equal.{n}.{side}", problem, remedy, format_value(bound)))
-    return found
 
 
 def _choose_starts(
@@ -153,11 +148,9 @@ def _choose_starts(
     freed, search = evaluator.freed, Search(evaluator)
     how: dict[str, Any] = {"seed": seed}
     samples = qmc.Sobol(len(freed.begin), **how).random(SAMPLES)
-    shapes = evaluator.follow(freed.begin, steps=1)
     designs = [freed.design_if_valid(fraction) for fraction in samples]
-    for fraction, log in zip(
-        samples, evaluator.logs(evaluator.values(evaluator.results(designs, shapes))), strict=True
-    ):
+    results = evaluator.results(designs, evaluator.follow(freed.begin, steps=1))
+    for fraction, log in zip(samples, evaluator.logs(evaluator.values(results)), strict=True):
         search.know(fraction, log)
     found = [search.begin(fraction) for fraction in samples]
     good = [point for point in found if point is not None]
@@ -166,15 +159,12 @@ def _choose_starts(
 
 def _starts(ends: list[tuple[float, Point | None]]) -> Starts:
     """Number the designs reached, the best first, equal ones alike."""
-    place = np.zeros(len(ends), dtype=np.int16)
-    seen: list[Point] = []
+    place, seen = np.zeros(len(ends), dtype=np.int16), list[Point]()
     arrived = [(point.rank, n, point) for n, (_, point) in enumerate(ends) if point is not None]
     for _, n, point in sorted(arrived, key=lambda item: item[:2]):
-        distances = [np.abs(one.fraction - point.fraction).max() for one in seen]
-        near = [k for k, distance in enumerate(distances, 1) if distance < SAME]
-        if not near:
-            seen.append(point)
-        place[n] = near[0] if near else len(seen)
+        near = [np.abs(one.fraction - point.fraction).max() < SAME for one in seen]
+        place[n] = [*near, True].index(True) + 1
+        seen += [] if any(near) else [point]
     after, objective = (
         np.array([np.nan if point is None else getattr(point, name) for _, point in ends])
         for name in ("worst", "objective")
