@@ -254,7 +254,7 @@ def _goals(found: Optimum) -> Iterator[list[float | str | None]]:
         shown += [n for n in mine if n not in shown][: max(NEAREST - len(shown), 0)]
         count = f"{name}, {len(shown)} of {len(mine)} limits" if mine[len(shown) :] else name
         for n in shown:
-            before = each.before[limits.quantity[n]] if limits.other[n] < 0 else math.nan
+            before = each.before[limits.quantity[n]]
             values = (float(before), float(limits.value[n]), 100 * float(limits.room[n]))
             remark = "active" if limits.active[n] else ""
             remark = remark if limits.met[n] else "NOT MET"

@@ -89,32 +89,13 @@ class Evaluator:
         wanted = interpret(freed.goals, design, modes, families, known)
         return Evaluator(freed, wanted, families, string.name, string.name)
 
-    def results(
-        self,
-        designs: Sequence[Design | None],
-        shapes: Array | None = None,
-        *,
-        wire_mass: bool = True,
-    ) -> Results:
-        """Results of some designs; modes with a label have the `shapes` (`follow`)."""
-        massive = wire_mass and registry.by_name(self.modes).has_wire_mass
-        return Results(designs, self.modes, self.responses, self.families, shapes, massive)
-
-    def values(self, found: Results) -> Float[np.ndarray, "design quantity"]:
-        """Evaluate the quantities, each in its unit; minus the growth rate over 2 pi if unstable.
-
-        NaN for a design without equilibrium.
-        """
-        items = self.requirements.quantities
-        return np.stack([getattr(found, item.method)(*item.key) for item in items], axis=1)
-
     def at(self, fraction: Float[np.ndarray, " number"]) -> Float[np.ndarray, " quantity"]:
         """Logarithms of the quantities; raises `InputError` if the design is invalid."""
-        design = self.freed.design(fraction)
-        return self.logs(self.values(self.results([design], self.follow(fraction))))[0]
+        return self.logs(Results(self, [self.freed.design(fraction)], self.follow(fraction)))[0]
 
-    def logs(self, value: Float[np.ndarray, "*design quantity"]) -> Array:
+    def logs(self, results: Results) -> Float[np.ndarray, "design quantity"]:
         """Logarithms of quantities; below a floor linear in their squares, to unstable modes."""
+        value = results.values
         squared = value * np.abs(value)
         least = np.maximum(squared, self._floors)
         with np.errstate(invalid="ignore"):  # infinite ratios of responses
@@ -139,11 +120,11 @@ class Evaluator:
         They are followed on the string model along the straight line between the two. NaN if the
         design has no equilibrium.
         """
-        if all(item.key[1:2] != (-1,) for item in self.requirements.quantities):
+        if all(-1 not in item.key for item in self.requirements.quantities):
             return None
         line = np.linspace(self.freed.begin, fraction, steps + 1)
         designs = [self.freed.design_if_valid(one) for one in line]
-        solved = replace(self, modes=registry.STRING.name).results(designs).modes
+        solved = Results(replace(self, modes=registry.STRING.name), designs).modes
         rows = [solved.get(n, solved[0]) for n in range(steps + 1)]
         squared, shape = (
             np.array([getattr(one, name) for one in rows]) for name in ("squared", "shape")
@@ -165,8 +146,8 @@ class Evaluator:
             self.freed.design_if_valid(one)
             for one in (*(fraction + steps), *(fraction - steps), fraction)
         ]
-        found = self.results(designs, self.follow(fraction), wire_mass=False)
-        *sides, middle = self.logs(self.values(found))
+        found = Results(self, designs, self.follow(fraction), around=True)
+        *sides, middle = self.logs(found)
         above, below = np.array(sides).reshape(2, len(steps), -1)
         above, below = (
             np.where(np.isnan(one), 2 * middle - other, one)
@@ -224,21 +205,23 @@ class Results:
 
     Attributes
     ----------
-    level, level_of_responses : str
-        Names of the models of the modes and of the responses.
     shapes : array or None
-        Shapes of modes by which these are known.
-    massive : bool
-        Whether the modes include wire mass.
+        Shapes of modes with a label (`Evaluator.follow`).
+    around : bool
+        Whether the designs are neighbours of the last one. Changes by wire mass are neglected then.
     """
 
+    evaluator: Evaluator
     designs: Sequence[Design | None]
-    level: str
-    level_of_responses: str
-    families: Families
-    shapes: Float[np.ndarray, "mode coordinate"] | None
-    massive: bool
+    shapes: Float[np.ndarray, "mode coordinate"] | None = None
+    around: bool = False
     _builds: dict[object, list[tuple[list[int], Builds]]] = field(default_factory=dict)
+
+    @cached_property
+    def values(self) -> Float[np.ndarray, "design quantity"]:
+        """All quantities, each in its unit; minus the growth rate over 2 pi of unstable modes."""
+        items = self.evaluator.requirements.quantities
+        return np.stack([getattr(self, item.method)(*item.key) for item in items], axis=1)
 
     def of_mode(self, what: str, family: int, number: int) -> Float[np.ndarray, " design"]:
         """An attribute of a mode by family and rank, or of family -1 by its shape."""
@@ -247,10 +230,19 @@ class Results:
             value[n] = getattr(modes, what)[self.numbers[n][family][number]]
         return value
 
+    def separation(self, hertz: bool, *modes: int) -> Float[np.ndarray, " design"]:
+        """Ratio or difference (Hz) of the frequencies of two modes, the higher one first."""
+        one, other = (np.abs(self.of_mode("frequency", *key)) for key in (modes[:2], modes[2:]))
+        swap = one < other
+        if self.around:  # smooth where two modes cross
+            swap = swap[-1:]
+        high, low = np.where(swap, other, one), np.where(swap, one, other)
+        return high - low if hertz else high / low
+
     @cached_property
     def numbers(self) -> dict[int, list[Int[np.ndarray, " _"]]]:
         """Numbers of the modes of each family, and last of those with `shapes`, of each design."""
-        found = {n: self.families.ranked(modes.energy) for n, modes in self.modes.items()}
+        found = {n: self.evaluator.families.ranked(modes.energy) for n, modes in self.modes.items()}
         for n, modes in self.modes.items() if self.shapes is not None else ():
             overlap = (self.shapes @ modes.shape.T) ** 2
             found[n].append(pair_by_overlap(np.nan_to_num(overlap)))
@@ -261,7 +253,7 @@ class Results:
     ) -> Float[np.ndarray, " design"]:
         """Magnitude of a response, or of a ratio of two, with further imperfections."""
         value = np.full(len(self.designs), np.nan)
-        for places, found in self._balanced(perturbation, self.level_of_responses):
+        for places, found in self._balanced(perturbation, self.evaluator.responses):
             value[places] = np.abs(evaluate_ratio(found, ratio))
         return value
 
@@ -284,15 +276,17 @@ class Results:
     def modes(self) -> dict[int, BodyModes]:
         """Modes of every design with an equilibrium, by its place."""
         found: dict[int, BodyModes] = {}
-        for n, design in enumerate(self.designs if self.massive else ()):
+        level = registry.by_name(self.evaluator.modes)
+        massive = level.has_wire_mass and not self.around
+        for n, design in enumerate(self.designs if massive else ()):
             with contextlib.suppress(InputError):
                 if design is not None:
-                    model = registry.by_name(self.level).system(design)
+                    model = level.system(design)
                     modes, own = solve_modes(model), slice(6, 6 + 6 * len(model.body))
                     root = np.linalg.cholesky(model.mass[own, own])
                     shape = modes.shape[:, : len(root)] @ root
                     found[n] = BodyModes(modes.omega_squared, shape, model.top)
-        for places, batch in () if self.massive else self._balanced((), self.level):
+        for places, batch in () if massive else self._balanced((), level.name):
             solved, size = batch_modes.solve(batch.model), 6 * len(batch.model.body)
             for k in np.flatnonzero(batch.status == builds.GOOD):
                 shape = solved.shape[k, :, :size]

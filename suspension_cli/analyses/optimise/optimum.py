@@ -52,17 +52,15 @@ class Quantities:
 class Limits:
     """Limits on the quantities, named like ``yaw 3 <= 5 Hz``.
 
-    `goal` is the number of the goal in its file, from 1, `quantity` that of the quantity, and
-    `other` that of the one below it in a separation (-1: none), whose `asked` and `value` are
-    ratios or differences. `margin` is ln of value over limit, or of limit over value, negative if
-    not met; minus the absolute value for an equality. `active` limits constrain the optimum;
-    `multiplier` is the decrease of the objective per unit by which the margin may shrink.
+    `goal` is the number of the goal in its file, from 1, and `quantity` that of the quantity, from
+    0. `margin` is ln of value over limit, or of limit over value, negative if not met; minus the
+    absolute value for an equality. `active` limits constrain the optimum; `multiplier` is the
+    decrease of the objective per unit by which the margin may shrink.
     """
 
     name: tuple[str, ...]
     goal: Int[np.ndarray, " limit"]
     quantity: Int[np.ndarray, " limit"]
-    other: Int[np.ndarray, " limit"]
     sense: tuple[str, ...]
     asked: Float[np.ndarray, " limit"]
     value: Float[np.ndarray, " limit"]

@@ -59,7 +59,7 @@ def draw(found: Optimum, title: str) -> Figure:
     """Draw the figure of `pendsus optimise`; `title` names design and model."""
     with house_style():
         quantity, limits = found.limits.quantity, found.limits
-        others = np.flatnonzero((found.quantities.mode[quantity] < 0) | (limits.other >= 0))
+        others = np.flatnonzero(found.quantities.mode[quantity] < 0)
         modes, numbers, margins = (
             ROW * max(len(rows), 1) for rows in (found.modes.name, found.numbers.name, others)
         )
@@ -96,9 +96,8 @@ def draw(found: Optimum, title: str) -> Figure:
 
 
 def _margins_before(found: Optimum) -> Float[np.ndarray, " limit"]:
-    """Margins of the original design, % of the limits; NaN for separations."""
-    limits = found.limits
-    before = np.where(limits.other < 0, found.quantities.before[limits.quantity], np.nan)
+    """Margins of the original design, % of the limits."""
+    limits, before = found.limits, found.quantities.before[found.limits.quantity]
     return 100 * relative_room(before, limits.asked, limits.sense)
 
 
@@ -151,7 +150,7 @@ def _limits_of_modes(
     allowed = np.full((2, len(found.modes.number)), np.nan)
     missed = np.zeros(allowed.shape, dtype=bool)
     for n, (k, sense) in enumerate(zip(limits.quantity, limits.sense, strict=True)):
-        if quantities.unit[k] == unit and limits.other[n] < 0:
+        if quantities.unit[k] == unit:
             row, asked = found.modes.number == quantities.mode[k], limits.asked[n]
             missed |= row & np.array([[before[n] < -MET], [not limits.met[n]]])
             if sense != "at_most":

@@ -6,9 +6,8 @@ margin of a lower limit is ln(value/limit): 0.01 means 1 %.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -51,51 +50,25 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Limit:
-    """Limit on a quantity, or on the separation of two.
+    """Limit on a quantity: ``at_least``, ``at_most`` or ``equals`` a value in its unit.
 
-    Attributes
-    ----------
-    goal, quantity : int
-        Their numbers, from 0.
-    sense : str
-        ``at_least``, ``at_most`` or ``equals``.
-    value : float
-        Limit in the unit of the quantity; for a separation a ratio or a difference in Hz.
-    other : int
-        Number of the lower mode of a separation; else -1.
-    hertz : bool
-        Whether a separation is a difference.
+    `goal` and `quantity` are their numbers, from 0.
     """
 
     goal: int
     quantity: int
     sense: str
     value: float
-    other: int = -1
-    hertz: bool = False
 
     def margin(self, log: Float[np.ndarray, "*design quantity"]) -> Float[np.ndarray, "*design"]:
         """Compute the margin, of an equality ln(value/limit), from logarithms of all quantities."""
-        here = log[..., self.quantity]
-        if self.other < 0:
-            return (-1.0 if self.sense == "at_most" else 1.0) * (here - np.log(self.value))
-        there = log[..., self.other]
-        if self.hertz:
-            return (np.exp(here) - np.exp(there)) / self.value - 1
-        return here - there - np.log(self.value)
+        sign = -1.0 if self.sense == "at_most" else 1.0
+        return sign * (log[..., self.quantity] - np.log(self.value))
 
-    def of(self, value: Float[np.ndarray, " quantity"]) -> float:
-        """Quantity, ratio or difference that is limited."""
-        here, there = value[self.quantity], value[self.other]
-        return float(here if self.other < 0 else here - there if self.hertz else here / there)
-
-    def name(self, quantities: tuple[Quantity, ...]) -> str:
+    def name(self, quantity: Quantity) -> str:
         """Name the limit: ``yaw 3 <= 5 Hz``."""
-        item, text = quantities[self.quantity], quantities[self.quantity].text
-        if self.other >= 0:
-            text += f" {'-' if self.hertz else '/'} {quantities[self.other].text}"
-        unit = "Hz" * self.hertz if self.other >= 0 else item.unit
-        return f"{text} {SIGNS[self.sense]} {self.value:g} {'' if unit == '1' else unit}".rstrip()
+        unit = "" if quantity.unit == "1" else quantity.unit
+        return f"{quantity.text} {SIGNS[self.sense]} {self.value:g} {unit}".rstrip()
 
 
 @dataclass(frozen=True)
@@ -104,8 +77,6 @@ class Requirements:
 
     Attributes
     ----------
-    separations : tuple of (goal, places, value, hertz)
-        Sets of modes to be kept apart, by their numbers among the quantities.
     weight : array
         Of the logarithm of each quantity in the objective to be minimised.
     unknown : tuple of str
@@ -114,18 +85,8 @@ class Requirements:
 
     quantities: tuple[Quantity, ...]
     limits: tuple[Limit, ...]
-    separations: tuple[tuple[int, tuple[int, ...], float, bool], ...]
     weight: Float[np.ndarray, " quantity"]
     unknown: tuple[str, ...]
-
-    def all_limits(self, log: Float[np.ndarray, " quantity"]) -> tuple[Limit, ...]:
-        """Limits, then separations of the modes that are neighbours in a design."""
-        return (*self.limits, *self._neighbours(log))
-
-    def _neighbours(self, log: Float[np.ndarray, " quantity"]) -> Iterator[Limit]:
-        for goal, places, value, hertz in self.separations:
-            for low, high in pairwise(sorted(places, key=lambda n: log[n])):
-                yield Limit(goal, high, "at_least", value, low, hertz)
 
 
 def interpret(
@@ -151,7 +112,6 @@ def interpret(
     """
     quantities: dict[Quantity, int] = {}
     limits: list[Limit] = []
-    separations: list[tuple[int, tuple[int, ...], float, bool]] = []
     weights: list[tuple[int, float]] = []
     unknown: dict[str, str] = {}
     faults: list[Fault] = []
@@ -170,9 +130,6 @@ def interpret(
             faults += error.faults
             continue
         places = tuple(quantities.setdefault(item, len(quantities)) for item in some)
-        if goal.kind == "separation":
-            separations.append((n, places, goal.at_least or 0.0, goal.apart == "hertz"))
-            continue
         given = {sense: getattr(goal, sense) for sense in SIGNS}
         limits += [
             Limit(n, place, sense, value)
@@ -192,7 +149,7 @@ def interpret(
     weight = np.zeros(len(quantities))
     for place, own in weights:
         weight[place] += own
-    return Requirements(tuple(quantities), tuple(limits), tuple(separations), weight, lacking)
+    return Requirements(tuple(quantities), tuple(limits), weight, lacking)
 
 
 def _modes(goal: Goal, n: int, modes: Modes, families: Families) -> list[Quantity]:
@@ -211,8 +168,19 @@ def _modes(goal: Goal, n: int, modes: Modes, families: Families) -> list[Quantit
             problem = f"the design has {count} modes of family {name}"
             raise InputError.of(f"{at}.lowest", problem, f"give at most {count}", f"{lowest}")
         chosen += [(f"{name} {rank + 1}", family, rank) for rank in range(lowest)]
-    if goal.kind == "separation" and len(chosen) < 2:
-        raise InputError.of(at, "there are no two modes to separate", "name more modes")
+    if goal.kind == "separation":
+        if len(chosen) < 2:
+            raise InputError.of(at, "there are no two modes to separate", "name more modes")
+        hertz = goal.apart == "hertz"
+        return [
+            Quantity(
+                f"separation of {one} and {other}",
+                "Hz" if hertz else "1",
+                "separation",
+                (hertz, *key, *other_key),
+            )
+            for (one, *key), (other, *other_key) in combinations(chosen, 2)
+        ]
     suffix, unit, what = (
         (" from the top mass", "1", "top_fraction") if coupling else ("", "Hz", "frequency")
     )

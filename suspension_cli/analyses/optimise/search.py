@@ -22,7 +22,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.analyses.optimise.evaluate import STEP, Evaluator
-from suspension_cli.analyses.optimise.quantities import Limit
 from suspension_cli.errors import InputError
 from suspension_cli.scene.arrays import Array
 
@@ -107,30 +106,17 @@ class Search:
     Attributes
     ----------
     limits : tuple of Limit
-        Limits of the goals, then the separations of modes that are neighbours at the last start.
     limit, sign : arrays
         Number of the limit of each row, -1 for a bound, and sign of the residual.
     """
 
     def __init__(self, evaluator: Evaluator) -> None:
         self.evaluator, self.freed = evaluator, evaluator.freed
-        self.weight = evaluator.requirements.weight
-        self.limits: tuple[Limit, ...] = ()
+        self.weight, self.limits = evaluator.requirements.weight, evaluator.requirements.limits
         self._logs: dict[bytes, Array | None] = {}
         self._sides: dict[bytes, tuple[Array, Array]] = {}
         bounds = self.freed.margins(self.freed.begin)
         self._bounded = np.isfinite(bounds) & (np.arange(bounds.shape[1]) >= len(self.freed.begin))
-
-    def know(self, fraction: Float[np.ndarray, " number"], log: Array) -> None:
-        """Take the logarithms of the quantities of a design, which are NaN if it is invalid."""
-        self._logs[fraction.tobytes()] = log if np.isfinite(log).all() else None
-
-    def begin(self, fraction: Float[np.ndarray, " number"]) -> Point | None:
-        """Evaluate a point, between whose neighbouring modes separations are kept."""
-        log = self._log(fraction)
-        if log is None:
-            return None
-        self.limits = self.evaluator.requirements.all_limits(log)
         rows = [
             (n, sign, limit.sense == "equals")
             for n, limit in enumerate(self.limits)
@@ -138,12 +124,14 @@ class Search:
         ]
         rows += [(-1, 1.0, False)] * int(self._bounded.sum())
         self.limit, self.sign, equal = np.array(rows, dtype=float).reshape(-1, 3).T
-        self.equal = equal.astype(bool)
-        goals = self.freed.goals
+        self.equal, goals = equal.astype(bool), self.freed.goals
         maximise = goals.prefer == "margin" and not self.weight.any()
         self._shares_margin = maximise & ~self.equal & (self.limit >= 0)
         self._kept_margin = np.where(self.equal | (self.limit < 0), 0.0, goals.margin)
-        return self.point(fraction)
+
+    def know(self, fraction: Float[np.ndarray, " number"], log: Array) -> None:
+        """Take the logarithms of the quantities of a design, which are NaN if it is invalid."""
+        self._logs[fraction.tobytes()] = log if np.isfinite(log).all() else None
 
     def _log(self, fraction: Float[np.ndarray, " number"]) -> Array | None:
         if fraction.tobytes() not in self._logs:
@@ -196,7 +184,7 @@ class Search:
 
         Returns the violation there, NaN for an invalid design, and the best point.
         """
-        begin = found = self.begin(fraction)
+        begin = found = self.point(fraction)
         if begin is None or found is None:
             return np.nan, None
         if found.worst > FEASIBLE:

@@ -16,7 +16,7 @@ import numpy as np
 
 from suspension_cli.analyses import model_choice
 from suspension_cli.analyses.analysis import Progress
-from suspension_cli.analyses.optimise.evaluate import Evaluator
+from suspension_cli.analyses.optimise.evaluate import Evaluator, Results
 from suspension_cli.analyses.optimise.free_parameters import FreeDesign
 from suspension_cli.analyses.optimise.mode_families import solve_modes
 from suspension_cli.analyses.optimise.optimum import (
@@ -27,6 +27,7 @@ from suspension_cli.analyses.optimise.optimum import (
     Quantities,
     Starts,
 )
+from suspension_cli.analyses.optimise.quantities import Requirements
 from suspension_cli.analyses.optimise.search import EQUAL, FEASIBLE, Multipliers, Point, Search
 from suspension_cli.design.goals import Goals
 from suspension_cli.design.schema import Design
@@ -110,8 +111,7 @@ def solve(
             break
         evaluator, search = needed, Search(needed)
         best = search.run(best.fraction)[1] or best
-    search.begin(best.fraction)
-    best = search.compromise(search.point(best.fraction) or best)
+    best = search.compromise(best)
     return _summarise(search, chosen, best, search.multipliers(best), _starts(ends))
 
 
@@ -149,10 +149,10 @@ def _choose_starts(
     how: dict[str, Any] = {"seed": seed}
     samples = qmc.Sobol(len(freed.begin), **how).random(SAMPLES)
     designs = [freed.design_if_valid(fraction) for fraction in samples]
-    results = evaluator.results(designs, evaluator.follow(freed.begin, steps=1))
-    for fraction, log in zip(samples, evaluator.logs(evaluator.values(results)), strict=True):
+    results = Results(evaluator, designs, evaluator.follow(freed.begin, steps=1))
+    for fraction, log in zip(samples, evaluator.logs(results), strict=True):
         search.know(fraction, log)
-    found = [search.begin(fraction) for fraction in samples]
+    found = [search.point(fraction) for fraction in samples]
     good = [point for point in found if point is not None]
     return [point.fraction for point in sorted(good, key=lambda point: point.worst)[:count]]
 
@@ -179,8 +179,12 @@ def _summarise(
     evaluator, freed = search.evaluator, search.freed
     wanted, items = evaluator.requirements, evaluator.requirements.quantities
     ends = (freed.begin, best.fraction)
-    results = [evaluator.results([freed.design(one)], evaluator.follow(one)) for one in ends]
-    before, after = (evaluator.values(one)[0] for one in results)
+    designs = [freed.design(one) for one in ends]
+    results = [
+        Results(evaluator, [design], evaluator.follow(one))
+        for design, one in zip(designs, ends, strict=True)
+    ]
+    before, after = (one.values[0] for one in results)
     before, after = (np.where(value < 0, np.nan, value) for value in (before, after))
     levels = {"response": evaluator.responses, "of_mode": evaluator.modes}
     numbers = results[1].numbers[0]
@@ -211,8 +215,8 @@ def _summarise(
             weight=wanted.weight,
             model=tuple(levels.get(item.method, "") for item in items),
         ),
-        limits=_limits(search, after, found),
-        modes=_mode_table(evaluator, [freed.design(one) for one in ends]),
+        limits=_limits(wanted, after, found),
+        modes=_mode_table(evaluator, designs),
         starts=starts,
         unknown=wanted.unknown,
         objective=terms if wanted.weight.any() else OBJECTIVE[freed.goals.prefer],
@@ -224,30 +228,29 @@ def _summarise(
     )
 
 
-def _limits(search: Search, value: Float[np.ndarray, " quantity"], found: Multipliers) -> Limits:
-    """Compare limits, and separations of its neighbouring modes, with the optimised design."""
-    wanted = search.evaluator.requirements
-    with np.errstate(divide="ignore"):
-        log = np.log(value)
-    limits = wanted.all_limits(log)
+def _limits(
+    wanted: Requirements, quantity: Float[np.ndarray, " quantity"], found: Multipliers
+) -> Limits:
+    """Compare the limits with the optimised design."""
+    limits = wanted.limits
+    place = np.array([limit.quantity for limit in limits], dtype=int)
     sense = tuple(limit.sense for limit in limits)
-    equal = np.array(sense) == "equals"
+    with np.errstate(divide="ignore"):
+        log = np.log(quantity)
     margins = np.array([limit.margin(log) for limit in limits], dtype=float)
+    equal = np.array(sense) == "equals"
     margins = np.where(equal, -np.abs(margins), margins)
-    known = dict(zip(search.limits, found.limit.tolist(), strict=True))
-    multiplier = np.array([known.get(limit, np.nan) for limit in limits], dtype=float)
     return Limits(
-        name=tuple(limit.name(wanted.quantities) for limit in limits),
+        name=tuple(limit.name(wanted.quantities[limit.quantity]) for limit in limits),
         goal=np.array([limit.goal + 1 for limit in limits], dtype=int),
-        quantity=np.array([limit.quantity for limit in limits], dtype=int),
-        other=np.array([limit.other for limit in limits], dtype=int),
+        quantity=place,
         sense=sense,
         asked=np.array([limit.value for limit in limits], dtype=float),
-        value=np.array([limit.of(value) for limit in limits], dtype=float),
+        value=quantity[place],
         margin=margins,
         met=margins >= np.where(equal, -EQUAL, 0.0),  # NaN is not met
-        active=np.isfinite(multiplier),
-        multiplier=np.nan_to_num(multiplier),
+        active=np.isfinite(found.limit),
+        multiplier=np.nan_to_num(found.limit),
     )
 
 

@@ -8,7 +8,7 @@ import tomllib
 import numpy as np
 import pytest
 
-from suspension_cli.analyses.optimise.evaluate import STEP
+from suspension_cli.analyses.optimise.evaluate import STEP, Results
 from suspension_cli.analyses.optimise.mode_families import Families
 from suspension_cli.design import reader
 from suspension_cli.design.goals import Free, Goal, Goals
@@ -47,9 +47,9 @@ def test_logarithms_of_frequencies_go_on_to_unstable_modes():
     values = values_of(text, goals)
     fractions = np.linspace(values.freed.begin, 0.98, 40)
     designs = [values.freed.design(fraction) for fraction in fractions]
-    found = values.values(values.results(designs, values.follow(values.freed.begin)))[:, 0]
-    assert found[0] < 0 < found[-1]
-    assert (np.diff(values.logs(found[:, None])[:, 0]) > 0).all()
+    found = Results(values, designs, values.follow(values.freed.begin))
+    assert found.values[0, 0] < 0 < found.values[-1, 0]
+    assert (np.diff(values.logs(found)[:, 0]) > 0).all()
 
 
 def test_stress_by_hand():
@@ -155,8 +155,7 @@ def test_shapes_are_followed_to_a_design_itself():
         free=[Free(name="stage.test.wires.l", lower=0.1, upper=0.4)],
     )
     values = values_of(TRIPLE.read_text(), goals)
-    found = values.values(
-        values.results([values.freed.design(values.freed.begin)], values.follow(values.freed.begin))
-    )
+    begin = values.freed.begin
+    found = Results(values, [values.freed.design(begin)], values.follow(begin)).values
     drawn = eigenmodes.solve(registry.STRING.system(reader.read(TRIPLE).design))
     np.testing.assert_allclose(found[0], drawn.frequency, rtol=1e-9)
