@@ -89,17 +89,25 @@ class Evaluator:
         wanted = interpret(freed.goals, design, modes, families, known)
         return Evaluator(freed, wanted, families, string.name, string.name)
 
-    def at(self, fraction: Float[np.ndarray, " number"]) -> Float[np.ndarray, " quantity"]:
-        """Logarithms of the quantities; raises `InputError` if the design is invalid."""
-        return self.logs(Results(self, [self.freed.design(fraction)], self.follow(fraction)))[0]
+    def at(self, fraction: Float[np.ndarray, " number"]) -> Float[np.ndarray, " value"]:
+        """Evaluate one design, as `logs`; raises `InputError` if it is invalid."""
+        found = Results(self, [self.freed.design(fraction)], self.follow(fraction))
+        return self.logs(found, fraction[None])[0]
 
-    def logs(self, results: Results) -> Float[np.ndarray, "design quantity"]:
-        """Logarithms of quantities; below a floor linear in their squares, to unstable modes."""
+    def logs(
+        self, results: Results, fractions: Float[np.ndarray, "design number"]
+    ) -> Float[np.ndarray, "design value"]:
+        """Logarithms of quantities, then margins of the bounds of dependent numbers.
+
+        Below a floor logarithms are continued linearly in the square, to unstable modes.
+        """
         value = results.values
         squared = value * np.abs(value)
         least = np.maximum(squared, self._floors)
         with np.errstate(invalid="ignore"):  # infinite ratios of responses
-            return np.log(least) / 2 + (squared - least) / (2 * self._floors)
+            log = np.log(least) / 2 + (squared - least) / (2 * self._floors)
+        margins = [self.freed.margins(one)[self.freed.bounded] for one in fractions]
+        return np.hstack([log, np.array(margins)])
 
     @cached_property
     def _floors(self) -> Float[np.ndarray, " quantity"]:
@@ -133,32 +141,26 @@ class Evaluator:
         rank, _ = mode_tracking.follow(squared, shape, good, (0,), shape[0])
         return shape[-1][rank[-1]] * (1.0 if good[-1] else np.nan)
 
-    def neighbours(
-        self, fraction: Float[np.ndarray, " number"]
-    ) -> tuple[Float[np.ndarray, "number quantity"], Float[np.ndarray, "number quantity"]]:
-        """Logarithms of quantities a `STEP` above and below in each free number.
+    def slopes(self, fraction: Float[np.ndarray, " number"]) -> Float[np.ndarray, "value number"]:
+        """Differentiate the values of `logs` by the fractions.
 
-        Where one of both has no equilibrium, they are extrapolated from the other. With wire mass,
-        its changes of the modes are neglected. Raises `InputError` if a number cannot change alone.
+        One-sided where a neighbour has no equilibrium. Changes of modes by wire mass are neglected.
+        Raises `InputError` if a number cannot change alone.
         """
         steps = STEP * np.eye(len(fraction))
-        designs = [
-            self.freed.design_if_valid(one)
-            for one in (*(fraction + steps), *(fraction - steps), fraction)
-        ]
+        line = np.array([*(fraction + steps), *(fraction - steps), fraction])
+        designs = [self.freed.design_if_valid(one) for one in line]
         found = Results(self, designs, self.follow(fraction), around=True)
-        *sides, middle = self.logs(found)
+        *sides, middle = self.logs(found, line)
         above, below = np.array(sides).reshape(2, len(steps), -1)
-        above, below = (
-            np.where(np.isnan(one), 2 * middle - other, one)
-            for one, other in ((above, below), (below, above))
-        )
+        above = np.where(np.isnan(above), 2 * middle - below, above)
+        below = np.where(np.isnan(below), 2 * middle - above, below)
         for item, own in zip(self.freed.goals.free, above, strict=True):
             if np.isnan(own).any():
                 problem = "a change of this number alone unbalances the suspension"
                 remedy = "let other numbers depend on it by [[equal]]"
                 raise InputError.of(f"free.{item.name}", f"{problem} in its nominal pose", remedy)
-        return above, below
+        return (above - below).T / (2 * STEP)
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.studies import parameters
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
+    from jaxtyping import Bool, Float
 
 
 @dataclass(frozen=True)
@@ -112,6 +112,12 @@ class FreeDesign:
         away = np.array([tied - low[count:], high[count:] - tied]) / span[count:]
         found = np.hstack([[fraction, 1 - fraction], away])
         return np.where(np.isnan(found), np.inf, found)
+
+    @cached_property
+    def bounded(self) -> Bool[np.ndarray, "side number"]:
+        """Which bounds of dependent numbers there are."""
+        known = np.isfinite(self.bounds)
+        return known & (np.arange(known.shape[1]) >= len(self.start))
 
     def toml(self, fraction: Float[np.ndarray, " number"]) -> str:
         """Design as TOML."""

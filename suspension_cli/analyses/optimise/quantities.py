@@ -60,11 +60,6 @@ class Limit:
     sense: str
     value: float
 
-    def margin(self, log: Float[np.ndarray, "*design quantity"]) -> Float[np.ndarray, "*design"]:
-        """Compute the margin, of an equality ln(value/limit), from logarithms of all quantities."""
-        sign = -1.0 if self.sense == "at_most" else 1.0
-        return sign * (log[..., self.quantity] - np.log(self.value))
-
     def name(self, quantity: Quantity) -> str:
         """Name the limit: ``yaw 3 <= 5 Hz``."""
         unit = "" if quantity.unit == "1" else quantity.unit

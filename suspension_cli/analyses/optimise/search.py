@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.analyses.optimise.evaluate import STEP, Evaluator
+from suspension_cli.analyses.optimise.evaluate import Evaluator
 from suspension_cli.errors import InputError
 from suspension_cli.scene.arrays import Array
 
@@ -52,8 +52,6 @@ class Point:
     ----------
     fraction : array
         Free numbers as fractions of the ranges between their bounds.
-    log : array
-        Logarithms of the quantities.
     margin : array
         Residuals of the rows of the search, less the margin of the goals.
     outside : float
@@ -61,7 +59,6 @@ class Point:
     """
 
     fraction: Float[np.ndarray, " number"]
-    log: Float[np.ndarray, " quantity"]
     margin: Float[np.ndarray, " row"]
     objective: float
     outside: float
@@ -101,83 +98,64 @@ class Multipliers:
 class Search:
     """Constrained search for one design.
 
-    Its rows are the limits, with both signs of equalities, then bounds of dependent numbers.
+    Its rows are the limits, with both signs of equalities, then bounds of dependent numbers: the
+    residual of each is linear in one of the values of `Evaluator.logs`.
 
     Attributes
     ----------
-    limits : tuple of Limit
-    limit, sign : arrays
-        Number of the limit of each row, -1 for a bound, and sign of the residual.
+    limit : array
+        Number of the limit of each row, from 0; -1 for a bound.
     """
 
     def __init__(self, evaluator: Evaluator) -> None:
-        self.evaluator, self.freed = evaluator, evaluator.freed
-        self.weight, self.limits = evaluator.requirements.weight, evaluator.requirements.limits
-        self._logs: dict[bytes, Array | None] = {}
-        self._sides: dict[bytes, tuple[Array, Array]] = {}
-        bounds = self.freed.margins(self.freed.begin)
-        self._bounded = np.isfinite(bounds) & (np.arange(bounds.shape[1]) >= len(self.freed.begin))
+        self.evaluator, self.freed, goals = evaluator, evaluator.freed, evaluator.freed.goals
+        self._values: dict[bytes, Array | None] = {}
+        self._slopes: dict[bytes, Array] = {}
+        wanted, bounds = evaluator.requirements, int(self.freed.bounded.sum())
         rows = [
-            (n, sign, limit.sense == "equals")
-            for n, limit in enumerate(self.limits)
-            for sign in ((1.0, -1.0) if limit.sense == "equals" else (1.0,))
+            (n, limit.quantity, np.log(limit.value), sign, limit.sense == "equals")
+            for n, limit in enumerate(wanted.limits)
+            for sign in {"at_least": (1, 0), "at_most": (-1, 0), "equals": (1, -1)}[limit.sense]
+            if sign
         ]
-        rows += [(-1, 1.0, False)] * int(self._bounded.sum())
-        self.limit, self.sign, equal = np.array(rows, dtype=float).reshape(-1, 3).T
-        self.equal, goals = equal.astype(bool), self.freed.goals
-        maximise = goals.prefer == "margin" and not self.weight.any()
-        self._shares_margin = maximise & ~self.equal & (self.limit >= 0)
-        self._kept_margin = np.where(self.equal | (self.limit < 0), 0.0, goals.margin)
+        rows += [(-1, len(wanted.quantities) + n, 0, 1, False) for n in range(bounds)]
+        limit, place, self._target, self._sign, equal = np.array(rows, float).reshape(-1, 5).T
+        self.limit, self._place, self._equal = limit.astype(int), place.astype(int), equal > 0
+        self._kept = np.where(self._equal | (limit < 0), 0.0, goals.margin)
+        self._weight = np.append(wanted.weight, np.zeros(bounds))
+        maximise = goals.prefer == "margin" and not self._weight.any()
+        self._shares_margin = maximise & ~self._equal & (limit >= 0)
 
-    def know(self, fraction: Float[np.ndarray, " number"], log: Array) -> None:
-        """Take the logarithms of the quantities of a design, which are NaN if it is invalid."""
-        self._logs[fraction.tobytes()] = log if np.isfinite(log).all() else None
+    def know(self, fraction: Float[np.ndarray, " number"], values: Array) -> None:
+        """Take the values of a design, which are NaN if it is invalid."""
+        self._values[fraction.tobytes()] = values if np.isfinite(values).all() else None
 
-    def _log(self, fraction: Float[np.ndarray, " number"]) -> Array | None:
-        if fraction.tobytes() not in self._logs:
+    def point(self, fraction: Float[np.ndarray, " number"]) -> Point | None:
+        """Evaluate a point; None without a valid design."""
+        if fraction.tobytes() not in self._values:
             try:
                 self.know(fraction, self.evaluator.at(fraction))
             except (InputError, np.linalg.LinAlgError):
                 self.know(fraction, np.array([np.nan]))
-        return self._logs[fraction.tobytes()]
-
-    def _margins(self, log: Array, fraction: Float[np.ndarray, " number"]) -> Array:
-        limits = [self.limits[int(n)].margin(log) for n in self.limit if n >= 0]
-        bounds = self.freed.margins(fraction)[self._bounded]
-        return self.sign * np.concatenate([limits, bounds]) - self._kept_margin
-
-    def point(self, fraction: Float[np.ndarray, " number"]) -> Point | None:
-        """Evaluate a point; None without a valid design."""
-        log = self._log(fraction)
-        if log is None:
+        values = self._values[fraction.tobytes()]
+        if values is None:
             return None
-        margin, away = self._margins(log, fraction), fraction - self.freed.begin
-        objective = float(self.weight @ log if self.weight.any() else away @ away / 2)
+        margin = self._sign * (values[self._place] - self._target) - self._kept
+        away = fraction - self.freed.begin
+        objective = float(self._weight @ values if self._weight.any() else away @ away / 2)
         if self._shares_margin.any():
             objective = float(np.max(-margin[self._shares_margin]))
         outside = float(np.max(-margin[self.limit < 0], initial=0.0))
-        return Point(fraction, log, margin, objective, outside)
+        return Point(fraction, margin, objective, outside)
 
     def _gradients(self, point: Point) -> tuple[Array, Array]:
         """Differentiate the margins and the objective of a point."""
-        fraction, key = point.fraction, point.fraction.tobytes()
-        if key not in self._sides:
-            self._sides[key] = self.evaluator.neighbours(fraction)
-        steps = STEP * np.eye(len(fraction))
-        above, below = (
-            np.array(
-                [
-                    self._margins(log, fraction + sign * h)
-                    for log, h in zip(logs, steps, strict=True)
-                ]
-            )
-            for logs, sign in zip(self._sides[key], (1, -1), strict=True)
-        )
-        terms = [logs @ self.weight for logs in self._sides[key]]
-        by = (above - below).T / (2 * STEP)
-        if self.weight.any():
-            return by, (terms[0] - terms[1]) / (2 * STEP)
-        return by, fraction - self.freed.begin
+        key = point.fraction.tobytes()
+        if key not in self._slopes:
+            self._slopes[key] = self.evaluator.slopes(point.fraction)
+        slope, away = self._slopes[key], point.fraction - self.freed.begin
+        gradient = self._weight @ slope if self._weight.any() else away
+        return self._sign[:, None] * slope[self._place], gradient
 
     def run(self, fraction: Float[np.ndarray, " number"]) -> tuple[float, Point | None]:
         """Search from fractions for a design that violates no limit, and for the best of these.
@@ -238,7 +216,7 @@ class Search:
         size, any_shared = len(start.fraction), bool(shared.any())
         allowed = np.broadcast_to(allowed, shared.shape)
         kept, permitted = np.isfinite(allowed), np.maximum(allowed, -start.margin)
-        slack = np.where(kept, allowed, 0.0) + np.where(self.equal, PRECISION, 0.0)
+        slack = np.where(kept, allowed, 0.0) + np.where(self._equal, PRECISION, 0.0)
         column = shared[:, None][:, : int(any_shared)] * 1.0
         visited, unit = [start], np.append(np.zeros(size), 1.0)
 
@@ -314,13 +292,13 @@ class Search:
         weight, left = np.zeros(0), np.linalg.norm(gradient)
         if matrix.size:
             weight, left = nnls(matrix, gradient)
-        limit, rows = np.full(len(self.limits), np.nan), np.zeros(len(by))
-        rows[near] = weight[: len(near)] * self.sign[near]
+        limit, rows = np.full(len(self.evaluator.requirements.limits), np.nan), np.zeros(len(by))
+        rows[near] = weight[: len(near)] * np.where(self._equal, self._sign, 1.0)[near]
         for row in near[self.limit[near] >= 0]:
             n = int(self.limit[row])
             limit[n] = np.nan_to_num(limit[n]) + rows[row]
-        bound = np.zeros(self._bounded.shape)
-        bound[self._bounded] = rows[self.limit < 0]
+        bound = np.zeros(self.freed.bounded.shape)
+        bound[self.freed.bounded] = rows[self.limit < 0]
         bound[at // len(point.fraction), at % len(point.fraction)] = weight[len(near) :]
         size = max(float(np.linalg.norm(gradient)), 1e-12)
         return Multipliers(limit, bound, float(left) / size)

@@ -119,7 +119,7 @@ def _check_start(evaluator: Evaluator) -> None:
     """Raise `InputError` with the quantities that are not finite in the starting design."""
     log, items = evaluator.at(evaluator.freed.begin), evaluator.requirements.quantities
     problem, remedy = "has no finite value in the starting design", "divide by another response"
-    names = [format_value(items[n].text) for n in np.flatnonzero(~np.isfinite(log))]
+    names = [format_value(items[n].text) for n in np.flatnonzero(~np.isfinite(log[: len(items)]))]
     if names:
         raise InputError([Fault("goal", problem, remedy, name) for name in names])
 
@@ -150,7 +150,7 @@ def _choose_starts(
     samples = qmc.Sobol(len(freed.begin), **how).random(SAMPLES)
     designs = [freed.design_if_valid(fraction) for fraction in samples]
     results = Results(evaluator, designs, evaluator.follow(freed.begin, steps=1))
-    for fraction, log in zip(samples, evaluator.logs(results), strict=True):
+    for fraction, log in zip(samples, evaluator.logs(results, samples), strict=True):
         search.know(fraction, log)
     found = [search.point(fraction) for fraction in samples]
     good = [point for point in found if point is not None]
@@ -180,14 +180,14 @@ def _summarise(
     wanted, items = evaluator.requirements, evaluator.requirements.quantities
     ends = (freed.begin, best.fraction)
     designs = [freed.design(one) for one in ends]
-    results = [
+    old, new = (
         Results(evaluator, [design], evaluator.follow(one))
         for design, one in zip(designs, ends, strict=True)
-    ]
-    before, after = (one.values[0] for one in results)
+    )
+    before, after = old.values[0], new.values[0]
     before, after = (np.where(value < 0, np.nan, value) for value in (before, after))
     levels = {"response": evaluator.responses, "of_mode": evaluator.modes}
-    numbers = results[1].numbers[0]
+    numbers = new.numbers[0]
     modal = [item.method == "of_mode" for item in items]
     mode = [
         int(numbers[q.key[1]][q.key[2]]) if own else -1 for q, own in zip(items, modal, strict=True)
@@ -216,7 +216,7 @@ def _summarise(
             model=tuple(levels.get(item.method, "") for item in items),
         ),
         limits=_limits(wanted, after, found),
-        modes=_mode_table(evaluator, designs),
+        modes=_mode_table(evaluator, old, new, designs[1]),
         starts=starts,
         unknown=wanted.unknown,
         objective=terms if wanted.weight.any() else OBJECTIVE[freed.goals.prefer],
@@ -232,47 +232,43 @@ def _limits(
     wanted: Requirements, quantity: Float[np.ndarray, " quantity"], found: Multipliers
 ) -> Limits:
     """Compare the limits with the optimised design."""
-    limits = wanted.limits
+    limits, sense = wanted.limits, np.array([limit.sense for limit in wanted.limits], dtype=str)
     place = np.array([limit.quantity for limit in limits], dtype=int)
-    sense = tuple(limit.sense for limit in limits)
+    asked = np.array([limit.value for limit in limits], dtype=float)
     with np.errstate(divide="ignore"):
-        log = np.log(quantity)
-    margins = np.array([limit.margin(log) for limit in limits], dtype=float)
-    equal = np.array(sense) == "equals"
-    margins = np.where(equal, -np.abs(margins), margins)
+        log = np.log(quantity[place]) - np.log(asked)
+    equal = sense == "equals"
+    margin = np.where(equal, -np.abs(log), np.where(sense == "at_most", -log, log))
     return Limits(
         name=tuple(limit.name(wanted.quantities[limit.quantity]) for limit in limits),
         goal=np.array([limit.goal + 1 for limit in limits], dtype=int),
         quantity=place,
-        sense=sense,
-        asked=np.array([limit.value for limit in limits], dtype=float),
+        sense=tuple(sense.tolist()),
+        asked=asked,
         value=quantity[place],
-        margin=margins,
-        met=margins >= np.where(equal, -EQUAL, 0.0),  # NaN is not met
+        margin=margin,
+        met=margin >= np.where(equal, -EQUAL, 0.0),  # NaN is not met
         active=np.isfinite(found.limit),
         multiplier=np.nan_to_num(found.limit),
     )
 
 
-def _mode_table(evaluator: Evaluator, designs: list[Design]) -> ModeTable:
-    """List the modes of both designs by family and rank."""
-    model, families = registry.by_name(evaluator.modes), evaluator.families
-    before, after = (solve_modes(model.system(design)) for design in designs)
-    rows = [
-        (f"{families.name(family)} {rank + 1}", *places)
-        for family, both in enumerate(
-            zip(families.ranked(before.energy), families.ranked(after.energy), strict=True)
-        )
-        for rank, places in enumerate(zip(*both, strict=False))
+def _mode_table(evaluator: Evaluator, before: Results, after: Results, design: Design) -> ModeTable:
+    """List the modes of both designs by family and rank; `design` is the optimised one."""
+    families = evaluator.families
+    names = [
+        f"{families.name(k)} {n + 1}" for k, size in enumerate(families.size) for n in range(size)
     ]
-    name, old, new = zip(*rows, strict=True)
-    old, new = np.array(old), np.array(new)
+    numbers = [np.concatenate(one.numbers[0][: len(families.size)]) for one in (before, after)]
+    (old, was), (new, now) = zip(numbers, (before.modes[0], after.modes[0]), strict=True)
+    frequency = [np.where(one.squared < 0, np.nan, one.frequency) for one in (was, now)]
+    label = solve_modes(registry.by_name(evaluator.modes).system(design)).label
     return ModeTable(
-        name=name,
-        label=tuple(after.label[n] for n in new),
-        before=before.frequency[old],
-        after=after.frequency[new],
-        fraction_before=before.top_fraction[old],
-        fraction_after=after.top_fraction[new],
+        name=tuple(names),
+        label=tuple(label[n] for n in new),
+        before=frequency[0][old],
+        after=frequency[1][new],
+        fraction_before=was.top_fraction[old],
+        fraction_after=now.top_fraction[new],
         number=new,
     )
