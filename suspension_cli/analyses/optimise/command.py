@@ -254,12 +254,12 @@ def _goals(found: Optimum) -> Iterator[list[float | str | None]]:
         shown += [n for n in mine if n not in shown][: max(NEAREST - len(shown), 0)]
         count = f"{name}, {len(shown)} of {len(mine)} limits" if mine[len(shown) :] else name
         for n in shown:
-            before = each.before[limits.quantity[n]]
-            values = (float(before), float(limits.value[n]), 100 * float(limits.room[n]))
+            before, after = float(each.before[limits.quantity[n]]), float(limits.value[n])
+            margin = round(100 * float(limits.room[n]), 4) + 0.0  # -0.0 becomes 0.0
             remark = "active" if limits.active[n] else ""
             remark = remark if limits.met[n] else "NOT MET"
-            numbers = (round(value, 2) + 0.0 if value < 0 else value for value in values)
-            yield [count if n == shown[0] else "", *numbers, remark, limits.name[n]]
+            title = count if n == shown[0] else ""
+            yield [title, before, after, margin, remark, limits.name[n]]
     for n, weight in enumerate(each.weight):
         if weight:
             unit = "" if each.unit[n] == "1" else f", {each.unit[n]}"

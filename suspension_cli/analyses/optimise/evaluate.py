@@ -189,9 +189,8 @@ class BodyModes:
     @cached_property
     def top_fraction(self) -> Float[np.ndarray, " mode"]:
         """Fraction of the kinetic energy in the top mass."""
-        return self.energy[np.arange(len(self.shape)), find_top_masses(self.energy, self.top)].sum(
-            -1
-        )
+        top = find_top_masses(self.energy, self.top)
+        return self.energy[np.arange(len(self.shape)), top].sum(-1)
 
     @cached_property
     def frequency(self) -> Float[np.ndarray, " mode"]:
@@ -229,7 +228,8 @@ class Results:
         """An attribute of a mode by family and rank, or of family -1 by its shape."""
         value = np.full(len(self.designs), np.nan)
         for n, modes in self.modes.items():
-            value[n] = getattr(modes, what)[self.numbers[n][family][number]]
+            place = self.numbers[n][family][number]
+            value[n] = getattr(modes, what)[place] if place >= 0 else np.nan
         return value
 
     def separation(self, hertz: bool, *modes: int) -> Float[np.ndarray, " design"]:
@@ -243,11 +243,12 @@ class Results:
 
     @cached_property
     def numbers(self) -> dict[int, list[Int[np.ndarray, " _"]]]:
-        """Numbers of the modes of each family, and last of those with `shapes`, of each design."""
+        """Numbers of the modes of each family, and last of those with `shapes` (-1: unknown)."""
         found = {n: self.evaluator.families.ranked(modes.energy) for n, modes in self.modes.items()}
         for n, modes in self.modes.items() if self.shapes is not None else ():
             overlap = (self.shapes @ modes.shape.T) ** 2
-            found[n].append(pair_by_overlap(np.nan_to_num(overlap)))
+            known = np.isfinite(overlap).all()
+            found[n].append(pair_by_overlap(overlap) if known else np.full(len(overlap), -1))
         return found
 
     def response(
@@ -293,7 +294,8 @@ class Results:
             for k in np.flatnonzero(batch.status == builds.GOOD):
                 shape = solved.shape[k, :, :size]
                 found[places[k]] = BodyModes(solved.omega_squared[k], shape, batch.model.top)
-        return found
+        count = self.evaluator.families.size.sum()  # other numbers of modes cannot be compared
+        return {n: modes for n, modes in found.items() if len(modes.squared) == count}
 
     def _balanced(
         self, perturbation: tuple[Perturbation, ...], level: str

@@ -104,7 +104,10 @@ def solve(
         systems = Systems(freed.design(best.fraction))
         compare = systems.compare(lambda _: Frequencies())
         chosen = choice.choose(systems.design, level, models, compare, tolerance)
-        models = models[[one.name for one in models].index(chosen.level) :]
+        if chosen.model.cost < registry.by_name(evaluator.modes).cost:
+            chosen = choice.choose(systems.design, evaluator.modes, (), compare)
+            reason = chosen.reason.replace("as requested", "other designs of the search need it", 1)
+            chosen = replace(chosen, reason=reason)
         most = registry.most_complete(systems.design).name if level == registry.AUTO else level
         needed = replace(evaluator, modes=chosen.level, responses=most)
         if needed == evaluator:
