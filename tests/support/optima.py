@@ -44,10 +44,9 @@ def solved(file, goal, free, equal=(), **how):
     )
 
 
-def values_of(file, wanted, level="string"):
-    """Quantities of a freed design on one model."""
-    freed = FreeDesign.of(file.read_text(), wanted)
-    return Evaluator.of(freed, level, 1e-3, freed.begin)
+def values_of(text, wanted):
+    """Quantities of a freed design on the string model."""
+    return Evaluator.of(FreeDesign.of(text, wanted))
 
 
 EVERY = Goals(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -166,7 +166,7 @@ class OptimiseAnalysis(Analysis):
         }
 
     def text(self, result: Result) -> str:
-        """Return changed numbers, limits of each goal, and the ends of the searches."""
+        """Return parameters, goals with their limits, and the ends of the searches."""
         from suspension_cli.design.path_units import unit_of
 
         found: Optimum = result.data
@@ -178,19 +178,12 @@ class OptimiseAnalysis(Analysis):
         )
         units = map(unit_of, numbers.name)
         rows = zip(numbers.name, units, numbers.before, numbers.after, remarks, strict=True)
-        columns = {"number": "", "unit": "", "before": "#.6g", "after": "#.6g", "": ""}
+        columns = {"parameter": "", "unit": "", "before": "#.6g", "after": "#.6g", "": ""}
         lines = [result.choice.line, "", tables.render(columns, rows), ""]
-        names = _names(found)
-        for name in dict.fromkeys(names):
-            lines += _goal(found, [n for n, other in enumerate(names, 1) if other == name], name)
-        each = found.quantities
-        for n in [n for n, weight in enumerate(each.weight) if weight]:
-            word = "small" if each.weight[n] > 0 else "large"
-            unit = "" if each.unit[n] == "1" else f" {each.unit[n]}"
-            values = f"{each.after[n]:.6g}{unit}, was {each.before[n]:.6g}{unit}"
-            lines.append(f"{word:7}  {each.name[n]}: {values}")
-        lines += [f"UNKNOWN  {what}" for what in found.unknown]
-        return "\n".join([*lines, "", _verdict(found), *_starts(found)])
+        columns = {"goal": "", "before": ".4g", "after": ".4g", "margin\n%": "+.3g", "": ""}
+        lines += [tables.render(columns | {"limit": ""}, [*_goals(found)])]
+        lines += [f"  UNKNOWN  {what}" for what in found.unknown]
+        return "\n".join([*lines, "", *_verdict(found)])
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw modes and limits before and after."""
@@ -251,62 +244,54 @@ def _rows(found: Optimum, table: str) -> list[Document]:
     ]
 
 
-def _goal(found: Optimum, numbers: list[int], name: str) -> list[str]:
-    """Format goals of one name: limits not met, active, or with the least margin."""
-    limits, quantities = found.limits, found.quantities
-    mine = [n for n, goal in enumerate(limits.goal) if goal in numbers]
-    if not mine:
-        return []
-    order = sorted(mine, key=lambda n: (math.isfinite(limits.margin[n]), limits.margin[n]))
-    shown = [n for n in order if not limits.met[n] or limits.active[n]]
-    shown += [n for n in order if n not in shown][: max(NEAREST - len(shown), 0)]
-    word = "met" if all(limits.met[n] for n in mine) else "NOT MET"
-    lines = [f"{word:7}  {name}" + (f", {len(mine)} limits" if len(mine) > 1 else "")]
-    for n in shown:
-        state = "NOT MET" if not limits.met[n] else "active" if limits.active[n] else ""
-        before = _size(float(quantities.before[limits.quantity[n]]))
-        was = f", was {before}" if limits.other[n] < 0 else ""
-        room = [f"margin {_percent(limits.room[n])}"] if math.isfinite(limits.room[n]) else []
-        lines.append(
-            f"         {limits.name[n]}: {_size(limits.value[n])}{was}"
-            f" ({', '.join([*room, *([state] if state else [])])})"
-        )
-    if len(shown) < len(mine):
-        lines.append(f"         and {len(mine) - len(shown)} with larger margins")
-    return lines
+def _goals(found: Optimum) -> Iterator[list[float | str | None]]:
+    """Rows for goals of one name: limits not met, active, or with the least margin; objectives."""
+    limits, each, names = found.limits, found.quantities, _names(found)
+    for name in dict.fromkeys(names):
+        mine = [n for n, goal in enumerate(limits.goal) if names[goal - 1] == name]
+        mine.sort(key=lambda n: (math.isfinite(limits.margin[n]), limits.margin[n]))
+        shown = [n for n in mine if not limits.met[n] or limits.active[n]]
+        shown += [n for n in mine if n not in shown][: max(NEAREST - len(shown), 0)]
+        count = f"{name}, {len(shown)} of {len(mine)} limits" if mine[len(shown) :] else name
+        for n in shown:
+            before, after = float(each.before[limits.quantity[n]]), float(limits.value[n])
+            margin = round(100 * float(limits.room[n]), 4) + 0.0  # -0.0 becomes 0.0
+            remark = "active" if limits.active[n] else ""
+            remark = remark if limits.met[n] else "NOT MET"
+            title = count if n == shown[0] else ""
+            yield [title, before, after, margin, remark, limits.name[n]]
+    for n, weight in enumerate(each.weight):
+        if weight:
+            unit = "" if each.unit[n] == "1" else f", {each.unit[n]}"
+            before, after = float(each.before[n]), float(each.after[n])
+            word = "minimised" if weight > 0 else "maximised"
+            yield [word, before, after, None, "", f"{each.name[n]}{unit}"]
 
 
-def _size(value: float) -> str:
-    """Format a value; "none" for a mode that is unstable or unknown."""
-    return f"{value:.4g}" if math.isfinite(value) else "none"
-
-
-def _percent(value: float) -> str:
-    """Format a margin in %, without a minus before a zero."""
-    percent = 100 * value
-    return f"{percent:+.0f} %" if abs(percent) >= 10 else f"{round(percent, 2) + 0.0:+.2f} %"
-
-
-def _verdict(found: Optimum) -> str:
+def _verdict(found: Optimum) -> Iterator[str]:
+    """Say how many limits are met, what prevents the others, and where the searches ended."""
     count, missed = len(found.limits.name), int((~found.limits.met).sum())
     said = [f"{count or 'no'} limit{'' if count == 1 else 's'}"]
     if count:
         said += [f"{missed} NOT MET" if missed else "all are met" if count != 1 else "met"]
     said += [f"{len(found.unknown)} NOT KNOWN"] if found.unknown else []
-    return ", ".join([*said, found.checked])
-
-
-def _starts(found: Optimum) -> list[str]:
-    """Say how many searches ended at the design found, and at others."""
+    yield ", ".join([*said, found.checked])
+    if missed:
+        limits, numbers = found.limits, found.numbers
+        held = [name for name, by in zip(limits.name, limits.multiplier, strict=True) if by]
+        rows = zip(numbers.name, numbers.bound, numbers.multiplier, strict=True)
+        sides = {-1: "lower", 1: "upper"}
+        held += [f"the {sides[at]} bound of {name}" for name, at, by in rows if at and by > 0]
+        if held:
+            yield f"what is not met is limited by {', '.join(held)}"
     place, met = found.starts.place, found.starts.after <= 1e-8
-    if len(place) == 1:
-        return []
-    if not met.any():
-        return [f"none of {len(place)} searches met all limits"]
-    others, failed = int(((place > 1) & met).sum()), int((~met).sum())
-    text = f"{int((place == 1).sum())} of {len(place)} searches ended at this design"
-    text += f", {others} at others that meet all limits" if others else ""
-    return [text + (f", {failed} met not all limits" if failed else "")]
+    if len(place) > 1 and not met.any():
+        yield f"none of {len(place)} searches met all limits"
+    elif len(place) > 1:
+        others, failed = int(((place > 1) & met).sum()), int((~met).sum())
+        text = f"{int((place == 1).sum())} of {len(place)} searches ended at this design"
+        text += f", {others} at others that meet all limits" if others else ""
+        yield text + (f", {failed} met not all limits" if failed else "")
 
 
 ANALYSIS = OptimiseAnalysis()

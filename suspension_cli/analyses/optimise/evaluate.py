@@ -1,70 +1,48 @@
-"""Quantities of a design, as `pendsus modes`, `response` and `check` compute them.
+"""Quantities of designs, as `pendsus modes`, `response` and `check` compute them, in batches.
 
-Their derivatives by free numbers are central differences (`studies.derivatives`): of responses and
-loads themselves, and of the matrix R of the modes s_j,
-
-    R_jk = s_j (K(omega_k) - omega_k^2 M) s_k,
-
-whose diagonal changes as omega_j^2 does, and which changes their shapes to first order by
-
-    sum of s_j R_jk / (omega_k^2 - omega_j^2)    over the other modes j of the same symmetry
-
-(Rayleigh; Courant & Hilbert, Methoden der mathematischen Physik I, section V.13). Fractions of
-kinetic energy are those of the changed shapes. With wire mass, to which violin modes contribute,
-their derivatives are exact but for the fraction of the energy in the wires.
+Their derivatives are central differences between neighbours in every free number.
 """
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
-from suspension_cli.analyses import model_choice
 from suspension_cli.analyses.check import statics
-from suspension_cli.analyses.optimise import mode_families
+from suspension_cli.analyses.check.statics import Statics
 from suspension_cli.analyses.optimise.free_parameters import FreeDesign
-from suspension_cli.analyses.optimise.mode_families import Families
-from suspension_cli.analyses.optimise.quantities import (
-    OfMode,
-    OfResponse,
-    OfStatics,
-    Quantity,
-    Requirements,
-    interpret,
-)
+from suspension_cli.analyses.optimise.mode_families import Families, solve_modes
+from suspension_cli.analyses.optimise.quantities import Requirements, interpret
 from suspension_cli.analyses.sweep.solve import evaluate_ratio
 from suspension_cli.design import checks
+from suspension_cli.design.derive import com_positions
 from suspension_cli.design.schema import Design, Perturbation
 from suspension_cli.equilibrium.nominal import expand_nominal
 from suspension_cli.errors import InputError
-from suspension_cli.linear import batch_modes, eigenmodes, response, signals
-from suspension_cli.linear.eigenmodes import Modes
+from suspension_cli.linear import batch_modes, eigenmodes, signals
+from suspension_cli.linear.eigenmodes import find_top_masses
+from suspension_cli.linear.mode_pairing import pair_by_overlap
 from suspension_cli.linear.named_results import Ratio
-from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.symmetry import is_mirror_symmetric
-from suspension_cli.linear.system import LinearSystem
-from suspension_cli.models import choice, registry
-from suspension_cli.models.choice import Frequencies, Results, Systems, Transfer
-from suspension_cli.models.registry import Choice
+from suspension_cli.models import registry
+from suspension_cli.scene import stack
 from suspension_cli.scene.arrays import Array
+from suspension_cli.studies import builds, mode_tracking, variants
 from suspension_cli.studies.builds import Builds
-from suspension_cli.studies.derivatives import Differences, differentiate, mode_matrix, neighbours
-from suspension_cli.studies.parameters import Parameter
 
 if TYPE_CHECKING:
     from jaxtyping import Float, Int
 
-    Imperfections = tuple[Perturbation, ...]
-
 TINY = 1e-30
 """Smallest energy fraction or response, in place of 0, which has no logarithm."""
 STEP = 2e-5
-"""Step of derivatives, as energy fractions of close modes vary fast (see `studies.derivatives`)."""
+"""Step of derivatives, in fractions of the ranges; energy fractions of close modes vary fast."""
 LINEAR_BELOW = 0.1
 """Frequency, over the lowest limit on it, below which its logarithm continues linearly in omega^2,
 to unstable modes."""
@@ -75,32 +53,6 @@ PATH_STEPS = 24
 
 
 @dataclass(frozen=True)
-class Values:
-    """Quantities of one design.
-
-    Attributes
-    ----------
-    value, log : arrays
-        In their units, NaN for a mode that is unstable or cannot be followed; and logarithms, with
-        a continuation for unstable modes.
-    place : array
-        Number of the mode of each, from 0; -1 for other quantities.
-    ranked : list of int arrays
-        Numbers of the modes of each family, ascending in frequency.
-    massive : bool
-        Whether the modes include the mass of wires.
-    """
-
-    design: Design
-    value: Float[np.ndarray, " quantity"]
-    log: Float[np.ndarray, " quantity"]
-    place: Int[np.ndarray, " quantity"]
-    modes: Modes
-    ranked: list[Int[np.ndarray, " _"]]
-    massive: bool
-
-
-@dataclass(frozen=True)
 class Evaluator:
     """Quantities of a design as functions of its free numbers.
 
@@ -108,257 +60,272 @@ class Evaluator:
     ----------
     families : Families
         Mode families of the starting design.
-    modes : Choice
-        The model of all modes.
-    responses : dict of Choice
-        The model of each response.
+    modes, responses : str
+        Names of the models of the modes and of the responses.
     """
 
     freed: FreeDesign
     requirements: Requirements
     families: Families
-    modes: Choice
-    responses: dict[Quantity, Choice]
+    modes: str
+    responses: str
 
     @staticmethod
-    def of(
-        freed: FreeDesign,
-        level: str,
-        tolerance: float,
-        fraction: Float[np.ndarray, " number"],
-        least: Evaluator | None = None,
-    ) -> Evaluator:
-        """Interpret the goals, and choose the cheapest models that are accurate at a design.
+    def of(freed: FreeDesign) -> Evaluator:
+        """Interpret the goals for the starting design, on the string model.
 
-        Parameters
-        ----------
-        freed : FreeDesign
-        level : str
-            Name of a model for all, or ``auto``.
-        tolerance : float
-            Relative error that ``auto`` may leave.
-        fraction : array
-            Free numbers of the design.
-        least : Evaluator, optional
-            Whose models are the cheapest to take, as other designs need them.
-
-        Raises
-        ------
-        InputError
-            If the requested model is not valid, or the design lacks what a goal refers to.
+        Raises `InputError` if the design lacks something that a goal refers to.
         """
-
-        def choose(request: Results, perturbation: Imperfections, least: Choice | None) -> Choice:
-            here = with_imperfections(freed.design(fraction), perturbation)
-            models, compare = registry.SCENE_MODELS, Systems(here).compare(lambda _: request)
-            model_choice.demand_one_of(level, models, "cannot compute derivatives")
-            found = choice.choose(here, level, models, compare, tolerance)
-            if level != registry.AUTO or least is None or found.model.cost >= least.model.cost:
-                return found
-            kept = choice.choose(here, least.level, (), compare)
-            reason = kept.reason.replace("as requested", "other designs of the search need it", 1)
-            return replace(kept, reason=reason)
-
-        modes = choose(Frequencies(), (), least and least.modes)
-        design = freed.design(freed.begin)
+        design, string = freed.design(freed.begin), registry.STRING
         for n, goal in enumerate(freed.goals.goal, 1):
-            imperfect = with_imperfections(design, tuple(goal.perturbation or ()))
+            imperfect = with_imperfections(design, goal.perturbation or ())
             faults = checks.check_design(imperfect) if goal.perturbation else []
             if faults:
                 raise InputError([replace(one, key=f"goal.{n}.{one.key}") for one in faults])
-        model = modes.model.system(design)
-        found = eigenmodes.solve(model.constant)
-        families = Families.of(is_mirror_symmetric(expand_nominal(design)), found.energy)
+        model = string.system(design)
+        modes = eigenmodes.solve(model.constant)
+        families = Families.of(is_mirror_symmetric(expand_nominal(design)), modes.energy)
         known = signals.bodies_with_signals(model)
-        wanted = interpret(freed.goals, design, found, families, known, modes.level)
-        responses: dict[Quantity, Choice] = {}
-        for item in wanted.quantities:
-            if isinstance(item, OfResponse):
-                at = np.array([item.ratio.frequency])
-                request = Transfer([item.ratio.input], outputs_of(item.ratio), at)
-                known_least = least and least.responses.get(item)
-                responses[item] = choose(request, item.perturbation, known_least)
-        return Evaluator(freed, wanted, families, modes, responses)
+        wanted = interpret(freed.goals, design, modes, families, known)
+        return Evaluator(freed, wanted, families, string.name, string.name)
 
-    @property
-    def quantities(self) -> tuple[Quantity, ...]:
-        """Quantities in the order of all arrays."""
-        return self.requirements.quantities
+    def at(self, fraction: Float[np.ndarray, " number"]) -> Float[np.ndarray, " value"]:
+        """Evaluate one design, as `logs`; raises `InputError` if it is invalid."""
+        found = Results(self, [self.freed.design(fraction)], self.follow(fraction))
+        return self.logs(found, fraction[None])[0]
 
-    def level(self, item: Quantity) -> str:
-        """Name of the model of a quantity; "" for loads (straight wires)."""
-        if isinstance(item, OfStatics):
-            return ""
-        return self.responses.get(item, self.modes).level
+    def logs(
+        self, results: Results, fractions: Float[np.ndarray, "design number"]
+    ) -> Float[np.ndarray, "design value"]:
+        """Logarithms of quantities, then margins of the bounds of dependent numbers.
 
-    @property
-    def levels(self) -> list[str]:
-        """Names of all models, that of the modes first."""
-        return [one.level for one in (self.modes, *self.responses.values())]
-
-    @cached_property
-    def _nominal(self) -> Float[np.ndarray, "mode coordinate"]:
-        """Shapes of the modes of the starting design, as in `batch_modes.Spectrum`."""
-        model = self.modes.model.system(self.freed.design(self.freed.begin))
-        return batch_modes.solve(model.constant).shape
+        Below a floor logarithms are continued linearly in the square, to unstable modes.
+        """
+        value = results.values
+        squared = value * np.abs(value)
+        least = np.maximum(squared, self._floors)
+        with np.errstate(invalid="ignore"):  # infinite ratios of responses
+            log = np.log(least) / 2 + (squared - least) / (2 * self._floors)
+        margins = [self.freed.margins(one)[self.freed.bounded] for one in fractions]
+        return np.hstack([log, np.array(margins)])
 
     @cached_property
     def _floors(self) -> Float[np.ndarray, " quantity"]:
-        """omega^2, (rad/s)^2, below which logarithms of frequencies continue linearly."""
-        lowest = np.full(len(self.quantities), np.inf)
-        for limit in self.requirements.limits:
-            lowest[limit.quantity] = min(lowest[limit.quantity], limit.value)
-        return (2 * np.pi * np.where(np.isinf(lowest), LINEAR_BELOW_HZ, LINEAR_BELOW * lowest)) ** 2
+        """Squares of quantities below which their logarithms continue linearly."""
+        lowest = np.full(len(self.requirements.quantities), LINEAR_BELOW_HZ / LINEAR_BELOW)
+        for n, item in enumerate(self.requirements.quantities):
+            asked = [one.value for one in self.requirements.limits if one.quantity == n]
+            lowest[n] = min(asked, default=lowest[n])
+            if item.unit != "Hz":
+                lowest[n] = TINY
+        return (LINEAR_BELOW * lowest) ** 2
 
-    def values(self, fraction: Float[np.ndarray, " number"], steps: int = PATH_STEPS) -> Values:
-        """Evaluate the quantities; raises `InputError` if the design is invalid.
+    def follow(
+        self, fraction: Float[np.ndarray, " number"], steps: int = PATH_STEPS
+    ) -> Array | None:
+        """Shapes in a design of all modes of the starting design; None if no goal has a label.
 
-        `steps` are those of the path along which modes with a label are followed.
+        They are followed on the string model along the straight line between the two. NaN if the
+        design has no equilibrium.
         """
-        design = self.freed.design(fraction)
-        systems: dict[Imperfections, Systems] = {(): Systems(design)}
-        model = systems[()](self.modes.model)
-        modes = mode_families.solve_modes(model)
-        ranked, followed = self.families.ranked(modes.energy), np.zeros(0, dtype=int)
-        if any(isinstance(item, OfMode) and item.number >= 0 for item in self.quantities):
-            values = zip(
-                self.freed.values(self.freed.begin).items(),
-                self.freed.values(fraction).values(),
-                strict=True,
-            )
-            path = {name: np.linspace(start, end, steps + 1) for (name, start), end in values}
-            followed = mode_families.follow_modes(
-                self.freed.text, path, self.modes.level, self._nominal, modes, model
-            )
-        value, place = self._loads(design), np.full(len(self.quantities), -1)
-        for n, item in enumerate(self.quantities):
-            if isinstance(item, OfMode):
-                rows = followed if item.number >= 0 else ranked[item.family]
-                number = max(item.number, item.rank)
-                place[n] = rows[number] if number < len(rows) else -1
-                if place[n] < 0:
-                    problem = "modes named by label cannot be followed to this design"
-                    raise InputError.of("goal", problem, "name them by dof instead")
-                value[n] = (modes.top_fraction if item.fraction else modes.frequency)[place[n]]
-            elif isinstance(item, OfResponse):
-                own = item.perturbation
-                if own not in systems:
-                    systems[own] = Systems(with_imperfections(design, own))
-                value[n] = _magnitude(
-                    systems[own](self.responses.get(item, self.modes).model), item.ratio
-                )
-        log = np.log(np.maximum(value, TINY))
-        for n in self._frequencies:
-            squared = max(float(modes.omega_squared[place[n]]), self._floors[n])
-            beyond = (modes.omega_squared[place[n]] - squared) / (2 * self._floors[n])
-            log[n] = np.log(squared) / 2 - np.log(2 * np.pi) + beyond
-        massive = mode_families.has_wire_mass(model)
-        return Values(design, value, log, place, modes, ranked, massive)
+        if all(-1 not in item.key for item in self.requirements.quantities):
+            return None
+        line = np.linspace(self.freed.begin, fraction, steps + 1)
+        designs = [self.freed.design_if_valid(one) for one in line]
+        solved = Results(replace(self, modes=registry.STRING.name), designs).modes
+        rows = [solved.get(n, solved[0]) for n in range(steps + 1)]
+        squared, shape = (
+            np.array([getattr(one, name) for one in rows]) for name in ("squared", "shape")
+        )
+        good = np.array([n in solved for n in range(steps + 1)])
+        rank, _ = mode_tracking.follow(squared, shape, good, (0,), shape[0])
+        return shape[-1][rank[-1]] * (1.0 if good[-1] else np.nan)
 
-    @property
-    def _frequencies(self) -> list[int]:
-        """Numbers of the quantities that are frequencies of modes."""
-        return [
-            n
-            for n, item in enumerate(self.quantities)
-            if isinstance(item, OfMode) and not item.fraction
-        ]
+    def slopes(self, fraction: Float[np.ndarray, " number"]) -> Float[np.ndarray, "value number"]:
+        """Differentiate the values of `logs` by the fractions.
 
-    def slopes(
-        self, at: Values, fraction: Float[np.ndarray, " number"]
-    ) -> Float[np.ndarray, "quantity number"]:
-        """Differentiate logarithms of the quantities by the free numbers."""
-        design, directions = at.design, self.freed.directions(fraction)
-        slope = np.zeros((len(self.quantities), len(directions)))
-        groups: dict[tuple[Imperfections, str], dict[int, Ratio]] = {}
-        for n, item in enumerate(self.quantities):
-            if isinstance(item, OfMode):
-                groups.setdefault(((), self.modes.level), {})
-            elif isinstance(item, OfResponse):
-                groups.setdefault((item.perturbation, self.level(item)), {})[n] = item.ratio
-        for key, ratios in groups.items():
-            modal = key == ((), self.modes.level)
+        One-sided where a neighbour has no equilibrium. Changes of modes by wire mass are neglected.
+        Raises `InputError` if a number cannot change alone.
+        """
+        steps = STEP * np.eye(len(fraction))
+        line = np.array([*(fraction + steps), *(fraction - steps), fraction])
+        designs = [self.freed.design_if_valid(one) for one in line]
+        found = Results(self, designs, self.follow(fraction), around=True)
+        *sides, middle = self.logs(found, line)
+        above, below = np.array(sides).reshape(2, len(steps), -1)
+        above = np.where(np.isnan(above), 2 * middle - below, above)
+        below = np.where(np.isnan(below), 2 * middle - above, below)
+        for item, own in zip(self.freed.goals.free, above, strict=True):
+            if np.isnan(own).any():
+                problem = "a change of this number alone unbalances the suspension"
+                remedy = "let other numbers depend on it by [[equal]]"
+                raise InputError.of(f"free.{item.name}", f"{problem} in its nominal pose", remedy)
+        return (above - below).T / (2 * STEP)
 
-            def evaluate(
-                found: Builds, modal: bool = modal, ratios: dict[int, Ratio] = ratios
-            ) -> Array:
-                columns = [evaluate_ratio(found, ratio) for ratio in ratios.values()]
-                return np.column_stack([*columns, *(_mode_changes(found, at) if modal else ())])
 
-            imperfect = with_imperfections(design, key[0])
-            around = differentiate(imperfect, directions, key[1], evaluate, relative=STEP)
-            _demand_balance(around, directions)
-            sizes, rates = np.abs(around.nominal), around.of_magnitudes
-            for k, n in enumerate(ratios):
-                slope[n] = rates[:, k] / sizes[k] if sizes[k] > TINY else 0.0
-            if modal:
-                changes = np.real(around.central[:, len(ratios) :]).reshape(len(directions), 2, -1)
-                for n, item in enumerate(self.quantities):
-                    if isinstance(item, OfMode):
-                        slope[n] = changes[:, int(item.fraction), at.place[n]]
-        for n in self._frequencies:
-            slope[n] /= 2 * max(float(at.modes.omega_squared[at.place[n]]), self._floors[n])
-        loads = [n for n, item in enumerate(self.quantities) if isinstance(item, OfStatics)]
-        if loads:
-            step, designs = neighbours(design, directions, STEP)
-            log = np.log([self._loads(one)[loads] for one in designs])
-            slope[loads] = (log[::2] - log[1::2]).T / (2 * step)
-        return slope
+@dataclass(frozen=True)
+class BodyModes:
+    """Modes of one design.
 
-    def _loads(self, design: Design) -> Float[np.ndarray, " quantity"]:
-        """Stresses and depths, as in `pendsus check`; NaN for other quantities."""
-        found = np.full(len(self.quantities), np.nan)
-        if any(isinstance(item, OfStatics) for item in self.quantities):
-            solved = statics.solve(design)
-            for n, item in enumerate(self.quantities):
-                if isinstance(item, OfStatics):
-                    found[n] = item.value(design, solved)
+    Attributes
+    ----------
+    squared : array
+        omega^2, (rad/s)^2, ascending.
+    shape : array
+        Of bodies, as in `batch_modes.Spectrum`: squares are fractions of the kinetic energy.
+    top : tuple of int
+        As in `LinearSystem`.
+    """
+
+    squared: Float[np.ndarray, " mode"]
+    shape: Float[np.ndarray, "mode coordinate"]
+    top: tuple[int, ...]
+
+    @cached_property
+    def energy(self) -> Float[np.ndarray, "mode body 6"]:
+        """Fractions of the kinetic energy."""
+        return (self.shape**2).reshape(len(self.shape), -1, 6)
+
+    @cached_property
+    def top_fraction(self) -> Float[np.ndarray, " mode"]:
+        """Fraction of the kinetic energy in the top mass."""
+        top = find_top_masses(self.energy, self.top)
+        return self.energy[np.arange(len(self.shape)), top].sum(-1)
+
+    @cached_property
+    def frequency(self) -> Float[np.ndarray, " mode"]:
+        """Frequency, Hz; minus the growth rate over 2 pi of an unstable mode."""
+        return np.sign(self.squared) * np.sqrt(np.abs(self.squared)) / (2 * np.pi)
+
+
+@dataclass(frozen=True)
+class Results:
+    """Modes, responses and loads of designs that differ in their numbers, on demand.
+
+    Without a value (NaN) for a design that is None or has no equilibrium.
+
+    Attributes
+    ----------
+    shapes : array or None
+        Shapes of modes with a label (`Evaluator.follow`).
+    around : bool
+        Whether the designs are neighbours of the last one. Changes by wire mass are neglected then.
+    """
+
+    evaluator: Evaluator
+    designs: Sequence[Design | None]
+    shapes: Float[np.ndarray, "mode coordinate"] | None = None
+    around: bool = False
+    _builds: dict[object, list[tuple[list[int], Builds]]] = field(default_factory=dict)
+
+    @cached_property
+    def values(self) -> Float[np.ndarray, "design quantity"]:
+        """All quantities, each in its unit; minus the growth rate over 2 pi of unstable modes."""
+        items = self.evaluator.requirements.quantities
+        return np.stack([getattr(self, item.method)(*item.key) for item in items], axis=1)
+
+    def of_mode(self, what: str, family: int, number: int) -> Float[np.ndarray, " design"]:
+        """An attribute of a mode by family and rank, or of family -1 by its shape."""
+        value = np.full(len(self.designs), np.nan)
+        for n, modes in self.modes.items():
+            place = self.numbers[n][family][number]
+            value[n] = getattr(modes, what)[place] if place >= 0 else np.nan
+        return value
+
+    def separation(self, hertz: bool, *modes: int) -> Float[np.ndarray, " design"]:
+        """Ratio or difference (Hz) of the frequencies of two modes, the higher one first."""
+        one, other = (np.abs(self.of_mode("frequency", *key)) for key in (modes[:2], modes[2:]))
+        swap = one < other
+        if self.around:  # smooth where two modes cross
+            swap = swap[-1:]
+        high, low = np.where(swap, other, one), np.where(swap, one, other)
+        return high - low if hertz else high / low
+
+    @cached_property
+    def numbers(self) -> dict[int, list[Int[np.ndarray, " _"]]]:
+        """Numbers of the modes of each family, and last of those with `shapes` (-1: unknown)."""
+        found = {n: self.evaluator.families.ranked(modes.energy) for n, modes in self.modes.items()}
+        for n, modes in self.modes.items() if self.shapes is not None else ():
+            overlap = (self.shapes @ modes.shape.T) ** 2
+            known = np.isfinite(overlap).all()
+            found[n].append(pair_by_overlap(overlap) if known else np.full(len(overlap), -1))
         return found
 
+    def response(
+        self, ratio: Ratio, perturbation: tuple[Perturbation, ...]
+    ) -> Float[np.ndarray, " design"]:
+        """Magnitude of a response, or of a ratio of two, with further imperfections."""
+        value = np.full(len(self.designs), np.nan)
+        for places, found in self._balanced(perturbation, self.evaluator.responses):
+            value[places] = np.abs(evaluate_ratio(found, ratio))
+        return value
 
-def with_imperfections(design: Design, perturbation: Imperfections) -> Design:
+    def stress(self, part: str, place: int) -> Float[np.ndarray, " design"]:
+        """Stress over tensile strength of a wire or blade, by its number."""
+        return np.array(
+            [one and getattr(one, part)[place].fraction for one in self._statics], dtype=float
+        )
+
+    def depth(self, stage: str) -> Float[np.ndarray, " design"]:
+        """Depth, m, of the COM of a stage below the suspension point."""
+        value = np.full(len(self.designs), np.nan)
+        for n, (design, found) in enumerate(zip(self.designs, self._statics, strict=True)):
+            if design is not None and found is not None:
+                (shift,) = (body.shift for body in found.bodies if body.name == stage)
+                value[n] = -(com_positions(design)[stage][2] + shift[2])
+        return value
+
+    @cached_property
+    def modes(self) -> dict[int, BodyModes]:
+        """Modes of every design with an equilibrium, by its place."""
+        found: dict[int, BodyModes] = {}
+        level = registry.by_name(self.evaluator.modes)
+        massive = level.has_wire_mass and not self.around
+        for n, design in enumerate(self.designs if massive else ()):
+            with contextlib.suppress(InputError):
+                if design is not None:
+                    model = level.system(design)
+                    modes, own = solve_modes(model), slice(6, 6 + 6 * len(model.body))
+                    root = np.linalg.cholesky(model.mass[own, own])
+                    shape = modes.shape[:, : len(root)] @ root
+                    found[n] = BodyModes(modes.omega_squared, shape, model.top)
+        for places, batch in () if massive else self._balanced((), level.name):
+            solved, size = batch_modes.solve(batch.model), 6 * len(batch.model.body)
+            for k in np.flatnonzero(batch.status == builds.GOOD):
+                shape = solved.shape[k, :, :size]
+                found[places[k]] = BodyModes(solved.omega_squared[k], shape, batch.model.top)
+        count = self.evaluator.families.size.sum()  # other numbers of modes cannot be compared
+        return {n: modes for n, modes in found.items() if len(modes.squared) == count}
+
+    def _balanced(
+        self, perturbation: tuple[Perturbation, ...], level: str
+    ) -> list[tuple[list[int], Builds]]:
+        """Balance all designs in batches, with their places."""
+        key = (perturbation, level)
+        if key not in self._builds:
+            imperfect = [one and with_imperfections(one, perturbation) for one in self.designs]
+            self._builds[key] = [
+                (
+                    places,
+                    builds.balance(
+                        stack.stack_scenes(scenes), one, level=level, allow_unstable=True
+                    ),
+                )
+                for places, scenes, one in variants.alike(imperfect, level)
+            ]
+        return self._builds[key]
+
+    @cached_property
+    def _statics(self) -> list[Statics | None]:
+        return [one and _solve_statics(one) for one in self.designs]
+
+
+def with_imperfections(design: Design, perturbation: Sequence[Perturbation]) -> Design:
     """Add imperfections to those of a design."""
     return msgspec.structs.replace(design, perturbation=[*design.perturbation, *perturbation])
 
 
-def outputs_of(ratio: Ratio) -> list[Signal]:
-    """Outputs of a response, or of a ratio of two."""
-    return [ratio.over] + ([] if ratio.under is None else [ratio.under])
-
-
-def _magnitude(model: LinearSystem, ratio: Ratio) -> float:
-    """Magnitude of a response, or of a ratio of two, of one design."""
-    found = response.solve(model, np.array([ratio.frequency]), [ratio.input], outputs_of(ratio))
-    size = np.abs(found.value[0, :, 0])
-    with np.errstate(divide="ignore"):
-        return float(size[0] if len(size) == 1 else size[0] / size[1] if size[0] else 0.0)
-
-
-def _mode_changes(found: Builds, at: Values) -> Float[np.ndarray, "change*mode build"]:
-    """Compute changes of omega^2 of all modes, then logarithms of energy fractions in the top mass.
-
-    Of builds that are neighbours of a design with values `at`.
-    """
-    modes = at.modes
-    matrix = mode_matrix(found, modes, massive=at.massive)
-    squared, count = modes.omega_squared, len(found.model.body)
-    apart = squared - squared[:, None]
-    mixing = (modes.block == modes.block[:, None]) & (apart != 0)
-    mix = np.where(mixing, matrix / np.where(mixing, apart, 1.0), 0.0)
-    shape = modes.shape + mix.swapaxes(1, 2) @ modes.shape
-    moved = shape[..., : 6 * count].reshape(*shape.shape[:2], count, 6)
-    mass = np.broadcast_to(found.model.mass, (len(shape), *found.model.mass.shape[-2:]))
-    own = np.stack([mass[:, 6 * n : 6 * n + 6, 6 * n : 6 * n + 6] for n in range(1, count + 1)], 1)
-    energy = np.einsum("bmni,bnij,bmnj->bmn", moved, own, moved)
-    top = energy[:, np.arange(len(squared)), modes.top_mass] / energy.sum(-1)
-    squares = np.einsum("bkk->kb", matrix)
-    return np.concatenate([squares, np.log(np.maximum(top, TINY)).T])
-
-
-def _demand_balance(around: Differences, directions: Sequence[Parameter]) -> None:
-    """Raise `InputError` if a number cannot change alone."""
-    for item, good in zip(directions, around.balanced, strict=True):
-        if not good:
-            problem = "a change of this number alone unbalances the suspension in its nominal pose"
-            remedy = "let other numbers depend on it by [[equal]]"
-            raise InputError.of(f"free.{item.name}", problem, remedy)
+def _solve_statics(design: Design) -> Statics | None:
+    with contextlib.suppress(InputError):
+        return statics.solve(design)
+    return None

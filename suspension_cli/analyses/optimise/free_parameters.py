@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -16,7 +17,6 @@ from suspension_cli.design.goals import Goals
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.studies import parameters
-from suspension_cli.studies.parameters import Parameter
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float
@@ -50,14 +50,13 @@ class FreeDesign:
         Raises `InputError` if the design does not give them, or a start lies out of bounds.
         """
         known = {item.name: item.value for item in parameters.every(text)}
-        if faults := [*_unknown_numbers(goals, known), *_starts_outside(goals, known)]:
+        if faults := [*_faults(goals, known)]:
             raise InputError(faults)
         start = [known[item.name] if item.start is None else item.start for item in goals.free]
         fixed = {term: known[term] for item in goals.equal for term in item.terms}
         made = FreeDesign(text, goals, np.array(start, dtype=float), fixed)
         try:
-            text = made.toml(made.begin)
-            reader.parse(text)
+            made.design(made.begin)
         except InputError as error:
             problem = "makes the starting design invalid"
             raise InputError(
@@ -66,83 +65,59 @@ class FreeDesign:
                     for one in error.faults
                 ]
             ) from None
-        return replace(made, text=text)
+        return replace(made, text=made.toml(made.begin))
 
     @cached_property
-    def lower(self) -> Float[np.ndarray, " number"]:
-        """Lower bounds, SI."""
-        return np.array([item.lower for item in self.goals.free])
-
-    @cached_property
-    def upper(self) -> Float[np.ndarray, " number"]:
-        """Upper bounds, SI."""
-        return np.array([item.upper for item in self.goals.free])
-
-    @cached_property
-    def _log(self) -> Bool[np.ndarray, " number"]:
-        return np.array([item.scale == "log" for item in self.goals.free])
+    def bounds(self) -> Float[np.ndarray, "side number"]:
+        """Lower and upper bounds of free numbers, then of dependent ones; NaN without a bound."""
+        items = [*self.goals.free, *self.goals.equal]
+        return np.array([[one.lower, one.upper] for one in items], dtype=float).T
 
     def _scaled(self, number: Float[np.ndarray, " number"]) -> Float[np.ndarray, " number"]:
-        """Numbers, or their logarithms where the search is logarithmic."""
-        return np.log(number, out=number.copy(), where=self._log)
+        """Fractions of numbers, or of their logarithms where the search is logarithmic."""
+        log = np.array([item.scale == "log" for item in self.goals.free])
+        rows = np.array([number, *self.bounds[:, : len(log)]])
+        here, low, high = np.log(rows, out=rows, where=log)
+        return (here - low) / (high - low)
 
     @cached_property
     def begin(self) -> Float[np.ndarray, " number"]:
         """Fractions of the starting design."""
-        low, high = self._scaled(self.lower), self._scaled(self.upper)
-        return (self._scaled(self.start) - low) / (high - low)
-
-    def numbers(self, fraction: Float[np.ndarray, " number"]) -> Float[np.ndarray, " number"]:
-        """Compute the free numbers at fractions of the ranges."""
-        low, high = self._scaled(self.lower), self._scaled(self.upper)
-        found = low + fraction * (high - low)
-        found = np.clip(np.exp(found, out=found, where=self._log), self.lower, self.upper)
-        return np.where(fraction == self.begin, self.start, found)
-
-    def rate(self, fraction: Float[np.ndarray, " number"]) -> Float[np.ndarray, " number"]:
-        """Differentiate `numbers`."""
-        span = self._scaled(self.upper) - self._scaled(self.lower)
-        return span * np.where(self._log, self.numbers(fraction), 1.0)
+        return self._scaled(self.start)
 
     def values(self, fraction: Float[np.ndarray, " number"]) -> dict[str, float]:
-        """Free numbers, then dependent ones, by dotted path."""
-        names = (item.name for item in self.goals.free)
-        free = dict(zip(names, self.numbers(fraction).tolist(), strict=True))
+        """Free numbers at fractions of the ranges, then dependent ones, by dotted path."""
+        free = {}
+        for n, item in enumerate(self.goals.free):
+            u, low, high = float(fraction[n]), item.lower, item.upper
+            known = {0.0: low, 1.0: high, float(self.begin[n]): float(self.start[n])}
+            between = low * (high / low) ** u if item.scale == "log" else low + u * (high - low)
+            free[item.name] = known.get(u, between)
         known = self.fixed | free
         return free | {
             item.name: item.offset + sum(rate * known[term] for term, rate in item.terms.items())
             for item in self.goals.equal
         }
 
-    def directions(self, fraction: Float[np.ndarray, " number"]) -> list[Parameter]:
-        """Free numbers, each with those that change with it."""
-        values, equal = self.values(fraction), self.goals.equal
-        return [
-            Parameter(
-                name,
-                values[name],
-                tuple((one.name, one.terms[name]) for one in equal if name in one.terms),
-            )
-            for name in (item.name for item in self.goals.free)
-        ]
+    def margins(self, fraction: Float[np.ndarray, " number"]) -> Float[np.ndarray, "side number"]:
+        """Distances of all numbers from their bounds; infinite where there is no bound.
 
-    def dependent_margins(
-        self, fraction: Float[np.ndarray, " number"]
-    ) -> tuple[Float[np.ndarray, " bound"], Float[np.ndarray, "bound number"]]:
-        """Compute distances of dependent numbers from their bounds, relative to these, and slopes.
-
-        For each number, first from the lower, then from the upper bound, if it has these.
+        Of free numbers as fractions, of dependent ones over the distance between the bounds, or
+        over a single bound.
         """
-        values, rate = self.values(fraction), self.rate(fraction)
-        margins, slopes = [], []
-        for item in self.goals.equal:
-            slope = rate * [item.terms.get(one.name, 0.0) for one in self.goals.free]
-            for bound, sign in ((item.lower, 1.0), (item.upper, -1.0)):
-                if bound is not None:
-                    sign /= abs(bound) or 1.0
-                    margins.append(sign * (values[item.name] - bound))
-                    slopes.append(sign * slope)
-        return np.array(margins), np.array(slopes).reshape(-1, len(rate))
+        count, (low, high) = len(fraction), self.bounds
+        single = np.fmax(np.abs(low), np.abs(high))
+        span = np.where(np.isnan(high - low), np.where(single > 0, single, 1.0), high - low)
+        tied = np.array([*self.values(fraction).values()])[count:]
+        away = np.array([tied - low[count:], high[count:] - tied]) / span[count:]
+        found = np.hstack([[fraction, 1 - fraction], away])
+        return np.where(np.isnan(found), np.inf, found)
+
+    @cached_property
+    def bounded(self) -> Bool[np.ndarray, "side number"]:
+        """Which bounds of dependent numbers there are."""
+        known = np.isfinite(self.bounds)
+        return known & (np.arange(known.shape[1]) >= len(self.start))
 
     def toml(self, fraction: Float[np.ndarray, " number"]) -> str:
         """Design as TOML."""
@@ -154,9 +129,15 @@ class FreeDesign:
         """Parsed design; raises `InputError` if it is invalid."""
         return reader.parse(self.toml(fraction))
 
+    def design_if_valid(self, fraction: Float[np.ndarray, " number"]) -> Design | None:
+        """Parsed design; None if it is invalid."""
+        with contextlib.suppress(InputError):
+            return self.design(fraction)
+        return None
 
-def _unknown_numbers(goals: Goals, known: dict[str, float]) -> Iterator[Fault]:
-    """Faults of names that the design does not give."""
+
+def _faults(goals: Goals, known: dict[str, float]) -> Iterator[Fault]:
+    """Faults of names that the design does not give, and of starts out of bounds."""
     free = [item.name for item in goals.free]
     named = [(f"free.{n}.name", name) for n, name in enumerate(free, 1)]
     for n, item in enumerate(goals.equal, 1):
@@ -166,10 +147,6 @@ def _unknown_numbers(goals: Goals, known: dict[str, float]) -> Iterator[Fault]:
         if name not in known:
             remedy = f"add it to the design (--set); {suggest(name, list(known))}"
             yield Fault(key, "the design gives no such number", remedy, format_value(name))
-
-
-def _starts_outside(goals: Goals, known: dict[str, float]) -> Iterator[Fault]:
-    """Faults of starting values of the design that lie outside their bounds."""
     for n, item in enumerate(goals.free, 1):
         value = known.get(item.name, item.lower) if item.start is None else item.start
         if not item.lower <= value <= item.upper:

@@ -1,10 +1,9 @@
-"""Identification of modes across designs: by family and rank, or followed by shape.
+"""Families of modes that do not couple, and modes of bodies with and without wire mass.
 
 Mirror symmetries split motions into families that do not couple: longitudinal with pitch,
 transverse with roll, vertical, yaw. Within a family, frequencies generally do not cross (von
 Neumann and Wigner, Phys. Z. 30, 467 (1929)), so that the rank of a mode identifies it in any
-design, and its frequency changes smoothly. A mode with a label is followed by shape along the
-straight line between two designs (`mode_tracking`).
+design, and its frequency changes smoothly.
 """
 
 from __future__ import annotations
@@ -16,12 +15,11 @@ import numpy as np
 
 from suspension_cli.analyses.modes import wire_modes
 from suspension_cli.conventions import DOF_NAMES, DOFS, PARITY_X, PARITY_Y
-from suspension_cli.linear import batch_modes, eigenmodes
+from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.frequency_terms import WireTerm
-from suspension_cli.linear.mode_pairing import body_overlap, pair_by_overlap, pair_by_shape
+from suspension_cli.linear.mode_pairing import body_overlap, pair_by_overlap
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.studies import builds, mode_tracking, variants
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
@@ -100,46 +98,3 @@ def solve_modes(model: LinearSystem) -> Modes:
     mass = model.mass[6 : 6 + count, 6 : 6 + count]
     pairs = pair_by_overlap(body_overlap(static.shape, found.shape, mass))
     return found.select(np.sort(pairs[pairs >= 0]))
-
-
-def follow_modes(
-    text: str,
-    path: dict[str, Float[np.ndarray, " step"]],
-    level: str,
-    nominal: Float[np.ndarray, "mode coordinate"],
-    found: Modes,
-    model: LinearSystem,
-) -> Int[np.ndarray, " mode"]:
-    """Follow the modes of a design along a path to another.
-
-    Parameters
-    ----------
-    text : str
-        Either design as TOML.
-    path : dict of arrays
-        Numbers that change, by dotted path, at steps from one design to the other.
-    level : str
-        Name of a model that supports builds.
-    nominal : array
-        Shapes at the start, as in `batch_modes.Spectrum`.
-    found, model : Modes, LinearSystem
-        At the end.
-
-    Returns
-    -------
-    place : array
-        Number among the modes at the end of each mode at the start; -1 where it is unknown.
-    """
-    count = len(next(iter(path.values())))
-    squared, good = np.full((count, len(nominal)), np.nan), np.zeros(count, dtype=bool)
-    shape = np.zeros((count, *nominal.shape))
-    for batch, here in variants.balanced(text, path, level, allow_unstable=True):
-        if batch.model.size - 6 == nominal.shape[1]:
-            solved = batch_modes.solve(batch.model)
-            squared[here], shape[here] = solved.omega_squared, solved.shape
-            good[here] = batch.status == builds.GOOD
-    if not good[-1]:
-        return np.full(len(nominal), -1)
-    rank, _ = mode_tracking.follow(squared, shape, good, (0,), nominal)
-    mass = np.diag(model.basis @ model.mass @ model.basis.T)
-    return pair_by_shape(shape[-1], found.shape * np.sqrt(mass[6:]))[0][rank[-1]]

@@ -13,21 +13,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Numbers:
-    """Free numbers, then dependent ones.
+    """Free numbers, then dependent ones (`tied`), by dotted path, SI; NaN where there is no bound.
 
-    Attributes
-    ----------
-    name : tuple of str
-        Dotted paths.
-    tied : array
-        Whether a number depends on others.
-    before, after, lower, upper : arrays
-        Values and bounds, SI; NaN where there is no bound.
-    bound : array
-        -1 at the lower bound, 1 at the upper one, 0 between them.
-    multiplier : array
-        Decrease of the objective per shift of the bound outwards, in units of the range between
-        the bounds; NaN for a dependent number with only one bound.
+    `bound` is -1 at the lower bound, 1 at the upper one, 0 between them. `multiplier` is the
+    decrease of the objective per shift of the bound outwards, in units of the range between the
+    bounds; NaN for a dependent number with only one bound.
     """
 
     name: tuple[str, ...]
@@ -42,19 +32,11 @@ class Numbers:
 
 @dataclass(frozen=True)
 class Quantities:
-    """Quantities that goals refer to.
+    """Quantities that goals refer to, in both designs; NaN for an unstable mode.
 
-    Attributes
-    ----------
-    name, unit : tuple of str
-    before, after : arrays
-        Values of both designs; NaN for an unstable mode.
-    mode : array
-        Number of the mode in the optimised design, from 0; -1 for other quantities.
-    weight : array
-        Weight in the objective: positive to minimise, negative to maximise, 0 for others.
-    model : tuple of str
-        Model of each mode and response; "" for loads of straight wires.
+    `mode` is the number of the mode in the optimised design, from 0; -1 for other quantities.
+    `weight` in the objective is positive to minimise, negative to maximise. `model` is that of
+    modes and responses; "" for loads of straight wires.
     """
 
     name: tuple[str, ...]
@@ -68,33 +50,17 @@ class Quantities:
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits on the quantities.
+    """Limits on the quantities, named like ``yaw 3 <= 5 Hz``.
 
-    Attributes
-    ----------
-    name : tuple of str
-        ``yaw 3 <= 5 Hz``.
-    goal : array
-        Number of the goal in its file, from 1.
-    quantity, other : array
-        Number of the quantity, and of the one below it in a separation (-1: none).
-    sense : tuple of str
-        ``at_least``, ``at_most`` or ``equals``.
-    asked, value : arrays
-        Limit and value; ratios or differences of separations.
-    margin : array
-        ln of value over limit, or of limit over value, negative if not met; minus the absolute
-        value for an equality.
-    met, active : array
-        Active limits constrain the optimum.
-    multiplier : array
-        Decrease of the objective per unit by which the margin may shrink.
+    `goal` is the number of the goal in its file, from 1, and `quantity` that of the quantity, from
+    0. `margin` is ln of value over limit, or of limit over value, negative if not met; minus the
+    absolute value for an equality. `active` limits constrain the optimum; `multiplier` is the
+    decrease of the objective per unit by which the margin may shrink.
     """
 
     name: tuple[str, ...]
     goal: Int[np.ndarray, " limit"]
     quantity: Int[np.ndarray, " limit"]
-    other: Int[np.ndarray, " limit"]
     sense: tuple[str, ...]
     asked: Float[np.ndarray, " limit"]
     value: Float[np.ndarray, " limit"]
@@ -120,18 +86,10 @@ def relative_room(
 
 @dataclass(frozen=True)
 class ModeTable:
-    """All modes by family and rank.
+    """All modes by family and rank (``longitudinal-pitch 1``): Hz, NaN for an unstable mode.
 
-    Attributes
-    ----------
-    name : tuple of str
-        Family and rank, ``longitudinal-pitch 1``.
-    label, number : tuple of str, array
-        Label and number (from 0) in the optimised design.
-    before, after : arrays
-        Frequencies, Hz; NaN for an unstable mode.
-    fraction_before, fraction_after : arrays
-        Fraction of the kinetic energy in the top mass.
+    `label` and `number` (from 0) are those in the optimised design; fractions are of the kinetic
+    energy in the top mass.
     """
 
     name: tuple[str, ...]
@@ -147,13 +105,8 @@ class ModeTable:
 class Starts:
     """Starts of the search; the first is the given design.
 
-    Attributes
-    ----------
-    before, after : arrays
-        Largest violation of a limit (logarithm); NaN for an invalid design.
-    objective : array
-    place : array
-        Number of the design reached, from 1, equal for equal designs; 0 if none.
+    `before` and `after` are largest violations of a limit (logarithm); NaN for an invalid design.
+    `place` is the number of the design reached, from 1, equal for equal designs; 0 if none.
     """
 
     before: Float[np.ndarray, " start"]
@@ -173,7 +126,7 @@ class Optimum:
     objective : str
         Description of the function that was minimised.
     stationarity : float
-        See `ActiveSet`.
+        See `search.Multipliers`.
     fidelity, reason, error : str, str, float
         Model of the modes, why, and its estimated relative error.
     design : str

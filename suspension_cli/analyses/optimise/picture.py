@@ -1,7 +1,11 @@
-"""Figure of an optimised design: modes before and after, other limits, changed numbers."""
+"""Figure of an optimised design: modes, numbers between their bounds, and margins of other limits.
+
+All panels are alike: a row each, marked before and after on the range that is allowed.
+"""
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,7 +34,6 @@ from suspension_cli.drawing.style import (
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
 
-BEFORE, AFTER = PALETTE[4], PALETTE[0]
 BAND = "#dcefe8"
 ROW = 0.17
 """Height of a row, inches."""
@@ -38,13 +41,16 @@ BETWEEN = 0.68
 """Height between panels, in."""
 WIDTH = 4.5
 """Width of the figure, in."""
-ASIDE = 0.17
-"""Shift of markers before (up) and after (down), rows."""
+MARKS = (
+    ("before", PALETTE[4], -0.17, {"marker": "o", "ms": 4, "mfc": "white"}),
+    ("after", PALETTE[0], 0.17, {"marker": "D", "ms": 3.4}),
+)
+"""Name, colour, shift downwards (rows) and look of markers."""
 MET = 1e-4
 """Violation of a limit that may be rounding, %."""
-SIGN = {"at_most": "≤", "at_least": "≥", "equals": "="}
+SIGN = {"<=": "≤", ">=": "≥", "=": "="}
 MAX_ROOM = 100.0
-"""Distance from a limit in % at which bars are cut off."""
+"""Distance from a limit in % at which markers are cut off."""
 MIN_FRACTION = 1e-4
 """Least fraction of the kinetic energy on the axis; smaller ones are drawn on its edge."""
 
@@ -53,7 +59,7 @@ def draw(found: Optimum, title: str) -> Figure:
     """Draw the figure of `pendsus optimise`; `title` names design and model."""
     with house_style():
         quantity, limits = found.limits.quantity, found.limits
-        others = np.flatnonzero((found.quantities.mode[quantity] < 0) | (limits.other >= 0))
+        others = np.flatnonzero(found.quantities.mode[quantity] < 0)
         modes, numbers, margins = (
             ROW * max(len(rows), 1) for rows in (found.modes.name, found.numbers.name, others)
         )
@@ -67,7 +73,7 @@ def draw(found: Optimum, title: str) -> Figure:
             handles=frequencies.get_legend_handles_labels()[0],
             loc="upper left",
             bbox_to_anchor=(0.02, 1 - 0.43 / height),
-            ncols=4,
+            ncols=5,
             borderpad=0.1,
             handletextpad=0.3,
             columnspacing=1.0,
@@ -75,11 +81,10 @@ def draw(found: Optimum, title: str) -> Figure:
         )
         top = head + modes + BETWEEN
         _draw_numbers(add_axes(figure, 2.68, top, 1.16, numbers), found)
-        title_of_numbers = "Numbers of the design between their bounds"
-        write_text(figure, 0.1, top - 0.18, title_of_numbers, 7.5)
+        write_text(figure, 0.1, top - 0.18, "Numbers of the design between their bounds", 7.5)
         if len(others):
             top += numbers + BETWEEN
-            _draw_margins(add_axes(figure, 2.42, top, 1.95, margins), found, others)
+            _draw_margins(add_axes(figure, 2.42, top, 1.45, margins), found, others)
             write_text(figure, 0.1, top - 0.18, "Other limits: margin before and after", 7.5)
         unknown = f", {len(found.unknown)} unknown" if found.unknown else ""
         met = f"{int(limits.met.sum())} of {len(limits.name)} limits met"
@@ -91,108 +96,87 @@ def draw(found: Optimum, title: str) -> Figure:
 
 
 def _margins_before(found: Optimum) -> Float[np.ndarray, " limit"]:
-    """Margins of the original design, % of the limits; NaN for separations."""
-    limits = found.limits
-    before = np.where(limits.other < 0, found.quantities.before[limits.quantity], np.nan)
+    """Margins of the original design, % of the limits."""
+    limits, before = found.limits, found.quantities.before[found.limits.quantity]
     return 100 * relative_room(before, limits.asked, limits.sense)
 
 
-def _rows(axes: Axes, names: list[str]) -> Int[np.ndarray, " row"]:
-    """Label rows from the top down; return their positions."""
+def _draw_rows(
+    axes: Axes,
+    names: list[str],
+    ends: Float[np.ndarray, "end row"],
+    shown: tuple[float, float],
+    allowed: Float[np.ndarray, "side row"],
+    missed: Bool[np.ndarray, "end row"] | None = None,
+) -> None:
+    """Mark the values of rows before and after, in red where they miss a limit.
+
+    `shown` are the ends of the axis, `allowed` those of the range that limits allow; NaN without.
+    """
     rows = np.arange(len(names))
     axes.set_yticks(rows, names, fontsize=7.5)
     axes.set_ylim(len(names) - 0.5, -0.5)
-    axes.tick_params(axis="y", length=0)
     axes.tick_params(labelsize=7.5)
+    axes.tick_params(axis="y", length=0)
     axes.grid(visible=True, axis="x", color=PALE, linewidth=0.4)
     axes.set_axisbelow(True)
-    return rows
+    axes.set_xlim(*shown)
+    for n, row in enumerate(np.flatnonzero(np.isfinite(allowed).any(0))):
+        low, high = np.clip(np.where(np.isnan(allowed[:, row]), shown, allowed[:, row]), *shown)
+        edge = 2.0 if low == high else 0.0  # an equality allows only a line
+        label = None if n else "allowed"
+        axes.fill_betweenx(
+            [row - 0.5, row + 0.5], low, high, color=BAND, linewidth=edge, zorder=0, label=label
+        )
+    places = np.array([rows + shift for _, _, shift, _ in MARKS])
+    lines = LineCollection([*np.stack([ends, places], -1).swapaxes(0, 1)], clip_on=False)
+    lines.set(colors=NOTE, linewidths=0.6, zorder=2)
+    axes.add_collection(lines)
+    wrong = np.zeros(ends.shape, dtype=bool) if missed is None else missed
+    for (name, own, _, look), value, place, bad in zip(MARKS, ends, places, wrong, strict=True):
+        for which, colour, remark in ((~bad, own, ""), (bad, RED, ", not met")):
+            if which.any():
+                axes.plot(
+                    value[which], place[which], color=colour, linestyle="", label=name + remark,
+                    clip_on=False, zorder=3, **look,
+                )  # fmt: skip
 
 
-def _limits_of_modes(found: Optimum, unit: str) -> list[Int[np.ndarray, " _"]]:
-    """Numbers of the limits on the quantity with this unit of the mode of each row."""
-    quantity, limits = found.limits.quantity, found.limits
-    alike = np.array([own == unit for own in found.quantities.unit], dtype=bool)[quantity]
-    return [
-        np.flatnonzero(alike & (found.quantities.mode[quantity] == number) & (limits.other < 0))
-        for number in found.modes.number
-    ]
+def _limits_of_modes(
+    found: Optimum, unit: str
+) -> tuple[Float[np.ndarray, "side mode"], Bool[np.ndarray, "end mode"]]:
+    """Range that limits on the quantity with this unit of each mode allow, and if it is missed."""
+    limits, quantities, before = found.limits, found.quantities, _margins_before(found)
+    allowed = np.full((2, len(found.modes.number)), np.nan)
+    missed = np.zeros(allowed.shape, dtype=bool)
+    for n, (k, sense) in enumerate(zip(limits.quantity, limits.sense, strict=True)):
+        if quantities.unit[k] == unit:
+            row, asked = found.modes.number == quantities.mode[k], limits.asked[n]
+            missed |= row & np.array([[before[n] < -MET], [not limits.met[n]]])
+            if sense != "at_most":
+                allowed[0, row] = np.fmax(allowed[0, row], asked)
+            if sense != "at_least":
+                allowed[1, row] = np.fmin(allowed[1, row], asked)
+    return allowed, missed
 
 
 def _draw_frequencies(axes: Axes, found: Optimum) -> None:
-    modes, limits = found.modes, found.limits
-    _rows(axes, [single_line(name, 30) for name in modes.name])
-    bands = []
-    for row, mine in enumerate(_limits_of_modes(found, "Hz")):
-        least = [limits.asked[n] for n in mine if limits.sense[n] != "at_most"]
-        most = [limits.asked[n] for n in mine if limits.sense[n] != "at_least"]
-        if len(mine):
-            bands.append((row, max(least, default=0.0), min(most, default=np.inf)))
-    shown = np.array([*modes.before, *modes.after, *(edge for _, *own in bands for edge in own)])
+    modes, (allowed, missed) = found.modes, _limits_of_modes(found, "Hz")
+    ends = np.array([modes.before, modes.after])
+    shown = np.concatenate([ends, allowed])
     shown = shown[np.isfinite(shown) & (shown > 0)]
-    low, high = (shown.min() / 1.25, shown.max() * 1.25) if len(shown) else (0.1, 10.0)
-    for n, (row, a, b) in enumerate(bands):
-        axes.fill_betweenx(
-            [row - 0.5, row + 0.5],
-            max(a, low),
-            min(b, high),
-            color=BAND,
-            linewidth=2.0 if a == b else 0.0,  # an equality allows only a line
-            zorder=0,
-            label=None if n else "allowed",
-        )
-    _mark(axes, modes.before, modes.after, _missed(found, "Hz"))
+    span = (shown.min() / 1.25, shown.max() * 1.25) if len(shown) else (0.1, 10.0)
     axes.set_xscale("log")
-    axes.set_xlim(low, high)
+    _draw_rows(axes, [single_line(name, 30) for name in modes.name], ends, span, allowed, missed)
     curves.label_plainly(axes.xaxis)
     axes.set_xlabel("frequency (Hz)", fontsize=7.5)
 
 
-def _missed(found: Optimum, unit: str) -> tuple[Bool[np.ndarray, " row"], Bool[np.ndarray, " row"]]:
-    """Whether the mode of each row misses a limit before, and after."""
-    mine, before = _limits_of_modes(found, unit), _margins_before(found) < -MET
-    after = ~found.limits.met
-    return np.array([before[own].any() for own in mine]), np.array(
-        [after[own].any() for own in mine]
-    )
-
-
-def _mark(
-    axes: Axes,
-    before: Float[np.ndarray, " row"],
-    after: Float[np.ndarray, " row"],
-    missed: tuple[Bool[np.ndarray, " row"], Bool[np.ndarray, " row"]],
-) -> None:
-    """Mark values before and after, joined by lines, in red where they miss a limit."""
-    rows = np.arange(len(before))
-    ends = np.stack([np.stack([before, rows - ASIDE], 1), np.stack([after, rows + ASIDE], 1)], 1)
-    axes.add_collection(
-        LineCollection([*ends], colors=NOTE, linewidths=0.6, zorder=2, clip_on=False)
-    )
-    for values, wrong, shift, name, own, look in (
-        (before, missed[0], -ASIDE, "before", BEFORE, {"marker": "o", "ms": 4, "mfc": "white"}),
-        (after, missed[1], ASIDE, "after", AFTER, {"marker": "D", "ms": 3.4}),
-    ):
-        for which, colour, remark in ((~wrong, own, ""), (wrong, RED, ", not met")):
-            if which.any():
-                axes.plot(
-                    values[which], rows[which] + shift, color=colour, linestyle="",
-                    label=name + remark, clip_on=False, zorder=3, **look,
-                )  # fmt: skip
-
-
 def _draw_fractions(axes: Axes, found: Optimum) -> None:
-    modes, asked = found.modes, found.limits.asked
-    _rows(axes, [""] * len(modes.name))
-    for row, mine in enumerate(_limits_of_modes(found, "1")):
-        for least in asked[mine]:
-            axes.fill_betweenx([row - 0.5, row + 0.5], least, 1.0, color=BAND, lw=0, zorder=0)
-    before, after = (
-        np.maximum(values, MIN_FRACTION) for values in (modes.fraction_before, modes.fraction_after)
-    )
-    _mark(axes, before, after, _missed(found, "1"))
+    modes, (allowed, missed) = found.modes, _limits_of_modes(found, "1")
+    ends = np.maximum([modes.fraction_before, modes.fraction_after], MIN_FRACTION)
     axes.set_xscale("log")
-    axes.set_xlim(MIN_FRACTION, 1.0)
+    _draw_rows(axes, [""] * len(modes.name), ends, (MIN_FRACTION, 1.0), allowed, missed)
     axes.set_xticks([1e-4, 1e-2, 1.0], ["≤0.01", "1", "100"])
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_xlabel("energy in top\nmass (%)", fontsize=7.5)
@@ -201,16 +185,15 @@ def _draw_fractions(axes: Axes, found: Optimum) -> None:
 def _draw_numbers(axes: Axes, found: Optimum) -> None:
     numbers = found.numbers
     table = list(zip(numbers.name, numbers.before, numbers.after, strict=True))
-    rows = _rows(axes, [_describe_change(*row) for row in table])
     nearer, farther = np.sort([numbers.before, numbers.after], axis=0)
     both = np.isfinite(numbers.lower) & np.isfinite(numbers.upper)
     # a number without both bounds is drawn in the middle, without a bar
     room = np.maximum(farther - nearer, 0.1 * np.abs(farther)) + 1e-300
     low = np.where(both, numbers.lower, nearer - room)
     span = np.where(both, numbers.upper - numbers.lower, 2 * room + farther - nearer)
-    axes.hlines(rows[both], 0.0, 1.0, color=PALE, linewidth=5)
-    none = np.zeros(len(rows), dtype=bool)
-    _mark(axes, (numbers.before - low) / span, (numbers.after - low) / span, (none, none))
+    ends = (np.array([numbers.before, numbers.after]) - low) / span
+    allowed = np.where(both, [[0.0], [1.0]], np.nan)
+    _draw_rows(axes, [_describe_change(*row) for row in table], ends, (0.0, 1.0), allowed)
     for row, (name, _, after) in enumerate(table):
         unit, factor = displayed_unit(name, after)
         for x, bound in ((0, numbers.lower[row]), (1, numbers.upper[row])):
@@ -218,7 +201,6 @@ def _draw_numbers(axes: Axes, found: Optimum) -> None:
                 text = curves.write_plainly(float(f"{factor * bound:.3g}"))
                 text += f" {unit.replace('^2', '²')}" if x and unit else ""
                 _note(axes, text, (x, row), "left" if x else "right", NOTE)
-    axes.set_xlim(0.0, 1.0)
     axes.set_xticks([0.0, 1.0], ["lower bound", "upper"])
     axes.spines[["left", "bottom"]].set_visible(False)
     axes.tick_params(axis="y", pad=30)
@@ -251,38 +233,23 @@ def _describe_change(path: str, before: float, after: float) -> str:
 
 
 def _draw_margins(axes: Axes, found: Optimum, which: Int[np.ndarray, " row"]) -> None:
-    limits = found.limits
-    rows = _rows(axes, [_name_limit(found, n) for n in which])
+    limits, before = found.limits, _margins_before(found)[which]
     values = np.nan_to_num(100 * limits.room[which], nan=-MAX_ROOM)
-    shown = np.clip(values, -MAX_ROOM, MAX_ROOM)
-    axes.barh(rows, shown, height=0.55, color=np.where(limits.met[which], AFTER, RED).tolist())
-    before = np.clip(_margins_before(found)[which], -MAX_ROOM, MAX_ROOM)
-    for value, row in zip(before, rows, strict=True):
-        colour = RED if value < -MET else BEFORE
-        axes.plot(value, row, "o", markersize=4, color=colour, mfc="white", clip_on=False, zorder=3)
-    axes.axvline(0.0, color=INK, linewidth=0.6)
-    ends = np.nan_to_num(before, nan=0.0)
-    widest = max(float(np.abs([shown, ends]).max()), 1.0)
-    low, high = min(shown.min(), ends.min()), max(shown.max(), ends.max())
-    span = max(widest, high - low)
-    axes.set_xlim(min(-0.04 * widest, low - 0.1 * span * (low < 0)), high + 0.42 * span)
-    for row, value, end in zip(rows, values, np.maximum(np.maximum(shown, ends), 0.0), strict=True):
-        text = f"{value:+.{0 if abs(value) >= 10 else 1}f} %" + (" →" if value > MAX_ROOM else "")
-        _note(axes, text.replace("-", "−"), (end, row))
-    axes.grid(visible=False)
+    ends = np.clip([before, values], -MAX_ROOM, MAX_ROOM)
+    least, most = np.nanmin(ends, initial=0.0), np.nanmax(ends, initial=1.0)
+    shown = (least - 0.05 * (most - least), most + 0.05 * (most - least))
+    allowed = np.stack([np.zeros(len(which)), np.full(len(which), np.nan)])
+    missed = np.array([before < -MET, ~limits.met[which]])
+    _draw_rows(axes, [_name_limit(limits.name[n]) for n in which], ends, shown, allowed, missed)
+    for row, value in enumerate(values):
+        text = f"{value:+.{0 if abs(value) >= 10 else 1}f} %"
+        _note(axes, text.replace("-", "−"), (shown[1], row))
     axes.set_xlabel("margin (% of the limit)", fontsize=7.5)
 
 
-def _name_limit(found: Optimum, number: int) -> str:
-    """Name a limit with its size and unit; stresses in % of breaking stress."""
-    limits, quantities = found.limits, found.quantities
-    if limits.other[number] >= 0:
-        return single_line(limits.name[number].replace("<=", "≤").replace(">=", "≥"), 40)
-    k, size = limits.quantity[number], float(limits.asked[number])
-    name, unit = quantities.name[k], quantities.unit[k]
-    if unit == "of breaking":
-        name, size, unit = name.removeprefix("stress of "), 100 * size, "% of breaking stress"
-    elif unit == "1" and name.startswith("|"):
-        unit = curves.unit_of_ratio(name.split("|")[1])
-    tail = f" {SIGN[limits.sense[number]]} {format_raised(size, 3)} {unit.removeprefix('1')}"
-    return single_line(name, 40 - len(tail)) + tail.rstrip()
+def _name_limit(name: str) -> str:
+    """Shorten the name of a limit, not its value."""
+    quantity, sign, value = re.split(" (<=|>=|=) ", name)
+    size, _, unit = value.partition(" ")
+    tail = f" {SIGN[sign]} {format_raised(float(size), 3)} {unit}".rstrip()
+    return single_line(quantity, 40 - len(tail)) + tail

@@ -1,9 +1,9 @@
 """Optimisation of the numbers of a design to meet goals.
 
 Searches (`search`) start from the design itself and from the best designs of a Sobol sequence
-between the bounds. They use the cheapest of the string, beam and violin models that is accurate
-enough at the start. Where the result needs a more complete model, the search continues with that,
-at most twice per quantity. Quantities of the result are those of its TOML, read back.
+between the bounds, on the string model. The best result is the start of a search on the models that
+it needs, until it needs no more complete ones. Quantities of the result are those of its TOML, read
+back.
 """
 
 from __future__ import annotations
@@ -14,9 +14,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from suspension_cli.analyses import model_choice
 from suspension_cli.analyses.analysis import Progress
-from suspension_cli.analyses.optimise.evaluate import Evaluator, Values
+from suspension_cli.analyses.optimise.evaluate import Evaluator, Results
 from suspension_cli.analyses.optimise.free_parameters import FreeDesign
+from suspension_cli.analyses.optimise.mode_families import solve_modes
 from suspension_cli.analyses.optimise.optimum import (
     Limits,
     ModeTable,
@@ -25,11 +27,14 @@ from suspension_cli.analyses.optimise.optimum import (
     Quantities,
     Starts,
 )
-from suspension_cli.analyses.optimise.search import FEASIBLE, ActiveSet, Point, Search
+from suspension_cli.analyses.optimise.quantities import Requirements
+from suspension_cli.analyses.optimise.search import EQUAL, FEASIBLE, Multipliers, Point, Search
 from suspension_cli.design.goals import Goals
+from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, format_value
-from suspension_cli.models import registry
-from suspension_cli.models.choice import TOLERANCE
+from suspension_cli.models import choice, registry
+from suspension_cli.models.choice import TOLERANCE, Frequencies, Systems
+from suspension_cli.models.registry import Choice
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -40,8 +45,6 @@ SAMPLES = 64
 """Designs between the bounds from which starts are chosen."""
 SAME = 1e-2
 """Largest distance of equal designs, in fractions of the ranges between the bounds."""
-EQUAL = 1e-6
-"""Relative deviation up to which an equality is met."""
 OBJECTIVE = {
     "near": (
         "half the squared distance from the starting design, in fractions of the ranges between the"
@@ -84,84 +87,87 @@ def solve(
         If the design lacks a number or quantity of the goals, or if dependent numbers lie outside
         their bounds in all designs found.
     """
+    models = registry.SCENE_MODELS
+    model_choice.demand_one_of(level, models, "cannot compute derivatives")
     freed = FreeDesign.of(text, goals)
-    evaluator = Evaluator.of(freed, level, tolerance, freed.begin)
-    search, began = Search(evaluator), time.monotonic()
-    if search.value(freed.begin) is None:
-        _check_start(evaluator)
+    evaluator = Evaluator.of(freed)
+    _check_start(evaluator)
+    search, began, ends = Search(evaluator), time.monotonic(), list[tuple[float, Point | None]]()
     begins = [freed.begin, *_choose_starts(evaluator, starts - 1, seed)]
-    ends: list[tuple[float, Point | None]] = []
     for n, fraction in enumerate(begins, 1):
         ends.append(search.run(fraction))
         if report is not None:
             report(n, len(begins), n / (time.monotonic() - began))
     best = min((point for _, point in ends if point is not None), key=lambda point: point.rank)
-    if best.outside > FEASIBLE:
-        raise InputError(_bound_faults(freed, freed.values(best.fraction)))
+    _check_bounds(freed, best)
     while True:  # models become more complete
-        needed = Evaluator.of(freed, level, tolerance, best.fraction, evaluator)
-        better = Search(needed)
-        if needed.levels == evaluator.levels or (found := better.run(best.fraction)[1]) is None:
+        systems = Systems(freed.design(best.fraction))
+        compare = systems.compare(lambda _: Frequencies())
+        chosen = choice.choose(systems.design, level, models, compare, tolerance)
+        if chosen.model.cost < registry.by_name(evaluator.modes).cost:
+            chosen = choice.choose(systems.design, evaluator.modes, (), compare)
+            reason = chosen.reason.replace("as requested", "other designs of the search need it", 1)
+            chosen = replace(chosen, reason=reason)
+        most = registry.most_complete(systems.design).name if level == registry.AUTO else level
+        needed = replace(evaluator, modes=chosen.level, responses=most)
+        if needed == evaluator:
             break
-        evaluator, search, best = needed, better, found
-    best, some = search.compromise(search.begin(best.fraction) or best)
-    return _summarise(search, needed, best, search.active_set(best, some), _starts(ends))
+        evaluator, search = needed, Search(needed)
+        best = search.run(best.fraction)[1] or best
+    best = search.compromise(best)
+    return _summarise(search, chosen, best, search.multipliers(best), _starts(ends))
 
 
 def _check_start(evaluator: Evaluator) -> None:
     """Raise `InputError` with the quantities that are not finite in the starting design."""
-    log = evaluator.values(evaluator.freed.begin).log  # raises if the design is invalid
-    problem = "has no finite value in the starting design"
-    remedy = "divide by a response that does not vanish"
-    raise InputError(
-        [
-            Fault("goal", problem, remedy, format_value(item.text))
-            for item, value in zip(evaluator.quantities, log, strict=True)
-            if not np.isfinite(value)
-        ]
-    )
+    log, items = evaluator.at(evaluator.freed.begin), evaluator.requirements.quantities
+    problem, remedy = "has no finite value in the starting design", "divide by another response"
+    names = [format_value(items[n].text) for n in np.flatnonzero(~np.isfinite(log[: len(items)]))]
+    if names:
+        raise InputError([Fault("goal", problem, remedy, name) for name in names])
 
 
-def _bound_faults(freed: FreeDesign, value: dict[str, float]) -> list[Fault]:
-    remedy = "widen its bounds, or those of the numbers that it depends on"
-    found = []
-    for n, item in enumerate(freed.goals.equal, 1):
-        at = value[item.name]
-        for side, bound in (("lower", item.lower), ("upper", item.upper)):
-            if bound is not None and (at < bound if side == "lower" else at > bound):
-                problem = f"{item.name} comes no closer to this bound than {at:g}"
-                found.append(Fault(f"equal.{n}.{side}", problem, remedy, format_value(bound)))
-    return found
+def _check_bounds(freed: FreeDesign, best: Point) -> None:
+    """Raise `InputError` with the bounds that dependent numbers cannot keep to."""
+    remedy, count = "widen its bounds, or those of the numbers that it depends on", len(freed.start)
+    faults = []
+    for side, n in np.argwhere(freed.margins(best.fraction) < -FEASIBLE).tolist():
+        name, at = list(freed.values(best.fraction).items())[n]
+        key, bound = f"equal.{n - count + 1}.{('lower', 'upper')[side]}", freed.bounds[side, n]
+        problem = f"{name} comes no closer to this bound than {at:g}"
+        faults.append(Fault(key, problem, remedy, format_value(float(bound))))
+    if faults:
+        raise InputError(faults)
 
 
 def _choose_starts(
     evaluator: Evaluator, count: int, seed: int
 ) -> list[Float[np.ndarray, " number"]]:
-    """Choose the designs of a Sobol sequence that violate limits least, on the model of modes."""
+    """Choose the designs of a Sobol sequence that violate limits least."""
     from scipy.stats import qmc
 
     if count < 1:
         return []
-    search, found = Search(replace(evaluator, responses={})), []
+    freed, search = evaluator.freed, Search(evaluator)
     how: dict[str, Any] = {"seed": seed}
-    for fraction in qmc.Sobol(len(evaluator.freed.begin), **how).random(SAMPLES):
-        begin = search.begin(fraction, steps=1)
-        if begin is not None:
-            found.append((begin.worst, len(found), fraction))
-    return [fraction for _, _, fraction in sorted(found)[:count]]
+    samples = qmc.Sobol(len(freed.begin), **how).random(SAMPLES)
+    designs = [freed.design_if_valid(fraction) for fraction in samples]
+    results = Results(evaluator, designs, evaluator.follow(freed.begin, steps=1))
+    for fraction, log in zip(samples, evaluator.logs(results, samples), strict=True):
+        search.know(fraction, log)
+    found = [search.point(fraction) for fraction in samples]
+    good = [point for point in found if point is not None]
+    return [point.fraction for point in sorted(good, key=lambda point: point.worst)[:count]]
 
 
 def _starts(ends: list[tuple[float, Point | None]]) -> Starts:
     """Number the designs reached, the best first, equal ones alike."""
-    place = np.zeros(len(ends), dtype=np.int16)
-    seen: list[Point] = []
+    place, seen = np.zeros(len(ends), dtype=np.int16), list[Point]()
     arrived = [(point.rank, n, point) for n, (_, point) in enumerate(ends) if point is not None]
     for _, n, point in sorted(arrived, key=lambda item: item[:2]):
-        distances = [np.abs(one.fraction - point.fraction).max() for one in seen]
-        near = [k for k, distance in enumerate(distances, 1) if distance < SAME]
-        if not near:
-            seen.append(point)
-        place[n] = near[0] if near else len(seen)
+        near = [np.abs(one.fraction - point.fraction).max() < SAME for one in seen]
+        place[n] = [*near, True].index(True) + 1
+        seen += [] if any(near) else [point]
     after, objective = (
         np.array([np.nan if point is None else getattr(point, name) for _, point in ends])
         for name in ("worst", "objective")
@@ -170,110 +176,102 @@ def _starts(ends: list[tuple[float, Point | None]]) -> Starts:
 
 
 def _summarise(
-    search: Search, needed: Evaluator, best: Point, active: ActiveSet, starts: Starts
+    search: Search, chosen: Choice, best: Point, found: Multipliers, starts: Starts
 ) -> Optimum:
     """Assemble the result of a search from its best point."""
-    evaluator, freed = search.evaluator, search.evaluator.freed
-    wanted, items = evaluator.requirements, evaluator.quantities
-    before, after = (evaluator.values(one) for one in (freed.begin, best.fraction))
-    weight = np.zeros(len(items))
-    for place, own in wanted.terms:
-        weight[place] += own
+    evaluator, freed = search.evaluator, search.freed
+    wanted, items = evaluator.requirements, evaluator.requirements.quantities
+    ends = (freed.begin, best.fraction)
+    designs = [freed.design(one) for one in ends]
+    old, new = (
+        Results(evaluator, [design], evaluator.follow(one))
+        for design, one in zip(designs, ends, strict=True)
+    )
+    before, after = old.values[0], new.values[0]
+    before, after = (np.where(value < 0, np.nan, value) for value in (before, after))
+    levels = {"response": evaluator.responses, "of_mode": evaluator.modes}
+    numbers = new.numbers[0]
+    modal = [item.method == "of_mode" for item in items]
+    mode = [
+        int(numbers[q.key[1]][q.key[2]]) if own else -1 for q, own in zip(items, modal, strict=True)
+    ]
     terms = "weighted sum of the logarithms of the quantities to minimise, less those to maximise"
+    lower, upper = freed.bounds
+    at_lower, at_upper = freed.margins(best.fraction) <= EQUAL
     return Optimum(
-        numbers=_numbers(freed, best, active),
+        numbers=Numbers(
+            name=tuple(freed.values(best.fraction)),
+            tied=np.arange(len(lower)) >= len(freed.goals.free),
+            before=np.array(list(freed.values(freed.begin).values())),
+            after=np.array(list(freed.values(best.fraction).values())),
+            lower=lower,
+            upper=upper,
+            bound=at_upper * 1 - at_lower,
+            multiplier=np.where(np.isnan(upper - lower), np.nan, found.bound.sum(0)),
+        ),
         quantities=Quantities(
             name=tuple(item.text for item in items),
             unit=tuple(item.unit for item in items),
-            before=before.value,
-            after=after.value,
-            mode=after.place,
-            weight=weight,
-            model=tuple(evaluator.level(item) for item in items),
+            before=before,
+            after=after,
+            mode=np.array(mode),
+            weight=wanted.weight,
+            model=tuple(levels.get(item.method, "") for item in items),
         ),
-        limits=_limits(search, after, active),
-        modes=_modes(evaluator, before, after),
+        limits=_limits(wanted, after, found),
+        modes=_mode_table(evaluator, old, new, designs[1]),
         starts=starts,
         unknown=wanted.unknown,
-        objective=terms if wanted.terms else OBJECTIVE[freed.goals.prefer],
-        stationarity=active.stationarity,
-        fidelity=needed.modes.level,
-        reason=needed.modes.reason,
-        error=needed.modes.error,
+        objective=terms if wanted.weight.any() else OBJECTIVE[freed.goals.prefer],
+        stationarity=found.stationarity,
+        fidelity=chosen.level,
+        reason=chosen.reason,
+        error=chosen.error,
         design=freed.toml(best.fraction),
     )
 
 
-def _numbers(freed: FreeDesign, best: Point, active: ActiveSet) -> Numbers:
-    """Numbers with their bounds; those of dependent numbers have rows of their own."""
-    before, after = freed.values(freed.begin), freed.values(best.fraction)
-    items = [*freed.goals.free, *freed.goals.equal]
-    lower, upper = (
-        np.array([getattr(item, side) for item in items], dtype=float)
-        for side in ("lower", "upper")
-    )
-    count = len(freed.goals.free)
-    bound, multiplier = np.zeros(len(items), dtype=int), np.zeros(len(items))
-    bound[:count], multiplier[:count] = active.bound, active.bound_multiplier
-    margins, _ = freed.dependent_margins(best.fraction)
-    rows = zip(margins, active.dependent_multiplier, strict=True)
-    for n in range(count, len(items)):
-        for edge, side in ((lower[n], -1), (upper[n], 1)):
-            if np.isfinite(edge):
-                margin, own = next(rows)
-                bound[n] = side if abs(margin) <= EQUAL else bound[n]
-                multiplier[n] += own * (upper[n] - lower[n]) / (abs(edge) or 1.0)
-    return Numbers(
-        name=tuple(after),
-        tied=np.arange(len(items)) >= count,
-        before=np.array(list(before.values())),
-        after=np.array(list(after.values())),
-        lower=lower,
-        upper=upper,
-        bound=bound,
-        multiplier=np.where(np.isnan(upper - lower), np.nan, multiplier),
-    )
-
-
-def _limits(search: Search, after: Values, active: ActiveSet) -> Limits:
-    """Compare limits, and separations of its neighbouring modes, with the optimised design."""
-    wanted, places = search.evaluator.requirements, {one: n for n, one in enumerate(search.limits)}
-    with np.errstate(invalid="ignore", divide="ignore"):
-        log = np.log(after.value)
-    limits = (*wanted.limits, *wanted.neighbours(log))
-    equal = np.array([limit.sense == "equals" for limit in limits], dtype=bool)
-    margins = np.array([limit.margin(log)[0] for limit in limits], dtype=float)
-    margins = np.where(equal, -np.abs(margins), margins)
-    known = [places.get(limit, -1) for limit in limits]
+def _limits(
+    wanted: Requirements, quantity: Float[np.ndarray, " quantity"], found: Multipliers
+) -> Limits:
+    """Compare the limits with the optimised design."""
+    limits, sense = wanted.limits, np.array([limit.sense for limit in wanted.limits], dtype=str)
+    place = np.array([limit.quantity for limit in limits], dtype=int)
+    asked = np.array([limit.value for limit in limits], dtype=float)
+    with np.errstate(divide="ignore"):
+        log = np.log(quantity[place]) - np.log(asked)
+    equal = sense == "equals"
+    margin = np.where(equal, -np.abs(log), np.where(sense == "at_most", -log, log))
     return Limits(
-        name=tuple(limit.name(wanted.quantities) for limit in limits),
+        name=tuple(limit.name(wanted.quantities[limit.quantity]) for limit in limits),
         goal=np.array([limit.goal + 1 for limit in limits], dtype=int),
-        quantity=np.array([limit.quantity for limit in limits], dtype=int),
-        other=np.array([limit.other for limit in limits], dtype=int),
-        sense=tuple(limit.sense for limit in limits),
-        asked=np.array([limit.value for limit in limits], dtype=float),
-        value=np.array([limit.of(after.value) for limit in limits], dtype=float),
-        margin=margins,
-        met=margins >= np.where(equal, -EQUAL, 0.0),  # NaN is not met
-        active=np.array([n >= 0 and bool(active.active[n]) for n in known], dtype=bool),
-        multiplier=np.array([active.multiplier[n] if n >= 0 else 0.0 for n in known]),
+        quantity=place,
+        sense=tuple(sense.tolist()),
+        asked=asked,
+        value=quantity[place],
+        margin=margin,
+        met=margin >= np.where(equal, -EQUAL, 0.0),  # NaN is not met
+        active=np.isfinite(found.limit),
+        multiplier=np.nan_to_num(found.limit),
     )
 
 
-def _modes(evaluator: Evaluator, before: Values, after: Values) -> ModeTable:
-    """List the modes of both designs by family and rank."""
-    rows = [
-        (f"{evaluator.families.name(family)} {rank + 1}", int(old), int(new))
-        for family, both in enumerate(zip(before.ranked, after.ranked, strict=True))
-        for rank, (old, new) in enumerate(zip(*both, strict=False))
+def _mode_table(evaluator: Evaluator, before: Results, after: Results, design: Design) -> ModeTable:
+    """List the modes of both designs by family and rank; `design` is the optimised one."""
+    families = evaluator.families
+    names = [
+        f"{families.name(k)} {n + 1}" for k, size in enumerate(families.size) for n in range(size)
     ]
-    old, new = [old for _, old, _ in rows], [new for _, _, new in rows]
+    numbers = [np.concatenate(one.numbers[0][: len(families.size)]) for one in (before, after)]
+    (old, was), (new, now) = zip(numbers, (before.modes[0], after.modes[0]), strict=True)
+    frequency = [np.where(one.squared < 0, np.nan, one.frequency) for one in (was, now)]
+    label = solve_modes(registry.by_name(evaluator.modes).system(design)).label
     return ModeTable(
-        name=tuple(name for name, _, _ in rows),
-        label=tuple(after.modes.label[n] for n in new),
-        before=before.modes.frequency[old],
-        after=after.modes.frequency[new],
-        fraction_before=before.modes.top_fraction[old],
-        fraction_after=after.modes.top_fraction[new],
-        number=np.array(new),
+        name=tuple(names),
+        label=tuple(label[n] for n in new),
+        before=frequency[0][old],
+        after=frequency[1][new],
+        fraction_before=was.top_fraction[old],
+        fraction_after=now.top_fraction[new],
+        number=new,
     )
