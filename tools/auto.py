@@ -23,7 +23,7 @@ from suspension_cli.analyses.tradeoff.picture import COLOUR
 from suspension_cli.analyses.tradeoff.questions import Coupling, ModeFrequencies, Question
 from suspension_cli.analyses.xcouple import model_error
 from suspension_cli.design.reader import Source
-from suspension_cli.drawing.curves import label_plainly, rule, write_plainly
+from suspension_cli.drawing.scales import label_plainly, rule, write_plainly
 from suspension_cli.drawing.style import (
     INK,
     NOTE,

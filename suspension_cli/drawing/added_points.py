@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
     Solve = Callable[[Array], Inexact[np.ndarray, "frequency output input"]]
     """From frequencies in Hz to values there."""
-    from jaxtyping import Inexact
 
 STEP = 0.5
 """Largest change of log |H| or of its angle between neighbours."""
@@ -40,7 +39,6 @@ def add_points(
     *,
     few: bool = True,
     sums: bool = False,
-    step: float = STEP,
 ) -> tuple[Float[np.ndarray, " finer"], Inexact[np.ndarray, "finer output input"]]:
     """Add frequencies until a response changes little between neighbours.
 
@@ -57,8 +55,6 @@ def add_points(
         Whether to refine; otherwise only the modes and points beside them are added.
     sums
         Whether the last axis lists amplitudes of parts; then their root sum of squares is refined.
-    step
-        Largest change of log |H| or of its angle between neighbours.
 
     Returns
     -------
@@ -82,7 +78,7 @@ def add_points(
         turn = np.angle(direction[1:] * direction[:-1].conj())
         change = np.maximum(np.abs(np.diff(np.log(size), axis=0)), np.abs(turn))
         change = np.where((flat[1:] == 0) | (flat[:-1] == 0), 0.0, change)
-        variation, large = change.sum(0), change > step
+        variation, large = change.sum(0), change > STEP
         if number >= UNSEEN:
             erratic |= (variation > GROWTH * last) & (large.mean(0) > 0.5)
         last = variation

@@ -8,15 +8,14 @@ import warnings
 from collections.abc import Iterable
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypedDict
+from typing import TYPE_CHECKING, Any, Literal, TypedDict
 
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import to_hex, to_rgb, to_rgba
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogFormatter
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
@@ -105,26 +104,18 @@ def new_figure(width: float, height: float) -> Figure:
     return figure
 
 
-def add_axes(figure: Figure, left: float, top: float, width: float, height: float) -> Axes:
+def add_axes(
+    figure: Figure,
+    left: float,
+    top: float,
+    width: float,
+    height: float,
+    sharex: Axes | None = None,
+) -> Axes:
     """Add axes at a place in inches from the left and from the top of the figure."""
     across, up = figure.get_size_inches()
-    return figure.add_axes((left / across, 1 - (top + height) / up, width / across, height / up))
-
-
-class _Plain(LogFormatter):
-    """Labels of a logarithmic axis in plain numbers: 0.1, 0.6, 1, 10."""
-
-    def __call__(self, x: float, pos: int | None = None) -> str:
-        return f"{x:g}" if super().__call__(x, pos) else ""
-
-
-def label_frequencies(figure: Figure) -> Figure:
-    """Label logarithmic axes of frequencies with 0.1, 1, 10 instead of powers of ten."""
-    for axes in figure.axes:
-        if axes.get_xscale() == "log" and "Hz" in axes.get_xlabel():
-            axes.xaxis.set_major_formatter(_Plain(labelOnlyBase=False))
-            axes.xaxis.set_minor_formatter(_Plain(labelOnlyBase=False))
-    return figure
+    box = (left / across, 1 - (top + height) / up, width / across, height / up)
+    return figure.add_axes(box, sharex=sharex)
 
 
 def write_text(
@@ -135,15 +126,16 @@ def write_text(
     size: float = 8.0,
     colour: str = INK,
     bold: bool = False,
+    side: str = "left",
 ) -> None:
-    """Write text with its upper left corner in inches from the left and top of the figure."""
+    """Write text with an upper corner (left or right) in inches from the left and top."""
     across, up = figure.get_size_inches()
     figure.text(
         left / across,
         1 - top / up,
         text,
         va="top",
-        ha="left",
+        ha=side,
         fontsize=size,
         color=colour,
         fontweight="bold" if bold else "normal",
@@ -151,23 +143,12 @@ def write_text(
 
 
 def name_neglected(figure: Figure, choice: Choice) -> Figure:
-    """Write what the model neglects below a figure, and return it."""
+    """Write what the model neglects at the bottom of a figure, and return it."""
     text = choice.neglected.partition(" (tolerance")[0]
-    if not text:
-        return figure
     across, up = figure.get_size_inches()
-    room = figure.subplotpars.bottom + 0.12 / up
-    figure.subplots_adjust(bottom=min(room, figure.subplotpars.top - 0.01))
+    top, words = float(up) - 0.15, single_line(text, int(across / 0.057))
     with house_style():
-        figure.text(
-            1 - 0.05 / across,
-            0.03 / up,
-            single_line(text, int(across / 0.057)),
-            ha="right",
-            va="bottom",
-            color=NOTE,
-            fontsize=7.5,
-        )
+        write_text(figure, float(across) - 0.05, top, words, 7.5, NOTE, side="right")
     return figure
 
 
@@ -222,6 +203,10 @@ class LineLook(TypedDict, total=False):
     linewidth: float
     marker: str
     markersize: float
+    markeredgewidth: float
+    markeredgecolor: str
+    markerfacecolor: str
+    fillstyle: Literal["full", "none"]
     zorder: float
 
 
@@ -275,6 +260,11 @@ def format_raised(value: float, digits: int = 2) -> str:
     return f"{float(mantissa):g}·10{str(int(power)).translate(RAISED)}".replace("-", "−")
 
 
+def format_signed(value: float, digits: int = 3) -> str:
+    """Write a change with its sign and few digits: ``+1010``, ``−0.5``."""
+    return "+" * int(value > 0) + format_raised(value, digits)
+
+
 def millimetres(value: float) -> str:
     """Write a length in m as a number of mm, with four significant digits."""
     value = 1e3 * value + 0.0
@@ -293,16 +283,3 @@ def stage_colours(stages: Iterable[str]) -> dict[str, str]:
     {'upper': '#0072b2', 'test': '#d55e00'}
     """
     return {name: PALETTE[n % len(PALETTE)] for n, name in enumerate(dict.fromkeys(stages))}
-
-
-def shade(colour: str, number: int) -> str:
-    """Return a colour for number 0, else a darker or lighter shade of it, in turn.
-
-    >>> shade("#0072b2", 0), shade("#0072b2", 1), shade("#0072b2", 2)
-    ('#0072b2', '#003959', '#59a3cd')
-    """
-    if not number:
-        return colour
-    towards, part = ((0.0, 0.5), (1.0, 0.35))[(number - 1) % 2]
-    red, green, blue = (part * towards + (1 - part) * one for one in to_rgb(colour))
-    return to_hex((red, green, blue))

@@ -10,7 +10,7 @@ import suspension_cli as sus
 from suspension_cli.analyses import registry
 from suspension_cli.analyses.tradeoff import measure, picture
 from suspension_cli.analyses.tradeoff.result import Answer, Entry, Tradeoff, format_time
-from suspension_cli.drawing.curves import COLUMN
+from suspension_cli.drawing.panels import COLUMN
 from suspension_cli.files.hdf5 import open_results
 from tests.support import scenes
 from tests.support.commandline import (
