@@ -22,6 +22,8 @@ NARROWEST = 1e-12
 """Relative distance of neighbours at which refinement ends, as at a pole or zero without loss."""
 QUARTERS = np.array([0.25, 0.5, 0.75])
 """Where an interval is divided, on a logarithmic scale."""
+SHORTEST = 8
+"""Number of points below which a grid is that of a question, not of a curve."""
 MOST = 18
 """Largest number of passes."""
 UNSEEN = 2
@@ -94,6 +96,28 @@ def add_points(
         between = frequency[wide, None] * np.exp(gap[wide, None] * QUARTERS)
         frequency, value = _insert(solve, frequency, value, between.ravel())
     return frequency, value
+
+
+def add_from_model(
+    build: Callable[[], tuple[Solve, Array]],
+    frequency: Float[np.ndarray, " frequency"],
+    value: Inexact[np.ndarray, "frequency output input"],
+    *,
+    few: bool = True,
+    sums: bool = False,
+) -> tuple[Float[np.ndarray, " finer"], Inexact[np.ndarray, "finer output input"]]:
+    """Add points to the values of a result, solved for by its model.
+
+    `build` makes the function that solves for them, and lists modes, from the result's design: a
+    results file is enough. If that fails, or the grid is short, the values stay as they are.
+    """
+    if len(frequency) < SHORTEST or frequency[0] <= 0 or (np.diff(frequency) <= 0).any():
+        return frequency, value
+    try:
+        solve, modes = build()
+        return add_points(solve, frequency, value, modes, few=few, sums=sums)
+    except InputError:
+        return frequency, value
 
 
 def _insert(

@@ -299,4 +299,5 @@ def _count(boxes: Array, points: Array) -> Array:
 def _crossed(lines: Array, boxes: Array) -> Array:
     """Number of boxes (k, 2, 2) through which each line (b, p, 2) passes."""
     points = lines[:, :, None]
-    return ((points > boxes[:, 0]) & (points < boxes[:, 1])).all(-1).any(axis=1).sum(-1)
+    inside = ((points > boxes[:, 0]) & (points < boxes[:, 1])).all(-1)
+    return np.any(inside, axis=1).sum(-1)

@@ -498,6 +498,7 @@ def write_key(
         ends = np.array([x, x + SAMPLE / 2, x + SAMPLE]) / across
         look: LineLook = {"linewidth": 1.2, **line.look}
         sample = Line2D(ends, [1 - y / up] * 3, color=line.colour, markevery=[1], **look)
+        sample.set_solid_capstyle("butt")
         figure.add_artist(sample)
         figure.text(
             (x + SAMPLE + 0.05) / across, 1 - y / up, single_line(line.name, 60),

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.ticker import Formatter, LogLocator, NullFormatter
 
-from suspension_cli.drawing.style import PALE, RAISED
+from suspension_cli.drawing.style import PALE, RAISED, format_raised
 
 PLAIN = 0.9e-3, 1.1e4
 """Range in which a logarithmic axis has plain numbers, however long it is."""
@@ -37,9 +37,9 @@ class _Plainly(Formatter):
     def __call__(self, x: float, pos: int | None = None) -> str:
         low, high = sorted(np.abs(self.axis.get_view_interval()))  # type: ignore[union-attr]
         plain = low >= PLAIN[0] and high <= PLAIN[1]
-        if plain or not low or np.log10(high / low) <= LONG:
-            return write_plainly(x)
-        return f"$10^{{{round(np.log10(x))}}}$" if x > 0 else ""
+        if plain or not low or np.log10(high / low) <= LONG or not x:
+            return format_raised(x, 6)
+        return f"10{str(round(np.log10(x))).translate(RAISED)}"
 
 
 def label_plainly(axis: Axis) -> None:
@@ -50,21 +50,6 @@ def label_plainly(axis: Axis) -> None:
     axis.set_major_locator(_Digits())
     axis.set_major_formatter(_Plainly())
     axis.set_minor_formatter(NullFormatter())
-
-
-def write_plainly(value: float) -> str:
-    """Write a number as 0.05 or 200, with a power of ten only where it is very small or large.
-
-    >>> write_plainly(0.05), write_plainly(1e-6)
-    ('0.05', '$10^{-6}$')
-    """
-    if value == 0 or 1e-3 <= abs(value) < 1e5:
-        return f"{value:.6g}".replace("-", "−")
-    power = int(np.floor(np.log10(abs(value)) + 1e-9))
-    factor = f"{value / 10.0**power:.6g}"
-    if factor in ("1", "-1"):
-        return f"${factor[:-1]}10^{{{power}}}$"
-    return f"${factor}\\times10^{{{power}}}$"
 
 
 def rule(axes: Axes) -> None:

@@ -14,16 +14,13 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import to_rgba
+from matplotlib.colors import to_hex, to_rgb, to_rgba
 from matplotlib.figure import Figure
-from PIL import Image
-from PIL.PngImagePlugin import PngInfo
 
 from suspension_cli.conventions import DOFS
 from suspension_cli.files.atomic import replace_file
 
 if TYPE_CHECKING:
-    from jaxtyping import UInt8
     from matplotlib.typing import LineStyleType
 
     from suspension_cli.models.registry import Choice
@@ -175,25 +172,11 @@ def encode(figure: Figure, form: str = "png") -> bytes:
     stream = io.BytesIO()
     settings: Any = {"svg.hashsalt": "pendsus", "pdf.fonttype": 42}
     dpi = min(DPI, MAX_PIXELS / max(figure.get_size_inches()))
+    how = {"pil_kwargs": {"compress_level": PNG_LEVEL}} if form == "png" else {}
     with house_style(), matplotlib.rc_context(settings), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing")
-        if form == "png":
-            origin = PngInfo()
-            origin.add_text(*next(iter(METADATA["png"].items())))
-            picture, quick = Image.fromarray(_render(figure, dpi)), {"compress_level": PNG_LEVEL}
-            picture.save(stream, "png", dpi=(dpi, dpi), pnginfo=origin, **quick)
-        else:
-            figure.savefig(stream, format=form, dpi=dpi, metadata=METADATA[form])
+        figure.savefig(stream, format=form, dpi=dpi, metadata=METADATA[form], **how)
     return stream.getvalue()
-
-
-def _render(figure: Figure, dpi: float) -> UInt8[np.ndarray, "row column 3"]:
-    """Render a figure to pixels, uint8 (rows, columns, 3); its background is opaque."""
-    before, canvas = figure.dpi, FigureCanvasAgg(figure)
-    figure.dpi = dpi
-    canvas.draw()
-    figure.dpi = before
-    return np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[:, :, :3])
 
 
 class LineLook(TypedDict, total=False):
@@ -249,15 +232,16 @@ RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def format_raised(value: float, digits: int = 2) -> str:
-    """Write a number with few digits and without mathtext, so that its length is known.
+    """Write a number with few digits, with a power of ten only where it is very small or large.
 
-    >>> format_raised(-2312.0, 3), format_raised(0.000594)
-    ('−2310', '5.9·10⁻⁴')
+    >>> format_raised(-2312.0, 3), format_raised(0.000594), format_raised(1e-6)
+    ('−2310', '5.9·10⁻⁴', '10⁻⁶')
     """
     if not value or not np.isfinite(value) or 1e-3 <= abs(value) < 1e5:
         return f"{float(f'{value:.{digits}g}'):g}".replace("-", "−")
     mantissa, power = f"{value:.{digits - 1}e}".split("e")
-    return f"{float(mantissa):g}·10{str(int(power)).translate(RAISED)}".replace("-", "−")
+    factor = {1.0: "", -1.0: "-"}.get(float(mantissa), f"{float(mantissa):g}·")
+    return f"{factor}10{str(int(power)).translate(RAISED)}".replace("-", "−")
 
 
 def format_signed(value: float, digits: int = 3) -> str:
@@ -282,4 +266,5 @@ def stage_colours(stages: Iterable[str]) -> dict[str, str]:
     >>> stage_colours(["upper", "test"])
     {'upper': '#0072b2', 'test': '#d55e00'}
     """
-    return {name: PALETTE[n % len(PALETTE)] for n, name in enumerate(dict.fromkeys(stages))}
+    colours = [*PALETTE, *(to_hex(0.5 * np.array(to_rgb(colour))) for colour in PALETTE)]
+    return {name: colours[n % len(colours)] for n, name in enumerate(dict.fromkeys(stages))}

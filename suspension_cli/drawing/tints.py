@@ -11,8 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize
 
-from suspension_cli.drawing.scales import write_plainly
-from suspension_cli.drawing.style import figure_of
+from suspension_cli.drawing.style import figure_of, format_raised
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -48,7 +47,7 @@ def draw_bar(axes: Axes, tints: Tints) -> None:
     if not ticks and isinstance(tints.norm, LogNorm):
         powers = np.arange(round(np.log10(low)), round(np.log10(high)) + 1)
         ticks = (10.0 ** powers[:: -max(1, -(-len(powers) // 5))]).tolist()
-    bar.set_ticks(ticks, labels=[write_plainly(tick) for tick in ticks])
+    bar.set_ticks(ticks, labels=[format_raised(tick) for tick in ticks])
     bar.minorticks_off()
     bar.ax.tick_params(length=2, pad=1.5)
     bar.outline.set_visible(False)

@@ -9,9 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from suspension_cli.analyses import finer
 from suspension_cli.analyses.compare.solve import Comparison, Curve, Overlay, PairedModes
+from suspension_cli.analyses.response import picture as response_picture
 from suspension_cli.analyses.response.picture import PHASE, ZERO
+from suspension_cli.analyses.thermal import picture as thermal_picture
 from suspension_cli.drawing import panels
 from suspension_cli.drawing.panels import ITEM, Across, Line, Panel, Rule
 from suspension_cli.drawing.style import (
@@ -72,8 +73,8 @@ def draw_modes(found: Comparison, modes: PairedModes) -> Figure:
         right=0.2,
     )
     models = _model_line(found)
-    names = [single_line(name) for name in found.name]
-    against = f"{', '.join(names[1:])} against {names[0]}{f' · {models}' if models else ''}"
+    base, *others = [single_line(name) for name in found.name]
+    against = f"{', '.join(others)} against {base}{f' · {models}' if models else ''}"
     title = f"Mode frequencies: {_modes_title(found, change, labels)}"
     across = Across(f"frequency relative to {single_line(found.name[0], 16)} (%)", "linear")
     return panels.draw(title, against, [panel], across)
@@ -146,11 +147,11 @@ def _refine_curve(overlay: Overlay, curve: Curve) -> Curve:
     if result is None:
         return curve
     if overlay.kind == "response":
-        data = finer.refine_response(result)
+        data = response_picture.refine(result)
         pair = data.output.index(overlay.output), data.input.index(overlay.input)
         frequency, value = data.frequency, data.value[(slice(None), *pair)]
     else:
-        noises = finer.refine_noises(result)
+        noises = thermal_picture.refine(result)
         noise = next(one for one in noises if one.output == overlay.output)
         frequency, value = noise.frequency, noise.amplitude.astype(complex)
     unknown = np.full(len(frequency), np.nan)

@@ -11,9 +11,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from suspension_cli.analyses.damp import control
 from suspension_cli.analyses.damp.margins import Margins
 from suspension_cli.analyses.damp.solve import LocalControl
-from suspension_cli.drawing import curves, labels, panels, scales
+from suspension_cli.drawing import curves, labels, panels
+from suspension_cli.drawing.added_points import add_from_model
 from suspension_cli.drawing.panels import Across, Line, Panel, Rule
 from suspension_cli.drawing.style import (
     DOF_COLOUR,
@@ -23,6 +25,7 @@ from suspension_cli.drawing.style import (
     PALETTE,
     RED,
     LineLook,
+    format_raised,
     single_line,
 )
 from suspension_cli.linear.poles import Poles
@@ -30,6 +33,10 @@ from suspension_cli.linear.poles import Poles
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Inexact, Int
     from matplotlib.typing import LineStyleType
+
+    from suspension_cli.analyses.analysis import Result
+    from suspension_cli.drawing.added_points import Solve
+    from suspension_cli.scene.arrays import Array
 
 TALL = 1.45
 """Height of panels, in."""
@@ -116,6 +123,19 @@ def draw(
     return panels.draw(_heading_text(damped), title, shown)
 
 
+def refine_gains(
+    result: Result,
+) -> tuple[Float[np.ndarray, " frequency"], Complex[np.ndarray, "frequency loop"]]:
+    """Add the frequencies that resolve resonances to loop gains, the other loops closed."""
+
+    def build() -> tuple[Solve, Array]:
+        plant = control.build_plant(result.design, result.choice.model.system(result.design))
+        return (lambda at: control.compute_loop_gains(plant, at)[:, None]), np.empty(0)
+
+    frequency, gain = add_from_model(build, result.data.frequency, result.data.gain[:, None])
+    return frequency, gain[:, 0]
+
+
 def _heading_text(damped: LocalControl) -> str:
     """Write the heading: whether the closed loop is stable, or what grows fastest."""
     if damped.stable:
@@ -176,7 +196,7 @@ def _poles(damped: LocalControl) -> Panel:
                 axes.plot(-np.pi * at / 10.0**power, at, color=PALE, linewidth=0.7, zorder=1)
             if at[0] < at[1] == top:
                 points.append((float(-np.pi * top / 10.0**power), top / 1.3))
-                names.append(f"Q {scales.write_plainly(10.0**power)}")
+                names.append(f"Q {format_raised(10.0**power)}")
                 inks.append(NOTE)
         for poles, look, colour in ((damped.open, PROBE, OPEN), (damped.closed, CROSS, PALETTE[0])):
             for rate, at, count in _group(poles):
@@ -191,7 +211,7 @@ def _poles(damped: LocalControl) -> Panel:
         for powers, minor in ((every[:-1:step], False), (every, True)):
             ticks = [*(-(10.0**powers)), *([] if minor else [0.0]), *(10.0**powers)]
             axes.set_xticks([tick for tick in ticks if tick <= right * grows], minor=minor)
-        axes.xaxis.set_major_formatter(lambda x, _: scales.write_plainly(x))
+        axes.xaxis.set_major_formatter(lambda x, _: format_raised(x))
 
     low, top = float(frequency.min() / 1.5), float(frequency.max() * 4.0)
     return Panel(

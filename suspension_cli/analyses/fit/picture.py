@@ -15,10 +15,18 @@ from matplotlib.transforms import blended_transform_factory
 
 from suspension_cli.analyses.fit.result import Fit, ResponseFit
 from suspension_cli.design.path_units import displayed_unit
-from suspension_cli.drawing import labels, panels, scales
+from suspension_cli.drawing import labels, panels
 from suspension_cli.drawing.canvas import TextLook
 from suspension_cli.drawing.panels import ITEM, Across, Line, Panel, Rule
-from suspension_cli.drawing.style import NOTE, PALE, PALETTE, LineLook, figure_of, single_line
+from suspension_cli.drawing.style import (
+    NOTE,
+    PALE,
+    PALETTE,
+    LineLook,
+    figure_of,
+    format_raised,
+    single_line,
+)
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Int
@@ -33,6 +41,7 @@ FAR = 8.0
 """Residual (standard deviations) beyond which their axis is logarithmic."""
 BEFORE, AFTER = PALETTE[1], PALETTE[0]
 """Colours of the design as given and as fitted."""
+NAMES = ("before", "after")
 LOOKS: tuple[tuple[str, LineLook], ...] = (
     (
         BEFORE,
@@ -49,8 +58,6 @@ LOOKS: tuple[tuple[str, LineLook], ...] = (
 """Marks of the design as given and as fitted."""
 LONGEST, WHO = 32, 14
 """Longest names of modes and of experiments, characters."""
-LARGE = 999_999.5
-"""Number from which ticks have a power of ten."""
 SHOWN = 6
 """Most functions that are drawn."""
 POINTS = 1000
@@ -124,8 +131,8 @@ def _residuals_panel(found: Fit, verdict: str) -> Panel:
         rows = np.arange(len(names))
         axes.axvspan(-INTERVAL, INTERVAL, color=PALE, alpha=0.45, linewidth=0)
         axes.hlines(rows, residuals[:, 0], residuals[:, 1], color=PALE, linewidth=0.8, zorder=1.5)
-        for column, (colour, look) in enumerate(LOOKS):
-            axes.plot(residuals[:, column], rows, color=colour, **look)
+        for values, name, (colour, look) in zip(residuals.T, NAMES, LOOKS, strict=True):
+            axes.plot(values, rows, color=colour, label=name, **look)
         axes.set_xlim(-1.15 * most, 1.15 * most)
         if most > FAR:
             decades = np.log10(most)
@@ -137,7 +144,7 @@ def _residuals_panel(found: Fit, verdict: str) -> Panel:
             fine = np.outer(10.0 ** np.arange(np.ceil(decades)), np.arange(2.0, 10.0)).ravel()
             axes.set_xticks((both * fine).ravel(), minor=True)
             axes.set_xlim(-2.2 * most, 2.2 * most)
-        axes.xaxis.set_major_formatter(lambda x, _: scales.write_plainly(x))
+        axes.xaxis.set_major_formatter(lambda x, _: format_raised(x, 6))
         figure = figure_of(axes)
         for n, (name, start) in enumerate(zip(who, starts, strict=True)):
             at = 0.1 / figure.get_figwidth()
@@ -150,9 +157,7 @@ def _residuals_panel(found: Fit, verdict: str) -> Panel:
                 axes.axhline(start - 0.5, edge, color=NOTE, linewidth=0.4, clip_on=False)
 
     key = [Line([], [], "95 %", PALE, {"linewidth": 6})]
-    key += [
-        Line([], [], name, *look) for name, look in zip(("before", "after"), LOOKS, strict=True)
-    ]
+    key += [Line([], [], name, *look) for name, look in zip(NAMES, LOOKS, strict=True)]
     what = "measured" if found.label or found.responses is None else "peak read off"
     return Panel(
         height=max(ITEM * len(names) + 0.1, 0.5), rows=names, title=verdict, key=key, paint=paint,
@@ -191,20 +196,13 @@ def _number(found: Fit, n: int) -> Panel:
         )
         axes.xaxis.set_major_locator(MaxNLocator(4 if np.abs(ends).max() < MANY else 3))
         axes.tick_params(length=2, pad=1.5)
-        axes.xaxis.set_major_formatter(lambda x, _: _write_tick(x))
+        axes.xaxis.set_major_formatter(lambda x, _: format_raised(x, 6))
 
     limits = float(ends.min() - 0.1 * span), float(ends.max() + 0.1 * span)
     return Panel(
         height=0.08, remarks=remarks, above=0.2, left=0.22, right=0.15, paint=paint,
         across=Across("", "linear", limits),
     )  # fmt: skip
-
-
-def _write_tick(value: float) -> str:
-    """Write a number with six digits, and a power of ten if it is very small or large."""
-    if value == 0 or 1e-4 <= abs(value) < LARGE:
-        return f"{value:.6g}".replace("-", "−")
-    return scales.write_plainly(value)
 
 
 def format_with_sigma(value: float, sigma: float) -> str:

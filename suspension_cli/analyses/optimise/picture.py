@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from suspension_cli.analyses.optimise.optimum import Optimum, relative_room
 from suspension_cli.design.path_units import displayed_unit
-from suspension_cli.drawing import curves, panels, scales
+from suspension_cli.drawing import curves, panels
 from suspension_cli.drawing.panels import ITEM, Across, Line, Panel, Rule
 from suspension_cli.drawing.style import (
     INK,
@@ -167,12 +167,13 @@ def _mark(
     axes.add_collection(
         LineCollection([*ends], colors=NOTE, linewidths=0.6, zorder=2, clip_on=False)
     )
-    for values, wrong, shift, own, look in (
-        (before, missed[0], -ASIDE, BEFORE, CIRCLE), (after, missed[1], ASIDE, AFTER, DIAMOND)
-    ):  # fmt: skip
-        for which, colour in ((~wrong, own), (wrong, RED)):
+    for values, wrong, shift, name, own, look in (
+        (before, missed[0], -ASIDE, "before", BEFORE, CIRCLE),
+        (after, missed[1], ASIDE, "after", AFTER, DIAMOND),
+    ):
+        for which, colour, text in ((~wrong, own, name), (wrong, RED, f"{name}, not met")):
             at = rows[which] + shift
-            axes.plot(values[which], at, color=colour, clip_on=False, **look)
+            axes.plot(values[which], at, color=colour, label=text, clip_on=False, **look)
 
 
 def _draw_fractions(axes: Axes, found: Optimum) -> None:
@@ -204,7 +205,7 @@ def _draw_numbers(axes: Axes, found: Optimum) -> None:
         unit, factor = displayed_unit(name, after)
         for x, bound in ((0, numbers.lower[row]), (1, numbers.upper[row])):
             if np.isfinite(bound):
-                text = scales.write_plainly(float(f"{factor * bound:.3g}"))
+                text = format_raised(factor * bound, 3)
                 text += f" {unit.replace('^2', '²')}" if x and unit else ""
                 _note(axes, text, (x, row), "left" if x else "right", NOTE)
     axes.set_xticks([0.0, 1.0], ["lower bound", "upper"])

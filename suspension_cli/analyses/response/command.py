@@ -197,7 +197,6 @@ class ResponseAnalysis(Analysis):
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw magnitude and phase, with the points that resolve resonances added."""
-        from suspension_cli.analyses import finer
         from suspension_cli.analyses.response import measured_picture, picture
 
         scale = setting.get("scale", "db")
@@ -206,7 +205,7 @@ class ResponseAnalysis(Analysis):
             closed = ", loops closed" if result.data.closed_loop else ""
             title, seen = result.subtitle + closed, result.data.output
             return {"": measured_picture.draw(measured, title, scale, stages, seen)}
-        return {"": picture.draw(finer.refine_response(result), result.subtitle, scale, stages)}
+        return {"": picture.draw(picture.refine(result), result.subtitle, scale, stages)}
 
 
 def comparisons(data: Response) -> tuple[Comparison, ...]:

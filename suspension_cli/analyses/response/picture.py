@@ -3,20 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from suspension_cli.drawing import panels
+from suspension_cli.drawing.added_points import add_from_model
 from suspension_cli.drawing.panels import Across, Line, Panel, Scale
 from suspension_cli.drawing.style import stage_colours
+from suspension_cli.linear import eigenmodes, signals
+from suspension_cli.linear import response as responses
 from suspension_cli.linear.response import Response
 
 if TYPE_CHECKING:
     from matplotlib.typing import LineStyleType
 
+    from suspension_cli.analyses.analysis import Result
+    from suspension_cli.drawing.added_points import Solve
+    from suspension_cli.scene.arrays import Array
+
 PHASE = 1.1
 """Height of a panel of phases, in."""
+MANY = 8
+"""Number of responses above which the frequencies of modes alone are added."""
 ZERO = "0 by symmetry at all frequencies"
 
 
@@ -80,3 +91,27 @@ def label_magnitude(unit: str, decibels: bool) -> str:
     if decibels:
         return "magnitude (dB)" if unit in ("m/m", "") else f"magnitude (dB re 1 {unit})"
     return f"magnitude ({unit})" if unit else "magnitude"
+
+
+def refine(result: Result) -> Response:
+    """Add the frequencies that resolve resonances and zeros to a response."""
+    data: Response = result.data
+
+    def build() -> tuple[Solve, Array]:
+        model = result.linear_system or result.choice.model.system(result.design)
+        known = signals.bodies_with_signals(model)
+        inputs = [signals.parse_input(text, known) for text in data.input]
+        outputs = [signals.parse_output(text, known) for text in data.output]
+        if data.closed_loop:
+            from suspension_cli.analyses.damp import control
+
+            plant = control.build_plant(result.design, model)
+            return (lambda at: control.solve_responses(plant, at, inputs, outputs).value), np.empty(
+                0
+            )
+        modes = eigenmodes.solve(model.constant).frequency
+        return (lambda at: responses.solve(model, at, inputs, outputs).value), modes
+
+    few = data.value[0].size <= MANY
+    frequency, value = add_from_model(build, data.frequency, data.value, few=few)
+    return replace(data, frequency=frequency, value=value)

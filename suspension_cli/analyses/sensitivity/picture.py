@@ -74,7 +74,7 @@ def draw(found: Sensitivity, title: str, perturbations: Sequence[Perturbation] =
         f"{format_signed(own)} per {found.step_unit[n]}" if own else "from 0"
         for n, own in zip(rows, most.tolist(), strict=True)
     ]
-    left, beside = 0.16 + widest(names), 0.1 + widest(["largest (%)", *changes])
+    left, beside = max(0.16 + widest(names), 0.6), 0.1 + widest(["largest (%)", *changes])
     width = max(left + max(wide, MAX_WIDTH) + beside, panels.COLUMN)
     zeros = np.nonzero(~relative[columns] & (cells != 0))  # a result of 0 has no change in %
 

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, MaxNLocator
 
 from suspension_cli.analyses.sweep.crossing_shapes import Shapes, Strip
 from suspension_cli.analyses.sweep.crossings import Crossing
@@ -24,6 +25,7 @@ from suspension_cli.drawing.style import (
     NOTE,
     LineLook,
     figure_of,
+    format_raised,
     house_style,
     single_line,
     stage_colours,
@@ -50,6 +52,8 @@ MOST_CROSSINGS = 5
 LETTERS = "abcdefgh"
 """Names of crossings."""
 FREQUENCY = "frequency (Hz)"
+CLEAR, EDGE = 0.25, 0.18
+"""Smallest distances of the label of a contour from a mark, and from the frame, in."""
 FAILED = {
     1: ("#f3d9c9", "slack"),
     2: ("#e3e3e3", "no equilibrium"),
@@ -311,9 +315,9 @@ def _draw_map(
     norm = LogNorm(low, high) if wide else Normalize(low, high)
     axes.grid(visible=False)
     axes.set_facecolor("#eeeeee")
+    lines, marks = None, []
     if min(value.shape) > 1 and finite.count() and np.ptp(finite) > 1e-9 * abs(high):
         lines = _draw_surface(axes, x, y, finite, norm)
-        axes.clabel(lines, fontsize=labels.SMALL, fmt=scales.write_plainly)
     else:
         axes.pcolormesh(x, y, finite, norm=norm, cmap="viridis", shading="nearest", rasterized=True)
     beside = axes.inset_axes((1.03, 0.0, 0.06, 1.0))
@@ -327,6 +331,27 @@ def _draw_map(
         here = [at * axis.displayed_unit[1] for axis, at in drawn]
         axes.plot(*here, "+", color="white", markersize=9, markeredgewidth=2.4)
         axes.plot(*here, "+", color=INK, markersize=8, markeredgewidth=1.0, label="as designed")
+        marks.append(here)
+    if lines is not None:
+        _label_contours(axes, lines, marks)
+
+
+def _label_contours(axes: Axes, lines: QuadContourSet, marks: Sequence[Sequence[float]]) -> None:
+    """Label contours in their middle, away from marks and from the frame."""
+    inch, places = axes.figure.dpi, []
+    taken = axes.transData.transform(np.reshape(marks, (-1, 2))) / inch
+    frame = axes.bbox.padded(-EDGE * inch)
+    for path in (path for path in lines.get_paths() if len(path.vertices)):
+        line = axes.transData.transform(np.reshape(path.vertices, (-1, 2)))
+        place, number = np.linspace(0, len(line) - 1, 61), np.arange(len(line))
+        at = np.stack([np.interp(place, number, own) for own in line.T], axis=-1)
+        at = at[((at > frame.min) & (at < frame.max)).all(-1)]
+        room = np.hypot(*(at[:, None] / inch - taken).T).min(0, initial=np.inf)
+        at = at[room > CLEAR] if (room > CLEAR).any() else at
+        places += [*at[len(at) // 2 :][:1]]
+    where = axes.transData.inverted().transform(np.reshape(places, (-1, 2)))
+    write = partial(format_raised, digits=4)
+    axes.clabel(lines, fontsize=labels.SMALL, fmt=write, manual=where.tolist())
 
 
 def _draw_surface(
@@ -336,30 +361,17 @@ def _draw_surface(
     finite: Float[np.ndarray, "row column"],
     norm: Normalize,
 ) -> QuadContourSet:
-    """Draw smooth colours, and contours, which are returned."""
+    """Draw smooth colours, and contours at about six round numbers, which are returned."""
     low, high = float(norm.vmin or 0.0), float(norm.vmax or 1.0)
-    spaced = np.geomspace if isinstance(norm, LogNorm) else np.linspace
-    levels = spaced(low, high, 48)
+    wide = isinstance(norm, LogNorm)
+    levels = (np.geomspace if wide else np.linspace)(low, high, 48)
     levels[0], levels[-1] = low, high
     drawn = axes.contourf(x, y, finite, levels=levels, norm=norm, cmap="viridis", extend="both")
     drawn.set_rasterized(True)
     drawn.set_edgecolor("face")
-    return axes.contour(
-        x, y, finite, levels=_round_levels(low, high, norm), colors="white", linewidths=0.6
-    )
-
-
-def _round_levels(
-    low: float, high: float, norm: Normalize
-) -> Float[np.ndarray, " level"] | list[float]:
-    """Round numbers between the limits, about six."""
-    from matplotlib.ticker import LogLocator, MaxNLocator
-
-    if isinstance(norm, LogNorm):
-        many = np.log10(high / low) > 3
-        levels = LogLocator(subs=(1,) if many else (1, 2, 5)).tick_values(low, high)
-    else:
-        levels = MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
-    found = np.asarray(levels)
-    inside = found[(found > low) & (found < high)]
-    return inside if len(inside) else [(low + high) / 2]
+    digits = (1,) if high > 1e3 * low else (1, 2, 5)
+    locator = LogLocator(subs=digits) if wide else MaxNLocator(6, steps=[1, 2, 2.5, 5, 10])
+    found = np.asarray(locator.tick_values(low, high))
+    found = found[(found > low) & (found < high)]
+    round_numbers = found if len(found) else [(low + high) / 2]
+    return axes.contour(x, y, finite, levels=round_numbers, colors="white", linewidths=0.6)

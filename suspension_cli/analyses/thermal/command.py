@@ -134,11 +134,10 @@ class ThermalAnalysis(Analysis):
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw amplitude spectral densities, with the points that resolve resonances added."""
-        from suspension_cli.analyses import finer
         from suspension_cli.analyses.thermal import picture
 
         stages = [stage.name for stage in result.design.stage]
-        return {"": picture.draw(finer.refine_noises(result), result.subtitle, stages)}
+        return {"": picture.draw(picture.refine(result), result.subtitle, stages)}
 
 
 def _solved(source: Source, setting: Settings, log: Log) -> tuple[Choice, list[Thermal]]:

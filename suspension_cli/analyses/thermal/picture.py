@@ -3,19 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.analyses.thermal.solve import Thermal
 from suspension_cli.design.losses.registry import MECHANISMS
 from suspension_cli.drawing import curves, panels
+from suspension_cli.drawing.added_points import add_from_model
 from suspension_cli.drawing.panels import Line, Panel
 from suspension_cli.drawing.style import INK, NOTE, LineLook, single_line, stage_colours
+from suspension_cli.linear import eigenmodes
 
 if TYPE_CHECKING:
     from jaxtyping import Float
+
+    from suspension_cli.analyses.analysis import Result
+    from suspension_cli.drawing.added_points import Solve
+    from suspension_cli.scene.arrays import Array
 
 LINES = 7
 """Largest number of lines in a panel: the sum, the largest parts, and the others together."""
@@ -103,3 +111,31 @@ def _panel(
         lines.append(Line(noise.frequency, amplitude, name, colours[name], look))
     label = f"{single_line(noise.output, 30)} ({noise.unit}/√Hz)"
     return Panel(label, lines, scale="log", limits=curves.limit_spectrum(total), title=what)
+
+
+def refine(result: Result) -> list[Thermal]:
+    """Add the frequencies that resolve resonances of bodies and wires to thermal noises."""
+    noises: list[Thermal] = result.data
+    names = list(dict.fromkeys(name for noise in noises for name in noise.source))
+
+    def amplitudes(noises: list[Thermal]) -> Float[np.ndarray, "frequency motion source"]:
+        nothing = np.zeros(len(noises[0].frequency))
+        parts = [[noise.parts.get(name, nothing) for name in names] for noise in noises]
+        return np.moveaxis(np.array(parts), -1, 0)
+
+    def build() -> tuple[Solve, Array]:
+        model = result.choice.model.system(result.design)
+        motions = [thermal.parse_motion(model, noise.output, noise.tilt) for noise in noises]
+        warmth = result.design.constants.temperature
+        modes = eigenmodes.solve(model.constant).frequency
+        return (lambda at: amplitudes(thermal.solve_all(model, at, motions, warmth))), modes
+
+    frequency, value = add_from_model(build, noises[0].frequency, amplitudes(noises), sums=True)
+    return [
+        replace(
+            noise,
+            frequency=frequency,
+            density=np.stack([value[:, n, names.index(name)] ** 2 for name in noise.source]),
+        )
+        for n, noise in enumerate(noises)
+    ]

@@ -61,7 +61,7 @@ def _chart(answer: Answer, name: str) -> Panel:
             size = 8.5 if option == answer.best else 5
             axes.plot(x, y, "o", color=colour, clip_on=False, ms=size, zorder=4)
         points = np.stack([time, shown], axis=1).tolist()
-        labels.label_points(axes, points, [option.model for option in options], colours, 8.0)
+        labels.label_points(axes, points, [option.model for option in options], colours, pad=2.0)
 
     across = Across(
         f"processor time ({unit})", "log", (time.min() / wide**0.14, time.max() * wide**0.36)

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from suspension_cli.drawing import panels
 from suspension_cli.drawing.labels import widest
 from suspension_cli.drawing.panels import Across, Panel
-from suspension_cli.drawing.style import INK, NOTE
+from suspension_cli.drawing.style import INK, NOTE, format_raised
 from suspension_cli.drawing.tints import Tints, draw_bar, draw_table
 from suspension_cli.linear.response import Response
 
@@ -66,7 +66,9 @@ def _draw_table(
     draw_table(axes, np.where(value > 0, np.maximum(part, 1 / RANGE), np.nan), TINTS)
     for (row, column), size in np.ndenumerate(value):
         colour = "white" if part[row, column] > DARK else INK if size else NOTE
-        axes.text(column, row, _write(size), ha="center", va="center", fontsize=7.5, color=colour)
+        axes.text(
+            column, row, format_raised(size), ha="center", va="center", fontsize=7.5, color=colour
+        )
     for edge in np.flatnonzero((units[1:] != units[:-1]).any(1)):
         axes.axhline(edge + 0.5, color="white", linewidth=4)
     for edge in np.flatnonzero((units[:, 1:] != units[:, :-1]).any(0)):
@@ -84,13 +86,3 @@ def _shorten(names: Sequence[str]) -> tuple[list[str], str]:
     if len(bodies) > 1 or any("@" in name for name in names):
         return [*names], ""
     return [name.rpartition(".")[2] for name in names], bodies.pop()
-
-
-def _write(size: float) -> str:
-    """Write a coupling with two digits; 0 where a symmetry forbids it."""
-    if not size:
-        return "0"
-    if 0.01 <= size < 1000:
-        return f"{size:.2g}"
-    power = int(np.floor(np.log10(size)))
-    return f"{size / 10.0**power:.1f}$\\cdot10^{{{power}}}$"

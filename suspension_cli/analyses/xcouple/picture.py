@@ -33,7 +33,7 @@ LENGTHS = {
 LABELS = RATIOS | LENGTHS
 MOST_CURVES = 9
 """Curves at most; more values of the second axis are thinned out evenly."""
-FINE = 16
+FINE = 64
 """Points per interval of the first axis, interpolated, so that zeros are sharp."""
 FEW = 15
 """Number of builds along the first axis up to which they are marked."""
@@ -159,35 +159,11 @@ def interpolate(
     >>> bool(size.min() < 1e-12)
     True
     """
-    from scipy.interpolate import PchipInterpolator
-
-    if np.iscomplexobj(ratio) and not np.imag(ratio).any():
-        ratio = np.real(ratio)
-    if len(x) < 3:
-        return x, np.abs(ratio)
     order = np.argsort(x, kind="stable")
     x, ratio = np.asarray(x)[order], np.asarray(ratio)[order]
     weights = np.linspace(0, 1, FINE, endpoint=False)
     at = np.append((x[:-1, None] + np.diff(x)[:, None] * weights).ravel(), x[-1])
-    found = np.full(len(at), np.nan, dtype=ratio.dtype)
-    known = np.isfinite(ratio)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]])))
-    for start, stop in edges.reshape(-1, 2):
-        inside = (at >= x[start]) & (at <= x[stop - 1])
-        if stop - start < 2:
-            found[inside] = ratio[start]
-            continue
-        own = slice(start, stop)
-        found[inside] = PchipInterpolator(x[own], np.real(ratio[own]))(at[inside])
-        if np.iscomplexobj(ratio):
-            found[inside] += 1j * PchipInterpolator(x[own], np.imag(ratio[own]))(at[inside])
-    # the zero of the real part between two points, where the magnitude is least
-    with np.errstate(invalid="ignore"):
-        crossed = np.flatnonzero(np.real(found[:-1]) * np.real(found[1:]) < 0)
-    part = np.real(found[crossed]) / np.real(found[crossed] - found[crossed + 1])
-    zeros = at[crossed] + part * (at[crossed + 1] - at[crossed])
-    least = np.abs(np.imag(found[crossed] + part * (found[crossed + 1] - found[crossed])))
-    return np.insert(at, crossed + 1, zeros), np.insert(np.abs(found), crossed + 1, least)
+    return at, np.abs(np.interp(at, x, np.real(ratio)) + 1j * np.interp(at, x, np.imag(ratio)))
 
 
 def _label(axis: Axis) -> str:
