@@ -172,7 +172,7 @@ def encode(figure: Figure, form: str = "png") -> bytes:
     stream = io.BytesIO()
     settings: Any = {"svg.hashsalt": "pendsus", "pdf.fonttype": 42}
     dpi = min(DPI, MAX_PIXELS / max(figure.get_size_inches()))
-    how = {"pil_kwargs": {"compress_level": PNG_LEVEL}} if form == "png" else {}
+    how: dict[str, Any] = {"pil_kwargs": {"compress_level": PNG_LEVEL}} if form == "png" else {}
     with house_style(), matplotlib.rc_context(settings), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing")
         figure.savefig(stream, format=form, dpi=dpi, metadata=METADATA[form], **how)
@@ -263,8 +263,11 @@ def length(value: float) -> str:
 def stage_colours(stages: Iterable[str]) -> dict[str, str]:
     """Choose the colour of each stage of a design (top to bottom), the same in every picture.
 
+    From the ninth on they are dark shades.
+
     >>> stage_colours(["upper", "test"])
     {'upper': '#0072b2', 'test': '#d55e00'}
     """
-    colours = [*PALETTE, *(to_hex(0.5 * np.array(to_rgb(colour))) for colour in PALETTE)]
+    parts = [to_rgb(colour) for colour in PALETTE]
+    colours = [*PALETTE, *(to_hex((0.5 * r, 0.5 * g, 0.5 * b)) for r, g, b in parts)]
     return {name: colours[n % len(colours)] for n, name in enumerate(dict.fromkeys(stages))}

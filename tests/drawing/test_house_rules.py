@@ -370,7 +370,7 @@ def _labels(axes):
         if not (axes.axison and axis.get_visible()):
             continue
         ticks = [label.get_text() for label in axis.get_ticklabels() if label.get_visible()]
-        if any(re.fullmatch(r"[−\d.]+|.*10[⁻⁰¹²³⁴-⁹]+", text) for text in ticks):
+        if any(re.fullmatch(r"[−\d.·]+([⁻⁰¹²³⁴-⁹]+)?", text) for text in ticks):
             shared = axes.get_shared_y_axes() if axis is axes.yaxis else axes.get_shared_x_axes()
             others = [
                 (other.yaxis if axis is axes.yaxis else other.xaxis).get_label_text()

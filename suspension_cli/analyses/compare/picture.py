@@ -76,7 +76,7 @@ def draw_modes(found: Comparison, modes: PairedModes) -> Figure:
     base, *others = [single_line(name) for name in found.name]
     against = f"{', '.join(others)} against {base}{f' · {models}' if models else ''}"
     title = f"Mode frequencies: {_modes_title(found, change, labels)}"
-    across = Across(f"frequency relative to {single_line(found.name[0], 16)} (%)", "linear")
+    across = Across(f"frequency relative to {shorten(base, 16)} (%)", "linear")
     return panels.draw(title, against, [panel], across)
 
 

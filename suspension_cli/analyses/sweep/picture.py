@@ -341,8 +341,9 @@ def _label_contours(axes: Axes, lines: QuadContourSet, marks: Sequence[Sequence[
     inch, places = axes.figure.dpi, []
     taken = axes.transData.transform(np.reshape(marks, (-1, 2))) / inch
     frame = axes.bbox.padded(-EDGE * inch)
-    for path in (path for path in lines.get_paths() if len(path.vertices)):
-        line = axes.transData.transform(np.reshape(path.vertices, (-1, 2)))
+    paths = [np.reshape(path.vertices, (-1, 2)) for path in lines.get_paths()]
+    for path in (path for path in paths if len(path)):
+        line = axes.transData.transform(path)
         place, number = np.linspace(0, len(line) - 1, 61), np.arange(len(line))
         at = np.stack([np.interp(place, number, own) for own in line.T], axis=-1)
         at = at[((at > frame.min) & (at < frame.max)).all(-1)]
