@@ -334,6 +334,9 @@ def _draw_line(axes: Axes, line: Line, scale: Scale) -> tuple[Array, Array]:
         look |= {"marker": "o", "markersize": 3}
     if line.error is not None:
         low, high = (_ordinates(np.asarray(end), scale) for end in line.error)
+        if scale == "phase":  # an error of the size is one of the angle
+            off = np.degrees(np.abs(np.asarray(line.error[1]) - y) / np.abs(y))
+            low, high = low - off, high + off
         axes.vlines(x, low, high, color=ERROR, linewidth=0.6, zorder=1.5)
     if scale == "phase" and np.iscomplexobj(y) and not is_dotted(line):
         x, y = curves.phase_line(x, y)
