@@ -23,13 +23,14 @@ from suspension_cli.analyses.tradeoff.picture import COLOUR
 from suspension_cli.analyses.tradeoff.questions import Coupling, ModeFrequencies, Question
 from suspension_cli.analyses.xcouple import model_error
 from suspension_cli.design.reader import Source
-from suspension_cli.drawing.curves import label_plainly, rule, write_plainly
+from suspension_cli.drawing.scales import label_plainly, rule
 from suspension_cli.drawing.style import (
     INK,
     NOTE,
     PALE,
     PALETTE,
     add_axes,
+    format_raised,
     house_style,
     new_figure,
     save,
@@ -252,7 +253,7 @@ def _draw_errors(axes: Axes, found: list[Trial]) -> None:
     axes.set(xlabel="requested tolerance", ylabel="error of the result")
     ticks = (1e-7, 1e-5, 1e-3, 1e-1)
     axes.set_yticks(
-        [FLOOR, *ticks], ["none", *(f"{write_plainly(100 * tick)} %" for tick in ticks)]
+        [FLOOR, *ticks], ["none", *(f"{format_raised(100 * tick)} %" for tick in ticks)]
     )
     ticks = (1e-4, 1e-3, 1e-2, 1e-1)
     axes.set_xticks(ticks, [percent(tick) for tick in ticks])

@@ -12,15 +12,9 @@ from matplotlib.ticker import FuncFormatter
 
 from suspension_cli.analyses.response import file as files
 from suspension_cli.design.reader import read
-from suspension_cli.drawing.curves import (
-    HEAD,
-    PEAKS,
-    label_peaks,
-    label_plainly,
-    rule,
-    set_margins,
-    write_heading,
-)
+from suspension_cli.drawing.labels import label_peaks
+from suspension_cli.drawing.panels import HEAD, PEAKS, set_margins, write_heading
+from suspension_cli.drawing.scales import label_plainly, rule
 from suspension_cli.drawing.style import NOTE, PALETTE, house_style, new_figure, save
 from suspension_cli.files.hdf5 import Provenance, write
 from suspension_cli.linear import eigenmodes, response, signals
@@ -101,7 +95,7 @@ def draw(answer: response.Response, found: eigenmodes.Modes) -> Figure:
         (ours, min(float(np.interp(ours, answer.frequency, level)), high), f" ({printed:g})")
         for ours, printed in pair_modes(found)
     ]
-    label_peaks(axes, tops, size=6.8, unit="")
+    label_peaks(axes, tops, unit="")
     figure.text(
         axes.get_position().x0,
         1 - 0.62 / figure.get_size_inches()[1],

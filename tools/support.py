@@ -19,7 +19,7 @@ from suspension_cli.design.bodies import body_mass
 from suspension_cli.design.derive import set_geometry
 from suspension_cli.design.reader import parse_with_overrides
 from suspension_cli.design.schema import Design
-from suspension_cli.drawing import curves
+from suspension_cli.drawing import labels, panels, scales
 from suspension_cli.drawing.style import PALETTE, house_style, new_figure, save
 from suspension_cli.files.atomic import write_bytes
 from suspension_cli.linear import eigenmodes
@@ -188,7 +188,7 @@ def draw(stiffness: Array) -> Figure:
     """Draw frequencies against the stiffness of the frame, with those measured."""
     figure = new_figure(5.0, 4.0)
     axes = figure.subplots()
-    curves.set_margins(figure, right=curves.room_for(["case 1"]), bottom=0.45)
+    panels.set_margins(figure, right=labels.room_for(["case 1"]), bottom=0.45)
     ends = []
     for case, colour in zip(COMPLIANT, PALETTE, strict=False):
         for mass, line in ((0.0, "-"), (FRAME_MASS, "--")):
@@ -213,9 +213,9 @@ def draw(stiffness: Array) -> Figure:
         xlabel="vertical stiffness of the frame (N/m)",
         ylabel="vertical frequency (Hz)",
     )
-    curves.rule(axes)
-    curves.label_ends(axes, ends)
-    curves.write_heading(
+    scales.rule(axes)
+    labels.label_ends(axes, ends)
+    panels.write_heading(
         figure,
         "No one frame explains all three vertical frequencies",
         f"bands, dots: measured ± {ERROR:g} Hz; solid: frame without mass, dashed: of"

@@ -25,8 +25,9 @@ from suspension_cli.analyses.tradeoff.measure import measure, median_times
 from suspension_cli.analyses.tradeoff.result import Entry, Tradeoff, format_time
 from suspension_cli.design.derive import mirror
 from suspension_cli.design.reader import read
-from suspension_cli.drawing.curves import COLUMN, label_plainly, rule, write_heading
-from suspension_cli.drawing.labels import annotate
+from suspension_cli.drawing.labels import label_points
+from suspension_cli.drawing.panels import COLUMN, write_heading
+from suspension_cli.drawing.scales import label_plainly, rule
 from suspension_cli.drawing.style import (
     PALETTE,
     add_axes,
@@ -120,7 +121,7 @@ def _draw_chart(axes: Axes, points: dict[str, tuple[float, float]]) -> None:
     colours = [PALETTE[0] if name.startswith("pendsus") else PALETTE[1] for name in points]
     for x, y, colour in zip(time, shown, colours, strict=True):
         axes.plot(x, y, "o", color=colour, ms=5)
-    annotate(axes, list(zip(time, shown, strict=True)), list(points), colours, 7.8)
+    label_points(axes, list(zip(time, shown, strict=True)), list(points), colours, 7.8)
 
 
 def tabulate(found: dict[str, Tradeoff], question: str) -> list[str]:

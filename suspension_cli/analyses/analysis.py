@@ -247,7 +247,6 @@ class Result(Report):
         from suspension_cli.analyses import options
         from suspension_cli.analyses.python_names import python_names
         from suspension_cli.design.faults import suggest
-        from suspension_cli.drawing.style import label_frequencies
 
         name, parameters = self.analysis.command_name, self.analysis.drawn_with
         known = [str(param.name) for param in parameters]
@@ -257,8 +256,7 @@ class Result(Report):
                 raise InputError.of(key, problem, suggest(key, known))
         with python_names("Result.plot"):
             setting = options.context(name, parameters, setting).params
-        figures = self.analysis.figures(self, setting)
-        return {end: label_frequencies(figure) for end, figure in figures.items()}
+        return self.analysis.figures(self, setting)
 
     def plot(self, **setting: object) -> Figure:
         """Draw the picture that the command writes.

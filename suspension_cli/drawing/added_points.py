@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
     Solve = Callable[[Array], Inexact[np.ndarray, "frequency output input"]]
     """From frequencies in Hz to values there."""
-    from jaxtyping import Inexact
 
 STEP = 0.5
 """Largest change of log |H| or of its angle between neighbours."""
@@ -23,6 +22,8 @@ NARROWEST = 1e-12
 """Relative distance of neighbours at which refinement ends, as at a pole or zero without loss."""
 QUARTERS = np.array([0.25, 0.5, 0.75])
 """Where an interval is divided, on a logarithmic scale."""
+SHORTEST = 8
+"""Number of points below which a grid is that of a question, not of a curve."""
 MOST = 18
 """Largest number of passes."""
 UNSEEN = 2
@@ -40,7 +41,6 @@ def add_points(
     *,
     few: bool = True,
     sums: bool = False,
-    step: float = STEP,
 ) -> tuple[Float[np.ndarray, " finer"], Inexact[np.ndarray, "finer output input"]]:
     """Add frequencies until a response changes little between neighbours.
 
@@ -57,8 +57,6 @@ def add_points(
         Whether to refine; otherwise only the modes and points beside them are added.
     sums
         Whether the last axis lists amplitudes of parts; then their root sum of squares is refined.
-    step
-        Largest change of log |H| or of its angle between neighbours.
 
     Returns
     -------
@@ -82,7 +80,7 @@ def add_points(
         turn = np.angle(direction[1:] * direction[:-1].conj())
         change = np.maximum(np.abs(np.diff(np.log(size), axis=0)), np.abs(turn))
         change = np.where((flat[1:] == 0) | (flat[:-1] == 0), 0.0, change)
-        variation, large = change.sum(0), change > step
+        variation, large = change.sum(0), change > STEP
         if number >= UNSEEN:
             erratic |= (variation > GROWTH * last) & (large.mean(0) > 0.5)
         last = variation
@@ -98,6 +96,28 @@ def add_points(
         between = frequency[wide, None] * np.exp(gap[wide, None] * QUARTERS)
         frequency, value = _insert(solve, frequency, value, between.ravel())
     return frequency, value
+
+
+def add_from_model(
+    build: Callable[[], tuple[Solve, Array]],
+    frequency: Float[np.ndarray, " frequency"],
+    value: Inexact[np.ndarray, "frequency output input"],
+    *,
+    few: bool = True,
+    sums: bool = False,
+) -> tuple[Float[np.ndarray, " finer"], Inexact[np.ndarray, "finer output input"]]:
+    """Add points to the values of a result, solved for by its model.
+
+    `build` makes the function that solves for them, and lists modes, from the result's design: a
+    results file is enough. If that fails, or the grid is short, the values stay as they are.
+    """
+    if len(frequency) < SHORTEST or frequency[0] <= 0 or (np.diff(frequency) <= 0).any():
+        return frequency, value
+    try:
+        solve, modes = build()
+        return add_points(solve, frequency, value, modes, few=few, sums=sums)
+    except InputError:
+        return frequency, value
 
 
 def _insert(

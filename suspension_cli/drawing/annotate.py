@@ -16,11 +16,11 @@ from suspension_cli.drawing.dimensions import (
     draw_dot,
     draw_extension,
     draw_leader,
-    spread,
     width_of,
     write_note,
 )
 from suspension_cli.drawing.geometry import View, wire_ends
+from suspension_cli.drawing.labels import spread
 from suspension_cli.drawing.parts import Sketch, support_box
 from suspension_cli.drawing.style import NOTE, PALE, length, shorten, single_line
 from suspension_cli.scene.arrays import Array

@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
-from scipy.optimize import isotonic_regression
 
 from suspension_cli.drawing.canvas import Canvas, TextLook
 from suspension_cli.drawing.style import NOTE
@@ -129,17 +128,3 @@ def draw_dot(canvas: Canvas, where: Array, colour: str = NOTE) -> None:
     canvas.polygon(
         where + 0.016 * np.column_stack([np.cos(angle), np.sin(angle)]), colour, "none", 0.0, ORDER
     )
-
-
-def spread(wanted: list[float], gap: float) -> list[float]:
-    """Positions nearest to the wanted ones (least squares), in their order, at least a gap apart.
-
-    An isotonic regression: less n gaps, the n-th position must not be below those before it.
-    """
-    if not wanted:
-        return []
-    order = np.argsort(wanted, kind="stable")
-    offset = gap * np.arange(len(wanted))
-    result = np.empty(len(wanted))
-    result[order] = isotonic_regression(np.array(wanted)[order] - offset).x + offset
-    return result.tolist()

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from suspension_cli.design.schema import Design
-from suspension_cli.drawing import annotate, curves, imperfect, parts, style, tables
+from suspension_cli.drawing import annotate, imperfect, panels, parts, style, tables
 from suspension_cli.drawing.annotate import Plan
 from suspension_cli.drawing.bodies import outlines
 from suspension_cli.drawing.canvas import Canvas, full_canvas
@@ -85,7 +85,7 @@ def draw(design: Design, scene: Scene, tabulate: bool = True) -> Figure:
         scale = _scale(bounds, room)
         figure = style.new_figure(style.PAGE_WIDTH, TOP + scale * bounds.height + below)
         name = design.design.title or design.design.name
-        curves.write_heading(figure, "Dimensions, to scale" + _remark(flawed), name)
+        panels.write_heading(figure, "Dimensions, to scale" + _remark(flawed), name)
         plan = _plan(
             figure, sketch, bounds, scale, MARGIN + (inner - beside - scale * bounds.width) / 2
         )

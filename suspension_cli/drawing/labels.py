@@ -1,186 +1,303 @@
-"""Labels of points, placed so that they do not overlap."""
+"""Placement of labels: texts measured, moved apart along a line or about points."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from itertools import product
+from collections.abc import Sequence
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import RendererAgg
+from matplotlib.font_manager import FontProperties
+from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
+from scipy.optimize import isotonic_regression
 
-from suspension_cli.drawing.style import NOTE
+from suspension_cli.drawing.curves import find_peaks, find_slopes
+from suspension_cli.drawing.style import INK, NOTE, RC, shorten, single_line
+from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
     from jaxtyping import Float
-    from matplotlib.transforms import BboxBase
     from numpy.typing import ArrayLike
 
-NEAR = 4.5
-"""Distance of a label from its point, points (1/72 in)."""
-SPACE = 3.0
-"""Least distance between two labels side by side, points."""
-REACHES = (1.0, 2.2, 3.6, 5.2, 7.0, 9.0, 11.5, 14.5, 18.0, 22.0)
-"""Factors on `NEAR`, tried in this order; from the second on a line leads to the point."""
-SIDES = ((1, 0), (1, 1), (1, -1), (-1, 0), (-1, 1), (-1, -1), (0, 1), (0, -1))
+_RENDERER = RendererAgg(1, 1, 72)
+
+SMALL = 7.5
+"""Font size of labels, points."""
+LIFT = 0.1
+"""Height above axes at which the frequencies of peaks stand, in."""
+FARTHEST = 2.5
+"""Largest distance of a frequency from its peak, in widths of the text."""
+MOST_PEAKS = 12
+"""Largest number of labels of peaks."""
+SIDES = np.array([(1, 0), (1, 1), (1, -1), (-1, 0), (-1, 1), (-1, -1), (0, 1), (0, -1)])
 """Directions of a label from its point (x, y), the best first."""
-ALONG = np.linspace(0, 1, 16)[:, None]
-"""Sampling of a line, to test if it passes through a box."""
-ON_LABEL, ON_POINT, CROSSED, ON_LINE, OUTSIDE, FAR = 60.0, 25.0, 20.0, 4.0, 200.0, 1.0
-"""Cost of a place per label or point that it covers, per crossing of its line or box with another,
-per line that it covers, for leaving the frame, and per unit of reach."""
+REACHES = np.array([3.5, 8.0, 14.0, 22.0, 32.0, 44.0, 58.0, 75.0, 95.0])
+"""Distances of a label from its point, points; from the second on a line leads to it."""
+ON_LABEL, ON_POINT, CROSSED, ON_LINE, OUTSIDE, FAR = 60.0, 25.0, 20.0, 2.0, 200.0, 0.25
+"""Cost of a place per label or point that it covers, per leader that it crosses, for covering a
+line, for leaving the frame, and per point (1/72 in) of distance."""
 
 
-def annotate(
+@cache
+def text_width(text: str, size: float = SMALL) -> float:
+    """Width of a line of text, in."""
+    font = FontProperties(family=RC["font.family"], size=size)
+    return _RENDERER.get_text_width_height_descent(text, font, ismath="$" in text)[0] / 72
+
+
+def widest(texts: Sequence[str], size: float = SMALL) -> float:
+    """Width of the longest of some texts, in."""
+    return max((text_width(line, size) for text in texts for line in text.split("\n")), default=0.0)
+
+
+def wrap(text: str, width: float, size: float = SMALL) -> str:
+    """Break text into lines of a width, in."""
+    lines = [""]
+    for word in text.split():
+        longer = f"{lines[-1]} {word}".lstrip()
+        lines[-1:] = [longer] if text_width(longer, size) <= width else [lines[-1], word]
+    return "\n".join(line for line in lines if line)
+
+
+def spread(
+    wanted: Sequence[float], gap: float, low: float = -np.inf, high: float = np.inf
+) -> list[float]:
+    """Positions nearest to the wanted ones (least squares), in their order, at least a gap apart.
+
+    They lie between two bounds as far as there is room. An isotonic regression: less n gaps, the
+    n-th position must not be below those before it, nor beyond the bounds.
+    """
+    if not len(wanted):
+        return []
+    order = np.argsort(wanted, kind="stable")
+    offset = gap * np.arange(len(wanted))
+    found = isotonic_regression(np.asarray(wanted, dtype=float)[order] - offset).x
+    result = np.empty(len(wanted))
+    result[order] = np.clip(found, min(low, high - offset[-1]), high - offset[-1]) + offset
+    return result.tolist()
+
+
+def room_for(names: Sequence[str], most: int = 26) -> float:
+    """Width of labels at line ends, in."""
+    return 0.2 + widest([f"↓ {shorten(name, most)}" for name in names]) if names else 0.15
+
+
+def label_ends(
+    axes: Axes, ends: Sequence[tuple[ArrayLike, ArrayLike, str, str]], most: int = 26
+) -> None:
+    """Write labels at the ends of lines, right of the axes, moved apart, with leaders.
+
+    A line that ends outside the panel gets an arrow up or down. Labels follow changed limits. The
+    axes have their limits and place; `ends` are abscissas, ordinates, label and colour of each
+    line, `most` the characters of a label.
+    """
+    look = {"xycoords": "axes fraction", "textcoords": "offset points", "annotation_clip": False}
+    texts, leaders = [], []
+    for *_, colour in ends:
+        text = axes.annotate(
+            "", (1, 0.5), (8, 0), va="center", fontsize=SMALL, color=colour, **look
+        )  # type: ignore[arg-type]
+        line = Line2D([], [], color=colour, lw=0.6, clip_on=False, transform=axes.transAxes)
+        texts.append(text)
+        leaders.append(axes.add_line(line))
+
+    def place(_axes: Axes | None = None) -> None:
+        box, inch = axes.get_window_extent(), axes.figure.dpi
+        gap = 1.18 * SMALL * inch / 72
+        low, high = sorted(axes.get_xlim())
+        raw = []
+        for abscissas, ordinates, *_ in ends:
+            x, y = np.asarray(abscissas, dtype=float), np.asarray(ordinates, dtype=float)
+            shown = np.flatnonzero(np.isfinite(y) & (x >= low) & (x <= high))
+            last = float(y[shown[-1]]) if len(shown) else np.nan
+            with np.errstate(invalid="ignore", divide="ignore"):
+                at = axes.transData.transform((high, last))[1] - box.y0
+            raw.append(float(at) if np.isfinite(at) else -1.0)
+        inside = [float(np.clip(at, 0.0, box.height)) for at in raw]
+        # below the panel the order is that of the values
+        order = [at + 1e-9 * min(real, 0.0) for at, real in zip(inside, raw, strict=True)]
+        places = spread(order, gap, 0.0, box.height)
+        across = 6 * inch / 72 / box.width
+        for text, leader, at, real, end, (_x, _y, name, _colour) in zip(
+            texts, leaders, places, raw, inside, ends, strict=True
+        ):
+            outside = "↓ " if real < -1 else "↑ " if real > box.height + 1 else ""
+            plain = name if name.startswith("$") else single_line(shorten(name, most))
+            text.set_text(outside + plain)
+            text.xy = (1, at / box.height)
+            moved = not outside and abs(at - end) > 0.3 * gap
+            leader.set_data(
+                [1, 1 + across] if moved else [],
+                [end / box.height, at / box.height] if moved else [],
+            )
+
+    place()
+    for event in ("xlim_changed", "ylim_changed"):
+        axes.callbacks.connect(event, place)
+
+
+def label_peaks(axes: Axes, peaks: Sequence[tuple[float, float, str]], unit: str = " Hz") -> None:
+    """Write the frequencies of peaks in a row above axes, moved apart, with leaders.
+
+    The axes have their limits, and room above. `peaks` are frequency (Hz), ordinate and remark of
+    each, the most important last. `unit` follows the last frequency of the row.
+    """
+    chosen: list[tuple[float, float, str]] = []
+    low, high = axes.get_xlim()
+    for peak in reversed(peaks):
+        near = any(abs(np.log(peak[0] / other[0])) < 5e-3 for other in chosen)
+        if low <= peak[0] <= high and not near and len(chosen) < MOST_PEAKS:
+            chosen.append(peak)
+    if not chosen:
+        return
+    box, inch = axes.get_window_extent(), axes.figure.dpi
+    texts = {peak: f"{format_frequency(peak[0])}{peak[2]}" for peak in chosen}
+    wide = (widest([*texts.values()]) + 0.1) * inch
+    chosen = chosen[: max(1, int(box.width / wide))]
+    while True:  # without the least important, until no label is far from its peak
+        shown = sorted(chosen)
+        raw = [float(axes.transData.transform((at, 1))[0] - box.x0) for at, *_ in shown]
+        places = spread(raw, wide, wide / 2, box.width - wide / 2)
+        if len(chosen) == 1 or np.abs(np.subtract(places, raw)).max() < FARTHEST * wide:
+            break
+        chosen.pop()
+    foot = 1 + LIFT * inch / box.height
+    texts[shown[-1]] = f"{format_frequency(shown[-1][0])}{unit}{shown[-1][2]}"
+    look = {"transform": axes.transAxes, "color": NOTE}
+    for peak, place, x in zip(shown, places, raw, strict=True):
+        middle = place / box.width
+        axes.text(middle, foot, texts[peak], ha="center", va="bottom", fontsize=SMALL, **look)
+        top = (axes.transData.transform(peak[:2])[1] - box.y0) / box.height
+        across, up = [x / box.width] * 2 + [middle], [min(top + 0.01, 1.0), 1.0, foot]
+        axes.add_line(Line2D(across, up, linewidth=0.4, zorder=1, clip_on=False, **look))
+
+
+def format_frequency(value: float) -> str:
+    """Write a frequency with three digits, ``1280``."""
+    return f"{float(f'{value:.3g}'):.7g}"
+
+
+def label_slopes(
     axes: Axes,
-    points: Sequence[tuple[float, float]],
+    frequency: Float[np.ndarray, " frequency"],
+    size: Float[np.ndarray, " frequency"],
+    drawn: Float[np.ndarray, " frequency"],
+    colour: str = INK,
+) -> None:
+    """Write power laws beside a curve, f^-6, away from its peaks.
+
+    The `size` follows the power law of the `frequency`, Hz; `drawn` are ordinates.
+    """
+    peaks = np.log(frequency[find_peaks(size)])
+    for power, low, high in find_slopes(frequency, size):
+        places = np.log(low) + np.array([0.5, 0.3, 0.7]) * np.log(high / low)
+        free = np.abs(places[:, None] - peaks).min(1, initial=0.3)
+        middle = places[free.argmax()]
+        axes.annotate(
+            f"$f^{{{power}}}$",
+            (np.exp(middle), np.interp(middle, np.log(frequency), drawn)),
+            (5 if power < 0 else -5, 4),
+            textcoords="offset points",
+            ha="left" if power < 0 else "right",
+            va="bottom",
+            fontsize=8,
+            color=colour,
+            annotation_clip=True,
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.4, "alpha": 0.85},
+        )
+
+
+def label_points(
+    axes: Axes,
+    points: Sequence[Sequence[float]],
     texts: Sequence[str],
     colours: Sequence[str],
-    size: float,
-    taken: Sequence[ArrayLike] = (),
-    lines: Sequence[tuple[float, float, float, float]] = (),
+    size: float = SMALL,
+    marks: Sequence[Sequence[float]] = (),
+    lines: Sequence[ArrayLike] = (),
+    pad: float = 0.0,
 ) -> list[Text]:
-    """Label points, each where it overlaps least with other labels, points and the frame.
+    """Label points, each where it covers fewest labels, points, leaders and lines.
 
     Parameters
     ----------
     axes
         With final limits and position in the figure.
-    points : sequence of (x, y)
-        In data coordinates.
+    points, marks : sequence of (x, y)
+        Points to label, and further ones to keep clear of, in data coordinates.
     size
         Font size, points.
-    taken : sequence of (x0, y0, x1, y1)
-        Further boxes to avoid, pixels.
-    lines : sequence of (x0, y0, x1, y1)
-        Vertical or horizontal lines to avoid if possible, pixels.
+    lines : sequence of (k, 2) arrays
+        Curves to keep clear of if possible, in data coordinates.
+    pad
+        Room around each text, points.
     """
+    if not len(points):
+        return []
     pixel = axes.figure.dpi / 72
-    where = axes.transData.transform(np.array(points, dtype=float).reshape(-1, 2))
-    frame = axes.get_window_extent()
-    boxes = [np.array(box, dtype=float) for box in taken]
-    leads: list[Float[np.ndarray, "2 2"]] = []
-    dots = [
-        np.array([x - 3 * pixel, y - 3 * pixel, x + 3 * pixel, y + 3 * pixel]) for x, y in where
-    ]
-    result = []
+
+    def see(values: ArrayLike) -> Float[np.ndarray, "point 2"]:
+        return axes.transData.transform(np.reshape(values, (-1, 2)).astype(float)) / pixel
+
+    where, frame = see(points), np.reshape(axes.get_window_extent().extents, (2, 2)) / pixel
+    dots = np.unique([*where, *see([*marks])], axis=0)[:, None] + np.array([[-3.0], [3.0]])
+    covered = np.concatenate([np.zeros((0, 2)), *(_sample(see(line)) for line in lines)])
+    taken, leaders, result = np.zeros((0, 2, 2)), np.zeros((0, 2)), {}
+    reach, sides = np.repeat(REACHES, len(SIDES)), np.tile(SIDES, (len(REACHES), 1))
     # from the left, so that a row of points fills from one side
     for n in np.lexsort((where[:, 1], where[:, 0])).tolist():
+        half = np.array([36 * text_width(texts[n], size), 0.58 * size]) + pad
+        shift = sides * (half + reach[:, None] * (1.0, 0.55))
+        boxes = (where[n] + shift)[:, None] + np.stack([-half, half])
+        edge = np.clip(where[n], boxes[:, 0], boxes[:, 1])
+        leads = where[n] + np.linspace(0.0, 1.0, 16)[:, None] * (edge - where[n])[:, None]
+        other = dots[np.abs(dots.mean(1) - where[n]).max(1) > 4.0]
+        cost = FAR * reach + 0.05 * np.tile(np.arange(len(SIDES)), len(REACHES))
+        cost += ON_LABEL * _overlaps(boxes, taken + np.array([[-3.0, -1.0], [3.0, 1.0]]))
+        cost += ON_POINT * _overlaps(boxes, other)
+        cost += CROSSED * _count(boxes, leaders) + ON_LINE * np.minimum(_count(boxes, covered), 4)
+        cost += CROSSED * (_crossed(leads, taken) + _crossed(leads, other)) * (reach > REACHES[0])
+        cost += OUTSIDE * ((boxes[:, 0] < frame[0]) | (boxes[:, 1] > frame[1])).any(1)
+        best = int(cost.argmin())
+        taken = np.concatenate([taken, boxes[best, None]])
+        if reach[best] > REACHES[0]:
+            leaders = np.concatenate([leaders, leads[best]])
+            ends = axes.transData.inverted().transform(leads[best, [0, -1]] * pixel)
+            axes.plot(*ends.T, color=NOTE, lw=0.4, zorder=2, scalex=False, scaley=False)
         text = axes.annotate(
-            str(texts[n]),
-            points[n],
-            xytext=(0, 0),
-            textcoords="offset points",
-            fontsize=size,
-            color=colours[n],
-            zorder=5,
-        )
+            str(texts[n]), tuple(points[n]), shift[best], textcoords="offset points", ha="center",
+            va="center", fontsize=size, color=colours[n], zorder=5,
+        )  # fmt: skip
         text.set_path_effects([withStroke(linewidth=1.6, foreground="white")])
-        extent = text.get_window_extent()
-        others, shape = dots[:n] + dots[n + 1 :], (extent.width, extent.height)
-        places = _places(where[n], shape, pixel, frame, boxes, others, lines, leads)
-        reach, box = _cheapest(places)
-        boxes.append(box)
-        text.set_position(((box[0] - where[n, 0]) / pixel, (box[1] - where[n, 1]) / pixel))
-        text.set_verticalalignment("bottom")
-        if reach > 1.0:
-            leads.append(_lead(where[n], box, pixel))
-            ends = axes.transData.inverted().transform(leads[-1])
-            axes.plot(
-                ends[:, 0], ends[:, 1], color=NOTE, linewidth=0.4, zorder=2, solid_capstyle="butt"
-            )
-        result.append(text)
-    return result
+        result[n] = text
+    return [result[n] for n in range(len(texts))]
 
 
-def _cheapest(
-    places: Iterator[tuple[float, tuple[float, Float[np.ndarray, " 4"]]]],
-) -> tuple[float, Float[np.ndarray, " 4"]]:
-    """Reach and box of the first place of least cost.
-
-    Ends when even a free place farther away would cost more.
-    """
-    least, chosen = np.inf, (0.0, np.zeros(4))
-    for cost, place in places:
-        if least < FAR * place[0]:
-            break
-        if cost < least:
-            least, chosen = cost, place
-    return chosen
+def _sample(line: Float[np.ndarray, "point 2"]) -> Float[np.ndarray, "sample 2"]:
+    """Points along a curve, 3 apart."""
+    line = line[np.isfinite(line).all(1)]
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+    at = np.arange(0.0, along[-1], 3.0)[:9999]
+    return np.stack([np.interp(at, along, values) for values in line.T], axis=-1)
 
 
-def _places(
-    point: Float[np.ndarray, " 2"],
-    size: tuple[float, float],
-    pixel: float,
-    frame: BboxBase,
-    boxes: list[Float[np.ndarray, " 4"]],
-    dots: list[Float[np.ndarray, " 4"]],
-    lines: Sequence[tuple[float, float, float, float]],
-    leads: list[Float[np.ndarray, "2 2"]],
-) -> Iterator[tuple[float, tuple[float, Float[np.ndarray, " 4"]]]]:
-    """Cost, reach and box of every possible place of a label."""
-    width, height = size
-    for reach, (side, up) in product(REACHES, SIDES):
-        gap = NEAR * reach * pixel
-        left = point[0] + (gap if side > 0 else -gap - width if side < 0 else -width / 2)
-        low = point[1] + (0.55 * gap if up > 0 else -0.55 * gap - height if up < 0 else -height / 2)
-        box = np.array([left, low, left + width, low + height])
-        padded = box + SPACE * pixel * np.array([-1, -0.3, 1, 0.3])
-        cost = FAR * reach + 0.05 * SIDES.index((side, up))
-        cost += ON_LABEL * sum(_overlap(padded, other) > 0 for other in boxes)
-        cost += ON_POINT * sum(_overlap(box, dot) > 0 for dot in dots)
-        if reach > 1.0:
-            lead = _lead(point, box, pixel)
-            cost += CROSSED * (
-                sum(_cross(lead, other) for other in leads)
-                + sum(_through(lead, dot) for dot in dots if not _inside(point, dot))
-            )
-            cost += CROSSED * sum(_through(lead, other) for other in boxes)
-        cost += CROSSED * sum(_through(other, box) for other in leads)
-        cost += ON_LINE * sum(
-            box[0] < line[2] and line[0] < box[2] and box[1] < line[3] and line[1] < box[3]
-            for line in lines
-        )
-        cost += OUTSIDE * (
-            padded[0] < frame.x0
-            or padded[2] > frame.x1
-            or padded[1] < frame.y0
-            or padded[3] > frame.y1
-        )
-        yield cost, (reach, box)
+def _overlaps(boxes: Array, others: Array) -> Array:
+    """Number of boxes (k, 2, 2) that each box (b, 2, 2) overlaps; each has two corners."""
+    apart = (boxes[:, None, 0] >= others[:, 1]) | (others[:, 0] >= boxes[:, None, 1])
+    return (~apart.any(-1)).sum(1)
 
 
-def _overlap(a: Float[np.ndarray, " 4"], b: Float[np.ndarray, " 4"]) -> float:
-    """Area common to two boxes."""
-    return max(min(a[2], b[2]) - max(a[0], b[0]), 0.0) * max(min(a[3], b[3]) - max(a[1], b[1]), 0.0)
+def _count(boxes: Array, points: Array) -> Array:
+    """Number of points (k, 2) in each box (b, 2, 2)."""
+    return ((points > boxes[:, None, 0]) & (points < boxes[:, None, 1])).all(-1).sum(1)
 
 
-def _lead(
-    point: Float[np.ndarray, " 2"], box: Float[np.ndarray, " 4"], pixel: float
-) -> Float[np.ndarray, "2 2"]:
-    """Line (2, 2) from a point to the nearest edge of its label."""
-    x = np.clip(point[0], box[0], box[2])
-    return np.array([point, [x, np.clip(point[1], box[1] + pixel, box[3] - pixel)]])
-
-
-def _cross(a: Float[np.ndarray, "2 2"], b: Float[np.ndarray, "2 2"]) -> bool:
-    """Whether two lines (2, 2) cross."""
-
-    def side(line: Float[np.ndarray, "2 2"], point: Float[np.ndarray, " 2"]) -> float:
-        along, across = line[1] - line[0], point - line[0]
-        return float(along[0] * across[1] - along[1] * across[0])
-
-    return side(a, b[0]) * side(a, b[1]) < 0 and side(b, a[0]) * side(b, a[1]) < 0
-
-
-def _through(line: Float[np.ndarray, "2 2"], box: Float[np.ndarray, " 4"]) -> bool:
-    """Whether a line (2, 2) passes through a box."""
-    points = line[0] + ALONG * (line[1] - line[0])
-    return bool(((points > box[:2]) & (points < box[2:])).all(axis=1).any())
-
-
-def _inside(point: Float[np.ndarray, " 2"], box: Float[np.ndarray, " 4"]) -> bool:
-    return bool(box[0] < point[0] < box[2] and box[1] < point[1] < box[3])
+def _crossed(lines: Array, boxes: Array) -> Array:
+    """Number of boxes (k, 2, 2) through which each line (b, p, 2) passes."""
+    points = lines[:, :, None]
+    inside = ((points > boxes[:, 0]) & (points < boxes[:, 1])).all(-1)
+    return np.any(inside, axis=1).sum(-1)

@@ -152,6 +152,7 @@ def _springs(canvas: Canvas, view: View, sketch: Sketch, look: Look) -> None:
     unit = 0.022 * suspension_size(scene) * view.scale
     curves = geometry.link_curves(sketch.design, scene, pose)
     drawn = geometry.free_springs(scene)
+    taken = [*view.see(scene.bodies.position + pose.shift)]
     for number, pair in zip(drawn, geometry.spring_points(scene, pose), strict=True):
         springs = scene.springs
         curve, grounded = curves.get(springs.label[number]), springs.grounded[number]
@@ -161,9 +162,13 @@ def _springs(canvas: Canvas, view: View, sketch: Sketch, look: Look) -> None:
             if grounded:
                 _foot(canvas, view.see(curve[-1]), unit, look)
             continue
+        middle = (lower + upper) / 2
+        while (np.abs(np.array(taken) - middle).max(1) < unit).any():  # beside what is there
+            middle = middle + np.array([2.6 * unit, 0.0])
+        taken.append(middle)
         if grounded:
             far = upper
-            _foot(canvas, upper - np.array([0.0, 1.6 * unit]), unit, look)
+            _foot(canvas, middle - np.array([0.0, 1.6 * unit]), unit, look)
         else:
             body = springs.upper[number]
             held = geometry.position_of(scene, pose, body, np.zeros(3))
@@ -175,7 +180,7 @@ def _springs(canvas: Canvas, view: View, sketch: Sketch, look: Look) -> None:
                 np.stack([far, upper]), look.line, 0.8 * look.width, look.order + 0.25, (0, (1, 2))
             )
         across, up = DASHPOT if springs.label[number].endswith(".damper") else ZIGZAG
-        sign = (lower + upper) / 2 + unit * np.stack([across, up], axis=1)
+        sign = middle + unit * np.stack([across, up], axis=1)
         if np.linalg.norm(upper - lower) > unit:
             sign = np.vstack([lower, sign, upper] if lower[1] < upper[1] else [upper, sign, lower])
         canvas.line(sign, look.line, 1.3 * look.width, look.order + 0.4)

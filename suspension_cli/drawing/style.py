@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Iterable
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypedDict
+from typing import TYPE_CHECKING, Any, Literal, TypedDict
 
 import matplotlib
 import numpy as np
@@ -16,15 +16,11 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex, to_rgb, to_rgba
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogFormatter
-from PIL import Image
-from PIL.PngImagePlugin import PngInfo
 
 from suspension_cli.conventions import DOFS
 from suspension_cli.files.atomic import replace_file
 
 if TYPE_CHECKING:
-    from jaxtyping import UInt8
     from matplotlib.typing import LineStyleType
 
     from suspension_cli.models.registry import Choice
@@ -105,26 +101,18 @@ def new_figure(width: float, height: float) -> Figure:
     return figure
 
 
-def add_axes(figure: Figure, left: float, top: float, width: float, height: float) -> Axes:
+def add_axes(
+    figure: Figure,
+    left: float,
+    top: float,
+    width: float,
+    height: float,
+    sharex: Axes | None = None,
+) -> Axes:
     """Add axes at a place in inches from the left and from the top of the figure."""
     across, up = figure.get_size_inches()
-    return figure.add_axes((left / across, 1 - (top + height) / up, width / across, height / up))
-
-
-class _Plain(LogFormatter):
-    """Labels of a logarithmic axis in plain numbers: 0.1, 0.6, 1, 10."""
-
-    def __call__(self, x: float, pos: int | None = None) -> str:
-        return f"{x:g}" if super().__call__(x, pos) else ""
-
-
-def label_frequencies(figure: Figure) -> Figure:
-    """Label logarithmic axes of frequencies with 0.1, 1, 10 instead of powers of ten."""
-    for axes in figure.axes:
-        if axes.get_xscale() == "log" and "Hz" in axes.get_xlabel():
-            axes.xaxis.set_major_formatter(_Plain(labelOnlyBase=False))
-            axes.xaxis.set_minor_formatter(_Plain(labelOnlyBase=False))
-    return figure
+    box = (left / across, 1 - (top + height) / up, width / across, height / up)
+    return figure.add_axes(box, sharex=sharex)
 
 
 def write_text(
@@ -135,15 +123,16 @@ def write_text(
     size: float = 8.0,
     colour: str = INK,
     bold: bool = False,
+    side: str = "left",
 ) -> None:
-    """Write text with its upper left corner in inches from the left and top of the figure."""
+    """Write text with an upper corner (left or right) in inches from the left and top."""
     across, up = figure.get_size_inches()
     figure.text(
         left / across,
         1 - top / up,
         text,
         va="top",
-        ha="left",
+        ha=side,
         fontsize=size,
         color=colour,
         fontweight="bold" if bold else "normal",
@@ -151,23 +140,12 @@ def write_text(
 
 
 def name_neglected(figure: Figure, choice: Choice) -> Figure:
-    """Write what the model neglects below a figure, and return it."""
+    """Write what the model neglects at the bottom of a figure, and return it."""
     text = choice.neglected.partition(" (tolerance")[0]
-    if not text:
-        return figure
     across, up = figure.get_size_inches()
-    room = figure.subplotpars.bottom + 0.12 / up
-    figure.subplots_adjust(bottom=min(room, figure.subplotpars.top - 0.01))
+    top, words = float(up) - 0.15, single_line(text, int(across / 0.057))
     with house_style():
-        figure.text(
-            1 - 0.05 / across,
-            0.03 / up,
-            single_line(text, int(across / 0.057)),
-            ha="right",
-            va="bottom",
-            color=NOTE,
-            fontsize=7.5,
-        )
+        write_text(figure, float(across) - 0.05, top, words, 7.5, NOTE, side="right")
     return figure
 
 
@@ -194,25 +172,11 @@ def encode(figure: Figure, form: str = "png") -> bytes:
     stream = io.BytesIO()
     settings: Any = {"svg.hashsalt": "pendsus", "pdf.fonttype": 42}
     dpi = min(DPI, MAX_PIXELS / max(figure.get_size_inches()))
+    how: dict[str, Any] = {"pil_kwargs": {"compress_level": PNG_LEVEL}} if form == "png" else {}
     with house_style(), matplotlib.rc_context(settings), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing")
-        if form == "png":
-            origin = PngInfo()
-            origin.add_text(*next(iter(METADATA["png"].items())))
-            picture, quick = Image.fromarray(_render(figure, dpi)), {"compress_level": PNG_LEVEL}
-            picture.save(stream, "png", dpi=(dpi, dpi), pnginfo=origin, **quick)
-        else:
-            figure.savefig(stream, format=form, dpi=dpi, metadata=METADATA[form])
+        figure.savefig(stream, format=form, dpi=dpi, metadata=METADATA[form], **how)
     return stream.getvalue()
-
-
-def _render(figure: Figure, dpi: float) -> UInt8[np.ndarray, "row column 3"]:
-    """Render a figure to pixels, uint8 (rows, columns, 3); its background is opaque."""
-    before, canvas = figure.dpi, FigureCanvasAgg(figure)
-    figure.dpi = dpi
-    canvas.draw()
-    figure.dpi = before
-    return np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[:, :, :3])
 
 
 class LineLook(TypedDict, total=False):
@@ -222,6 +186,10 @@ class LineLook(TypedDict, total=False):
     linewidth: float
     marker: str
     markersize: float
+    markeredgewidth: float
+    markeredgecolor: str
+    markerfacecolor: str
+    fillstyle: Literal["full", "none"]
     zorder: float
 
 
@@ -264,15 +232,21 @@ RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def format_raised(value: float, digits: int = 2) -> str:
-    """Write a number with few digits and without mathtext, so that its length is known.
+    """Write a number with few digits, with a power of ten only where it is very small or large.
 
-    >>> format_raised(-2312.0, 3), format_raised(0.000594)
-    ('−2310', '5.9·10⁻⁴')
+    >>> format_raised(-2312.0, 3), format_raised(0.000594), format_raised(1e-6)
+    ('−2310', '5.9·10⁻⁴', '10⁻⁶')
     """
     if not value or not np.isfinite(value) or 1e-3 <= abs(value) < 1e5:
         return f"{float(f'{value:.{digits}g}'):g}".replace("-", "−")
     mantissa, power = f"{value:.{digits - 1}e}".split("e")
-    return f"{float(mantissa):g}·10{str(int(power)).translate(RAISED)}".replace("-", "−")
+    factor = {1.0: "", -1.0: "-"}.get(float(mantissa), f"{float(mantissa):g}·")
+    return f"{factor}10{str(int(power)).translate(RAISED)}".replace("-", "−")
+
+
+def format_signed(value: float, digits: int = 3) -> str:
+    """Write a change with its sign and few digits: ``+1010``, ``−0.5``."""
+    return "+" * int(value > 0) + format_raised(value, digits)
 
 
 def millimetres(value: float) -> str:
@@ -289,20 +263,11 @@ def length(value: float) -> str:
 def stage_colours(stages: Iterable[str]) -> dict[str, str]:
     """Choose the colour of each stage of a design (top to bottom), the same in every picture.
 
+    From the ninth on they are dark shades.
+
     >>> stage_colours(["upper", "test"])
     {'upper': '#0072b2', 'test': '#d55e00'}
     """
-    return {name: PALETTE[n % len(PALETTE)] for n, name in enumerate(dict.fromkeys(stages))}
-
-
-def shade(colour: str, number: int) -> str:
-    """Return a colour for number 0, else a darker or lighter shade of it, in turn.
-
-    >>> shade("#0072b2", 0), shade("#0072b2", 1), shade("#0072b2", 2)
-    ('#0072b2', '#003959', '#59a3cd')
-    """
-    if not number:
-        return colour
-    towards, part = ((0.0, 0.5), (1.0, 0.35))[(number - 1) % 2]
-    red, green, blue = (part * towards + (1 - part) * one for one in to_rgb(colour))
-    return to_hex((red, green, blue))
+    parts = [to_rgb(colour) for colour in PALETTE]
+    colours = [*PALETTE, *(to_hex((0.5 * r, 0.5 * g, 0.5 * b)) for r, g, b in parts)]
+    return {name: colours[n % len(colours)] for n, name in enumerate(dict.fromkeys(stages))}

@@ -10,6 +10,7 @@ from suspension_cli.design.derive import SetGeometry, set_geometry
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.drawing import imperfect
 from suspension_cli.drawing.canvas import Canvas
+from suspension_cli.drawing.geometry import free_springs
 from suspension_cli.drawing.style import (
     INK,
     NOTE,
@@ -83,10 +84,15 @@ class Table:
 def key(scene: Scene) -> list[str]:
     """Lines that explain the symbols in a drawing."""
     springs = scene.springs
-    shown = ((BLADES, scene.blades), (SPRINGS, springs), (LEGS, scene.struts))
-    lines = [*KEY, *(line for line, part in shown if part.label)]
-    kinds = {label.rsplit(".", 1)[1] for label in springs.label}
-    return lines + [LINKS] * bool(kinds & {"link", "damper"} or springs.grounded.any())
+    kinds = {springs.label[n].rsplit(".", 1)[1] for n in free_springs(scene)}
+    others = bool(kinds & {"link", "damper"} or springs.grounded.any())
+    shown = (
+        (BLADES, bool(scene.blades.label)),
+        (SPRINGS, bool(kinds - {"link", "damper"})),
+        (LEGS, bool(scene.struts.label)),
+        (LINKS, others),
+    )
+    return [*KEY, *(line for line, is_drawn in shown if is_drawn)]
 
 
 def listed(design: Design, scene: Scene) -> list[Table]:

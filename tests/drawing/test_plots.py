@@ -12,7 +12,7 @@ from PIL import Image
 
 import suspension_cli as sus
 from suspension_cli.analyses.modes import picture as modes
-from suspension_cli.drawing import bodies, dimensions, draw, style, tables
+from suspension_cli.drawing import bodies, draw, labels, style, tables
 from suspension_cli.equilibrium.nominal import expand
 from tests.support.pictures import DESIGNS, FIVE, SINGLE, TREE, TRIPLE, made, solved
 
@@ -167,11 +167,13 @@ def test_tables():
 
 
 def test_spread_keeps_order_and_gap_and_moves_no_more_than_needed():
-    assert dimensions.spread([0.0, 1.0, 2.0], 0.5) == pytest.approx([0.0, 1.0, 2.0])
-    assert dimensions.spread([1.0, 1.0], 0.4) == pytest.approx([0.8, 1.2])
-    found = dimensions.spread([0.3, 0.0, 0.1, 5.0, 0.2], 0.5)
+    assert labels.spread([0.0, 1.0, 2.0], 0.5) == pytest.approx([0.0, 1.0, 2.0])
+    assert labels.spread([1.0, 1.0], 0.4) == pytest.approx([0.8, 1.2])
+    found = labels.spread([0.3, 0.0, 0.1, 5.0, 0.2], 0.5)
     assert np.diff(np.sort(found)).min() >= 0.5 - 1e-12 and found[3] == 5.0
     assert np.argsort(found).tolist() == [1, 2, 4, 0, 3]
+    bounded = labels.spread([0.0, 0.1, 9.0, 9.9], 1.0, 0.0, 10.0)
+    assert bounded == pytest.approx([0.0, 1.0, 8.95, 9.95])
 
 
 def test_numbers_and_texts():
@@ -208,14 +210,13 @@ def test_a_png_has_the_pixels_of_the_canvas():
     figure = style.new_figure(4.6, 1.3)  # 4.6 x 180 is 827.99...
     style.write_text(figure, 0.1, 0.1, "text", colour="#0072b2")
     stream = io.BytesIO(style.encode(figure))
-    image = Image.open(stream)
+    image = Image.open(stream).convert("RGB")
     reference = io.BytesIO()
     with style.house_style():
         figure.savefig(reference, format="png", dpi=style.DPI)
     assert (np.asarray(image) == np.asarray(Image.open(reference).convert("RGB"))).all()
-    assert image.info["Software"] == "pendsus" and image.info["dpi"][0] == pytest.approx(
-        style.DPI, 1e-3
-    )
+    assert Image.open(stream).info["Software"] == "pendsus"
+    assert Image.open(stream).info["dpi"][0] == pytest.approx(style.DPI, 1e-3)
 
 
 def test_save_leaves_nothing_behind_when_it_fails(tmp_path, monkeypatch):

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from suspension_cli.drawing.curves import COLUMN
+from suspension_cli.drawing.panels import COLUMN
 from suspension_cli.drawing.style import (
     INK,
     NOTE,

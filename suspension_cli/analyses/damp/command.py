@@ -233,9 +233,9 @@ class DampAnalysis(Analysis):
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw poles, impulse response, sensor noise, loop gains and their Nichols chart."""
-        from suspension_cli.analyses.damp import fine, picture
+        from suspension_cli.analyses.damp import picture
 
-        return {"": picture.draw(result.data, result.subtitle, fine.refine_gains(result))}
+        return {"": picture.draw(result.data, result.subtitle, picture.refine_gains(result))}
 
 
 def _all_at_once(answer: LocalControl) -> list[str]:

@@ -4,31 +4,32 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, MaxNLocator
+from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import blended_transform_factory
 
 from suspension_cli.analyses.fit.result import Fit, ResponseFit
 from suspension_cli.design.path_units import displayed_unit
-from suspension_cli.drawing import curves
+from suspension_cli.drawing import labels, panels
+from suspension_cli.drawing.canvas import TextLook
+from suspension_cli.drawing.panels import ITEM, Across, Line, Panel, Rule
 from suspension_cli.drawing.style import (
     NOTE,
     PALE,
     PALETTE,
-    add_axes,
-    house_style,
-    new_figure,
+    LineLook,
+    figure_of,
+    format_raised,
     single_line,
-    write_text,
 )
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Int
-    from matplotlib.artist import Artist
 
 PLAIN_POWERS = range(-3, 3)
 """Powers of ten that are written without an exponent."""
@@ -40,20 +41,23 @@ FAR = 8.0
 """Residual (standard deviations) beyond which their axis is logarithmic."""
 BEFORE, AFTER = PALETTE[1], PALETTE[0]
 """Colours of the design as given and as fitted."""
-ROW, NUMBER, LINE = 0.17, 0.57, 0.15
-"""Heights of a row of residuals, of a fitted number, and of a line of text, in."""
-PLACES, WIDE = (0.22, 2.46), 1.88
-"""Left edges and width of the axes of numbers, in."""
-TOP = 0.85
-"""Top of the residuals below the upper edge, in."""
+NAMES = ("before", "after")
+LOOKS: tuple[tuple[str, LineLook], ...] = (
+    (
+        BEFORE,
+        {
+            "linestyle": "none",
+            "marker": "o",
+            "markersize": 3.5,
+            "markerfacecolor": "white",
+            "zorder": 4,
+        },
+    ),
+    (AFTER, {"linestyle": "none", "marker": "D", "markersize": 3.5, "zorder": 4}),
+)
+"""Marks of the design as given and as fitted."""
 LONGEST, WHO = 32, 14
 """Longest names of modes and of experiments, characters."""
-LETTER = 0.058
-"""Width of a letter, in."""
-
-
-LARGE = 999_999.5
-"""Number from which ticks have a power of ten."""
 SHOWN = 6
 """Most functions that are drawn."""
 POINTS = 1000
@@ -64,33 +68,17 @@ EXACT, ENOUGH = 1e-9, 1e-6
 
 def draw(found: Fit, title: str) -> Figure:
     """Draw the figure of `pendsus fit`."""
-    names, residuals, starts = _residuals(found)
-    with house_style():
-        who = [single_line(found.experiment[found.of[n]], WHO) for n in starts]
-        left = 0.15 + LETTER * (max(map(len, names), default=10) + max(map(len, who), default=-2))
-        left += 0.1 if who else 0.0
-        tall = max(ROW * len(names) + 0.1, 0.5)
-        below = TOP + tall + 0.78
-        places, foot = _places(found, below)
-        figure = new_figure(curves.COLUMN, foot + 0.2)
-        axes = add_axes(figure, left, TOP, curves.COLUMN - left - 0.15, tall)
-        known = "measured" if found.label or found.responses is None else "peak read off"
-        _draw_residuals(axes, names, residuals, f"(model − {known}) / uncertainty")
-        _name_experiments(figure, axes, who, starts)
-        _draw_numbers(figure, found, places, below)
-        curves.write_heading(figure, _heading_text(found), title)
-        verdict = rf"$\chi^2$ = {found.chi_squared:.4g} for {found.freedom} degrees of freedom"
-        if found.misfit:
-            wide = f"bars widened {found.scale:.3g} times"
-            verdict += f"; {wide if found.unlikely else 'contradicts the priors'}"
-        write_text(figure, 0.1, 0.43, verdict, 7.5)
-        figure.legend(
-            handles=axes.get_legend_handles_labels()[0], loc="upper left",
-            bbox_to_anchor=(0.08 / curves.COLUMN, 1 - 0.57 / figure.get_figheight()), ncols=3,
-            borderpad=0.1, borderaxespad=0.0, handletextpad=0.3, columnspacing=1.0, fontsize=7.5,
-            handlelength=1.2,
-        )  # fmt: skip
-        return figure
+    verdict = rf"$\chi^2$ = {found.chi_squared:.4g} for {found.freedom} degrees of freedom"
+    if found.misfit:
+        wide = f"bars widened {found.scale:.3g} times"
+        verdict += f"; {wide if found.unlikely else 'contradicts the priors'}"
+    shown: list[Panel | tuple[Panel, ...]] = [_residuals_panel(found, verdict)]
+    numbers = [_number(found, n) for n in range(len(found.name))]
+    if numbers:
+        numbers[0] = replace(numbers[0], title="Fitted numbers; bars: 95 %")
+        beside = [*numbers, Panel(across=Across(""), height=0.08, paint=Axes.set_axis_off)]
+        shown += [(beside[n], beside[n + 1]) for n in range(0, len(numbers), 2)]
+    return panels.draw(_heading_text(found), title, shown)
 
 
 def _heading_text(found: Fit) -> str:
@@ -101,15 +89,6 @@ def _heading_text(found: Fit) -> str:
     what = modes + ([_count(functions, "transfer function")] if functions else [])
     said = f"{_count(len(found.name), 'number')} fitted to {' and '.join(what)}"
     return f"MISFIT: {said}" if found.misfit else said
-
-
-def _places(found: Fit, top: float) -> tuple[list[tuple[float, float]], float]:
-    """Corners (left, top) of the axes of numbers in two columns, and the foot, in."""
-    count = len(found.name)
-    high = NUMBER + (0.0 if found.shared.all() else LINE)
-    rows = -(-count // len(PLACES))
-    places = [(PLACES[n // rows], top + high * (n % rows)) for n in range(count)]
-    return places, top + high * rows
 
 
 def _count(count: int, thing: str) -> str:
@@ -141,114 +120,89 @@ def _residuals(
     return names, (table[:, 2:4] - table[:, :1]) / table[:, 1:2], np.empty(0, int)
 
 
-def _draw_residuals(
-    axes: Axes, names: list[str], residuals: Float[np.ndarray, "row 2"], label: str
-) -> None:
-    rows = np.arange(len(names))
-    axes.axvspan(-INTERVAL, INTERVAL, color=PALE, alpha=0.45, linewidth=0, label="95 %")
-    axes.axvline(0.0, color=NOTE, linewidth=0.5)
+def _residuals_panel(found: Fit, verdict: str) -> Panel:
+    """Make the panel of residuals before and after, with names of experiments."""
+    names, residuals, starts = _residuals(found)
+    who = [single_line(found.experiment[found.of[n]], WHO) for n in starts]
     known = residuals[np.isfinite(residuals)]
     most = float(np.abs(known).max(initial=2.5))
-    axes.hlines(rows, residuals[:, 0], residuals[:, 1], color=PALE, linewidth=0.8, zorder=1.5)
-    for column, marker, face, colour, text in (
-        (0, "o", "white", BEFORE, "before"),
-        (1, "D", AFTER, AFTER, "after"),
-    ):
-        axes.plot(
-            residuals[:, column],
-            rows,
-            marker,
-            markersize=3.5,
-            markeredgecolor=colour,
-            markerfacecolor=face,
-            label=text,
-        )
-    if most > FAR:
-        decades = np.log10(most)
-        axes.set_xscale("symlog", linthresh=2.0, linscale=0.5 + 0.3 * decades)
-        powers = np.arange(np.ceil(decades), 0, -np.ceil(decades / 3))
-        tens = 10.0 ** powers[10.0**powers <= 2 * most]
-        both = np.array([[1.0], [-1.0]])
-        axes.set_xticks([0.0, *(both * [1.0, 2.0, *tens]).ravel()])
-        fine = np.outer(10.0 ** np.arange(np.ceil(decades)), np.arange(2.0, 10.0)).ravel()
-        axes.set_xticks((both * fine).ravel(), minor=True)
-        axes.set_xlim(-2.2 * most, 2.2 * most)
-    else:
+
+    def paint(axes: Axes) -> None:
+        rows = np.arange(len(names))
+        axes.axvspan(-INTERVAL, INTERVAL, color=PALE, alpha=0.45, linewidth=0)
+        axes.hlines(rows, residuals[:, 0], residuals[:, 1], color=PALE, linewidth=0.8, zorder=1.5)
+        for values, name, (colour, look) in zip(residuals.T, NAMES, LOOKS, strict=True):
+            axes.plot(values, rows, color=colour, label=name, **look)
         axes.set_xlim(-1.15 * most, 1.15 * most)
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: curves.write_plainly(x)))
-    curves.rule(axes)
-    axes.grid(visible=False, axis="y")
-    axes.set_yticks(rows, names)
-    axes.tick_params(axis="y", labelsize=7.5, length=0)
-    axes.set_ylim(max(len(rows), 1) - 0.4, -0.6)
-    axes.set_xlabel(label)
+        if most > FAR:
+            decades = np.log10(most)
+            axes.set_xscale("symlog", linthresh=2.0, linscale=0.5 + 0.3 * decades)
+            powers = np.arange(np.ceil(decades), 0, -np.ceil(decades / 3))
+            tens = 10.0 ** powers[10.0**powers <= 2 * most]
+            both = np.array([[1.0], [-1.0]])
+            axes.set_xticks([0.0, *(both * [1.0, 2.0, *tens]).ravel()])
+            fine = np.outer(10.0 ** np.arange(np.ceil(decades)), np.arange(2.0, 10.0)).ravel()
+            axes.set_xticks((both * fine).ravel(), minor=True)
+            axes.set_xlim(-2.2 * most, 2.2 * most)
+        axes.xaxis.set_major_formatter(lambda x, _: format_raised(x, 6))
+        figure = figure_of(axes)
+        for n, (name, start) in enumerate(zip(who, starts, strict=True)):
+            at = 0.1 / figure.get_figwidth()
+            place = blended_transform_factory(figure.transFigure, axes.transData)
+            look = TextLook(va="center", fontweight="bold", fontsize=labels.SMALL)
+            axes.text(at, start, name, transform=place, **look)
+            if n:
+                box = axes.get_position()
+                edge = (at - box.x0) / box.width
+                axes.axhline(start - 0.5, edge, color=NOTE, linewidth=0.4, clip_on=False)
+
+    key = [Line([], [], "95 %", PALE, {"linewidth": 6})]
+    key += [Line([], [], name, *look) for name, look in zip(NAMES, LOOKS, strict=True)]
+    what = "measured" if found.label or found.responses is None else "peak read off"
+    return Panel(
+        height=max(ITEM * len(names) + 0.1, 0.5), rows=names, title=verdict, key=key, paint=paint,
+        left=0.24 + labels.widest(names or [" " * 10]) + labels.widest(who) + 0.1 * bool(who),
+        rules=[Rule(0.0, "", True, NOTE, "-")],
+        across=Across(f"(model − {what}) / uncertainty", "linear"),
+    )  # fmt: skip
 
 
-def _name_experiments(
-    figure: Figure, axes: Axes, who: list[str], starts: Int[np.ndarray, " experiment"]
-) -> None:
-    """Write the name of each experiment beside its first row, under a line."""
-    box = axes.get_position()
-    margin = (0.1 / curves.COLUMN - box.x0) / box.width
-    for n, (name, start) in enumerate(zip(who, starts, strict=True)):
-        at = blended_transform_factory(figure.transFigure, axes.transData)
-        axes.text(
-            0.1 / curves.COLUMN, start, name, transform=at, va="center", fontsize=7.5,
-            fontweight="bold",
-        )  # fmt: skip
-        if n:
-            axes.axhline(start - 0.5, xmin=margin, color=NOTE, linewidth=0.4, clip_on=False)
+def _number(found: Fit, n: int) -> Panel:
+    """Make the panel of the start, value and 95 % interval of a number."""
+    name = found.name[n]
+    unit, factor = displayed_unit(name, float(found.value[n]))
+    start, value = factor * found.start[n], factor * found.value[n]
+    half = INTERVAL * factor * found.scale * found.sigma[n]
+    text = f"{format_with_sigma(value, half)} {unit.replace('^2', '²')}".strip()
+    remarks = [single_line(name, 35)]
+    if not found.shared.all():
+        who = ", ".join(np.array(found.experiment)[found.shared[n]])
+        remarks.append("all" if found.shared[n].all() else single_line(who, 33))
+    ends = np.array([start, value - half, value + half] if math.isfinite(half) else [start, value])
+    span = float(np.ptp(ends)) or abs(value) or 1.0
 
-
-def _draw_numbers(
-    figure: Figure, found: Fit, places: list[tuple[float, float]], top: float
-) -> None:
-    """Draw start, value and 95 % interval of each number on an axis of its own."""
-    if places:
-        write_text(figure, 0.1, top - 0.2, "Fitted numbers; bars: 95 %", 8, bold=True)
-    joint = not found.shared.all()
-    for n, (name, (left, top)) in enumerate(zip(found.name, places, strict=True)):
-        unit, factor = displayed_unit(name, float(found.value[n]))
-        unit = unit.replace("^2", "²")
-        start, value = factor * found.start[n], factor * found.value[n]
-        sigma = factor * found.scale * found.sigma[n]
-        half = INTERVAL * sigma
-        write_text(figure, left - 0.12, top, single_line(name, 35), 7.5)
-        if joint:
-            who = ", ".join(np.array(found.experiment)[found.shared[n]])
-            who = "all" if found.shared[n].all() else single_line(who, 33)
-            top += LINE
-            write_text(figure, left - 0.12, top, who, 7.5, NOTE)
-        text = f"{format_with_sigma(value, half)} {unit}".strip()
-        axes = add_axes(figure, left, top + 0.28, WIDE, 0.08)
-        axes.text(
-            1, 2.94, text, transform=axes.transAxes, va="top", ha="right", fontsize=7.5, color=AFTER
-        )
+    def paint(axes: Axes) -> None:
+        axes.grid(visible=False)
         axes.spines["left"].set_visible(False)
         axes.set_yticks([])
-        axes.axvline(start, color=BEFORE, linewidth=0.6, ymin=-0.2, ymax=1.4, clip_on=False)
-        axes.plot(
-            start, 0, "o", markersize=4, markeredgecolor=BEFORE, markerfacecolor="white",
-            clip_on=False, zorder=3,
-        )  # fmt: skip
-        known = math.isfinite(half)
-        if known:
-            axes.errorbar(value, 0, xerr=half, color=AFTER, elinewidth=1.4, capsize=2.5)
-        axes.plot(value, 0, "D", markersize=3.5, color=AFTER, clip_on=False, zorder=4)
-        ends = np.array([start, value - half, value + half] if known else [start, value])
-        span = float(np.ptp(ends)) or abs(value) or 1.0
-        axes.set_xlim(ends.min() - 0.1 * span, ends.max() + 0.1 * span)
         axes.set_ylim(-0.5, 0.5)
+        for at, error, (colour, look) in zip((start, value), (None, half), LOOKS, strict=True):
+            axes.plot(at, 0, color=colour, clip_on=False, **look)
+            if error is not None and math.isfinite(error):
+                axes.errorbar(at, 0, xerr=error, color=colour, elinewidth=1.4, capsize=2.5)
+        look = {"va": "bottom", "ha": "right", "fontsize": labels.SMALL, "color": LOOKS[1][0]}
+        axes.annotate(
+            text, (1, 1), (0, 4), xycoords="axes fraction", textcoords="offset points", **look
+        )
         axes.xaxis.set_major_locator(MaxNLocator(4 if np.abs(ends).max() < MANY else 3))
-        axes.tick_params(labelsize=7.5, length=2, pad=1.5)
-        axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: _write_tick(x)))
+        axes.tick_params(length=2, pad=1.5)
+        axes.xaxis.set_major_formatter(lambda x, _: format_raised(x, 6))
 
-
-def _write_tick(value: float) -> str:
-    """Write a number with six digits, and a power of ten if it is very small or large."""
-    if value == 0 or 1e-4 <= abs(value) < LARGE:
-        return f"{value:.6g}".replace("-", "−")
-    return curves.write_plainly(value)
+    limits = float(ends.min() - 0.1 * span), float(ends.max() + 0.1 * span)
+    return Panel(
+        height=0.08, remarks=remarks, above=0.2, left=0.22, right=0.15, paint=paint,
+        across=Across("", "linear", limits),
+    )  # fmt: skip
 
 
 def format_with_sigma(value: float, sigma: float) -> str:
@@ -270,68 +224,49 @@ def draw_responses(found: ResponseFit, title: str, units: Sequence[str] = ()) ->
     """Draw magnitudes (in `units`: ``m/V``) measured, before and after the fit, and residuals."""
     ratio = found.chi_squared / np.maximum(found.points, 1)
     order = np.argsort(-ratio, kind="stable")[:SHOWN]
-    rows = len(order)
-    with house_style():
-        across, up = curves.COLUMN, curves.HEAD + 0.45 + 2.7 * rows + 0.3
-        figure = new_figure(across, up)
-        outer = figure.add_gridspec(rows, 1)
-        curves.set_margins(figure, left=0.7, top=curves.HEAD + 0.63, bottom=0.6, hspace=0.32)
-        handles: list[Artist] = []
-        names: list[str] = []
-        for place, n in enumerate(order):
-            inner = outer[place].subgridspec(2, 1, height_ratios=[2.2, 1], hspace=0.1)
-            top = figure.add_subplot(inner[0])
-            below = figure.add_subplot(inner[1], sharex=top)
-            _draw_function(top, below, found, int(n), float(ratio[n]))
-            unit = units[n] if len(units) else ""
-            top.set_ylabel("|reading / drive|" + (f" ({unit})" if unit else ""))
-            figure.align_ylabels([top, below])
-            if place == 0:
-                handles = [
-                    *top.get_legend_handles_labels()[0],
-                    *below.get_legend_handles_labels()[0],
-                ]
-                handles = [handles[m] for m in (0, 3, 1, 4, 2, 5)[: len(handles)]]
-                names = [str(handle.get_label()) for handle in handles]
-        figure.legend(
-            handles, names, loc="upper left", bbox_to_anchor=(0.05 / across, 1 - 0.42 / up),
-            ncols=3, fontsize=7.5, handletextpad=0.2, columnspacing=0.8, handlelength=1.1,
-        )  # fmt: skip
-        left = len(found.function) - len(order)
-        which = f", the {len(order)} of {len(found.function)} that fit worst" if left else ""
-        curves.write_heading(figure, f"Fitted transfer functions{which}", title)
-        return figure
+    shown = []
+    for n in order:
+        unit = f" ({units[n]})" if len(units) else ""
+        shown += _function(found, int(n), float(ratio[n]), f"|reading / drive|{unit}")
+    left = len(found.function) - len(order)
+    which = f", the {len(order)} of {len(found.function)} that fit worst" if left else ""
+    return panels.draw(f"Fitted transfer functions{which}", title, shown)
 
 
-def _draw_function(top: Axes, below: Axes, found: ResponseFit, n: int, ratio: float) -> None:
+def _function(found: ResponseFit, n: int, ratio: float, label: str) -> list[Panel]:
+    """Make the panels of a transfer function and of its residuals."""
     own = found.of == n
     frequency = found.frequency[own]
     size = np.abs(found.measured[own])
-    top.loglog(frequency, size, ".", markersize=2.5, color=NOTE, label="measured", zorder=1)
-    for value, colour, label, width in (
-        (found.before, PALETTE[1], "before", 0.8),
-        (found.after, PALETTE[0], "after", 1.0),
-    ):
+    dots: LineLook = {"linestyle": "none", "marker": ".", "markersize": 2.5, "zorder": 1}
+    lines = [Line(frequency, size, "measured", NOTE, dots)]
+    for value, colour, name in ((found.before, BEFORE, "before"), (found.after, AFTER, "after")):
         if np.abs(value[own]).max() > 1e-6 * size.max():
             at, seen = interpolate(frequency, value[own])
-            top.loglog(at, np.abs(seen), color=colour, linewidth=width, label=label)
+            lines.append(Line(at, np.abs(seen), name, colour, {"linewidth": 0.9}))
     low, high = size[size > 0].min(initial=np.inf), size.max()
-    if low < high:
-        top.set_ylim(low / 3, high * 3)
+    limits = (float(low / 3), float(high * 3)) if low < high else None
     name = single_line(f"{found.function[n]}: {found.output[n]} / {found.input[n]}", 46)
-    top.set_title(rf"{name}, $\chi^2$ per value {ratio:.3g}", fontsize=7.5, loc="left", pad=3)
-    top.tick_params(which="both", labelbottom=False)
-    curves.rule(top)
+    title = rf"{name}, $\chi^2$ per value {ratio:.3g}"
     off = (found.after[own] - found.measured[own]) / found.uncertainty[own]
-    below.axhspan(-2, 2, color=PALE, linewidth=0, alpha=0.5, label="±2σ")
-    below.semilogx(frequency, off.real, ".", markersize=3, color=PALETTE[3], label="residual, real")
-    below.semilogx(frequency, off.imag, "x", markersize=2.5, color=PALETTE[2], label="imaginary")
     largest = max(4.0, 1.1 * float(np.abs([off.real, off.imag]).max()))
-    below.set_ylim(-largest, largest)
-    below.set_ylabel("residual (σ)")
-    below.set_xlabel("frequency (Hz)")
-    curves.rule(below)
-    curves.label_plainly(top.yaxis)
+    cross: LineLook = {"linestyle": "none", "marker": "x", "markersize": 2.5}
+    parts = [
+        Line(frequency, off.real, "residual, real", PALETTE[3], {**dots, "markersize": 3}),
+        Line(frequency, off.imag, "imaginary", PALETTE[2], cross),
+    ]
+
+    def paint(axes: Axes) -> None:
+        axes.axhspan(-2, 2, color=PALE, linewidth=0, alpha=0.5)
+
+    key = [*parts, Line([], [], "±2σ", PALE, {"linewidth": 6})]
+    return [
+        Panel(label, lines, 1.4, "log", limits, title),
+        Panel(
+            "residual (σ)", parts, 0.65, limits=(-largest, largest), paint=paint, key=key,
+            across=Across(),
+        ),
+    ]  # fmt: skip
 
 
 def interpolate(

@@ -15,8 +15,8 @@ from suspension_cli.design.schema import Design
 from suspension_cli.drawing import geometry, parts, style
 from suspension_cli.drawing.bodies import Outline, outlines, suspension_size
 from suspension_cli.drawing.canvas import Canvas, full_canvas
-from suspension_cli.drawing.curves import write_heading
 from suspension_cli.drawing.geometry import FACE, SIDE, View
+from suspension_cli.drawing.panels import write_heading
 from suspension_cli.drawing.parts import Look, Sketch
 from suspension_cli.drawing.style import INK, NOTE, PALE
 from suspension_cli.linear.eigenmodes import Modes, describe, place

@@ -16,7 +16,8 @@ from matplotlib.ticker import NullFormatter
 
 from suspension_cli.analyses.optimise.optimum import Optimum, relative_room
 from suspension_cli.design.path_units import displayed_unit
-from suspension_cli.drawing import curves
+from suspension_cli.drawing import panels
+from suspension_cli.drawing.scales import label_plainly
 from suspension_cli.drawing.style import (
     INK,
     NOTE,
@@ -63,7 +64,7 @@ def draw(found: Optimum, title: str) -> Figure:
         modes, numbers, margins = (
             ROW * max(len(rows), 1) for rows in (found.modes.name, found.numbers.name, others)
         )
-        head = curves.HEAD + 0.22
+        head = panels.HEAD + 0.22
         height = head + modes + BETWEEN + numbers + (BETWEEN + margins) * bool(len(others)) + 0.6
         figure = new_figure(WIDTH, height)
         frequencies = add_axes(figure, 1.3, head, 1.95, modes)
@@ -91,7 +92,7 @@ def draw(found: Optimum, title: str) -> Figure:
         before = _margins_before(found)
         if "equals" not in limits.sense and np.isfinite(before).all():
             met += f", {int((before >= -MET).sum())} before"
-        curves.write_heading(figure, f"Optimised: {met}{unknown}", title)
+        panels.write_heading(figure, f"Optimised: {met}{unknown}", title)
         return figure
 
 
@@ -168,7 +169,7 @@ def _draw_frequencies(axes: Axes, found: Optimum) -> None:
     span = (shown.min() / 1.25, shown.max() * 1.25) if len(shown) else (0.1, 10.0)
     axes.set_xscale("log")
     _draw_rows(axes, [single_line(name, 30) for name in modes.name], ends, span, allowed, missed)
-    curves.label_plainly(axes.xaxis)
+    label_plainly(axes.xaxis)
     axes.set_xlabel("frequency (Hz)", fontsize=7.5)
 
 
@@ -198,7 +199,7 @@ def _draw_numbers(axes: Axes, found: Optimum) -> None:
         unit, factor = displayed_unit(name, after)
         for x, bound in ((0, numbers.lower[row]), (1, numbers.upper[row])):
             if np.isfinite(bound):
-                text = curves.write_plainly(float(f"{factor * bound:.3g}"))
+                text = format_raised(factor * bound, 3)
                 text += f" {unit.replace('^2', '²')}" if x and unit else ""
                 _note(axes, text, (x, row), "left" if x else "right", NOTE)
     axes.set_xticks([0.0, 1.0], ["lower bound", "upper"])

@@ -197,7 +197,7 @@ class ResponseAnalysis(Analysis):
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw magnitude and phase, with the points that resolve resonances added."""
-        from suspension_cli.analyses.response import fine, measured_picture, picture
+        from suspension_cli.analyses.response import measured_picture, picture
 
         scale = setting.get("scale", "db")
         stages = [stage.name for stage in result.design.stage]
@@ -205,7 +205,7 @@ class ResponseAnalysis(Analysis):
             closed = ", loops closed" if result.data.closed_loop else ""
             title, seen = result.subtitle + closed, result.data.output
             return {"": measured_picture.draw(measured, title, scale, stages, seen)}
-        return {"": picture.draw(fine.refine(result), result.subtitle, scale, stages)}
+        return {"": picture.draw(picture.refine(result), result.subtitle, scale, stages)}
 
 
 def comparisons(data: Response) -> tuple[Comparison, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,45 +13,36 @@ from matplotlib.figure import Figure
 
 from suspension_cli.analyses.sensitivity.solve import Sensitivity
 from suspension_cli.design.imperfections import AXES, named, perturbed_part
-from suspension_cli.drawing import curves
+from suspension_cli.drawing import panels
+from suspension_cli.drawing.labels import SMALL, widest
+from suspension_cli.drawing.panels import Across, Panel
 from suspension_cli.drawing.style import (
     INK,
     NOTE,
     PALE,
-    add_axes,
     format_raised,
-    house_style,
-    new_figure,
+    format_signed,
     shorten,
     single_line,
 )
+from suspension_cli.drawing.tints import Tints, draw_bar, draw_table
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
-    from jaxtyping import Int
-    from matplotlib.colorbar import Colorbar
-    from matplotlib.image import AxesImage
-
     from suspension_cli.design.schema import Perturbation
 
 LEAST = 0.005
 """Change in % below which a cell is empty; empty rows are left out."""
 LARGEST = 100.0
 """Change in % at which the colour scale ends."""
-MAX_ROWS, MAX_COLUMNS = 24, 18
+MAX_ROWS, MAX_COLUMNS = 24, 17
 """Most numbers and results shown."""
 CELL = 0.11, 0.15
 """Least width of a cell, and its height, in."""
-MAX_WIDTH = 1.98
+MAX_WIDTH = 1.87
 """Width of the table, in."""
-NAMES, CHANGES = 1.62, 0.86
-"""Widths of the names left of the table, and of the largest changes right of it, in."""
-MAX_NAME = 27
-"""Longest name of a number, characters."""
-LETTER = 0.058
-"""Length of a letter of the names of results above the table, in."""
-FOOT = 0.85
-"""Height of the colour scale below the table, in."""
+MAX_NAME, MAX_RESULT = 25, 28
+"""Longest names of a number and of a result, characters."""
 
 
 def draw(found: Sensitivity, title: str, perturbations: Sequence[Perturbation] = ()) -> Figure:
@@ -58,42 +50,59 @@ def draw(found: Sensitivity, title: str, perturbations: Sequence[Perturbation] =
 
     `perturbations` are those of the design.
     """
-    with house_style():
-        change, relative = np.nan_to_num(found.per_step), found.nominal != 0
-        size = np.where(relative, np.abs(change), 0.0)
-        largest = size.max(1, initial=0.0)
-        matters = (largest >= LEAST) | (change[:, ~relative] != 0).any(1)
-        order = [int(n) for n in np.argsort(-largest, kind="stable") if matters[n]]
-        rows = order[:MAX_ROWS]
-        kept = np.argsort(-np.abs(change).max(0, initial=0.0), kind="stable")[:MAX_COLUMNS]
-        columns = np.sort(kept)
-        wide = max(CELL[0] * len(columns), min(MAX_WIDTH, 0.4 * len(columns)))
-        tall = CELL[1] * max(len(rows), 4)
-        notes = _notes(found, largest[order[MAX_ROWS:]], len(columns))
-        labels = [_name_result(found, n) for n in columns]
-        top = curves.HEAD + 0.1 + LETTER * max(map(len, labels), default=0)
-        figure = new_figure(
-            max(NAMES + wide + CHANGES + 0.1, 4.5), top + tall + FOOT + 0.13 * len(notes)
-        )
-        curves.write_heading(figure, "Change of results per mm, mrad or % of a number", title)
-        axes = add_axes(figure, NAMES, top, wide, tall)
-        drawn = _draw_table(axes, found, change, rows, columns)
-        axes.set_yticks(
-            range(len(rows)),
-            [shorten(name_number(found.parameter[n], perturbations), MAX_NAME) for n in rows],
-            fontsize=7.5,
-        )
-        axes.set_xticks(range(len(labels)), labels, fontsize=7.5, rotation=90)
-        bar = figure.colorbar(
-            drawn, cax=add_axes(figure, NAMES, top + tall + 0.12, MAX_WIDTH, 0.09),
-            orientation="horizontal",
-        )  # fmt: skip
-        _label_scale(bar, float(drawn.get_clim()[1] or 1.0))
-        height = figure.get_size_inches()[1]
-        for n, note in enumerate(notes):
-            at = (FOOT - 0.32 + 0.13 * (len(notes) - n)) - 0.25
-            figure.text(0.02, at / height, note, fontsize=7.5, color=NOTE, va="top")
-        return figure
+    change, relative = np.nan_to_num(found.per_step), found.nominal != 0
+    size = np.where(relative, np.abs(change), 0.0)
+    largest = size.max(1, initial=0.0)
+    matters = (largest >= LEAST) | (change[:, ~relative] != 0).any(1)
+    order = [int(n) for n in np.argsort(-largest, kind="stable") if matters[n]]
+    rows = order[:MAX_ROWS]
+    kept = np.argsort(-np.abs(change).max(0, initial=0.0), kind="stable")[:MAX_COLUMNS]
+    columns = np.sort(kept)
+    wide = max(CELL[0] * len(columns), min(MAX_WIDTH, 0.4 * len(columns)))
+    cells = change[np.ix_(rows, columns.tolist())]
+    shown = np.where(relative[columns] & (np.abs(cells) >= LEAST), cells, np.nan)
+    top = min(max(float(np.nanmax(np.abs(shown), initial=0.0)), 1.0), LARGEST)
+    # 10 beside 100 has no room
+    ticks = [at for at in (0.1, 1, 10, 100) if at <= top and (at != 10 or top < LARGEST)]
+    norm = SymLogNorm(0.05, vmin=-top, vmax=top)
+    tints = Tints("RdBu_r", norm, "change of the result (%)", [*(-at for at in ticks), 0, *ticks])
+    names = [shorten(name_number(found.parameter[n], perturbations), MAX_NAME) for n in rows]
+    results = [_name_result(found, n) for n in columns.tolist()]
+    most = np.where(relative, change, 0.0)[rows]
+    most = most[np.arange(len(rows)), np.abs(most).argmax(1)]
+    changes = [
+        f"{format_signed(own)} per {found.step_unit[n]}" if own else "from 0"
+        for n, own in zip(rows, most.tolist(), strict=True)
+    ]
+    left, beside = max(0.16 + widest(names), 0.6), 0.1 + widest(["largest (%)", *changes])
+    width = max(left + max(wide, MAX_WIDTH) + beside, panels.COLUMN)
+    zeros = np.nonzero(~relative[columns] & (cells != 0))  # a result of 0 has no change in %
+
+    def paint(axes: Axes) -> None:
+        draw_table(axes, shown if len(rows) else np.full((1, len(columns)), np.nan), tints)
+        axes.plot(zeros[1], zeros[0], "o", markersize=2.5, color=INK, linestyle="")
+        axes.xaxis.tick_top()
+        axes.set_xticks(range(len(results)), results, fontsize=SMALL, rotation=90)
+        axes.set_xticks(np.arange(len(columns) + 1) - 0.5, minor=True)
+        axes.set_yticks(np.arange(max(len(rows), 1) + 1) - 0.5, minor=True)
+        axes.grid(visible=True, which="minor", color=PALE, linewidth=0.3)
+        axes.tick_params(which="minor", length=0)
+        look = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points"}
+        look |= {"fontsize": SMALL, "annotation_clip": False}
+        for row, text in enumerate(changes):
+            axes.annotate(text, (1, row), (4, 0), va="center", **look)
+        axes.annotate("largest (%)", (1, -0.5), (4, 3), va="bottom", color=NOTE, **look)
+
+    table = Panel(
+        height=CELL[1] * max(len(rows), 4), rows=names, paint=paint, left=left,
+        right=width - left - wide, across=Across("", "linear"), above=widest(results),
+    )  # fmt: skip
+    bar = partial(draw_bar, tints=tints)
+    scale = Panel(height=0.09, left=left, right=width - left - MAX_WIDTH, paint=bar)
+    heading = "Change of results per mm, mrad or % of a number"
+    notes = _notes(found, largest[order[MAX_ROWS:]], len(columns))
+    across = Across(tints.label, "linear")
+    return panels.draw(heading, title, [table, scale], across, notes, width)
 
 
 def name_number(path: str, perturbations: Sequence[Perturbation] = ()) -> str:
@@ -114,83 +123,8 @@ def name_number(path: str, perturbations: Sequence[Perturbation] = ()) -> str:
 
 def _name_result(found: Sensitivity, n: int) -> str:
     value = format_raised(float(found.nominal[n]), 3)
-    unit = "" if found.unit[n] == "1" else f" {found.unit[n]}"
-    return f"{single_line(found.result[n], 20)} {value}{unit}"
-
-
-def _draw_table(
-    axes: Axes,
-    found: Sensitivity,
-    change: Array,
-    rows: list[int],
-    columns: Int[np.ndarray, " column"],
-) -> AxesImage:
-    """Draw cells and labels; return the image."""
-    relative = found.nominal[columns] != 0
-    cells = change[np.ix_(rows, columns.tolist())]
-    shown = np.where(relative & (np.abs(cells) >= LEAST), cells, np.nan)
-    top = min(max(float(np.nanmax(np.abs(shown), initial=0.0)), 1.0), LARGEST)
-    count = max(len(rows), 1)  # an empty table still needs a height
-    drawn = axes.imshow(
-        shown,
-        norm=SymLogNorm(0.05, vmin=-top, vmax=top),
-        cmap="RdBu_r",
-        aspect="auto",
-        extent=(-0.5, len(columns) - 0.5, count - 0.5, -0.5),
-    )
-    # a result of 0 has no change in %
-    low, across = np.nonzero(~relative & (cells != 0))
-    axes.plot(across, low, "o", markersize=2.5, color=INK, linestyle="")
-    axes.xaxis.tick_top()
-    axes.tick_params(length=0, pad=2)
-    axes.set_xticks(np.arange(len(columns) + 1) - 0.5, minor=True)
-    axes.set_yticks(np.arange(count + 1) - 0.5, minor=True)
-    axes.grid(visible=True, which="minor", color=PALE, linewidth=0.3)
-    axes.tick_params(which="minor", length=0)
-    for spine in axes.spines.values():
-        spine.set_visible(False)
-    for row, n in enumerate(rows):
-        values = np.where(found.nominal != 0, change[n], 0.0)
-        most = float(values[np.argmax(np.abs(values))])
-        text = ("+" * (most > 0) + format_raised(most, 3)).replace("-", "−")
-        axes.annotate(
-            f"{text} per {found.step_unit[n]}" if most else "from 0",
-            (1, row),
-            (4, 0),
-            xycoords=("axes fraction", "data"),
-            textcoords="offset points",
-            va="center",
-            fontsize=7.5,
-            annotation_clip=False,
-        )
-    axes.annotate(
-        "largest (%)",
-        (1, -0.5),
-        (4, 3),
-        xycoords=("axes fraction", "data"),
-        textcoords="offset points",
-        va="bottom",
-        fontsize=7.5,
-        color=NOTE,
-        annotation_clip=False,
-    )
-    return drawn
-
-
-def _label_scale(bar: Colorbar, top: float) -> None:
-    ticks = [tick for tick in (-100, -10, -1, -0.1, 0, 0.1, 1, 10, 100) if abs(tick) <= top]
-    # 10 beside 100 has no room
-    bar.set_ticks(
-        ticks,
-        labels=[
-            "" if abs(tick) == 10 and top >= LARGEST else curves.write_plainly(tick)
-            for tick in ticks
-        ],
-    )
-    bar.minorticks_off()
-    bar.ax.tick_params(labelsize=7.5, length=2, pad=1)
-    bar.set_label("change of the result (%)", fontsize=7.5, labelpad=1)
-    bar.outline.set_visible(False)
+    value += "" if found.unit[n] == "1" else f" {found.unit[n]}"
+    return f"{single_line(found.result[n], MAX_RESULT - len(value))} {value}"
 
 
 def _notes(found: Sensitivity, rest: Array, columns: int) -> list[str]:

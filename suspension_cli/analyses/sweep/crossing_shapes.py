@@ -83,8 +83,9 @@ class Strip:
         top: float,
         colours: Sequence[str],
         values: Sequence[str],
+        letter: str,
     ) -> None:
-        """Draw the row from its upper left corner, in inches, on a canvas."""
+        """Draw the row of a crossing from its upper left corner, in inches, on a canvas."""
         for n, (row, name) in enumerate(zip(self._panels, self.shapes.crossing.modes, strict=True)):
             start = left + n * (len(row) * self._width + GAP)
             for k, panel in enumerate(row):
@@ -101,7 +102,7 @@ class Strip:
             canvas.text(
                 middle,
                 top - self._tall - 0.155,
-                f"{single_line(name, 20)}, {row[0].view.name}",
+                f"{letter}: {single_line(name, 20)}, {row[0].view.name}",
                 ha="center",
                 va="top",
                 fontsize=7.5,

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,20 +11,22 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, MaxNLocator
 
 from suspension_cli.analyses.sweep.crossing_shapes import Shapes, Strip
 from suspension_cli.analyses.sweep.crossings import Crossing
 from suspension_cli.analyses.sweep.file import SweepResult
 from suspension_cli.conventions import DOFS
-from suspension_cli.drawing import curves
+from suspension_cli.drawing import labels, panels, scales
 from suspension_cli.drawing.canvas import full_canvas
+from suspension_cli.drawing.panels import Across, Line, Panel, Rule, Scale
 from suspension_cli.drawing.style import (
     INK,
     NOTE,
-    RAISED,
     LineLook,
+    figure_of,
+    format_raised,
     house_style,
-    new_figure,
     single_line,
     stage_colours,
 )
@@ -39,8 +41,6 @@ MAX_MAPS = 6
 """Maps in one figure at most: the results that change most."""
 LOG_RATIO = 8.0
 """Ratio of largest to smallest value above which a scale is logarithmic."""
-DASHES: tuple[LineStyleType, ...] = ("-", (0, (5, 1.5)), (0, (1.2, 1.3)), (0, (6, 1.4, 1.2, 1.4)))
-"""Line styles of moving modes of one stage."""
 MOVES = 0.01
 """Relative change over the grid from which a mode is drawn in colour."""
 STILL = "#b4b9be"
@@ -51,18 +51,9 @@ MOST_CROSSINGS = 5
 """Crossings marked at most."""
 LETTERS = "abcdefgh"
 """Names of crossings."""
-LETTER_SHIFTS = ((0, -13), (9, -13), (-9, -13), (0, 13), (9, 13), (-9, 13), (15, -4), (-15, -4))
-"""Places of a letter from its point, points, best first."""
-LINE = 0.14
-"""Height of a line of remarks, in."""
-MOST_CHARACTERS = 76
-"""Largest number of characters in a line of remarks."""
-PARTS = np.array([0.5, 0.3, 0.7, 0.15, 0.85])
-"""Places along a contour where its label may stand."""
-CLEAR = 0.25
-"""Smallest distance of the label of a contour from a mark, in."""
-EDGE = 0.15
-"""Smallest distance of the label of a contour from the frame, in."""
+FREQUENCY = "frequency (Hz)"
+CLEAR, EDGE = 0.25, 0.18
+"""Smallest distances of the label of a contour from a mark, and from the frame, in."""
 FAILED = {
     1: ("#f3d9c9", "slack"),
     2: ("#e3e3e3", "no equilibrium"),
@@ -85,16 +76,15 @@ def draw(
     Parameters after the second are kept at the grid point nearest to the nominal design.
     `crossings` are marked on lines, and `shapes` of some are drawn below.
     """
-    with house_style():
-        rest = swept.start[2:]
-        value = swept.value[(slice(None), slice(None), *rest)[: len(swept.axes)]]
-        if value.ndim == 3:
-            kept = [
-                f"{axis.name} = {_with_unit(axis, axis.values[at])}"
-                for axis, at in zip(swept.axes[2:], rest, strict=True)
-            ]
-            return _draw_maps(swept, value, " · ".join([*kept, title]))
-        return _draw_lines(swept, value, title, stages, crossings, shapes)
+    rest = swept.start[2:]
+    value = swept.value[(slice(None), slice(None), *rest)[: len(swept.axes)]]
+    if value.ndim == 3:
+        kept = [
+            f"{axis.name} = {_with_unit(axis, axis.values[at])}"
+            for axis, at in zip(swept.axes[2:], rest, strict=True)
+        ]
+        return _draw_maps(swept, value, " · ".join([*kept, title]))
+    return _draw_lines(swept, value, title, stages, crossings, shapes)
 
 
 def _is_geometric(values: Sequence[float]) -> bool:
@@ -143,7 +133,7 @@ def _axis_label(swept: SweepResult, n: int) -> str:
     if unit == "1":
         angle = swept.result[n].partition("/")[0].partition("@")[0].rpartition(".")[2] in DOFS[3:]
         unit = "rad/rad" if angle else "m/m"
-    return "frequency (Hz)" if unit == "Hz" else f"magnitude ({unit})"
+    return FREQUENCY if unit == "Hz" else f"magnitude ({unit})"
 
 
 def _quantity(swept: SweepResult) -> str:
@@ -159,73 +149,54 @@ def _draw_lines(
     crossings: Sequence[Crossing],
     shapes: Sequence[Shapes],
 ) -> Figure:
-    labels = [_axis_label(swept, n) for n in range(len(swept.result))]
-    units = list(dict.fromkeys(labels))
-    first = swept.axes[0]
-    looks = _looks(swept, stages)
-    named = [swept.result[n] for n in looks]
-    at_ends = [n for n in looks if swept.unit[n] == "Hz"]
-    at_ends = at_ends if len(at_ends) > 1 else []
-    keys: list[list[tuple[str, str, LineLook]]] = [
-        [(_title(swept, n), looks[n][0], {"linestyle": looks[n][1]}) for n in looks
-         if labels[n] == unit and n not in at_ends]
-        for unit in units
-    ]  # fmt: skip
-    right = curves.room_for([swept.result[n] for n in at_ends], 30) if at_ends else 0.15
-    marked = [one for one in crossings if {*one.modes} & {*named}][:MOST_CROSSINGS]
-    strips = {id(one.crossing): Strip(one, curves.COLUMN - 0.2) for one in shapes}
-    height = 3.0
-    below = [
-        *(LINE + (strips[id(one)].height if id(one) in strips else 0.0) for one in marked),
-        2 * LINE * (len(looks) < len(swept.result)),
-    ]
-    foot = 0.45 + sum(below) + 0.24
-    rooms = [curves.key_room([name for name, *_ in key]) + 0.12 for key in keys]
-    rooms[0] += 0.1
-    figure, panels = curves.stack_panels([height] * len(units), rooms, right=right, bottom=foot)
+    units = [_axis_label(swept, n) for n in range(len(swept.result))]
+    first, looks = swept.axes[0], _looks(swept, stages)
     x = np.array(first.values) * first.displayed_unit[1]
-    remarks = []
-    for axes, unit, key in zip(panels, units, keys, strict=True):
-        chosen = [n for n, own in enumerate(labels) if own == unit]
-        remarks += _panel(axes, swept, value, chosen, looks, x)
-        axes.set_ylabel(unit)
-        if axes.get_yscale() == "linear":
-            _scale(axes, unit)
-        curves.write_key(axes, key, above=0.15 if axes is panels[0] else 0.0)
-    ends = [(x, value[:, n], swept.result[n], looks[n][0]) for n in at_ends]
-    curves.label_ends(panels[units.index("frequency (Hz)")] if ends else panels[0], ends, most=30)
-    figure.align_ylabels(panels)
-    _mark_failures(panels, swept, x)
-    if min(first.values) <= swept.drawn[0] <= max(first.values):
-        text = f"as designed: {_with_unit(first, swept.drawn[0])}"
-        curves.mark_design(panels, swept.drawn[0] * first.displayed_unit[1], text)
-    if marked:
-        _mark_crossings(panels[units.index("frequency (Hz)")], marked, first)
-    panels[-1].set_xlabel(_parameter_label(first, 60))
-    lines = [f"{LETTERS[n]}: {one}" for n, one in enumerate(marked)]
-    lines += textwrap.wrap(remarks[0], MOST_CHARACTERS)[:2] if remarks else []
-    across, up = figure.get_size_inches()
-    tops = foot - 0.43 - np.cumsum([0.0, *below[:-1], LINE])
-    for top, text in zip(tops, lines, strict=False):
-        figure.text(
-            0.1 / across,
-            top / up,
-            single_line(text, MOST_CHARACTERS),
-            va="top",
-            fontsize=7.5,
-            color=NOTE,
-        )
-    if strips:
-        colours = {swept.result[n]: look[0] for n, look in looks.items()}
-        canvas = full_canvas(figure)
-        for top, one in zip(tops, marked, strict=False):
-            if id(one) in strips:
-                values = [_with_unit(first, point.at, 3) for point in one.around]
-                ink = [colours.get(name, NOTE) for name in one.modes]
-                strips[id(one)].draw(canvas, 0.1, top - LINE, ink, values)
-        canvas.flush()
+    marked = [one for one in crossings if {*one.modes} & {swept.result[n] for n in looks}]
+    marked, shown, remarks = marked[:MOST_CROSSINGS], [], []
+    for unit in dict.fromkeys(units):
+        own = [n for n, label in enumerate(units) if label == unit]
+        still = [n for n in own if n not in looks]
+        limits, beyond = _limits(swept, value, own, still)
+        if still:
+            remarks.append(f"grey: modes that change by less than {100 * MOVES:g} %")
+        if beyond:
+            at = ", ".join(f"{swept.nominal[n]:.3g}" for n in beyond)
+            remarks[-1] += f"; not drawn of these: {at} Hz"
+        grey: LineLook = {"linewidth": 0.8, "zorder": 1.5}
+        lines = [Line(x, value[:, n], "_", STILL, grey) for n in still if n not in beyond]
+        moving = [n for n in own if n in looks]
+        ends = unit == FREQUENCY and len(moving) > 1
+        for n in moving:
+            name = swept.result[n] if ends else _title(swept, n)
+            look: LineLook = {"linestyle": looks[n][1], "linewidth": 1.4}
+            lines.append(Line(x, value[:, n], name, looks[n][0], look))
+        rules, text = [], f"as designed: {_with_unit(first, swept.drawn[0])}"
+        if min(first.values) <= swept.drawn[0] <= max(first.values):
+            at = swept.drawn[0] * first.displayed_unit[1]
+            rules.append(Rule(at, "" if shown else text, vertical=True))
+        met = [(one.at * first.displayed_unit[1], one) for one in marked if unit == FREQUENCY]
+        paint = partial(_paint, swept=swept, x=x, met=met, named=not shown)
+        kind: Scale = "log" if limits else "linear"
+        shown.append(Panel(unit, lines, 3.0, kind, limits, ends=ends, rules=rules, paint=paint))
+    notes = [f"{LETTERS[n]}: {one}" for n, one in enumerate(marked)] + remarks[:1]
+    strips = {marked.index(one.crossing): Strip(one, panels.COLUMN - 0.2)
+              for one in shapes if one.crossing in marked}  # fmt: skip
+    foot = sum(strip.height for strip in strips.values())
+    scale: Scale = "log" if _is_geometric(first.values) else "linear"
+    across = Across(_parameter_label(first, 60), scale)
     heading = f"{_quantity(swept)} against {first.name.removeprefix('stage.')}"
-    curves.write_heading(figure, heading, title)
+    figure = panels.draw(heading, title, shown, across, notes, foot=foot)
+    if strips:
+        canvas, top = full_canvas(figure), panels.FOOT + foot
+        colours = {swept.result[n]: look[0] for n, look in looks.items()}
+        with house_style():
+            for n, strip in strips.items():
+                values = [_with_unit(first, point.at, 3) for point in marked[n].around]
+                ink = [colours.get(name, NOTE) for name in marked[n].modes]
+                strip.draw(canvas, 0.1, top, ink, values, LETTERS[n])
+                top -= strip.height
+            canvas.flush()
     return figure
 
 
@@ -243,202 +214,145 @@ def _looks(swept: SweepResult, stages: Sequence[str]) -> dict[int, tuple[str, Li
             continue
         colour = colours[bodies[n]]
         number = used[colour] = used.get(colour, -1) + 1
-        looks[n] = colour, DASHES[number % len(DASHES)]
+        looks[n] = colour, panels.DASHES[number % len(panels.DASHES)]
     return looks
 
 
-def _panel(
-    axes: Axes,
+def _limits(
     swept: SweepResult,
     value: Float[np.ndarray, "point result"],
-    chosen: Sequence[int],
-    looks: dict[int, tuple[str, LineStyleType]],
+    own: Sequence[int],
+    still: Sequence[int],
+) -> tuple[tuple[float, float] | None, list[int]]:
+    """Limits of a logarithmic axis about the results that change, and which others are outside.
+
+    None for a linear axis.
+    """
+    if not _is_wide(value[:, own]) or (value[:, own] == 0).all(0).any():
+        return None, []
+    moving = [n for n in own if n not in still]
+    good = value[:, moving or own]
+    good = good[np.isfinite(good) & (good > 0)]
+    room = BEYOND if still else 1.1
+    low, high = float(good.min() / room), float(good.max() * room)
+    return (low, high), [n for n in still if not low < swept.nominal[n] < high]
+
+
+def _paint(
+    axes: Axes,
+    swept: SweepResult,
     x: Float[np.ndarray, " point"],
-) -> list[str]:
-    """Draw the results of one unit; return remarks on what is grey or beyond the axes."""
-    marker = "o" if len(x) == 1 else None
-    if _is_geometric(swept.axes[0].values):
-        axes.set_xscale("log")
-        curves.label_plainly(axes.xaxis)
-    moving = [n for n in chosen if n in looks]
-    still = [n for n in chosen if n not in looks]
-    logarithmic = _is_wide(value[:, chosen]) and not (value[:, chosen] == 0).all(0).any()
-    beyond = []
-    if logarithmic:
-        axes.set_yscale("log", nonpositive="mask")  # lines end where they reach 0
-        good = value[:, moving or chosen]
-        good = good[np.isfinite(good) & (good > 0)]
-        low, high = good.min() / BEYOND, good.max() * BEYOND
-        if not still:
-            low, high = low * BEYOND / 1.1, high / BEYOND * 1.1
-        beyond = [n for n in still if not low < swept.nominal[n] < high]
-        axes.set_ylim(low, high)
-    for n in still:
-        if n not in beyond:
-            axes.plot(x, value[:, n], color=STILL, linewidth=0.8, marker=marker, zorder=1.5)
-    for n in moving:
-        colour, dashes = looks[n]
-        axes.plot(
-            x, value[:, n], color=colour, linestyle=dashes, linewidth=1.4, marker=marker,
-            markersize=3, label=swept.result[n],
-        )  # fmt: skip
-    if len(x) > 1:
-        axes.set_xlim(x.min(), x.max())
-    if logarithmic:
-        curves.label_plainly(axes.yaxis)
-    if not still:
-        return []
-    text = f"grey: modes that change by less than {100 * MOVES:g} %"
-    if beyond:
-        at = [f"{swept.nominal[n]:.3g}" for n in beyond]
-        text += f"; not drawn of these: {', '.join(at)} Hz"
-    return [text]
-
-
-def _scale(axes: Axes, label: str) -> None:
-    """Put the power of ten of small or large values into the label of their axis."""
-    top = float(np.abs(axes.get_ylim()).max())
-    if 0.01 <= top < 1e4:
-        return
-    power = int(np.floor(np.log10(top)))
-    axes.set_ylabel(label.replace("(", f"(10{str(power).translate(RAISED)} "))
-    axes.yaxis.set_major_formatter(lambda y, _: f"{y / 10.0**power:.6g}".replace("-", "−"))
-
-
-def _mark_failures(
-    panels: Sequence[Axes], swept: SweepResult, x: Float[np.ndarray, " point"]
+    met: Sequence[tuple[float, Crossing]],
+    named: bool,
 ) -> None:
-    """Shade the points without results, and name the reason above them."""
+    """Shade points without results, and mark where modes meet with letters."""
     status = np.asarray(swept.status)
-    if status.ndim != 1 or len(x) < 2 or not status.any():
-        return
     edges = np.concatenate([x[:1], (x[1:] + x[:-1]) / 2, x[-1:]])
-    start = 0
-    for n in range(1, len(status) + 1):
-        if n < len(status) and status[n] == status[start]:
-            continue
+    starts = np.flatnonzero(np.diff(status, prepend=-1)) if status.ndim == 1 and len(x) > 1 else []
+    for start, stop in zip(starts, [*starts[1:], len(status)], strict=True):
         if code := int(status[start]):
-            low, high = sorted((edges[start], edges[n]))
+            low, high = sorted((edges[start], edges[stop]))
             shade, text = FAILED[code]
-            for axes in panels:
-                axes.axvspan(low, high, color=shade, linewidth=0, zorder=0.5)
-            axes, middle = panels[0], (low + high) / 2
+            axes.axvspan(low, high, color=shade, linewidth=0, zorder=0.5)
             ends = axes.transData.transform([(low, 1), (high, 1)])[:, 0] / axes.figure.dpi
-            axes.annotate(
-                text,
-                (middle, 0.02),
-                xycoords=("data", "axes fraction"),
-                ha="center",
-                va="bottom",
-                fontsize=7.5,
-                color=NOTE,
-                rotation=0 if np.ptp(ends) > curves.text_width(text) + 0.05 else 90,
-                bbox={"facecolor": shade, "edgecolor": "none", "pad": 0.8},
-            )
-        start = n
-
-
-def _mark_crossings(axes: Axes, crossings: Sequence[Crossing], first: Axis) -> None:
-    """Mark where modes meet, with letters that the remarks explain."""
-    axes.autoscale_view()
-    points = [(one.at * first.displayed_unit[1], one.frequency) for one in crossings]
-    marks = axes.transData.transform(points) * 72 / axes.figure.dpi
-    taken: list[Float[np.ndarray, " 2"]] = []
-    for n, (one, point) in enumerate(zip(crossings, points, strict=True)):
-        others = [*np.delete(marks, n, axis=0), *taken]
-        around = [marks[n] + shift for shift in LETTER_SHIFTS]
-        room = [min((float(np.hypot(*(at - k))) for k in others), default=99.0) for at in around]
-        best = next((k for k, free in enumerate(room) if free > 10.0), int(np.argmax(room)))
-        taken.append(around[best])
-        face = INK if one.is_avoided else "white"
+            if named:
+                place = {"xycoords": ("data", "axes fraction"), "ha": "center", "va": "bottom"}
+                upright = np.ptp(ends) < labels.text_width(text) + 0.05
+                box = {"facecolor": shade, "edgecolor": "none", "pad": 0.8}
+                axes.annotate(
+                    text, ((low + high) / 2, 0.02), **place, fontsize=labels.SMALL, color=NOTE,
+                    rotation=90 if upright else 0, bbox=box,
+                )  # fmt: skip
+    points = [(at, one.frequency) for at, one in met]
+    for point in points:
         axes.plot(*point, "o", markersize=5, markeredgecolor=INK, markerfacecolor="none")
-        axes.annotate(
-            LETTERS[n],
-            point,
-            LETTER_SHIFTS[best],
-            textcoords="offset points",
-            ha="center",
-            va="center",
-            fontsize=7.5,
-            color="white" if one.is_avoided else INK,
-            bbox={"boxstyle": "circle,pad=0.15", "facecolor": face, "edgecolor": INK, "lw": 0.5},
-            arrowprops={"arrowstyle": "-", "lw": 0.5, "shrinkA": 0, "shrinkB": 2.5},
+    inks = ["white" if one.is_avoided else INK for _, one in met]
+    found = labels.label_points(axes, points, LETTERS[: len(met)], inks, pad=2.5)
+    for text, ink in zip(found, inks, strict=True):
+        face = INK if ink == "white" else "white"
+        text.set_path_effects([])
+        text.set_bbox(
+            {"boxstyle": "circle,pad=0.15", "facecolor": face, "edgecolor": INK, "lw": 0.5}
         )
 
 
 def _draw_maps(
     swept: SweepResult, value: Float[np.ndarray, "column row result"], title: str
 ) -> Figure:
-    shown = sorted(np.argsort(-swept.change, kind="stable")[:MAX_MAPS].tolist())
-    columns = min(2, len(shown))
-    rows = -(-len(shown) // columns)
-    figure = new_figure(0.4 + 3.1 * columns, 0.55 + 2.6 * rows)
-    panels = figure.subplots(rows, columns, squeeze=False).ravel()
-    for axes in panels[len(shown) :]:
-        axes.set_visible(False)
-    for axes, result in zip(panels, shown, strict=False):
-        _draw_map(axes, swept, value[:, :, result], result)
-    curves.write_heading(figure, f"{_quantity(swept)} over two parameters", title)
-    figure.tight_layout(rect=(0, 0, 1, 1 - 0.45 / figure.get_figheight()))
-    return figure
+    chosen = sorted(np.argsort(-swept.change, kind="stable")[:MAX_MAPS].tolist())
+    maps = [_map(swept, value[:, :, n], n) for n in chosen]
+    columns = min(2, len(maps))
+    maps += [Panel(across=Across(""), right=0.88, paint=Axes.set_axis_off)] * (len(maps) % columns)
+    rows = [tuple(maps[n : n + columns]) for n in range(0, len(maps), columns)]
+    heading = f"{_quantity(swept)} over two parameters"
+    return panels.draw(heading, title, rows, width=0.4 + 3.1 * columns)
+
+
+def _map(swept: SweepResult, value: Float[np.ndarray, "column row"], n: int) -> Panel:
+    first, second = swept.axes[:2]
+    scaled: list[Scale] = [
+        "log" if _is_geometric(axis.values) else "linear" for axis in (first, second)
+    ]
+    x, y = (np.array(axis.values) * axis.displayed_unit[1] for axis in (first, second))
+    ends = [(one.min(), one.max()) if len(one) > 1 else None for one in (x, y)]
+    across = Across(_parameter_label(first, 34), scaled[0], ends[0])
+    paint = partial(_draw_map, swept=swept, value=value, n=n)
+    return Panel(
+        _parameter_label(second, 34), (), 2.0, scaled[1], ends[1], _title(swept, n),
+        across=across, paint=paint, right=0.88,
+    )  # fmt: skip
 
 
 def _draw_map(
     axes: Axes, swept: SweepResult, value: Float[np.ndarray, "column row"], n: int
 ) -> None:
-    first, second = swept.axes[:2]
-    x, y = (np.array(axis.values) * axis.displayed_unit[1] for axis in (first, second))
+    x, y = (np.array(axis.values) * axis.displayed_unit[1] for axis in swept.axes[:2])
     finite = np.ma.masked_invalid(value.T)
     low, high = (float(finite.min()), float(finite.max())) if finite.count() else (0.0, 1.0)
     wide = _is_wide(value) and low > 0
     if high <= low:
         high = low + (abs(low) or 1.0) * 1e-9
     norm = LogNorm(low, high) if wide else Normalize(low, high)
+    axes.grid(visible=False)
     axes.set_facecolor("#eeeeee")
     lines, marks = None, []
     if min(value.shape) > 1 and finite.count() and np.ptp(finite) > 1e-9 * abs(high):
         lines = _draw_surface(axes, x, y, finite, norm)
     else:
         axes.pcolormesh(x, y, finite, norm=norm, cmap="viridis", shading="nearest", rasterized=True)
-    bar = axes.figure.colorbar(ScalarMappable(norm, "viridis"), ax=axes, pad=0.02)
-    bar.set_label(_axis_label(swept, n), fontsize=7.5)
-    bar.ax.tick_params(labelsize=7.5)
+    beside = axes.inset_axes((1.03, 0.0, 0.06, 1.0))
+    bar = figure_of(axes).colorbar(ScalarMappable(norm, "viridis"), cax=beside)
+    bar.set_label(_axis_label(swept, n), fontsize=labels.SMALL)
+    bar.ax.tick_params(labelsize=labels.SMALL)
     if wide:
-        curves.label_plainly(bar.ax.yaxis)
-    for axis, own in ((axes.xaxis, first), (axes.yaxis, second)):
-        if _is_geometric(own.values):
-            (axes.set_xscale if axis is axes.xaxis else axes.set_yscale)("log")
-            curves.label_plainly(axis)
-    drawn = [*zip((first, second), swept.drawn[:2], strict=True)]
+        scales.label_plainly(bar.ax.yaxis)
+    drawn = [*zip(swept.axes, swept.drawn[:2], strict=False)]
     if all(min(axis.values) <= at <= max(axis.values) for axis, at in drawn):
         here = [at * axis.displayed_unit[1] for axis, at in drawn]
-        marks.append(here)
         axes.plot(*here, "+", color="white", markersize=9, markeredgewidth=2.4)
         axes.plot(*here, "+", color=INK, markersize=8, markeredgewidth=1.0, label="as designed")
-    axes.set_title(curves.wrap(single_line(_title(swept, n), 70), 2.4), loc="left", fontsize=7.5)
-    axes.set_xlabel(_parameter_label(first, 34), fontsize=7.5)
-    axes.set_ylabel(_parameter_label(second, 34), fontsize=7.5)
+        marks.append(here)
     if lines is not None:
         _label_contours(axes, lines, marks)
 
 
 def _label_contours(axes: Axes, lines: QuadContourSet, marks: Sequence[Sequence[float]]) -> None:
-    """Label contours in their middle, or away from it where a mark or the frame is near."""
-    taken = axes.transData.transform(np.reshape(marks, (-1, 2)))
-    inside, places = axes.bbox.padded(-EDGE * axes.figure.dpi), []
-    for path in lines.get_paths():
-        vertices = np.asarray(path.vertices)
-        if not len(vertices):
-            continue
-        line = axes.transData.transform(vertices)
-        place, number = PARTS * (len(line) - 1), np.arange(len(line))
+    """Label contours in their middle, away from marks and from the frame."""
+    inch, places = axes.figure.dpi, []
+    taken = axes.transData.transform(np.reshape(marks, (-1, 2))) / inch
+    frame = axes.bbox.padded(-EDGE * inch)
+    paths = [np.reshape(path.vertices, (-1, 2)) for path in lines.get_paths()]
+    for path in (path for path in paths if len(path)):
+        line = axes.transData.transform(path)
+        place, number = np.linspace(0, len(line) - 1, 61), np.arange(len(line))
         at = np.stack([np.interp(place, number, own) for own in line.T], axis=-1)
-        at = at[((at > inside.min) & (at < inside.max)).all(-1)]
-        room = [np.hypot(*(taken - one).T).min(initial=np.inf) / axes.figure.dpi for one in at]
-        if room:
-            places.append(at[next((k for k, free in enumerate(room) if free > CLEAR), 0)])
+        at = at[((at > frame.min) & (at < frame.max)).all(-1)]
+        room = np.hypot(*(at[:, None] / inch - taken).T).min(0, initial=np.inf)
+        at = at[room > CLEAR] if (room > CLEAR).any() else at
+        places += [*at[len(at) // 2 :][:1]]
     where = axes.transData.inverted().transform(np.reshape(places, (-1, 2)))
-    axes.clabel(lines, fontsize=7.5, fmt=curves.write_plainly, manual=where.tolist())
+    write = partial(format_raised, digits=4)
+    axes.clabel(lines, fontsize=labels.SMALL, fmt=write, manual=where.tolist())
 
 
 def _draw_surface(
@@ -448,30 +362,17 @@ def _draw_surface(
     finite: Float[np.ndarray, "row column"],
     norm: Normalize,
 ) -> QuadContourSet:
-    """Draw smooth colours, and contours, which are returned."""
+    """Draw smooth colours, and contours at about six round numbers, which are returned."""
     low, high = float(norm.vmin or 0.0), float(norm.vmax or 1.0)
-    spaced = np.geomspace if isinstance(norm, LogNorm) else np.linspace
-    levels = spaced(low, high, 48)
+    wide = isinstance(norm, LogNorm)
+    levels = (np.geomspace if wide else np.linspace)(low, high, 48)
     levels[0], levels[-1] = low, high
     drawn = axes.contourf(x, y, finite, levels=levels, norm=norm, cmap="viridis", extend="both")
     drawn.set_rasterized(True)
     drawn.set_edgecolor("face")
-    return axes.contour(
-        x, y, finite, levels=_round_levels(low, high, norm), colors="white", linewidths=0.6
-    )
-
-
-def _round_levels(
-    low: float, high: float, norm: Normalize
-) -> Float[np.ndarray, " level"] | list[float]:
-    """Round numbers between the limits, about six."""
-    from matplotlib.ticker import LogLocator, MaxNLocator
-
-    if isinstance(norm, LogNorm):
-        many = np.log10(high / low) > 3
-        levels = LogLocator(subs=(1,) if many else (1, 2, 5)).tick_values(low, high)
-    else:
-        levels = MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
-    found = np.asarray(levels)
-    inside = found[(found > low) & (found < high)]
-    return inside if len(inside) else [(low + high) / 2]
+    digits = (1,) if high > 1e3 * low else (1, 2, 5)
+    locator = LogLocator(subs=digits) if wide else MaxNLocator(6, steps=[1, 2, 2.5, 5, 10])
+    found = np.asarray(locator.tick_values(low, high))
+    found = found[(found > low) & (found < high)]
+    round_numbers = found if len(found) else [(low + high) / 2]
+    return axes.contour(x, y, finite, levels=round_numbers, colors="white", linewidths=0.6)

@@ -134,10 +134,10 @@ class ThermalAnalysis(Analysis):
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw amplitude spectral densities, with the points that resolve resonances added."""
-        from suspension_cli.analyses.thermal import fine, picture
+        from suspension_cli.analyses.thermal import picture
 
         stages = [stage.name for stage in result.design.stage]
-        return {"": picture.draw(fine.refine(result), result.subtitle, stages)}
+        return {"": picture.draw(picture.refine(result), result.subtitle, stages)}
 
 
 def _solved(source: Source, setting: Settings, log: Log) -> tuple[Choice, list[Thermal]]:

@@ -2,37 +2,31 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.analyses.thermal.solve import Thermal
 from suspension_cli.design.losses.registry import MECHANISMS
-from suspension_cli.drawing import curves
-from suspension_cli.drawing.style import (
-    INK,
-    NOTE,
-    LineLook,
-    house_style,
-    single_line,
-    stage_colours,
-)
+from suspension_cli.drawing import curves, panels
+from suspension_cli.drawing.added_points import add_from_model
+from suspension_cli.drawing.panels import Line, Panel
+from suspension_cli.drawing.style import INK, NOTE, LineLook, single_line, stage_colours
+from suspension_cli.linear import eigenmodes
 
 if TYPE_CHECKING:
     from jaxtyping import Float
 
-HEIGHT = 2.3
-"""Height of a panel, in."""
+    from suspension_cli.analyses.analysis import Result
+    from suspension_cli.drawing.added_points import Solve
+    from suspension_cli.scene.arrays import Array
+
 LINES = 7
 """Largest number of lines in a panel: the sum, the largest parts, and the others together."""
-ROOM = (30.0, 3.0)
-"""Factors of room below the lowest sum and above the highest."""
-DECADES = 20
-"""Largest number of decades in a panel."""
 OTHER, SUPPORT = "other", "whole suspension"
 """Names of the sum of small parts, and of sources that belong to no stage."""
 
@@ -55,38 +49,22 @@ SHADES = ("#332288", "#cc6677", "#117733", "#88ccee", "#999933", "#aa4499", "#44
 
 def draw(noises: list[Thermal], title: str, stages: Sequence[str] = ()) -> Figure:
     """Draw two panels per motion: the sum with its parts by stage, and by cause."""
-    with house_style():
-        parts = [(by_stage(noise, stages), by_cause(noise)) for noise in noises]
-        colours = stage_colours([*stages, *(name for one, _ in parts for name in one)])
-        colours |= {OTHER: NOTE, SUPPORT: NOTE}
-        shades = {
-            label: SHADES[n % len(SHADES)] for n, label in enumerate(dict.fromkeys(CAUSES.values()))
-        }
-        shades[OTHER] = NOTE
-        keys = [
-            [_look(name, n, found) for n, name in enumerate(["sum", *one], -1)]
-            for both in parts
-            for one, found in zip(both, (colours, shades), strict=True)
-        ]
-        rooms = [curves.key_room([name for name, *_ in key]) + 0.3 for key in keys]
-        notes = [
-            f"{noise.output}: along a beam that rises by {1e6 * noise.tilt:.3g} µrad"
-            for noise in noises
-            if noise.tilt
-        ]
-        foot = 0.45 + 0.13 * len(notes)
-        figure, panels = curves.stack_panels([HEIGHT] * len(rooms), rooms, bottom=foot)
-        for n, (noise, (own, causes)) in enumerate(zip(noises, parts, strict=True)):
-            _panel(panels[2 * n], noise, own, keys[2 * n], "by stage")
-            _panel(panels[2 * n + 1], noise, causes, keys[2 * n + 1], "by cause")
-        panels[-1].set_xlabel("frequency (Hz)")
-        figure.align_ylabels(panels)
-        outputs = ", ".join(noise.output for noise in noises)
-        curves.write_heading(figure, f"Thermal noise of {outputs}", title)
-        for n, note in enumerate(notes):
-            at = (foot - 0.42 - 0.13 * n) / figure.get_figheight()
-            figure.text(0.02, at, textwrap.shorten(note, 78), va="top", fontsize=7.5, color=NOTE)
-        return figure
+    parts = [(by_stage(noise, stages), by_cause(noise)) for noise in noises]
+    colours = stage_colours([*stages, *(name for one, _ in parts for name in one)])
+    labels = dict.fromkeys(CAUSES.values())
+    shades = {label: SHADES[n % len(SHADES)] for n, label in enumerate(labels)}
+    shown = [
+        _panel(noise, found, own | {OTHER: NOTE, SUPPORT: NOTE}, what)
+        for noise, both in zip(noises, parts, strict=True)
+        for found, own, what in zip(both, (colours, shades), ("by stage", "by cause"), strict=True)
+    ]
+    notes = [
+        f"{noise.output}: along a beam that rises by {1e6 * noise.tilt:.3g} µrad"
+        for noise in noises
+        if noise.tilt
+    ]
+    outputs = ", ".join(noise.output for noise in noises)
+    return panels.draw(f"Thermal noise of {outputs}", title, shown, notes=notes)
 
 
 def by_stage(noise: Thermal, stages: Sequence[str]) -> dict[str, Float[np.ndarray, " frequency"]]:
@@ -119,31 +97,45 @@ def _sum_groups(
     return {name: np.sqrt(density) for name, density in square.items()}
 
 
-def _look(name: str, n: int, colours: dict[str, str]) -> tuple[str, str, LineLook]:
-    """Name, colour and look of a line; the sum has number -1."""
-    if n < 0:
-        return name, INK, {"linewidth": 2.2, "zorder": 2}
-    dashes = curves.DASHES[n % len(curves.DASHES)]
-    return name, colours[name], {"linestyle": dashes, "linewidth": 1.0}
-
-
 def _panel(
-    axes: Axes,
     noise: Thermal,
     parts: dict[str, Float[np.ndarray, " frequency"]],
-    key: Sequence[tuple[str, str, LineLook]],
+    colours: dict[str, str],
     what: str,
-) -> None:
-    mark = "" if len(noise.frequency) > 1 else "o"
-    frequency, total = noise.frequency, noise.amplitude
-    for amplitude, (_, colour, look) in zip([total, *parts.values()], key, strict=True):
-        part = np.where(amplitude > 0, amplitude, np.nan)
-        marked: LineLook = {"marker": mark, "markersize": 3, **look}
-        axes.loglog(frequency, part, color=colour, **marked)
-    top = total.max() * ROOM[1]
-    axes.set_ylim(max(total[total > 0].min() / ROOM[0], top / 10**DECADES), top)
-    axes.set_ylabel(f"{single_line(noise.output, 30)} ({noise.unit}/√Hz)")
-    room = curves.key_room([name for name, *_ in key])
-    axes.set_title(what, loc="left", fontsize=8, color=INK, pad=72 * room + 2)
-    curves.label_plainly(axes.yaxis)
-    curves.write_key(axes, key)
+) -> Panel:
+    """Make the panel of a sum and its parts."""
+    total = noise.amplitude
+    lines = [Line(noise.frequency, total, "sum", INK, {"linewidth": 2.2, "zorder": 2})]
+    for n, (name, amplitude) in enumerate(parts.items()):
+        look: LineLook = {"linestyle": panels.DASHES[n % len(panels.DASHES)]}
+        lines.append(Line(noise.frequency, amplitude, name, colours[name], look))
+    label = f"{single_line(noise.output, 30)} ({noise.unit}/√Hz)"
+    return Panel(label, lines, scale="log", limits=curves.limit_spectrum(total), title=what)
+
+
+def refine(result: Result) -> list[Thermal]:
+    """Add the frequencies that resolve resonances of bodies and wires to thermal noises."""
+    noises: list[Thermal] = result.data
+    names = list(dict.fromkeys(name for noise in noises for name in noise.source))
+
+    def amplitudes(noises: list[Thermal]) -> Float[np.ndarray, "frequency motion source"]:
+        nothing = np.zeros(len(noises[0].frequency))
+        parts = [[noise.parts.get(name, nothing) for name in names] for noise in noises]
+        return np.moveaxis(np.array(parts), -1, 0)
+
+    def build() -> tuple[Solve, Array]:
+        model = result.choice.model.system(result.design)
+        motions = [thermal.parse_motion(model, noise.output, noise.tilt) for noise in noises]
+        warmth = result.design.constants.temperature
+        modes = eigenmodes.solve(model.constant).frequency
+        return (lambda at: amplitudes(thermal.solve_all(model, at, motions, warmth))), modes
+
+    frequency, value = add_from_model(build, noises[0].frequency, amplitudes(noises), sums=True)
+    return [
+        replace(
+            noise,
+            frequency=frequency,
+            density=np.stack([value[:, n, names.index(name)] ** 2 for name in noise.source]),
+        )
+        for n, noise in enumerate(noises)
+    ]

@@ -17,7 +17,7 @@ from suspension_cli.analyses.fit.wrong_channels import name_factor
 from suspension_cli.conventions import DOFS
 from suspension_cli.design import paths, reader
 from suspension_cli.design.measured import Free, Measured, Transducer
-from suspension_cli.drawing.curves import COLUMN
+from suspension_cli.drawing.panels import COLUMN
 from suspension_cli.errors import InputError
 from suspension_cli.files.hdf5 import open_results
 from suspension_cli.linear import response, signals

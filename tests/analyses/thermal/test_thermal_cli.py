@@ -10,13 +10,13 @@ import suspension_cli as sus
 from suspension_cli.analyses.thermal import file as files
 from suspension_cli.analyses.thermal import picture
 from suspension_cli.analyses.thermal import solve as thermal
-from suspension_cli.analyses.thermal.fine import refine as refined
 from suspension_cli.drawing.style import stage_colours
 from suspension_cli.files.hdf5 import open_results
 from suspension_cli.grids import decade_points
 from suspension_cli.models import registry
 from tests.support import plants, scenes
 from tests.support.commandline import assert_refused, run, strict_json, written
+from tests.support.legible import assert_legible
 
 RAW = plants.raw("triple") | {"materials": {"steel302": {"loss_angle": 2e-4}}}
 GRID = ("--frequency", "0.3,3,30")
@@ -347,19 +347,17 @@ def test_what_is_drawn_and_what_is_said():
     figure = picture.draw([noise], "Many sources", stages[::-1])
     above, below = figure.axes
     assert above.get_ylabel() == below.get_ylabel() == "test.x (m/√Hz)"
-    said = [[text.get_text().strip("↓ ") for text in axes.texts] for axes in figure.axes]
-    assert said[0] == ["sum", *stages[::-1], "whole suspension"]
-    assert len(said[1]) == picture.LINES and said[1][0] == "sum" and said[1][-1] == "other"
+    words = [text.get_text() for text in figure.texts]
+    first, second = words.index("by stage"), words.index("by cause")
+    assert words[first + 1 : second] == ["sum", *stages[::-1], "whole suspension"]
+    assert len(words[second + 1 :]) == picture.LINES
+    assert words[second + 1] == "sum" and words[-1] == "other"
     drawn = {line.get_color() for line in above.lines}
     assert set(stage_colours(stages[::-1]).values()) < drawn
     assert any("300 µrad" in text.get_text() for text in figure.texts)
     low, high = above.get_ylim()
     assert low < noise.amplitude.min() and high > noise.amplitude.max()
-    for axes in figure.axes:
-        boxes = [text.get_window_extent() for text in axes.texts]
-        assert all(box.y0 >= 0 and box.x1 <= figure.bbox.width for box in boxes)
-        for n, box in enumerate(boxes):
-            assert not any(box.overlaps(other) for other in boxes[n + 1 :])
+    assert_legible(figure)
 
 
 def test_sums_by_stage_and_by_cause_are_the_whole():
@@ -372,7 +370,7 @@ def test_sums_by_stage_and_by_cause_are_the_whole():
 
 def test_peaks_reach_their_tips_in_the_picture(file):
     coarse = sus.thermal(sus.read(file), frequency="0.1:50:60")
-    fine = refined(coarse)[0]
+    fine = picture.refine(coarse)[0]
     at = np.searchsorted(fine.frequency, coarse.data[0].frequency)
     assert len(fine.frequency) > 200
     np.testing.assert_allclose(fine.amplitude[at], coarse.data[0].amplitude, rtol=1e-12)

@@ -1,0 +1,75 @@
+"""Scales of axes: plain numbers on logarithmic ones, powers of ten in labels, phases."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.ticker import Formatter, LogLocator, NullFormatter
+
+from suspension_cli.drawing.style import PALE, RAISED, format_raised
+
+PLAIN = 0.9e-3, 1.1e4
+"""Range in which a logarithmic axis has plain numbers, however long it is."""
+LONG = 3.0
+"""Decades from which an axis beyond this range has powers of ten alone."""
+SHORT = ((0.6, (1, 1.5, 2, 3, 5, 7)), (2.0, (1, 2, 5)), (np.inf, (1,)))
+"""Digits of the ticks of axes up to a length, decades."""
+LOWEST_PHASE = -200.0
+"""Lower end of axes of phases, degrees, so that a phase scattered about -180 stays together."""
+
+
+class _Digits(LogLocator):
+    """Ticks at 1, 10, 100; of a short axis also between."""
+
+    def tick_values(self, vmin: float, vmax: float) -> Any:
+        low, high = sorted((max(vmin, 1e-300), max(vmax, 1e-300)))
+        digits = next(digits for most, digits in SHORT if np.log10(high / low) <= most)
+        self.set_params(subs=digits, numticks=9)
+        return super().tick_values(vmin, vmax)
+
+
+class _Plainly(Formatter):
+    """Labels 0.1, 1, 10, or powers of ten where an axis is long."""
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        low, high = sorted(np.abs(self.axis.get_view_interval()))  # type: ignore[union-attr]
+        plain = low >= PLAIN[0] and high <= PLAIN[1]
+        if plain or not low or np.log10(high / low) <= LONG or not x:
+            return format_raised(x, 6)
+        return f"10{str(round(np.log10(x))).translate(RAISED)}"
+
+
+def label_plainly(axis: Axis) -> None:
+    """Make an axis logarithmic with 0.1, 1, 10 as labels, or powers of ten if it is long."""
+    (axis.axes.set_xscale if axis is axis.axes.xaxis else axis.axes.set_yscale)(
+        "log", nonpositive="mask"
+    )
+    axis.set_major_locator(_Digits())
+    axis.set_major_formatter(_Plainly())
+    axis.set_minor_formatter(NullFormatter())
+
+
+def rule(axes: Axes) -> None:
+    """Draw a faint grid, and tick labels that are legible in a column of 8.5 cm."""
+    axes.grid(visible=True, which="major", color=PALE, linewidth=0.4)
+    axes.set_axisbelow(True)
+    axes.tick_params(labelsize=7.5)
+
+
+def raise_power(axis: Axis) -> None:
+    """Put the power of ten of small or large values into the unit of their axis: (10⁻³ m/m)."""
+    top = float(np.abs(axis.get_view_interval()).max())
+    if 0.01 <= top < 1e4 or not top:
+        return
+    power = int(np.floor(np.log10(top)))
+    axis.set_label_text(axis.get_label_text().replace("(", f"(10{str(power).translate(RAISED)} "))
+    axis.set_major_formatter(lambda value, _: f"{value / 10.0**power:.6g}".replace("-", "−"))
+
+
+def label_phases(axes: Axes) -> None:
+    """Label a vertical axis of a turn of phase at multiples of 90 degrees."""
+    axes.set_ylim(LOWEST_PHASE, LOWEST_PHASE + 360.0)
+    axes.set_yticks([-180, -90, 0, 90], ["−180", "−90", "0", "90"])
