@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
     from suspension_cli.design.reader import Source
     from suspension_cli.design.schema import Design
+    from suspension_cli.files.declared import Contents
     from suspension_cli.files.hdf5 import Provenance
     from suspension_cli.linear.eigenmodes import Modes
     from suspension_cli.linear.system import LinearSystem
@@ -357,6 +358,8 @@ class Analysis(ABC):
     ----------
     name : str
         Of the HDF5 group and, unless `command_name` differs, of the command and the function.
+    result_type : str
+        Path of the class, from the package on, whose fields declare what is stored.
     arguments, parameters : tuple
         Click's arguments and options; the latter are arguments of the Python function too.
     inputs : tuple
@@ -370,6 +373,7 @@ class Analysis(ABC):
     """
 
     name: ClassVar[str]
+    result_type: ClassVar[str] = ""
     fills_file: ClassVar[bool] = False
     has_model: ClassVar[bool] = True
     arguments: ClassVar[tuple[click.Argument, ...]] = ()
@@ -405,13 +409,53 @@ class Analysis(ABC):
     def text(self, result: Result) -> str:
         """Table or summary that the command prints."""
 
+    def record(self, data: Any) -> Any:
+        """Return the record that is stored for `Result.data`."""
+        return data
+
+    def data(self, record: Any) -> Any:
+        """Return `Result.data` for a stored record."""
+        return record
+
+    def record_type(self) -> type:
+        """Import the class whose fields declare what is stored."""
+        module, _, name = self.result_type.rpartition(".")
+        return getattr(importlib.import_module(f"suspension_cli.{module}"), name)
+
+    def contents(self, result: Result) -> Contents:
+        """Return the arrays and attributes that are stored for a result."""
+        from suspension_cli.files.declared import pack
+
+        if not self.result_type:
+            import h5py
+
+            from suspension_cli.files.hdf5 import read_contents
+
+            with h5py.File("memory2", "w", driver="core", backing_store=False) as file:
+                self._stored().fill(file.create_group(self.name), result.data)
+                found = read_contents(file[self.name])
+                for key, one in found.variables.items():
+                    data = one.read()
+                    data = data.astype(str) if data.dtype.kind == "O" else data
+                    found.variables[key] = dataclasses.replace(one, data=data)
+            return found
+        return pack(self.record(result.data))
+
     def fill(self, file: h5py.File, result: Result) -> None:
-        """Write the result into a group of the open results file, by the folder's `file.py`."""
-        self._stored().fill(file.create_group(self.name), result.data)
+        """Write the result into a group of the open results file."""
+        from suspension_cli.files.hdf5 import write_contents
+
+        group = file.create_group(self.name)
+        write_contents(group, self.contents(result))
 
     def load(self, file: h5py.File) -> object:
-        """Read `Result.data` from an open results file, by the folder's `file.py`."""
-        return self._stored().load(file[self.name])
+        """Read `Result.data` from an open results file."""
+        from suspension_cli.files.declared import unpack
+        from suspension_cli.files.hdf5 import read_contents
+
+        if not self.result_type:
+            return self._stored().load(file[self.name])
+        return self.data(unpack(self.record_type(), read_contents(file[self.name])))
 
     def _stored(self) -> ModuleType:
         """Import the folder's module `file`."""

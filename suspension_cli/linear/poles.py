@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from suspension_cli.files.declared import along, in_unit
 from suspension_cli.linear import statespace
 
 if TYPE_CHECKING:
@@ -32,8 +33,8 @@ class Poles:
         Real part, relative to the modulus, that may be a rounding error.
     """
 
-    value: Complex[np.ndarray, " pole"]
-    state: tuple[str, ...]
+    value: Complex[np.ndarray, " pole"] = field(metadata=in_unit("rad/s"))
+    state: tuple[str, ...] = field(metadata=along("pole"))
     rounding: float = 0.0
 
     @property

@@ -223,7 +223,7 @@ def test_root_attributes(results):
     path, args, answer = results
     with h5py.File(path) as file:
         assert file.attrs["format"] == "pendsus"
-        assert file.attrs["format_version"] == 2
+        assert file.attrs["format_version"] == 3
         assert file.attrs["pendsus_version"] == __version__
         assert file.attrs["fidelity"] == answer["fidelity"] == "string"
         program, *rest = shlex.split(file.attrs["command"])

@@ -52,6 +52,7 @@ class CompareAnalysis(Analysis):
     """
 
     name = "compare"
+    result_type = "analyses.compare.solve.Comparison"
     arguments = (argument("items", nargs=-1, required=True, metavar="ITEM ITEM..."),)
     inputs = (
         options.Input(
@@ -108,7 +109,10 @@ class CompareAnalysis(Analysis):
             "designs": list(found.name),
             "items": [{"name": n, "kind": k, "fidelity": m or None} for n, k, m in kinds],
             "changes": {
-                name: [dataclasses.asdict(change) for change in changes]
+                name: [
+                    {key: getattr(change, key) for key in ("path", "before", "after")}
+                    for change in changes
+                ]
                 for name, changes in zip(found.name, found.change, strict=True)
                 if changes
             },

@@ -78,6 +78,7 @@ class OptimiseAnalysis(Analysis):
     """
 
     name = "optimise"
+    result_type = "analyses.optimise.optimum.Optimum"
     arguments = (options.DESIGN, argument("goals", metavar="GOALS"))
     inputs = (
         options.Input(),
@@ -202,11 +203,13 @@ class OptimiseAnalysis(Analysis):
 
     def others(self, result: Result, path: Path) -> list[Path]:
         """Write the optimised design as NAME-optimised.toml."""
-        from suspension_cli.analyses.optimise import file as stored
+        from suspension_cli.analyses.optimise import design_file
 
         made = path.with_name(f"{result.source.stem()}-optimised.toml")
         design, goals = result.source.file, result.extra.get("goals_file", "goals")
-        stored.save_design(made, result.data, Path(design).name, Path(goals).name, result.command)
+        design_file.save_design(
+            made, result.data, Path(design).name, Path(goals).name, result.command
+        )
         return [made]
 
     def exit_code(self, result: Result) -> int:

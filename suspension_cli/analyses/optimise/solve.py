@@ -9,6 +9,7 @@ at most twice per quantity. Quantities of the result are those of its TOML, read
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +26,7 @@ from suspension_cli.analyses.optimise.optimum import (
     Quantities,
     Starts,
 )
+from suspension_cli.analyses.optimise.quantities import Limit, Quantity
 from suspension_cli.analyses.optimise.search import FEASIBLE, ActiveSet, Point, Search
 from suspension_cli.design.goals import Goals
 from suspension_cli.errors import Fault, InputError, format_value
@@ -251,6 +253,7 @@ def _limits(search: Search, after: Values, active: ActiveSet) -> Limits:
         quantity=np.array([limit.quantity for limit in limits], dtype=int),
         other=np.array([limit.other for limit in limits], dtype=int),
         sense=tuple(limit.sense for limit in limits),
+        unit=tuple(_unit(limit, wanted.quantities) for limit in limits),
         asked=np.array([limit.value for limit in limits], dtype=float),
         value=np.array([limit.of(after.value) for limit in limits], dtype=float),
         margin=margins,
@@ -258,6 +261,13 @@ def _limits(search: Search, after: Values, active: ActiveSet) -> Limits:
         active=np.array([n >= 0 and bool(active.active[n]) for n in known], dtype=bool),
         multiplier=np.array([active.multiplier[n] if n >= 0 else 0.0 for n in known]),
     )
+
+
+def _unit(limit: Limit, quantities: Sequence[Quantity]) -> str:
+    """Unit of a limit: of its quantity, or of the separation of two modes."""
+    if limit.other < 0:
+        return quantities[limit.quantity].unit
+    return "Hz" if limit.hertz else "1"
 
 
 def _modes(evaluator: Evaluator, before: Values, after: Values) -> ModeTable:

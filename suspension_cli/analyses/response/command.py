@@ -80,6 +80,7 @@ class ResponseAnalysis(Analysis):
     """
 
     name = "response"
+    result_type = "analyses.response.measured.ComparedResponse"
     arguments = (options.DESIGN,)
     parameters = (
         options.signals(

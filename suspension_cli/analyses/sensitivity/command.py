@@ -47,6 +47,7 @@ class SensitivityAnalysis(Analysis):
     """
 
     name = "sensitivity"
+    result_type = "analyses.sensitivity.solve.Sensitivity"
     arguments = (options.DESIGN,)
     parameters = (
         options.RESULTS,

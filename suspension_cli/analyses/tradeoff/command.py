@@ -47,6 +47,7 @@ class TradeoffAnalysis(Analysis):
     """
 
     name = "tradeoff"
+    result_type = "analyses.tradeoff.result.Tradeoff"
     has_model = False
     arguments = (options.DESIGN,)
     parameters = (

@@ -14,8 +14,6 @@ from suspension_cli.conventions import DOFS
 from suspension_cli.errors import Fault, InputError, format_value
 
 if TYPE_CHECKING:
-    from types import ModuleType
-
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.xcouple.file import Coupling
@@ -206,6 +204,7 @@ class MatrixAnalysis(Analysis):
     """Coupling of every motion of the support to every motion of one body."""
 
     name = "matrix"
+    result_type = "linear.response.Response"
 
     @property
     def command_name(self) -> str:
@@ -268,12 +267,6 @@ class MatrixAnalysis(Analysis):
                 tables.render({"": "", **dict.fromkeys(DOFS, ".3e")}, rows),
             ]
         return "\n".join(lines)
-
-    def _stored(self) -> ModuleType:
-        """Import the file of responses, of which the matrix is one."""
-        from suspension_cli.analyses.response import file
-
-        return file
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw the table."""
