@@ -25,8 +25,6 @@ from suspension_cli.errors import (
 )
 
 if TYPE_CHECKING:
-    from types import ModuleType
-
     import click
     import h5py
     import xarray
@@ -426,40 +424,20 @@ class Analysis(ABC):
         """Return the arrays and attributes that are stored for a result."""
         from suspension_cli.files.declared import pack
 
-        if not self.result_type:
-            import h5py
-
-            from suspension_cli.files.hdf5 import read_contents
-
-            with h5py.File("memory2", "w", driver="core", backing_store=False) as file:
-                self._stored().fill(file.create_group(self.name), result.data)
-                found = read_contents(file[self.name])
-                for key, one in found.variables.items():
-                    data = one.read()
-                    data = data.astype(str) if data.dtype.kind == "O" else data
-                    found.variables[key] = dataclasses.replace(one, data=data)
-            return found
         return pack(self.record(result.data))
 
     def fill(self, file: h5py.File, result: Result) -> None:
         """Write the result into a group of the open results file."""
         from suspension_cli.files.hdf5 import write_contents
 
-        group = file.create_group(self.name)
-        write_contents(group, self.contents(result))
+        write_contents(file.create_group(self.name), self.contents(result))
 
     def load(self, file: h5py.File) -> object:
         """Read `Result.data` from an open results file."""
         from suspension_cli.files.declared import unpack
         from suspension_cli.files.hdf5 import read_contents
 
-        if not self.result_type:
-            return self._stored().load(file[self.name])
         return self.data(unpack(self.record_type(), read_contents(file[self.name])))
-
-    def _stored(self) -> ModuleType:
-        """Import the folder's module `file`."""
-        return importlib.import_module(f"suspension_cli.analyses.{self.name}.file")
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw the pictures: the end of each file name (before its ending), and the figure."""

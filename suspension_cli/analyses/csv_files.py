@@ -100,7 +100,7 @@ def _text(variables: dict[str, Variable], rows: tuple[str, ...], paths: list[str
             label = _name(path) + (f" [{', '.join(which)}]" if which else "")
             if np.iscomplexobj(column):
                 heads += [f"{label} real ({unit})", f"{label} imag ({unit})"]
-                columns += [column.real, column.imag]
+                columns += [np.real(column), np.imag(column)]
             else:
                 heads.append(_title(label, unit))
                 columns.append(column)

@@ -24,7 +24,7 @@ import dataclasses
 import json
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache, cached_property
 from typing import Any, TypeVar, get_args, get_origin
 
@@ -38,6 +38,8 @@ NOT_STORED: Metadata = {"stored": False}
 """Of a field that no file holds; it has a default."""
 INLINE: Metadata = {"inline": True}
 """Of a record, or tuple of records, whose fields are stored beside it instead of in a group."""
+ATTRIBUTE: Metadata = {"attribute": True}
+"""Of texts in a tuple that are no dimension."""
 AXES: Metadata = {"axes": True}
 """Of a tuple of records with name, values and unit: scales of the dimensions ``*axes``."""
 TEXT = "name"
@@ -217,7 +219,7 @@ def _item(
     known = vars(sys.modules[module]) | {key: _Array(kinds) for key, kinds in ARRAYS.items()}
     kind = eval(text, known)
     dims = metadata.get("dims") or getattr(kind, "dims", ())
-    if not dims and kind == tuple[str, ...]:
+    if not dims and kind == tuple[str, ...] and "attribute" not in metadata:
         dims = (name,)
     key, given = metadata.get("key") or name, metadata.get("unit", "")
     optional = annotation.endswith(" | None")
@@ -293,9 +295,7 @@ class _Packing:
     def _unit(self, text: str) -> str:
         """Fill in units that are the same for all elements."""
         for name in re.findall(r"{(\w+)}", text):
-            own = {str(one) for one in np.ravel(self.units[name])}
-            if len(own) == 1:
-                text = fill_in(text, name, own.pop())
+            text = fill_in(text, name, common_unit(np.ravel(self.units[name]), name))
         return text or "1"
 
     def _add_array(self, item: _Item, value: Any) -> None:
@@ -306,9 +306,10 @@ class _Packing:
         self._variable(item, dims, data if data.size else data.reshape(_shape(data, dims)))
 
     def _add_axes(self, item: _Item, value: Any) -> None:
-        names = [re.sub(r"[\s/]+", "_", axis.name) for axis in value]
-        self.units["*axes"], self.contents.attributes[self.prefix + item.key] = names, names
-        for name, axis in zip(names, value, strict=True):
+        self.contents.attributes[self.prefix + item.key] = [axis.name for axis in value]
+        self.units["*axes"] = [dim_name(axis.name) for axis in value]
+        for axis in value:
+            name = dim_name(axis.name)
             path = self.scales[name] = self.prefix + name
             self.contents.variables[path] = Variable((path,), np.array(axis.values), axis.unit)
 
@@ -340,6 +341,17 @@ class _Packing:
             inside._variable(column, item.dims or (item.key,), data)
 
 
+def common_unit(units: Iterable[Any], name: str) -> str:
+    """Return the unit of all elements, or if they differ the name of the texts with units."""
+    own = {str(one) for one in units}
+    return own.pop() if len(own) == 1 else f"{{{name}}}"
+
+
+def dim_name(parameter: str) -> str:
+    """Name of the dimension of a swept parameter: without spaces and slashes."""
+    return re.sub(r"[\s/]+", "_", parameter)
+
+
 def fill_in(text: str, name: str, own: str) -> str:
     """Replace the braces of one name in a unit.
 
@@ -347,7 +359,8 @@ def fill_in(text: str, name: str, own: str) -> str:
     ('m/s/Hz^0.5', '(m/s)^2')
     """
     first = re.match(rf"{{{name}}}(/|$)", text)
-    return text.replace(f"{{{name}}}", own if first or re.fullmatch(r"\w+|%", own) else f"({own})")
+    alone = first or re.fullmatch(r"\w+|%|{.*}", own)
+    return text.replace(f"{{{name}}}", own if alone else f"({own})")
 
 
 def unpack(kind: type[Record], contents: Contents) -> Record:
@@ -399,7 +412,8 @@ class _Unpacking:
         """Return a variable whose type and shape are those declared."""
         path, dims = self.prefix + item.key, dims or item.dims
         if dims[0].startswith("*"):
-            dims = (*self.contents.attributes[f"{self.prefix}axes"], *dims[1:])
+            names = self.contents.attributes[f"{self.prefix}axes"]
+            dims = (*(dim_name(str(name)) for name in names), *dims[1:])
         found = self.contents.variables[path]
         if found.data.dtype.kind not in item.kinds:
             raise ValueError(f"{path} has values of another type ({found.data.dtype})")
@@ -419,10 +433,11 @@ class _Unpacking:
     def _get_axes(self, item: _Item) -> Any:
         found = []
         for name in map(str, self.contents.attributes[self.prefix + item.key]):
-            values = self.contents.variables[self.prefix + name].read()
+            path = self.prefix + dim_name(name)
+            values = self.contents.variables[path].read()
             if values.ndim != 1 or values.dtype.kind != "f" or not np.isfinite(values).all():
-                raise ValueError(f"{self.prefix}{name} is no list of finite numbers")
-            self.sizes[name] = len(values)
+                raise ValueError(f"{path} is no list of finite numbers")
+            self.sizes[dim_name(name)] = len(values)
             found.append(item.element(name, tuple(values.tolist())))
         return tuple(found)
 

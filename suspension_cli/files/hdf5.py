@@ -145,7 +145,7 @@ def write_contents(group: h5py.Group, contents: Contents) -> None:
         if variable.dims == (path,):
             add_dataset(group, path, variable.data, variable.unit).make_scale(path.split("/")[-1])
         else:
-            axes = [group[dim] for dim in variable.dims]
+            axes: list[Stored] = [group[dim] for dim in variable.dims]
             add_dataset(group, path, variable.data, variable.unit, *axes)
     for path, value in contents.attributes.items():
         home, _, name = path.rpartition("/")
@@ -162,6 +162,9 @@ def read_contents(group: Stored) -> Contents:
             contents.attributes.update({f"{path}/{name}": item.attrs[name] for name in item.attrs})
             return
         scales = [axis[0] if len(axis) else None for axis in item.dims]
+        for size, scale in zip(item.shape, scales, strict=True):
+            if scale is not None and scale.size != size:
+                raise ValueError(f"{path} has {size} values where its axis has {scale.size}")
         dims = [
             f"{path}_{n}" if scale is None else str(scale.name)[start:]
             for n, scale in enumerate(scales)

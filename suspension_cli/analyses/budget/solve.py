@@ -65,6 +65,12 @@ class Requirement:
     unit: str
 
     @property
+    @derived()
+    def end(self) -> tuple[str, ...]:
+        """Ends of the intervals."""
+        return "from", "to"
+
+    @property
     def met(self) -> bool:
         """Whether the motion nowhere exceeds it."""
         return self.margin >= 1

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from suspension_cli.analyses.sweep.crossing_shapes import Shapes, Strip
 from suspension_cli.analyses.sweep.crossings import Crossing
-from suspension_cli.analyses.sweep.file import SweepResult
+from suspension_cli.analyses.sweep.result import SweepResult
 from suspension_cli.conventions import DOFS
 from suspension_cli.drawing import curves
 from suspension_cli.drawing.canvas import full_canvas

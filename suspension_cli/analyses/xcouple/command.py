@@ -16,7 +16,7 @@ from suspension_cli.errors import Fault, InputError, format_value
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.xcouple.file import Coupling
+    from suspension_cli.analyses.xcouple.result import Coupling
     from suspension_cli.analyses.xcouple.solve import CouplingRequest
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.response import Response
@@ -58,6 +58,7 @@ class CouplingAnalysis(Analysis):
     """
 
     name = "xcouple"
+    result_type = "analyses.xcouple.result.Coupling"
     fills_file = True
     arguments = (options.DESIGN,)
     parameters = (
@@ -115,8 +116,8 @@ class CouplingAnalysis(Analysis):
 
     def _sweep(self, run: Run, requested: CouplingRequest) -> Result:
         from suspension_cli.analyses import model_choice, sweeping
-        from suspension_cli.analyses.xcouple import file as stored
         from suspension_cli.analyses.xcouple import model_error
+        from suspension_cli.analyses.xcouple import result as results
         from suspension_cli.analyses.xcouple.solve import Sweep
         from suspension_cli.models import registry
 
@@ -134,7 +135,7 @@ class CouplingAnalysis(Analysis):
         )
         model_choice.stable_system(run.source, choice, unstable, run.log, bends=True)
         job = dataclasses.replace(job, level=choice.level)
-        result = sweeping.fill(run, self, job, choice, lambda group: stored.fill(group, job))
+        result = sweeping.fill(run, self, job, choice, results.describe(job))
         found: Coupling = result.data
         failed = found.failures.items()
         if failed:

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from suspension_cli.analyses.xcouple.file import Coupling
+from suspension_cli.analyses.xcouple.result import Coupling
 from suspension_cli.drawing import curves
 from suspension_cli.drawing.style import (
     NOTE,

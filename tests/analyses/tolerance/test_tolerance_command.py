@@ -129,6 +129,7 @@ def test_every_dataset_has_units_and_scales(tmp_path):
             "stage",
             "static_dof",
         }
+        shapes["static_unit"] = ("static_dof",)
         assert set(group) == {*shapes, *scales, "quantile"}
         for name, axes in shapes.items():
             assert [axis[0].name for axis in group[name].dims] == [
