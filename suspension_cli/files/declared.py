@@ -152,7 +152,7 @@ class _Item:
 
     @property
     def is_scale(self) -> bool:
-        return self.dims == (self.key,)
+        return self.dims == (self.key,) and self.form == "array"
 
     @property
     def element(self) -> Any:
