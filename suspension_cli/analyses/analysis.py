@@ -519,6 +519,27 @@ def plain(values: Any) -> Any:
     return finite.tolist()
 
 
+def table(source: Any, columns: str) -> list[Document]:
+    """Rows of JSON from the columns of a record, or from a sequence of records.
+
+    Columns are ``KEY``, or ``KEY=ATTRIBUTE`` where the names differ.
+    """
+    pairs = [word.partition("=") for word in columns.split()]
+    names = [name or key for key, _, name in pairs]
+    rows = (
+        ([getattr(one, name) for name in names] for one in source)
+        if isinstance(source, Sequence)
+        else zip(*(getattr(source, name) for name in names), strict=True)
+    )
+    return [
+        {
+            key: value if isinstance(value, str | None) else plain(value)
+            for (key, *_), value in zip(pairs, row, strict=True)
+        }
+        for row in rows
+    ]
+
+
 def _finite(part: Any) -> Any:
     """Replace numbers of a JSON document that are not finite by null, damaged ones too."""
     if isinstance(part, dict):

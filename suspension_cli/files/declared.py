@@ -12,7 +12,7 @@ dimension is numbered from 1. Texts in a tuple are a dimension of their own, unl
 names another (`along`, `scale_of`). Properties are stored, too, if they are `derived`. Numbers and
 texts alone are attributes. A record in a field is a group, whose dimensions may be those of the
 record around it; a tuple of records is a group of columns if these hold numbers and texts alone,
-and numbered groups if they hold arrays. Anything else is an attribute with JSON.
+and numbered groups if they hold arrays.
 
 Braces in a unit name a field with units: ``in_unit("{unit}/Hz^0.5")``. Units are such that pint
 reads them; of texts they are `TEXT`, of numbers with units of their own `SI`.
@@ -21,11 +21,10 @@ reads them; of texts they are `TEXT`, of numbers with units of their own `SI`.
 from __future__ import annotations
 
 import dataclasses
-import json
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import cache, cached_property
+from collections.abc import Callable, Iterable, Mapping
+from functools import cache, cached_property, partial
 from typing import Any, TypeVar, get_args, get_origin
 
 import numpy as np
@@ -183,13 +182,9 @@ class _Item:
         if dataclasses.is_dataclass(self.leaf):
             if self.element is None:
                 return "record"
-            forms = {item.form for item in items(self.element) if not item.derived}
-            return "columns" if forms == {"scalar"} else "records"
-        if self.dims:
-            return "array"
-        if self.type in KINDS:
-            return "scalar"
-        return "tuple" if all(kind in (*KINDS, ...) for kind in get_args(self.type)) else "json"
+            alone = all(item.type in KINDS for item in items(self.element))
+            return "columns" if alone else "records"
+        return "array" if self.dims else "attribute"
 
 
 @cache
@@ -228,33 +223,16 @@ def _item(
 
 def pack(record: Any) -> Contents:
     """Return all that a record declares."""
-    return pack_fields(type(record), _Fields(record))
+    contents = Contents()
+    _Packing(contents, "", {}, {}).add(record)
+    return contents
 
 
 def pack_fields(kind: type, given: Mapping[str, Any]) -> Contents:
     """Return what a class declares of those fields that are given."""
     contents = Contents()
-    _Packing(contents, "", {}, {}).add(kind, given)
+    _Packing(contents, "", {}, {}).add_fields(kind, given.get)
     return contents
-
-
-class _Fields(Mapping[str, Any]):
-    """Attributes of a record by name."""
-
-    def __init__(self, record: Any) -> None:
-        self.record = record
-
-    def __getitem__(self, name: str) -> Any:
-        return getattr(self.record, name)
-
-    def __contains__(self, name: object) -> bool:
-        return True
-
-    def __iter__(self) -> Iterator[str]:
-        return (item.name for item in items(type(self.record)))
-
-    def __len__(self) -> int:
-        return len(items(type(self.record)))
 
 
 @dataclasses.dataclass
@@ -266,10 +244,12 @@ class _Packing:
     scales: dict[str, str]
     units: dict[str, Any]
 
-    def add(self, kind: type, given: Mapping[str, Any]) -> None:
-        chosen = [item for item in items(kind) if item.name in given]
-        values = {item.name: given[item.name] for item in chosen}
-        chosen = [item for item in chosen if values[item.name] is not None]
+    def add(self, record: Any) -> None:
+        self.add_fields(type(record), partial(getattr, record))
+
+    def add_fields(self, kind: type, get: Callable[[str], Any]) -> None:
+        values = {item.name: get(item.name) for item in items(kind)}
+        chosen = [item for item in items(kind) if values[item.name] is not None]
         self.units |= {item.key: values[item.name] for item in chosen if item.leaf is str}
         self.scales |= {item.key: self.prefix + item.key for item in chosen if item.is_scale}
         for item in chosen:
@@ -313,25 +293,17 @@ class _Packing:
             path = self.scales[name] = self.prefix + name
             self.contents.variables[path] = Variable((path,), np.array(axis.values), axis.unit)
 
-    def _add_scalar(self, item: _Item, value: Any) -> None:
+    def _add_attribute(self, item: _Item, value: Any) -> None:
+        value = list(value) if isinstance(value, tuple) else value
         self.contents.attributes[self.prefix + item.key] = value
 
-    def _add_tuple(self, item: _Item, value: Any) -> None:
-        self.contents.attributes[self.prefix + item.key] = list(value)
-
-    def _add_json(self, item: _Item, value: Any) -> None:
-        import msgspec
-
-        plain = msgspec.to_builtins(value, enc_hook=lambda number: number.item())
-        self.contents.attributes[self.prefix + item.key] = json.dumps(plain)
-
     def _add_record(self, item: _Item, value: Any) -> None:
-        self._inside(item).add(type(value), _Fields(value))
+        self._inside(item).add(value)
 
     def _add_records(self, item: _Item, value: Any) -> None:
         for n, record in enumerate(value, 1):
             if record is not None:
-                self._inside(item, f"{n}/").add(type(record), _Fields(record))
+                self._inside(item, f"{n}/").add(record)
 
     def _add_columns(self, item: _Item, value: Any) -> None:
         inside = self._inside(item)
@@ -441,22 +413,14 @@ class _Unpacking:
             found.append(item.element(name, tuple(values.tolist())))
         return tuple(found)
 
-    def _get_scalar(self, item: _Item) -> Any:
-        path = self.prefix + item.key
-        return _plain(path, item.type, self.contents.attributes[path])
-
-    def _get_tuple(self, item: _Item) -> Any:
+    def _get_attribute(self, item: _Item) -> Any:
         path, kinds = self.prefix + item.key, get_args(item.type)
-        values = np.ravel(self.contents.attributes[path])
-        if ... not in kinds and len(values) != len(kinds):
-            raise ValueError(f"{path} has {len(values)} values, not {len(kinds)}")
-        return tuple(_plain(path, kinds[0], value) for value in values)
-
-    def _get_json(self, item: _Item) -> Any:
-        import msgspec
-
-        text = self.contents.attributes[self.prefix + item.key]
-        return msgspec.convert(json.loads(text), item.type)
+        value = self.contents.attributes[path]
+        if not kinds:
+            return _plain(path, item.type, value)
+        if ... not in kinds and np.shape(value) != (len(kinds),):
+            raise ValueError(f"{path} does not have {len(kinds)} values")
+        return tuple(_plain(path, kinds[0], one) for one in np.ravel(value))
 
     def _get_record(self, item: _Item) -> Any:
         return self._inside(item).record(item.type)

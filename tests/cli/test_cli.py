@@ -341,7 +341,7 @@ def test_overrides(tmp_path):
         (("modes", "--fidelity", "string"), ["-modes.h5", "-modes.png"]),
         (
             ("response", "--no-plot", "--csv"),
-            ["-response-output.csv", "-response.csv", "-response.h5"],
+            ["-response-largest-output.csv", "-response.csv", "-response.h5"],
         ),
         (("sweep", "--vary", "stage.test.wires.s=0.01,0.02", "--no-plot"), ["-sweep.h5"]),
         (("export", "--format", "npz"), ["-statespace.npz"]),

@@ -64,7 +64,6 @@ class Everything:
     largest: Peak | None
     row: tuple[Row, ...] = field(metadata=along("row") | INLINE)
     curve: tuple[Curve | None, ...]
-    pair: tuple[tuple[str, float], ...]
     ends: tuple[tuple[float, float], ...] = field(metadata=in_unit("Hz", "interval end"))
     drawn: tuple[float, ...]
     words: tuple[str, ...] = field(metadata=ATTRIBUTE)
@@ -91,7 +90,6 @@ def everything(units=("m", "rad"), **change) -> Everything:
         largest=Peak(np.array([1.0, np.inf]), np.nan),
         row=(Row("a", 1, True, 0.5), Row("b", -1, False, np.nan)),
         curve=(None, curve, replace(curve, unit="rad")),
-        pair=(("test.x", 0.5), ("test.z", np.nan)),
         ends=((1.0, 2.0),),
         drawn=(1.0, np.nan),
         words=("one", "two"),
@@ -110,7 +108,6 @@ def stored(record):
 
 
 EMPTY = {
-    "pair": (),
     "ends": (),
     "drawn": (),
     "words": (),

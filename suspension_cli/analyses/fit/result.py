@@ -50,6 +50,15 @@ class SingleChange:
 
 
 @dataclass(frozen=True)
+class StiffenedMode:
+    """A mode that is stiffer than the design explains: relative excess of its frequency, and Q."""
+
+    label: str
+    excess: float
+    q: float
+
+
+@dataclass(frozen=True)
 class Candidate:
     """A measurement (input and output signals, band in Hz) that would determine a parameter better.
 
@@ -82,7 +91,7 @@ class Findings:
     corrections
         Wrong channels.
     stiffened
-        Modes stiffer than the design explains: label, relative excess of frequency, Q.
+        Modes stiffer than the design explains.
     changes
         Single changes that explain most, best first.
     sentences
@@ -94,7 +103,7 @@ class Findings:
     """
 
     corrections: tuple[Correction, ...] = ()
-    stiffened: tuple[tuple[str, float, float], ...] = ()
+    stiffened: tuple[StiffenedMode, ...] = ()
     changes: tuple[SingleChange, ...] = ()
     sentences: tuple[str, ...] = ()
     least: str = ""

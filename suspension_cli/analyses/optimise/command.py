@@ -19,7 +19,7 @@ from suspension_cli.analyses.analysis import (
     Run,
     Settings,
     as_number,
-    plain,
+    table,
 )
 from suspension_cli.analyses.options import argument, option
 
@@ -145,7 +145,9 @@ class OptimiseAnalysis(Analysis):
         """Return numbers, limits, quantities and modes; null where there is none."""
         found: Optimum = result.data
         names, bounds = _names(found), ("lower", None, "upper")
-        numbers, limits, quantities, modes, starts = (_rows(found, table) for table in COLUMNS)
+        numbers, limits, quantities, modes, starts = (
+            table(getattr(found, name), columns) for name, columns in COLUMNS.items()
+        )
         for row in numbers:
             row["at_bound"] = bounds[row["at_bound"] + 1]
         for row in limits:
@@ -242,16 +244,6 @@ def _names(found: Optimum) -> list[str]:
     from suspension_cli.design import goals
 
     return [goal.name or goal.kind for goal in goals.read("", found.goals).goal]
-
-
-def _rows(found: Optimum, table: str) -> list[Document]:
-    """Rows of a table of the result, by the keys of `COLUMNS`."""
-    pairs = [word.partition("=") for word in COLUMNS[table].split()]
-    columns = [getattr(getattr(found, table), name or key) for key, _, name in pairs]
-    lists = [column if isinstance(column, tuple) else plain(column) for column in columns]
-    return [
-        dict(zip((key for key, *_ in pairs), row, strict=True)) for row in zip(*lists, strict=True)
-    ]
 
 
 def _goal(found: Optimum, numbers: list[int], name: str) -> list[str]:
