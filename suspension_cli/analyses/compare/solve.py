@@ -107,7 +107,7 @@ class Comparison:
     name: tuple[str, ...] = field(metadata=scale_of("item"))
     kind: tuple[str, ...] = field(metadata=along("item"))
     model: tuple[str, ...] = field(metadata=along("item"))
-    changes: tuple[Change, ...]
+    changes: tuple[Change, ...] = field(metadata=along("change"))
     modes: PairedModes | None
     overlay: tuple[Overlay, ...]
 

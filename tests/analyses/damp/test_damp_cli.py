@@ -114,7 +114,7 @@ def test_noise_adds_in_quadrature(done):
 
 
 def test_results_hold_the_run(done):
-    _, loaded, path = done
+    _, loaded, _ = done
     assert loaded.stable
     assert loaded.loop == tuple(f"loop-{dof}" for dof in DAMPERS)
     assert len(loaded.open.value) == 18
@@ -123,16 +123,6 @@ def test_results_hold_the_run(done):
     assert loaded.time[[0, -1]].tolist() == [0.0, 20.0]
     assert np.abs(loaded.impulse[-200:]).max() < 0.6 * np.abs(loaded.impulse).max()
     assert np.abs(loaded.undamped[-800:]).max() > 0.5 * np.abs(loaded.undamped).max()
-    with h5py.File(path) as file:
-        group = file["damp"]
-        assert group.attrs["stable"]
-        for name, axes in (
-            ("impulse", ["time"]),
-            ("noise", ["frequency", "loop"]),
-            ("gain", ["frequency", "loop"]),
-            ("margin/gain_up", ["loop"]),
-        ):
-            assert [axis.label for axis in group[name].dims] == axes
 
 
 def test_results_are_those_of_the_library(done):
