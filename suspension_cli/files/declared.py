@@ -111,14 +111,10 @@ class Contents:
     variables: dict[str, Variable] = dataclasses.field(default_factory=dict)
     attributes: dict[str, Any] = dataclasses.field(default_factory=dict)
 
-    def has(self, prefix: str) -> bool:
-        """Whether there is anything whose path starts so."""
-        return any(path.startswith(prefix) for path in (*self.variables, *self.attributes))
-
-    def numbers(self, prefix: str) -> list[int]:
-        """Numbers of the groups in a group."""
-        paths = [path for path in (*self.variables, *self.attributes) if path.startswith(prefix)]
-        return sorted({int(path[len(prefix) :].partition("/")[0]) for path in paths})
+    def inside(self, group: str) -> set[str]:
+        """Names of the arrays, attributes and groups in a group."""
+        paths = (path for path in (*self.variables, *self.attributes) if path.startswith(group))
+        return {path[len(group) :].partition("/")[0] for path in paths}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -200,8 +196,7 @@ def items(kind: Any) -> tuple[_Item, ...]:
         function = member.func if isinstance(member, cached_property) else None
         function = member.fget if isinstance(member, property) else function
         if function is not None and hasattr(function, "declared"):
-            text = function.__annotations__["return"].replace("list[", "tuple[")
-            text = re.sub(r"^tuple\[(\w+)\]$", r"tuple[\1, ...]", text)
+            text = function.__annotations__["return"].replace("list[str]", "tuple[str, ...]")
             metadata = vars(function)["declared"]
             found.append(_item(name, text, function.__module__, metadata, True))
     return tuple(found)
@@ -365,15 +360,14 @@ class _Unpacking:
             if item.derived:
                 if item.form == "array" and path in self.contents.variables:
                     self._checked(item)
-            elif item.optional and not self._present(item, path):
+            elif item.optional and not (
+                {path} & {*self.contents.variables, *self.contents.attributes}
+                or self.contents.inside(f"{path}/")
+            ):
                 found[item.name] = None
             else:
                 found[item.name] = getattr(self, f"_get_{item.form}")(item)
         return kind(**found)
-
-    def _present(self, item: _Item, path: str) -> bool:
-        stored = path in self.contents.variables or path in self.contents.attributes
-        return stored or self.contents.has(f"{path}/")
 
     def _inside(self, item: _Item, number: str = "") -> _Unpacking:
         if item.metadata.get("inline"):
@@ -426,7 +420,7 @@ class _Unpacking:
         return self._inside(item).record(item.type)
 
     def _get_records(self, item: _Item) -> Any:
-        numbers = self.contents.numbers(f"{self.prefix}{item.key}/")
+        numbers = {int(name) for name in self.contents.inside(f"{self.prefix}{item.key}/")}
         return tuple(
             self._inside(item, f"{n}/").record(item.element) if n in numbers else None
             for n in range(1, max(numbers, default=0) + 1)
