@@ -55,7 +55,7 @@ def test_a_sweep_refuses_a_file_that_is_not_its_own(tmp_path):
     path = tmp_path / "r.h5"
     coupling().save(path)
     again = sus.load(path)
-    assert again.to_xarray().sizes["axis k"] == 2
+    assert again.to_xarray().sizes["k"] == 2
     coupling(LONGER).save(path)
     with pytest.raises(sus.InputError, match=r"r\.h5: was replaced by another file"):
         again.to_xarray()
@@ -71,7 +71,7 @@ def test_copies_of_a_sweep_keep_its_temporary_file(duplicate):
     again, path = duplicate(found), found.file
     del found
     gc.collect()
-    assert again.to_xarray().sizes["axis k"] == 2
+    assert again.to_xarray().sizes["k"] == 2
     del again
     gc.collect()
     assert not path.parent.exists()

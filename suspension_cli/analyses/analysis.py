@@ -25,8 +25,6 @@ from suspension_cli.errors import (
 )
 
 if TYPE_CHECKING:
-    from types import ModuleType
-
     import click
     import h5py
     import xarray
@@ -34,6 +32,7 @@ if TYPE_CHECKING:
 
     from suspension_cli.design.reader import Source
     from suspension_cli.design.schema import Design
+    from suspension_cli.files.declared import Contents
     from suspension_cli.files.hdf5 import Provenance
     from suspension_cli.linear.eigenmodes import Modes
     from suspension_cli.linear.system import LinearSystem
@@ -361,6 +360,8 @@ class Analysis(ABC):
     ----------
     name : str
         Of the HDF5 group and, unless `command_name` differs, of the command and the function.
+    result_type : str
+        Path of the class, from the package on, whose fields declare what is stored.
     arguments, parameters : tuple
         Click's arguments and options; the latter are arguments of the Python function too.
     inputs : tuple
@@ -374,6 +375,7 @@ class Analysis(ABC):
     """
 
     name: ClassVar[str]
+    result_type: ClassVar[str] = ""
     fills_file: ClassVar[bool] = False
     has_model: ClassVar[bool] = True
     arguments: ClassVar[tuple[click.Argument, ...]] = ()
@@ -409,17 +411,37 @@ class Analysis(ABC):
     def text(self, result: Result) -> str:
         """Table or summary that the command prints."""
 
+    def record(self, data: Any) -> Any:
+        """Return the record that is stored for `Result.data`."""
+        return data
+
+    def data(self, record: Any) -> Any:
+        """Return `Result.data` for a stored record."""
+        return record
+
+    def record_type(self) -> type:
+        """Import the class whose fields declare what is stored."""
+        module, _, name = self.result_type.rpartition(".")
+        return getattr(importlib.import_module(f"suspension_cli.{module}"), name)
+
+    def contents(self, result: Result) -> Contents:
+        """Return the arrays and attributes that are stored for a result."""
+        from suspension_cli.files.declared import pack
+
+        return pack(self.record(result.data))
+
     def fill(self, file: h5py.File, result: Result) -> None:
-        """Write the result into a group of the open results file, by the folder's `file.py`."""
-        self._stored().fill(file.create_group(self.name), result.data)
+        """Write the result into a group of the open results file."""
+        from suspension_cli.files.hdf5 import write_contents
+
+        write_contents(file.create_group(self.name), self.contents(result))
 
     def load(self, file: h5py.File) -> object:
-        """Read `Result.data` from an open results file, by the folder's `file.py`."""
-        return self._stored().load(file[self.name])
+        """Read `Result.data` from an open results file."""
+        from suspension_cli.files.declared import unpack
+        from suspension_cli.files.hdf5 import read_contents
 
-    def _stored(self) -> ModuleType:
-        """Import the folder's module `file`."""
-        return importlib.import_module(f"suspension_cli.analyses.{self.name}.file")
+        return self.data(unpack(self.record_type(), read_contents(file[self.name])))
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw the pictures: the end of each file name (before its ending), and the figure."""
@@ -499,6 +521,27 @@ def plain(values: Any) -> Any:
 
     finite: Any = np.where(np.isfinite(values), values, None)
     return finite.tolist()
+
+
+def table(source: Any, columns: str) -> list[Document]:
+    """Rows of JSON from the columns of a record, or from a sequence of records.
+
+    Columns are ``KEY``, or ``KEY=ATTRIBUTE`` where the names differ.
+    """
+    pairs = [word.partition("=") for word in columns.split()]
+    names = [name or key for key, _, name in pairs]
+    rows = (
+        ([getattr(one, name) for name in names] for one in source)
+        if isinstance(source, Sequence)
+        else zip(*(getattr(source, name) for name in names), strict=True)
+    )
+    return [
+        {
+            key: value if isinstance(value, str | None) else plain(value)
+            for (key, *_), value in zip(pairs, row, strict=True)
+        }
+        for row in rows
+    ]
 
 
 def _finite(part: Any) -> Any:

@@ -12,16 +12,13 @@ import itertools
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import h5py
 import numpy as np
 
-from suspension_cli.analyses.labelled import stored_group, values_of
+from suspension_cli.analyses.labelled import contents_of
 from suspension_cli.files.atomic import write_bytes
-
-if TYPE_CHECKING:
-    from suspension_cli.files.hdf5 import Stored
+from suspension_cli.files.declared import Contents, Variable, fill_in
 
 
 def write(result: Any, path: Path) -> list[Path]:
@@ -30,8 +27,8 @@ def write(result: Any, path: Path) -> list[Path]:
     For the results file NAME.h5 (`path`), the main results go to NAME.csv; arrays with other rows
     get files of their own, NAME-ROWS.csv.
     """
-    with stored_group(result) as group:
-        found = dict(_tables(group))
+    with contents_of(result) as contents:
+        found = dict(_tables(contents))
     paths = []
     for n, (rows, text) in enumerate(found.items()):
         stem = f"{path.stem}-{rows}" if n else path.stem
@@ -41,74 +38,75 @@ def write(result: Any, path: Path) -> list[Path]:
     return paths
 
 
-def _tables(group: Stored, prefix: str = "") -> Iterator[tuple[str, str]]:
+def _tables(contents: Contents) -> Iterator[tuple[str, str]]:
     """Yield the rows of each table (for the name of its file) and its text."""
-    members = {name: item for name, item in group.items() if isinstance(item, h5py.Dataset)}
-    tables: dict[tuple[str, ...], list[str]] = {}
-    for name, data in members.items():
-        if data.is_scale or not data.ndim or not data.size:
+    variables = contents.variables
+    tables: dict[tuple[str, tuple[str, ...]], list[str]] = {}
+    for path, one in variables.items():
+        if one.dims == (path,) or not one.data.size:
             continue
-        labels = _labels(data, name)
-        rows = tuple(label for label in labels if _is_numeric(members.get(label)))
-        tables.setdefault(rows or labels[:1], []).append(name)
+        rows = tuple(dim for dim in one.dims if _is_numeric(variables.get(dim)))
+        tables.setdefault((path.rpartition("/")[0], rows or one.dims[:1]), []).append(path)
 
-    def rank(rows: tuple[str, ...]) -> tuple[bool, int, int]:
-        return not all(_is_numeric(members.get(row)) for row in rows), len(rows), -len(tables[rows])
+    def rank(key: tuple[str, tuple[str, ...]]) -> tuple[Any, ...]:
+        home, rows = key  # the main results first: points of a sweep, not modes
+        numeric = all(_is_numeric(variables.get(row)) for row in rows)
+        return _order(home), not numeric, len(rows), -len(tables[key])
 
-    for rows in sorted(tables, key=rank):  # the main results first: points of a sweep, not modes
-        names = sorted(
-            tables[rows],
-            key=lambda n: (_is_numeric(members[n]), n != "value", n),
+    for key in sorted(tables, key=rank):
+        home, rows = key
+        paths = sorted(
+            tables[key],
+            key=lambda path: (_is_numeric(variables[path]), _name(path) != "value", _name(path)),
         )
-        if any(_is_numeric(members[name]) for name in names):
-            stem = "-".join(part for part in (prefix, *rows) if part)
-            yield re.sub(r"[^A-Za-z0-9._-]+", "-", stem), _text(members, rows, names)
-    for name, item in group.items():
-        if isinstance(item, h5py.Group):
-            yield from _tables(item, "-".join(part for part in (prefix, name) if part))
+        if any(_is_numeric(variables[path]) for path in paths):
+            stem = "-".join(part for part in (home, *map(_name, rows)) if part)
+            yield re.sub(r"[^A-Za-z0-9._-]+", "-", stem), _text(variables, rows, paths)
 
 
-def _labels(data: h5py.Dataset, name: str) -> tuple[str, ...]:
-    """Names of the dimensions of a dataset; numbered names where it has no scales."""
-    if data.ndim == 1 and not data.dims[0].label:
-        return ("row",)
-    return tuple(data.dims[n].label or f"{name}_{n}" for n in range(data.ndim))
+def _order(home: str) -> list[tuple[int, str]]:
+    """Order of groups: by numbers, then names."""
+    return [(int(part) if part.isdecimal() else 0, part) for part in home.split("/") if part]
 
 
-def _is_numeric(data: h5py.Dataset | None) -> bool:
-    return data is None or data.dtype.kind in "iufcb"
+def _name(path: str) -> str:
+    return path.rpartition("/")[2]
 
 
-def _text(members: dict[str, h5py.Dataset], rows: tuple[str, ...], names: list[str]) -> str:
-    """Make the table of some datasets that have the same rows."""
-    labels = {name: _labels(members[name], name) for name in names}
-    known = {label for own in labels.values() for label in own if label in members}
-    scales = {label: values_of(members[label]) for label in known}
+def _is_numeric(one: Variable | None) -> bool:
+    return one is None or not one.is_text
+
+
+def _text(variables: dict[str, Variable], rows: tuple[str, ...], paths: list[str]) -> str:
+    """Make the table of some arrays that have the same rows."""
+    known = {dim for path in paths for dim in variables[path].dims if dim in variables}
+    scales = {dim: variables[dim].read() for dim in known}
     heads, columns, shape = [], [], ()
-    for name in names:
-        data = members[name]
-        own = [label for label in labels[name] if label in rows]
-        others = [n for n, label in enumerate(labels[name]) if label not in own]
-        order = [labels[name].index(label) for label in own] + others
-        values = values_of(data).transpose(order)
+    for path in paths:
+        one = variables[path]
+        own = [dim for dim in one.dims if dim in rows]
+        others = [n for n, dim in enumerate(one.dims) if dim not in own]
+        values = one.read()
+        sizes = values.shape
+        values = values.transpose([one.dims.index(dim) for dim in own] + others)
         if set(rows) <= set(own):
-            shape = tuple(data.shape[labels[name].index(row)] for row in rows)
+            shape = values.shape[: len(own)]
         wide = values.reshape(int(np.prod(values.shape[: len(own)])), -1)
-        places = itertools.product(*(range(data.shape[n]) for n in others))
+        places = itertools.product(*(range(sizes[n]) for n in others))
         for place, column in zip(places, wide.T, strict=True):
-            where = {labels[name][n]: k for n, k in zip(others, place, strict=True)}
+            where = {one.dims[n]: k for n, k in zip(others, place, strict=True)}
             which = [str(scales[key][k] if key in scales else k + 1) for key, k in where.items()]
-            unit = _unit(members, name, where)
-            label = name + (f" [{', '.join(which)}]" if which else "")
+            unit = _unit(variables, path, where)
+            label = _name(path) + (f" [{', '.join(which)}]" if which else "")
             if np.iscomplexobj(column):
                 heads += [f"{label} real ({unit})", f"{label} imag ({unit})"]
-                columns += [column.real, column.imag]
+                columns += [np.real(column), np.imag(column)]
             else:
                 heads.append(_title(label, unit))
                 columns.append(column)
     grid = np.indices(shape).reshape(len(shape), -1)
     first = [(row, scales[row][grid[n]]) for n, row in enumerate(rows) if row in scales]
-    titles = [_title(row, str(members[row].attrs.get("units", ""))) for row, _ in first]
+    titles = [_title(_name(row), variables[row].unit) for row, _ in first]
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow([*titles, *heads])
@@ -121,15 +119,17 @@ def _title(name: str, unit: str) -> str:
     return f"{name} ({unit})" if unit not in ("", "name") else name
 
 
-def _unit(members: dict[str, h5py.Dataset], name: str, place: dict[str, int]) -> str:
-    """Unit of a column: of the dataset, or the one in the dataset that its unit refers to."""
-    given = str(members[name].attrs.get("units", ""))
-    found = re.search(r"see (\w+)", given)
-    if found is None or found[1] not in members:
-        return given
-    own = members[found[1]]
-    where = tuple(place.get(label, 0) for label in _labels(own, found[1]))
-    return str(values_of(own)[where])
+def _unit(variables: dict[str, Variable], path: str, place: dict[str, int]) -> str:
+    """Unit of a column, with those in its braces filled in where the column has one."""
+    text = variables[path].unit
+    for name in re.findall(r"{(\w+)}", text):
+        home = path
+        while home and f"{home.rpartition('/')[0]}/{name}".lstrip("/") not in variables:
+            home = home.rpartition("/")[0]
+        own = variables[f"{home.rpartition('/')[0]}/{name}".lstrip("/")]
+        if set(own.dims) <= set(place):
+            text = fill_in(text, name, str(own.read()[tuple(place[dim] for dim in own.dims)]))
+    return text
 
 
 def _plain(column: np.ndarray) -> list[float | str]:

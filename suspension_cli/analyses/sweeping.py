@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options
@@ -11,12 +11,13 @@ from suspension_cli.analyses.analysis import Analysis, Result, Run
 from suspension_cli.errors import Interrupted, escape_unprintable
 from suspension_cli.files.atomic import target, writing_to
 from suspension_cli.files.existing import replacing
-from suspension_cli.files.hdf5 import Provenance, open_results
+from suspension_cli.files.hdf5 import Provenance, open_results, write_contents
 from suspension_cli.studies.cluster import describe_exposure
 from suspension_cli.studies.run import Plan
 from suspension_cli.studies.run import run as compute
 
 if TYPE_CHECKING:
+    from suspension_cli.files.declared import Contents
     from suspension_cli.models.registry import Choice
     from suspension_cli.studies.job import Job
     from suspension_cli.studies.sweep_file import After
@@ -55,14 +56,14 @@ def fill(
     analysis: Analysis,
     job: Job,
     choice: Choice,
-    put: Callable[..., None],
+    described: Contents,
     after: After | None = None,
 ) -> Result:
     """Compute all points of a job into the results file, and read the result from there.
 
-    In the group with the analysis's name, `put` writes everything but the columns. `after`
-    completes the file when it has all points. Raises `Interrupted` after Ctrl-C; the message says
-    how to continue.
+    `described` is the contents of the analysis's group but for the columns. `after` completes the
+    file when it has all points. Raises `Interrupted` after Ctrl-C; the message says how to
+    continue.
     """
     setting = run.setting
     path = target(run.folder / f"{run.source.stem()}-{analysis.stem}.h5")
@@ -87,6 +88,7 @@ def fill(
                 setting["resume"],
                 progress,
             )
+            put = partial(write_contents, contents=described)
             compute(job, path, analysis.name, origin, plan, put, after)
     except KeyboardInterrupt:
         part = path.with_name(f"{path.name}.part")

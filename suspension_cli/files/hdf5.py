@@ -20,6 +20,7 @@ import numpy as np
 
 from suspension_cli.errors import InputError, attribute_faults_to, format_value, one_line
 from suspension_cli.files.atomic import write_bytes
+from suspension_cli.files.declared import Contents, Variable
 from suspension_cli.version import __version__
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
 Stored = Any
 """A group or dataset to read: the types of h5py do not distinguish items of a group."""
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
 """Raised when a reader of older files would misunderstand a new one."""
 
 
@@ -137,18 +138,42 @@ def open_data(path: str | Path) -> Iterator[h5py.File]:
         yield file
 
 
-def check_shapes(group: h5py.Group, stored: Stored) -> None:
-    """Raise `ValueError` for a dataset that has not the size of its scales, or not that stored."""
+def write_contents(group: h5py.Group, contents: Contents) -> None:
+    """Write arrays with their units and scales, and attributes, into a group."""
+    variables = contents.variables
+    for path, variable in sorted(variables.items(), key=lambda item: item[1].dims != (item[0],)):
+        if variable.dims == (path,):
+            add_dataset(group, path, variable.data, variable.unit).make_scale(path.split("/")[-1])
+        else:
+            axes: list[Stored] = [group[dim] for dim in variable.dims]
+            add_dataset(group, path, variable.data, variable.unit, *axes)
+    for path, value in contents.attributes.items():
+        home, _, name = path.rpartition("/")
+        (group.require_group(home) if home else group).attrs[name] = value
 
-    def check(name: str, item: Stored) -> None:
-        if isinstance(item, h5py.Dataset):
-            if name in stored and stored[name].shape != item.shape:
-                raise ValueError(f"{name} has the shape {stored[name].shape}, not {item.shape}")
-            for size, axis in zip(item.shape, item.dims, strict=True):
-                if len(axis) and axis[0].size != size:
-                    raise ValueError(f"{name} has {size} values where its axis has {axis[0].size}")
 
-    group.visititems(check)
+def read_contents(group: Stored) -> Contents:
+    """List the arrays and attributes of a group; arrays are read when they are needed."""
+    start = len(str(group.name)) + 1
+    contents = Contents(attributes=dict(group.attrs))
+
+    def add(path: str, item: Stored) -> None:
+        if isinstance(item, h5py.Group):
+            contents.attributes.update({f"{path}/{name}": item.attrs[name] for name in item.attrs})
+            return
+        scales = [axis[0] if len(axis) else None for axis in item.dims]
+        for size, scale in zip(item.shape, scales, strict=True):
+            if scale is not None and scale.size != size:
+                raise ValueError(f"{path} has {size} values where its axis has {scale.size}")
+        dims = [
+            f"{path}_{n}" if scale is None else str(scale.name)[start:]
+            for n, scale in enumerate(scales)
+        ]
+        dims = [path] if item.is_scale else dims
+        contents.variables[path] = Variable(tuple(dims), item, str(item.attrs.get("units", "")))
+
+    group.visititems(add)
+    return contents
 
 
 def is_results_file(path: str | Path) -> bool:

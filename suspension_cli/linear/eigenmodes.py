@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.conventions import DOF_NAMES, WIRE_MODE_NAMES
+from suspension_cli.conventions import DOF_NAMES, DOFS, WIRE_MODE_NAMES
+from suspension_cli.files.declared import derived, in_unit
 from suspension_cli.linear import batch_modes, quality
 from suspension_cli.linear.system import LinearSystem
 
@@ -76,20 +77,40 @@ class Modes:
 
     body: tuple[str, ...]
     coordinate: tuple[str, ...]
-    omega_squared: Float[np.ndarray, " mode"]
-    shape: Float[np.ndarray, "mode coordinate"]
-    energy: Float[np.ndarray, "mode body 6"]
+    omega_squared: Float[np.ndarray, " mode"] = field(metadata=in_unit("rad^2/s^2"))
+    shape: Float[np.ndarray, "mode coordinate"] = field(metadata=in_unit("{shape_unit}"))
+    energy: Float[np.ndarray, "mode body degree_of_freedom"]
     tip_energy: Float[np.ndarray, "mode tip"]
     block: Int[np.ndarray, " mode"]
     q: Float[np.ndarray, " mode"]
     dilution: Float[np.ndarray, " mode"]
     wire: tuple[str, ...]
-    wire_energy: Float[np.ndarray, "mode motion"]
+    wire_energy: Float[np.ndarray, "mode wire"]
     order: Int[np.ndarray, " mode"]
-    decay_rate: Float[np.ndarray, " mode"]
+    decay_rate: Float[np.ndarray, " mode"] = field(metadata=in_unit("1/s"))
     top: tuple[int, ...] = ()
 
     @property
+    @derived()
+    def degree_of_freedom(self) -> tuple[str, ...]:
+        """Degrees of freedom of a body."""
+        return DOFS
+
+    @property
+    @derived()
+    def tip(self) -> tuple[str, ...]:
+        """Coordinates that do not belong to bodies: of blade tips and the support structure."""
+        return self.coordinate[6 * len(self.body) :]
+
+    @property
+    @derived(along="coordinate")
+    def shape_unit(self) -> tuple[str, ...]:
+        """Unit of each coordinate of a shape."""
+        turns = tuple(f".{dof}" for dof in DOFS[3:])
+        return tuple(f"kg^-0.5{'/m' * name.endswith(turns)}" for name in self.coordinate)
+
+    @property
+    @derived("Hz")
     def frequency(self) -> Float[np.ndarray, " mode"]:
         """Frequency in Hz; 0 for a rigid mode, NaN for an unstable or overdamped one."""
         none = (self.growth_rate > 0) | self.overdamped
@@ -101,6 +122,7 @@ class Modes:
         return (self.omega_squared == 0) & (self.decay_rate > 0)
 
     @property
+    @derived("1/s")
     def growth_rate(self) -> Float[np.ndarray, " mode"]:
         """Growth rate of the amplitude in 1/s; 0 for a stable mode."""
         return np.where(
@@ -110,6 +132,7 @@ class Modes:
         )
 
     @property
+    @derived()
     def stable(self) -> bool:
         """Whether no mode grows."""
         return not bool(self.growth_rate.any())
@@ -134,6 +157,7 @@ class Modes:
         return [place(self.place[i]) for i in first]
 
     @cached_property
+    @derived(along="mode")
     def label(self) -> list[str]:
         """Body and motion of each mode in words: ``test pitch``."""
         return [
@@ -147,11 +171,13 @@ class Modes:
         return find_top_masses(self.energy, self.top)
 
     @property
+    @derived()
     def top_fraction(self) -> Float[np.ndarray, " mode"]:
         """Fraction of each mode's kinetic energy in its top mass."""
         return self.energy[np.arange(len(self.energy)), self.top_mass].sum(-1)
 
     @property
+    @derived(along="mode")
     def verdict(self) -> list[str]:
         """Whether each mode can be damped from the top mass (Husman et al. 2000), in words."""
         low, high = DAMPING_BAND

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from suspension_cli.files.declared import along, in_unit
 from suspension_cli.linear import statespace
 
 if TYPE_CHECKING:
@@ -30,8 +31,8 @@ class Poles:
         The state that participates most in each pole.
     """
 
-    value: Complex[np.ndarray, " pole"]
-    state: tuple[str, ...]
+    value: Complex[np.ndarray, " pole"] = field(metadata=in_unit("rad/s"))
+    state: tuple[str, ...] = field(metadata=along("pole"))
 
     @property
     def frequency(self) -> Float[np.ndarray, " pole"]:

@@ -7,12 +7,13 @@ below 1e-6 of what the body moves by, 1e-14 of that.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from suspension_cli.errors import InputError
+from suspension_cli.files.declared import NOT_STORED, along, in_unit
 from suspension_cli.linear import signals
 from suspension_cli.linear.elimination import as_slice
 from suspension_cli.linear.pencil import Block, Pencil
@@ -32,8 +33,8 @@ BUILDS = 512
 class Peaks:
     """Largest magnitude (SI) of each response, infinite at a lossless pole, and where (Hz)."""
 
-    frequency: Float[np.ndarray, "output input"]
-    size: Float[np.ndarray, "output input"]
+    frequency: Float[np.ndarray, "output input"] = field(metadata=in_unit("Hz"))
+    size: Float[np.ndarray, "output input"] = field(metadata=in_unit("{unit}"))
 
 
 @dataclass(frozen=True)
@@ -54,12 +55,12 @@ class Response:
         Peaks within the band, also between the frequencies; None if not searched.
     """
 
-    frequency: Float[np.ndarray, " frequency"]
+    frequency: Float[np.ndarray, " frequency"] = field(metadata=in_unit("Hz"))
     input: tuple[str, ...]
     output: tuple[str, ...]
-    unit: tuple[tuple[str, ...], ...]
-    value: Complex[np.ndarray, "frequency output input"]
-    blocks: int
+    unit: tuple[tuple[str, ...], ...] = field(metadata=along("output input"))
+    value: Complex[np.ndarray, "frequency output input"] = field(metadata=in_unit("{unit}"))
+    blocks: int = field(default=0, metadata=NOT_STORED)
     closed_loop: bool = False
     largest: Peaks | None = None
 

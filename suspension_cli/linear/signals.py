@@ -63,6 +63,18 @@ class Signal:
         return "m" if self.dof < 3 else "rad"
 
 
+def unit_of(text: str) -> str:
+    """Return the SI unit of a signal by its name.
+
+    >>> unit_of("test.pitch"), unit_of("upper.torque_yaw"), unit_of("test.x@0,0,0.001")
+    ('rad', 'N m', 'm')
+    """
+    name = text.partition("@")[0].rpartition(".")[2]
+    if name in FORCES:
+        return "N" if FORCES.index(name) < 3 else "N m"
+    return "rad" if name in DOFS[3:] else "m"
+
+
 def bodies_with_signals(model: LinearSystem) -> tuple[str, ...]:
     """List bodies with signals: support and stages; frame and ground if there are any."""
     frame = (FRAME,) if any(name.startswith(f"{FRAME}.") for name in model.coordinate) else ()

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from suspension_cli.files.declared import in_unit
+
 if TYPE_CHECKING:
-    import numpy as np
     from jaxtyping import Complex, Float
 
 
@@ -38,9 +41,9 @@ class MeasuredResponse:
     name: str
     input: str
     output: str
-    frequency: Float[np.ndarray, " frequency"]
-    value: Complex[np.ndarray, " frequency"]
-    uncertainty: Float[np.ndarray, " frequency"]
+    frequency: Float[np.ndarray, " frequency"] = field(metadata=in_unit("Hz"))
+    value: Complex[np.ndarray, " frequency"] = field(metadata=in_unit("{unit}"))
+    uncertainty: Float[np.ndarray, " frequency"] = field(metadata=in_unit("{unit}"))
     coherence: Float[np.ndarray, " frequency"]
     unit: str = ""
     file: str = ""

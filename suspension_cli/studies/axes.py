@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.design import reader
-from suspension_cli.design.path_units import displayed_unit
+from suspension_cli.design.imperfections import swept
+from suspension_cli.design.path_units import displayed_unit, unit_of
 from suspension_cli.design.paths import settings
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.files.declared import dim_name
 from suspension_cli.studies.job import Job
 
 if TYPE_CHECKING:
@@ -28,6 +30,12 @@ class Axis:
 
     name: str
     values: tuple[float, ...]
+
+    @property
+    def unit(self) -> str:
+        """SI unit of the values."""
+        known = swept()
+        return known[self.name][0].unit if self.name in known else unit_of(self.name) or "1"
 
     @property
     def displayed_unit(self) -> tuple[str, float]:
@@ -60,7 +68,7 @@ class Product(Job):
     @property
     def scales(self) -> tuple[str, ...]:
         """Names of the datasets with the values of the axes."""
-        return tuple(scale_name(axis.name) for axis in self.axes)
+        return tuple(dim_name(axis.name) for axis in self.axes)
 
     def values(self, start: int, stop: int) -> dict[str, Float[np.ndarray, " stop-start"]]:
         """Values of every parameter at points start to stop - 1."""
@@ -135,8 +143,3 @@ def _of_option(error: InputError, option: str, axis: Axis, value: float) -> Inpu
             )
         )
     return InputError(found, error.file)
-
-
-def scale_name(axis: str) -> str:
-    """Name of the dataset with the values of an axis."""
-    return f"axis {axis}".replace("/", "_")

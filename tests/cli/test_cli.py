@@ -223,7 +223,7 @@ def test_root_attributes(results):
     path, args, answer = results
     with h5py.File(path) as file:
         assert file.attrs["format"] == "pendsus"
-        assert file.attrs["format_version"] == 2
+        assert file.attrs["format_version"] == 3
         assert file.attrs["pendsus_version"] == __version__
         assert file.attrs["fidelity"] == answer["fidelity"] == "string"
         program, *rest = shlex.split(file.attrs["command"])
@@ -341,7 +341,7 @@ def test_overrides(tmp_path):
         (("modes", "--fidelity", "string"), ["-modes.h5", "-modes.png"]),
         (
             ("response", "--no-plot", "--csv"),
-            ["-response-output.csv", "-response.csv", "-response.h5"],
+            ["-response-largest-output.csv", "-response.csv", "-response.h5"],
         ),
         (("sweep", "--vary", "stage.test.wires.s=0.01,0.02", "--no-plot"), ["-sweep.h5"]),
         (("export", "--format", "npz"), ["-statespace.npz"]),

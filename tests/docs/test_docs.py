@@ -488,12 +488,17 @@ def test_datasets_of_a_results_file(group, folder, monkeypatch):
     found = set()
     with h5py.File(path) as file:
         assert set(file[group].attrs) <= set(named(TEXT["format.md"]))
+        swept = set(file[group].attrs.get("axes", ()))
         for dataset in datasets(file[group]):
-            name = re.sub("^axis .*", "axis NAME", dataset.name.rsplit("/", 1)[1])
+            name = re.sub(r"\b\d+\b", "N", dataset.name.removeprefix(f"/{group}/"))
+            name = "NAME" if name in swept else re.sub("^.* from .*/", "OUTPUT from INPUT/", name)
             found.add(name)
             axes, units = described[name]
-            assert dataset.attrs["units"] == units or units == "its own", name
-            labels = ", ".join(axis.label for axis in dataset.dims)
-            assert re.sub("axis [^,]*(, axis [^,]*)*", "axis NAME, ...", labels) == axes, name
+            pattern = re.sub(r"\\{\w+\\}", ".+", re.escape(units))
+            assert re.fullmatch(pattern, dataset.attrs["units"]) or units == "its own", name
+            labels = [axis.label for axis in dataset.dims]
+            if swept & {*labels}:
+                labels = ["NAME, ...", *(label for label in labels if label not in swept)]
+            assert ", ".join(labels) == axes, name
             assert dataset.is_scale or all(len(axis) for axis in dataset.dims), name
     assert found == set(described)

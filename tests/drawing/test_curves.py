@@ -9,11 +9,11 @@ import suspension_cli as sus
 from suspension_cli.analyses.response.picture import draw as draw_response
 from suspension_cli.analyses.sweep.crossing_shapes import solve_shapes
 from suspension_cli.analyses.sweep.crossings import Crossing, find_crossings
-from suspension_cli.analyses.sweep.file import SweepResult
 from suspension_cli.analyses.sweep.picture import draw as draw_sweep
-from suspension_cli.analyses.xcouple.file import Coupling
+from suspension_cli.analyses.sweep.result import SweepResult
 from suspension_cli.analyses.xcouple.picture import draw as draw_coupling
 from suspension_cli.analyses.xcouple.picture import interpolate
+from suspension_cli.analyses.xcouple.result import Coupling
 from suspension_cli.drawing import curves, labels
 from suspension_cli.drawing.added_points import add_points
 from suspension_cli.drawing.panels import COLUMN, set_margins

@@ -11,8 +11,9 @@ where the estimated error of an interval exceeds `ACCURACY` of the integral abov
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +22,7 @@ from suspension_cli.analyses.budget import table
 from suspension_cli.analyses.budget.noise import Noises
 from suspension_cli.analyses.budget.table import Table
 from suspension_cli.errors import Fault, InputError
+from suspension_cli.files.declared import along, derived, in_unit
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
@@ -51,15 +53,22 @@ class Requirement:
     """A required amplitude spectral density (unit/sqrt(Hz)), and the margin to it.
 
     `margin` is the smallest ratio of requirement to motion, `at` its frequency, and `exceeded` are
-    intervals in which the motion is above the requirement, Hz.
+    intervals in which the motion is above the requirement, Hz. `unit` is that of the motion.
     """
 
     name: str
-    frequency: Float[np.ndarray, " point"]
-    density: Float[np.ndarray, " point"]
+    frequency: Float[np.ndarray, " frequency"] = field(metadata=in_unit("Hz"))
+    density: Float[np.ndarray, " frequency"] = field(metadata=in_unit("{unit}/Hz^0.5"))
     margin: float
     at: float
-    exceeded: tuple[tuple[float, float], ...]
+    exceeded: tuple[tuple[float, float], ...] = field(metadata=in_unit("Hz", "interval end"))
+    unit: str
+
+    @property
+    @derived()
+    def end(self) -> tuple[str, ...]:
+        """Ends of the intervals."""
+        return "from", "to"
 
     @property
     def met(self) -> bool:
@@ -124,6 +133,91 @@ class Budget:
         return np.sqrt(self.square_velocity.sum(0))
 
 
+@dataclass(frozen=True)
+class Budgets:
+    """Several motions by cause, as they are stored.
+
+    Attributes
+    ----------
+    source, requirement
+        As in `Budget`.
+    contribution
+        Amplitude spectral density by cause.
+    mean_square, mean_square_velocity
+        Mean squares of motion and velocity from each frequency up.
+    """
+
+    frequency: Float[np.ndarray, " frequency"] = field(metadata=in_unit("Hz"))
+    output: tuple[str, ...]
+    unit: tuple[str, ...] = field(metadata=along("output"))
+    cause: tuple[str, ...]
+    source: tuple[str, ...] = field(metadata=along("cause"))
+    contribution: Float[np.ndarray, "frequency output cause"] = field(
+        metadata=in_unit("{unit}/Hz^0.5")
+    )
+    mean_square: Float[np.ndarray, "frequency output cause"] = field(metadata=in_unit("{unit}^2"))
+    mean_square_velocity: Float[np.ndarray, "frequency output cause"] = field(
+        metadata=in_unit("{unit}^2/s^2")
+    )
+    requirement: tuple[Requirement | None, ...]
+
+    @property
+    @derived("{unit}/Hz^0.5")
+    def amplitude(self) -> Float[np.ndarray, "frequency output"]:
+        """Amplitude spectral density of the sum."""
+        return np.sqrt((self.contribution**2).sum(-1))
+
+    @property
+    @derived("{unit}")
+    def rms(self) -> Float[np.ndarray, "frequency output"]:
+        """RMS of the motion from each frequency up."""
+        return np.sqrt(self.mean_square.sum(-1))
+
+    @property
+    @derived("{unit}/s")
+    def rms_velocity(self) -> Float[np.ndarray, "frequency output"]:
+        """RMS of the velocity from each frequency up."""
+        return np.sqrt(self.mean_square_velocity.sum(-1))
+
+    @staticmethod
+    def of(budgets: list[Budget]) -> Budgets:
+        """Combine the budgets of several motions at the same frequencies."""
+        first = budgets[0]
+
+        def stacked(name: str) -> Float[np.ndarray, "frequency output cause"]:
+            return np.stack([getattr(one, name).T for one in budgets], axis=1)
+
+        return Budgets(
+            first.frequency,
+            tuple(one.output for one in budgets),
+            tuple(one.unit for one in budgets),
+            first.cause,
+            first.source,
+            np.sqrt(stacked("density")),
+            stacked("square"),
+            stacked("square_velocity"),
+            tuple(one.requirement for one in budgets),
+        )
+
+    def each(self) -> list[Budget]:
+        """List the budget of each motion."""
+        names = itertools.zip_longest(self.output, self.unit, self.requirement)
+        return [
+            Budget(
+                self.frequency,
+                output,
+                unit,
+                self.cause,
+                self.source,
+                self.contribution[:, n].T ** 2,
+                self.mean_square[:, n].T,
+                self.mean_square_velocity[:, n].T,
+                requirement,
+            )
+            for n, (output, unit, requirement) in enumerate(names)
+        ]
+
+
 def solve(
     noises: Noises,
     grid: Float[np.ndarray, " frequency"],
@@ -160,7 +254,7 @@ def solve(
         square, velocity = np.full_like(square, np.nan), np.full_like(velocity, np.nan)
     shown = slice(None) if added else np.isin(frequency, grid)
     met = {
-        n: compare(frequency, np.sqrt(density[n].sum(0)), required)
+        n: compare(frequency, np.sqrt(density[n].sum(0)), required, noises.output[n].unit)
         for n, required in requirements.items()
     }
     return [
@@ -313,6 +407,7 @@ def compare(
     frequency: Float[np.ndarray, " frequency"],
     total: Float[np.ndarray, " frequency"],
     required: Table,
+    unit: str,
 ) -> Requirement | None:
     """Compare an amplitude spectral density (f,) with a table; None if they do not overlap."""
     [limit] = required.column.values()
@@ -336,6 +431,7 @@ def compare(
         float(ratio[least]),
         float(where[least]),
         exceeded,
+        unit,
     )
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options
-from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, plain
+from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, plain, table
 from suspension_cli.analyses.options import argument
 
 if TYPE_CHECKING:
@@ -54,6 +54,7 @@ class CompareAnalysis(Analysis):
     """
 
     name = "compare"
+    result_type = "analyses.compare.solve.Comparison"
     arguments = (argument("items", nargs=-1, required=True, metavar="ITEM ITEM..."),)
     inputs = (
         options.Input(
@@ -113,27 +114,20 @@ class CompareAnalysis(Analysis):
     def document(self, result: Result) -> Document:
         """Return changed numbers, paired modes, and curves with ratios."""
         found: Comparison = result.data
-        kinds = zip(found.name, found.kind, found.model, strict=True)
         document: Document = {
             "designs": list(found.name),
-            "items": [{"name": n, "kind": k, "fidelity": m or None} for n, k, m in kinds],
+            "items": [
+                row | {"fidelity": row["fidelity"] or None}
+                for row in table(found, "name kind fidelity=model")
+            ],
             "changes": {
-                name: [dataclasses.asdict(change) for change in changes]
+                name: table(changes, "path before after")
                 for name, changes in zip(found.name, found.change, strict=True)
                 if changes
             },
         }
         if found.modes is not None:
-            modes = found.modes
-            document["modes"] = [
-                {
-                    "label": label,
-                    "frequency_hz": plain(modes.frequency[n]),
-                    "q": plain(modes.q[n]),
-                    "overlap": plain(modes.overlap[n]),
-                }
-                for n, label in enumerate(modes.label)
-            ]
+            document["modes"] = table(found.modes, "label frequency_hz=frequency q overlap")
         return document | {
             "responses": [_overlay(found, one) for one in found.overlay if one.kind == "response"],
             "noises": [_overlay(found, one) for one in found.overlay if one.kind == "noise"],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from suspension_cli.analyses.analysis import Document
 from suspension_cli.design.path_units import format_with_unit
@@ -16,11 +16,15 @@ MISSING = "not given"
 
 @dataclass(frozen=True)
 class Change:
-    """A key that differs, and its values with units; ``"not given"`` where missing."""
+    """A key that differs, and its values with units; ``"not given"`` where missing.
+
+    `item` is the number, from 0, of the design that differs from the first.
+    """
 
     path: str
     before: str
     after: str
+    item: int = field(default=0, repr=False)
 
     @property
     def words(self) -> str:

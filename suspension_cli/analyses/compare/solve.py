@@ -24,6 +24,7 @@ from suspension_cli.design.measured import Mode
 from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
+from suspension_cli.files.declared import NOT_STORED, along, in_unit, scale_of
 from suspension_cli.grids import parse_frequencies
 from suspension_cli.linear import named_results
 from suspension_cli.linear.eigenmodes import Modes
@@ -47,8 +48,8 @@ class PairedModes:
     `overlap` is that of the shape with that of the first design; NaN without shape.
     """
 
-    label: tuple[str, ...]
-    frequency: Float[np.ndarray, "mode item"]
+    label: tuple[str, ...] = field(metadata=scale_of("mode"))
+    frequency: Float[np.ndarray, "mode item"] = field(metadata=in_unit("Hz"))
     q: Float[np.ndarray, "mode item"]
     overlap: Float[np.ndarray, "mode item"]
 
@@ -62,11 +63,15 @@ class Curve:
     """
 
     item: int
-    frequency: Float[np.ndarray, " frequency"]
-    value: Complex[np.ndarray, " frequency"]
-    uncertainty: Float[np.ndarray, " frequency"]
-    ratio_frequency: Float[np.ndarray, " ratio"] = field(default_factory=lambda: np.zeros(0))
-    ratio: Complex[np.ndarray, " ratio"] = field(default_factory=lambda: np.zeros(0, dtype=complex))
+    frequency: Float[np.ndarray, " frequency"] = field(metadata=in_unit("Hz"))
+    value: Complex[np.ndarray, " frequency"] = field(metadata=in_unit("{unit}"))
+    uncertainty: Float[np.ndarray, " frequency"] = field(metadata=in_unit("{unit}"))
+    ratio_frequency: Float[np.ndarray, " ratio_frequency"] = field(
+        default_factory=lambda: np.zeros(0), metadata=in_unit("Hz")
+    )
+    ratio: Complex[np.ndarray, " ratio_frequency"] = field(
+        default_factory=lambda: np.zeros(0, dtype=complex)
+    )
 
 
 @dataclass(frozen=True)
@@ -82,7 +87,9 @@ class Overlay:
     input: str
     unit: str
     curves: tuple[Curve, ...]
-    source: dict[int, Result] = field(default_factory=dict, repr=False, compare=False)
+    source: dict[int, Result] = field(
+        default_factory=dict, repr=False, compare=False, metadata=NOT_STORED
+    )
 
     @property
     def name(self) -> str:
@@ -98,12 +105,19 @@ class Comparison:
     the keys in which its design differs from the first design.
     """
 
-    name: tuple[str, ...]
-    kind: tuple[str, ...]
-    model: tuple[str, ...]
-    change: tuple[tuple[Change, ...], ...]
+    name: tuple[str, ...] = field(metadata=scale_of("item"))
+    kind: tuple[str, ...] = field(metadata=along("item"))
+    model: tuple[str, ...] = field(metadata=along("item"))
+    changes: tuple[Change, ...] = field(metadata=along("change"))
     modes: PairedModes | None
     overlay: tuple[Overlay, ...]
+
+    @property
+    def change(self) -> tuple[tuple[Change, ...], ...]:
+        """Changes of each item."""
+        return tuple(
+            tuple(one for one in self.changes if one.item == n) for n in range(len(self.name))
+        )
 
 
 class _Silent(Log):
@@ -147,9 +161,11 @@ def solve(items: Sequence[Item], run: Run) -> tuple[Comparison, Choice]:
         name=tuple(item.name for item in items),
         kind=tuple(item.kind for item in items),
         model=tuple(models),
-        change=tuple(
-            () if text is None or text is first else tuple(find_changes(first, text))
-            for text in texts
+        changes=tuple(
+            dataclasses.replace(change, item=n)
+            for n, text in enumerate(texts)
+            if text is not None and text is not first
+            for change in find_changes(first, text)
         ),
         modes=listed,
         overlay=overlays,

@@ -53,6 +53,7 @@ class DampAnalysis(Analysis):
     """
 
     name = "damp"
+    result_type = "analyses.damp.solve.LocalControl"
     arguments = (options.DESIGN,)
     parameters = (
         option(

@@ -12,12 +12,13 @@ rounding.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import elementwise
 
+from suspension_cli.files.declared import in_unit
 from suspension_cli.scene.arrays import Array, Index
 
 if TYPE_CHECKING:
@@ -67,15 +68,15 @@ class Margins:
         Hz. Inf and NaN without limit.
     """
 
-    phase: float
-    phase_frequency: float
+    phase: float = field(metadata=in_unit("degree"))
+    phase_frequency: float = field(metadata=in_unit("Hz"))
     gain_up: float
     gain_down: float
     distance: float
-    gain_up_frequency: float = np.nan
-    gain_down_frequency: float = np.nan
-    delay: float = np.inf
-    delay_frequency: float = np.nan
+    gain_up_frequency: float = field(default=np.nan, metadata=in_unit("Hz"))
+    gain_down_frequency: float = field(default=np.nan, metadata=in_unit("Hz"))
+    delay: float = field(default=np.inf, metadata=in_unit("s"))
+    delay_frequency: float = field(default=np.nan, metadata=in_unit("Hz"))
 
     @property
     def gain_up_db(self) -> float:

@@ -221,8 +221,6 @@ def _poles(damped: LocalControl) -> Panel:
     )  # fmt: skip
 
 
-
-
 def _group(poles: Poles) -> list[tuple[float, float, int]]:
     """Rates (1/s), frequencies (Hz) and counts of poles, similar ones as one."""
     found: list[list[float]] = []

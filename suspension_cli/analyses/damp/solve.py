@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -21,6 +21,7 @@ from suspension_cli.analyses.damp.margins import Margins
 from suspension_cli.analyses.damp.sensitivity import SensitivityPeak
 from suspension_cli.analyses.export import solve as export
 from suspension_cli.design.schema import Design
+from suspension_cli.files.declared import along, derived, in_unit
 from suspension_cli.linear import poles, signals
 from suspension_cli.linear.constant_loss import with_constant_loss
 from suspension_cli.linear.poles import Poles
@@ -68,18 +69,31 @@ class LocalControl:
     loop: tuple[str, ...]
     open: Poles
     closed: Poles
-    margin: tuple[Margins, ...] | None
+    margin: tuple[Margins, ...] | None = field(metadata=along("loop"))
     output: str
     drive: str
-    time: Float[np.ndarray, " time"]
-    impulse: Float[np.ndarray, " time"]
-    undamped: Float[np.ndarray, " time"]
-    frequency: Float[np.ndarray, " frequency"]
-    noise: Float[np.ndarray, "frequency loop"]
+    time: Float[np.ndarray, " time"] = field(metadata=in_unit("s"))
+    impulse: Float[np.ndarray, " time"] = field(metadata=in_unit("{unit}/({drive_unit} s)"))
+    undamped: Float[np.ndarray, " time"] = field(metadata=in_unit("{unit}/({drive_unit} s)"))
+    frequency: Float[np.ndarray, " frequency"] = field(metadata=in_unit("Hz"))
+    noise: Float[np.ndarray, "frequency loop"] = field(metadata=in_unit("{unit}/Hz^0.5"))
     gain: Complex[np.ndarray, "frequency loop"]
     sensitivity: SensitivityPeak | None = None
 
     @property
+    @derived()
+    def unit(self) -> str:
+        """Unit of the output."""
+        return signals.unit_of(self.output)
+
+    @property
+    @derived()
+    def drive_unit(self) -> str:
+        """Unit of the signal that gets the impulse."""
+        return signals.unit_of(self.drive)
+
+    @property
+    @derived()
     def stable(self) -> bool:
         """Whether no closed-loop pole grows."""
         return self.closed.stable

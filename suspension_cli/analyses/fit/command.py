@@ -60,6 +60,7 @@ class FitAnalysis(Analysis):
     """
 
     name = "fit"
+    result_type = "analyses.fit.result.Fit"
     arguments = (argument("files", nargs=-1, required=True, metavar="[DESIGN] MEASURED"),)
     inputs = (
         options.Input(
@@ -221,14 +222,14 @@ class FitAnalysis(Analysis):
 
     def others(self, result: Result, path: Path) -> list[Path]:
         """Write each fitted design: NAME-fitted.toml, of several NAME-EXPERIMENT-fitted.toml."""
-        from suspension_cli.analyses.fit import file as stored
+        from suspension_cli.analyses.fit import design_file
 
         found, extra, paths = result.data, result.extra, []
         for n, (name, file) in enumerate(zip(found.experiment, extra["designs"], strict=True)):
             stem = f"{extra['stem']}-{name}" if extra["joint"] else extra["stem"]
             made = path.with_name(f"{stem}-fitted.toml")
             measured = Path(extra["measured_file"]).name
-            stored.save_design(made, found, n, Path(file).name, measured, result.command)
+            design_file.save_design(made, found, n, Path(file).name, measured, result.command)
             paths.append(made)
         return paths
 

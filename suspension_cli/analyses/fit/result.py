@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.analyses.fit.wrong_channels import Correction
+from suspension_cli.design.path_units import unit_of
+from suspension_cli.files.declared import SI, along, derived, in_unit, scale_of
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Int
@@ -48,6 +50,15 @@ class SingleChange:
 
 
 @dataclass(frozen=True)
+class StiffenedMode:
+    """A mode that is stiffer than the design explains: relative excess of its frequency, and Q."""
+
+    label: str
+    excess: float
+    q: float
+
+
+@dataclass(frozen=True)
 class Candidate:
     """A measurement (input and output signals, band in Hz) that would determine a parameter better.
 
@@ -60,15 +71,15 @@ class Candidate:
     sigma: float
 
 
-def _dataset(unit: str, axes: str, name: str = "{}") -> dict[str, Any]:
-    """Describe a dataset of the results file; `name` may contain that of the attribute."""
-    return {"unit": unit, "axes": axes.split(), "name": name}
-
-
-VALUE = _dataset("SI", "parameter")
-HZ = _dataset("Hz", "mode")
-READING = _dataset("SI, reading over drive", "number", "response_{}")
-NUISANCE = _dataset("1, s or SI", "nuisance")
+RESONANCE = {
+    "measured": "Hz",
+    "sigma": "Hz",
+    "before": "Hz",
+    "after": "Hz",
+    "q": "1",
+    "functions": "1",
+}
+"""Columns of measured resonances, and their units."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,7 +91,7 @@ class Findings:
     corrections
         Wrong channels.
     stiffened
-        Modes stiffer than the design explains: label, relative excess of frequency, Q.
+        Modes stiffer than the design explains.
     changes
         Single changes that explain most, best first.
     sentences
@@ -92,7 +103,7 @@ class Findings:
     """
 
     corrections: tuple[Correction, ...] = ()
-    stiffened: tuple[tuple[str, float, float], ...] = ()
+    stiffened: tuple[StiffenedMode, ...] = ()
     changes: tuple[SingleChange, ...] = ()
     sentences: tuple[str, ...] = ()
     least: str = ""
@@ -122,23 +133,35 @@ class ResponseFit(Findings):
     """
 
     function: tuple[str, ...]
-    input: tuple[str, ...] = field(metadata=_dataset("name", "function"))
-    output: tuple[str, ...] = field(metadata=_dataset("name", "function"))
-    of: Int[np.ndarray, " point"] = field(metadata=_dataset("1", "number"))
-    frequency: Float[np.ndarray, " point"] = field(metadata=_dataset("Hz", "number"))
-    uncertainty: Float[np.ndarray, " point"] = field(metadata=READING)
-    measured: Complex[np.ndarray, " point"] = field(metadata=READING)
-    before: Complex[np.ndarray, " point"] = field(metadata=READING)
-    after: Complex[np.ndarray, " point"] = field(metadata=READING)
+    input: tuple[str, ...] = field(metadata=along("function"))
+    output: tuple[str, ...] = field(metadata=along("function"))
+    of: Int[np.ndarray, " number"]
+    frequency: Float[np.ndarray, " number"] = field(metadata=in_unit("Hz"))
+    uncertainty: Float[np.ndarray, " number"] = field(metadata=in_unit(SI))
+    measured: Complex[np.ndarray, " number"] = field(metadata=in_unit(SI))
+    before: Complex[np.ndarray, " number"] = field(metadata=in_unit(SI))
+    after: Complex[np.ndarray, " number"] = field(metadata=in_unit(SI))
     nuisance: tuple[str, ...]
-    nuisance_value: Float[np.ndarray, " nuisance"] = field(metadata=NUISANCE)
-    nuisance_sigma: Float[np.ndarray, " nuisance"] = field(metadata=NUISANCE)
-    nuisance_prior: Float[np.ndarray, " nuisance"] = field(metadata=NUISANCE)
+    nuisance_value: Float[np.ndarray, " nuisance"] = field(metadata=in_unit(SI))
+    nuisance_sigma: Float[np.ndarray, " nuisance"] = field(metadata=in_unit(SI))
+    nuisance_prior: Float[np.ndarray, " nuisance"] = field(metadata=in_unit(SI))
     mode: tuple[str, ...]
-    resonance: Float[np.ndarray, "mode 6"] = field(
-        metadata=_dataset("Hz; 1 for q and functions", "resonance_mode resonance_column")
+    resonance: Float[np.ndarray, "mode resonance_column"] = field(
+        metadata=in_unit("{resonance_unit}")
     )
     chi_squared_before: float = float("nan")
+
+    @property
+    @derived()
+    def resonance_column(self) -> tuple[str, ...]:
+        """Columns of `resonance`."""
+        return tuple(RESONANCE)
+
+    @property
+    @derived(along="resonance_column")
+    def resonance_unit(self) -> tuple[str, ...]:
+        """Unit of each column of `resonance`."""
+        return tuple(RESONANCE.values())
 
     @property
     def chi_squared(self) -> Float[np.ndarray, " function"]:
@@ -192,40 +215,69 @@ class Fit:
     """
 
     experiment: tuple[str, ...]
-    name: tuple[str, ...]
-    shared: Bool[np.ndarray, "parameter experiment"] = field(
-        metadata=_dataset("1", "parameter experiment")
+    name: tuple[str, ...] = field(metadata=scale_of("parameter"))
+    shared: Bool[np.ndarray, "parameter experiment"]
+    start: Float[np.ndarray, " parameter"] = field(metadata=in_unit("{parameter_unit}"))
+    value: Float[np.ndarray, " parameter"] = field(metadata=in_unit("{parameter_unit}"))
+    sigma: Float[np.ndarray, " parameter"] = field(
+        metadata=in_unit("{parameter_unit}", name="unscaled_sigma")
     )
-    start: Float[np.ndarray, " parameter"] = field(metadata=VALUE)
-    value: Float[np.ndarray, " parameter"] = field(metadata=VALUE)
-    sigma: Float[np.ndarray, " parameter"]
-    prior: Float[np.ndarray, " parameter"] = field(metadata=VALUE)
-    prior_sigma: Float[np.ndarray, " parameter"] = field(metadata=VALUE)
-    covariance: Float[np.ndarray, "parameter parameter"]
-    at_bound: Bool[np.ndarray, " parameter"] = field(metadata=_dataset("1", "parameter"))
-    of: Int[np.ndarray, " mode"] = field(metadata=_dataset("1", "mode", "measured_in"))
-    label: tuple[str, ...] = field(metadata=_dataset("name", "mode"))
-    measured: Float[np.ndarray, " mode"] = field(metadata=HZ)
-    uncertainty: Float[np.ndarray, " mode"] = field(metadata=HZ)
-    before: Float[np.ndarray, " mode"] = field(metadata=HZ)
-    after: Float[np.ndarray, " mode"] = field(metadata=HZ)
+    prior: Float[np.ndarray, " parameter"] = field(metadata=in_unit("{parameter_unit}"))
+    prior_sigma: Float[np.ndarray, " parameter"] = field(metadata=in_unit("{parameter_unit}"))
+    covariance: Float[np.ndarray, "parameter other_parameter"] = field(
+        metadata=in_unit("{parameter_unit} {other_unit}", name="unscaled_covariance")
+    )
+    at_bound: Bool[np.ndarray, " parameter"]
+    of: Int[np.ndarray, " mode"]
+    label: tuple[str, ...] = field(metadata=along("mode"))
+    measured: Float[np.ndarray, " mode"] = field(metadata=in_unit("Hz"))
+    uncertainty: Float[np.ndarray, " mode"] = field(metadata=in_unit("Hz"))
+    before: Float[np.ndarray, " mode"] = field(metadata=in_unit("Hz"))
+    after: Float[np.ndarray, " mode"] = field(metadata=in_unit("Hz"))
     chi_squared: float
     freedom: int
-    singular: Float[np.ndarray, " combination"] = field(
-        metadata=_dataset("1", "combination", "singular_value")
-    )
-    direction: Float[np.ndarray, "combination parameter"] = field(
-        metadata=_dataset("1", "combination parameter")
-    )
-    design: tuple[str, ...] = field(metadata=_dataset("TOML", "experiment", "fitted_design"))
-    design_before: tuple[str, ...] = field(metadata=_dataset("TOML", "experiment", "design"))
-    ends: Float[np.ndarray, " start"] = field(metadata=_dataset("1", "search"))
+    singular: Float[np.ndarray, " combination"]
+    direction: Float[np.ndarray, "combination parameter"]
+    design: tuple[str, ...] = field(metadata=along("experiment", name="fitted_design"))
+    design_before: tuple[str, ...] = field(metadata=along("experiment", name="design"))
+    ends: Float[np.ndarray, " search"]
     exchange: Exchange | None = None
     measurements: str = ""
     title: str = ""
     responses: ResponseFit | None = None
 
     @property
+    @derived(along="parameter")
+    def parameter_unit(self) -> tuple[str, ...]:
+        """SI unit of each parameter."""
+        return tuple(unit_of(name) or "1" for name in self.name)
+
+    @property
+    @derived()
+    def other_parameter(self) -> tuple[str, ...]:
+        """Columns of the covariance."""
+        return self.name
+
+    @property
+    @derived(along="other_parameter")
+    def other_unit(self) -> tuple[str, ...]:
+        """SI unit of each column of the covariance."""
+        return self.parameter_unit
+
+    @property
+    @derived("{parameter_unit}", name="sigma")
+    def scaled_sigma(self) -> Float[np.ndarray, " parameter"]:
+        """Standard deviations, larger in a misfit."""
+        return self.scale * self.sigma
+
+    @property
+    @derived("{parameter_unit} {other_unit}", name="covariance")
+    def scaled_covariance(self) -> Float[np.ndarray, "parameter other_parameter"]:
+        """Covariance, larger in a misfit."""
+        return self.scale**2 * self.covariance
+
+    @property
+    @derived()
     def misfit(self) -> bool:
         """Whether measurements, or priors alone, disagree with the fit beyond chance."""
         return self.unlikely or self.unlikely_priors
@@ -271,6 +323,7 @@ class Fit:
         return sorted(far, key=lambda item: -abs(item[1]))
 
     @property
+    @derived(name="sigma_scale")
     def scale(self) -> float:
         """Factor on `sigma` (Birge, Phys. Rev. 40, 207 (1932)).
 
@@ -279,6 +332,7 @@ class Fit:
         return float(np.sqrt(self.chi_squared / self.freedom)) if self.unlikely else 1.0
 
     @property
+    @derived()
     def residual(self) -> Float[np.ndarray, " mode"]:
         """Residuals after the fit over the uncertainties."""
         return (self.after - self.measured) / self.uncertainty

@@ -39,6 +39,7 @@ from suspension_cli.analyses.fit.result import (
     Fit,
     ResponseFit,
     SingleChange,
+    StiffenedMode,
 )
 from suspension_cli.analyses.fit.search import Solution, refine, with_channels
 from suspension_cli.analyses.fit.wrong_channels import Correction
@@ -346,7 +347,7 @@ def _responses(
     for n, mode in enumerate(problem.stiff.tolist(), problem.parts[3].start):
         if found.z[n] > SURE * np.sqrt(spread[n, n]):
             excess = float(np.sqrt(1 + found.z[n]) - 1)
-            stiffened.append((one.labels[mode], excess, float(q[mode])))
+            stiffened.append(StiffenedMode(one.labels[mode], excess, float(q[mode])))
     extra: dict[str, Any] = {}
     if explain and changes is not None:
         extra = {"chi_squared_before": changes[0], "changes": changes[1]}

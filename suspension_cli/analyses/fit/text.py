@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import astuple
+from collections.abc import Sequence
 
 import numpy as np
 
 from suspension_cli.analyses import tables
-from suspension_cli.analyses.analysis import Document, plain
+from suspension_cli.analyses.analysis import Document, plain, table
 from suspension_cli.analyses.fit.channels import TABLES
 from suspension_cli.analyses.fit.findings import change_unit, short
 from suspension_cli.analyses.fit.result import SAME, Candidate, Fit, ResponseFit, SingleChange
@@ -87,8 +86,8 @@ def corrections(found: ResponseFit) -> list[str]:
         lines.append(f"{channel}{one.text}; the fit includes this{without}")
     if found.stiffened:
         parts = ", ".join(
-            f"{name} (frequency +{100 * excess:.2g} %, Q {q:.3g})"
-            for name, excess, q in found.stiffened
+            f"{mode.label} (frequency +{100 * mode.excess:.2g} %, Q {mode.q:.3g})"
+            for mode in found.stiffened
         )
         lines.append(
             "RUBBING? these modes are both stiffer and more lossy than any parameter of the design"
@@ -294,12 +293,17 @@ def describe_candidate(one: Candidate) -> str:
 def document(found: Fit, files: Sequence[str | None]) -> Document:
     """Return the JSON document; an uncertainty is null if it is infinite or at a bound."""
     who = np.array(found.experiment)
-    sigma = found.scale * found.sigma
-    shared = (who[row].tolist() for row in found.shared)
-    prior_sigma = np.where(np.isfinite(found.prior_sigma), found.prior_sigma, np.nan)
-    prior = np.where(np.isfinite(found.prior_sigma), found.prior, np.nan)
-    numbers = (found.start, found.value, sigma, prior, prior_sigma, found.at_bound)
-    modes = (found.measured, found.uncertainty, found.before, found.after, found.residual)
+    parameters = table(
+        found, "name start value sigma=scaled_sigma prior prior_sigma at_bound experiments=shared"
+    )
+    for row, shared in zip(parameters, found.shared, strict=True):
+        row["experiments"] = who[shared].tolist()
+        if row["prior_sigma"] is None:
+            row["prior"] = None
+    columns = "label measured_hz=measured uncertainty_hz=uncertainty before_hz=before"
+    modes = table(found, f"experiment=of {columns} after_hz=after residual")
+    for row in modes:
+        row["experiment"] = found.experiment[row["experiment"]]
     exchange = None
     if found.exchange is not None:
         exchange = {
@@ -308,21 +312,18 @@ def document(found: Fit, files: Sequence[str | None]) -> Document:
             "chi_squared": found.exchange.chi_squared,
         }
     return {
-        "experiments": _rows("name design", zip(who.tolist(), files, strict=True)),
-        "parameters": _rows(
-            "name start value sigma prior prior_sigma at_bound experiments",
-            zip(found.name, *numbers, shared, strict=True),
-        ),
-        "covariance": plain(found.scale**2 * found.covariance),
-        "modes": _rows(
-            "experiment label measured_hz uncertainty_hz before_hz after_hz residual",
-            zip(who[found.of].tolist(), found.label, *modes, strict=True),
-        ),
+        "experiments": [
+            {"name": name, "design": file}
+            for name, file in zip(found.experiment, files, strict=True)
+        ],
+        "parameters": parameters,
+        "covariance": plain(found.scaled_covariance),
+        "modes": modes,
         "chi_squared": found.chi_squared,
         "chi_squared_of_starts": found.ends.tolist(),
         "degrees_of_freedom": found.freedom,
         "chi_squared_of_priors": found.prior_chi_squared,
-        "far_from_priors": _rows("name sigmas", found.far),
+        "far_from_priors": [{"name": name, "sigmas": plain(by)} for name, by in found.far],
         "misfit": found.misfit,
         "sigma_scale": found.scale,
         "exchange": exchange,
@@ -332,21 +333,19 @@ def document(found: Fit, files: Sequence[str | None]) -> Document:
 
 
 def _response_document(found: ResponseFit) -> Document:
-    count = found.points // 2
-    functions = (found.function, found.output, found.input, count, found.chi_squared)
-    values = (found.nuisance_value, found.nuisance_sigma, found.nuisance_prior)
-    resonances = zip(found.mode, found.resonance, strict=True)
+    functions = table(found, "name=function output input frequencies=points chi_squared")
+    for row in functions:
+        row["frequencies"] //= 2
+    values = "change=nuisance_value sigma=nuisance_sigma prior_sigma=nuisance_prior"
+    keys = ("measured_hz", "uncertainty_hz", "before_hz", "after_hz", "q", "functions")
+    resonances = [
+        {"label": name} | dict(zip(keys, (*plain(row[:5]), int(row[5])), strict=True))
+        for name, row in zip(found.mode, found.resonance, strict=True)
+    ]
     return {
-        "transfer_functions": _rows(
-            "name output input frequencies chi_squared", zip(*functions, strict=True)
-        ),
-        "channels": _rows(
-            "name change sigma prior_sigma", zip(found.nuisance, *values, strict=True)
-        ),
-        "resonances": _rows(
-            "label measured_hz uncertainty_hz before_hz after_hz q functions",
-            ((name, *row[:5], int(row[5])) for name, row in resonances),
-        ),
+        "transfer_functions": functions,
+        "channels": table(found, f"name=nuisance {values}"),
+        "resonances": resonances,
         "wrong_channels": [
             {
                 "kind": one.kind,
@@ -360,21 +359,10 @@ def _response_document(found: ResponseFit) -> Document:
             }
             for one in found.corrections
         ],
-        "too_stiff_and_lossy": _rows("label excess q", found.stiffened),
+        "too_stiff_and_lossy": table(found.stiffened, "label excess q"),
         "chi_squared_before": plain(found.chi_squared_before),
-        "single_changes": _rows("name start change chi_squared", map(astuple, found.changes)),
+        "single_changes": table(found.changes, "name start change chi_squared"),
         "determined": list(found.sentences),
         "least_known": found.least or None,
-        "measure_next": _rows("input output band_hz sigma", map(astuple, found.candidates)),
+        "measure_next": table(found.candidates, "input output band_hz=band sigma"),
     }
-
-
-def _rows(keys: str, rows: Iterable[Sequence[object]]) -> list[Document]:
-    """Convert rows of texts and numbers for JSON."""
-    return [
-        {
-            key: value if isinstance(value, str | list | None) else plain(value)
-            for key, value in zip(keys.split(), row, strict=True)
-        }
-        for row in rows
-    ]

@@ -70,6 +70,7 @@ class ModesAnalysis(Analysis):
     """
 
     name = "modes"
+    result_type = "linear.eigenmodes.Modes"
     arguments = (options.DESIGNS,)
     parameters = (
         option(

@@ -19,7 +19,7 @@ from suspension_cli.analyses.analysis import (
     Run,
     Settings,
     as_number,
-    plain,
+    table,
 )
 from suspension_cli.analyses.options import argument, option
 
@@ -78,6 +78,7 @@ class OptimiseAnalysis(Analysis):
     """
 
     name = "optimise"
+    result_type = "analyses.optimise.optimum.Optimum"
     arguments = (options.DESIGN, argument("goals", metavar="GOALS"))
     inputs = (
         options.Input(),
@@ -144,7 +145,9 @@ class OptimiseAnalysis(Analysis):
         """Return numbers, limits, quantities and modes; null where there is none."""
         found: Optimum = result.data
         names, bounds = _names(found), ("lower", None, "upper")
-        numbers, limits, quantities, modes, starts = (_rows(found, table) for table in COLUMNS)
+        numbers, limits, quantities, modes, starts = (
+            table(getattr(found, name), columns) for name, columns in COLUMNS.items()
+        )
         for row in numbers:
             row["at_bound"] = bounds[row["at_bound"] + 1]
         for row in limits:
@@ -195,11 +198,13 @@ class OptimiseAnalysis(Analysis):
 
     def others(self, result: Result, path: Path) -> list[Path]:
         """Write the optimised design as NAME-optimised.toml."""
-        from suspension_cli.analyses.optimise import file as stored
+        from suspension_cli.analyses.optimise import design_file
 
         made = path.with_name(f"{result.source.stem()}-optimised.toml")
         design, goals = result.source.file, result.extra.get("goals_file", "goals")
-        stored.save_design(made, result.data, Path(design).name, Path(goals).name, result.command)
+        design_file.save_design(
+            made, result.data, Path(design).name, Path(goals).name, result.command
+        )
         return [made]
 
     def exit_code(self, result: Result) -> int:
@@ -232,16 +237,6 @@ def _names(found: Optimum) -> list[str]:
     from suspension_cli.design import goals
 
     return [goal.name or goal.kind for goal in goals.read("", found.goals).goal]
-
-
-def _rows(found: Optimum, table: str) -> list[Document]:
-    """Rows of a table of the result, by the keys of `COLUMNS`."""
-    pairs = [word.partition("=") for word in COLUMNS[table].split()]
-    columns = [getattr(getattr(found, table), name or key) for key, _, name in pairs]
-    lists = [column if isinstance(column, tuple) else plain(column) for column in columns]
-    return [
-        dict(zip((key for key, *_ in pairs), row, strict=True)) for row in zip(*lists, strict=True)
-    ]
 
 
 def _goals(found: Optimum) -> Iterator[list[float | str | None]]:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from suspension_cli.design.path_units import unit_of
+from suspension_cli.files.declared import along, derived, in_unit, scale_of
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
@@ -20,14 +23,20 @@ class Numbers:
     bounds; NaN for a dependent number with only one bound.
     """
 
-    name: tuple[str, ...]
+    name: tuple[str, ...] = field(metadata=scale_of("number"))
     tied: Bool[np.ndarray, " number"]
-    before: Float[np.ndarray, " number"]
-    after: Float[np.ndarray, " number"]
-    lower: Float[np.ndarray, " number"]
-    upper: Float[np.ndarray, " number"]
+    before: Float[np.ndarray, " number"] = field(metadata=in_unit("{unit}"))
+    after: Float[np.ndarray, " number"] = field(metadata=in_unit("{unit}"))
+    lower: Float[np.ndarray, " number"] = field(metadata=in_unit("{unit}"))
+    upper: Float[np.ndarray, " number"] = field(metadata=in_unit("{unit}"))
     bound: Int[np.ndarray, " number"]
     multiplier: Float[np.ndarray, " number"]
+
+    @property
+    @derived(along="number")
+    def unit(self) -> tuple[str, ...]:
+        """SI unit of each number."""
+        return tuple(unit_of(name) or "1" for name in self.name)
 
 
 @dataclass(frozen=True)
@@ -39,13 +48,13 @@ class Quantities:
     modes and responses; "" for loads of straight wires.
     """
 
-    name: tuple[str, ...]
-    unit: tuple[str, ...]
-    before: Float[np.ndarray, " quantity"]
-    after: Float[np.ndarray, " quantity"]
+    name: tuple[str, ...] = field(metadata=scale_of("quantity"))
+    unit: tuple[str, ...] = field(metadata=along("quantity"))
+    before: Float[np.ndarray, " quantity"] = field(metadata=in_unit("{unit}"))
+    after: Float[np.ndarray, " quantity"] = field(metadata=in_unit("{unit}"))
     mode: Int[np.ndarray, " quantity"]
     weight: Float[np.ndarray, " quantity"]
-    model: tuple[str, ...]
+    model: tuple[str, ...] = field(metadata=along("quantity"))
 
 
 @dataclass(frozen=True)
@@ -58,12 +67,13 @@ class Limits:
     decrease of the objective per unit by which the margin may shrink.
     """
 
-    name: tuple[str, ...]
+    name: tuple[str, ...] = field(metadata=scale_of("limit"))
     goal: Int[np.ndarray, " limit"]
     quantity: Int[np.ndarray, " limit"]
-    sense: tuple[str, ...]
-    asked: Float[np.ndarray, " limit"]
-    value: Float[np.ndarray, " limit"]
+    sense: tuple[str, ...] = field(metadata=along("limit"))
+    unit: tuple[str, ...] = field(metadata=along("limit"))
+    asked: Float[np.ndarray, " limit"] = field(metadata=in_unit("{unit}"))
+    value: Float[np.ndarray, " limit"] = field(metadata=in_unit("{unit}"))
     margin: Float[np.ndarray, " limit"]
     met: Bool[np.ndarray, " limit"]
     active: Bool[np.ndarray, " limit"]
@@ -92,10 +102,10 @@ class ModeTable:
     energy in the top mass.
     """
 
-    name: tuple[str, ...]
-    label: tuple[str, ...]
-    before: Float[np.ndarray, " mode"]
-    after: Float[np.ndarray, " mode"]
+    name: tuple[str, ...] = field(metadata=scale_of("mode"))
+    label: tuple[str, ...] = field(metadata=along("mode"))
+    before: Float[np.ndarray, " mode"] = field(metadata=in_unit("Hz"))
+    after: Float[np.ndarray, " mode"] = field(metadata=in_unit("Hz"))
     fraction_before: Float[np.ndarray, " mode"]
     fraction_after: Float[np.ndarray, " mode"]
     number: Int[np.ndarray, " mode"]
@@ -150,6 +160,7 @@ class Optimum:
     goals: str = ""
 
     @property
+    @derived()
     def met(self) -> bool:
         """Whether all limits are met and all requested quantities are known."""
         return bool(self.limits.met.all()) and not self.unknown

@@ -248,6 +248,7 @@ def _limits(
         quantity=place,
         sense=tuple(sense.tolist()),
         asked=asked,
+        unit=tuple(wanted.quantities[n].unit for n in place),
         value=quantity[place],
         margin=margin,
         met=margin >= np.where(equal, -EQUAL, 0.0),  # NaN is not met

@@ -20,6 +20,7 @@ from suspension_cli.analyses.analysis import (
     as_number,
     only_one,
     plain,
+    table,
 )
 from suspension_cli.analyses.options import option
 
@@ -80,6 +81,7 @@ class ResponseAnalysis(Analysis):
     """
 
     name = "response"
+    result_type = "analyses.response.measured.ComparedResponse"
     arguments = (options.DESIGN,)
     parameters = (
         options.signals(
@@ -254,12 +256,7 @@ def _document(one: Comparison) -> Document:
         "extreme_ratio": as_number(extreme),
         "extreme_ratio_at_hz": at,
         "chi_squared_per_number": as_number(one.chi_squared),
-        "resonances": [
-            {"measured_hz": peak, "model_hz": pole, "mode": mode, "shift": shift}
-            for peak, pole, mode, shift in zip(
-                plain(one.peak), plain(one.pole), one.mode, plain(one.shift), strict=True
-            )
-        ],
+        "resonances": table(one, "measured_hz=peak model_hz=pole mode shift"),
         "frequency_hz": data.frequency.tolist(),
         "real": np.real(data.value).tolist(),
         "imag": np.imag(data.value).tolist(),

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.signal import find_peaks
 
 from suspension_cli.design import measured as tables
 from suspension_cli.design.measured import Measured, TransferFunction
 from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.files.declared import INLINE, in_unit
 from suspension_cli.linear import damped, eigenmodes, response
 from suspension_cli.linear.response import Response
 from suspension_cli.linear.signals import (
@@ -35,7 +35,7 @@ from suspension_cli.measurements.transfer_function import MeasuredResponse
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Complex, Int
+    from jaxtyping import Bool, Complex, Float, Int
 
     from suspension_cli.analyses.response.closed_loop import ClosedTransfer
     from suspension_cli.linear.poles import Poles
@@ -88,12 +88,12 @@ class Comparison:
         there is none. No two peaks have one mode.
     """
 
-    data: MeasuredResponse
-    predicted: Complex[np.ndarray, " point"]
-    curve_frequency: Array
-    curve: Complex[np.ndarray, " frequency"]
-    peak: Array
-    pole: Array
+    data: MeasuredResponse = field(metadata=INLINE)
+    predicted: Complex[np.ndarray, " frequency"] = field(metadata=in_unit("{unit}"))
+    curve_frequency: Float[np.ndarray, " curve_frequency"] = field(metadata=in_unit("Hz"))
+    curve: Complex[np.ndarray, " curve_frequency"] = field(metadata=in_unit("{unit}"))
+    peak: Float[np.ndarray, " mode"] = field(metadata=in_unit("Hz"))
+    pole: Float[np.ndarray, " mode"] = field(metadata=in_unit("Hz"))
     mode: tuple[str, ...]
 
     @property
@@ -306,6 +306,8 @@ def resonances(data: MeasuredResponse) -> Array:
     size = np.abs(data.value)
     if len(size) < 3 or not (size > 0).all():
         return np.array([])
+    from scipy.signal import find_peaks
+
     tops, about = find_peaks(np.log(size), prominence=np.log(PROMINENCE))
     below = size[tops] * np.exp(-about["prominences"])
     sigma = data.uncertainty[tops]

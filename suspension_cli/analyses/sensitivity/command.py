@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, plain
+from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, plain, table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -47,6 +47,7 @@ class SensitivityAnalysis(Analysis):
     """
 
     name = "sensitivity"
+    result_type = "analyses.sensitivity.solve.Sensitivity"
     arguments = (options.DESIGN,)
     parameters = (
         options.RESULTS,
@@ -93,19 +94,9 @@ class SensitivityAnalysis(Analysis):
     def document(self, result: Result) -> Document:
         """Return derivatives, parameters first; null where there is none."""
         found: Sensitivity = result.data
-        numbers = [
-            {"name": n, "value": float(v), "free": bool(f), "step": float(s), "step_unit": u}
-            for n, v, f, s, u in zip(
-                found.parameter, found.value, found.free, found.step, found.step_unit, strict=True
-            )
-        ]
-        results = [
-            {"name": n, "unit": u, "nominal": plain(v)}
-            for n, u, v in zip(found.result, found.unit, found.nominal, strict=True)
-        ]
         return {
-            "parameters": numbers,
-            "results": results,
+            "parameters": table(found, "name=parameter value free step step_unit"),
+            "results": table(found, "name=result unit nominal"),
             "derivative": plain(found.derivative),
             "one_percent": plain(found.one_percent),
             "per_step": plain(found.per_step),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -11,6 +11,8 @@ import numpy as np
 from suspension_cli.analyses.optimise.mode_families import has_wire_mass, solve_modes
 from suspension_cli.analyses.sweep.solve import evaluate_ratio
 from suspension_cli.design import reader
+from suspension_cli.design.path_units import unit_of
+from suspension_cli.files.declared import along, derived, in_unit
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.named_results import Mode, Ratio, Scalar
 from suspension_cli.linear.system import LinearSystem
@@ -48,29 +50,48 @@ class Sensitivity:
     """
 
     parameter: tuple[str, ...]
-    value: Float[np.ndarray, " parameter"]
+    value: Float[np.ndarray, " parameter"] = field(metadata=in_unit("{parameter_unit}"))
     free: Bool[np.ndarray, " parameter"]
     result: tuple[str, ...]
-    unit: tuple[str, ...]
-    nominal: Float[np.ndarray, " result"]
-    derivative: Float[np.ndarray, "parameter result"]
+    unit: tuple[str, ...] = field(metadata=along("result"))
+    nominal: Float[np.ndarray, " result"] = field(metadata=in_unit("{unit}"))
+    derivative: Float[np.ndarray, "parameter result"] = field(
+        metadata=in_unit("{unit}/{parameter_unit}")
+    )
 
     @property
+    @derived(along="parameter")
+    def parameter_unit(self) -> tuple[str, ...]:
+        """SI unit of each number."""
+        return tuple(unit_of(name) or "1" for name in self.parameter)
+
+    @property
+    @derived(along="result")
+    def change_unit(self) -> tuple[str, ...]:
+        """Unit of the changes of each result: %, or its own where it is 0."""
+        pairs = zip(self.unit, self.nominal, strict=True)
+        return tuple("%" if nominal else unit for unit, nominal in pairs)
+
+    @property
+    @derived("{change_unit}")
     def one_percent(self) -> Float[np.ndarray, "parameter result"]:
         """Change of each result by 1 % of each number, in % of it, or in its unit where it is 0."""
         return self._change(self.value / 100)
 
     @property
+    @derived(along="parameter")
     def step_unit(self) -> tuple[str, ...]:
         """Step of each number: ``mm``, ``mrad`` or ``%``, see `studies.natural_steps`."""
         return tuple(unit for _, unit in self._steps)
 
     @property
+    @derived("{parameter_unit}")
     def step(self) -> Float[np.ndarray, " parameter"]:
         """Step of each number, SI."""
         return np.array([size for size, _ in self._steps])
 
     @property
+    @derived("{change_unit}")
     def per_step(self) -> Float[np.ndarray, "parameter result"]:
         """Change of each result by a step of each number, in the units of `one_percent`."""
         return self._change(self.step)

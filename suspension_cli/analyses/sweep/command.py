@@ -13,7 +13,7 @@ from suspension_cli.errors import InputError, format_value
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.sweep.file import SweepResult
+    from suspension_cli.analyses.sweep.result import SweepResult
     from suspension_cli.studies.axes import Axis
 
 ALIKE = 0.4
@@ -31,7 +31,7 @@ class SweepAnalysis(Analysis):
     Returns
     -------
     Result
-        With the attributes of `analyses.sweep.file.SweepResult`: `axes`, `result`, `value`
+        With the attributes of `analyses.sweep.result.SweepResult`: `axes`, `result`, `value`
         (axis 1, axis 2, ..., results).
 
     Raises
@@ -50,6 +50,7 @@ class SweepAnalysis(Analysis):
     """
 
     name = "sweep"
+    result_type = "analyses.sweep.result.SweepResult"
     fills_file = True
     arguments = (options.DESIGN,)
     parameters = (
@@ -73,8 +74,8 @@ class SweepAnalysis(Analysis):
         """Compute all points of the grid, then follow the modes."""
         from suspension_cli.analyses import model_choice, sweeping
         from suspension_cli.analyses.check import warnings
-        from suspension_cli.analyses.sweep import file as stored
         from suspension_cli.analyses.sweep import model_error
+        from suspension_cli.analyses.sweep import result as results
         from suspension_cli.analyses.sweep.solve import ParameterSweep
         from suspension_cli.linear import eigenmodes, named_results, signals
         from suspension_cli.models import registry
@@ -120,8 +121,8 @@ class SweepAnalysis(Analysis):
             self,
             job,
             choice,
-            lambda group: stored.fill(group, job, model),
-            lambda part: stored.complete(part, job),
+            results.describe(job, model),
+            lambda part: results.complete(part, job),
         )
         found: SweepResult = result.data
         for reason, count in found.failures.items():

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from suspension_cli.analyses.sweep.file import SweepResult
+from suspension_cli.analyses.sweep.result import SweepResult
 from suspension_cli.files.hdf5 import Stored
 
 NEAR, NEAR_MIXED = 0.05, 0.5

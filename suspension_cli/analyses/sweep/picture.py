@@ -15,7 +15,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator
 
 from suspension_cli.analyses.sweep.crossing_shapes import Shapes, Strip
 from suspension_cli.analyses.sweep.crossings import Crossing
-from suspension_cli.analyses.sweep.file import SweepResult
+from suspension_cli.analyses.sweep.result import SweepResult
 from suspension_cli.conventions import DOFS
 from suspension_cli.drawing import labels, panels, scales
 from suspension_cli.drawing.canvas import full_canvas

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspension_cli.files.declared import common_unit
 from suspension_cli.linear import batch_modes, eigenmodes
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.named_results import Mode, Ratio, Scalar
@@ -43,7 +44,7 @@ class ParameterSweep(Product):
     def columns(self) -> tuple[Column, ...]:
         """Datasets of the file: results, status, and modes and responses before tracking.
 
-        `value`, `rank` and `overlap` are filled in by `file.complete`.
+        `value`, `rank` and `overlap` are filled in by `result.complete`.
         """
         count = len(self.nominal.omega_squared)
         found = [
@@ -51,7 +52,7 @@ class ParameterSweep(Product):
                 "value",
                 "f8",
                 (len(self.results),),
-                "SI, see result_unit; Hz for modes",
+                common_unit((item.unit for item in self.results), "unit"),
                 ("result",),
             ),
             Column("status", "u1", (), "1"),
@@ -62,7 +63,7 @@ class ParameterSweep(Product):
                     "response",
                     "c16",
                     (len(self.ratios),),
-                    "SI, see result_unit",
+                    common_unit((item.unit for item in self.ratios), "response_unit"),
                     ("response_name",),
                 )
             )

@@ -24,7 +24,7 @@ from suspension_cli.grids import decade_points, parse_frequencies
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.thermal.solve import Thermal
+    from suspension_cli.analyses.thermal.solve import Noises, Thermal
     from suspension_cli.design.reader import Source
     from suspension_cli.linear.signals import Signal
     from suspension_cli.models.registry import Choice
@@ -63,6 +63,7 @@ class ThermalAnalysis(Analysis):
     """
 
     name = "thermal"
+    result_type = "analyses.thermal.solve.Noises"
     arguments = (options.DESIGN,)
     parameters = (
         options.signals("output", options.MOTIONS, "x of the mirror"),
@@ -91,6 +92,16 @@ class ThermalAnalysis(Analysis):
         warnings.warn_of_tables(run.design, noises[0].frequency, run.log)
         extra = {"without_loss": [part.part for part in lossless]}
         return Result(self, run.source, choice, noises, extra, command=run.command)
+
+    def record(self, data: list[Thermal]) -> Noises:
+        """Combine the noises."""
+        from suspension_cli.analyses.thermal.solve import Noises
+
+        return Noises.of(data)
+
+    def data(self, record: Noises) -> list[Thermal]:
+        """List the noise of each output."""
+        return record.each()
 
     def document(self, result: Result) -> Document:
         """Return the noise of one output flat, that of several in a list."""

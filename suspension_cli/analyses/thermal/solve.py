@@ -13,13 +13,14 @@ Z^-1 r, in contrast, loses the digits of a high Q.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.conventions import BOLTZMANN, DOFS
 from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.files.declared import along, derived, in_unit
 from suspension_cli.linear import signals
 from suspension_cli.linear.frequency_terms import quadratic_form
 from suspension_cli.linear.pencil import EvaluatedBlock, Pencil
@@ -73,6 +74,59 @@ class Thermal:
     def parts(self) -> dict[str, Float[np.ndarray, " frequency"]]:
         """Amplitude spectral density by source, unit/sqrt(Hz)."""
         return {name: np.sqrt(row) for name, row in zip(self.source, self.density, strict=True)}
+
+
+@dataclass(frozen=True)
+class Noises:
+    """Thermal noise of several motions, as it is stored.
+
+    Attributes
+    ----------
+    tilt
+        As in `Thermal`.
+    contribution
+        Amplitude spectral density by source, 0 where a source does not contribute.
+    """
+
+    frequency: Float[np.ndarray, " frequency"] = field(metadata=in_unit("Hz"))
+    output: tuple[str, ...]
+    source: tuple[str, ...]
+    unit: tuple[str, ...] = field(metadata=along("output"))
+    tilt: tuple[float, ...] = field(metadata=in_unit("rad", "output"))
+    contribution: Float[np.ndarray, "frequency output source"] = field(
+        metadata=in_unit("{unit}/Hz^0.5")
+    )
+
+    @property
+    @derived("{unit}/Hz^0.5")
+    def amplitude(self) -> Float[np.ndarray, "frequency output"]:
+        """Amplitude spectral density of the sum."""
+        return np.sqrt((self.contribution**2).sum(-1))
+
+    @staticmethod
+    def of(noises: list[Thermal]) -> Noises:
+        """Combine the noises of several motions at the same frequencies."""
+        source = tuple(dict.fromkeys(name for noise in noises for name in noise.source))
+        parts = np.zeros((len(noises[0].frequency), len(noises), len(source)))
+        for n, noise in enumerate(noises):
+            parts[:, n, [source.index(name) for name in noise.source]] = np.sqrt(noise.density).T
+        names, units, tilts = zip(
+            *((one.output, one.unit, one.tilt) for one in noises), strict=True
+        )
+        return Noises(noises[0].frequency, names, source, units, tilts, parts)
+
+    def each(self) -> list[Thermal]:
+        """List the noise of each motion."""
+        found = []
+        for n, (output, unit, tilt) in enumerate(
+            zip(self.output, self.unit, self.tilt, strict=True)
+        ):
+            parts = zip(self.source, self.contribution[:, n].T, strict=True)
+            densities = {name: part**2 for name, part in parts if part.any()}
+            order = sort_sources(densities)
+            density = np.array([densities[name] for name in order])
+            found.append(Thermal(self.frequency, output, unit, tuple(order), density, tilt))
+        return found
 
 
 def solve(

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from suspension_cli.analyses.tolerance.solve import RandomBuilds
     from suspension_cli.analyses.tolerance.statistics import Summary
     from suspension_cli.design.schema import Design
-    from suspension_cli.files.hdf5 import Stored
     from suspension_cli.linear.eigenmodes import Modes
 
 
@@ -117,11 +116,11 @@ class ToleranceAnalysis(Analysis):
     def solve(self, run: Run) -> Result:
         """Compute all builds, then their statistics."""
         from suspension_cli.analyses import model_choice, sweeping
-        from suspension_cli.analyses.tolerance import file as stored
-        from suspension_cli.analyses.tolerance import model_error, quantities
+        from suspension_cli.analyses.tolerance import model_error, quantities, summary
         from suspension_cli.analyses.tolerance.solve import RandomBuilds
         from suspension_cli.analyses.xcouple.request import parse_request
         from suspension_cli.design.derive import mirror
+        from suspension_cli.files.declared import pack
         from suspension_cli.models import registry
 
         setting, source = run.setting, run.source
@@ -156,13 +155,13 @@ class ToleranceAnalysis(Analysis):
             self,
             job,
             choice,
-            lambda group: stored.fill(group, job, limit),
-            lambda part: stored.complete(part, job, limit),
+            pack(summary.record(job, limit)),
+            lambda part: summary.complete(part, job, limit),
         )
-        summary: Summary = result.data
-        for reason, count in summary.failures.items():
+        found: Summary = result.data
+        for reason, count in found.failures.items():
             run.log.warn(
-                f"{count} of {summary.builds} builds failed: {reason}; they meet no requirement"
+                f"{count} of {found.builds} builds failed: {reason}; they meet no requirement"
             )
         return result
 
@@ -190,11 +189,10 @@ class ToleranceAnalysis(Analysis):
 
     def load(self, file: h5py.File) -> Summary:
         """Read the statistics of the group `tolerance`."""
-        from suspension_cli.analyses.tolerance import file as stored
+        from suspension_cli.analyses.tolerance import summary
 
-        group: Stored = file["tolerance"]
-        job = stored.reconstruct_job(group, str(file.attrs["design"]), str(file.attrs["fidelity"]))
-        return stored.summarise_group(group, job, float(group.attrs["limit"]))
+        text, level = str(file.attrs["design"]), str(file.attrs["fidelity"])
+        return summary.load(file["tolerance"], text, level)
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw required quantities, causes, and other quantities that vary."""

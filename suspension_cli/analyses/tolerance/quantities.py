@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 COUPLING = "coupling"
 """Name of the cross-coupling of the analysis."""
 STATIC = ("x", "y", "height", "roll", "pitch", "yaw")
+"""Coordinates of the static pose of a body."""
+STATIC_UNITS = ("m", "m", "m", "rad", "rad", "rad")
 """Names of static displacements and rotations, in the order of a body's coordinates."""
 SYNTAX = "write 'QUANTITY in LEAST:LARGEST', 'QUANTITY < LIMIT' or 'QUANTITY > LIMIT', in SI units"
 

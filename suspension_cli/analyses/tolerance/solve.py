@@ -14,6 +14,7 @@ import numpy as np
 from suspension_cli.analyses.sweep.solve import evaluate_ratio
 from suspension_cli.analyses.tolerance.quantities import Names, Requirement
 from suspension_cli.analyses.xcouple.solve import CouplingRequest, couplings, quotient_unit
+from suspension_cli.files.declared import common_unit
 from suspension_cli.linear import batch_modes, eigenmodes, signals
 from suspension_cli.linear.mode_pairing import pair_by_overlap
 from suspension_cli.linear.named_results import Ratio
@@ -90,12 +91,13 @@ class RandomBuilds(Job):
         """Datasets of the file."""
         ratio = quotient_unit(self.question.over, self.question.under)
         bodies, named = len(self.scene.bodies.name), len(self.ratios)
-        response = Column("response", "c16", (named,), "SI, see response_unit", ("response_name",))
+        unit = common_unit((one.unit for one in self.ratios), "response_unit")
+        response = Column("response", "c16", (named,), unit, ("response_name",))
         return (
             Column("build", "u4", (), "1"),
             Column("frequency", "f8", (len(self.nominal.omega_squared),), "Hz", ("mode",)),
             Column("ratio", "c16", (len(self.question.frequency),), ratio, ("coupling_frequency",)),
-            Column("static", "f8", (bodies, 6), "m; rad for rotations", ("stage", "static_dof")),
+            Column("static", "f8", (bodies, 6), "{static_unit}", ("stage", "static_dof")),
             *((response,) if named else ()),
             Column("residual", "f8", (), "1"),
             Column("status", "u1", (), "1"),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings
+from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, table
 from suspension_cli.analyses.options import option
 
 if TYPE_CHECKING:
@@ -47,6 +47,7 @@ class TradeoffAnalysis(Analysis):
     """
 
     name = "tradeoff"
+    result_type = "analyses.tradeoff.result.Tradeoff"
     has_model = False
     arguments = (options.DESIGN,)
     parameters = (
@@ -87,16 +88,7 @@ class TradeoffAnalysis(Analysis):
                 "reference": answer.reference or None,
                 "best": answer.best and answer.best.model,
                 "advice": answer.advice,
-                "models": [
-                    {
-                        "model": entry.model,
-                        "time_s": entry.time,
-                        "error": entry.error,
-                        "where": entry.where,
-                        "left_out": entry.left_out,
-                    }
-                    for entry in answer.entries
-                ],
+                "models": table(answer.entries, "model time_s=time error where left_out"),
             }
             for answer in found.answers
         ]

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import groupby
 
+from suspension_cli.files.declared import INLINE, along, in_unit
 from suspension_cli.models.choice import TOLERANCE, percent
 
 WORTHWHILE = 1.2
@@ -25,7 +26,7 @@ class Entry:
     quantity: str
     question: str
     model: str
-    time: float
+    time: float = field(metadata=in_unit("s"))
     error: float
     where: str
     left_out: str
@@ -90,7 +91,7 @@ class Answer:
 class Tradeoff:
     """Times and errors of all models for all questions about a design."""
 
-    entries: tuple[Entry, ...]
+    entries: tuple[Entry, ...] = field(metadata=along("entry") | INLINE)
 
     @cached_property
     def answers(self) -> list[Answer]:

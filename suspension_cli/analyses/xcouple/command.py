@@ -15,11 +15,9 @@ from suspension_cli.conventions import DOFS
 from suspension_cli.errors import InputError, format_value
 
 if TYPE_CHECKING:
-    from types import ModuleType
-
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.xcouple.file import Coupling
+    from suspension_cli.analyses.xcouple.result import Coupling
     from suspension_cli.analyses.xcouple.solve import CouplingRequest
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.response import Response
@@ -61,6 +59,7 @@ class CouplingAnalysis(Analysis):
     """
 
     name = "xcouple"
+    result_type = "analyses.xcouple.result.Coupling"
     fills_file = True
     arguments = (options.DESIGN,)
     parameters = (
@@ -118,8 +117,8 @@ class CouplingAnalysis(Analysis):
 
     def _sweep(self, run: Run, requested: CouplingRequest) -> Result:
         from suspension_cli.analyses import model_choice, sweeping
-        from suspension_cli.analyses.xcouple import file as stored
         from suspension_cli.analyses.xcouple import model_error
+        from suspension_cli.analyses.xcouple import result as results
         from suspension_cli.analyses.xcouple.solve import Sweep
         from suspension_cli.models import registry
 
@@ -137,7 +136,7 @@ class CouplingAnalysis(Analysis):
         )
         model_choice.stable_system(run.source, choice, unstable, run.log, bends=True)
         job = dataclasses.replace(job, level=choice.level)
-        result = sweeping.fill(run, self, job, choice, lambda group: stored.fill(group, job))
+        result = sweeping.fill(run, self, job, choice, results.describe(job))
         found: Coupling = result.data
         failed = found.failures.items()
         if failed:
@@ -206,6 +205,7 @@ class MatrixAnalysis(Analysis):
     """Coupling of every motion of the support to every motion of one body."""
 
     name = "matrix"
+    result_type = "linear.response.Response"
 
     @property
     def command_name(self) -> str:
@@ -268,12 +268,6 @@ class MatrixAnalysis(Analysis):
                 tables.render({"": "", **dict.fromkeys(DOFS, ".3e")}, rows),
             ]
         return "\n".join(lines)
-
-    def _stored(self) -> ModuleType:
-        """Import the file of responses, of which the matrix is one."""
-        from suspension_cli.analyses.response import file
-
-        return file
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw the table."""

@@ -9,10 +9,16 @@ import numpy as np
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from suspension_cli.analyses.xcouple.file import Coupling
+from suspension_cli.analyses.xcouple.result import Coupling
 from suspension_cli.drawing import curves, panels
 from suspension_cli.drawing.panels import Across, Line, Panel, Rule
-from suspension_cli.drawing.style import PALETTE, RED, LineLook, format_raised, single_line
+from suspension_cli.drawing.style import (
+    PALETTE,
+    RED,
+    LineLook,
+    format_raised,
+    single_line,
+)
 from suspension_cli.studies.axes import Axis
 
 if TYPE_CHECKING:

@@ -182,12 +182,12 @@ def test_text_pictures_and_stored_comparison(folder, tmp_path):
     stem = "double-and-b-and-1-more-compare"
     names = {path.name for path in tmp_path.iterdir()}
     assert {f"{stem}.h5", f"{stem}.svg", f"{stem}-test.x-support.x.svg"} <= names
-    ratios = (tmp_path / f"{stem}-overlay_1-curve_2-ratio_frequency.csv").read_text()
+    ratios = (tmp_path / f"{stem}-overlay-1-curves-2-ratio_frequency.csv").read_text()
     assert ratios.startswith("ratio_frequency (Hz),ratio real (1),ratio imag (1)\n0.3,")
     again = sus.load(tmp_path / f"{stem}.h5")
     assert str(again) == done.stdout.rstrip("\n")
     with h5py.File(tmp_path / f"{stem}.h5") as file:
-        for name in ("design_changes/before", "overlay_1/curve_2/value", "overlay_1/curve_2/ratio"):
+        for name in ("changes/before", "overlay/1/curves/2/value", "overlay/1/curves/2/ratio"):
             data = file[f"compare/{name}"]
             assert [len(scale[0]) for scale in data.dims] == [*data.shape]
 

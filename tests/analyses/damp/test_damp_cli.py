@@ -6,8 +6,8 @@ import h5py
 import numpy as np
 import pytest
 
+import suspension_cli as sus
 from suspension_cli.analyses.damp import control, control_statespace
-from suspension_cli.analyses.damp import file as files
 from suspension_cli.design import foton
 from suspension_cli.files.hdf5 import open_results
 from suspension_cli.linear import poles
@@ -57,12 +57,8 @@ def done(tmp_path_factory):
         "force",
     )
     assert result.exit_code == 0, result.stderr
-    with open_results(folder / "out" / "triple-damp.h5") as results:
-        return (
-            strict_json(result.stdout),
-            files.load(results["damp"]),
-            folder / "out" / "triple-damp.h5",
-        )
+    path = folder / "out" / "triple-damp.h5"
+    return strict_json(result.stdout), sus.load(path).data, path
 
 
 def test_json(done):
@@ -118,7 +114,7 @@ def test_noise_adds_in_quadrature(done):
 
 
 def test_results_hold_the_run(done):
-    _, loaded, path = done
+    _, loaded, _ = done
     assert loaded.stable
     assert loaded.loop == tuple(f"loop-{dof}" for dof in DAMPERS)
     assert len(loaded.open.value) == 18
@@ -127,17 +123,6 @@ def test_results_hold_the_run(done):
     assert loaded.time[[0, -1]].tolist() == [0.0, 20.0]
     assert np.abs(loaded.impulse[-200:]).max() < 0.6 * np.abs(loaded.impulse).max()
     assert np.abs(loaded.undamped[-800:]).max() > 0.5 * np.abs(loaded.undamped).max()
-    with h5py.File(path) as file:
-        group = file["damp"]
-        assert group.attrs["stable"]
-        for name, axes in (
-            ("impulse", ["time"]),
-            ("noise", ["frequency", "loop"]),
-            ("loop_gain", ["frequency", "loop"]),
-            ("gain_up", ["loop"]),
-        ):
-            assert [axis.label for axis in group[name].dims] == axes
-        assert all(dataset.attrs["units"] for dataset in group.values())
 
 
 def test_results_are_those_of_the_library(done):

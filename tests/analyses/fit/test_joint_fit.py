@@ -200,7 +200,7 @@ def test_the_command(tmp_path):
             reader.parse(text).materials["steel302"].youngs_modulus
             for text in file["fit/fitted_design"].asstr()
         ] == [answer["parameters"][0]["value"]] * 2
-        assert file["fit/measured_in"][:].tolist() == [0, 1]
+        assert file["fit/of"][:].tolist() == [0, 1]
     before = (out / "both-fit.png").read_bytes()
     assert run("plot", out / "both-fit.h5").exit_code == 0
     assert (out / "both-fit.png").read_bytes() == before

@@ -212,9 +212,10 @@ def test_a_rubbing_wire():
     ]
     found = fit.solve([DOUBLE], Measured(parameter=free), (), functions, explain=False)
     assert found.responses is not None and not found.misfit
-    names = [name for name, _, _ in found.responses.stiffened]
+    names = [one.label for one in found.responses.stiffened]
     assert sorted(names) == ["upper longitudinal", "upper pitch"]
-    for _, excess, q in found.responses.stiffened:
+    for one in found.responses.stiffened:
+        excess, q = one.excess, one.q
         assert excess == pytest.approx(np.sqrt(1.08) - 1, rel=0.1)
         assert q == pytest.approx(20, rel=0.1)
     assert abs(found.value[0] - 2.5e-3) < 4 * found.sigma[0]

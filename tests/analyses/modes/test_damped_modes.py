@@ -9,10 +9,9 @@ import mpmath
 import numpy as np
 import pytest
 
-from suspension_cli.analyses.modes import file as stored
+import suspension_cli as sus
 from suspension_cli.analyses.modes import wire_modes
 from suspension_cli.design.reader import template
-from suspension_cli.files.hdf5 import open_results
 from suspension_cli.linear import damped, eigenmodes
 from suspension_cli.models import registry
 from tests.support import scenes
@@ -415,8 +414,7 @@ def test_the_command_lists_overdamped_modes(tmp_path):
         mode["frequency_hz"] for mode in answer["modes"] if mode["frequency_hz"] is not None
     ]
     assert frequency == sorted(frequency)
-    with open_results(tmp_path / "pair-modes.h5") as results:
-        found = stored.load(results["modes"])
+    found = sus.load(tmp_path / "pair-modes.h5").data
     assert found.overdamped.sum() == 2
     assert found.decay_rate[found.overdamped].tolist() == [
         mode["decay_rate_per_s"] for mode in over

@@ -142,7 +142,7 @@ def test_command(tmp_path):
     with h5py.File(tmp_path / "triple-response.h5") as file:
         group = file["response/measured/2"]
         assert group.attrs["name"] == "pitch" and group["value"].shape == (160,)
-        assert group["model"].dims[0].label == "frequency"
+        assert group["predicted"].dims[0].label == "frequency"
     again = sus.load(tmp_path / "triple-response.h5")
     assert json.dumps(again.document()["measured"]) == json.dumps(answer["measured"])
     assert len(again.plot(scale="absolute").axes) == 4

@@ -5,15 +5,12 @@ from __future__ import annotations
 
 import tomllib
 
-import h5py
 import numpy as np
 import pytest
 
 import suspension_cli as sus
-from suspension_cli.analyses.sweep import file as files
 from suspension_cli.analyses.sweep import solve as sweep
 from suspension_cli.design import reader
-from suspension_cli.files.hdf5 import open_results
 from suspension_cli.linear import batch_modes, eigenmodes, named_results, response, signals
 from suspension_cli.models import closed_form, registry
 from suspension_cli.studies import mode_tracking, variants
@@ -387,8 +384,7 @@ def test_a_mode_that_comes_to_nothing_does_not_hide_the_others(tmp_path):
     ):
         options = options if scale == "log" else ("--vary", "stage.upper.wires.l=0.1:2:4", *options)
         swept(CONFIGS / "double.toml", tmp_path, *options)
-        with h5py.File(tmp_path / "double-sweep.h5") as file:
-            (axes,) = picture.draw(files.load(file["sweep"]), "").axes
+        (axes,) = picture.draw(sus.load(tmp_path / "double-sweep.h5").data, "").axes
         assert axes.get_yscale() == scale and axes.get_xlabel().endswith(" (mm)")
 
 
@@ -464,8 +460,8 @@ def test_defaults_come_from_the_design(tmp_path):
     answer = swept(file, tmp_path)
     assert [item["name"] for item in answer["results"]] == ["test yaw", "test pitch"]
     assert answer["axes"] == [{"name": "stage.test.wires.s", "values": [0.01, 0.02]}]
-    with open_results(tmp_path / f"{raw['design']['name']}-sweep.h5") as file:
-        assert files.load(file["sweep"]).result == ("test yaw", "test pitch")
+    found = sus.load(tmp_path / f"{raw['design']['name']}-sweep.h5")
+    assert found.result == ("test yaw", "test pitch")
 
 
 GOOD = ("--vary", "stage.test.wires.s=0.01:0.02:3")

@@ -99,46 +99,6 @@ def test_the_summary_is_that_of_the_file(tmp_path):
     )
 
 
-def test_every_dataset_has_units_and_scales(tmp_path):
-    tolerance(TRIPLE, tmp_path, "--frequency", "10,50", builds=10)
-    with h5py.File(tmp_path / "triple-tolerance-tolerance.h5") as stored:
-        group = stored["tolerance"]
-        assert group["build"][:].tolist() == list(range(10))
-        shapes = {
-            "frequency": ("build", "mode"),
-            "ratio": ("build", "coupling_frequency"),
-            "factor_unit": ("factor",),
-            "mode_label": ("mode",),
-        }
-        shapes |= dict.fromkeys(("residual", "status", "slack_wire"), ("build",)) | {
-            "nominal_frequency": ("mode",),
-            "factor_group": ("factor",),
-            "static": ("build", "stage", "static_dof"),
-            "static_quantiles": ("stage", "static_dof", "quantile"),
-        }
-        of_stage = ("static_mean", "static_mean_error", "static_std")
-        shapes |= dict.fromkeys(of_stage, ("stage", "static_dof"))
-        shapes |= {"yield": ("requirement",), "yield_interval": ("requirement", "interval")}
-        scales = {
-            "requirement",
-            "interval",
-            "build",
-            "mode",
-            "factor",
-            "coupling_frequency",
-            "stage",
-            "static_dof",
-        }
-        assert set(group) == {*shapes, *scales, "quantile"}
-        for name, axes in shapes.items():
-            assert [axis[0].name for axis in group[name].dims] == [
-                f"/tolerance/{axis}" for axis in axes
-            ]
-            assert [axis.label for axis in group[name].dims] == list(axes)
-        assert all(values.attrs["units"] for values in group.values())
-        assert group["ratio"].shape == (10, 2)
-
-
 def test_one_factor_explains_everything(tmp_path):
     file = scattered(tmp_path, wire=[{"wire": "test.1", "length": {"uniform": 1e-5}}])
     answer = tolerance(file, tmp_path, "--seed", "3")

@@ -1,7 +1,8 @@
-"""The group `tolerance` of a results file."""
+"""What a results file of random builds holds, and the statistics of its builds."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ import numpy as np
 from suspension_cli.analyses.sweep.solve import count_failures
 from suspension_cli.analyses.tolerance.quantities import (
     STATIC,
+    STATIC_UNITS,
     Quantity,
     Requirement,
     parse,
@@ -30,7 +32,16 @@ from suspension_cli.analyses.tolerance.statistics import (
 from suspension_cli.analyses.xcouple.solve import CouplingRequest
 from suspension_cli.conventions import FRAME, GROUND, SUPPORT
 from suspension_cli.design.reader import parse as parse_design
-from suspension_cli.files.hdf5 import Stored, add_dataset, add_scale
+from suspension_cli.files.declared import (
+    ATTRIBUTE,
+    Contents,
+    along,
+    derived,
+    in_unit,
+    pack,
+    unpack,
+)
+from suspension_cli.files.hdf5 import Stored, read_contents, write_contents
 from suspension_cli.linear import signals
 from suspension_cli.linear.named_results import Ratio
 from suspension_cli.studies import builds
@@ -43,56 +54,120 @@ from suspension_cli.studies.sample_points import SOBOL, SamplePoints
 from suspension_cli.studies.sobol_indices import SobolIndices, sobol_indices
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Int
+    from jaxtyping import Bool, Float, Int
 
+STATICS = in_unit("{static_unit}")
 MAX_POINTS = 4000
 """Most builds, and points of the cumulative curve, in figures."""
 
 
-def fill(group: h5py.Group, job: RandomBuilds, limit: float) -> None:
-    """Write names and numbers that vary, and empty datasets for statistics."""
-    nominal = job.nominal
-    mode = add_scale(group, "mode", np.arange(1, len(nominal.omega_squared) + 1), "1")
-    add_dataset(group, "mode_label", nominal.label, "name", mode)
-    add_dataset(group, "nominal_frequency", nominal.frequency, "Hz", mode)
-    factor = add_scale(group, "factor", [f.label for f in job.factors], "name")
-    add_dataset(group, "factor_unit", [f.unit for f in job.factors], "name", factor)
-    add_dataset(group, "factor_group", [f.group for f in job.factors], "name", factor)
-    add_scale(group, "coupling_frequency", np.array(job.question.frequency), "Hz")
-    stage = add_scale(group, "stage", list(job.scene.bodies.name), "name")
-    dof = add_scale(group, "static_dof", list(STATIC), "name")
-    quantile = add_scale(group, "quantile", np.array(QUANTILES), "1")
-    if job.ratios:
-        name = add_scale(group, "response_name", [one.text for one in job.ratios], "name")
-        add_dataset(group, "response_unit", [one.unit for one in job.ratios], "name", name)
-    unit = "m; rad for rotations"
-    for name in ("static_mean", "static_mean_error", "static_std"):
-        _add_empty(group, name, unit, stage, dof)
-    _add_empty(group, "static_quantiles", unit, stage, dof, quantile)
-    if job.requirements:
-        texts = [item.text for item in job.requirements]
-        required = add_scale(group, "requirement", texts, "name")
-        end = add_scale(group, "interval", ["low", "high"], "name")
-        _add_empty(group, "yield", "1", required)
-        _add_empty(group, "yield_interval", "1", required, end)
-    if job.with_indices:
-        tolerance = add_scale(group, "group", list(job.groups), "name")
-        result = add_scale(group, "result", [one.name for one in indexed(job)], "name")
-        for name in ("first", "total", "first_error", "total_error"):
-            _add_empty(group, f"sobol_{name}", "1", tolerance, result)
-    # as text, since not every HDF5 tool can read seeds up to 2^64 - 1 as numbers
-    group.attrs["seed"] = str(job.seed)
-    group.attrs["limit"] = limit
-    group.attrs["sampling"] = job.method
-    group.attrs["sobol_indices"] = job.with_indices
-    group.attrs["status_meaning"] = list(builds.STATUS)
-    for name in ("input", "over", "under"):
-        group.attrs[name] = getattr(job.question, name).text
+@dataclass(frozen=True)
+class Recorded:
+    """What a results file has besides the builds; statistics are None until all builds are done.
+
+    Attributes
+    ----------
+    factor, factor_unit, factor_group
+        Numbers that vary, their units, and the tolerances that they belong to.
+    seed
+        As text, since not every HDF5 tool can read seeds up to 2^64 - 1 as numbers.
+    static_mean, static_mean_error, static_std, static_quantiles
+        Mean, its standard error, standard deviation and quantiles of the static pose.
+    yields, yield_interval, yield_of_all, yield_of_all_interval
+        Fraction of builds that meet each requirement, or all, and confidence intervals.
+    group, result, sobol
+        Tolerances and results with Sobol indices, and these.
+    """
+
+    mode_label: tuple[str, ...] = field(metadata=along("mode"))
+    nominal_frequency: Float[np.ndarray, " mode"] = field(metadata=in_unit("Hz"))
+    factor: tuple[str, ...]
+    factor_unit: tuple[str, ...] = field(metadata=along("factor"))
+    factor_group: tuple[str, ...] = field(metadata=along("factor"))
+    coupling_frequency: Float[np.ndarray, " coupling_frequency"] = field(metadata=in_unit("Hz"))
+    stage: tuple[str, ...]
+    input: str
+    over: str
+    under: str
+    seed: str
+    limit: float
+    sampling: str
+    sobol_indices: bool
+    response_name: tuple[str, ...] | None = None
+    response_unit: tuple[str, ...] | None = field(default=None, metadata=along("response_name"))
+    requirement: tuple[str, ...] | None = None
+    group: tuple[str, ...] | None = None
+    result: tuple[str, ...] | None = None
+    static_mean: Float[np.ndarray, "stage static_dof"] | None = field(
+        default=None, metadata=STATICS
+    )
+    static_mean_error: Float[np.ndarray, "stage static_dof"] | None = field(
+        default=None, metadata=STATICS
+    )
+    static_std: Float[np.ndarray, "stage static_dof"] | None = field(default=None, metadata=STATICS)
+    static_quantiles: Float[np.ndarray, "stage static_dof quantile"] | None = field(
+        default=None, metadata=STATICS
+    )
+    yields: tuple[float, ...] | None = field(
+        default=None, metadata=in_unit("1", "requirement", "yield")
+    )
+    yield_interval: tuple[tuple[float, float], ...] | None = field(
+        default=None, metadata=in_unit("1", "requirement interval")
+    )
+    yield_of_all: float | None = None
+    yield_of_all_interval: tuple[float, float] | None = None
+    sobol: SobolIndices | None = None
+    status_meaning: tuple[str, ...] = field(default=builds.STATUS, metadata=ATTRIBUTE)
+
+    @property
+    @derived()
+    def static_dof(self) -> tuple[str, ...]:
+        """Coordinates of the static pose."""
+        return STATIC
+
+    @property
+    @derived(along="static_dof")
+    def static_unit(self) -> tuple[str, ...]:
+        """Unit of each coordinate of the static pose."""
+        return STATIC_UNITS
+
+    @property
+    @derived()
+    def interval(self) -> tuple[str, ...]:
+        """Ends of a confidence interval."""
+        return "low", "high"
+
+    @property
+    @derived()
+    def quantile(self) -> Float[np.ndarray, " quantile"]:
+        """Fractions of the builds."""
+        return np.array(QUANTILES)
 
 
-def _add_empty(group: h5py.Group, name: str, units: str, *axes: h5py.Dataset) -> None:
-    """Add a dataset of NaN that `complete` fills."""
-    add_dataset(group, name, np.full([axis.size or 0 for axis in axes], np.nan), units, *axes)
+def record(job: RandomBuilds, limit: float) -> Recorded:
+    """Return the names and numbers that vary."""
+    question, factors = job.question, job.factors
+    return Recorded(
+        mode_label=tuple(job.nominal.label),
+        nominal_frequency=job.nominal.frequency,
+        factor=tuple(one.label for one in factors),
+        factor_unit=tuple(one.unit for one in factors),
+        factor_group=tuple(one.group for one in factors),
+        coupling_frequency=np.array(question.frequency),
+        stage=tuple(job.scene.bodies.name),
+        input=question.input.text,
+        over=question.over.text,
+        under=question.under.text,
+        seed=str(job.seed),
+        limit=limit,
+        sampling=job.method,
+        sobol_indices=job.with_indices,
+        response_name=tuple(one.text for one in job.ratios) or None,
+        response_unit=tuple(one.unit for one in job.ratios) or None,
+        requirement=tuple(item.text for item in job.requirements) or None,
+        group=tuple(job.groups) if job.with_indices else None,
+        result=tuple(one.name for one in indexed(job)) if job.with_indices else None,
+    )
 
 
 def complete(path: Path, job: RandomBuilds, limit: float) -> None:
@@ -100,20 +175,28 @@ def complete(path: Path, job: RandomBuilds, limit: float) -> None:
     with h5py.File(path, "r+", locking=False) as file:
         group: Stored = file["tolerance"]
         found = summarise_group(group, job, limit, ranked=0)
-        shape = (len(job.scene.bodies.name), len(STATIC))
-        static = found.static
-        group["static_mean"][...] = static.mean.reshape(shape)
-        group["static_mean_error"][...] = static.error.reshape(shape)
-        group["static_std"][...] = static.deviation.reshape(shape)
-        group["static_quantiles"][...] = static.quantiles.reshape(*shape, -1)
-        if found.joint is not None:
-            group["yield"][...] = [one.fraction for one in found.yields]
-            group["yield_interval"][...] = [(one.low, one.high) for one in found.yields]
-            group.attrs["yield_of_all"] = found.joint.fraction
-            group.attrs["yield_of_all_interval"] = (found.joint.low, found.joint.high)
-        if found.indices is not None:
-            for name, values in vars(found.indices).items():
-                group[f"sobol_{name}"][...] = values
+        known = record(job, limit)
+        shape, static = (len(known.stage), len(STATIC)), found.static
+        joint = found.joint
+        whole = replace(
+            known,
+            static_mean=static.mean.reshape(shape),
+            static_mean_error=static.error.reshape(shape),
+            static_std=static.deviation.reshape(shape),
+            static_quantiles=static.quantiles.reshape(*shape, -1),
+            sobol=found.indices,
+        )
+        if joint is not None:
+            whole = replace(
+                whole,
+                yields=tuple(one.fraction for one in found.yields),
+                yield_interval=tuple((one.low, one.high) for one in found.yields),
+                yield_of_all=joint.fraction,
+                yield_of_all_interval=(joint.low, joint.high),
+            )
+        contents = pack(whole)
+        new = {path: one for path, one in contents.variables.items() if path not in group}
+        write_contents(group, Contents(new, contents.attributes))
 
 
 def indexed(job: RandomBuilds) -> tuple[Quantity, ...]:
@@ -124,29 +207,30 @@ def indexed(job: RandomBuilds) -> tuple[Quantity, ...]:
     return tuple(dict.fromkeys((*names.every_mode(), coupling, *names.every_static(), *required)))
 
 
-def reconstruct_job(group: Stored, text: str, level: str) -> RandomBuilds:
-    """Reconstruct the job of a group from its design and the name of its model."""
+def load(group: Stored, text: str, level: str) -> Summary:
+    """Compute the statistics of a group, given its design and the name of its model."""
+    known = unpack(Recorded, read_contents(group))
+    return summarise_group(group, reconstruct_job(group, known, text, level), known.limit)
+
+
+def reconstruct_job(group: Stored, recorded: Recorded, text: str, level: str) -> RandomBuilds:
+    """Reconstruct the job of a group."""
     known = (SUPPORT, *(stage.name for stage in parse_design(text).stage), FRAME, GROUND)
     drive, over, under = (
-        signals.parse(str(group.attrs[name]), name, known) for name in ("input", "over", "under")
+        signals.parse(getattr(recorded, name), name, known) for name in ("input", "over", "under")
     )
-    question = CouplingRequest(
-        0, 1, "", drive, over, under, tuple(group["coupling_frequency"][:].tolist())
-    )
-    seed = int(group.attrs["seed"])
+    frequency = tuple(recorded.coupling_frequency.tolist())
     job = RandomBuilds(
         text,
         len(group["status"]),
-        seed,
-        question,
+        int(recorded.seed),
+        CouplingRequest(0, 1, "", drive, over, under, frequency),
         level=level,
-        method=str(group.attrs["sampling"]),
-        with_indices=bool(group.attrs["sobol_indices"]),
+        method=recorded.sampling,
+        with_indices=recorded.sobol_indices,
     )
-    if "requirement" not in group:
-        return job
     ratios: dict[Ratio, int] = {}
-    texts = group["requirement"].asstr()[:]
+    texts = recorded.requirement or ()
     return job.requiring(tuple(parse(text, job.names, ratios) for text in texts))
 
 

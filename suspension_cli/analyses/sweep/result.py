@@ -1,8 +1,8 @@
-"""The group `sweep` of a results file."""
+"""Result of a sweep of parameters."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,14 +18,22 @@ from suspension_cli.analyses.sweep.solve import (
     has_modes,
 )
 from suspension_cli.design.reader import parse
-from suspension_cli.files.hdf5 import Stored, add_dataset, add_scale
+from suspension_cli.files.declared import (
+    ATTRIBUTE,
+    AXES,
+    Contents,
+    along,
+    in_unit,
+    pack_fields,
+)
+from suspension_cli.files.hdf5 import Stored
 from suspension_cli.linear import signals
 from suspension_cli.linear.named_results import Mode, Ratio, Scalar, labels
 from suspension_cli.linear.response import solve
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.studies import mode_tracking
-from suspension_cli.studies.axes import Axis, scale_name
+from suspension_cli.studies.axes import Axis
 
 if TYPE_CHECKING:
     from jaxtyping import Float, Int
@@ -59,18 +67,29 @@ class SweepResult:
     overlap
         Smallest overlap of shapes by which a mode among the results was followed from one point to
         the next; 1 without modes.
+    mode, mode_number, coordinate
+        Labels of the nominal modes, numbers of the modes of each point, and coordinates of shapes;
+        None without modes.
+    response_name, response_unit
+        Responses and couplings among the results; None without these.
     """
 
-    axes: tuple[Axis, ...]
+    axes: tuple[Axis, ...] = field(metadata=AXES)
     drawn: tuple[float, ...]
     start: tuple[int, ...]
     result: tuple[str, ...]
-    unit: tuple[str, ...]
-    degree: tuple[str, ...]
-    nominal: Float[np.ndarray, " result"]
-    value: Float[np.ndarray, "*axes result"]
+    unit: tuple[str, ...] = field(metadata=along("result"))
+    degree: tuple[str, ...] = field(metadata=along("result"))
+    nominal: Float[np.ndarray, " result"] = field(metadata=in_unit("{unit}"))
+    value: Float[np.ndarray, "*axes result"] = field(metadata=in_unit("{unit}"))
     status: Int[np.ndarray, "*axes"]
     overlap: float
+    mode: tuple[str, ...] | None = None
+    mode_number: Int[np.ndarray, " mode_number"] | None = None
+    coordinate: tuple[str, ...] | None = None
+    response_name: tuple[str, ...] | None = None
+    response_unit: tuple[str, ...] | None = field(default=None, metadata=along("response_name"))
+    status_meaning: tuple[str, ...] = field(default=STATUS, metadata=ATTRIBUTE)
 
     @property
     def failures(self) -> dict[str, int]:
@@ -110,26 +129,27 @@ def nearest_point(job: ParameterSweep) -> tuple[int, ...]:
     )
 
 
-def fill(group: h5py.Group, job: ParameterSweep, model: LinearSystem) -> None:
-    """Write everything but the columns: axes, names and results of the nominal design."""
-    for axis in job.axes:
-        add_scale(group, scale_name(axis.name), np.array(axis.values), "SI, or its own")
-    result = add_scale(group, "result", [item.text for item in job.results], "name")
-    add_dataset(group, "result_unit", [item.unit for item in job.results], "name", result)
-    add_dataset(group, "result_home", [_home(job, item) for item in job.results], "name", result)
-    add_dataset(
-        group, "nominal", nominal_results(job, model), "SI, see result_unit; Hz for modes", result
-    )
+def describe(job: ParameterSweep, model: LinearSystem) -> Contents:
+    """Return what a results file has besides the columns: axes, names and nominal results."""
+    given = {
+        "axes": job.axes,
+        "drawn": nominal_parameters(job),
+        "start": nearest_point(job),
+        "result": tuple(item.text for item in job.results),
+        "unit": tuple(item.unit for item in job.results),
+        "degree": tuple(_home(job, item) for item in job.results),
+        "nominal": nominal_results(job, model),
+        "overlap": 1.0,
+        "status_meaning": STATUS,
+    }
     if job.ratios:
-        add_scale(group, "response_name", [item.text for item in job.ratios], "name")
+        given["response_name"] = tuple(item.text for item in job.ratios)
+        given["response_unit"] = tuple(item.unit for item in job.ratios)
     if len(job.ratios) < len(job.results):
-        add_scale(group, "mode", labels(job.nominal), "name")
-        add_scale(group, "mode_number", np.arange(1, len(job.nominal.omega_squared) + 1), "1")
-        add_scale(group, "coordinate", list(job.nominal.coordinate), "name")
-    group.attrs["axis_order"] = [axis.name for axis in job.axes]
-    group.attrs["drawn"] = nominal_parameters(job)
-    group.attrs["start"] = nearest_point(job)
-    group.attrs["status_meaning"] = list(STATUS)
+        given["mode"] = labels(job.nominal)
+        given["mode_number"] = np.arange(1, len(job.nominal.omega_squared) + 1)
+        given["coordinate"] = job.nominal.coordinate
+    return pack_fields(SweepResult, given)
 
 
 def _home(job: ParameterSweep, item: Scalar) -> str:
@@ -183,28 +203,10 @@ def complete(part: Path, job: ParameterSweep) -> None:
                 job.nominal_shape,
             )
             group["rank"][...], group["overlap"][...] = rank, overlap
+            names = {item.text for item in job.results}
+            tracked = [n for n, name in enumerate(labels(job.nominal)) if name in names]
+            least = float(np.fmin.reduce(overlap[..., tracked], axis=None))
+            group.attrs["overlap"] = 1.0 if np.isnan(least) else least
         group["value"][...] = evaluate_results(
             job.results, squared, rank, group["response"][:] if "response" in group else None
         )
-
-
-def load(group: Stored) -> SweepResult:
-    """Read a finished sweep from the group `sweep`."""
-    names = [str(name) for name in group.attrs["axis_order"]]
-    result = tuple(group["result"].asstr()[:])
-    overlap = 1.0
-    if "overlap" in group:
-        tracked = [n for n, name in enumerate(group["mode"].asstr()[:]) if name in result]
-        overlap = float(np.fmin.reduce(group["overlap"][:][..., tracked], axis=None))
-    return SweepResult(
-        axes=tuple(Axis(name, tuple(group[scale_name(name)][:].tolist())) for name in names),
-        drawn=tuple(float(value) for value in group.attrs["drawn"]),
-        start=tuple(int(value) for value in group.attrs["start"]),
-        result=result,
-        unit=tuple(group["result_unit"].asstr()[:]),
-        degree=tuple(group["result_home"].asstr()[:]),
-        nominal=group["nominal"][:],
-        value=group["value"][:],
-        status=group["status"][:],
-        overlap=1.0 if np.isnan(overlap) else overlap,
-    )
