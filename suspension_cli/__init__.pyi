@@ -519,7 +519,7 @@ def sweep(
     Returns
     -------
     Result
-        With the attributes of `analyses.sweep.file.SweepResult`: `axes`, `result`, `value`
+        With the attributes of `analyses.sweep.result.SweepResult`: `axes`, `result`, `value`
         (axis 1, axis 2, ..., results).
 
     Raises

@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from suspension_cli.analyses.sweep import file as files
+from suspension_cli.analyses.sweep.result import nearest_point
 from suspension_cli.analyses.sweep.solve import ParameterSweep, evaluate_results
 from suspension_cli.design.reader import read
 from suspension_cli.drawing.labels import label_ends, room_for
@@ -83,7 +83,7 @@ def follow_mode(text: str, path: str, value: Any, mode: str, level: str) -> Any:
         points["omega_squared"],
         points["shape"],
         points["status"] == 0,
-        files.nearest_point(job),
+        nearest_point(job),
         job.nominal_shape,
     )
     return evaluate_results(

@@ -278,7 +278,14 @@ class _Packing:
         if dims[0].startswith("*"):
             dims = (*self.units[dims[0]], *dims[1:])
         data = np.asarray(value, dtype=str if item.leaf is str else None)
-        self._variable(item, dims, data if data.size else data.reshape(_shape(data, dims)))
+        if data.ndim < len(dims):  # tuples without elements do not tell their shape
+            data = data.reshape([self._size(dim) for dim in dims])
+        self._variable(item, dims, data)
+
+    def _size(self, dim: str) -> int:
+        """Length of a dimension so far; 0 if it is not known."""
+        scale = self.contents.variables.get(self.scales.get(dim, ""))
+        return 0 if scale is None else len(scale.data)
 
     def _add_axes(self, item: _Item, value: Any) -> None:
         self.contents.attributes[self.prefix + item.key] = [axis.name for axis in value]
@@ -446,11 +453,6 @@ def _plain(path: str, kind: type, value: Any) -> Any:
     if not isinstance(value, known[kind]):
         raise ValueError(f"{path} is not of type {kind.__name__}")
     return kind(value)
-
-
-def _shape(data: np.ndarray, dims: tuple[str, ...]) -> tuple[int, ...]:
-    """Shape of an array without elements, which tuples do not tell."""
-    return data.shape if data.ndim == len(dims) else (0,) * len(dims)
 
 
 def _tuples(values: Any) -> Any:

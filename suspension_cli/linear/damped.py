@@ -305,13 +305,14 @@ def refine_decays(
     lost, elastic = quality.dissipation(model, omega, motion, wires)
     mass = quality.quadratic_form(model.mass, motion)
     weight = mass.copy()
-    if any(is_massive(term) for term in model.terms):
+    massive = any(is_massive(term) for term in model.terms)
+    if massive:
         weight = weight + sum(sum(quality.wire_energies(*one, omega).values()) for one in wires)
     lost = lost + power
     some = np.abs(lost) > quality.NOTHING * omega**2 * weight
     sigma = np.where(some, -lost / np.where(some, 2 * omega * weight, 1.0), 0.0)
     slow = oscillates & (np.abs(np.real(value)) <= SLOW * omega)
-    fast = oscillates & ~slow & (np.real(value) < 0)
+    fast = massive & oscillates & ~slow & (np.real(value) < 0)
     weight[fast] = -lost[fast] / (2 * omega * np.real(value))[fast]
     return RefinedDecays(
         np.where(slow, sigma + 1j * np.imag(value), value),

@@ -233,15 +233,19 @@ class Several:
     modes: Modes
 
     def change(self, simple: LinearSystem, refined: LinearSystem) -> tuple[float, str]:
-        """Compute the change of the scalar that changes most; modes are paired by their shapes."""
+        """Compute the change of the scalar that changes most."""
+        return max(self.changes(simple, refined))
+
+    def changes(self, simple: LinearSystem, refined: LinearSystem) -> list[tuple[float, str]]:
+        """Compute the change of each scalar; modes are paired by their shapes."""
         modes, changes = shifts(simple, refined)
         here = _pairs(self.modes, modes, refined)
-        return max(
+        return [
             _described(float(changes[here[item.number]]), item.text, refined)
             if isinstance(item, Mode)
             else (_resized(item, simple, refined), item.text)
             for item in self.scalars
-        )
+        ]
 
 
 def away_from_modes(

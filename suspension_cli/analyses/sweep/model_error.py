@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,12 +13,15 @@ from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import body_overlap, pair_by_overlap
-from suspension_cli.linear.named_results import Mode, Scalar
+from suspension_cli.linear.named_results import Mode
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models.base import Model
 from suspension_cli.models.choice import Several, Systems
 from suspension_cli.studies.axes import ends_and_middle
 from suspension_cli.studies.variants import overridden
+
+if TYPE_CHECKING:
+    from jaxtyping import Int
 
 POINTS = 9
 """Largest number of points at which models are compared."""
@@ -48,10 +52,7 @@ def result_change(job: ParameterSweep) -> Callable[[Model, Model], tuple[float, 
             if len(known) > 1:
                 return float("inf"), ONE_MODEL_ONLY
             if known == {True}:
-                compare = systems.compare(
-                    lambda system: _renumbered(job.results, job.nominal, system)
-                )
-                changes.append(compare(simple, refined))
+                changes += _changes(job, systems, simple, refined)
         return max(changes, key=lambda one: one[0])
 
     return change
@@ -66,16 +67,34 @@ def _has_result(systems: Systems, model: Model, *, stable: bool) -> bool:
     return not stable or eigenmodes.solve(system.constant).stable
 
 
-def _renumbered(results: tuple[Scalar, ...], base: Modes, system: LinearSystem) -> Several:
-    """Results of one design whose modes are given by their numbers in another."""
-    found = eigenmodes.solve(system.constant)
+def _changes(
+    job: ParameterSweep, systems: Systems, simple: Model, refined: Model
+) -> list[tuple[float, str]]:
+    """Change of each result at one point.
+
+    Where frequencies meet, shapes mix differently in both models. So a mode's partner is the one of
+    most similar shape here or, if that changes it less, the one that the nominal mode becomes.
+    """
+    old, new = systems(simple), systems(refined)
+    modes, partners = (eigenmodes.solve(system.constant) for system in (old, new))
+    here, there = _numbers(job.nominal, modes, old), _numbers(job.nominal, partners, new)
+    items = tuple(
+        Mode(one.text, int(here[one.number])) if isinstance(one, Mode) else one
+        for one in job.results
+    )
+    found = Several(items, modes).changes(old, new)
+    if refined.has_wire_mass:
+        return found
+    with np.errstate(invalid="ignore"):
+        direct = np.abs(modes.frequency[here] / partners.frequency[there] - 1)
+    return [
+        (min(change, float(direct[one.number])) if isinstance(one, Mode) else change, text)
+        for one, (change, text) in zip(job.results, found, strict=True)
+    ]
+
+
+def _numbers(base: Modes, found: Modes, system: LinearSystem) -> Int[np.ndarray, " mode"]:
+    """Modes of one design that those of another become."""
     count = 6 * len(system.body)
     mass = system.mass[6 : 6 + count, 6 : 6 + count]
-    number = pair_by_overlap(body_overlap(base.shape, found.shape, mass))
-    return Several(
-        tuple(
-            Mode(one.text, int(number[one.number])) if isinstance(one, Mode) else one
-            for one in results
-        ),
-        found,
-    )
+    return pair_by_overlap(body_overlap(base.shape, found.shape, mass))
