@@ -247,7 +247,7 @@ class _Packing:
         chosen = [item for item in items(kind) if values[item.name] is not None]
         self.units |= {item.key: values[item.name] for item in chosen if item.leaf is str}
         self.scales |= {item.key: self.prefix + item.key for item in chosen if item.is_scale}
-        for item in chosen:
+        for item in sorted(chosen, key=lambda item: not item.is_scale):
             getattr(self, f"_add_{item.form}")(item, values[item.name])
 
     def _inside(self, item: _Item, number: str = "") -> _Packing:
