@@ -6,6 +6,7 @@ import io
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -166,7 +167,7 @@ def python_control(made: Exported) -> Any:
 
     Needs python-control, which rejects dots in names: they become underscores.
     """
-    import control  # pyright: ignore[reportMissingImports]
+    control = import_module("control")  # type checkers trip over its sources
 
     system = made.system
     states, inputs, outputs = (
