@@ -125,6 +125,7 @@ def damp(
     impulse: str | None = None,
     duration: float = 60.0,
     frequency: Grid = '0.1:100:2000',
+    loops: Names = (),
     allow_unstable: bool = False,
     tolerance: float = 0.001,
     fidelity: str = 'auto',
@@ -143,6 +144,8 @@ def damp(
         Length of the impulse response, s.
     frequency : grid
         Frequencies of loop gains and noise, Hz.
+    loops : str or sequence of str
+        Draw the gain of this loop. Default: the three most critical.
     allow_unstable : bool
         Continue with motion that grows (an unstable equilibrium, active elements).
     tolerance : float

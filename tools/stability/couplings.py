@@ -83,7 +83,7 @@ def tiny(offset: Any = TINY) -> Row:
         ),
         limit=(
             "the last bit of a point, 10⁻¹⁸ m, over the offset; of couplings of second order ratios"
-            " below 10⁻¹⁷ are rounding, and `xcouple` warns there"
+            " below 10⁻¹⁷ are rounding"
         ),
     )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -13,6 +13,7 @@ from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, as_number
 from suspension_cli.analyses.options import option
 from suspension_cli.conventions import DOFS
+from suspension_cli.errors import InputError, format_value
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -21,6 +22,15 @@ if TYPE_CHECKING:
 
     from suspension_cli.analyses.damp.solve import LocalControl
     from suspension_cli.design.schema import Design
+
+
+LOOPS = option(
+    "--loop",
+    "loops",
+    multiple=True,
+    metavar="NAME",
+    help="Draw the gain of this loop (repeatable).  [default: the three most critical]",
+)
 
 
 class DampAnalysis(Analysis):
@@ -86,6 +96,7 @@ class DampAnalysis(Analysis):
             metavar="GRID",
             help="Frequencies of loop gains and noise, Hz.",
         ),
+        LOOPS,
         option(
             "--foton",
             is_flag=True,
@@ -96,6 +107,7 @@ class DampAnalysis(Analysis):
         options.ACCURACY,
         *options.WRITING,
     )
+    drawn_with = (LOOPS,)
 
     def solve(self, run: Run) -> Result:
         """Close all loops."""
@@ -108,6 +120,8 @@ class DampAnalysis(Analysis):
         from suspension_cli.linear.signals import FORCES
 
         setting = run.setting
+        if run.design.control is not None:
+            _chosen(setting["loops"], [loop.name for loop in run.design.control.loop])
         choice, model = model_choice.for_modes(
             run.source, setting["fidelity"], setting["tolerance"], massless=True
         )
@@ -236,7 +250,20 @@ class DampAnalysis(Analysis):
         """Draw poles, impulse response, sensor noise, loop gains and their Nichols chart."""
         from suspension_cli.analyses.damp import picture
 
-        return {"": picture.draw(result.data, result.subtitle, picture.refine_gains(result))}
+        chosen = _chosen(setting["loops"], result.data.loop)
+        gains = picture.refine_gains(result)
+        return {"": picture.draw(result.data, result.subtitle, gains, chosen)}
+
+
+def _chosen(names: Sequence[str], known: Sequence[str]) -> list[int]:
+    """Numbers of the loops that --loop names."""
+    from suspension_cli.design.faults import suggest
+
+    for name in names:
+        if name not in known:
+            problem, remedy = "names no loop", suggest(name, list(known))
+            raise InputError.of("--loop", problem, remedy, format_value(name))
+    return [n for n, name in enumerate(known) if name in names]
 
 
 def _all_at_once(answer: LocalControl) -> list[str]:

@@ -83,20 +83,23 @@ def draw(
     title: str,
     gains: tuple[Float[np.ndarray, " frequency"], Complex[np.ndarray, "frequency loop"]]
     | None = None,
+    chosen: Sequence[int] = (),
 ) -> Figure:
     """Draw the figure of `pendsus damp`; `title` names design and model.
 
     `gains` are frequencies (f,) in Hz and loop gains (f, l) with resonances resolved; by default
-    those of `damped`.
+    those of `damped`. `chosen` are the loops whose gains are drawn; by default the most critical.
     """
     frequency, gain = gains or (damped.frequency, damped.gain)
     looks, margins = _looks(damped.loop), damped.margin or [None] * len(damped.loop)
     growing = {
         damped.closed.state[n].rpartition(".")[2] for n in np.flatnonzero(damped.closed.growth_rate)
     }
-    critical = find_critical(gain, [name in growing for name in damped.loop])
-    lines = [_Line(damped.loop[n], gain[:, n], looks[n], margins[n]) for n in critical]
-    which = f" of the {SHOWN} most critical of {len(damped.loop)} loops"
+    drawn = chosen or find_critical(gain, [name in growing for name in damped.loop]).tolist()
+    lines = [_Line(damped.loop[n], gain[:, n], looks[n], margins[n]) for n in drawn]
+    which = f" of {len(lines)} of {len(damped.loop)} loops"
+    if not chosen:
+        which = f" of the {SHOWN} most critical of {len(damped.loop)} loops"
     which *= len(damped.loop) > len(lines)
     over = Across()
     sizes = [one.line(frequency, np.abs(one.gain)) for one in lines]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import h5py
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 import suspension_cli as sus
 from suspension_cli.analyses.damp import control, control_statespace
@@ -276,6 +277,7 @@ def test_nothing_to_close(tmp_path):
         ("--impulse", "test.x"),
         ("--frequency", "1:2"),
         ("--frequency", "0:1:5:lin"),
+        ("--loop", "loop-yow"),
         UNSTABLE,
     ],
 )
@@ -285,6 +287,17 @@ def test_bad_options(options, tmp_path):
         len(assert_refused(run("damp", file, "--json", "--out", out, *QUICK, *options), file, out))
         == 1
     )
+
+
+def test_the_loops_that_are_drawn():
+    found = sus.damp(sus.parse(sus.example("triple-damped").text), fidelity="string")
+
+    def drawn(**setting):
+        texts = [text.get_text() for text in found.plot(**setting).findobj(Text)]
+        return next(text for text in texts if text.endswith("others closed"))
+
+    assert drawn() == "loop gain of the 3 most critical of 6 loops, others closed"
+    assert drawn(loops=["yaw"]) == "loop gain of 1 of 6 loops, others closed"
 
 
 def test_an_unstable_plant_may_be_requested(tmp_path):
