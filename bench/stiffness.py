@@ -41,7 +41,7 @@ def run(ratio: Callable[..., None]) -> None:
         "force, stiffness of 10,000 triples / its eigenvalues",
         lambda: force.stiffness(chain),
         lambda: np.linalg.eigvalsh(bare),
-        12.0,
+        2.0,
         5,
     )
     design = read(TRIPLE).design

@@ -150,10 +150,10 @@ def _stage_stiffness(p: Stage, load: Numbers) -> Inexact[np.ndarray, "*batch 12 
         carried = np.array([_blade(p, n) for n in range(p.count)]) == np.arange(p.blades)[:, None]
         softer = 1.0 / (1.0 / p.k + shared / p.blade_stiffness) - p.k
         forms.append((softer / shared, carried @ stretch))
-    result = np.zeros((*shape[:-2], 12, 12))
-    for factor, rows in forms:
-        form = np.swapaxes(rows, -1, -2) @ rows
-        result = result + np.asarray(factor)[..., None, None] * form
+    rows = np.concatenate([own for _, own in forms], axis=-2)
+    factors = [np.broadcast_to(np.asarray(k)[..., None], own.shape[:-1]) for k, own in forms]
+    columns = np.swapaxes(rows, -1, -2)
+    result = (columns * np.concatenate(factors, axis=-1)[..., None, :]) @ rows
     for turning, arm, sign in ((slice(3, 6), a, -1.0), (slice(9, 12), b, 1.0)):
         outer = (u[..., :, None] * arm[..., None, :]).sum(-3)
         trace = np.trace(outer, axis1=-2, axis2=-1)[..., None, None]
