@@ -85,8 +85,8 @@ def write_message(one: Budget) -> str:
     if found.met:
         margin = f", smallest margin {found.margin:.3g}" if np.isfinite(found.margin) else ""
         return f"{text}; the requirement is met{margin} at {found.at:.3g} Hz"
-    times = format_raised(found.excess)
-    return f"{text}; the requirement is exceeded {times} times at {found.at:.3g} Hz"
+    factor = format_raised(found.excess)
+    return f"{text}; the requirement is exceeded by a factor of {factor} at {found.at:.3g} Hz"
 
 
 def _drawn(one: Budget) -> list[str]:
