@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 FAINT = 1e-6
 """Fraction of an output's largest response below which errors are relative to it."""
 
+SOLVED = 1 << 21
+"""Most numbers in the matrices that are solved at once."""
 GRID = 801
 """Number of frequencies at which a system is compared with the direct solution."""
 
@@ -73,9 +75,15 @@ class StateSpace:
             if len(self.a)
             else np.ones(0)
         )
-        dynamic = s[:, None, None] * np.eye(len(scale)) - self.a * scale / scale[:, None]
-        drive = np.broadcast_to((self.b / scale[:, None]).astype(complex), (len(s), *self.b.shape))
-        return (self.c * scale) @ np.linalg.solve(dynamic, drive) + self.d
+        a, b, c = self.a * scale / scale[:, None], self.b / scale[:, None], self.c * scale
+        result = np.empty((len(s), *self.d.shape), dtype=complex)
+        step = max(1, SOLVED // max(len(scale), 1) ** 2)
+        for start in range(0, len(s), step):
+            some = slice(start, start + step)
+            dynamic = s[some, None, None] * np.eye(len(scale)) - a
+            drive = np.broadcast_to(b.astype(complex), (len(dynamic), *b.shape))
+            result[some] = c @ np.linalg.solve(dynamic, drive) + self.d
+        return result
 
 
 def build(model: LinearSystem, inputs: list[Signal], outputs: list[Signal]) -> StateSpace:
@@ -155,6 +163,10 @@ def assemble(
 
 def _unit(state: str) -> str:
     name, _, kind = state.partition(" ")
+    if name.startswith("relaxation"):
+        return "s sqrt(J)"
+    if name.startswith("wire-"):
+        return "m sqrt(kg)" + ("/s" if kind else "")
     linear = name.rsplit(".", 1)[1] in "xyz"
     if kind == "momentum":
         return "N s" if linear else "N m s"

@@ -69,7 +69,21 @@ class ExportAnalysis(Analysis):
             "--loss/--no-loss",
             default=False,
             show_default=True,
-            help="Include loss angles, as viscous damping of each mode.",
+            help="Include losses and the mass of wires, with the right Q and the right isolation.",
+        ),
+        option(
+            "--band",
+            default="0.1:100",
+            show_default=True,
+            metavar="FROM:TO",
+            help="Band in which losses are right, Hz.",
+        ),
+        option(
+            "--accuracy",
+            type=click.FloatRange(1e-4, 0.5),
+            default=0.01,
+            show_default=True,
+            help="Largest relative error of responses off resonance with losses; of Q twice that.",
         ),
         options.ALLOW_UNSTABLE,
         options.OVERRIDES,
@@ -90,33 +104,31 @@ class ExportAnalysis(Analysis):
         from suspension_cli.design.derive import main_chain
         from suspension_cli.linear import signals
         from suspension_cli.linear.constant_loss import with_constant_loss
+        from suspension_cli.models.choice import Frequencies
 
-        setting = run.setting
-        choice, model = model_choice.for_modes(
-            run.source, setting["fidelity"], setting["tolerance"], massless=True
-        )
-        direct = model_choice.stable_system(
+        setting, loss = run.setting, run.setting["loss"]
+        fidelity, tolerance = setting["fidelity"], setting["tolerance"]
+        if loss:
+            request = lambda _: Frequencies()  # noqa: E731
+            choice, model = model_choice.choose(run.source, fidelity, request, tolerance=tolerance)
+        else:
+            choice, model = model_choice.for_modes(run.source, fidelity, tolerance, massless=True)
+        model = model_choice.stable_system(
             run.source, choice, setting["allow_unstable"], run.log, model, bends=True
         )
-        model = with_constant_loss(direct)
-        lossy = model.lossy is not None
-        if not setting["loss"]:
-            model = direct = dataclasses.replace(model, lossy=None)
         known = signals.bodies_with_signals(model)
         drives, motions = signals.local_control_signals(main_chain(run.design))
         inputs = [signals.parse_input(text, known) for text in setting["inputs"] or drives]
         outputs = [signals.parse_output(text, known) for text in setting["outputs"] or motions]
-        made = export.build(model, inputs, outputs, direct, zpk=setting["format"] == "zpk")
-        if lossy and setting["loss"]:
-            run.log.warn(
-                "loss angles are exported as viscous damping of each mode: Q is correct, isolation"
-                " far above the modes is not (see the band)"
-            )
-        elif lossy:
-            run.log.warn(
-                "exported without damping: accurate off resonance; --loss gives correct Q but wrong"
-                " isolation"
-            )
+        zpk = setting["format"] == "zpk"
+        if loss:
+            band, accuracy = _band(setting["band"]), setting["accuracy"]
+            made = export.build_lossy(model, inputs, outputs, band, accuracy, zpk=zpk)
+        else:
+            lossless = dataclasses.replace(with_constant_loss(model), lossy=None)
+            made = export.build(lossless, inputs, outputs, zpk=zpk)
+            if lossless.stiffness is not model.stiffness or model.lossy is not None or model.terms:
+                run.log.warn("exported without damping: accurate off resonance; --loss gives Q too")
         made = export.compare_with_complete(made, run.design, inputs, outputs)
         extra = {"format": setting["format"]}
         return Result(self, run.source, choice, made, extra, command=run.command)
@@ -134,6 +146,7 @@ class ExportAnalysis(Analysis):
             "band_hz": list(made.band) if made.band else None,
             "tolerance": made.tolerance,
             "worst_error": as_number(made.worst),
+            "worst_q_error": None if made.q_error is None else as_number(made.q_error),
             "agreement": _agreement(made),
         }
 
@@ -144,8 +157,7 @@ class ExportAnalysis(Analysis):
         return (
             f"{result.choice.line}\nstates: {len(system.state)}, inputs: {len(system.input)},"
             f" outputs: {len(system.output)}; {agreement(made, result.choice.level)}\n"
-            f"(worst {made.worst:.1e}, up to 100 times the highest mode)\n"
-            f"{_table(made)}"
+            f"{_worst(made)}\n{_table(made)}"
         )
 
     def path(self, result: Result, folder: Path) -> Path:
@@ -168,6 +180,29 @@ class ExportAnalysis(Analysis):
 
         remedy = "take system.a, b, c and d, or save it as .mat, .npz, .h5 or .json"
         raise InputError([Fault("", "a state space has no labelled arrays", remedy)])
+
+
+def _band(text: str) -> tuple[float, float]:
+    """Read the two ends of a band, Hz."""
+    from suspension_cli.errors import InputError
+
+    low, _, high = text.partition(":")
+    try:
+        band = float(low), float(high)
+    except ValueError:
+        band = (0.0, 0.0)
+    if not 0 < band[0] < band[1] < float("inf"):
+        raise InputError.of("--band", "is no band of frequencies", "write it as 0.1:100", text)
+    return band
+
+
+def _worst(made: Exported) -> str:
+    if made.q_error is None:
+        return f"(worst {made.worst:.1e}, up to 100 times the highest mode)"
+    return (
+        f"worst error from {made.tried[0]:g} to {made.tried[1]:g} Hz: {100 * made.worst:.2g} % of a"
+        f" response off resonance, {100 * made.q_error:.2g} % of a Q"
+    )
 
 
 def _agreement(made: Exported) -> Document:

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspension_cli.analyses.export.relaxation import relax
 from suspension_cli.design.schema import Design
-from suspension_cli.linear import statespace
+from suspension_cli.linear import damped, eigenmodes, statespace
 from suspension_cli.linear.connected_groups import connected_groups
+from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
@@ -54,7 +56,9 @@ class Exported:
         Largest relative error at the frequencies compared.
     tried
         Lowest and highest frequency compared, Hz: 1/100 of the lowest mode's and 100 times the
-        highest one's.
+        highest one's; with losses the band that they are asked for.
+    q_error
+        With losses, the largest relative error of the Q of a mode in the band; None without.
     """
 
     system: statespace.StateSpace
@@ -64,6 +68,7 @@ class Exported:
     worst: float
     tried: tuple[float, float]
     agreement: Agreement | None = None
+    q_error: float | None = None
 
 
 @dataclass(frozen=True)
@@ -91,14 +96,15 @@ AGREEMENT = (0.01, 0.1)
 NARROW = 0.07
 """Width, relative to its frequency, up to which a resonance or a zero does not interrupt a band: a
 slight shift of either is a large error there."""
+APART = 1e-3
+"""Relative distance from a mode, or its width, within which its pole is looked for."""
 TOLERANCE = 1e-9
 """Relative error of a state space in its band."""
 TOLERANCE_ZPK = 1e-3
 """Relative error of a zero-pole-gain form in its band: the eigenvalue problem of its zeros has
 rounding errors relative to the largest one."""
-TOLERANCE_LOSSY = 1e-2
-"""Relative error with loss angles, which a finite state space cannot represent: viscous damping
-gives each mode the same Q."""
+DENSITIES = (2.0, 3.0, 4.5)
+"""Relaxation rates per decade that are tried until losses are accurate enough."""
 
 
 def build(
@@ -116,22 +122,77 @@ def build(
     """
     system = statespace.build(model, inputs, outputs)
     form = compute_zero_pole_gain(system) if zpk else None
-    tolerance = TOLERANCE_LOSSY if model.lossy is not None else TOLERANCE_ZPK if zpk else TOLERANCE
+    tolerance = TOLERANCE_ZPK if zpk else TOLERANCE
     band, worst, tried = statespace.agreement_band(
         form or system, direct or model, inputs, outputs, tolerance
     )
     return Exported(system, form, band, tolerance, worst, tried)
 
 
+def build_lossy(
+    model: LinearSystem,
+    inputs: list[Signal],
+    outputs: list[Signal],
+    band: tuple[float, float],
+    accuracy: float,
+    *,
+    zpk: bool = False,
+) -> Exported:
+    """Build the system with losses, and with the mass of wires that the `model` has.
+
+    Of the densities of relaxation rates it takes the first with which responses off resonance have
+    errors up to `accuracy` and Q up to twice that, in the band (Hz); or the best.
+    """
+    modes = damped.solve(model, eigenmodes.solve(model.constant))
+    frequency = np.geomspace(*band, statespace.GRID)
+    best: tuple[float, Exported] | None = None
+    for density in DENSITIES:
+        system = statespace.build(relax(model, band, density), inputs, outputs)
+        form = compute_zero_pole_gain(system) if zpk else None
+        error = statespace.relative_errors(form or system, model, frequency, inputs, outputs)
+        error = _off_resonance(error, frequency).max((1, 2))
+        good = statespace.widest_band(frequency, error <= accuracy)
+        q_error, worst = _error_of_q(system, modes, band), float(error.max())
+        made = Exported(system, form, good, accuracy, worst, band, q_error=q_error)
+        share = max(worst, q_error / 2) / accuracy
+        if best is None or share < best[0]:
+            best = share, made
+        if share <= 1:
+            break
+    assert best is not None
+    return best[1]
+
+
+def _error_of_q(system: statespace.StateSpace, modes: Modes, band: tuple[float, float]) -> float:
+    """Largest relative error of the Q of a mode in a band, Hz.
+
+    Modes of motions that the system leaves out have no pole nearby.
+    """
+    poles = np.linalg.eigvals(system.a)
+    poles = poles[poles.imag > 0]
+    frequency, q = np.abs(poles) / (2 * np.pi), np.abs(poles) / np.maximum(-2 * poles.real, 1e-300)
+    worst = 0.0
+    for f, own in zip(modes.frequency, modes.q, strict=True):
+        near = np.abs(frequency / f - 1) < max(APART, 1 / own) if band[0] < f < band[1] else []
+        if np.any(near) and np.isfinite(own):
+            worst = max(worst, float(np.exp(np.abs(np.log(q[near] / own)).min()) - 1))
+    return worst
+
+
+def _off_resonance(
+    error: Float[np.ndarray, "frequency output input"], frequency: Array
+) -> Float[np.ndarray, "frequency output input"]:
+    """Smooth errors of each response by a running median, which removes what is narrow."""
+    from scipy.ndimage import median_filter
+
+    points = 2 * round(NARROW / np.log(frequency[1] / frequency[0])) + 1
+    return median_filter(error, (points, 1, 1), mode="nearest")
+
+
 def compare_with_complete(
     made: Exported, design: Design, inputs: list[Signal], outputs: list[Signal]
 ) -> Exported:
-    """Add the bands in which an export agrees with the most complete model of the design.
-
-    The errors of each response are smoothed by a running median, which removes what is narrow.
-    """
-    from scipy.ndimage import median_filter
-
+    """Add the bands in which an export agrees with the most complete model of the design."""
     complete, system = registry.MOST_COMPLETE, made.zpk or made.system
     unknown = complete.unsuitable(design)
     band = np.full((len(AGREEMENT), len(outputs), len(inputs), 2), np.nan)
@@ -139,8 +200,7 @@ def compare_with_complete(
         frequency = np.geomspace(*made.tried, statespace.GRID)
         model = complete.system(design)
         error = statespace.relative_errors(system, model, frequency, inputs, outputs)
-        points = 2 * round(NARROW / np.log(frequency[1] / frequency[0])) + 1
-        error = median_filter(error, (points, 1, 1), mode="nearest")
+        error = _off_resonance(error, frequency)
         for n, o, i in np.ndindex(band.shape[:-1]):
             found = statespace.widest_band(frequency, error[:, o, i] <= AGREEMENT[n])
             band[n, o, i] = found or np.nan

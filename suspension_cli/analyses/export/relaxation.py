@@ -1,0 +1,479 @@
+"""A linear system with losses and wire mass whose matrices do not depend on frequency.
+
+A stiffness with a loss angle, k (1 + i phi(omega)), is replaced by springs with dashpots (Maxwell
+elements) beside the spring k,
+
+    k (1 - d) + k sum_j g_j i omega / (i omega + r_j),    g_j >= 0,
+
+so that the loss angle is right at the modes that it damps. Relaxation also stiffens the element a
+little with frequency (Kramers and Kronig); the constant d takes that back where most depends on it.
+The elements stay between the bodies where the loss is, so that isolation is right together with Q,
+and they can only take energy: the system is stable and passive whatever the g_j. All elements share
+the rates r_j: one coordinate follows for each rate and each independent deformation of a block.
+
+A wire with mass is reduced to the motion of its ends and its lowest modes with clamped ends (Craig
+and Bampton, AIAA J. 6, 1313 (1968)): with the static stiffness S, an inertia M of the ends, and for
+each mode the motion l of the ends that drives it,
+
+    F(omega) = S - omega^2 M - sum_j omega^4 l_j l_j^T / (omega_j^2 - omega^2).
+
+All numbers come from the exact dynamic stiffness F of the wire (`elements.dynamic_wire`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from suspension_cli.elements.dynamic_wire import TautWire
+from suspension_cli.errors import InputError
+from suspension_cli.linear import eigenmodes
+from suspension_cli.linear.frequency_terms import LossTerm
+from suspension_cli.linear.stretching import Stretching
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.scene.composition import Fibre
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float
+
+    from suspension_cli.scene.arrays import Array
+
+ABOVE = 1.5
+"""Wire modes are kept up to this multiple of the highest frequency of the band; beyond, one stands
+for all."""
+LOW = 0.005
+"""Frequency at which the inertia of a wire is taken, over that of its first mode."""
+BESIDE = 1e-4
+"""Relative distance from a wire mode at which its residue and losses are taken."""
+RANK = 1e-12
+"""Relative eigenvalue, in units of the diagonal, below which a deformation does not exist."""
+MINOR = 3e-3
+"""Share of the loss of a mode below which an element's loss angle there does not matter."""
+STABLE = 0.3
+"""Largest share of the stiffness of a mode that is taken back at rest."""
+OFF = 0.05
+"""Weight of a frequency that is off by a width of the mode, over that of a width that is wrong."""
+SHIFTED = 10.0
+"""The same of a relative shift of its frequency."""
+EVERYWHERE = 1.0
+"""Weight of a stiffness of a mode that is wrong, over that of a width that is wrong."""
+BETWEEN = 0.03
+"""Weight of a loss angle between modes."""
+POINTS = 16
+"""Frequencies of the band at which the stiffness of an element must be right."""
+RELAXATION, WIRE = "relaxation", "wire"
+"""First parts of the names of coordinates that are added."""
+
+
+@dataclass(frozen=True)
+class Lossy:
+    """A lossy part of the stiffness, rows^T rows (1 + i angle(omega)) with its elastic part.
+
+    Attributes
+    ----------
+    rows
+        Deformations, sqrt(N/m) per m.
+    angle
+        Loss angle (f,) at angular frequencies (f,), rad/s.
+    stored
+        Relative change of the elastic stiffness with frequency; None if there is none.
+    """
+
+    rows: Float[np.ndarray, "deformation coordinate"]
+    angle: Callable[[Array], Array]
+    stored: Callable[[Array], Array] | None = None
+
+
+def relax(model: LinearSystem, band: tuple[float, float], density: float) -> LinearSystem:
+    """Replace all terms in frequency of a system by relaxation and modes of wires.
+
+    Parameters
+    ----------
+    model : LinearSystem
+        Of one design, on the beam or violin model.
+    band
+        Lowest and highest frequency in Hz.
+    density
+        Relaxation rates per decade.
+
+    Returns
+    -------
+    LinearSystem
+        Without terms; its coordinates are those of `model`, then those of wires and relaxation.
+
+    Raises
+    ------
+    InputError
+        If an element gives energy instead of taking it, which no relaxation does.
+    """
+    low, high = 2 * np.pi * band[0], 2 * np.pi * band[1]
+    system, elements = _with_wire_modes(model, ABOVE * high)
+    found = eigenmodes.solve(system)
+    squared = found.omega_squared
+    near = (squared > 0) & (squared < (1.5 * high) ** 2)
+    if not elements or not near.any():
+        return system
+    omega = np.sqrt(squared[near])
+    shapes = np.linalg.solve(system.basis, np.pad(found.shape[near], ((0, 0), (6, 0))).T)
+    first, last = min(low, omega[0]) / 10, max(high, omega[-1]) * 2
+    rates = np.geomspace(first, last, 2 + int(density * np.log10(last / first)))
+    return _with_relaxation(system, elements, omega, shapes, rates, (low, high))
+
+
+@dataclass(frozen=True)
+class _ReducedWire:
+    """One part (bending in a plane, stretching, twisting) of the motion of a wire.
+
+    Attributes
+    ----------
+    inertia
+        M of the motion of its ends.
+    drag
+        Damping by gas over inertia, 1/s.
+    modes
+        Frequency (rad/s) and l of each mode with clamped ends.
+    losses
+        Deformations of each lossy section by the motion of the ends and by the modes, and its loss
+        angle.
+    """
+
+    inertia: Float[np.ndarray, "end end"]
+    drag: float
+    modes: tuple[tuple[float, Float[np.ndarray, " end"]], ...]
+    losses: tuple[tuple[Array, Array, Callable[[Array], Array]], ...]
+
+
+def _reduce(strand: TautWire, part: str, highest: float) -> _ReducedWire:
+    """Reduce a wire to the motion of its ends and its modes up to a frequency, rad/s."""
+    size = len(strand.static[part])
+    inertia, modes, others = np.zeros((size, size)), [], []
+    lossless = replace(strand, lossy=False)
+
+    def stiffness(wire: TautWire, omega: list[float]) -> Complex[np.ndarray, "frequency end end"]:
+        return np.moveaxis(wire.at(np.array(omega)).stiffness(part), -1, 0)
+
+    if strand.massive:
+        first, *_ = found = lossless.held_resonances(part, highest)
+        *kept, beyond = found[: 1 + np.count_nonzero(found < highest)]
+        for omega in kept:
+            beside = [omega * (1 - BESIDE), omega * (1 + BESIDE)]
+            low, high = stiffness(lossless, beside)
+            share = [-(w**4) / (omega**2 - w**2) for w in beside]
+            values, vectors = np.linalg.eigh((low - high) / (share[0] - share[1]))
+            modes.append((omega, vectors[:, -1] * np.sqrt(values[-1])))
+        at = LOW * first
+        inertia = (strand.static[part] - np.real(stiffness(lossless, [at])[0])) / at**2
+        for omega, drives in modes:
+            inertia -= at**2 * np.outer(drives, drives) / (omega**2 - at**2)
+        top = highest / ABOVE  # one mode stands for all beyond, right there
+        rest = (strand.static[part] - np.real(stiffness(lossless, [top])[0])) / top**2 - inertia
+        for omega, drives in modes:
+            rest -= top**2 * np.outer(drives, drives) / (omega**2 - top**2)
+        values, vectors = np.linalg.eigh(rest * (beyond**2 / top**2 - 1))
+        for value, vector in zip(values, vectors.T, strict=True):
+            if value > 1e-3 * values[-1]:
+                others.append((beyond, vector * np.sqrt(value)))
+    drag, losses = 0.0, []
+    if strand.massive and strand.surrounded is not None:
+        at, elastic = modes[0][0] if modes else first, replace(strand, fibre=_lossy(strand, None))
+        damped = np.imag(stiffness(elastic, [LOW * at])[0])
+        drag = float(np.trace(damped) / (LOW * at * np.trace(inertia)))
+    for number in range(len(strand.fibre.sections)):
+        one = replace(strand, fibre=_lossy(strand, number), surrounded=None)
+        for ends, by_modes, angle in _section_loss(one, part, modes, stiffness):
+            losses.append((ends, np.pad(by_modes, ((0, 0), (0, len(others)))), angle))
+    return _ReducedWire(inertia, drag, (*modes, *others), tuple(losses))
+
+
+def _lossy(strand: TautWire, number: int | None) -> Fibre:
+    """The fibre of a wire with the losses of one section, or of none."""
+    fibre = strand.fibre
+    sections = tuple(
+        section if n == number else replace(section, losses=())
+        for n, section in enumerate(fibre.sections)
+    )
+    return replace(fibre, sections=sections)
+
+
+def _section_loss(
+    strand: TautWire,
+    part: str,
+    modes: list[tuple[float, Float[np.ndarray, " end"]]],
+    stiffness: Callable[[TautWire, list[float]], Complex[np.ndarray, "frequency end end"]],
+) -> Iterator[tuple[Array, Array, Callable[[Array], Array]]]:
+    """Deformations of the one section of a wire that is lossy, and its loss angle.
+
+    With the motion x of the ends and q = a l . x of a mode, a = omega^2 / (omega_j^2 - omega^2),
+    the loss is x^T (L + a (l c^T + c l^T) + a^2 e l l^T) x: on either side of omega_j c and e.
+    """
+    still, to_own = replace(strand, massive=False), np.eye(len(strand.static[part]))
+    length = sum(section.length for section in strand.fibre.sections)
+    if len(to_own) == 4:  # bending resists slopes relative to the chord alone
+        to_own = np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, -2 / length, 1.0]])
+
+    def own_loss(omega: Array) -> Float[np.ndarray, "own own frequency"]:
+        here = still.at(omega)
+        return np.imag(here.change(part) if len(to_own) != len(to_own.T) else here.stiffness(part))
+
+    def trace(omega: Array) -> Array:
+        return np.trace(own_loss(omega)) * np.ones(len(omega))
+
+    reference = np.array([2 * np.pi])
+    scale = float(trace(reference)[0])
+    if not scale > 0:
+        return
+    rows = _deformations(own_loss(reference)[..., 0]) @ to_own
+
+    def angle(omega: Array) -> Array:
+        return trace(omega) / scale
+
+    by_modes = np.zeros((len(rows), len(modes)))
+    rest = np.zeros(len(modes))
+    for n, (omega, drives) in enumerate(modes):
+        sides = omega * (1 + BESIDE * np.array([-1, 1]))
+        below, above = np.imag(stiffness(strand, [*sides])) / angle(sides)[:, None, None]
+        a = sides**2 / (omega**2 - sides**2)
+        ratio, size = (a[1] / a[0]) ** 2, drives @ drives
+        static = rows.T @ rows
+        mixed = (above - ratio * below - (1 - ratio) * static) / (a[1] - ratio * a[0])
+        cross = (mixed @ drives - drives * (drives @ mixed @ drives) / (2 * size)) / size
+        own = below - static - a[0] * (np.outer(drives, cross) + np.outer(cross, drives))
+        by_modes[:, n] = np.linalg.lstsq(rows.T, cross, rcond=1e-9)[0]
+        energy = drives @ own @ drives / (a[0] * size) ** 2
+        rest[n] = np.sqrt(max(energy - by_modes[:, n] @ by_modes[:, n], 0.0))
+    ends = np.concatenate([rows, np.zeros((len(modes), rows.shape[1]))])
+    yield ends, np.concatenate([by_modes, np.diag(rest)]), angle
+
+
+def _with_wire_modes(model: LinearSystem, highest: float) -> tuple[LinearSystem, list[Lossy]]:
+    """Add the inertia and the modes of wires, and viscous terms; also list what is lossy."""
+    groups, size = _groups(model), model.size
+    mass, damping = np.zeros((size, size)), np.zeros((size, size))
+    elements: list[Lossy] = []
+    if model.lossy is not None:
+        elements.append(Lossy(_deformations(np.imag(model.lossy)), np.ones_like))
+    driven: list[Float[np.ndarray, " coordinate"]] = []  # motions that drive wire modes
+    about: list[tuple[float, float, str]] = []  # frequency, drag and stage of each
+    wires: list[tuple[Array, _ReducedWire, Array, int]] = []
+    for term in model.terms:
+        if isinstance(term, LossTerm):
+            if term.elastic:
+                elements.append(Lossy(_deformations(term.matrix), term.angle, term.storage))
+            else:
+                damping += term.matrix
+            continue
+        for part, forms in term.forms.items():
+            wire, shares, begin = _reduce(term.strand, part, highest), [], len(driven)
+            inertia = np.einsum("wci,cd,wdj->ij", forms, wire.inertia, forms)
+            mass, damping = mass + inertia, damping + wire.drag * inertia
+            for number, (omega, drives) in enumerate(wire.modes):
+                for share, row in _combinations(drives @ forms, groups):
+                    driven.append(row)
+                    about.append((omega, wire.drag, term.stage))
+                    shares.append(np.outer(share, np.arange(len(wire.modes)) == number))
+            wires.append((forms, wire, np.array(shares), begin))
+    drives = np.array(driven).reshape(-1, size)
+    omega, drag = (np.array([one[n] for one in about]) for n in (0, 1))
+    for forms, wire, shares, begin in wires:
+        for ends, by_modes, angle in wire.losses:
+            rows = np.zeros((len(forms), len(ends), size + len(drives)))
+            rows[..., :size] = ends @ forms
+            for n, share in enumerate(shares):
+                rows[..., size + begin + n] = share @ by_modes.T
+            elements.append(Lossy(rows.reshape(-1, rows.shape[-1]), angle))
+    mass, damping = (_framed(part, groups) for part in (mass, damping))
+    unit = np.diag(np.ones(len(drives)))
+    names = [f"{WIRE}-{n}.{stage}" for n, (_, _, stage) in enumerate(about, 1)]
+    system = _widened(
+        replace(model, terms=(), lossy=None, ground=None, stretched=_lossless(model)),
+        names,
+        np.block([[mass, drives.T], [drives, unit]]),
+        np.diag(np.append(np.zeros(size), omega**2)),
+        np.block([[damping, (drag[:, None] * drives).T], [drag[:, None] * drives, unit * drag]]),
+    )
+    padded = [
+        replace(one, rows=np.pad(one.rows, ((0, 0), (0, system.size - one.rows.shape[1]))))
+        for one in elements
+    ]
+    return system, padded
+
+
+def _lossless(model: LinearSystem) -> Stretching | None:
+    """The stretching of wires without loss."""
+    own = model.stretched
+    if own is None:
+        return None
+    return replace(own, stiffness=np.real(own.stiffness), soft=np.real(own.soft))
+
+
+def _combinations(
+    driven: Float[np.ndarray, "wire coordinate"], groups: list[Array]
+) -> Iterator[tuple[Float[np.ndarray, " wire"], Float[np.ndarray, " coordinate"]]]:
+    """Combine equal modes of equal wires, so that each is driven by one group of coordinates."""
+    for columns in groups:
+        own, large, _ = np.linalg.svd(driven[:, columns], full_matrices=False)
+        for share in own.T[large > np.sqrt(RANK) * np.abs(driven).max()]:
+            row = np.zeros(driven.shape[1])
+            row[columns] = share @ driven[:, columns]
+            yield share, row
+
+
+def _with_relaxation(
+    system: LinearSystem,
+    elements: list[Lossy],
+    omega: Float[np.ndarray, " mode"],
+    shapes: Float[np.ndarray, "coordinate mode"],
+    rates: Float[np.ndarray, " rate"],
+    band: tuple[float, float],
+) -> LinearSystem:
+    """Add the relaxation that gives the elements their losses in a band, rad/s."""
+    # elastic energy and loss of each element in each mode
+    energy = np.array([((one.rows @ shapes) ** 2).sum(0) for one in elements]) / omega**2
+    angle = np.array([np.broadcast_to(one.angle(omega), omega.shape) for one in elements])
+    loss = energy * angle
+    total = np.maximum(loss.sum(0), 1e-12)
+    strength = np.zeros((len(elements), len(rates)))
+    shift, stiffer = np.zeros(len(elements)), np.zeros((len(elements), len(omega)))
+    step = omega[:, None] ** 2 / (omega[:, None] ** 2 + rates**2)
+    for n, one in enumerate(elements):
+        some = (loss[n] > MINOR * total) & (angle[n] > 0)
+        if some.any():
+            shares = (loss[n] / total)[some]
+            found = _fit(one, omega[some], energy[n, some], shares, rates, band)
+            strength[n], shift[n] = found
+            stored = 0.0 if one.stored is None else one.stored(omega)
+            stiffer[n] = step @ strength[n] - shift[n] - stored
+    # what is left of the stiffening at the modes is taken back, in all elements together
+    unit, root = np.abs(stiffer).max(1), np.sqrt(total)
+    parts, wanted = (energy * unit[:, None] / root).T, (energy * stiffer).sum(0) / root
+    shift += unit * np.linalg.lstsq(parts, wanted, rcond=1e-2)[0]
+    groups, size = _groups(system), system.size
+    added = sum(-d * one.rows.T @ one.rows for d, one in zip(shift, elements, strict=True))
+    follow, own_rates = _followers(elements, strength, rates, groups)
+    softer = _framed(np.asarray(added), groups)
+    whole = np.block([[softer + follow.T @ follow, -follow.T], [-follow, np.eye(len(follow))]])
+    damping = np.diag(np.append(np.zeros(size), 1 / own_rates))
+    names = [f"{RELAXATION}-{n}.{rate:.3g}" for n, rate in enumerate(own_rates, 1)]
+    return _widened(system, names, np.zeros_like(whole), whole, damping)
+
+
+def _fit(
+    one: Lossy,
+    omega: Float[np.ndarray, " mode"],
+    energy: Float[np.ndarray, " mode"],
+    share: Float[np.ndarray, " mode"],
+    rates: Float[np.ndarray, " rate"],
+    band: tuple[float, float],
+) -> tuple[Float[np.ndarray, " rate"], float]:
+    """Fit the strengths g of relaxation, and d, to one element.
+
+    Its loss angle must be right at the modes in which it loses energy (`share`), in proportion, and
+    its stiffness where it stores it (`energy`); both, with less weight, in the whole band.
+    """
+    from scipy.optimize import lsq_linear
+
+    at, count = np.append(omega, np.geomspace(*band, POINTS)), len(omega)
+    angles = np.maximum(one.angle(at), 1e-12)
+    stored = np.zeros(len(at)) if one.stored is None else one.stored(at)
+    of_loss = np.append(share, np.full(POINTS, BETWEEN)) / angles
+    of_stiffness = np.full(len(at), EVERYWHERE * energy.max())
+    of_stiffness[:count] = np.maximum(OFF * of_loss[:count], SHIFTED * energy)
+    weight = np.append(of_loss, of_stiffness)
+    step = 1j * at[:, None] / (1j * at[:, None] + rates)
+    constant = np.append(np.zeros(len(at)), -np.ones(len(at)))
+    parts = np.column_stack([np.concatenate([step.imag, step.real]), constant])
+    # what is taken from the stiffness at rest must not make the design unstable
+    low = np.append(np.zeros(len(rates)), -np.inf)
+    high = np.append(np.full(len(rates), np.inf), STABLE / energy.max())
+    wanted = np.append(angles, stored) * weight
+    found = lsq_linear(parts * weight[:, None], wanted, (low, high), method="bvls").x
+    return np.maximum(found[:-1], 0.0), float(found[-1])
+
+
+def _followers(
+    elements: list[Lossy],
+    strength: Float[np.ndarray, "element rate"],
+    rates: Float[np.ndarray, " rate"],
+    groups: list[Array],
+) -> tuple[Float[np.ndarray, "follower coordinate"], Float[np.ndarray, " follower"]]:
+    """Deformations that relax, of all elements together: no more than coordinates per rate."""
+    rows, own_rates = [np.zeros((0, elements[0].rows.shape[1]))], [np.zeros(0)]
+    for number, rate in enumerate(rates):
+        stack = np.concatenate(
+            [np.sqrt(g[number]) * one.rows for g, one in zip(strength, elements, strict=True)]
+        )
+        for columns in groups:
+            used = columns[stack[:, columns].any(0)]
+            own = np.zeros((min(len(used), len(stack)), stack.shape[1]))
+            own[:, used] = np.linalg.qr(stack[:, used], mode="r")
+            rows.append(own[own.any(1)])
+            own_rates.append(np.full(len(rows[-1]), rate))
+    return np.concatenate(rows), np.concatenate(own_rates)
+
+
+def _deformations(
+    matrix: Float[np.ndarray, "coordinate coordinate"],
+) -> Float[np.ndarray, "deformation coordinate"]:
+    """Rows whose products add up to a positive semidefinite matrix.
+
+    Raises `InputError` if it is not.
+    """
+    scale = np.sqrt(np.abs(np.diag(matrix)))
+    scale = np.where(scale > 0, scale, 1.0)
+    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    if values.min(initial=0.0) < -1e-6 * np.abs(values).max():
+        raise InputError.of(
+            "--loss",
+            "cannot be exported: an element gives energy to the motion",
+            "leave --loss out, or make all stiffnesses with a loss_angle positive",
+        )
+    some = values > RANK * values.max(initial=0.0)
+    return (vectors[:, some] * np.sqrt(values[some])).T * scale
+
+
+def _groups(model: LinearSystem) -> list[Array]:
+    """Groups of coordinates that do not couple, each with the support's that drive it."""
+    result = []
+    for block in model.blocks:
+        drive = np.zeros(6, dtype=bool)
+        for matrix in (model.mass, model.stiffness, model.damping, model.complete):
+            drive |= (matrix[block, :6] != 0).any(0)
+        for term in model.terms:
+            own = np.isin(term.columns, block)
+            ends = term.columns[term.compact[:, own].any((0, 1))]
+            drive[ends[ends < 6]] = True
+        result.append(np.append(np.flatnonzero(drive), block))
+    return result
+
+
+def _framed(
+    matrix: Float[np.ndarray, "coordinate coordinate"], groups: list[Array]
+) -> Float[np.ndarray, "coordinate coordinate"]:
+    """A symmetric matrix with exact zeros between groups that do not couple."""
+    together = np.zeros(matrix.shape, dtype=bool)
+    for group in groups:
+        together[np.ix_(group, group)] = True
+    return np.where(together, (matrix + matrix.T) / 2, 0.0)
+
+
+def _widened(
+    model: LinearSystem,
+    names: list[str],
+    mass: Float[np.ndarray, "wider wider"],
+    stiffness: Float[np.ndarray, "wider wider"],
+    damping: Float[np.ndarray, "wider wider"],
+) -> LinearSystem:
+    """Append coordinates, and add matrices."""
+    size, count = model.size, len(names)
+    basis = np.eye(size + count)
+    basis[:size, :size] = model.basis
+    return replace(
+        model.spread(np.eye(size, size + count), mass, stiffness, damping),
+        coordinate=(*model.coordinate, *names),
+        basis=basis,
+        massless=np.append(model.massless, np.ones(count, dtype=bool)) & ~mass.any(1),
+        rigid=None if model.rigid is None else np.pad(model.rigid, ((0, count), (0, 0))),
+    )
