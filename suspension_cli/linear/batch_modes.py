@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from suspension_cli.linear.elimination import solve_each
 from suspension_cli.linear.pencil import Pencil, order_by_body
-from suspension_cli.linear.small_matrices import solve_each
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Index
 

@@ -20,9 +20,8 @@ from suspension_cli.equilibrium.hinges import hinge_rigidities, to_hinges
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium, solve
 from suspension_cli.equilibrium.tree import chain_tops
-from suspension_cli.linear.stretching import Stretching
 from suspension_cli.linear.symmetry import Symmetry, find_symmetry, no_symmetry
-from suspension_cli.linear.system import Ground, LinearSystem
+from suspension_cli.linear.system import Ground, LinearSystem, Stretching
 from suspension_cli.models.base import BENDING, MASS, Model
 from suspension_cli.models.loss_terms import spring_terms
 from suspension_cli.rotations import rigid_motion
@@ -79,11 +78,11 @@ def linear_model(
     stretched = None
     if scene.wires.label and len(scene.batch) <= 1:
         k = np.broadcast_to(scene.wires.stiffness, form.shape[:-1])
-        stretched = Stretching(form, k, adapted.allowed, soft)
+        stretched = Stretching(form, k, soft)
     if stretched is None or scene.batch:
         stiffness = adapted.apply(balanced.stiffness)
     else:
-        stiffness = stretched.whole
+        stiffness = stretched.whole(adapted.allowed)
     lossy = None
     if any(np.any(getattr(part, "loss", 0.0)) for part in scene.parts.values()):
         whole = loss_matrix(scene, numbering, pose, stretching=stretched is None)
@@ -91,7 +90,7 @@ def linear_model(
         if stretched is not None:
             lost = stretched.stiffness * scene.wires.loss
             soft_loss = lossy
-            lossy = 1j * replace(stretched, stiffness=lost, soft=np.imag(lossy)).whole
+            lossy = 1j * Stretching(form, lost, np.imag(lossy)).whole(adapted.allowed)
             stiff = stretched.stiffness + 1j * lost
             stretched = replace(stretched, stiffness=stiff, soft=stretched.soft + soft_loss)
         lossy = stiffness + lossy
@@ -112,6 +111,7 @@ def linear_model(
         wire=scene.wires.label,
         rigid=rigid_motion(numbering.size, scene.bodies.position + pose.shift),
         terms=tuple(terms),
+        within_symmetry=None if adapted.allowed.all() else adapted.allowed,
         top=chain_tops(scene),
     )
     if not scene.springs.grounded.any():

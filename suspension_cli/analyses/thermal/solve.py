@@ -232,12 +232,8 @@ def compute_dissipation(
     The keys of the result are the name of a source and its temperature (K). `temperature` is that
     of dampers and of the support's loss, K.
     """
-    result: dict[tuple[str, float], Array] = {}
+    result: dict[tuple[str, float], Array] = here.dissipated(motion)
     block = here.block
-    whole = np.concatenate([np.zeros((6, motion.shape[1])), motion])
-    for term in here.terms:
-        for key, lost in term.dissipated(whole).items():
-            result[key] = result.get(key, 0.0) + lost
     for cause, matrix, factor in (
         ("damping", block.damping, here.omega),
         ("support", block.loss, 1.0),
