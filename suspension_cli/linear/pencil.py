@@ -113,6 +113,8 @@ class Part:
         weights: Inexact[np.ndarray, "added function #build"],
     ) -> Part:
         """Append elements."""
+        if not len(row):
+            return self
         shape = np.broadcast_shapes(self.weights.shape[1:], weights.shape[1:])
         pair = (np.broadcast_to(own, (len(own), *shape)) for own in (self.weights, weights))
         ends = (self.row, row), (self.column, column)
