@@ -47,10 +47,19 @@ def expand(design: Design) -> Scene:
 
     Raises `InputError` if a stage cannot balance in its nominal pose, or a wire is slack in it.
     """
+    # all models and checks of a command ask for the scene of one design
+    for known, scene in _latest:
+        if known is design:
+            return scene
     scene = expand_nominal(design)
     for item in design.perturbation:
         scene = apply(scene, item)
+    _latest[:] = [(design, scene)]
     return scene
+
+
+_latest: list[tuple[Design, Scene]] = []
+"""The design expanded last, and its scene."""
 
 
 def expand_nominal(design: Design) -> Scene:
