@@ -13,7 +13,7 @@ pivoting.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -161,6 +161,13 @@ def by_body(
     `owner` is the number of the body of each coordinate, larger than that of its parent; `coupled`
     (c, c) marks the non-zero elements.
     """
+    return _by_body(owner.astype(int).tobytes(), coupled.tobytes())
+
+
+@lru_cache(maxsize=64)
+def _by_body(owners: bytes, couplings: bytes) -> Pattern:
+    owner = np.frombuffer(owners, dtype=int)
+    coupled = np.frombuffer(couplings, dtype=bool).reshape(len(owner), -1)
     order = np.argsort(-owner, kind="stable")
     rest = coupled[np.ix_(order, order)]
     rest = rest | rest.T

@@ -24,16 +24,15 @@ removed.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any, Literal
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
 from suspension_cli.conventions import DOFS, FRAME
-from suspension_cli.linear import elimination
 from suspension_cli.linear.elimination import connected_groups, solve_each
+from suspension_cli.linear.equations import ROUNDING, Equations, Part, rounding, sizes
 from suspension_cli.linear.frequency_terms import (
     EvaluatedTerm,
     EvaluatedWires,
@@ -49,129 +48,13 @@ if TYPE_CHECKING:
 
 Loss = Literal["all", "dampers", "none"]
 """Losses that act; loss angles, which are phase lags, act on oscillations alone."""
-ROUNDING = 4e-15
-"""Fraction of its terms up to which a sum is a rounding error."""
 FAR = 0.5
 """Fraction of the lowest mode below which coordinates are relative: at it they gain nothing yet."""
 SHIFT = 1e-4
 """(rad/s)^2, by which squared frequencies are shifted to find the lowest: some are 0."""
 
 
-def sizes(
-    matrix: Float[np.ndarray, "*rows row column"],
-    of_row: Int[np.ndarray, " row"] | None,
-    of_column: Int[np.ndarray, " column"],
-) -> Float[np.ndarray, "*rows row column"]:
-    """Largest absolute element over the rows and columns of equal, neighbouring places.
-
-    A place is the translation of a body, its rotation, a blade tip, or a tension.
-    """
-    result = np.abs(matrix)
-    for axis, place in ((-2, of_row), (-1, of_column)):
-        if place is not None:
-            starts = np.flatnonzero(np.diff(place, prepend=-1))
-            result = np.maximum.reduceat(result, starts, axis)
-            result = np.repeat(result, np.diff(np.append(starts, len(place))), axis)
-    return result
-
-
-def rounding(
-    matrix: Inexact[np.ndarray, "row row"], place: Int[np.ndarray, " row"]
-) -> Float[np.ndarray, "row row"]:
-    """Largest rounding errors of the elements of a matrix of the forms of several parts."""
-    size = sizes(matrix, place, place)
-    own = np.sqrt(np.diag(size))
-    return ROUNDING * np.maximum(size, own[:, None] * own)
-
-
-@dataclass(frozen=True)
-class Part:
-    """Weights of some functions of frequency in elements of the equations of a block.
-
-    Attributes
-    ----------
-    row, column
-        Equation of each element, and its unknown with the support's motions before them.
-    weights
-        Of many builds there is only one function.
-    """
-
-    row: Int[np.ndarray, " element"]
-    column: Int[np.ndarray, " element"]
-    weights: Inexact[np.ndarray, "element function #build"]
-
-    @staticmethod
-    def of(weights: Inexact[np.ndarray, "function row column"]) -> Part:
-        """Take the elements of one design that are not 0."""
-        row, column = np.nonzero(weights.any(0))
-        return Part(row, column, weights[:, row, column].T[..., None])
-
-    def followed_by(
-        self,
-        row: Int[np.ndarray, " added"],
-        column: Int[np.ndarray, " added"],
-        weights: Inexact[np.ndarray, "added function #build"],
-    ) -> Part:
-        """Append elements."""
-        if not len(row):
-            return self
-        shape = np.broadcast_shapes(self.weights.shape[1:], weights.shape[1:])
-        pair = (np.broadcast_to(own, (len(own), *shape)) for own in (self.weights, weights))
-        ends = (self.row, row), (self.column, column)
-        return Part(*map(np.concatenate, ends), np.concatenate(list(pair)))
-
-    @cached_property
-    def dense(
-        self,
-    ) -> tuple[
-        Int[np.ndarray, " row"],
-        Int[np.ndarray, " column"],
-        Inexact[np.ndarray, "function row column"],
-    ]:
-        """The rows and columns that have elements, and the weights in these, of one design."""
-        (rows, i), (columns, j) = (
-            np.unique(n, return_inverse=True) for n in (self.row, self.column)
-        )
-        result = np.zeros((self.weights.shape[1], len(rows), len(columns)), self.weights.dtype)
-        result[:, i, j] = self.weights[..., 0].T
-        return rows, columns, result
-
-    def apply(
-        self,
-        functions: Inexact[np.ndarray, "function frequency"],
-        motion: Inexact[np.ndarray, "unknown vector frequency"],
-        result: Inexact[np.ndarray, "unknown vector frequency"],
-    ) -> None:
-        """Add the product with motions of one design's unknowns, the support at rest."""
-        rows, columns, weights = self.dense
-        own = columns >= 6
-        x = motion[columns[own] - 6]
-        for weight, values in zip(weights[..., own], functions, strict=True):
-            if len(x) and values.any():
-                moved = multiply_real(weight, x.reshape(len(x), -1))
-                result[rows] += values * moved.reshape(len(rows), *x.shape[1:])
-
-    def transformed(
-        self,
-        to_absolute: Float[np.ndarray, "all all"],
-        place: Int[np.ndarray, " all"],
-        error: Float[np.ndarray, "unknown all"] | float = 0.0,
-    ) -> Part:
-        """Change unknowns: old = `to_absolute` @ new. Rounding errors become 0.
-
-        `error` is a bound of other errors of the new elements.
-        """
-        rows, columns, weights = self.dense
-        if not len(rows):
-            return self
-        left, right = to_absolute[6 + rows, 6:], to_absolute[columns]
-        terms = np.abs(left).T @ sizes(weights, place[6 + rows], place[columns]) @ np.abs(right)
-        result = left.T @ weights @ right
-        return Part.of(np.where(np.abs(result) > ROUNDING * terms + error, result, 0.0))
-
-
-@dataclass(frozen=True)
-class Rows:
+class Rows(NamedTuple):
     """Elongations of wires; those that move alike are one row.
 
     Attributes
@@ -190,123 +73,6 @@ class Rows:
     count: Float[np.ndarray, " row"]
     compliance: Inexact[np.ndarray, "#build row"]
     term: Int[np.ndarray, " row"]
-
-    @staticmethod
-    def of(
-        form: Float[np.ndarray, "#build wire coordinate"],
-        compliance: Inexact[np.ndarray, "#build wire"],
-        term: int = -1,
-        *,
-        alike: bool = False,
-    ) -> Rows:
-        """Leave out wires that no coordinate moves; merge `alike` ones that move alike."""
-        groups = [[n] for n in np.flatnonzero((form[..., 6:] != 0).any((0, 2))).tolist()]
-        if alike and len(groups) > 1:
-            some = [n for (n,) in groups]
-            members = distinct(np.moveaxis(form[:, some], 1, 0).reshape(len(some), -1))[1]
-            groups = [[some[n] for n in group] for group in members]
-        first, count = [group[0] for group in groups], np.array([float(len(g)) for g in groups])
-        return Rows(form[:, first], count, compliance[:, first], np.full(len(first), term))
-
-    @staticmethod
-    def joined(kinds: list[Rows]) -> Rows:
-        """Join rows of several kinds."""
-        axes = {"form": 1, "count": 0, "compliance": 1, "term": 0}
-        return Rows(
-            *(np.concatenate([getattr(one, name) for one in kinds], n) for name, n in axes.items())
-        )
-
-
-@dataclass(frozen=True)
-class Equations:
-    """Equations of one block in one choice of coordinates q, with x = T q.
-
-    Attributes
-    ----------
-    to_absolute
-        T (6 + c, 6 + c) with the support's coordinates; None if q = x.
-    pattern
-        Order of elimination of the coordinates and tensions.
-    parts
-        For each part, elements of the pattern and the weights of its functions in them.
-    support
-        For each part, its elements in the columns of each motion of the support.
-    """
-
-    to_absolute: Float[np.ndarray, "coordinate coordinate"] | None
-    pattern: elimination.Pattern
-    parts: list[tuple[Int[np.ndarray, " element"], Inexact[np.ndarray, "element function #build"]]]
-    support: list[list[Part]]
-
-    @staticmethod
-    def of(
-        parts: list[Part],
-        owner: Sequence[int],
-        to_absolute: Float[np.ndarray, "coordinate coordinate"] | None = None,
-    ) -> Equations:
-        """Order the equations for elimination body by body."""
-        size = len(owner)
-        coupled = np.eye(size, 6 + size, 6, dtype=bool)
-        for part in parts:
-            coupled[part.row, part.column] = True
-        pattern = order_by_body(np.array(owner, dtype=int).tobytes(), coupled[:, 6:].tobytes())
-        number = np.full((size, 6 + size), -1)
-        number[pattern.row, 6 + pattern.column] = np.arange(len(pattern.row))
-        elements, support = [], []
-        for part in parts:
-            place = number[part.row, part.column]
-            elements.append((place[place >= 0], part.weights[place >= 0]))
-            columns = (np.flatnonzero(part.column == motion) for motion in range(6))
-            support.append([Part(part.row[n], part.column[n], part.weights[n]) for n in columns])
-        return Equations(to_absolute, pattern, elements, support)
-
-    def elements(
-        self, functions: list[Inexact[np.ndarray, "function system"]]
-    ) -> Inexact[np.ndarray, "element system"]:
-        """Evaluate the elements of the pattern."""
-        kind = np.result_type(*functions, *(own for _, own in self.parts if own.size))
-        result = np.zeros((len(self.pattern.row), functions[0].shape[1]), dtype=kind)
-        for (place, own), values in zip(self.parts, functions, strict=True):
-            if len(place) and values.any():
-                result[place] += _multiply(own, values)
-        return result
-
-    def solve(
-        self,
-        functions: list[Inexact[np.ndarray, "function system"]],
-        moves: Float[np.ndarray, "6 input #system"],
-        forces: Float[np.ndarray, "own input #system"],
-    ) -> Inexact[np.ndarray, "own input system"]:
-        """Solve for coordinates q, given support motions and forces on x."""
-        elements, (own, inputs) = self.elements(functions), forces.shape[:2]
-        shape = self.pattern.size, inputs, functions[0].shape[1]
-        right = np.zeros(shape, dtype=elements.dtype)
-        if self.to_absolute is not None:
-            forces = np.tensordot(self.to_absolute[6 : 6 + own, 6 : 6 + own].T, forces, 1)
-        right[:own] = forces
-        for motion in np.flatnonzero(moves.any((1, 2))):
-            driven = np.flatnonzero(moves[motion].any(1))
-            for columns, values in zip(self.support, functions, strict=True):
-                if len(row := columns[motion].row):
-                    pull = _multiply(columns[motion].weights, values)[:, None]
-                    right[row[:, None], driven] -= pull * moves[motion, driven]
-        return self.pattern.solve(elements, right)[:own]
-
-
-@lru_cache(maxsize=64)
-def order_by_body(owner: bytes, coupled: bytes) -> elimination.Pattern:
-    """Order coordinates for elimination (`elimination.by_body`)."""
-    order = np.frombuffer(owner, dtype=int)
-    return elimination.by_body(order, np.frombuffer(coupled, dtype=bool).reshape(len(order), -1))
-
-
-def _multiply(
-    weights: Inexact[np.ndarray, "*rows function #build"],
-    functions: Inexact[np.ndarray, "function system"],
-) -> Inexact[np.ndarray, "*rows system"]:
-    if len(functions) == 1:
-        return weights[..., 0, :] * functions[0]
-    return multiply_real(weights[..., 0], functions)
 
 
 def _apply(
@@ -379,27 +145,32 @@ class Block:
     @cached_property
     def rows(self) -> Rows:
         """Elongations of the wires that move with these coordinates."""
-        own, model = self.pencil.model.stretched, self.pencil.model
-        kinds = [(np.zeros((1, 0, model.size)), np.zeros((1, 0)), -1)]
-        for n, (_, term) in enumerate(self.terms):
-            if isinstance(term, WireTerm):
-                form = 2 * term.forms["stretch"][None, :, 1]
-                kinds.append((form, np.zeros((1, form.shape[1])), n))
-        if own is not None and not any(isinstance(term, WireTerm) for term in model.terms):
-            form, c = as_builds(own.form), 1 / as_builds(self.pencil.stiff, 1)
+        model, stretched = self.pencil.model, self.pencil.model.stretched
+        form, kinds = np.zeros((1, 0, model.size)), []
+        c, term = np.zeros((1, 0)), np.zeros(0, dtype=int)
+        for n, (_, own) in enumerate(self.terms):
+            if isinstance(own, WireTerm):
+                form = np.append(form, 2 * own.forms["stretch"][None, :, 1], axis=1)
+                term = np.append(term, np.full(form.shape[1] - len(term), n))
+                kinds.append(np.flatnonzero(term == n))
+                c = np.zeros((1, len(term)))
+        if stretched is not None and not any(isinstance(own, WireTerm) for own in model.terms):
+            form, c = as_builds(stretched.form), 1 / as_builds(self.pencil.stiff, 1)
+            term, kind = np.full(form.shape[1], -1), [k.tobytes() for k in c.T]
+            kinds = [np.flatnonzero([k == one for k in kind]) for one in dict.fromkeys(kind)]
+        form = form[..., self._columns] * self._kept
+        if self.pencil.many and model.allowed[6:, 6:].all():
             # builds without a common symmetry may differ from one by as little as rounding
-            if self.pencil.many and model.allowed[6:, 6:].all():
-                return Rows.of(form[..., self._columns] * self._kept, c)
-            kind = [k.tobytes() for k in c.T]
-            for one in dict.fromkeys(kind):
-                alike = [n for n, other in enumerate(kind) if other == one]
-                kinds.append((form[:, alike], c[:, alike], -1))
-        made = []
-        for form, c, n in kinds:
-            own = form[..., self._columns] * self._kept
-            small = 1e-14 * np.abs(own).max((1, 2), keepdims=True, initial=0.0)
-            made.append(Rows.of(np.where(np.abs(own) > small, own, 0.0), c, n, alike=True))
-        return Rows.joined(made)
+            members = np.arange(len(term))[:, None].tolist()
+        else:
+            for some in kinds:
+                small = 1e-14 * np.abs(form[:, some]).max((1, 2), keepdims=True, initial=0.0)
+                form[:, some] *= np.abs(form[:, some]) > small
+            flat = np.moveaxis(form, 1, 0).reshape(len(term), len(form) * form.shape[2])
+            members = [some[group].tolist() for some in kinds for group in distinct(flat[some])[1]]
+        members = [group for group in members if form[:, group[0], 6:].any()]
+        first, count = [group[0] for group in members], [float(len(group)) for group in members]
+        return Rows(form[:, first], np.array(count), c[:, first], term[first])
 
     @cached_property
     def owner(self) -> list[int]:
@@ -523,8 +294,7 @@ class Block:
 
     def at(self, there: AtFrequencies) -> EvaluatedBlock:
         """Evaluate at frequencies."""
-        terms = [there.terms[n] for n, _ in self.terms]
-        return EvaluatedBlock(self, there.omega, terms, there.lossy, there.damped)
+        return EvaluatedBlock(self, there)
 
 
 @dataclass(frozen=True)
@@ -532,18 +302,25 @@ class EvaluatedBlock:
     """One block of systems at given frequencies."""
 
     block: Block
-    omega: Inexact[np.ndarray, " system"]
-    terms: list[EvaluatedTerm]
-    lossy: bool
-    damped: bool
+    there: AtFrequencies
+
+    @property
+    def omega(self) -> Inexact[np.ndarray, " system"]:
+        """Angular frequencies, rad/s."""
+        return self.there.omega
+
+    @property
+    def terms(self) -> list[EvaluatedTerm]:
+        """The terms of the block."""
+        return [self.there.terms[n] for n, _ in self.block.terms]
 
     @cached_property
     def functions(self) -> list[Inexact[np.ndarray, "function system"]]:
         """Functions of frequency of each of `Block.parts`."""
         here = np.ones((1, len(self.omega)))
         loss, damping = (bool(len(part.row)) for part in self.block.parts[1:3])
-        result = [here, 1j * here if self.lossy and loss else 0 * here]
-        result.append(1j * self.omega * here if self.damped and damping else 0 * here)
+        result = [here, 1j * here if self.there.lossy and loss else 0 * here]
+        result.append(1j * self.omega * here if self.there.damped and damping else 0 * here)
         result.append(-(self.omega**2) * here)
         for term, used in zip(self.terms, self.block.used, strict=True):
             functions = term.functions(used)
@@ -721,31 +498,25 @@ class Pencil:
 
         What one wire exerts, an equal one may cancel, so equal wires are taken together.
         """
-        model, place = self.model, self.place
-        result = np.zeros((model.size, model.size), dtype=bool)
-        matrices = [matrix[0] for matrix in self.matrices]
-        if model.stretched is not None:
-            form = model.stretched.form
-            if self.many:
-                moved = (form != 0).any(0).astype(float)
-                result |= model.allowed & (moved.T @ moved > 0)
-            alike = () if self.many else dict.fromkeys(self.stiff.tolist())
-            for some in (form[self.stiff == k] for k in alike):
-                matrices.append(np.where(model.allowed, some.T @ some, 0.0))
+        model, matrices = self.model, [matrix[0] for matrix in self.matrices]
+        form = np.zeros((0, model.size)) if model.stretched is None else model.stretched.form
         if self.many:
-            return np.logical_or.reduce([result, *self.used])
+            moved = (form != 0).any(0).astype(float)
+            return np.logical_or.reduce([model.allowed & (moved.T @ moved > 0), *self.used])
+        for k in dict.fromkeys(self.stiff.tolist()):
+            some = form[self.stiff == k]
+            matrices.append(np.where(model.allowed, some.T @ some, 0.0))
+        result = np.any([np.abs(m) > rounding(m, self.place) for m in matrices], axis=0)
         for term, weights in zip(model.terms, self.weights, strict=True):
             result[np.ix_(term.columns, term.columns)] |= (weights != 0).any(0)
-        for matrix in matrices:
-            result |= np.abs(matrix) > rounding(matrix, place)
-        return result
+        return np.asarray(result)
 
     @cached_property
     def weights(self) -> list[Float[np.ndarray, "function column column"]]:
         """A_n of each term among its columns, without rounding errors."""
         result = []
         for term in self.model.terms:
-            own, small = self.place[term.columns], 0.0
+            own = self.place[term.columns]
             if isinstance(term, WireTerm):
                 forms = {
                     part: list(sizes(np.array(rows), None, own))
@@ -778,26 +549,16 @@ class Pencil:
 
         `columns` are the coordinates: those of the support, then the block's.
         """
-        rigid, last = self.model.rigid, 6 * (len(self.model.body) + 1)
+        rigid, bodies = self.model.rigid, len(self.model.body) + 1
         assert rigid is not None
-        place = {int(n): m for m, n in enumerate(columns)}
-        result = np.eye(len(columns))
-        for row, n in enumerate(columns[6:].tolist(), 6):
-            if n >= last:
-                continue
-            result[row, :6] = rigid[n]
-            for m, dof in enumerate(DOFS):
-                other = f"{FRAME}.{dof}"
-                if other in self.model.coordinate:
-                    result[row, place.get(self.model.coordinate.index(other), row)] = rigid[n, m]
-            above = self.parent[n // 6]
+        result = np.eye(self.model.size)
+        result[:, :6] = rigid
+        for n, dof in enumerate(DOFS):
+            if (name := f"{FRAME}.{dof}") in self.model.coordinate:
+                result[6 : 6 * bodies, self.model.coordinate.index(name)] = rigid[6 : 6 * bodies, n]
+        body = [slice(6 * n, 6 * n + 6) for n in range(bodies)]
+        for n, above in enumerate(self.parent):
             while above:
-                first = 6 * above
-                for dof in range(6):
-                    if first + dof in place:
-                        result[row, place[first + dof]] = (
-                            rigid[n, dof] - rigid[first + n % 6, dof] + (n % 6 == dof)
-                        )
+                result[body[n], body[above]] = rigid[body[n]] - rigid[body[above]] + np.eye(6)
                 above = self.parent[above]
-            result[row, row] = 1.0
-        return result
+        return result[np.ix_(columns, columns)]
