@@ -244,28 +244,6 @@ def compute_dissipation(
     return result
 
 
-def compute_from_susceptibility(
-    model: LinearSystem,
-    frequency: Float[np.ndarray, " frequency"],
-    row: Float[np.ndarray, " coordinate"],
-    temperature: float,
-) -> Float[np.ndarray, " frequency"]:
-    """Thermal noise from the susceptibility, -(4 k T / omega) Im(r . Z^-1 r), unit^2/Hz.
-
-    For checks of `solve`: it loses the digits of a high Q, and has one temperature (K) for all
-    parts.
-    """
-    omega = 2 * np.pi * np.asarray(frequency, dtype=float)
-    total, pencil = np.zeros(len(omega)), Pencil.of(model)
-    there = pencil.at(omega)
-    for block in pencil.blocks:
-        force = row[block.keep]
-        if force.any():
-            found = block.at(there).respond(force[None], np.zeros((6, 1)), force[:, None])
-            total += np.imag(found[0, 0])
-    return -4 * BOLTZMANN * temperature / omega * total
-
-
 def parse_motion(
     model: LinearSystem, text: str, tilt: float = 0.0
 ) -> tuple[Signal, Float[np.ndarray, " coordinate"]]:
