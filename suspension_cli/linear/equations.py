@@ -78,9 +78,9 @@ class Part:
         if not len(row):
             return self
         shape = np.broadcast_shapes(self.weights.shape[1:], weights.shape[1:])
-        pair = (np.broadcast_to(own, (len(own), *shape)) for own in (self.weights, weights))
-        ends = (self.row, row), (self.column, column)
-        return Part(*map(np.concatenate, ends), np.concatenate(list(pair)))
+        both = [np.broadcast_to(own, (len(own), *shape)) for own in (self.weights, weights)]
+        row, column = np.append(self.row, row), np.append(self.column, column)
+        return Part(row, column, np.concatenate(both))
 
     @cached_property
     def dense(

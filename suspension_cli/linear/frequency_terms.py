@@ -63,11 +63,6 @@ class WireTerm:
         return self.strand.massive
 
     @property
-    def viscous(self) -> bool:
-        """Loss angles act on oscillations alone."""
-        return False
-
-    @property
     def static_stretching(self) -> Any:
         """Static stiffness k between the ends of a wire, N/m, without loss."""
         sections = self.strand.fibre.sections
@@ -199,6 +194,11 @@ DIAGONAL = ((0, 0), (1, 1))
 
 ALIKE = 1e-13
 """Relative difference of two linear forms that counts as rounding."""
+
+
+def is_damper(term: Term) -> bool:
+    """Whether a term is that of a damper."""
+    return isinstance(term, LossTerm) and not term.elastic
 
 
 def is_massive(term: Term) -> bool:
@@ -344,11 +344,6 @@ class LossTerm:
         """Whether this is a damper."""
         return not self.elastic
 
-    @property
-    def viscous(self) -> bool:
-        """Whether this is a damper."""
-        return not self.elastic
-
     @cached_property
     def columns(self) -> Int[np.ndarray, " column"]:
         """Coordinates that it acts on."""
@@ -364,8 +359,11 @@ class LossTerm:
         """Evaluate at frequencies in rad/s."""
         # loss angles are taken at the frequency of oscillation, the real part
         at = np.real(omega) if self.elastic else omega
-        stored = None if self.storage is None else self.storage(np.real(omega))
-        return EvaluatedLoss(self, self.angle(at) if lossy else np.zeros(at.shape), lossy, stored)
+        angle = self.angle(at) if lossy else np.zeros(at.shape)
+        value = 1j * angle if lossy else angle
+        if self.storage is not None:
+            value = value + self.storage(np.real(omega))
+        return EvaluatedLoss(self, angle, value)
 
     def within(self, keep: Int[np.ndarray, " own"]) -> Float[np.ndarray, "own own"]:
         """The matrix among some coordinates."""
@@ -382,24 +380,22 @@ class LossTerm:
 
 @dataclass(frozen=True)
 class EvaluatedLoss:
-    """One loss at given frequencies: its angle and its relative change of Re K (f,)."""
+    """One loss at given frequencies: its angle and the function f_1."""
 
     term: LossTerm
     angle: Inexact[np.ndarray, " frequency"]
-    lossy: bool
-    stored: Inexact[np.ndarray, " frequency"] | None = None
+    value: Inexact[np.ndarray, " frequency"]
 
     def functions(
         self, which: Int[np.ndarray, " function"]
     ) -> list[Inexact[np.ndarray, " frequency"]]:
         """Select functions f_n by number."""
-        value = 1j * self.angle if self.lossy else self.angle
-        return [value if self.stored is None else value + self.stored] * len(which)
+        return [self.value] * len(which)
 
     @property
     def stiffness(self) -> Inexact[np.ndarray, "system column column"]:
         """The function times the matrix, among `LossTerm.columns`."""
-        return self.functions(np.arange(1))[0][:, None, None] * self.term.compact
+        return self.value[:, None, None] * self.term.compact
 
     def dissipated(
         self, matrix: Float[np.ndarray, "own own"], motion: Inexact[np.ndarray, "own frequency"]

@@ -26,7 +26,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -39,6 +39,7 @@ from suspension_cli.linear.frequency_terms import (
     Term,
     WireTerm,
     distinct,
+    is_damper,
     multiply_real,
 )
 from suspension_cli.linear.system import LinearSystem
@@ -54,7 +55,8 @@ SHIFT = 1e-4
 """(rad/s)^2, by which squared frequencies are shifted to find the lowest: some are 0."""
 
 
-class Rows(NamedTuple):
+@dataclass(frozen=True)
+class Rows:
     """Elongations of wires; those that move alike are one row.
 
     Attributes
@@ -429,7 +431,7 @@ class Pencil:
         terms = [
             term.at(
                 omega if term.dispersive else real,
-                lossy=loss == "all" or (loss == "dampers" and term.viscous),
+                lossy=loss == "all" or (loss == "dampers" and is_damper(term)),
             )
             for term in self.model.terms
         ]

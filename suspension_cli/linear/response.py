@@ -81,8 +81,8 @@ def solve(
     omega, acts = 2 * np.pi * np.asarray(frequency, dtype=float), [s.acts for s in inputs]
     ground = [s.is_ground for s in inputs]
     value, count = transfer(model, omega, drives, acts, rows, ground=ground)
-    names = (tuple(signal.text for signal in group) for group in (inputs, outputs))
-    return Response(np.asarray(frequency), *names, units(inputs, outputs), value, count)
+    into, out = (tuple(signal.text for signal in group) for group in (inputs, outputs))
+    return Response(np.asarray(frequency), into, out, units(inputs, outputs), value, count)
 
 
 def units(inputs: list[Signal], outputs: list[Signal]) -> tuple[tuple[str, ...], ...]:

@@ -98,7 +98,7 @@ def _wire_terms(
             motion[part] = moved[..., :-1]
         stage = scene.bodies.name[wires.lower[alike[0]] - 1]
         term = WireTerm(stage, strand, number, columns, motion, numbering.size)
-        terms.append(term.spread(adapted.basis))
+        terms.append(term if adapted.trivial else term.spread(adapted.basis))
     return terms
 
 
