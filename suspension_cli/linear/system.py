@@ -238,23 +238,20 @@ class LinearSystem:
         if not self.terms:
             return self
         own, count = self.stretched, len(omega)
-        dynamic = np.empty((count, self.size, self.size), dtype=complex)
-        dynamic[...] = self.complete if own is None else own.soft
+        soft = self.complete if own is None else own.soft
+        dynamic = np.empty((self.size, self.size, count), dtype=complex)  # builds last in memory
+        dynamic[...] = np.moveaxis(np.atleast_3d(soft.T).T, 0, -1)
         if own is not None:
             stiffness = np.empty((count, own.form.shape[-2]), dtype=complex)
             stiffness[...] = own.stiffness
-            own = replace(own, soft=dynamic, stiffness=stiffness)
+            own = replace(own, soft=np.moveaxis(dynamic, -1, 0), stiffness=stiffness)
         for term in self.terms:
             here = term.at(omega)
-            added, runs = here.stiffness, _runs(term.columns)
-            if self.within_symmetry is not None:
-                added *= self.within_symmetry[np.ix_(term.columns, term.columns)]
-            for rows, own_rows in runs:
-                for columns, own_columns in runs:
-                    dynamic[:, rows, columns] += added[:, own_rows, own_columns]
+            at = term.columns[:, None], term.columns
+            dynamic[at] += self.allowed[at][..., None] * np.moveaxis(here.stiffness, 0, -1)
             if own is not None and isinstance(here, EvaluatedWires):
                 own.stiffness[:, here.term.number] = np.atleast_2d(1 / here.compliance).T
-        return replace(self, terms=(), lossy=dynamic, stretched=own)
+        return replace(self, terms=(), lossy=np.moveaxis(dynamic, -1, 0), stretched=own)
 
     @property
     def size(self) -> int:
@@ -306,14 +303,3 @@ class LinearSystem:
             coupled |= (matrix != 0).reshape(-1, self.size, self.size).any(0)
         # without the support; a damper may sense one body and push another
         return tuple(group + 6 for group in connected_groups(coupled[6:, 6:]))
-
-
-def _runs(columns: Int[np.ndarray, " column"]) -> list[tuple[slice, slice]]:
-    """Runs of consecutive coordinates, and where each stands among all of `columns`."""
-    parts = np.split(columns, np.flatnonzero(np.diff(columns) > 1) + 1)
-    starts = np.cumsum([0, *map(len, parts)]).tolist()
-    return [
-        (slice(part[0], part[-1] + 1), slice(start, start + len(part)))
-        for part, start in zip(parts, starts, strict=False)
-        if len(part)
-    ]
