@@ -20,7 +20,7 @@ from suspension_cli.design.schema import Design
 from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes, quality
 from suspension_cli.linear.eigenmodes import Modes
-from suspension_cli.linear.frequency_terms import WireTerm, is_massive
+from suspension_cli.linear.frequency_terms import WireTerm
 from suspension_cli.linear.mode_pairing import body_overlap, pair_by_overlap
 from suspension_cli.linear.named_results import Mode, Ratio, Scalar
 from suspension_cli.linear.signals import Signal
@@ -355,7 +355,7 @@ def _described(change: float, label: str, refined: LinearSystem) -> tuple[float,
 
 
 def _has_wire_mass(model: LinearSystem) -> bool:
-    return any(map(is_massive, model.terms))
+    return any(isinstance(term, WireTerm) and term.strand.massive for term in model.terms)
 
 
 def _pairs(rows: Modes, columns: Modes, model: LinearSystem) -> Int[np.ndarray, " mode"]:
