@@ -1,6 +1,6 @@
 """Checks of a design across its tables: which names exist, and which lengths fit.
 
-What a table must fulfil by itself is declared in its `rules`, see `design.rules`.
+What a table must fulfil by itself is declared in its `rules`, see `design.tables`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 from suspension_cli.conventions import ANALYSES, DOFS, FRAME, GROUND, SUPPORT
-from suspension_cli.design import materials, rules, units
+from suspension_cli.design import faults, materials, units
 from suspension_cli.design.derive import com_positions, set_geometry, spring_loss
 from suspension_cli.design.faults import fault_of, suggest
 from suspension_cli.design.filters import SUFFIX
@@ -20,6 +20,7 @@ from suspension_cli.design.inverted_pendulum import leg_count
 from suspension_cli.design.links import Damper, Link, Strands
 from suspension_cli.design.losses.registry import MECHANISMS
 from suspension_cli.design.schema import Design, Loop, Spring, Stage
+from suspension_cli.design.tables import keys_with
 from suspension_cli.design.wires import Clamp, Profile, Wire, WireSet, is_ring
 from suspension_cli.errors import Fault, format_key
 
@@ -38,7 +39,7 @@ NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 
 def check_design(design: Design) -> list[Fault]:
     """List all faults of a design whose single values are valid."""
-    found = [*rules.find_faults(design), *_check_stages(design), *_check_materials(design)]
+    found = [*faults.find_faults(design), *_check_stages(design), *_check_materials(design)]
     found += _check_names(design)
     for stage in design.stage:
         found += _check_suspension(stage, f"stage.{stage.name}")
@@ -96,9 +97,9 @@ def _check_names(design: Design) -> Iterator[Fault]:
     """Check that parts which are named exist."""
     known = _known_names(design)
     tables = {link.name for link in design.link if link.table is not None}
-    for path, table in rules.tables(design):
+    for path, table in faults.tables(design):
         stage = path.split(".")[1] if path.startswith("stage.") else ""
-        for key, kind in rules.keys_with(type(table), "names"):
+        for key, kind in keys_with(type(table), "names"):
             name, names = getattr(table, key), known.get(kind, known.get(f"{kind} {stage}", []))
             if name is not None and name not in names:
                 remedy = suggest(name, names)
@@ -297,7 +298,7 @@ def _check_active(design: Design) -> Iterator[Fault]:
 
 def find_active(design: Design) -> Iterator[tuple[Link | Damper | Spring, Fault]]:
     """Find springs, links and dampers that give power to the motion, each with what does so."""
-    for path, part in rules.tables(design):
+    for path, part in faults.tables(design):
         if not isinstance(part, (Link, Damper, Spring)):
             continue
         if problem := _negative(part.damping):

@@ -13,7 +13,7 @@ import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from suspension_cli.design.units import Raw
+from suspension_cli.design.tables import Raw
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.files import bounded
 

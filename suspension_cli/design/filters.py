@@ -22,8 +22,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from suspension_cli.design import units
-from suspension_cli.design.rules import at_most_one, exactly_one
-from suspension_cli.design.units import Problems, Table, key
+from suspension_cli.design.tables import Problems, Table, at_most_one, doc, exactly_one, key
 
 SUFFIX = "-keystone"
 LATERAL, TILT = 1e7, 1e4
@@ -37,7 +36,7 @@ class Keystone(Table, frozen=True):
     """Mass and inertia of a keystone, the part of the blades that moves with it included."""
 
     mass: units.Mass
-    inertia: list[Annotated[float, units.of_unit("kg m^2", "", gt=0, le=1e15)]] | None = key(
+    inertia: list[Annotated[float, doc("", "kg m^2", gt=0, le=1e15)]] | None = key(
         "moments of inertia about x, y, z, kg m^2; default those of a steel cylinder as"
         " high as wide",
         min_length=3,
@@ -87,7 +86,7 @@ class Filter(Table, frozen=True):
         le=1e6,
     )
     loss_angle: units.LossAngle | None = key("loss angle of the blades' stiffness in rad")
-    q: float | None = key("Q of the vertical mode, 1/loss_angle", unit="1", gt=0, le=1e12)
+    q: float | None = key("Q of the vertical mode, 1/loss_angle", unit="1", gt=1, le=1e12)
     modulus_slope: units.ModulusSlope = key(
         "relative change of Young's modulus of the blades with temperature, 1/K, for the"
         " shift of the working point that check reports",
@@ -97,23 +96,20 @@ class Filter(Table, frozen=True):
         "thermal expansion of the blades in 1/K; adds to that shift", 0.0
     )
 
-    rules = (
-        exactly_one("stiffness", "frequency"),
-        at_most_one("loss_angle", "q"),
-        at_most_one("saturation", "mass_coupling"),
-    )
-
-    def faults(self) -> Problems:
+    def _check_coupling(self) -> Problems:
         """Check that the inertia of the blades is part of that of the keystone."""
-        yield from super().faults()
-        if self.q is not None and self.q <= 1:
-            remedy = "give a larger one, or damp the stage with [stage.damping]"
-            yield "q", "gives a loss angle of 1 rad or more", remedy
         mass = self.keystone.mass
         if self.mass_coupling is not None and self.mass_coupling >= mass:
             problem = f"is not below the mass of the keystone, {mass:g} kg, which includes it"
             remedy = "add the part of the blades that moves with the keystone to its mass"
             yield "mass_coupling", problem, remedy
+
+    rules = (
+        exactly_one("stiffness", "frequency"),
+        at_most_one("loss_angle", "q"),
+        at_most_one("saturation", "mass_coupling"),
+        _check_coupling,
+    )
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Optional
 
 from suspension_cli.design import units
-from suspension_cli.design.units import NAMES, Table, doc
+from suspension_cli.design.tables import Plausible, Table, doc, extend_table, unit
+from suspension_cli.design.units import NAMES
 
 AXES = ("x", "y", "z")
 Part = Literal["wire", "body", "blade", "leg", "link"]
@@ -20,14 +21,14 @@ PARTS: tuple[Part, ...] = ("wire", "body", "blade", "leg", "link")
 """Parts of a build that have imperfections; blades are those of wires and of filters."""
 
 
-LARGE_SHIFT = units.Plausible(0.02, "larger than in any real build")
-LARGE_TURN = units.Plausible(
+LARGE_SHIFT = Plausible(0.02, "larger than in any real build")
+LARGE_TURN = Plausible(
     0.1, "larger than in any real build", (("degrees", math.pi / 180), ("mrad", 1e-3))
 )
-LARGE_FRACTION = units.Plausible(0.5, "a larger fraction than in any real build", (("%", 1e-2),))
+LARGE_FRACTION = Plausible(0.5, "a larger fraction than in any real build", (("%", 1e-2),))
 """Also of tolerances."""
-Shift = Annotated[units.Position, units.of_unit("m", "signed length in m", LARGE_SHIFT)]
-Turn = Annotated[units.Angle, units.of_unit("rad", "angle in rad", LARGE_TURN)]
+Shift = Annotated[units.Position, doc("signed length in m", "m", LARGE_SHIFT)]
+Turn = Annotated[units.Angle, doc("angle in rad", "rad", LARGE_TURN)]
 
 
 @dataclass(frozen=True)
@@ -70,10 +71,10 @@ class Imperfection:
     @property
     def unit(self) -> str:
         """SI unit; ``1`` for a factor."""
-        return units.unit(self.kind)
+        return unit(self.kind)
 
     @property
-    def plausible(self) -> units.Plausible:
+    def plausible(self) -> Plausible:
         """Range of plausible deviations."""
         return {"1": LARGE_FRACTION, "m": LARGE_SHIFT, "rad": LARGE_TURN}[self.unit]
 
@@ -246,7 +247,7 @@ def with_perturbations(base: type[Table]) -> type:
         text = SHARED[item.name] if item.name in keys else item.help("x, y, z")
         described: Any = Annotated[kind, doc(text)]
         keys[item.name] = described | None
-    return units.extend_table(base, keys)
+    return extend_table(base, keys)
 
 
 def with_spreads(base: type[Table], part: str, distribution: type[Table]) -> type:
@@ -255,13 +256,11 @@ def with_spreads(base: type[Table], part: str, distribution: type[Table]) -> typ
     rows = scattered(part)
     if part in ("body", "blade", "leg"):
         whole = "stage" if part == "body" else f"stage with {part}s"
-        keys["stage"] = Annotated[
-            units.Name, units.of_unit("", f"a stage's name: {NAMES}", names=whole)
-        ]
+        keys["stage"] = Annotated[units.Name, doc(f"a stage's name: {NAMES}", names=whole)]
     for item in rows:
         each = " (each axis)" * item.vector
         text = f"relative error of {item.quantity}" if item.relative else item.help("x, y and z")
         kind: Any = Annotated[distribution, doc(text + each)]
         # a table without its only quantity would say nothing
         keys[item.spread] = kind if len(rows) == 1 else Optional[kind]  # noqa: UP045
-    return units.extend_table(base, keys)
+    return extend_table(base, keys)

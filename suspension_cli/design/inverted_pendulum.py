@@ -30,10 +30,19 @@ from typing import Annotated
 
 from suspension_cli.design import units
 from suspension_cli.design.circles import direction
-from suspension_cli.design.rules import at_most_one, exactly_one, excludes, required, whole_or_parts
-from suspension_cli.design.units import Problems, Table, key
+from suspension_cli.design.tables import (
+    Problems,
+    Table,
+    at_most_one,
+    doc,
+    exactly_one,
+    excludes,
+    key,
+    required,
+    whole_or_parts,
+)
 
-FLEXURE = Annotated[float, units.of_unit("N m/rad", "", gt=0, le=1e15)]
+FLEXURE = Annotated[float, doc("", "N m/rad", gt=0, le=1e15)]
 AXIAL_STIFFNESS = 1e8
 """Default stiffness of a leg along its length, N/m: an aluminium tube of 60 mm by 5 mm, 0.6 m
 long."""
@@ -107,17 +116,8 @@ class InvertedPendulum(Table, frozen=True):
         "Q of the lateral mode with the load, instead of loss_angle", unit="1", gt=0, le=1e12
     )
 
-    rules = (
-        whole_or_parts("points", "count", "radius"),
-        required("points", when=lambda legs: legs.count is None and legs.radius is None),
-        excludes("points", "phase", "top"),
-        exactly_one("stiffness", "frequency"),
-        at_most_one("loss_angle", "q"),
-    )
-
-    def faults(self) -> Problems:
-        """Check the places of the legs, and their stiffness, loss and inertia."""
-        yield from super().faults()
+    def _check_legs(self) -> Problems:
+        """Check the places of the legs, and their inertia."""
         if not self.leg_mass and (self.leg_inertia or self.leg_com):
             yield "leg_mass", "missing", "give the mass of a leg in kg"
         if self.points is not None and _are_on_a_line(self.points):
@@ -131,6 +131,15 @@ class InvertedPendulum(Table, frozen=True):
         if weight is not None and weight.below > 2 * self.length:
             problem = f"is more than twice the length of the leg, {self.length:g} m"
             yield "counterweight.below", problem, "give it in m"
+
+    rules = (
+        whole_or_parts("points", "count", "radius"),
+        required("points", when=lambda legs: legs.count is None and legs.radius is None),
+        excludes("points", "phase", "top"),
+        exactly_one("stiffness", "frequency"),
+        at_most_one("loss_angle", "q"),
+        _check_legs,
+    )
 
 
 def tops(legs: InvertedPendulum) -> list[tuple[float, float, float]]:

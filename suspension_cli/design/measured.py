@@ -9,8 +9,20 @@ import msgspec
 from msgspec import Meta
 
 from suspension_cli.design import faults, reader
-from suspension_cli.design.rules import bounded, excludes, together, unique
-from suspension_cli.design.units import Frequency, Problems, Schema, Stem, Table, key
+from suspension_cli.design.tables import (
+    Problems,
+    Schema,
+    Table,
+    any_of,
+    ascending,
+    bounded,
+    excludes,
+    key,
+    nonzero,
+    together,
+    unique,
+)
+from suspension_cli.design.units import Frequency, Stem
 from suspension_cli.errors import format_value
 
 Number = Annotated[float, Meta(ge=-1e20, le=1e20)]
@@ -78,12 +90,7 @@ class TransferFunction(Table, frozen=True):
     gain: Factor = key("factor from the file's numbers to SI units: 1e-6 for um/N", 1.0)
     band: list[Frequency] | None = key("use frequencies from, to, Hz", min_length=2, max_length=2)
 
-    def faults(self) -> Problems:
-        """Check what depends on several keys."""
-        if self.gain == 0:
-            yield "gain", "must not be zero", "give the factor"
-        if self.band is not None and self.band[0] >= self.band[1]:
-            yield "band", "ends before it begins", "give the lower frequency first"
+    rules = (nonzero("gain"), ascending("band"))
 
 
 class Transducer(Table, frozen=True):
@@ -114,15 +121,13 @@ class Transducer(Table, frozen=True):
         "standard deviations of entries of mix, which are then fitted from 0 or mix", {}
     )
 
-    def faults(self) -> Problems:
-        """Check gain and names of signals."""
-        yield from super().faults()
-        if self.gain == 0:
-            yield "gain", "must not be zero", "give the gain"
+    def _check_signals(self) -> Problems:
         for name, signal in [("signal", self.signal), *(("mix", signal) for signal in self.mix)]:
             if "." not in signal:
                 remedy = "write a body and a direction: upper.x, or upper.force_x of an actuator"
                 yield name, f"{format_value(signal)} is not a signal", remedy
+
+    rules = (nonzero("gain"), _check_signals)
 
 
 class Experiment(Table, frozen=True):
@@ -192,26 +197,13 @@ class Measured(Table, frozen=True):
         given = self.parameter[n].experiments
         return tuple(given is None or name in given for name in self.names)
 
-    rules = (unique("sensor"), unique("actuator"), unique("transfer_function"))
-
-    def faults(self) -> Problems:
-        """Check that something is measured, and that names differ and are known."""
-        own = [name for name in ("mode", "transfer_function") if getattr(self, name)]
-        if not own and self.experiment is None:
-            ways = "[[mode]] or [[transfer_function]] for one design, or [[experiment]] with"
-            yield "mode", "missing", f"give {ways} modes for several"
-        elif own and self.experiment is not None:
-            remedy = "write [[experiment.mode]] under each experiment"
-            yield own[0], "conflicts with [[experiment]]", remedy
+    def _check_names(self) -> Problems:
         for n, title in enumerate(self.names):
             if title in self.names[:n]:
                 remedy = "give each a name of its own"
                 yield f"experiment.{n + 1}.name", f"{title} is also that of an earlier one", remedy
-        yield from super().faults()
-        yield from self._signal_faults()
-        yield from self._parameter_faults()
 
-    def _signal_faults(self) -> Problems:
+    def _check_signals(self) -> Problems:
         for n, one in enumerate(self.transfer_function, 1):
             for end, kind, example in (
                 ("input", "actuator", "upper.force_x"),
@@ -224,7 +216,7 @@ class Measured(Table, frozen=True):
                     problem = f"is neither a signal nor the name of a [[{kind}]]"
                     yield f"transfer_function.{one.name or n}.{end}", problem, remedy
 
-    def _parameter_faults(self) -> Problems:
+    def _check_parameters(self) -> Problems:
         for n, item in enumerate(self.parameter):
             path = f"parameter.{n + 1}"
             unknown = [name for name in item.experiments or () if name not in self.names]
@@ -239,6 +231,17 @@ class Measured(Table, frozen=True):
                     remedy = "give each number once (in an experiment)"
                     yield f"{path}.name", "is named twice", remedy
                     break
+
+    rules = (
+        any_of("mode", "transfer_function", "experiment"),
+        excludes("experiment", "mode", "transfer_function"),
+        unique("sensor"),
+        unique("actuator"),
+        unique("transfer_function"),
+        _check_names,
+        _check_signals,
+        _check_parameters,
+    )
 
 
 def read(file: str | Path, text: str | None = None) -> Measured:

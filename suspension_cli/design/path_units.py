@@ -6,9 +6,8 @@ from functools import cache
 from typing import Any
 
 from suspension_cli.conventions import DOFS
-from suspension_cli.design.rules import declared
 from suspension_cli.design.schema import Design
-from suspension_cli.design.units import Table
+from suspension_cli.design.tables import Table, declared
 
 DISPLAYED = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "Pa": ("GPa", 1e-9)}
 """Customary unit by SI unit, and the factor to it."""

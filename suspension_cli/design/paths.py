@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 
 from suspension_cli.design import faults
-from suspension_cli.design.units import Raw
+from suspension_cli.design.tables import Raw
 from suspension_cli.errors import InputError, format_value
 
 Value = Any

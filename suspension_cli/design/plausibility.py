@@ -13,12 +13,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from suspension_cli.conventions import SUPPORT
-from suspension_cli.design import foton, imperfections, rules
+from suspension_cli.design import faults, foton, imperfections
 from suspension_cli.design.bodies import Body, body_mass, half_sides, second_moments, volume
 from suspension_cli.design.derive import set_geometry
 from suspension_cli.design.faults import fault_of
 from suspension_cli.design.schema import Design, Stage
-from suspension_cli.design.units import OSMIUM, Plausible
+from suspension_cli.design.tables import Plausible, declared, keys_with
+from suspension_cli.design.units import OSMIUM
 from suspension_cli.errors import Fault, format_value
 
 AIR = 1.2
@@ -63,9 +64,9 @@ class ImplausibleNumber:
 def find_implausible(design: Design) -> list[ImplausibleNumber]:
     """Find implausible numbers of a design, from its tables alone."""
     found: list[ImplausibleNumber] = []
-    for path, table in rules.tables(design):
-        for key, plausible in rules.keys_with(type(table), "plausible"):
-            unit = rules.declared(type(table))[key].get("unit", "")
+    for path, table in faults.tables(design):
+        for key, plausible in keys_with(type(table), "plausible"):
+            unit = declared(type(table))[key].get("unit", "")
             found += _check_range(f"{path}.{key}", getattr(table, key), plausible, unit)
     above, bodies = SUPPORT, {stage.name: stage.body for stage in design.stage}
     for stage in design.stage:

@@ -14,10 +14,10 @@ from decimal import Decimal
 from pathlib import Path
 from typing import TypeVar
 
-from suspension_cli.design import checks, csv_columns, faults, paths, rules
+from suspension_cli.design import checks, csv_columns, faults, paths
 from suspension_cli.design.keystones import add_keystones
 from suspension_cli.design.schema import Design
-from suspension_cli.design.units import Raw, Table
+from suspension_cli.design.tables import Raw, Table
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
 from suspension_cli.files import bounded
 
@@ -126,7 +126,7 @@ def read_as(kind: type[T], wanted: str, file: str | Path, text: str | None = Non
     raw = read_toml(file, text)
     with attribute_faults_to(str(file)):
         _check_kind(raw, wanted)
-        return rules.convert(raw, kind)
+        return faults.convert(raw, kind)
 
 
 def parse(text: str) -> Design:
@@ -145,7 +145,7 @@ def parse_with_overrides(text: str, overrides: tuple[str, ...]) -> Design:
 def convert(raw: Raw) -> Design:
     """Check a parsed document and convert it to a design; raises `InputError` with all faults."""
     try:
-        design = faults.convert(raw, Design)
+        design = faults.convert(raw, Design, rules=False)
     except RecursionError:
         raise InputError([_TOO_DEEP]) from None
     found = checks.check_design(design)

@@ -22,20 +22,27 @@ from suspension_cli.design.inverted_pendulum import InvertedPendulum
 from suspension_cli.design.links import Active, BetweenBodies, Damper, Link
 from suspension_cli.design.losses.mechanism import with_keys
 from suspension_cli.design.losses.registry import MECHANISMS
-from suspension_cli.design.rules import (
+from suspension_cli.design.tables import (
+    SOUND,
+    Plausible,
+    Problems,
+    Raw,
+    Schema,
+    Table,
     any_of,
     ascending,
+    doc,
     exactly_one,
     excludes,
     given,
-    is_symmetric,
+    key,
     needs,
     not_tiny,
-    same_length,
+    required,
     symmetric,
     unique,
 )
-from suspension_cli.design.units import NAMES, Problems, Raw, Schema, Table, doc, key
+from suspension_cli.design.units import NAMES
 from suspension_cli.design.wires import TALL, Blade, BladeSet, Wire, WireSet
 
 
@@ -55,7 +62,7 @@ class Constants(Table, frozen=True):
         " the suspension was trimmed level",
         9.81,
     )
-    gravity_gradient: units.GravityGradient | list[units.GravityRow] = key(
+    gravity_gradient: units.GravityGradient | units.GravityGradients = key(
         "gradient of gravity in 1/s^2: dg_z/dz (3.1e-6 on Earth), or the symmetric 3x3 dg_i/dx_j",
         0.0,
     )
@@ -65,16 +72,12 @@ class Constants(Table, frozen=True):
     )
     temperature: units.Kelvin = key("temperature in K where no other is given", 290.0)
 
-    def faults(self) -> Problems:
-        """Check what depends on several keys."""
+    def _check_direction(self) -> Problems:
         if isinstance(self.gravity, list) and not self.gravity[2] < 0:
             remedy = "give [x, y, z] with z below 0: [0.0, 0.0, -9.81]"
             yield "gravity", "does not point down, so that nothing hangs", remedy
-        if isinstance(self.gravity_gradient, list) and not (
-            len(self.gravity_gradient) == 3 and is_symmetric(self.gravity_gradient)
-        ):
-            remedy = "give one number dg_z/dz, or three rows of three with dg_i/dx_j = dg_j/dx_i"
-            yield "gravity_gradient", "is not a symmetric 3x3, but gravity is conservative", remedy
+
+    rules = (symmetric("gravity_gradient"), _check_direction)
 
 
 class MaterialLoss(with_keys(Table, MECHANISMS)):
@@ -82,10 +85,10 @@ class MaterialLoss(with_keys(Table, MECHANISMS)):
 
 
 PASCALS = (("MPa", 1e6), ("GPa", 1e9))
-MODULUS = units.Plausible(
+MODULUS = Plausible(
     1.3e12, "stiffer than diamond", PASCALS[::-1], 1e7, "softer than rubber", serious=True
 )
-STRENGTH = units.Plausible(2e11, "stronger than any material", PASCALS, 1e5, "weaker than any wire")
+STRENGTH = Plausible(2e11, "stronger than any material", PASCALS, 1e5, "weaker than any wire")
 
 
 class Material(Table, frozen=True):
@@ -208,20 +211,18 @@ class Support(Table, frozen=True):
     damping: FrameDamping = FrameDamping()
     loss_angle: units.LossAngle = key("loss angle of the stiffness in rad", 0.0)
 
-    rules = (not_tiny("mass", "kg"), not_tiny("inertia", "kg m^2"))
-
-    def faults(self) -> Problems:
+    def _check_directions(self) -> Problems:
         """Check that it moves in some direction, and is damped only where it moves."""
-        yield from super().faults()
         elastic = given(self.stiffness, *DOFS)
         if not elastic:
             remedy = "give z = ... (N/m), or leave [support] out"
             yield "stiffness", "leaves the support rigid in every direction", remedy
-            return
-        for dof in DOFS:
+        for dof in DOFS if elastic else ():
             if getattr(self.damping, dof) and dof not in elastic:
                 remedy = f"give support.stiffness.{dof} too"
                 yield f"damping.{dof}", "damps a rigid direction", remedy
+
+    rules = (not_tiny("mass", "inertia"), _check_directions)
 
 
 class Stage(Table, frozen=True):
@@ -257,25 +258,11 @@ class Stage(Table, frozen=True):
         excludes("wires", "wire", problem="conflicts with a symmetric set [stage.wires]"),
         excludes("wires", "position", problem="a symmetric set implies the position"),
         unique("blade"),
+        excludes("inverted_pendulum", "wires", "wire"),
+        needs("blades", "wires", remedy="use [[stage.blade]] and name the blade in each wire"),
+        any_of("wires", "wire", "spring", "inverted_pendulum"),
+        required("position", when=lambda stage: not given(stage, "wires", "inverted_pendulum")),
     )
-
-    def faults(self) -> Problems:
-        """Check what depends on several keys."""
-        yield from super().faults()
-        if self.inverted_pendulum is not None and self.wire_tables:
-            problem = "conflicts with wires: a stage either stands on legs or hangs on wires"
-            remedy = "keep one of the two"
-            yield "inverted_pendulum", problem, remedy
-        if self.blades is not None and self.wires is None:
-            remedy = "use [[stage.blade]] and name the blade in each wire"
-            yield "blades", "goes with a symmetric set [stage.wires]", remedy
-        if not (self.wire_tables or self.spring or self.inverted_pendulum):
-            remedy = (
-                "add [stage.wires], [[stage.wire]], [[stage.spring]] or [stage.inverted_pendulum]"
-            )
-            yield "", "has neither wires nor springs", remedy
-        if not given(self, "position", "wires", "inverted_pendulum"):
-            yield "position", "missing", "give the nominal COM from the COM above, [x, y, z] in m"
 
     @property
     def wire_tables(self) -> list[WireSet | Wire]:
@@ -305,20 +292,18 @@ class Perturbation(imperfections.with_perturbations(_Imperfect)):
 
     hold: units.Hold = "loaded-length"
 
-    def faults(self) -> Problems:
-        """Check that it names one part, and changes that."""
-        parts = given(self, *imperfections.PARTS)
-        if len(parts) != 1:
-            remedy = 'give wire = "test.1" or body = "test"'
-            yield "", "must name one wire, body, blade, leg or link", remedy
-            return
-        known = [row.name for row in imperfections.perturbed(parts[0])]
+    def _check_part(self) -> Problems:
+        """Check that the part can change in this way."""
+        part = given(self, *imperfections.PARTS)[0]
+        known = [row.name for row in imperfections.perturbed(part)]
         every = [row.name for one in imperfections.PARTS for row in imperfections.perturbed(one)]
         for name in given(self, *dict.fromkeys(every)):
             if name not in known:
-                yield name, f"is not for a {parts[0]}", f"known here: {', '.join(known)}"
+                yield name, f"is not for a {part}", f"known here: {', '.join(known)}"
         if not given(self, *known):
             yield "", "changes nothing", f"give {' or '.join(known)}"
+
+    rules = (exactly_one(*imperfections.PARTS), SOUND, _check_part)
 
 
 Hertz = Annotated[float, Meta(ge=-1e9, le=1e9)]
@@ -328,19 +313,10 @@ Root = Annotated[
 ]
 
 
-SpectralDensity = Annotated[
-    float,
-    Meta(
-        ge=0,
-        le=1e3,
-        extra={
-            # optical shadow sensors reach 1e-10
-            "plausible": units.Plausible(
-                1e-4, "more than that of any sensor", (("nm/sqrt(Hz)", 1e-9),)
-            )
-        },
-    ),
-]
+NOISY = Plausible(1e-4, "more than that of any sensor", (("nm/sqrt(Hz)", 1e-9),))
+"""Optical shadow sensors reach 1e-10 m/sqrt(Hz)."""
+SpectralDensity = Annotated[float, doc(plausible=NOISY, ge=0, le=1e3)]
+PositiveDensity = Annotated[float, doc(plausible=NOISY, gt=0, le=1e3)]
 
 
 class GainAt(Table, frozen=True):
@@ -355,7 +331,7 @@ class GainAt(Table, frozen=True):
 class NoiseSpectrum(Table, frozen=True):
     """Amplitude spectral density of a sensor against frequency."""
 
-    asd: SpectralDensity | Annotated[list[SpectralDensity], Meta(min_length=2)] = key(
+    asd: SpectralDensity | Annotated[list[PositiveDensity], Meta(min_length=2)] = key(
         "amplitude spectral density in m/sqrt(Hz) or rad/sqrt(Hz): that far above the"
         " corner, or one per frequency"
     )
@@ -369,19 +345,13 @@ class NoiseSpectrum(Table, frozen=True):
         "Hz, ascending; interpolated linearly in the logarithms, constant outside", min_length=2
     )
 
-    rules = (excludes("frequency", "corner"), ascending("frequency"))
-
-    def faults(self) -> Problems:
-        """Check that a density is given per frequency, or one with a corner."""
-        yield from super().faults()
-        if isinstance(self.asd, list) != (self.frequency is not None):
+    def _check_lengths(self) -> Problems:
+        counts = [len(one) if isinstance(one, list) else 0 for one in (self.asd, self.frequency)]
+        if counts[0] != counts[1]:
             problem = "asd and frequency are lists of one length, or asd a number without frequency"
             yield "", problem, "give {asd, corner} or {frequency = [...], asd = [...]}"
-        elif isinstance(self.asd, list):
-            yield from same_length("asd", "frequency")(self)
-            if min(self.asd) <= 0:
-                problem = "must be positive, as its logarithm is interpolated"
-                yield "asd", problem, "give a small number instead of 0"
+
+    rules = (excludes("frequency", "corner"), ascending("frequency"), _check_lengths)
 
 
 FOTON = 'a Foton string: zpk([z;z],[p;p],k,"n"), gain(k), pole(f,"n"), ... and products of these'
@@ -428,23 +398,20 @@ class Loop(Table, frozen=True):
         "amplitude spectral density in N/sqrt(Hz) or N m/sqrt(Hz), flat", 0.0, ge=0, le=1e3
     )
 
-    rules = (excludes("gain_at", "damper", "gain"),)
-
-    def faults(self) -> Problems:
-        """Check that it has one filter, and that the strings of filters can be read."""
-        yield from super().faults()
-        if self.gain_at is None:
-            yield from exactly_one("damper", "gain", "filter")(self)
-        for name in ("zeros", "poles"):
-            if getattr(self, name) and self.filter is not None:
-                yield name, "conflicts with filter, which has its own roots", "give gain instead"
-            elif getattr(self, name) and self.damper is not None:
-                yield name, "a damper has no filter", "give gain instead"
+    def _check_strings(self) -> Problems:
         for name in given(self, "filter", "sensor_response"):
             try:
                 foton.parse(getattr(self, name))
             except foton.FotonError as error:
                 yield name, error.problem, error.remedy
+
+    rules = (
+        exactly_one("damper", "gain", "filter", when=lambda loop: loop.gain_at is None),
+        excludes("gain_at", "damper", "gain"),
+        excludes("filter", "zeros", "poles", problem="conflicts with filter, which has its own"),
+        excludes("damper", "zeros", "poles", problem="conflicts with damper, which has none"),
+        _check_strings,
+    )
 
     @property
     def without_gain_at(self) -> foton.Filter:
@@ -499,16 +466,9 @@ class Distribution(Table, frozen=True):
 
     normal: Spread | None = key("standard deviation")
     uniform: Spread | None = key("half width")
-    truncate: Spread | None = key("largest deviation of a normal distribution")
+    truncate: float | None = key("largest deviation of a normal distribution", gt=0, le=1e3)
 
-    rules = (exactly_one("normal", "uniform"),)
-
-    def faults(self) -> Problems:
-        """Check what depends on several keys."""
-        yield from super().faults()
-        if self.truncate is not None and not (self.normal and self.truncate > 0):
-            remedy = "give normal too"
-            yield "truncate", "goes with a normal distribution and must be positive", remedy
+    rules = (exactly_one("normal", "uniform"), needs("truncate", "normal"))
 
 
 class _WireScatter(Table, frozen=True):
@@ -565,13 +525,7 @@ class Requirement(Table, frozen=True):
     below: Limit | None = key("upper limit of the magnitude")
     above: Limit | None = key("lower limit of the magnitude")
 
-    rules = (exactly_one("band", "below", "above"),)
-
-    def faults(self) -> Problems:
-        """Check what depends on several keys."""
-        yield from super().faults()
-        if self.band is not None and not self.band[0] < self.band[1]:
-            yield "band", "is reversed or empty, so that no build is in it", "give [least, largest]"
+    rules = (exactly_one("band", "below", "above"), ascending("band"))
 
 
 class Tolerance(Table, frozen=True):

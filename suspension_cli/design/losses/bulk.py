@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 from suspension_cli.design import units
 from suspension_cli.design.losses.mechanism import Mechanism
-from suspension_cli.design.rules import ascending, same_length
-from suspension_cli.design.units import Problems, Table, doc, key
+from suspension_cli.design.tables import Problems, Table, ascending, doc, key, same_length
 
 if TYPE_CHECKING:
     from suspension_cli.design.cross_sections.shape import CrossSection, Frequencies, Spectrum

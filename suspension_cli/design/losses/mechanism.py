@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from suspension_cli.design.units import Problems, Table, extend_table
+from suspension_cli.design.tables import Problems, Table, extend_table
 
 if TYPE_CHECKING:
     from suspension_cli.design.cross_sections.shape import CrossSection, Frequencies, Spectrum
