@@ -19,7 +19,7 @@ import msgspec
 from msgspec import Struct
 
 from suspension_cli.design.tables import Raw, Schema, keys_with
-from suspension_cli.errors import Fault, InputError, format_key, format_value
+from suspension_cli.errors import Fault, InputError, format_key, format_value, suggest
 
 T = TypeVar("T")
 
@@ -105,16 +105,6 @@ def fault_of(table: object, path: str, key: str, problem: str, remedy: str) -> F
     tables = isinstance(value[0] if isinstance(value, list) and value else value, Struct)
     shown = None if value is None or tables or problem == "missing" else format_value(value)
     return Fault(".".join(filter(None, (path, key))), problem, remedy, shown)
-
-
-def suggest(word: str, known: list[str]) -> str:
-    """Suggest the known word that the user may have meant, or list all."""
-    import difflib  # 3 ms, only when something is wrong already
-
-    close = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
-    if close:
-        return f"did you mean {close[0]!r}?"
-    return "known here: " + ", ".join(known) if known else "remove it"
 
 
 def _is_ordinary(value: Any) -> bool:

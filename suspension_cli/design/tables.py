@@ -349,7 +349,7 @@ def ascending(table: object, key: str) -> Problems:
             yield (
                 key,
                 f"is not in ascending order (see number {n})",
-                "give ascending numbers, each once",
+                "sort them, each once",
             )
             return
 

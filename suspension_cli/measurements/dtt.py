@@ -37,10 +37,9 @@ from xml.parsers import expat
 
 import numpy as np
 
-from suspension_cli.design.faults import suggest
-from suspension_cli.errors import Fault, InputError, format_value, one_line
+from suspension_cli.errors import Fault, InputError, format_value, one_line, suggest
 from suspension_cli.files import bounded
-from suspension_cli.measurements.columns import Points, check_points
+from suspension_cli.files.columns import Columns
 
 if TYPE_CHECKING:
     from jaxtyping import Float, Inexact
@@ -96,8 +95,8 @@ class Dtt:
         ]
         return list(dict.fromkeys([*self.transfer, *both]))
 
-    def points(self, into: str | None, out: str | None) -> Points:
-        """Return the transfer function between two channels.
+    def columns(self, into: str | None, out: str | None) -> Columns:
+        """Return the transfer function between two channels, and its coherence.
 
         Parameters
         ----------
@@ -110,22 +109,18 @@ class Dtt:
             If there is none, with the channels of the file.
         """
         pair = self._pair(into, out)
-        if pair in self.transfer:
-            frequency, value, averages = self.transfer[pair]
-        else:
-            frequency, value, averages = self._from_spectra(pair)
-        coherence = np.full(len(frequency), np.nan)
-        found = self.coherence.get(pair) or self.coherence.get((pair[1], pair[0]))
-        if found is not None and len(found[1]) == len(frequency):
-            coherence = np.asarray(found[1], dtype=float)
+        found = self.transfer.get(pair) or self._from_spectra(pair)
+        frequency, value, averages = found
+        held = {"frequency": frequency, "value": value}
+        coherence = self.coherence.get(pair) or self.coherence.get((pair[1], pair[0]))
+        if coherence is not None and len(coherence[1]) == len(frequency):
+            held["coherence"] = coherence[1]
         # an aborted sweep ends in frequencies of 0, and a spectrum says nothing there
         order = np.argsort(frequency, kind="stable")
         order = order[frequency[order] > 0]
-        unknown = np.full(len(order), np.nan)
-        points = Points(frequency[order], value[order], unknown, coherence[order], averages)
-        if len(order):
-            check_points(points, lambda n: f"point {order[n] + 1} of {pair[1]}/{pair[0]}")
-        return points
+        kept = [values[order] for values in held.values()]
+        place = lambda n: f"point {order[n] + 1} of {pair[1]}/{pair[0]}"  # noqa: E731
+        return Columns([*held], kept.__getitem__, place, noun="trace", averages=averages)
 
     def _from_spectra(self, pair: Pair) -> Trace:
         into, out = pair

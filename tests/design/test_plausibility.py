@@ -13,8 +13,8 @@ import pytest
 from suspension_cli.analyses.check import findings
 from suspension_cli.analyses.check.names import find_unknown_names as names_of
 from suspension_cli.analyses.check.statics import solve
-from suspension_cli.design import csv_columns
 from suspension_cli.design import plausibility as numbers
+from suspension_cli.design import reader
 from suspension_cli.design.materials import resolve
 from suspension_cli.design.reader import convert, template
 from suspension_cli.errors import InputError
@@ -40,7 +40,7 @@ def raw(name):
     found = tomllib.loads(
         template(kind, kind) if kind != name else (CONFIGS / f"{name}.toml").read_text()
     )
-    csv_columns.insert_files(found, CONFIGS)
+    reader.insert_files(found, CONFIGS)
     return found
 
 
