@@ -26,10 +26,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Annotated
 
 from suspension_cli.design import units
-from suspension_cli.design.circles import direction
 from suspension_cli.design.tables import (
     Problems,
     Table,
@@ -152,6 +152,30 @@ def tops(legs: InvertedPendulum) -> list[tuple[float, float, float]]:
         x, y = direction(legs.phase, n, legs.count)
         found.append((legs.radius * x, legs.radius * y, legs.top))
     return found
+
+
+TWENTY_FOURTHS = 24
+"""Angles within rounding of n/24 of a quarter turn are taken as exactly that."""
+
+
+def direction(phase: float, number: int, count: int) -> tuple[float, float]:
+    """Cosine and sine of the angle of one of `count` points evenly spaced on a circle.
+
+    Point 0 is at the angle `phase` (rad).
+    """
+    quarters = Fraction(4 * number, count)
+    turns = phase / (math.pi / 2)
+    nearest = Fraction(round(turns * TWENTY_FOURTHS), TWENTY_FOURTHS)
+    if abs(turns - nearest) < 1e-9:
+        exact = nearest + quarters
+        whole = round(exact)
+        rest = float(exact - whole) * math.pi / 2
+    else:
+        whole, rest = 0, phase + float(quarters) * math.pi / 2
+    x, y = math.cos(rest), math.sin(rest)
+    for _ in range(whole % 4):
+        x, y = -y, x
+    return x, y
 
 
 def leg_count(legs: InvertedPendulum) -> int:

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from suspension_cli.design import checks, faults, paths
-from suspension_cli.design.keystones import add_keystones
+from suspension_cli.design.derive import add_keystones
 from suspension_cli.design.schema import Design
 from suspension_cli.design.tables import Raw, Table
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value

@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from suspension_cli.design import reader
-from suspension_cli.design.keystones import add_keystones, drop_keystones
+from suspension_cli.design.derive import add_keystones, drop_keystones
 from suspension_cli.design.schema import json_schema
 from suspension_cli.errors import InputError
 

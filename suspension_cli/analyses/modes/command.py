@@ -305,7 +305,7 @@ def _admit(run: Run, number: int, top: float, cause: str) -> None:
             "check lengths and radii of wires (m), give a lower --max-frequency, or --all to"
             " compute all"
         )
-        causes = [item.line for item in warnings.find_serious(run.design)]
+        causes = [item.line("") for item in warnings.find_serious(run.design)]
         if causes and not causes[0].startswith("control."):
             remedy = f"probable cause: {causes[0]}"
         raise InputError([Fault("", problem, remedy)])
