@@ -19,7 +19,7 @@ from suspension_cli.design.filters import SUFFIX
 from suspension_cli.design.inverted_pendulum import leg_count
 from suspension_cli.design.links import Damper, Link, Strands
 from suspension_cli.design.losses.registry import MECHANISMS
-from suspension_cli.design.schema import Design, Loop, Spring, Stage
+from suspension_cli.design.schema import Design, Spring, Stage
 from suspension_cli.design.tables import keys_with
 from suspension_cli.design.wires import Clamp, Profile, Wire, WireSet, is_ring
 from suspension_cli.errors import Fault, format_key
@@ -45,10 +45,6 @@ def check_design(design: Design) -> list[Fault]:
         found += _check_suspension(stage, f"stage.{stage.name}")
     sound = not any(fault.key.startswith(("stage", "materials")) for fault in found)
     found += _check_links(design, placed=sound)
-    for loop in design.control.loop if design.control is not None else ():
-        path = f"control.loop.{loop.name}"
-        if not any(fault.key.startswith(path) for fault in found):
-            found += _check_order(loop, path)
     if not found:
         found += _check_active(design)
     commands = [*ANALYSES, "info"]
@@ -64,6 +60,8 @@ def _check_stages(design: Design) -> Iterator[Fault]:
     taken = {SUPPORT: "the suspension point"}
     if design.support is not None:
         taken[FRAME] = "the support structure that [support] describes"
+    if any(GROUND in item.between for _, item in design.between_bodies):
+        taken[GROUND] = "the ground, where a link or damper ends"
     for stage in design.stage:
         path = f"stage.{stage.name}"
         if stage.name in taken:
@@ -230,32 +228,9 @@ def _known_names(design: Design) -> dict[str, list[str]]:
         found["blade"] += [f"{name}.{blade}" for blade in blades] + own[:-1]
         found["leg"] += [f"{name}.leg{n}" for n in range(1, leg_count(legs) + 1)] if legs else []
     for part in ("wire", "blade", "leg"):
-        found[f"stage with {part}s"] = list(
-            dict.fromkeys(name.split(".", 1)[0] for name in found[part])
-        )
-    return found | {
-        "link": [link.name for link in design.link],
-        "material": materials.known(design),
-    }
-
-
-def _check_order(loop: Loop, path: str) -> Iterator[Fault]:
-    """Check that the gain of a filter can be set, and that it does not grow without bound."""
-    if loop.gain_at is not None:
-        size = abs(loop.without_gain_at.at(loop.gain_at.frequency))
-        if not 0 < size < math.inf or loop.gain_at.magnitude == 0:
-            problem = "the gain cannot be set where the filter is 0 or infinite, or to 0"
-            yield Fault(f"{path}.gain_at", problem, "give another frequency or magnitude")
-            return
-    whole = loop.controller_and_sensor
-    zeros, poles = len(whole.zeros), len(whole.poles)
-    if zeros <= poles or (loop.damper is not None and loop.sensor_response is None):
-        return  # a damper acts on the velocity, which is known
-    key = next(key for key in ("filter", "sensor_response", "zeros") if getattr(loop, key))
-    what = "a filter" if loop.sensor_response is None else "a filter and sensor"
-    problem = f"{what} with more zeros ({zeros}) than poles ({poles}) cannot be built"
-    remedy = "add poles, or its gain grows with frequency without bound"
-    yield fault_of(loop, path, key, problem, remedy)
+        found[f"stage with {part}s"] = [*dict.fromkeys(name.split(".")[0] for name in found[part])]
+    links = [link.name for link in design.link]
+    return found | {"link": links, "material": materials.known(design)}
 
 
 def _check_links(design: Design, *, placed: bool) -> Iterator[Fault]:
@@ -268,19 +243,15 @@ def _check_links(design: Design, *, placed: bool) -> Iterator[Fault]:
             problem = "is the name of another link, damper or stage"
             yield fault_of(item, path, "name", problem, "give each a name of its own")
         taken.append(item.name)
-        problem = remedy = ""
+        problem, remedy = "", "name two bodies"
         if first not in stages:
             problem, remedy = f"begins with {first}, which is not a stage", suggest(first, stages)
             if second in stages and first in ends:
                 problem, remedy = "must begin with a stage", f'swap them: ["{second}", "{first}"]'
         elif second not in ends:
             problem, remedy = f"ends with {second}, which is not a body", suggest(second, ends)
-            if second == FRAME:
-                remedy = f'write "{SUPPORT}" for the structure, or "{GROUND}" for the ground'
         elif first == second:
-            problem, remedy = "joins a body to itself", "name two bodies"
-        elif GROUND in stages and second == GROUND:
-            problem, remedy = "ends on the ground or a stage of that name", "rename the stage"
+            problem = "joins a body to itself"
         if problem:
             yield fault_of(item, path, "between", problem, remedy)
     for link in design.link if placed else ():

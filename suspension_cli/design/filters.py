@@ -55,9 +55,8 @@ class Filter(Table, frozen=True):
     at: units.Vector = key(
         "COM of the keystone from this body's COM, m", (0.0, 0.0, 0.0), plausible=units.PART_SIZE
     )
-    frequency: units.Frequency | None = key(
-        "vertical frequency at the working point, Hz, with the load rigid",
-        plausible=units.ISOLATING,
+    frequency: units.IsolatingFrequency | None = key(
+        "vertical frequency at the working point, Hz, with the load rigid"
     )
     stiffness: units.Stiffness | None = key(
         "vertical stiffness of all blades at the working point, N/m, instead of frequency"
@@ -69,21 +68,13 @@ class Filter(Table, frozen=True):
     lateral_stiffness: units.Stiffness = key(
         "stiffness of the blades against horizontal motion, N/m", LATERAL
     )
-    tilt_stiffness: float = key(
-        "stiffness of the blades against rotation, N m/rad", TILT, unit="N m/rad", gt=0, le=1e15
-    )
-    saturation: float | None = key(
+    tilt_stiffness: units.Rigidity = key("stiffness of the blades against rotation, N m/rad", TILT)
+    saturation: units.Saturation | None = key(
         "fraction of the filter's vertical motion that reaches the keystone at high"
-        " frequency, with the load rigid; negative if the counterweight is too heavy",
-        unit="1",
-        gt=-0.5,
-        lt=0.5,
+        " frequency, with the load rigid; negative if the counterweight is too heavy"
     )
-    mass_coupling: float | None = key(
-        "inertia of the blades that couples both bodies, kg, instead of saturation",
-        unit="kg",
-        ge=-1e6,
-        le=1e6,
+    mass_coupling: units.MassCoupling | None = key(
+        "inertia of the blades that couples both bodies, kg, instead of saturation"
     )
     loss_angle: units.LossAngle | None = key("loss angle of the blades' stiffness in rad")
     q: float | None = key("Q of the vertical mode, 1/loss_angle", unit="1", gt=1, le=1e12)

@@ -27,14 +27,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Annotated
 
 from suspension_cli.design import units
 from suspension_cli.design.tables import (
     Problems,
     Table,
     at_most_one,
-    doc,
     exactly_one,
     excludes,
     key,
@@ -42,7 +40,6 @@ from suspension_cli.design.tables import (
     whole_or_parts,
 )
 
-FLEXURE = Annotated[float, doc("", "N m/rad", gt=0, le=1e15)]
 AXIAL_STIFFNESS = 1e8
 """Default stiffness of a leg along its length, N/m: an aluminium tube of 60 mm by 5 mm, 0.6 m
 long."""
@@ -79,42 +76,32 @@ class InvertedPendulum(Table, frozen=True):
     top: units.Position = key(
         "height of the tops above this body's COM, with count, m", 0.0, plausible=units.PART_SIZE
     )
-    stiffness: FLEXURE | None = key(
+    stiffness: units.Rigidity | None = key(
         "bending stiffness of the flexure at the foot of a leg, N m/rad"
     )
-    frequency: units.Frequency | None = key(
+    frequency: units.IsolatingFrequency | None = key(
         "lateral frequency with the load, Hz, instead of stiffness; the load moves as one"
-        " with the stage",
-        plausible=units.ISOLATING,
+        " with the stage"
     )
-    top_stiffness: float = key(
-        "bending stiffness of the joint at the top of a leg, N m/rad",
-        0.0,
-        unit="N m/rad",
-        ge=0,
-        le=1e15,
+    top_stiffness: units.RigidityOrZero = key(
+        "bending stiffness of the joint at the top of a leg, N m/rad", 0.0
     )
-    yaw_stiffness: float | None = key(
-        "torsional stiffness of a leg, N m/rad; default that of a round rod, stiffness/1.3",
-        unit="N m/rad",
-        ge=0,
-        le=1e15,
+    yaw_stiffness: units.RigidityOrZero | None = key(
+        "torsional stiffness of a leg, N m/rad; default that of a round rod, stiffness/1.3"
     )
     axial_stiffness: units.Stiffness = key(
         "stiffness of a leg along its length, N/m", AXIAL_STIFFNESS
     )
     leg_mass: units.MassOrZero = key("mass of a leg, kg", 0.0)
-    leg_com: float | None = key(
-        "height of the COM of a leg above its foot, m; default half", unit="m", ge=-1e5, le=1e5
+    leg_com: units.Position | None = key(
+        "height of the COM of a leg above its foot, m; default half"
     )
     leg_inertia: units.MomentOrZero | None = key(
         "moment of inertia of a leg about its COM, kg m^2; default that of a thin rod"
     )
     counterweight: Counterweight | None = None
     loss_angle: units.LossAngle | None = key("loss angle of the flexures in rad")
-    q: float | None = key(
-        "Q of the lateral mode with the load, instead of loss_angle", unit="1", gt=0, le=1e12
-    )
+    q: units.Quality | None = key("Q of the lateral mode with the load, instead of loss_angle")
 
     def _check_legs(self) -> Problems:
         """Check the places of the legs, and their inertia."""

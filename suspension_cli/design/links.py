@@ -177,12 +177,9 @@ class EddyCurrent(Table, frozen=True):
         " long, around the axis; damps along it"
     )
     axis: Literal["x", "y", "z"] = key("direction of the dipole")
-    conductivity: float = key(
+    conductivity: units.Conductivity = key(
         "conductivity of the conductor, at its temperature in use, S/m; copper at room"
-        " temperature has 5.8e7",
-        unit="S/m",
-        ge=1e4,
-        le=1e12,
+        " temperature has 5.8e7"
     )
     thickness: units.Length = key("thickness of the plate or tube wall, m")
     gap: units.Length = key(

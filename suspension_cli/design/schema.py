@@ -84,19 +84,10 @@ class MaterialLoss(with_keys(Table, MECHANISMS)):
     """Losses of a material, for the models in which wires bend."""
 
 
-PASCALS = (("MPa", 1e6), ("GPa", 1e9))
-MODULUS = Plausible(
-    1.3e12, "stiffer than diamond", PASCALS[::-1], 1e7, "softer than rubber", serious=True
-)
-STRENGTH = Plausible(2e11, "stronger than any material", PASCALS, 1e5, "weaker than any wire")
-
-
 class Material(Table, frozen=True):
     """A material of wires or blades; defaults are those of the built-in one of the same name."""
 
-    youngs_modulus: float | None = key(
-        "Young's modulus in Pa", unit="Pa", plausible=MODULUS, ge=1.0, le=1e15
-    )
+    youngs_modulus: units.Modulus | None = key("Young's modulus in Pa")
     poisson_ratio: float | None = key(
         "Poisson's ratio, for the twisting of wires; 0.3 if not given", unit="1", gt=-1, lt=0.5
     )
@@ -107,12 +98,8 @@ class Material(Table, frozen=True):
     thermal_conductivity: float | None = key(
         "thermal conductivity in W/(m K)", unit="W/(m K)", ge=1e-6, le=1e6
     )
-    tensile_strength: float | None = key(
-        "stress in Pa at which the material breaks (or, of blades, yields)",
-        unit="Pa",
-        plausible=STRENGTH,
-        ge=1.0,
-        le=1e13,
+    tensile_strength: units.Strength | None = key(
+        "stress in Pa at which the material breaks (or, of blades, yields)"
     )
     loss_angle: units.LossAngle | None = key(
         "constant loss angle in rad: short for angle in the table loss"
@@ -124,11 +111,8 @@ class Material(Table, frozen=True):
 class Gas(Table, frozen=True):
     """Residual gas around the suspension."""
 
-    pressure: float = key(
-        "pressure in Pa, of a gas so dilute that its molecules do not collide",
-        unit="Pa",
-        ge=0,
-        le=1e3,
+    pressure: units.Pressure = key(
+        "pressure in Pa, of a gas so dilute that its molecules do not collide"
     )
     molar_mass: float = key(
         "molar mass in kg/mol; 0.028 is nitrogen", 0.028, unit="kg/mol", ge=1e-3, le=1.0
@@ -323,9 +307,7 @@ class GainAt(Table, frozen=True):
     """Magnitude of a filter at one frequency, which sets its gain."""
 
     frequency: units.Frequency
-    magnitude: float = key(
-        "|H| there, N/m (N m/rad); if negative, reverses the sign of H", ge=-1e20, le=1e20
-    )
+    magnitude: units.Gain = key("|H| there, N/m (N m/rad); if negative, reverses the sign of H")
 
 
 class NoiseSpectrum(Table, frozen=True):
@@ -335,11 +317,8 @@ class NoiseSpectrum(Table, frozen=True):
         "amplitude spectral density in m/sqrt(Hz) or rad/sqrt(Hz): that far above the"
         " corner, or one per frequency"
     )
-    corner: float | None = key(
-        "Hz; the density is asd sqrt(1 + corner / f), whose square rises as 1/f below",
-        unit="Hz",
-        gt=0,
-        le=1e6,
+    corner: units.Corner | None = key(
+        "Hz; the density is asd sqrt(1 + corner / f), whose square rises as 1/f below"
     )
     frequency: list[units.Frequency] | None = key(
         "Hz, ascending; interpolated linearly in the logarithms, constant outside", min_length=2
@@ -375,11 +354,9 @@ class Loop(Table, frozen=True):
     damper: float | None = key(
         "force per velocity, N s/m (N m s/rad): H = 2 pi i f times this", ge=-1e12, le=1e12
     )
-    gain: float | None = key(
+    gain: units.Gain | None = key(
         "H = gain times the product of (i f + z) over that of (i f + p); N/m (N m/rad)"
-        " times Hz^(number of poles - number of zeros)",
-        ge=-1e20,
-        le=1e20,
+        " times Hz^(number of poles - number of zeros)"
     )
     zeros: Root = []
     poles: Root = []
@@ -398,6 +375,23 @@ class Loop(Table, frozen=True):
         "amplitude spectral density in N/sqrt(Hz) or N m/sqrt(Hz), flat", 0.0, ge=0, le=1e3
     )
 
+    def _check_order(self) -> Problems:
+        """Check that the gain can be set, and does not grow without bound."""
+        if self.gain_at is not None:
+            size = abs(self.without_gain_at.at(self.gain_at.frequency))
+            if not 0 < size < math.inf or self.gain_at.magnitude == 0:
+                problem = "the gain cannot be set where the filter is 0 or infinite, or to 0"
+                yield "gain_at", problem, "give another frequency or magnitude"
+                return
+        whole = self.controller_and_sensor
+        zeros, poles = len(whole.zeros), len(whole.poles)
+        if zeros <= poles or (self.damper is not None and self.sensor_response is None):
+            return  # a damper acts on the velocity, which is known
+        key = given(self, "filter", "sensor_response", "zeros")[0]
+        what = "a filter" if self.sensor_response is None else "a filter and sensor"
+        problem = f"{what} with more zeros ({zeros}) than poles ({poles}) cannot be built"
+        yield key, problem, "add poles, or its gain grows with frequency without bound"
+
     def _check_strings(self) -> Problems:
         for name in given(self, "filter", "sensor_response"):
             try:
@@ -411,6 +405,8 @@ class Loop(Table, frozen=True):
         excludes("filter", "zeros", "poles", problem="conflicts with filter, which has its own"),
         excludes("damper", "zeros", "poles", problem="conflicts with damper, which has none"),
         _check_strings,
+        SOUND,
+        _check_order,
     )
 
     @property
@@ -519,9 +515,7 @@ class Requirement(Table, frozen=True):
         " a response OUTPUT/INPUT:FREQUENCY",
         max_length=200,
     )
-    band: list[Annotated[float, Meta(ge=-1e20, le=1e20)]] | None = key(
-        "least and largest value", min_length=2, max_length=2
-    )
+    band: list[units.Gain] | None = key("least and largest value", min_length=2, max_length=2)
     below: Limit | None = key("upper limit of the magnitude")
     above: Limit | None = key("lower limit of the magnitude")
 

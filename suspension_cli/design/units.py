@@ -52,6 +52,24 @@ Frequency = Annotated[float, doc("frequency in Hz", "Hz", ge=1e-6, le=1e6)]
 ISOLATING = Plausible(100.0, "too high to isolate from anything", (("mHz", 1e-3),))
 """Frequencies of parts that isolate, a few Hz."""
 PART_SIZE = Plausible(10.0, "larger than any part of a suspension")
+IsolatingFrequency = Annotated[Frequency, doc("frequency in Hz", "Hz", ISOLATING)]
+PASCALS = (("MPa", 1e6), ("GPa", 1e9))
+STIFF = Plausible(
+    1.3e12, "stiffer than diamond", PASCALS[::-1], 1e7, "softer than rubber", serious=True
+)
+STRONG = Plausible(2e11, "stronger than any material", PASCALS, 1e5, "weaker than any wire")
+Modulus = Annotated[float, doc("", "Pa", STIFF, ge=1.0, le=1e15)]
+Strength = Annotated[float, doc("", "Pa", STRONG, ge=1.0, le=1e13)]
+Pressure = Annotated[float, doc("", "Pa", ge=0, le=1e3)]
+Rigidity = Annotated[float, doc("", "N m/rad", gt=0, le=1e15)]
+RigidityOrZero = Annotated[float, doc("", "N m/rad", ge=0, le=1e15)]
+Quality = Annotated[float, doc("", "1", gt=0, le=1e12)]
+Conductivity = Annotated[float, doc("", "S/m", ge=1e4, le=1e12)]
+"""Of metals."""
+Corner = Annotated[float, doc("", "Hz", gt=0, le=1e6)]
+Saturation = Annotated[float, doc("", "1", gt=-0.5, lt=0.5)]
+MassCoupling = Annotated[float, doc("", "kg", ge=-1e6, le=1e6)]
+Gain = Annotated[float, Meta(ge=-1e20, le=1e20)]
 Kelvin = Annotated[float, doc("temperature in K", "K", gt=0, le=1e4)]
 Expansion = Annotated[
     float,

@@ -294,19 +294,23 @@ class Wire(AnyWire, frozen=True):
     rules = (excludes("natural_length", "tension"),)
 
 
-BLADE_WIDTH = Plausible(2.0, "wider than any blade")
-BLADE_THICKNESS = Plausible(0.1, "thicker than any blade")
+BladeLength = Annotated[
+    units.Length, doc(plausible=Plausible(10.0, "longer than any blade", serious=True))
+]
+BladeWidth = Annotated[units.Length, doc(plausible=Plausible(2.0, "wider than any blade"))]
+BladeThickness = Annotated[units.Length, doc(plausible=Plausible(0.1, "thicker than any blade"))]
+TipMass = Annotated[
+    units.MassOrZero,
+    doc(plausible=Plausible(10.0, "more than any blade bears at its tip", (("g", 1e-3),))),
+]
 
 
 class BladeGeometry(Table, frozen=True):
     """A tapered cantilever blade clamped at its base, loaded at its tip."""
 
-    length: units.Length = key(
-        "length from the clamp to the tip, m",
-        plausible=Plausible(10.0, "longer than any blade", serious=True),
-    )
-    base_width: units.Length = key("width at the clamp, m", plausible=BLADE_WIDTH)
-    thickness: units.Length = key("thickness, m", plausible=BLADE_THICKNESS)
+    length: BladeLength = key("length from the clamp to the tip, m")
+    base_width: BladeWidth = key("width at the clamp, m")
+    thickness: BladeThickness = key("thickness, m")
     shape_factor: float = key(
         "shape factor of a cantilever blade: 1 rectangular, 1.5 triangular", unit="1", ge=0.5, le=10
     )
@@ -317,10 +321,9 @@ class AnyBlade(Table, frozen=True):
     """Stiffness, load and loss of a cantilever blade, or of each of a set."""
 
     stiffness: units.Stiffness | None = key("vertical stiffness of one blade at its tip, N/m")
-    uncoupled_frequency: units.Frequency | None = key(
+    uncoupled_frequency: units.IsolatingFrequency | None = key(
         "frequency f of this stage's mass m alone on its n blades, Hz; each has the stiffness"
-        " (2 pi f)^2 m / n",
-        plausible=units.ISOLATING,
+        " (2 pi f)^2 m / n"
     )
     geometry: BladeGeometry | None = None
     load: units.Tension | None = key(
@@ -328,11 +331,7 @@ class AnyBlade(Table, frozen=True):
         " another load it deflects and the pose is solved for; default: its load in the nominal"
         " pose or, if all wires of the stage have natural lengths, in the pose solved for"
     )
-    tip_mass: units.MassOrZero = key(
-        "mass that moves with one tip, kg",
-        0.0,
-        plausible=Plausible(10.0, "more than any blade bears at its tip", (("g", 1e-3),)),
-    )
+    tip_mass: TipMass = key("mass that moves with one tip, kg", 0.0)
     lateral_stiffness: tuple[units.Stiffness, units.Stiffness] | None = key(
         "stiffness of one tip along x and y, N/m; rigid if not given"
     )
@@ -342,9 +341,8 @@ class AnyBlade(Table, frozen=True):
     material: units.MaterialName | None = key(
         f"name of the blade's material, for its loss, where no geometry is given: {NAMES}"
     )
-    thickness: units.Length | None = key(
-        "thickness of the blade in m, for its loss, where no geometry is given",
-        plausible=BLADE_THICKNESS,
+    thickness: BladeThickness | None = key(
+        "thickness of the blade in m, for its loss, where no geometry is given"
     )
     temperature: units.Kelvin | None = key(
         "temperature of the blade in K; default that of [constants]"
