@@ -60,7 +60,10 @@ def _faults(text: str) -> str:
             LINK.replace("ground", "grund") + SIX,
             "ends with grund, which is not a body; did you mean 'ground'",
         ),
-        (LINK.replace("ground", "frame") + SIX, "ends with frame, which is not a body; known here: test"),
+        (
+            LINK.replace("ground", "frame") + SIX,
+            "ends with frame, which is not a body; known here: test",
+        ),
         (LINK.replace("ground", "test") + SIX, "joins a body to itself"),
         (
             LINK.replace('["test", "ground"]', '["support", "test"]') + SIX,
