@@ -5,17 +5,8 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from suspension_cli.design.tables import (
-    LEAST_MASS,
-    SOUND,
-    Problems,
-    Table,
-    by_kind,
-    exactly_one,
-    key,
-    ordered,
-    symmetric,
-)
+from suspension_cli.design import demand
+from suspension_cli.design.tables import Problems, Table, if_sound, key
 from suspension_cli.design.units import BodySize, Density, Inertia, Mass, Row3
 
 LEAST_INERTIA = 1e-30
@@ -58,8 +49,8 @@ class Body(Table, frozen=True):
         import numpy as np
 
         mass, moments = body_mass(self), np.linalg.eigvalsh(body_inertia(self))
-        if not LEAST_MASS <= mass <= MOST_MASS:
-            problem = f"the body has {mass:.3g} kg, not {LEAST_MASS:g} to {MOST_MASS:g} kg"
+        if not demand.LEAST_MASS <= mass <= MOST_MASS:
+            problem = f"the body has {mass:.3g} kg, not {demand.LEAST_MASS:g} to {MOST_MASS:g} kg"
             yield "mass" if self.density is None else "density", problem, "check the sizes, in m"
         elif moments[0] < max(LEAST_INERTIA, THINNEST * moments[-1]):
             key, remedy = "", "check the sizes, in m"
@@ -71,11 +62,11 @@ class Body(Table, frozen=True):
             yield key, f"{problem} beside {moments[-1]:.3g} kg m^2", remedy
 
     rules = (
-        by_kind("shape", KEYS),
-        symmetric("inertia", tolerance=1e-12),
-        exactly_one("mass", "density", when=lambda body: body.shape is not None),
-        ordered("inner_radius", "radius", "give a smaller hole"),
-        SOUND,
+        demand.by_kind("shape", KEYS),
+        demand.symmetric("inertia", tolerance=1e-12),
+        demand.exactly_one("mass", "density", when=lambda body: body.shape is not None),
+        demand.ordered("inner_radius", "radius", "give a smaller hole"),
+        if_sound,
         _check_mass,
     )
 

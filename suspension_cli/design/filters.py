@@ -21,8 +21,8 @@ import math
 from dataclasses import dataclass
 from typing import Annotated
 
-from suspension_cli.design import units
-from suspension_cli.design.tables import Problems, Table, at_most_one, doc, exactly_one, key
+from suspension_cli.design import demand, units
+from suspension_cli.design.tables import Problems, Table, doc, key
 
 SUFFIX = "-keystone"
 LATERAL, TILT = 1e7, 1e4
@@ -96,9 +96,9 @@ class Filter(Table, frozen=True):
             yield "mass_coupling", problem, remedy
 
     rules = (
-        exactly_one("stiffness", "frequency"),
-        at_most_one("loss_angle", "q"),
-        at_most_one("saturation", "mass_coupling"),
+        demand.exactly_one("stiffness", "frequency"),
+        demand.at_most_one("loss_angle", "q"),
+        demand.at_most_one("saturation", "mass_coupling"),
         _check_coupling,
     )
 

@@ -6,23 +6,11 @@ from pathlib import Path
 from typing import Literal
 
 from suspension_cli.conventions import DOFS
-from suspension_cli.design import reader
+from suspension_cli.design import demand, reader
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.measured import Number, Positive
 from suspension_cli.design.schema import Perturbation
-from suspension_cli.design.tables import (
-    Problems,
-    Table,
-    any_of,
-    bounded,
-    by_kind,
-    exactly_one,
-    excludes,
-    given,
-    key,
-    needs,
-    ordered,
-)
+from suspension_cli.design.tables import Problems, Table, given, key
 from suspension_cli.design.units import Name
 
 Kind = Literal["band", "separation", "coupling", "isolation", "cross-coupling", "stress", "height"]
@@ -62,7 +50,7 @@ class Free(Table, frozen=True):
             remedy = 'give a positive bound, or scale = "linear"'
             yield "lower", "must be positive on a logarithmic scale", remedy
 
-    rules = (bounded, _check_scale)
+    rules = (demand.bounded, _check_scale)
 
 
 class Equal(Table, frozen=True):
@@ -74,7 +62,7 @@ class Equal(Table, frozen=True):
     lower: Number | None = None
     upper: Number | None = None
 
-    rules = (bounded, any_of("terms"))
+    rules = (demand.bounded, demand.any_of("terms"))
 
 
 class Goal(Table, frozen=True):
@@ -129,11 +117,11 @@ class Goal(Table, frozen=True):
             yield "response", f"has the wrong form for {self.kind}", f"write {example}"
 
     rules = (
-        by_kind("kind", TAKES),
-        excludes("equals", "at_least", "at_most"),
-        needs("lowest", "dof"),
-        ordered("at_least", "at_most"),
-        exactly_one("dof", "modes", when=lambda goal: "dof" in TAKES[goal.kind][1]),
+        demand.by_kind("kind", TAKES),
+        demand.excludes("equals", "at_least", "at_most"),
+        demand.needs("lowest", "dof"),
+        demand.ordered("at_least", "at_most"),
+        demand.exactly_one("dof", "modes", when=lambda goal: "dof" in TAKES[goal.kind][1]),
         _check_limits,
     )
 

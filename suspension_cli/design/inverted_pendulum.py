@@ -28,17 +28,8 @@ import math
 from dataclasses import dataclass
 from fractions import Fraction
 
-from suspension_cli.design import units
-from suspension_cli.design.tables import (
-    Problems,
-    Table,
-    at_most_one,
-    exactly_one,
-    excludes,
-    key,
-    required,
-    whole_or_parts,
-)
+from suspension_cli.design import demand, units
+from suspension_cli.design.tables import Problems, Table, key
 
 AXIAL_STIFFNESS = 1e8
 """Default stiffness of a leg along its length, N/m: an aluminium tube of 60 mm by 5 mm, 0.6 m
@@ -120,11 +111,11 @@ class InvertedPendulum(Table, frozen=True):
             yield "counterweight.below", problem, "give it in m"
 
     rules = (
-        whole_or_parts("points", "count", "radius"),
-        required("points", when=lambda legs: legs.count is None and legs.radius is None),
-        excludes("points", "phase", "top"),
-        exactly_one("stiffness", "frequency"),
-        at_most_one("loss_angle", "q"),
+        demand.whole_or_parts("points", "count", "radius"),
+        demand.required("points", when=lambda legs: legs.count is None and legs.radius is None),
+        demand.excludes("points", "phase", "top"),
+        demand.exactly_one("stiffness", "frequency"),
+        demand.at_most_one("loss_angle", "q"),
         _check_legs,
     )
 

@@ -5,20 +5,8 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from suspension_cli.conventions import DOFS
-from suspension_cli.design import units
-from suspension_cli.design.tables import (
-    SOUND,
-    Problems,
-    Table,
-    ascending,
-    by_kind,
-    doc,
-    exactly_one,
-    excludes,
-    key,
-    symmetric,
-    together,
-)
+from suspension_cli.design import demand, units
+from suspension_cli.design.tables import Problems, Table, doc, if_sound, key
 
 Between = Annotated[
     list[units.Name],
@@ -104,7 +92,7 @@ class StiffnessTable(Table, frozen=True):
                 remedy = "give static, or use damping for a viscous force"
                 yield "static", f"{what}, but at other frequencies it is not", remedy
 
-    rules = (ascending("frequency"), _check_axes, SOUND, _check_static)
+    rules = (demand.ascending("frequency"), _check_axes, if_sound, _check_static)
 
 
 class Strands(Table, frozen=True):
@@ -127,7 +115,7 @@ class Strands(Table, frozen=True):
     )
 
     rules = (
-        by_kind(
+        demand.by_kind(
             "shape",
             {"u": (["length"], []), "catenary": (["length"], []), "points": ([], ["points"])},
         ),
@@ -163,9 +151,9 @@ class Link(BetweenBodies, frozen=True):
     active: Active = False
 
     rules = (
-        exactly_one("stiffness", "table", "strands"),
-        symmetric("stiffness", "damping"),
-        excludes("table", "loss_angle"),
+        demand.exactly_one("stiffness", "table", "strands"),
+        demand.symmetric("stiffness", "damping"),
+        demand.excludes("table", "loss_angle"),
     )
 
 
@@ -192,7 +180,7 @@ class EddyCurrent(Table, frozen=True):
     volume: float | None = key("volume of the magnet, m^3", unit="m^3", gt=0, le=1)
     count: int = key("number of equal magnets, far apart", 1, ge=1, le=1000)
 
-    rules = (exactly_one("moment", "remanence"), together("remanence", "volume"))
+    rules = (demand.exactly_one("moment", "remanence"), demand.together("remanence", "volume"))
 
 
 class Damper(BetweenBodies, frozen=True):
@@ -205,4 +193,4 @@ class Damper(BetweenBodies, frozen=True):
     eddy_current: EddyCurrent | None = None
     active: Active = False
 
-    rules = (exactly_one("damping", "eddy_current"), symmetric("damping"))
+    rules = (demand.exactly_one("damping", "eddy_current"), demand.symmetric("damping"))

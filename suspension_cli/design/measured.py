@@ -8,20 +8,8 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from suspension_cli.design import faults, reader
-from suspension_cli.design.tables import (
-    Problems,
-    Schema,
-    Table,
-    any_of,
-    ascending,
-    bounded,
-    excludes,
-    key,
-    nonzero,
-    together,
-    unique,
-)
+from suspension_cli.design import demand, faults, reader
+from suspension_cli.design.tables import Problems, Schema, Table, key
 from suspension_cli.design.units import Frequency, Stem
 from suspension_cli.errors import format_value
 
@@ -41,7 +29,7 @@ class Mode(Table, frozen=True):
         "without a label: coordinates of which one must dominate the mode", min_length=1
     )
 
-    rules = (excludes("label", "dof"),)
+    rules = (demand.excludes("label", "dof"),)
 
 
 Column = Annotated[str, Meta(min_length=1)] | Annotated[int, Meta(ge=1)]
@@ -90,7 +78,7 @@ class TransferFunction(Table, frozen=True):
     gain: Factor = key("factor from the file's numbers to SI units: 1e-6 for um/N", 1.0)
     band: list[Frequency] | None = key("use frequencies from, to, Hz", min_length=2, max_length=2)
 
-    rules = (nonzero("gain"), ascending("band"))
+    rules = (demand.nonzero("gain"), demand.ascending("band"))
 
 
 class Transducer(Table, frozen=True):
@@ -127,7 +115,7 @@ class Transducer(Table, frozen=True):
                 remedy = "write a body and a direction: upper.x, or upper.force_x of an actuator"
                 yield name, f"{format_value(signal)} is not a signal", remedy
 
-    rules = (nonzero("gain"), _check_signals)
+    rules = (demand.nonzero("gain"), _check_signals)
 
 
 class Experiment(Table, frozen=True):
@@ -159,7 +147,7 @@ class Free(Table, frozen=True):
         "names of the experiments that share it; default: all", min_length=1
     )
 
-    rules = (together("prior", "uncertainty"), bounded)
+    rules = (demand.together("prior", "uncertainty"), demand.bounded)
 
 
 class Measured(Table, frozen=True):
@@ -233,11 +221,11 @@ class Measured(Table, frozen=True):
                     break
 
     rules = (
-        any_of("mode", "transfer_function", "experiment"),
-        excludes("experiment", "mode", "transfer_function"),
-        unique("sensor"),
-        unique("actuator"),
-        unique("transfer_function"),
+        demand.any_of("mode", "transfer_function", "experiment"),
+        demand.excludes("experiment", "mode", "transfer_function"),
+        demand.unique("sensor"),
+        demand.unique("actuator"),
+        demand.unique("transfer_function"),
         _check_names,
         _check_signals,
         _check_parameters,

@@ -15,7 +15,7 @@ import msgspec
 from msgspec import Meta
 
 from suspension_cli.conventions import DOFS
-from suspension_cli.design import foton, imperfections, units
+from suspension_cli.design import demand, foton, imperfections, units
 from suspension_cli.design.bodies import Body
 from suspension_cli.design.filters import Filter
 from suspension_cli.design.inverted_pendulum import InvertedPendulum
@@ -23,24 +23,15 @@ from suspension_cli.design.links import Active, BetweenBodies, Damper, Link
 from suspension_cli.design.losses.mechanism import with_keys
 from suspension_cli.design.losses.registry import MECHANISMS
 from suspension_cli.design.tables import (
-    SOUND,
     Plausible,
     Problems,
     Raw,
     Schema,
     Table,
-    any_of,
-    ascending,
     doc,
-    exactly_one,
-    excludes,
     given,
+    if_sound,
     key,
-    needs,
-    not_tiny,
-    required,
-    symmetric,
-    unique,
 )
 from suspension_cli.design.units import NAMES
 from suspension_cli.design.wires import TALL, Blade, BladeSet, Wire, WireSet
@@ -77,7 +68,7 @@ class Constants(Table, frozen=True):
             remedy = "give [x, y, z] with z below 0: [0.0, 0.0, -9.81]"
             yield "gravity", "does not point down, so that nothing hangs", remedy
 
-    rules = (symmetric("gravity_gradient"), _check_direction)
+    rules = (demand.symmetric("gravity_gradient"), _check_direction)
 
 
 class MaterialLoss(with_keys(Table, MECHANISMS)):
@@ -145,7 +136,7 @@ class Spring(Table, frozen=True):
     )
     active: Active = False
 
-    rules = (symmetric("stiffness", "damping"), needs("thickness", "material"))
+    rules = (demand.symmetric("stiffness", "damping"), demand.needs("thickness", "material"))
 
 
 Viscous = Annotated[float, doc("viscous damping in N s/m or N m s/rad", ge=0, le=1e12)]
@@ -206,7 +197,7 @@ class Support(Table, frozen=True):
                 remedy = f"give support.stiffness.{dof} too"
                 yield f"damping.{dof}", "damps a rigid direction", remedy
 
-    rules = (not_tiny("mass", "inertia"), _check_directions)
+    rules = (demand.not_tiny("mass", "inertia"), _check_directions)
 
 
 class Stage(Table, frozen=True):
@@ -239,13 +230,17 @@ class Stage(Table, frozen=True):
     damping: Damping | None = None
 
     rules = (
-        excludes("wires", "wire", problem="conflicts with a symmetric set [stage.wires]"),
-        excludes("wires", "position", problem="a symmetric set implies the position"),
-        unique("blade"),
-        excludes("inverted_pendulum", "wires", "wire"),
-        needs("blades", "wires", remedy="use [[stage.blade]] and name the blade in each wire"),
-        any_of("wires", "wire", "spring", "inverted_pendulum"),
-        required("position", when=lambda stage: not given(stage, "wires", "inverted_pendulum")),
+        demand.excludes("wires", "wire", problem="conflicts with a symmetric set [stage.wires]"),
+        demand.excludes("wires", "position", problem="a symmetric set implies the position"),
+        demand.unique("blade"),
+        demand.excludes("inverted_pendulum", "wires", "wire"),
+        demand.needs(
+            "blades", "wires", remedy="use [[stage.blade]] and name the blade in each wire"
+        ),
+        demand.any_of("wires", "wire", "spring", "inverted_pendulum"),
+        demand.required(
+            "position", when=lambda stage: not given(stage, "wires", "inverted_pendulum")
+        ),
     )
 
     @property
@@ -287,7 +282,7 @@ class Perturbation(imperfections.with_perturbations(_Imperfect)):
         if not given(self, *known):
             yield "", "changes nothing", f"give {' or '.join(known)}"
 
-    rules = (exactly_one(*imperfections.PARTS), SOUND, _check_part)
+    rules = (demand.exactly_one(*imperfections.PARTS), if_sound, _check_part)
 
 
 Hertz = Annotated[float, Meta(ge=-1e9, le=1e9)]
@@ -321,7 +316,8 @@ class NoiseSpectrum(Table, frozen=True):
         "Hz; the density is asd sqrt(1 + corner / f), whose square rises as 1/f below"
     )
     frequency: list[units.Frequency] | None = key(
-        "Hz, ascending; interpolated linearly in the logarithms, constant outside", min_length=2
+        "Hz, ascending; interpolated linearly in the logarithms, constant outside",
+        min_length=2,
     )
 
     def _check_lengths(self) -> Problems:
@@ -330,7 +326,7 @@ class NoiseSpectrum(Table, frozen=True):
             problem = "asd and frequency are lists of one length, or asd a number without frequency"
             yield "", problem, "give {asd, corner} or {frequency = [...], asd = [...]}"
 
-    rules = (excludes("frequency", "corner"), ascending("frequency"), _check_lengths)
+    rules = (demand.excludes("frequency", "corner"), demand.ascending("frequency"), _check_lengths)
 
 
 FOTON = 'a Foton string: zpk([z;z],[p;p],k,"n"), gain(k), pole(f,"n"), ... and products of these'
@@ -400,12 +396,16 @@ class Loop(Table, frozen=True):
                 yield name, error.problem, error.remedy
 
     rules = (
-        exactly_one("damper", "gain", "filter", when=lambda loop: loop.gain_at is None),
-        excludes("gain_at", "damper", "gain"),
-        excludes("filter", "zeros", "poles", problem="conflicts with filter, which has its own"),
-        excludes("damper", "zeros", "poles", problem="conflicts with damper, which has none"),
+        demand.exactly_one("damper", "gain", "filter", when=lambda loop: loop.gain_at is None),
+        demand.excludes("gain_at", "damper", "gain"),
+        demand.excludes(
+            "filter", "zeros", "poles", problem="conflicts with filter, which has its own"
+        ),
+        demand.excludes(
+            "damper", "zeros", "poles", problem="conflicts with damper, which has none"
+        ),
         _check_strings,
-        SOUND,
+        if_sound,
         _check_order,
     )
 
@@ -451,7 +451,7 @@ class Control(Table, frozen=True):
 
     loop: list[Loop] = key(min_length=1)
 
-    rules = (unique("loop"),)
+    rules = (demand.unique("loop"),)
 
 
 Spread = Annotated[float, Meta(ge=0, le=1e3)]
@@ -464,7 +464,7 @@ class Distribution(Table, frozen=True):
     uniform: Spread | None = key("half width")
     truncate: float | None = key("largest deviation of a normal distribution", gt=0, le=1e3)
 
-    rules = (exactly_one("normal", "uniform"), needs("truncate", "normal"))
+    rules = (demand.exactly_one("normal", "uniform"), demand.needs("truncate", "normal"))
 
 
 class _WireScatter(Table, frozen=True):
@@ -479,13 +479,13 @@ class WireTolerance(imperfections.with_spreads(_WireScatter, "wire", Distributio
 
     hold: units.Hold = "loaded-length"
 
-    rules = (exactly_one("stage", "wire"), any_of(*imperfections.spreads("wire")))
+    rules = (demand.exactly_one("stage", "wire"), demand.any_of(*imperfections.spreads("wire")))
 
 
 class BodyTolerance(imperfections.with_spreads(Table, "body", Distribution)):
     """Scatter of one body."""
 
-    rules = (any_of(*imperfections.spreads("body")),)
+    rules = (demand.any_of(*imperfections.spreads("body")),)
 
 
 class BladeTolerance(imperfections.with_spreads(Table, "blade", Distribution)):
@@ -519,7 +519,7 @@ class Requirement(Table, frozen=True):
     below: Limit | None = key("upper limit of the magnitude")
     above: Limit | None = key("lower limit of the magnitude")
 
-    rules = (exactly_one("band", "below", "above"), ascending("band"))
+    rules = (demand.exactly_one("band", "below", "above"), demand.ascending("band"))
 
 
 class Tolerance(Table, frozen=True):
@@ -532,7 +532,7 @@ class Tolerance(Table, frozen=True):
     link: list[LinkTolerance] = []
     require: list[Requirement] = []
 
-    rules = (any_of(*imperfections.PARTS),)
+    rules = (demand.any_of(*imperfections.PARTS),)
 
 
 class Design(Table, frozen=True):

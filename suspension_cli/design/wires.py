@@ -4,25 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from suspension_cli.design import units
+from suspension_cli.design import demand, units
 from suspension_cli.design.cross_sections.ribbon import Ribbon
 from suspension_cli.design.cross_sections.round import Round
 from suspension_cli.design.cross_sections.shape import CrossSection
-from suspension_cli.design.tables import (
-    Plausible,
-    Problems,
-    Table,
-    ascending,
-    doc,
-    exactly_one,
-    excludes,
-    given,
-    key,
-    needs,
-    not_tiny,
-    same_length,
-    whole_or_parts,
-)
+from suspension_cli.design.tables import Plausible, Problems, Table, doc, given, key
 from suspension_cli.design.units import NAMES
 
 CROSS_SECTIONS: tuple[type[CrossSection], ...] = (Round, Ribbon)
@@ -60,7 +46,7 @@ class WireSection(Table, frozen=True):
         if self.steps is not None and not isinstance(self.radius, list):
             yield "steps", "goes with a taper", "give radius = [upper, lower], or remove it"
 
-    rules = (exactly_one(*SHAPES), _check_steps)
+    rules = (demand.exactly_one(*SHAPES), _check_steps)
 
 
 class Clamp(Table, frozen=True):
@@ -128,7 +114,11 @@ class Profile(Table, frozen=True):
         elif len(self.position) == len(self.diameter) < 2:
             yield "", "has fewer than two places", "give position and diameter, each a list"
 
-    rules = (same_length("diameter", "position"), ascending("position"), _check_places)
+    rules = (
+        demand.same_length("diameter", "position"),
+        demand.ascending("position"),
+        _check_places,
+    )
 
 
 class AnyWire(Table, frozen=True):
@@ -205,9 +195,9 @@ class AnyWire(Table, frozen=True):
             yield f"sections.{n}.length", "missing", remedy
 
     rules = (
-        excludes("profile", *SHAPES, "sections", "neck"),
-        excludes("neck", "section", "sections"),
-        excludes("sections", *SHAPES),
+        demand.excludes("profile", *SHAPES, "sections", "neck"),
+        demand.excludes("neck", "section", "sections"),
+        demand.excludes("sections", *SHAPES),
         _check_composition,
     )
 
@@ -273,7 +263,7 @@ class WireSet(AnyWire, frozen=True):
                 problem = f"must be 0 for {self.count} wire{'s' * (self.count > 1)}"
                 yield name, problem, "remove it or change count"
 
-    rules = (whole_or_parts(*SEPARATIONS), whole_or_parts(*RADII), _check_ends)
+    rules = (demand.whole_or_parts(*SEPARATIONS), demand.whole_or_parts(*RADII), _check_ends)
 
 
 class Wire(AnyWire, frozen=True):
@@ -291,7 +281,7 @@ class Wire(AnyWire, frozen=True):
         f"name of a [[stage.blade]] that carries the upper end: {NAMES}", names="blade of the stage"
     )
 
-    rules = (excludes("natural_length", "tension"),)
+    rules = (demand.excludes("natural_length", "tension"),)
 
 
 BladeLength = Annotated[
@@ -349,10 +339,10 @@ class AnyBlade(Table, frozen=True):
     )
 
     rules = (
-        exactly_one("stiffness", "uncoupled_frequency", "geometry"),
-        excludes("geometry", "material", "thickness"),
-        needs("thickness", "material", unless="geometry"),
-        not_tiny("tip_mass"),
+        demand.exactly_one("stiffness", "uncoupled_frequency", "geometry"),
+        demand.excludes("geometry", "material", "thickness"),
+        demand.needs("thickness", "material", unless="geometry"),
+        demand.not_tiny("tip_mass"),
     )
 
 
