@@ -5,10 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-import msgspec
 from msgspec import Meta
 
-from suspension_cli.design import demand, faults, reader
+from suspension_cli.design import demand, faults, reader, tables
 from suspension_cli.design.tables import Problems, Schema, Table, key
 from suspension_cli.design.units import Frequency, Stem
 from suspension_cli.errors import format_value
@@ -238,8 +237,5 @@ def read(file: str | Path, text: str | None = None) -> Measured:
 
 
 def json_schema() -> Schema:
-    """Make the JSON Schema of files of measurements (draft 2020-12)."""
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": "pendsus file of measurements",
-    } | msgspec.json.schema(Measured)
+    """Make the JSON Schema of files of measurements."""
+    return tables.json_schema(Measured, "pendsus file of measurements")

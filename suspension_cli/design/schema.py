@@ -11,11 +11,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated, Literal
 
-import msgspec
 from msgspec import Meta
 
 from suspension_cli.conventions import DOFS
-from suspension_cli.design import demand, foton, imperfections, units
+from suspension_cli.design import demand, foton, imperfections, tables, units
 from suspension_cli.design.bodies import Body
 from suspension_cli.design.filters import Filter
 from suspension_cli.design.inverted_pendulum import InvertedPendulum
@@ -568,8 +567,5 @@ class Design(Table, frozen=True):
 
 
 def json_schema() -> Schema:
-    """Make the JSON Schema of the file format (draft 2020-12)."""
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": "pendsus design file",
-    } | msgspec.json.schema(Design)
+    """Make the JSON Schema of the file format."""
+    return tables.json_schema(Design, "pendsus design file")

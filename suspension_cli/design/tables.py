@@ -214,3 +214,9 @@ def if_sound(table: object) -> Problems:
     """Apply the rules after this one only to tables that break none before it."""
     del table
     yield from ()
+
+
+def json_schema(kind: type[Table], title: str) -> Schema:
+    """Make the JSON Schema of a kind of file (draft 2020-12)."""
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": title}
+    return head | msgspec.json.schema(kind)

@@ -52,21 +52,14 @@ Pair = tuple[str, str]
 """Channels (input, output)."""
 Trace = tuple[np.ndarray, np.ndarray, float | None]
 """Frequencies, values and the number of averages."""
-_KINDS = {
-    ("TransferFunction", 0): ("transfer", False),
-    ("TransferFunction", 3): ("transfer", True),
-    ("TransferFunction", 6): ("transfer", True),
-    ("TransferFunction", 2): ("coherence", False),
-    ("TransferFunction", 5): ("coherence", True),
-    ("TransferFunction", 7): ("coherence", True),
-    ("Spectrum", 1): ("amplitude", False),
-    ("Spectrum", 5): ("amplitude", True),
-    ("Spectrum", 2): ("cross", False),
-    ("Spectrum", 6): ("cross", True),
-    ("Spectrum", 3): ("coherence", False),
-    ("Spectrum", 7): ("coherence", True),
+_CONTENTS = {
+    "TransferFunction": dict.fromkeys((0, 3, 6), "transfer")
+    | dict.fromkeys((2, 5, 7), "coherence"),
+    "Spectrum": dict.fromkeys((1, 5), "amplitude")
+    | dict.fromkeys((2, 6), "cross")
+    | dict.fromkeys((3, 7), "coherence"),
 }
-"""Content of results by type and subtype, and whether their frequencies come first."""
+"""Content of results by type and subtype; from subtype 3 or 4 on their frequencies come first."""
 
 
 @dataclass(frozen=True)
@@ -181,10 +174,10 @@ def read(path: Path) -> Dtt:
     for node in stored:
         parameters = {one.get("Name", ""): (one.text or "").strip() for one in node.iter("Param")}
         try:
-            subtype = int(parameters.get("Subtype", ""))
-            kind = _KINDS.get((node.get("Type", ""), subtype))
-            if kind is not None:
-                _add(found, node, parameters, *kind)
+            kind, subtype = node.get("Type", ""), int(parameters.get("Subtype", ""))
+            if content := _CONTENTS.get(kind, {}).get(subtype):
+                own_frequencies = subtype > (2 if kind == "TransferFunction" else 3)
+                _add(found, node, parameters, content, own_frequencies)
         except (KeyError, ValueError, binascii.Error) as error:
             problem = f"cannot be read ({_reason(error)})"
             fault = Fault(node.get("Name", ""), problem, AGAIN)
