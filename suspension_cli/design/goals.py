@@ -62,7 +62,11 @@ class Equal(Table, frozen=True):
     lower: Number | None = None
     upper: Number | None = None
 
-    rules = (demand.bounded, demand.any_of("terms"))
+    def _check_terms(self) -> Problems:
+        if not self.terms:
+            yield "terms", "is empty", 'give { "dotted.path" = coefficient }'
+
+    rules = (demand.bounded, _check_terms)
 
 
 class Goal(Table, frozen=True):
