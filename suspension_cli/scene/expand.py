@@ -15,6 +15,7 @@ import numpy as np
 from suspension_cli.conventions import DOFS
 from suspension_cli.design.bodies import body_inertia, body_mass
 from suspension_cli.design.derive import (
+    Keystone,
     blade_loss,
     blade_stiffness,
     gives_natural_lengths,
@@ -24,7 +25,6 @@ from suspension_cli.design.derive import (
     wire_mass_moments,
     wire_stiffness,
 )
-from suspension_cli.design.keystones import Keystone
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.wires import Wire, WireSet
 from suspension_cli.errors import Fault, InputError

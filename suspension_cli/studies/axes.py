@@ -10,8 +10,7 @@ import numpy as np
 
 from suspension_cli.design import reader
 from suspension_cli.design.imperfections import swept
-from suspension_cli.design.path_units import displayed_unit, unit_of
-from suspension_cli.design.paths import settings
+from suspension_cli.design.paths import displayed_unit, settings, unit_of
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.files.declared import dim_name

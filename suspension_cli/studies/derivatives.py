@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.design.path_units import unit_of
+from suspension_cli.design.paths import unit_of
 from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from suspension_cli.design.path_units import DISPLAYED, unit_of
+from suspension_cli.design.paths import DISPLAYED, unit_of
 from suspension_cli.design.wires import CROSS_SECTIONS
 
 ACROSS = ("width", "thickness", "surface_depth", "diameter")

@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 
 from suspension_cli.design import materials, paths, reader
-from suspension_cli.design.keystones import add_keystones, drop_keystones
+from suspension_cli.design.derive import add_keystones, drop_keystones
 from suspension_cli.design.paths import twins
 from suspension_cli.design.schema import Design, Material
 from suspension_cli.design.sections import stretches

@@ -11,7 +11,7 @@ import numpy as np
 from suspension_cli.analyses.optimise.mode_families import has_wire_mass, solve_modes
 from suspension_cli.analyses.sweep.solve import evaluate_ratio
 from suspension_cli.design import reader
-from suspension_cli.design.path_units import unit_of
+from suspension_cli.design.paths import unit_of
 from suspension_cli.files.declared import along, derived, in_unit
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.named_results import Mode, Ratio, Scalar

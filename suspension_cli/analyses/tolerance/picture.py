@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 
 from suspension_cli.analyses.tolerance.quantities import COUPLING
 from suspension_cli.analyses.tolerance.statistics import QUANTILES, Summary, strongest
-from suspension_cli.design.path_units import DISPLAYED
+from suspension_cli.design.paths import DISPLAYED
 from suspension_cli.drawing import curves, panels
 from suspension_cli.drawing.panels import ITEM, Across, Line, Panel, Rule
 from suspension_cli.drawing.style import PALE, PALETTE, single_line

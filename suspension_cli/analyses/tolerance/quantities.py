@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.design.faults import suggest
-from suspension_cli.design.path_units import DISPLAYED
+from suspension_cli.design.paths import DISPLAYED
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.linear import named_results

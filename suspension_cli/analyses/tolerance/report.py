@@ -16,7 +16,7 @@ from suspension_cli.analyses.tolerance.statistics import (
     leading,
     strongest,
 )
-from suspension_cli.design.path_units import DISPLAYED
+from suspension_cli.design.paths import DISPLAYED
 from suspension_cli.scene.arrays import Array
 from suspension_cli.studies.natural_steps import STEPS
 
