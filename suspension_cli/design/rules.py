@@ -7,7 +7,7 @@ units and descriptions of the keys. `find_faults` walks a document and adds path
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import cache, wraps
 from itertools import pairwise
 from typing import Any, Concatenate, ParamSpec, TypeVar, get_args, get_origin, get_type_hints
@@ -47,29 +47,36 @@ def convert(raw: Raw, kind: type[T]) -> T:
     return document
 
 
-def find_faults(document: Struct) -> Iterator[Fault]:
-    """Find what breaks the rules of any table of a document."""
-    for path, table in tables(document):
+def find_faults(document: Struct, known: Collection[int] = ()) -> Iterator[Fault]:
+    """Find what breaks the rules of any table of a document but the `known` ones, see `tables`."""
+    for path, table in tables(document, known=known):
         for key, problem, remedy in table.faults():
             yield fault_of(table, path, key, problem, remedy)
 
 
-def tables(node: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """List a table and all tables in it, each behind its key path."""
+def tables(
+    node: Any, path: str = "", known: Collection[int] = ()
+) -> Iterator[tuple[str, Any]]:
+    """List a table and all tables in it, each behind its key path.
+
+    Without those whose identities (`id`) are `known`.
+    """
+    if id(node) in known:
+        return
     if isinstance(node, Struct):
         yield path, node
         for key, _ in keys_with(type(node), "tables"):
             if value := getattr(node, key):
-                yield from tables(value, f"{path}.{key}" if path else key)
+                yield from tables(value, f"{path}.{key}" if path else key, known)
     elif isinstance(node, dict):
         for key, value in node.items():
             if isinstance(value, Struct):
-                yield from tables(value, step(path, key))
+                yield from tables(value, step(path, key), known)
     elif isinstance(node, list) and isinstance(node[0], Struct):
         names = [getattr(value, "name", None) for value in node]
         for number, value in enumerate(node):
             named = value if names.count(names[number]) == 1 else None
-            yield from tables(value, step(path, number, named))
+            yield from tables(value, step(path, number, named), known)
 
 
 @cache
