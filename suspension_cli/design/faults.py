@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import operator
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from functools import cache
 from typing import Any, TypeVar
 
@@ -42,16 +42,17 @@ TINY = 1e-150
 precision (2e-308)."""
 
 
-def convert(raw: Raw, kind: type[T]) -> T:
+def convert(raw: Raw, kind: type[T], known: Collection[int] = ()) -> T:
     """Convert a parsed TOML document to a type of the file format.
 
-    Raises `InputError` with all faults of the document.
+    Raises `InputError` with all faults of the document. Tables that were converted before may be
+    `known`, by their identities (`id`).
     """
     try:
         result, refusal = msgspec.convert(raw, kind), ""
     except msgspec.ValidationError as error:
         result, refusal = None, str(error)
-    if result is not None and _is_ordinary(raw):
+    if result is not None and _is_ordinary(raw, known):
         return result
     found = list(_walk(_schema(kind), raw, ""))
     if refusal and not found:
@@ -94,16 +95,15 @@ def suggest(word: str, known: list[str]) -> str:
     return "known here: " + ", ".join(known) if known else "remove it"
 
 
-def _is_ordinary(value: Any) -> bool:
+def _is_ordinary(value: Any, known: Collection[int]) -> bool:
     """Whether a document is free of values that msgspec accepts and a design must not contain.
 
     Those are values of a free type that cannot be written to a file, a newline after a name, and
     numbers whose squares underflow.
     """
-    if isinstance(value, dict):
-        return all(map(_is_ordinary, value.values()))
-    if isinstance(value, list):
-        return all(map(_is_ordinary, value))
+    if isinstance(value, (dict, list)):
+        inside = value.values() if isinstance(value, dict) else value
+        return id(value) in known or all(_is_ordinary(item, known) for item in inside)
     if isinstance(value, str):
         return not value.endswith("\n")
     return not isinstance(value, (int, float)) or value == 0 or TINY <= abs(value) < 2**63

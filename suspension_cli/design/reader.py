@@ -174,7 +174,8 @@ class VariedDesign:
             keys = path.split(".")
             raw = paths.copied(raw, keys)
             paths.assign(raw, keys, float(value), f"{path}={value!r}")
-        whole, known = faults.convert(raw, Design), self.design
+        whole = faults.convert(raw, Design, {*map(id, (*self.raw.values(), *self.raw["stage"]))})
+        known = self.design
         same = [key for key in Design.__struct_fields__ if raw.get(key) is self.raw.get(key)]
         parts = {key: getattr(known, key) for key in same}
         given = zip(known.stage, whole.stage, raw["stage"], self.raw["stage"], strict=True)
