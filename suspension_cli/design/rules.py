@@ -54,9 +54,7 @@ def find_faults(document: Struct, known: Collection[int] = ()) -> Iterator[Fault
             yield fault_of(table, path, key, problem, remedy)
 
 
-def tables(
-    node: Any, path: str = "", known: Collection[int] = ()
-) -> Iterator[tuple[str, Any]]:
+def tables(node: Any, path: str = "", known: Collection[int] = ()) -> Iterator[tuple[str, Any]]:
     """List a table and all tables in it, each behind its key path.
 
     Without those whose identities (`id`) are `known`.

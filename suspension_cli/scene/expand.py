@@ -175,33 +175,24 @@ def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fau
         coupling.append(own.bars + bar_rows)
         if wrong:
             faults[n] = wrong
-    natural = np.array([row["natural"] for row in wire_rows[0]], dtype=bool)
-    fixed = np.array([row["fixed"] for row in wire_rows[0]], dtype=bool)
+    natural, fixed = (
+        np.array([row[key] for row in wire_rows[0]], dtype=bool) for key in ("natural", "fixed")
+    )
     tension, thrust = wires.tension.copy(), -struts.tension
     for n, stage in enumerate(design.stage, 1):
         load = loads[:, n, 0] + preload[:, n - 1]
-        lines, force = wires, tension
-        own = np.flatnonzero(wires.lower == n)
-        if stage.inverted_pendulum is not None:
-            own = np.flatnonzero(struts.lower == n)
+        lines, force = (wires, tension) if stage.inverted_pendulum is None else (struts, thrust)
+        own = np.flatnonzero(lines.lower == n)
+        if lines is struts:
             pull, left_over = tensions.carry(struts, own, blades, load)
             thrust[:, own] = -pull
-            lines, force = struts, thrust
-        elif stage.wires is not None or stage.wire:
+        elif len(own):
             tension[:, own], left_over = tensions.carry(wires, own, blades, load, fixed[own])
-            if natural[own].any():
-                continue
-        elif isinstance(stage, Keystone):
-            continue
         else:
             left_over = load
-        loose = ~(force[:, own] > 0)
-        size = np.abs(loads[:, n, 0]).max(-1)
-        apart = np.abs(left_over).max(-1) > tensions.BALANCE * np.maximum(size, 1e-12)
-        for k in np.flatnonzero(apart | loose.any(-1)).tolist():
-            wrong = _imbalance(stage, loads[k, n], left_over[k])
-            wrong = wrong or _loose(stage, lines, own, force[k, own])
-            faults[k] = faults.get(k, []) + wrong
+        if not (isinstance(stage, Keystone) or (lines is wires and natural[own].any())):
+            wrong = _find_unbalanced(stage, loads[:, n], left_over, lines, own, force[:, own])
+            faults |= {k: faults.get(k, []) + one for k, one in wrong.items()}
     given = np.array([[row["given"] for row in rows] for rows in blade_rows]).reshape(count, -1)
     scene = Scene(
         name=design.design.name,
@@ -232,9 +223,7 @@ def _between(rows: list[Row], places: Places) -> list[Row]:
     ]
 
 
-def _list_stage(
-    design: Design, places: Places, n: int, first: int
-) -> tuple[list[Row], list[Row]]:
+def _list_stage(design: Design, places: Places, n: int, first: int) -> tuple[list[Row], list[Row]]:
     """List the wires and the blades, numbered from `first`, of the n-th stage."""
     stage, above = design.stage[n - 1], places.parent[n]
     own = [
@@ -396,6 +385,18 @@ def _blade_loads(
         total[:, wires.blade[n]] += pull[:, n]
     total[..., 2] = np.where(np.isnan(given), total[..., 2], -given)
     return np.where(blades.axes, -total, 0.0)
+
+
+def _find_unbalanced(
+    stage: Stage, loads: Array, left_over: Array, lines: Wires, own: Index, force: Array
+) -> dict[int, list[Fault]]:
+    """Find designs with a load left over on a stage, or with slack wires or pulled legs."""
+    least = tensions.BALANCE * np.maximum(np.abs(loads[:, 0]).max(-1), 1e-12)
+    wrong = (np.abs(left_over).max(-1) > least) | ~(force > 0).all(-1)
+    return {
+        k: _imbalance(stage, loads[k], left_over[k]) or _loose(stage, lines, own, force[k])
+        for k in np.flatnonzero(wrong).tolist()
+    }
 
 
 def _imbalance(stage: Stage, loads: Array, left_over: Array) -> list[Fault]:

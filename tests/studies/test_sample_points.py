@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from suspension_cli.studies import natural_steps
-from suspension_cli.studies.confidence import (
+from suspension_cli.analyses.tolerance.statistics import (
     replicate_interval,
+    sobol_indices,
     standard_error,
     wilson_interval,
 )
+from suspension_cli.studies import natural_steps
 from suspension_cli.studies.natural_steps import natural_step
 from suspension_cli.studies.sample_points import (
     REPLICATES,
@@ -18,7 +19,6 @@ from suspension_cli.studies.sample_points import (
     largest_count,
     smallest_count,
 )
-from suspension_cli.studies.sobol_indices import sobol_indices
 
 GROUPS = (0, 1, 1, 2)
 

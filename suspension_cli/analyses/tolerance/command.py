@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.tolerance.solve import RandomBuilds
-    from suspension_cli.analyses.tolerance.statistics import Summary
+    from suspension_cli.analyses.tolerance.summary import Summary
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.eigenmodes import Modes
 
@@ -37,7 +37,7 @@ class ToleranceAnalysis(Analysis):
     Returns
     -------
     Result
-        With the attributes of `analyses.tolerance.statistics.Summary`: `mean`, `spread`,
+        With the attributes of `analyses.tolerance.summary.Summary`: `mean`, `spread`,
         `quantiles` of mode frequencies in Hz, `static` (displacements in m and rotations in rad
         of the stages), `yields`, `joint`, `indices`, ...
 
