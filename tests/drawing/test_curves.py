@@ -13,7 +13,7 @@ from suspension_cli.analyses.sweep.picture import draw as draw_sweep
 from suspension_cli.analyses.sweep.result import SweepResult
 from suspension_cli.analyses.xcouple.picture import draw as draw_coupling
 from suspension_cli.analyses.xcouple.picture import interpolate
-from suspension_cli.analyses.xcouple.result import Coupling
+from suspension_cli.analyses.xcouple.solve import Coupling
 from suspension_cli.drawing import curves, labels
 from suspension_cli.drawing.added_points import add_points
 from suspension_cli.drawing.panels import COLUMN, set_margins

@@ -116,9 +116,9 @@ class ToleranceAnalysis(Analysis):
     def solve(self, run: Run) -> Result:
         """Compute all builds, then their statistics."""
         from suspension_cli.analyses import model_choice, sweeping
-        from suspension_cli.analyses.tolerance import model_error, quantities, summary
-        from suspension_cli.analyses.tolerance.solve import RandomBuilds
-        from suspension_cli.analyses.xcouple.request import parse_request
+        from suspension_cli.analyses.tolerance import quantities, summary
+        from suspension_cli.analyses.tolerance.solve import RandomBuilds, build_change
+        from suspension_cli.analyses.xcouple.solve import parse_request
         from suspension_cli.design.derive import mirror
         from suspension_cli.files.declared import pack
         from suspension_cli.models import registry
@@ -143,7 +143,7 @@ class ToleranceAnalysis(Analysis):
             source,
             setting["fidelity"],
             (registry.STRING, registry.BEAM),
-            model_error.build_change(job),
+            build_change(job),
             setting["tolerance"],
         )
         model_choice.stable_system(source, choice, setting["allow_unstable"], run.log, bends=True)

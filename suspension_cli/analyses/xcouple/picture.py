@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from suspension_cli.analyses.xcouple.result import Coupling
+from suspension_cli.analyses.xcouple.solve import Coupling
 from suspension_cli.drawing import curves, panels
 from suspension_cli.drawing.panels import Across, Line, Panel, Rule
 from suspension_cli.drawing.style import (
