@@ -20,6 +20,7 @@ from suspension_cli.design.derive import (
     blade_loss,
     blade_stiffness,
     gives_natural_lengths,
+    gravity_field,
     gravity_strength,
     set_geometry,
     wire_loss,
@@ -32,9 +33,8 @@ from suspension_cli.design.wires import Wire, WireSet
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.scene import links, stack, tensions, towers
 from suspension_cli.scene.arrays import Array, Index, gather_each, topology
-from suspension_cli.scene.gravity import field_of
 from suspension_cli.scene.places import Places
-from suspension_cli.scene.scene import Bars, Blades, Bodies, Scene, Springs, Wires
+from suspension_cli.scene.scene import Bars, Blades, Bodies, Field, Scene, Springs, Wires
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -54,6 +54,8 @@ class Members:
         blade, else NaN.
     struts, bars
         Of all legs.
+    springs
+        Of each stage.
     joining
         Links and dampers.
     """
@@ -64,6 +66,7 @@ class Members:
     blades: list[list[Row]]
     struts: list[Row]
     bars: list[Row]
+    springs: list[list[Row]]
     joining: list[Row]
 
     @staticmethod
@@ -84,8 +87,10 @@ class Members:
             wires.append(own[0])
             blades.append(own[1])
         struts, bars = towers.legs(design, places)
+        springs = [links.of_stage(design, stage) for stage in design.stage]
         joining = links.of_links(design, places) + links.of_dampers(design, places)
-        return Members(design, places, wires, blades, struts, bars, _between(joining, places))
+        joining = _between(joining, places)
+        return Members(design, places, wires, blades, struts, bars, springs, joining)
 
     def _has(self, n: int, design: Design, places: Places, first: int) -> bool:
         """Whether the n-th stage of a design is its own, hangs alike, and has the same numbers."""
@@ -106,6 +111,8 @@ class Members:
         signs = [(row["natural"], row["fixed"]) for row in lines if "fixed" in row]
         signs += [(bool(row.get("torsion")), any(row.get("mass", ()))) for row in lines]
         signs += [(bool(row["tip_mass"]), math.isnan(row["given"])) for row in blades]
+        springs = [*chain.from_iterable(self.springs), *self.joining]
+        signs += [(bool(np.any(row.get("damping", 0.0))),) for row in springs]
         constants = self.design.constants
         return (
             repr((constants.gravity, constants.gravity_gradient)),
@@ -115,8 +122,7 @@ class Members:
             topology(Wires, lines),
             topology(Blades, blades),
             topology(Bars, self.bars),
-            topology(Springs, self.joining),
-            tuple(bool(row["damping"].any()) for row in self.joining if "damping" in row),
+            topology(Springs, springs),
         )
 
 
@@ -142,7 +148,7 @@ def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fau
     """
     one = each[0]
     design, parent = one.design, one.places.parent
-    gravity, count = gravity_strength(design), len(each)
+    gravity, field, count = gravity_strength(design), gravity_field(design), len(each)
     wire_rows = [[*chain.from_iterable(own.wires)] for own in each]
     blade_rows = [[*chain.from_iterable(own.blades)] for own in each]
     wires, blades = gather_each(Wires, wire_rows), gather_each(Blades, blade_rows)
@@ -203,7 +209,7 @@ def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fau
         springs=gather_each(Springs, springs),
         struts=replace(struts, tension=-thrust),
         bars=gather_each(Bars, coupling),
-        field=field_of(design),
+        field=field and Field(*map(np.array, field)),
         solves_pose=gives_natural_lengths(design),
     )
     return scene, faults
@@ -358,7 +364,7 @@ def _springs(
     design, places = own.design, own.places
     for n, stage in enumerate(design.stage, 1):
         load, hung, above = loads[n, 0] + preload[n - 1], -loads[n, 1, 2], places.parent[n]
-        rows = links.of_stage(design, stage) + towers.flexures(stage, load, hung, gravity)
+        rows = own.springs[n - 1] + towers.flexures(stage, load, hung, gravity)
         if isinstance(stage, Keystone):
             row, coupling, wrong = towers.filter_blades(design, stage, load, hung, gravity)
             rows.append(row)

@@ -95,7 +95,7 @@ def least_energy(
     return tension, left_over
 
 
-def _sum(matrix: Array, vector: Array) -> Array:
+def _sum(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
     return (matrix @ vector[..., None])[..., 0]
 
 

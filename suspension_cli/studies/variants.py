@@ -93,14 +93,14 @@ def alike(
     for n, design in enumerate(designs):
         if design is None:
             continue
-        around = (surroundings_key(design), *model.wire_properties(design))
+        last = Members.of(design, last)
+        key = (last.topology, surroundings_key(design), *model.wire_properties(design))
         if is_as_drawn(design):
-            last = Members.of(design, last)
-            drawn.setdefault((last.topology, *around), []).append((n, last))
+            drawn.setdefault(key, []).append((n, last))
             continue
         with contextlib.suppress(InputError):
             scene = expand(design)
-            others.setdefault((*_topology(scene), *around), []).append((n, scene, design))
+            others.setdefault((*key, *_of_loads(scene)), []).append((n, scene, design))
     for group in drawn.values():
         scene, faults = balance_as_drawn([members for _, members in group])
         good = [n for n in range(len(group)) if n not in faults]
@@ -168,15 +168,15 @@ def _balanced_designs(
         yield found, np.array([n for n, _ in members])
 
 
-def _topology(scene: Scene) -> tuple[Hashable, ...]:
-    """Collect the properties that scenes of one batch share."""
-    static = [
+def _of_loads(scene: Scene) -> tuple[Hashable, ...]:
+    """What the scenes of a batch share, but not all scenes of one topology: it follows from loads.
+
+    The losses of legs and filters, the mass coupling of blades, and arrays of further elements.
+    """
+    added = [
         np.array(value).tobytes() if isinstance(value, np.ndarray) else value
-        for part in scene.parts.values()
+        for part in scene.added.values()
         for name, value in vars(part).items()
         if name not in inner_axes(type(part))
     ]
-    wires, light = scene.wires, (scene.blades.tip_mass == 0).tobytes()
-    damped, twisted = bool(scene.springs.damping.any()), (wires.torsion > 0).tobytes()
-    field = scene.field and (scene.field.vector.tobytes(), scene.field.gradient.tobytes())
-    return (scene.gravity, field, (wires.mass != 0).tobytes(), *static, light, damped, twisted)
+    return (scene.springs.label, scene.springs.loss.tobytes(), scene.bars.label, *added)

@@ -124,7 +124,7 @@ class Summary:
     @property
     def label(self) -> tuple[str, ...]:
         """Labels of the nominal modes."""
-        return self.job.nominal.label
+        return tuple(self.job.nominal.label)
 
     @property
     def nominal(self) -> Float[np.ndarray, " mode"]:
