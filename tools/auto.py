@@ -43,7 +43,7 @@ from suspension_cli.files.atomic import write_bytes
 from suspension_cli.models import registry
 from suspension_cli.models.choice import percent
 from suspension_cli.models.registry import Choice
-from suspension_cli.studies.axes import Axis
+from suspension_cli.studies.job import Axis
 from tests.support.paths import ROOT
 from tools.random_designs import random_source
 

@@ -34,8 +34,7 @@ from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import builds, variants
 from suspension_cli.studies.builds import Builds
-from suspension_cli.studies.natural_steps import natural_step
-from suspension_cli.studies.parameters import Parameter, shifted, value_of
+from suspension_cli.studies.parameters import Parameter, natural_step, shifted, value_of
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Inexact, Int

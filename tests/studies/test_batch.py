@@ -27,7 +27,7 @@ from suspension_cli.linear import eigenmodes, named_results, signals
 from suspension_cli.models import registry
 from suspension_cli.studies import run as batch
 from suspension_cli.studies import sweep_file
-from suspension_cli.studies.axes import Axis
+from suspension_cli.studies.job import Axis
 from tests.support import counting_sweep, scenes
 from tests.support.commandline import edited, run
 from tests.support.couplings import FILE, TRIPLE, TRIPLE_FILE, question

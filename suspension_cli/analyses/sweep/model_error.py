@@ -13,7 +13,7 @@ from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.named_results import Mode
 from suspension_cli.models.base import Model
 from suspension_cli.models.choice import Several, Systems, pair_bodies
-from suspension_cli.studies.axes import ends_and_middle
+from suspension_cli.studies.job import ends_and_middle
 from suspension_cli.studies.variants import overridden
 
 POINTS = 9

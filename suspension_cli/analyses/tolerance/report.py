@@ -18,7 +18,7 @@ from suspension_cli.analyses.tolerance.statistics import (
 from suspension_cli.analyses.tolerance.summary import Summary
 from suspension_cli.design.path_units import DISPLAYED
 from suspension_cli.scene.arrays import Array
-from suspension_cli.studies.natural_steps import STEPS
+from suspension_cli.studies.parameters import STEPS
 
 NEGLIGIBLE = 1e-7
 """Standard deviation of statics (m or rad) below which they are not printed."""

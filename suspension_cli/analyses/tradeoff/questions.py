@@ -29,7 +29,7 @@ from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.models.base import Model
 from suspension_cli.models.choice import away_from_modes, relative_change, spectrum_change
-from suspension_cli.studies.axes import Axis
+from suspension_cli.studies.job import Axis
 
 if TYPE_CHECKING:
     from jaxtyping import Inexact

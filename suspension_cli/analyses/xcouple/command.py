@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.response import Response
     from suspension_cli.models.choice import Transfer
-    from suspension_cli.studies.axes import Axis
+    from suspension_cli.studies.job import Axis
 
 DEFAULT_GRID = {"k": "0.6:1.4:41"}
 FACTOR_GRID = "0.9:1.1:41"
@@ -268,10 +268,10 @@ class MatrixAnalysis(Analysis):
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw the table."""
-        from suspension_cli.analyses.xcouple import matrix_picture
+        from suspension_cli.analyses.xcouple import picture
         from suspension_cli.drawing.style import name_neglected
 
-        drawn = matrix_picture.draw(result.data, result.subtitle)
+        drawn = picture.draw_matrix(result.data, result.subtitle)
         return {"": name_neglected(drawn, result.choice)}
 
 
@@ -295,7 +295,7 @@ def axes(text: str, table: Document) -> tuple[Axis, ...]:
     from suspension_cli.analyses.xcouple.solve import PARAMETERS, UNITS
     from suspension_cli.design.faults import suggest
     from suspension_cli.grids import parse_grid
-    from suspension_cli.studies.axes import Axis, distinct
+    from suspension_cli.studies.job import Axis, distinct
 
     result = []
     for part in re.split(r",(?!\s*[-+.\d])", text):  # numbers are further values of a list

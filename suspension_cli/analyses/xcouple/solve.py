@@ -28,8 +28,8 @@ from suspension_cli.models.base import Model
 from suspension_cli.models.choice import compare_builds
 from suspension_cli.scene.scene import Scene
 from suspension_cli.studies import builds, variants
-from suspension_cli.studies.axes import Axis, Product, ends_and_middle
 from suspension_cli.studies.builds import Builds, Column, ColumnValues
+from suspension_cli.studies.job import Axis, Product, ends_and_middle
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Int

@@ -18,7 +18,7 @@ from suspension_cli.design.reader import Source
 from suspension_cli.linear import signals
 from suspension_cli.models import registry
 from suspension_cli.models.choice import ONE_MODEL_ONLY
-from suspension_cli.studies.axes import Axis
+from suspension_cli.studies.job import Axis
 from tests.support import scenes
 from tests.support.commandline import run
 from tests.support.paths import CONFIGS
