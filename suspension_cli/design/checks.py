@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 from itertools import pairwise
 
@@ -37,16 +37,21 @@ ROUNDING = 1e-9
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 
 
-def check_design(design: Design) -> list[Fault]:
-    """List all faults of a design whose single values are valid."""
-    found = [*faults.find_faults(design), *_check_stages(design), *_check_materials(design)]
-    found += _check_names(design)
+def check_design(design: Design, sound: Collection[Stage] = ()) -> list[Fault]:
+    """List all faults of a design whose single values are valid.
+
+    Some of its stages may be those of a `sound` design from which it differs in numbers alone.
+    """
+    known = {id(stage) for stage in sound}
+    found = [*faults.find_faults(design, known), *_check_stages(design), *_check_materials(design)]
+    found += _check_names(design, known)
     for stage in design.stage:
-        found += _check_suspension(stage, f"stage.{stage.name}")
-    sound = not any(fault.key.startswith(("stage", "materials")) for fault in found)
-    found += _check_links(design, placed=sound)
+        if id(stage) not in known:
+            found += _check_suspension(stage, f"stage.{stage.name}")
+    wrong = any(fault.key.startswith(("stage", "materials")) for fault in found)
+    found += _check_links(design, placed=not wrong)
     if not found:
-        found += _check_active(design)
+        found += _check_active(design, known)
     commands = [*ANALYSES, "info"]
     for command in design.analysis:
         if command not in commands:
@@ -91,11 +96,11 @@ def _check_materials(design: Design) -> Iterator[Fault]:
                 yield fault_of(design.materials[name], path, key, problem, remedy)
 
 
-def _check_names(design: Design) -> Iterator[Fault]:
+def _check_names(design: Design, sound: Collection[int]) -> Iterator[Fault]:
     """Check that parts which are named exist."""
     known = _known_names(design)
     tables = {link.name for link in design.link if link.table is not None}
-    for path, table in faults.tables(design):
+    for path, table in faults.tables(design, known=sound):
         stage = path.split(".")[1] if path.startswith("stage.") else ""
         for key, kind in keys_with(type(table), "names"):
             name, names = getattr(table, key), known.get(kind, known.get(f"{kind} {stage}", []))
@@ -259,17 +264,22 @@ def _check_links(design: Design, *, placed: bool) -> Iterator[Fault]:
             yield from _check_strands(design, link, link.strands, f"link.{link.name}.strands")
 
 
-def _check_active(design: Design) -> Iterator[Fault]:
+def _check_active(design: Design, sound: Collection[int]) -> Iterator[Fault]:
     """Check that springs, links and dampers take power from the motion, unless `active`."""
-    for table, fault in find_active(design):
+    for table, fault in find_active(design, sound):
         if not table.active:
             remedy = f"{fault.remedy}, or give active = true if a sensor and an actuator do this"
             yield replace(fault, remedy=remedy)
 
 
-def find_active(design: Design) -> Iterator[tuple[Link | Damper | Spring, Fault]]:
-    """Find springs, links and dampers that give power to the motion, each with what does so."""
-    for path, part in faults.tables(design):
+def find_active(
+    design: Design, passive: Collection[int] = ()
+) -> Iterator[tuple[Link | Damper | Spring, Fault]]:
+    """Find springs, links and dampers that give power to the motion, each with what does so.
+
+    Without those in tables known (by `id`) to be `passive`.
+    """
+    for path, part in faults.tables(design, known=passive):
         if not isinstance(part, (Link, Damper, Spring)):
             continue
         if problem := _negative(part.damping):

@@ -89,6 +89,16 @@ def assign(document: Raw, keys: list[str], value: object, override: str) -> None
     node[place] = value
 
 
+def copied(node: Value, keys: Sequence[str]) -> Value:
+    """Copy the tables and lists of a parsed document along a path; it shares all others."""
+    if isinstance(node, list):
+        place = member(node, keys[0]) if keys else None
+        return [copied(item, keys[1:]) if n == place else item for n, item in enumerate(node)]
+    if not isinstance(node, dict):
+        return node
+    return node | {key: copied(node[key], keys[1:]) for key in keys[:1] if key in node}
+
+
 def changed(node: Value, keys: Sequence[str], change: Callable[[Value], Value]) -> Value:
     """Copy a tree of structs and lists with one value replaced by a function of it."""
     if not keys:

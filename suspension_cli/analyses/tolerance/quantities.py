@@ -70,6 +70,10 @@ class Quantity:
         return np.abs(values) if np.iscomplexobj(values) else values
 
 
+RATIO = Quantity(COUPLING, "1", "ratio", (-1,))
+"""The cross-coupling."""
+
+
 @dataclass(frozen=True)
 class Requirement:
     """A requirement on one quantity.
@@ -162,7 +166,7 @@ class Names:
         if text.endswith(" static z"):
             text = f"{text[:-1]}height"
         if text == COUPLING:
-            return Quantity(COUPLING, "1", "ratio", (-1,))
+            return RATIO
         if text in plain:
             return plain[text]
         if "/" in text:
