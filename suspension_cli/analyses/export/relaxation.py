@@ -32,8 +32,7 @@ from suspension_cli.elements.dynamic_wire import TautWire
 from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.frequency_terms import LossTerm
-from suspension_cli.linear.stretching import Stretching
-from suspension_cli.linear.system import LinearSystem
+from suspension_cli.linear.system import LinearSystem, Stretching
 from suspension_cli.scene.composition import Fibre
 
 if TYPE_CHECKING:
@@ -50,6 +49,8 @@ BESIDE = 1e-4
 """Relative distance from a wire mode at which its residue and losses are taken."""
 RANK = 1e-12
 """Relative eigenvalue, in units of the diagonal, below which a deformation does not exist."""
+ROUNDED = 1e-13
+"""Diagonal element over the largest below which it is a rounding error."""
 MINOR = 3e-3
 """Share of the loss of a mode below which an element's loss angle there does not matter."""
 STABLE = 0.3
@@ -225,7 +226,7 @@ def _section_loss(
     scale = float(trace(reference)[0])
     if not scale > 0:
         return
-    rows = _deformations(own_loss(reference)[..., 0]) @ to_own
+    rows = _deformations(own_loss(reference)[..., 0], rounded=True) @ to_own
 
     def angle(omega: Array) -> Array:
         return trace(omega) / scale
@@ -415,16 +416,19 @@ def _followers(
 
 
 def _deformations(
-    matrix: Float[np.ndarray, "coordinate coordinate"],
+    matrix: Float[np.ndarray, "coordinate coordinate"], *, rounded: bool = False
 ) -> Float[np.ndarray, "deformation coordinate"]:
     """Rows whose products add up to a positive semidefinite matrix.
 
-    Raises `InputError` if it is not.
+    Raises `InputError` if it is not, unless only because its numbers are `rounded`.
     """
-    scale = np.sqrt(np.abs(np.diag(matrix)))
-    scale = np.where(scale > 0, scale, 1.0)
-    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
-    if values.min(initial=0.0) < -1e-6 * np.abs(values).max():
+    size = np.abs(np.diag(matrix))
+    real = size > ROUNDED * size.max()
+    scale = np.sqrt(np.where(real, size, 1.0))
+    values, vectors = np.linalg.eigh(
+        np.where(np.outer(real, real), matrix, 0.0) / np.outer(scale, scale)
+    )
+    if not rounded and values.min(initial=0.0) < -1e-6 * np.abs(values).max():
         raise InputError.of(
             "--loss",
             "cannot be exported: an element gives energy to the motion",
@@ -436,17 +440,8 @@ def _deformations(
 
 def _groups(model: LinearSystem) -> list[Array]:
     """Groups of coordinates that do not couple, each with the support's that drive it."""
-    result = []
-    for block in model.blocks:
-        drive = np.zeros(6, dtype=bool)
-        for matrix in (model.mass, model.stiffness, model.damping, model.complete):
-            drive |= (matrix[block, :6] != 0).any(0)
-        for term in model.terms:
-            own = np.isin(term.columns, block)
-            ends = term.columns[term.compact[:, own].any((0, 1))]
-            drive[ends[ends < 6]] = True
-        result.append(np.append(np.flatnonzero(drive), block))
-    return result
+    drive = model.allowed[:, :6]
+    return [np.append(np.flatnonzero(drive[block].any(0)), block) for block in model.blocks]
 
 
 def _framed(
@@ -470,10 +465,14 @@ def _widened(
     size, count = model.size, len(names)
     basis = np.eye(size + count)
     basis[:size, :size] = model.basis
+    wider = model.spread(np.eye(size, size + count), mass, stiffness, damping)
+    coupled = (mass != 0) | (stiffness != 0) | (damping != 0)
+    allowed = wider.within_symmetry
     return replace(
-        model.spread(np.eye(size, size + count), mass, stiffness, damping),
+        wider,
         coordinate=(*model.coordinate, *names),
         basis=basis,
         massless=np.append(model.massless, np.ones(count, dtype=bool)) & ~mass.any(1),
         rigid=None if model.rigid is None else np.pad(model.rigid, ((0, count), (0, 0))),
+        within_symmetry=None if allowed is None else allowed | coupled,
     )

@@ -11,8 +11,8 @@ import numpy as np
 from suspension_cli.analyses.export.relaxation import relax
 from suspension_cli.design.schema import Design
 from suspension_cli.linear import damped, eigenmodes, statespace
-from suspension_cli.linear.connected_groups import connected_groups
 from suspension_cli.linear.eigenmodes import Modes
+from suspension_cli.linear.elimination import connected_groups
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
@@ -166,16 +166,22 @@ def build_lossy(
 def _error_of_q(system: statespace.StateSpace, modes: Modes, band: tuple[float, float]) -> float:
     """Largest relative error of the Q of a mode in a band, Hz.
 
-    Modes of motions that the system leaves out have no pole nearby.
+    Modes of motions that the system leaves out have no pole closer to them than to others.
     """
     poles = np.linalg.eigvals(system.a)
     poles = poles[poles.imag > 0]
     frequency, q = np.abs(poles) / (2 * np.pi), np.abs(poles) / np.maximum(-2 * poles.real, 1e-300)
+    some = np.isfinite(modes.q) & (modes.frequency > band[0]) & (modes.frequency < band[1])
+    if not some.any() or not len(poles):
+        return 0.0
+    expected, own = modes.frequency[some], modes.q[some]
+    apart = np.abs(frequency[:, None] / expected - 1)
+    closest = apart.argmin(1)
     worst = 0.0
-    for f, own in zip(modes.frequency, modes.q, strict=True):
-        near = np.abs(frequency / f - 1) < max(APART, 1 / own) if band[0] < f < band[1] else []
-        if np.any(near) and np.isfinite(own):
-            worst = max(worst, float(np.exp(np.abs(np.log(q[near] / own)).min()) - 1))
+    for n in np.unique(closest):
+        here = (closest == n) & (apart[:, n] < max(APART, 1 / own[n]))
+        if here.any():
+            worst = max(worst, float(np.exp(np.abs(np.log(q[here] / own[n])).min()) - 1))
     return worst
 
 
