@@ -558,6 +558,16 @@ def as_number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
+def describe_mirrors(setting: Settings) -> Document:
+    """Extra of a result that --mirrors changed: their number."""
+    return {"mirrors": setting["mirrors"]} if setting["mirrors"] != 1 else {}
+
+
+def name_mirrors(result: Result) -> str:
+    """End of the title of a result of several mirrors: ``", 4 mirrors"``."""
+    return f", {result.extra['mirrors']:g} mirrors" if "mirrors" in result.extra else ""
+
+
 def only_one(values: list[Document], name: str) -> Document:
     """The only one of several documents, or all of them under `name`."""
     return values[0] if len(values) == 1 else {name: values}

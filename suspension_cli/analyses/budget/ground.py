@@ -1,4 +1,4 @@
-"""Motion of the support: models of ground noise, a platform, tables of the user.
+"""Motion of the support: models of ground noise, platforms, tables of the user.
 
 Peterson's new low and high noise models (J. Peterson, Observations and modeling of seismic
 background noise, U.S. Geological Survey Open-File Report 93-322 (1993), Tables 3 and 4) bound the
@@ -7,119 +7,41 @@ dB relative to 1 (m/s^2)^2/Hz is A + B log10(T) for periods T from 0.1 s to 10^5
 displacement follows by (2 pi f)^-2. Above 10 Hz, where the models end, the acceleration at 10 Hz is
 used, so that displacement falls as f^-2.
 
-The platform `aligo-isi` is the in-vacuum active platform of Advanced LIGO's quadruple suspensions,
-from 0.01 to 300 Hz, as in the noise budget program gwinc (`seismic_BSC_ISI` in `gwinc/noise/
-seismic.py`, "rough seismic noise spectra on aLIGO BSC ISI table"). Between its points gwinc uses
-cubic polynomials; here lines are straight in a log-log plot.
-
-The platform `aligo-ham` is that of the smaller chambers (HAM), below Advanced LIGO's triple and
-double suspensions, from 0.001 to 1000 Hz: the table of LIGO's MATLAB function `seisHAM`, which
-gives as its sources data in the electronic log of LIGO Hanford of 17 July 2008 and the preliminary
-design review of the platform.
+Shipped models are CSV files beside this module, with their sources: `aligo-isi` (also called
+`aligo-bsc`) is the platform of Advanced LIGO's quadruple suspensions, `aligo-ham` that of its
+triple and double suspensions. They are read like tables of the user. Between points lines are
+straight in a log-log plot (gwinc uses cubic polynomials).
 """
 
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.budget import table
-from suspension_cli.analyses.budget.table import Table
 from suspension_cli.conventions import DOFS
+from suspension_cli.design.csv_columns import PER_HZ, PER_M, PER_RAD, BadTable, split_unit
 from suspension_cli.design.faults import suggest
-from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
+from suspension_cli.measurements import text as text_files
+from suspension_cli.measurements.columns import Columns, recognise
 from suspension_cli.scene.arrays import Array
 
-NLNM = np.array(
-    [
-        (0.10, -162.36, 5.64),
-        (0.17, -166.7, 0.0),
-        (0.40, -170.0, -8.3),
-        (0.80, -166.4, 28.9),
-        (1.24, -168.6, 52.48),
-        (2.40, -159.98, 29.81),
-        (4.30, -141.1, 0.0),
-        (5.00, -71.36, -99.77),
-        (6.00, -97.26, -66.49),
-        (10.0, -132.18, -31.57),
-        (12.0, -205.27, 36.16),
-        (15.6, -37.65, -104.33),
-        (21.9, -114.37, -47.1),
-        (31.6, -160.58, -16.28),
-        (45.0, -187.5, 0.0),
-        (70.0, -216.47, 15.7),
-        (101.0, -185.0, 0.0),
-        (154.0, -168.34, -7.61),
-        (328.0, -217.43, 11.9),
-        (600.0, -258.28, 26.6),
-        (10000.0, -346.88, 48.75),
-    ]
-)
-"""New low noise model: period (s) from which a line is valid, A, B."""
-NHNM = np.array(
-    [
-        (0.10, -108.73, -17.23),
-        (0.22, -150.34, -80.5),
-        (0.32, -122.31, -23.87),
-        (0.80, -116.85, 32.51),
-        (3.80, -108.48, 18.08),
-        (4.60, -74.66, -32.95),
-        (6.30, 0.66, -127.18),
-        (7.90, -93.37, -22.42),
-        (15.4, 73.54, -162.98),
-        (20.0, -151.52, 10.01),
-        (354.8, -206.66, 31.63),
-    ]
-)
-"""New high noise model, likewise."""
+if TYPE_CHECKING:
+    from jaxtyping import Float, Inexact
+
 PERIODS = (0.1, 1e5)
 """Shortest and longest period of both, s."""
-ISI = np.array(
-    [
-        (0.01, 3e-6, 1e-8),
-        (0.03, 1e-6, 3e-8),
-        (0.1, 2e-7, 2e-8),
-        (0.2, 2e-7, 1e-8),
-        (0.5, 8e-10, 4e-10),
-        (1.0, 1e-11, 1e-11),
-        (10.0, 3e-13, 3e-13),
-        (30.0, 3e-14, 3e-14),
-        (300.0, 3e-14, 3e-14),
-    ]
-)
-"""Advanced LIGO's platform of test masses: Hz, m/sqrt(Hz) along, rad/sqrt(Hz) about each axis."""
-HAM = np.array(
-    [
-        (1e-3, 1e-6, 1e-6, 1e-7, 1e-7),
-        (0.1, 1e-6, 4e-7, 4e-8, 3e-7),
-        (0.2, 5e-7, 3e-7, 2e-8, 4e-8),
-        (0.3, 1e-7, 1e-7, 5e-9, 1e-8),
-        (0.4, 3e-8, 3e-8, 3e-9, 4e-9),
-        (0.5, 1e-8, 1e-8, 1e-9, 2e-9),
-        (0.6, 2e-9, 2e-9, 8e-10, 8e-10),
-        (0.7, 4e-10, 2e-10, 8e-11, 1e-10),
-        (0.8, 5e-10, 3e-10, 1e-10, 2e-10),
-        (1.0, 3e-10, 4e-10, 8e-11, 1.5e-10),
-        (1.4, 6e-11, 1e-10, 1.5e-11, 4e-11),
-        (2.0, 2e-11, 3e-11, 1e-11, 3e-11),
-        (5.0, 2.2e-11, 4e-11, 7e-12, 2e-11),
-        (10.0, 3e-11, 6e-11, 3e-12, 4e-12),
-        (13.0, 4e-11, 8e-11, 4e-12, 2e-12),
-        (15.0, 5e-11, 1e-10, 6e-12, 1.5e-12),
-        (18.0, 4e-11, 6e-11, 4e-12, 1e-12),
-        (24.0, 7e-12, 8e-12, 1.5e-12, 6e-13),
-        (30.0, 3e-12, 3e-12, 1e-12, 3e-13),
-        (60.0, 3e-13, 3e-13, 1.5e-13, 8e-14),
-        (100.0, 6e-14, 6e-14, 3e-14, 2e-14),
-        (1000.0, 1e-14, 1e-14, 1e-14, 1e-14),
-    ]
-)
-"""Advanced LIGO's platform of smaller chambers: Hz; along x and y, along z, m/sqrt(Hz); roll and
-pitch, yaw, rad/sqrt(Hz)."""
+FOLDER = Path(__file__).parent
+"""Folder of the shipped models."""
+UNITS = {"m": PER_M, "rad": PER_RAD, "1": {"1": 1.0, "m/m": 1.0, "rad/rad": 1.0, "%": 100.0}}
+"""Units by kind of a column, without "per sqrt(Hz)"; 1 for ratios."""
+PER_ROOT_HZ = r"\s*(/\s*(sqrt\s*\(?Hz\)?|rtHz|\u221aHz|Hz\^\(?(1/2|0\.5)\)?)|Hz\^\(?-(1/2|0\.5)\)?)"
 NONE = "none"
 TRANSLATIONS = DOFS[:3]
 
@@ -146,11 +68,11 @@ class Motion:
 
 
 def compute_peterson(model: Array, frequency: Array) -> Array:
-    """Power spectral density (f,) of acceleration in dB, of `NLNM` or `NHNM` at frequencies in Hz.
+    """Power spectral density (f,) of acceleration in dB, of a model at frequencies in Hz.
 
     Above 10 Hz it is that at 10 Hz.
 
-    >>> float(round(compute_peterson(NLNM, np.array([0.2]))[0], 1))
+    >>> float(round(compute_peterson(load_peterson("nlnm"), np.array([0.2]))[0], 1))
     -141.1
     """
     period = np.maximum(1 / np.asarray(frequency), PERIODS[0])
@@ -172,23 +94,24 @@ def _of_table(name: str, at: Array, value: Array) -> Motion:
         float(at[0]),
         float(at[-1]),
         at,
-        lambda frequency: table.interpolate(frequency, at, value),
+        lambda frequency: interpolate(frequency, at, value),
     )
 
 
+def load_peterson(name: str) -> Float[np.ndarray, "line 3"]:
+    """Load "nlnm" or "nhnm": period (s) from which a line is valid, A, B."""
+    return np.loadtxt(FOLDER / f"{name}.csv", delimiter=",", skiprows=3)
+
+
 def _shipped(name: str) -> dict[str, Motion]:
-    if name == "aligo-isi":
-        at, along, about = ISI.T
-        return {dof: _of_table(name, at, along if dof in TRANSLATIONS else about) for dof in DOFS}
-    if name == "aligo-ham":
-        at, *columns = HAM.T
-        own = dict(zip(DOFS, (0, 0, 1, 2, 2, 3), strict=True))
-        return {dof: _of_table(name, at, columns[n]) for dof, n in own.items()}
-    motion = _peterson(name, {"nlnm": NLNM, "nhnm": NHNM}[name])
-    return dict.fromkeys(TRANSLATIONS, motion)
+    name = {"aligo-bsc": "aligo-isi"}.get(name, name)
+    if name in ("nlnm", "nhnm"):
+        return dict.fromkeys(TRANSLATIONS, _peterson(name, load_peterson(name)))
+    table = read_table(FOLDER / f"{name}.csv", "m")
+    return {dof: _of_table(name, table.frequency, value) for dof, value in table.column.items()}
 
 
-SHIPPED = ("nlnm", "nhnm", "aligo-isi", "aligo-ham")
+SHIPPED = ("nlnm", "nhnm", "aligo-isi", "aligo-bsc", "aligo-ham")
 """Names of shipped models."""
 
 
@@ -284,7 +207,7 @@ def _read(
     unit = "rad" if wanted and not {*wanted} & {*TRANSLATIONS} else "m"
     if option == "--isolation":
         unit = "1"
-    found: Table = table.read(find(source, folder, option, known), unit)
+    found = read_table(find(source, folder, option, known), unit)
     names = list(found.column)
     if len(names) == 1 and names[0] not in DOFS:
         return found.frequency, dict.fromkeys(wanted or every, found.column[names[0]])
@@ -300,3 +223,117 @@ def _read(
         problem = f"has no column {lacking[0]}"
         raise InputError([Fault("", problem, "add it, or leave it out")], found.file)
     return found.frequency, found.column
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns of values, at least 0, against frequency (Hz, ascending, above 0).
+
+    The only column of a file without names is "".
+    """
+
+    file: str
+    frequency: Array
+    column: dict[str, Array]
+
+
+def read_table(path: Path, unit: str, strain: float = 0.0) -> Table:
+    """Read a table of spectra: frequency, then one or more columns (format: `measurements.text`).
+
+    Headings are optional for two columns, and may give units: "f (mHz)", "x (um/sqrt(Hz))".
+
+    Parameters
+    ----------
+    unit
+        SI unit of columns: "m" (coordinates that are rotations have "rad"), "rad", or "1".
+    strain
+        Length (m) of which columns with the unit "strain" give the fraction; 0 if unknown.
+
+    Raises
+    ------
+    InputError
+        With the line at fault.
+    """
+    with attribute_faults_to(str(path)):
+        columns = text_files.read(path)
+        width = len(columns.names)
+        if width < 2:
+            problem, remedy = "has one column", "write a frequency and a value per line"
+            raise InputError([Fault("", problem, remedy)])
+        if not columns.headed and width > 2:
+            problem = f"has {width} columns without headings"
+            raise InputError([Fault("", problem, "begin with a line such as frequency,x,y,z")])
+        known = recognise(columns.names) if columns.headed else {}
+        if "frequency_unit" in known:
+            raise InputError([Fault("", "has frequencies in rad/s", "give them in Hz")])
+        first = columns.names.index(known.get("frequency", columns.names[0]))
+        titles = columns.names if columns.headed else ["frequency", ""]
+        names, scales = zip(
+            *(
+                _split_title(title, "Hz" if n == first else unit, strain)
+                for n, title in enumerate(titles)
+            ),
+            strict=True,
+        )
+        for n, name in enumerate(names):
+            if name in names[:n]:
+                remedy = "give each column a heading of its own"
+                raise InputError([Fault("", "has two columns of one name", remedy, name)])
+        order = [first, *(n for n in range(width) if n != first)]
+        names = [names[n] for n in order]
+        values = [np.asarray(columns.read(n)) for n in order]
+        _check(np.array(values).T, columns)
+        values = [value / scales[n] for n, value in zip(order, values, strict=True)]
+        return Table(str(path), values[0], dict(zip(names[1:], values[1:], strict=True)))
+
+
+def _split_title(title: str, unit: str, strain: float) -> tuple[str, float]:
+    """Split a heading into its name, in lower case, and its unit, as the number per SI unit."""
+    if unit == "Hz":
+        units = PER_HZ
+    else:
+        title = re.sub(PER_ROOT_HZ, "", title) if unit != "1" else title
+        units = UNITS["rad" if unit == "m" and title.lower().startswith(DOFS[3:]) else unit]
+        units = units | {"strain": 1 / strain} if strain and unit == "m" else units
+    try:
+        name, scale = split_unit(title, units)
+    except BadTable as error:
+        per = " per sqrt(Hz)" if unit in ("m", "rad") else ""
+        raise InputError.of("", error.problem, error.remedy + per) from None
+    return name.lower(), scale
+
+
+def _check(rows: Inexact[np.ndarray, "line column"], columns: Columns) -> None:
+    """Raise `InputError` for the first line whose frequency or values are at fault."""
+    finite = np.isfinite(rows).all(1) & ~np.iscomplex(rows).any(1)
+    real = np.real(rows)
+    frequency, ascending = real[:, 0], np.diff(real[:, 0], prepend=-np.inf) > 0
+    for good, problem, remedy, shown in (
+        (finite, "contains something that is no finite number", "remove the line", None),
+        (frequency > 0, "has no positive frequency", "give it in Hz", frequency),
+        (
+            ascending,
+            "frequency is not above that of the line before",
+            "sort the lines by frequency, each once",
+            frequency,
+        ),
+        (
+            (real[:, 1:] >= 0).all(1),
+            "has a negative value",
+            "give amplitude spectral densities, not dB: 10^(dB/20)",
+            real[:, 1:].min(1),
+        ),
+    ):
+        if not good.all():
+            n = int(np.argmin(good))
+            value = None if shown is None else format_value(float(shown[n]))
+            raise InputError([Fault(columns.place(n), problem, remedy, value)])
+
+
+def interpolate(frequency: Array, at: Array, value: Array) -> Array:
+    """Interpolate a spectrum (n,) at frequencies (f,) by power laws, linearly next to a 0."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        log = np.exp(np.interp(np.log(frequency), np.log(at), np.log(value)))
+    straight = np.interp(frequency, at, value)
+    positive = np.interp(frequency, at, (value == 0).astype(float)) == 0
+    return np.where(positive, log, straight)
