@@ -497,6 +497,8 @@ def report(
     inputs: Names = (),
     outputs: Names = (),
     builds: int = 1000,
+    arm: float = 0.0,
+    mirrors: float = 1.0,
     fidelity: str = "auto",
     tolerance: float = 1e-3,
 ) -> Path:
@@ -514,6 +516,8 @@ def report(
         Signals of the responses. Defaults: motions of the support and of the mirror.
     builds : int
         Imperfect builds of a design with tolerances.
+    arm, mirrors : float
+        As in `budget`, for thermal noise and motion by cause.
     fidelity, tolerance
         As in `modes`, for every analysis.
 
