@@ -27,8 +27,9 @@ from suspension_cli.grids import decade_points, parse_frequencies
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.budget.ground import Motion, Table
+    from suspension_cli.analyses.budget.ground import Motion
     from suspension_cli.analyses.budget.solve import Budget, Budgets, Requirement
+    from suspension_cli.analyses.budget.table import Table
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.system import LinearSystem
     from suspension_cli.models.registry import Choice
@@ -317,7 +318,7 @@ def _ground(setting: Settings, folder: Path) -> tuple[dict[str, Motion], Array, 
 def _requirements(
     setting: Settings, outputs: Sequence[str], folder: Path, grid: Array
 ) -> dict[int, Table]:
-    from suspension_cli.analyses.budget import ground, solve
+    from suspension_cli.analyses.budget import ground, solve, table
 
     result: dict[int, Table] = {}
     for text in setting["requirements"]:
@@ -328,7 +329,7 @@ def _requirements(
         number = outputs.index(name.strip()) if equals else 0
         unit = "rad" if outputs[number].partition("@")[0].endswith(DOFS[3:]) else "m"
         path = ground.find(source.strip(), folder, "--requirement")
-        found = ground.read_table(path, unit, setting["arm"])
+        found = table.read(path, unit, setting["arm"])
         if len(found.column) != 1:
             problem = f"has {len(found.column)} columns of values instead of one"
             remedy = "write two columns, frequency and asd, and a file per output"

@@ -16,7 +16,6 @@ straight in a log-log plot (gwinc uses cubic polynomials).
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,24 +23,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspension_cli.analyses.budget import table
 from suspension_cli.conventions import DOFS
-from suspension_cli.design.csv_columns import PER_HZ, PER_M, PER_RAD, BadTable, split_unit
 from suspension_cli.design.faults import suggest
-from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
-from suspension_cli.measurements import text as text_files
-from suspension_cli.measurements.columns import Columns, recognise
+from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
-    from jaxtyping import Float, Inexact
+    from jaxtyping import Float
 
 PERIODS = (0.1, 1e5)
 """Shortest and longest period of both, s."""
 FOLDER = Path(__file__).parent
 """Folder of the shipped models."""
-UNITS = {"m": PER_M, "rad": PER_RAD, "1": {"1": 1.0, "m/m": 1.0, "rad/rad": 1.0, "%": 100.0}}
-"""Units by kind of a column, without "per sqrt(Hz)"; 1 for ratios."""
-PER_ROOT_HZ = r"\s*(/\s*(sqrt\s*\(?Hz\)?|rtHz|\u221aHz|Hz\^\(?(1/2|0\.5)\)?)|Hz\^\(?-(1/2|0\.5)\)?)"
 NONE = "none"
 TRANSLATIONS = DOFS[:3]
 
@@ -94,7 +88,7 @@ def _of_table(name: str, at: Array, value: Array) -> Motion:
         float(at[0]),
         float(at[-1]),
         at,
-        lambda frequency: interpolate(frequency, at, value),
+        lambda frequency: table.interpolate(frequency, at, value),
     )
 
 
@@ -104,11 +98,11 @@ def load_peterson(name: str) -> Float[np.ndarray, "line 3"]:
 
 
 def _shipped(name: str) -> dict[str, Motion]:
-    name = {"aligo-bsc": "aligo-isi"}.get(name, name)
-    if name in ("nlnm", "nhnm"):
+    model = {"aligo-bsc": "aligo-isi"}.get(name, name)
+    if model in ("nlnm", "nhnm"):
         return dict.fromkeys(TRANSLATIONS, _peterson(name, load_peterson(name)))
-    table = read_table(FOLDER / f"{name}.csv", "m")
-    return {dof: _of_table(name, table.frequency, value) for dof, value in table.column.items()}
+    found = table.read(FOLDER / f"{model}.csv", "m")
+    return {dof: _of_table(name, found.frequency, value) for dof, value in found.column.items()}
 
 
 SHIPPED = ("nlnm", "nhnm", "aligo-isi", "aligo-bsc", "aligo-ham")
@@ -207,7 +201,7 @@ def _read(
     unit = "rad" if wanted and not {*wanted} & {*TRANSLATIONS} else "m"
     if option == "--isolation":
         unit = "1"
-    found = read_table(find(source, folder, option, known), unit)
+    found = table.read(find(source, folder, option, known), unit)
     names = list(found.column)
     if len(names) == 1 and names[0] not in DOFS:
         return found.frequency, dict.fromkeys(wanted or every, found.column[names[0]])
@@ -223,117 +217,3 @@ def _read(
         problem = f"has no column {lacking[0]}"
         raise InputError([Fault("", problem, "add it, or leave it out")], found.file)
     return found.frequency, found.column
-
-
-@dataclass(frozen=True)
-class Table:
-    """Columns of values, at least 0, against frequency (Hz, ascending, above 0).
-
-    The only column of a file without names is "".
-    """
-
-    file: str
-    frequency: Array
-    column: dict[str, Array]
-
-
-def read_table(path: Path, unit: str, strain: float = 0.0) -> Table:
-    """Read a table of spectra: frequency, then one or more columns (format: `measurements.text`).
-
-    Headings are optional for two columns, and may give units: "f (mHz)", "x (um/sqrt(Hz))".
-
-    Parameters
-    ----------
-    unit
-        SI unit of columns: "m" (coordinates that are rotations have "rad"), "rad", or "1".
-    strain
-        Length (m) of which columns with the unit "strain" give the fraction; 0 if unknown.
-
-    Raises
-    ------
-    InputError
-        With the line at fault.
-    """
-    with attribute_faults_to(str(path)):
-        columns = text_files.read(path)
-        width = len(columns.names)
-        if width < 2:
-            problem, remedy = "has one column", "write a frequency and a value per line"
-            raise InputError([Fault("", problem, remedy)])
-        if not columns.headed and width > 2:
-            problem = f"has {width} columns without headings"
-            raise InputError([Fault("", problem, "begin with a line such as frequency,x,y,z")])
-        known = recognise(columns.names) if columns.headed else {}
-        if "frequency_unit" in known:
-            raise InputError([Fault("", "has frequencies in rad/s", "give them in Hz")])
-        first = columns.names.index(known.get("frequency", columns.names[0]))
-        titles = columns.names if columns.headed else ["frequency", ""]
-        names, scales = zip(
-            *(
-                _split_title(title, "Hz" if n == first else unit, strain)
-                for n, title in enumerate(titles)
-            ),
-            strict=True,
-        )
-        for n, name in enumerate(names):
-            if name in names[:n]:
-                remedy = "give each column a heading of its own"
-                raise InputError([Fault("", "has two columns of one name", remedy, name)])
-        order = [first, *(n for n in range(width) if n != first)]
-        names = [names[n] for n in order]
-        values = [np.asarray(columns.read(n)) for n in order]
-        _check(np.array(values).T, columns)
-        values = [value / scales[n] for n, value in zip(order, values, strict=True)]
-        return Table(str(path), values[0], dict(zip(names[1:], values[1:], strict=True)))
-
-
-def _split_title(title: str, unit: str, strain: float) -> tuple[str, float]:
-    """Split a heading into its name, in lower case, and its unit, as the number per SI unit."""
-    if unit == "Hz":
-        units = PER_HZ
-    else:
-        title = re.sub(PER_ROOT_HZ, "", title) if unit != "1" else title
-        units = UNITS["rad" if unit == "m" and title.lower().startswith(DOFS[3:]) else unit]
-        units = units | {"strain": 1 / strain} if strain and unit == "m" else units
-    try:
-        name, scale = split_unit(title, units)
-    except BadTable as error:
-        per = " per sqrt(Hz)" if unit in ("m", "rad") else ""
-        raise InputError.of("", error.problem, error.remedy + per) from None
-    return name.lower(), scale
-
-
-def _check(rows: Inexact[np.ndarray, "line column"], columns: Columns) -> None:
-    """Raise `InputError` for the first line whose frequency or values are at fault."""
-    finite = np.isfinite(rows).all(1) & ~np.iscomplex(rows).any(1)
-    real = np.real(rows)
-    frequency, ascending = real[:, 0], np.diff(real[:, 0], prepend=-np.inf) > 0
-    for good, problem, remedy, shown in (
-        (finite, "contains something that is no finite number", "remove the line", None),
-        (frequency > 0, "has no positive frequency", "give it in Hz", frequency),
-        (
-            ascending,
-            "frequency is not above that of the line before",
-            "sort the lines by frequency, each once",
-            frequency,
-        ),
-        (
-            (real[:, 1:] >= 0).all(1),
-            "has a negative value",
-            "give amplitude spectral densities, not dB: 10^(dB/20)",
-            real[:, 1:].min(1),
-        ),
-    ):
-        if not good.all():
-            n = int(np.argmin(good))
-            value = None if shown is None else format_value(float(shown[n]))
-            raise InputError([Fault(columns.place(n), problem, remedy, value)])
-
-
-def interpolate(frequency: Array, at: Array, value: Array) -> Array:
-    """Interpolate a spectrum (n,) at frequencies (f,) by power laws, linearly next to a 0."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        log = np.exp(np.interp(np.log(frequency), np.log(at), np.log(value)))
-    straight = np.interp(frequency, at, value)
-    positive = np.interp(frequency, at, (value == 0).astype(float)) == 0
-    return np.where(positive, log, straight)

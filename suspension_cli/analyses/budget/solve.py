@@ -18,8 +18,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.budget.ground import Table, interpolate
+from suspension_cli.analyses.budget import table
 from suspension_cli.analyses.budget.noise import Noises
+from suspension_cli.analyses.budget.table import Table
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.files.declared import along, derived, in_unit
 from suspension_cli.scene.arrays import Array
@@ -415,7 +416,7 @@ def compare(
         return None
     where = frequency[both]
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = interpolate(where, required.frequency, limit) / total[both]
+        ratio = table.interpolate(where, required.frequency, limit) / total[both]
     ratio = np.where(np.isnan(ratio), np.inf, ratio)
     least = int(ratio.argmin())
     edges = np.flatnonzero(np.diff(np.concatenate([[False], ratio < 1, [False]]).astype(int)))

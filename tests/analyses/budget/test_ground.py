@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from suspension_cli.analyses.budget import ground
+from suspension_cli.analyses.budget import ground, table
 from suspension_cli.errors import InputError
 
 LOW = {
@@ -199,5 +199,5 @@ def test_faults_of_sources(given, message, tmp_path):
 
 def test_interpolation_of_a_power_law():
     at = np.array([1.0, 10.0, 100.0])
-    found = ground.interpolate(np.array([2.0, 50.0]), at, at**-3.0)
+    found = table.interpolate(np.array([2.0, 50.0]), at, at**-3.0)
     np.testing.assert_allclose(found, [2.0**-3, 50.0**-3], rtol=1e-12)
