@@ -157,9 +157,9 @@ class Design(Source):
         >>> print(sus.example("triple-damped").foton().splitlines()[-1])
         zpk([0],[1.3+i*5;1.3-i*5;20],3.184713375796178,"n")
         """
-        from suspension_cli.analyses.damp import foton_file
+        from suspension_cli.analyses.damp.command import write_foton
 
-        return foton_file.write(self.design)
+        return write_foton(self.design)
 
     def __hash__(self) -> int:
         return hash((self.text, self.file))  # tables of the design cannot be hashed

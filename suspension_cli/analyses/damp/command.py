@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.damp.solve import LocalControl
-    from suspension_cli.design.schema import Design
+    from suspension_cli.design.schema import Design, Loop
 
 
 LOOPS = option(
@@ -146,11 +146,10 @@ class DampAnalysis(Analysis):
         """Write the filters as Foton strings."""
         if not result.extra.get("foton"):
             return []
-        from suspension_cli.analyses.damp import foton_file
         from suspension_cli.files import atomic
 
         made = path.with_name(f"{result.source.stem()}-foton.txt")
-        atomic.write_bytes(made, foton_file.write(result.design).encode())
+        atomic.write_bytes(made, write_foton(result.design).encode())
         return [made]
 
     def parse_names(
@@ -281,6 +280,30 @@ def _all_at_once(answer: LocalControl) -> list[str]:
         f"  stable if each gain changes by any factor {gains}, or each phase by less than"
         f" {peak.phase:.0f} degrees.",
     ]
+
+
+def write_foton(design: Design) -> str:
+    """Write the filters of all loops, one design string per loop, with comments."""
+    lines = [
+        f"# filters of {design.design.name}, plane n (roots in Hz)",
+        "# actuator (N or N m) = - filter * sensor (m or rad)",
+    ]
+    for loop in design.control.loop if design.control is not None else ():
+        lines += ["", *_describe_filter(loop)]
+    return "\n".join(lines) + "\n"
+
+
+def _describe_filter(loop: Loop) -> list[str]:
+    from suspension_cli.design.foton import format_filter
+
+    lines = [f"# {loop.name}: {loop.sensor} -> {loop.actuator}, reference {loop.reference}"]
+    if loop.damper is not None:
+        lines.append("# a velocity damper: add poles above the band before use in Foton")
+    if loop.sensor_response is not None:
+        lines.append(f"# not included: response of the sensor {loop.sensor_response}")
+    if loop.delay:
+        lines.append(f"# not included: delay of {loop.delay:g} s")
+    return [*lines, format_filter(loop.controller)]
 
 
 def growth(answer: LocalControl) -> str:
