@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.budget.ground import Motion
-    from suspension_cli.analyses.budget.solve import Budget, Budgets, Requirement
+    from suspension_cli.analyses.budget.solve import Budget, Requirement
     from suspension_cli.analyses.budget.table import Table
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.system import LinearSystem
@@ -160,16 +160,6 @@ class BudgetAnalysis(Analysis):
     ) -> Iterator[Callable[[], object]]:
         """Return nothing: `damp` parses the signals of the loops."""
         return iter(())
-
-    def record(self, data: list[Budget]) -> Budgets:
-        """Combine the budgets."""
-        from suspension_cli.analyses.budget.solve import Budgets
-
-        return Budgets.of(data)
-
-    def data(self, record: Budgets) -> list[Budget]:
-        """List the budget of each output."""
-        return record.each()
 
     def document(self, result: Result) -> Document:
         """Return the budget of the first output flat, and those of the others."""

@@ -138,7 +138,7 @@ class DampAnalysis(Analysis):
         frequency = np.array(parse_frequencies(setting["frequency"]))
         found = damp.solve(run.design, model, output, push, frequency, setting["duration"])
         if not found.stable:
-            run.log.warn(f"the closed loop is unstable: {growth(found)}")
+            run.log.warn(f"the closed loop is unstable: {found.growth}")
         extra = {"foton": True} if setting["foton"] else {}
         return Result(self, run.source, choice, found, extra, command=run.command)
 
@@ -209,7 +209,7 @@ class DampAnalysis(Analysis):
     def text(self, result: Result) -> str:
         """Return tables of poles and margins."""
         answer: LocalControl = result.data
-        lines = [] if answer.stable else [f"UNSTABLE: {growth(answer)}", ""]
+        lines = [] if answer.stable else [f"UNSTABLE: {answer.growth}", ""]
         rows, closed = [], answer.closed
         for frequency, q, rate, state in zip(
             closed.frequency, closed.q, closed.growth_rate, closed.state, strict=True
@@ -304,13 +304,6 @@ def _describe_filter(loop: Loop) -> list[str]:
     if loop.delay:
         lines.append(f"# not included: delay of {loop.delay:g} s")
     return [*lines, format_filter(loop.controller)]
-
-
-def growth(answer: LocalControl) -> str:
-    """Describe the pole that grows fastest, with a remedy."""
-    from suspension_cli.analyses.damp.solve import describe_growth
-
-    return "; ".join(describe_growth(answer.closed))
 
 
 ANALYSIS = DampAnalysis()

@@ -92,6 +92,11 @@ class LocalControl:
         """Whether no closed-loop pole grows."""
         return self.closed.stable
 
+    @property
+    def growth(self) -> str:
+        """The pole that grows fastest, with a remedy."""
+        return "; ".join(describe_growth(self.closed))
+
 
 def solve(
     design: Design,

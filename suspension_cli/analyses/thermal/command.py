@@ -8,7 +8,6 @@ from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import (
     Analysis,
     Document,
-    Log,
     Result,
     Run,
     Settings,
@@ -23,9 +22,7 @@ from suspension_cli.grids import decade_points, parse_frequencies
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.thermal.solve import Noises, Thermal
-    from suspension_cli.design.reader import Source
-    from suspension_cli.models.registry import Choice
+    from suspension_cli.analyses.thermal.solve import Thermal
 
 LEADING = 0.01
 """Fraction of the power from which a cause is named in the summary."""
@@ -75,10 +72,39 @@ class ThermalAnalysis(Analysis):
 
     def solve(self, run: Run) -> Result:
         """Compute the noise of every output."""
+        from dataclasses import replace
+
+        import numpy as np
+
+        from suspension_cli.analyses import model_choice
         from suspension_cli.analyses.check import warnings
         from suspension_cli.analyses.check.lossless import describe_lossless, find_lossless
+        from suspension_cli.analyses.thermal import solve as thermal
+        from suspension_cli.design.derive import mirror
 
-        choice, noises = _solved(run.source, run.setting, run.log)
+        setting = run.setting
+        frequency, arm = np.array(parse_frequencies(setting["frequency"])), setting["arm"]
+        outputs = setting["outputs"] or (f"{mirror(run.design)}.x",)
+        choice, model = thermal.choose(run.source, setting["fidelity"], frequency, outputs, arm)
+        model = model_choice.stable_system(
+            run.source, choice, setting["allow_unstable"], run.log, model
+        )
+        motions = thermal.parse_outputs(model, outputs, arm)
+        for signal in motions:
+            if signal.body == SUPPORT:
+                problem = "the support is at rest and has no thermal noise"
+                remedy = "name a stage, for example test.x"
+                raise InputError([Fault("--output", problem, remedy, format_value(signal.text))])
+        noises = thermal.solve(model, frequency, motions, run.design.constants.temperature)
+        for noise in noises:
+            if not noise.source:
+                problem = "nothing that moves with it dissipates, so it has no thermal noise"
+                remedy = (
+                    "give the materials of its wires a loss (--set materials.NAME.loss_angle=1e-4),"
+                    " or blades a loss_angle, [gas] or [stage.damping]"
+                )
+                raise InputError([Fault("--output", problem, remedy, format_value(noise.output))])
+        noises = [replace(one, density=setting["mirrors"] * one.density) for one in noises]
         lossless = find_lossless(run.design, choice.level)
         for line in describe_lossless(lossless, choice.level):
             run.log.warn(f"{run.name}: {line}")
@@ -86,16 +112,6 @@ class ThermalAnalysis(Analysis):
         extra: Document = {"without_loss": [part.part for part in lossless]}
         extra |= describe_mirrors(run.setting)
         return Result(self, run.source, choice, noises, extra, command=run.command)
-
-    def record(self, data: list[Thermal]) -> Noises:
-        """Combine the noises."""
-        from suspension_cli.analyses.thermal.solve import Noises
-
-        return Noises.of(data)
-
-    def data(self, record: Noises) -> list[Thermal]:
-        """List the noise of each output."""
-        return record.each()
 
     def document(self, result: Result) -> Document:
         """Return the noise of one output flat, that of several in a list."""
@@ -144,37 +160,6 @@ class ThermalAnalysis(Analysis):
         stages = [stage.name for stage in result.design.stage]
         subtitle = result.subtitle + name_mirrors(result)
         return {"": picture.draw(picture.refine(result), subtitle, stages)}
-
-
-def _solved(source: Source, setting: Settings, log: Log) -> tuple[Choice, list[Thermal]]:
-    from dataclasses import replace
-
-    import numpy as np
-
-    from suspension_cli.analyses import model_choice
-    from suspension_cli.analyses.thermal import solve as thermal
-    from suspension_cli.design.derive import mirror
-
-    frequency, arm = np.array(parse_frequencies(setting["frequency"])), setting["arm"]
-    outputs = setting["outputs"] or (f"{mirror(source.design)}.x",)
-    choice, model = thermal.choose(source, setting["fidelity"], frequency, outputs, arm)
-    model = model_choice.stable_system(source, choice, setting["allow_unstable"], log, model)
-    motions = thermal.parse_outputs(model, outputs, arm)
-    for signal in motions:
-        if signal.body == SUPPORT:
-            problem = "the support is at rest and has no thermal noise"
-            remedy = "name a stage, for example test.x"
-            raise InputError([Fault("--output", problem, remedy, format_value(signal.text))])
-    noises = thermal.solve(model, frequency, motions, source.design.constants.temperature)
-    for noise in noises:
-        if not noise.source:
-            problem = "nothing that moves with it dissipates, so it has no thermal noise"
-            remedy = (
-                "give the materials of its wires a loss (--set materials.NAME.loss_angle=1e-4), or"
-                " blades a loss_angle, [gas] or [stage.damping]"
-            )
-            raise InputError([Fault("--output", problem, remedy, format_value(noise.output))])
-    return choice, [replace(one, density=setting["mirrors"] * one.density) for one in noises]
 
 
 def _percent(fraction: float) -> str:
