@@ -39,7 +39,9 @@ FOUND = 1e-12
 """Measure at which the search for a crossing ends."""
 ROUNDING = 4 * np.finfo(float).eps
 """Least relative distance of different frequencies."""
-FLAT = 1e-13
+ITERATIONS = 12
+"""Most steps of the search for a minimum, whose error is the square of that of its frequency."""
+FLAT = 1e-10
 """Relative rise from a minimum to the ends of its interval at which the search ends."""
 
 
@@ -273,6 +275,7 @@ def search_smallest(
             (frequency[at], frequency[at + 1], frequency[at + 2]),
             args=(loop,),
             tolerances={"xatol": 0.0, "xrtol": ROUNDING, "fatol": 0.0, "frtol": FLAT},
+            maxiter=ITERATIONS,
         )
         for n in np.unique(loop):
             best = np.flatnonzero(loop == n)[found.f_x[loop == n].argmin()]
