@@ -27,7 +27,7 @@ def run(ratio: Callable[..., None], absolute: Callable[..., None]) -> None:
 
     def noise(count: int) -> Callable[[], object]:
         frequency = np.geomspace(0.1, 1000, count)
-        return lambda: thermal.solve_all(model, frequency, motions, design.constants.temperature)
+        return lambda: thermal.solve(model, frequency, motions, design.constants.temperature)
 
     absolute("thermal noise of a quadruple, x and z, 3,000 frequencies", noise(COUNT), 60.0, 15)
     ratio("the same, 6,000 frequencies / 3,000 (linear: 2)", noise(2 * COUNT), noise(COUNT), 2.5)

@@ -20,6 +20,8 @@ def budget(
     isolation: Paths = (),
     requirements: Paths = (),
     frequency: Grid = '0.01:100:2000',
+    arm: float = 0.0,
+    mirrors: float = 1.0,
     tolerance: float = 0.001,
     fidelity: str = 'auto',
 ) -> Result:
@@ -32,14 +34,20 @@ def budget(
     outputs : str or sequence of str
         Output: test.x, test.pitch, test.x@0,0,0.001, .... Default: x, pitch and yaw of the mirror.
     ground : str or sequence of str
-        Motion of the support: nlnm (quiet ground), nhnm (noisy ground), aligo-isi and aligo-ham
-        (platforms), a CSV file, or none; x,y=SOURCE for some coordinates.
+        Motion of the support: nlnm (quiet ground), nhnm (noisy ground), aligo-isi (or aligo-bsc)
+        and aligo-ham (platforms), a CSV file, or none; x,y=SOURCE for some coordinates.
     isolation : path or sequence of paths
         CSV of a platform's transmissibility, a factor on the ground.
     requirements : path or sequence of paths
-        CSV of the required spectrum of an output, by default the first.
+        CSV of the required spectrum of an output, by default the first; with arm also in
+        strain/sqrt(Hz).
     frequency : grid
         Frequencies, Hz: start:stop:count[:log|lin], a comma list or a number.
+    arm : float
+        Observe x along the beam of an arm of this length (m), for example 4000.
+    mirrors : float
+        Add the powers of this many equal, independent suspensions: 4 for the difference of two
+        arms. A mirror whose motion counts twice counts as 4.
     tolerance : float
         Largest relative error of the result that fidelity="auto" accepts.
     fidelity : {"auto", "closed-form", "force", "string", "beam", "violin"}
@@ -547,6 +555,7 @@ def thermal(
     outputs: Names = (),
     frequency: Grid = '0.1:1000:2000',
     arm: float = 0.0,
+    mirrors: float = 1.0,
     allow_unstable: bool = False,
     tolerance: float = 0.001,
     fidelity: str = 'auto',
@@ -563,6 +572,9 @@ def thermal(
         Frequencies, Hz: start:stop:count[:log|lin], a comma list or a number.
     arm : float
         Observe x along the beam of an arm of this length (m), for example 4000.
+    mirrors : float
+        Add the powers of this many equal, independent suspensions: 4 for the difference of two
+        arms. A mirror whose motion counts twice counts as 4.
     allow_unstable : bool
         Continue with motion that grows (an unstable equilibrium, active elements).
     tolerance : float

@@ -157,9 +157,9 @@ class Design(Source):
         >>> print(sus.example("triple-damped").foton().splitlines()[-1])
         zpk([0],[1.3+i*5;1.3-i*5;20],3.184713375796178,"n")
         """
-        from suspension_cli.analyses.damp import foton_file
+        from suspension_cli.analyses.damp.command import write_foton
 
-        return foton_file.write(self.design)
+        return write_foton(self.design)
 
     def __hash__(self) -> int:
         return hash((self.text, self.file))  # tables of the design cannot be hashed
@@ -497,6 +497,8 @@ def report(
     inputs: Names = (),
     outputs: Names = (),
     builds: int = 1000,
+    arm: float = 0.0,
+    mirrors: float = 1.0,
     fidelity: str = "auto",
     tolerance: float = 1e-3,
 ) -> Path:
@@ -514,6 +516,8 @@ def report(
         Signals of the responses. Defaults: motions of the support and of the mirror.
     builds : int
         Imperfect builds of a design with tolerances.
+    arm, mirrors : float
+        As in `budget`, for thermal noise and motion by cause.
     fidelity, tolerance
         As in `modes`, for every analysis.
 

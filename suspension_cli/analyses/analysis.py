@@ -361,7 +361,8 @@ class Analysis(ABC):
     name : str
         Of the HDF5 group and, unless `command_name` differs, of the command and the function.
     result_type : str
-        Path of the class, from the package on, whose fields declare what is stored.
+        Path of the class, from the package on, whose fields declare what is stored. Where
+        `Result.data` is a list, its `of` combines the items and its `each` lists them.
     arguments, parameters : tuple
         Click's arguments and options; the latter are arguments of the Python function too.
     inputs : tuple
@@ -411,15 +412,7 @@ class Analysis(ABC):
     def text(self, result: Result) -> str:
         """Table or summary that the command prints."""
 
-    def record(self, data: Any) -> Any:
-        """Return the record that is stored for `Result.data`."""
-        return data
-
-    def data(self, record: Any) -> Any:
-        """Return `Result.data` for a stored record."""
-        return record
-
-    def record_type(self) -> type:
+    def record_type(self) -> Any:
         """Import the class whose fields declare what is stored."""
         module, _, name = self.result_type.rpartition(".")
         return getattr(importlib.import_module(f"suspension_cli.{module}"), name)
@@ -428,7 +421,8 @@ class Analysis(ABC):
         """Return the arrays and attributes that are stored for a result."""
         from suspension_cli.files.declared import pack
 
-        return pack(self.record(result.data))
+        data: Any = result.data
+        return pack(self.record_type().of(data) if isinstance(data, list) else data)
 
     def fill(self, file: h5py.File, result: Result) -> None:
         """Write the result into a group of the open results file."""
@@ -441,7 +435,8 @@ class Analysis(ABC):
         from suspension_cli.files.declared import unpack
         from suspension_cli.files.hdf5 import read_contents
 
-        return self.data(unpack(self.record_type(), read_contents(file[self.name])))
+        record = unpack(self.record_type(), read_contents(file[self.name]))
+        return record.each() if hasattr(record, "each") else record
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw the pictures: the end of each file name (before its ending), and the figure."""
@@ -556,6 +551,16 @@ def _finite(part: Any) -> Any:
 def as_number(value: float) -> float | None:
     """Convert one number for JSON: null if it is not finite."""
     return float(value) if math.isfinite(value) else None
+
+
+def describe_mirrors(setting: Settings) -> Document:
+    """Extra of a result that --mirrors changed: their number."""
+    return {"mirrors": setting["mirrors"]} if setting["mirrors"] != 1 else {}
+
+
+def name_mirrors(result: Result) -> str:
+    """End of the title of a result of several mirrors: ``", 4 mirrors"``."""
+    return f", {result.extra['mirrors']:g} mirrors" if "mirrors" in result.extra else ""
 
 
 def only_one(values: list[Document], name: str) -> Document:

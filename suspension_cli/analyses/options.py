@@ -147,6 +147,27 @@ ENDINGS = [
 
 MOTIONS = "Output: test.x, test.pitch, test.x@0,0,0.001, ..."
 """Help of an option that takes motions."""
+BEAM = (
+    option(
+        "--arm",
+        type=click.FloatRange(0, 1e7),
+        default=0.0,
+        metavar="LENGTH",
+        help="Observe x along the beam of an arm of this length (m), for example 4000.",
+    ),
+    option(
+        "--mirrors",
+        type=click.FloatRange(1e-3, 1e6),
+        default=1.0,
+        show_default=True,
+        metavar="COUNT",
+        help=(
+            "Add the powers of this many equal, independent suspensions: 4 for the difference of"
+            " two arms. A mirror whose motion counts twice counts as 4."
+        ),
+    ),
+)
+"""Options that define the degree of freedom of an interferometer whose noise is computed."""
 DESIGN = argument("design", metavar="DESIGN")
 DESIGNS = argument("designs", nargs=-1, required=True, metavar="DESIGN...")
 
@@ -347,6 +368,7 @@ REPORT = (
         show_default=True,
         help="Number of random builds, unless a results file has the tolerances of this design.",
     ),
+    *BEAM,
     FIDELITY,
     ACCURACY,
 )

@@ -28,6 +28,8 @@ def command(
     inputs: tuple[str, ...],
     outputs: tuple[str, ...],
     builds: int,
+    arm: float,
+    mirrors: float,
     fidelity: str,
     tolerance: float,
     overrides: tuple[str, ...],
@@ -57,7 +59,7 @@ def command(
     source = settings.named(read(design, overrides), stem, overrides)
     names = tuple(filter(None, (name.strip() for name in (sections or "").split(","))))
     request = Request(
-        names, inputs, outputs, builds, fidelity, tolerance, overrides, folder=Path(out)
+        names, inputs, outputs, builds, fidelity, tolerance, arm, mirrors, overrides, Path(out)
     )
     page = compose(source, request, terminal.Voice(quiet=quiet, verbose=verbose))
     path = settings.folder(out) / f"{source.stem()}-report.html"

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import contextlib
+from collections.abc import Callable, Iterator, Sequence
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
@@ -59,6 +61,7 @@ PALE_SUM = 2.2
 """Sum of red, green and blue above which a colour is too pale for text."""
 ERROR = "#9aa1a8"
 """Colour of error bars."""
+_WIDTH = ContextVar("_WIDTH", default=COLUMN)
 Scale = Literal["linear", "log", "db", "phase"]
 
 
@@ -189,13 +192,23 @@ class _Place:
     remarks: list[str]
 
 
+@contextlib.contextmanager
+def page_width(width: float) -> Iterator[None]:
+    """Make figures of panels as wide as a page, in, instead of a column of a paper."""
+    token = _WIDTH.set(width)
+    try:
+        yield
+    finally:
+        _WIDTH.reset(token)
+
+
 def draw(
     heading: str,
     subtitle: str,
     panels: Sequence[Panel | tuple[Panel, ...]],
     across: Across = FREQUENCY,
     notes: Sequence[str] = (),
-    width: float = COLUMN,
+    width: float | None = None,
     foot: float = 0.0,
 ) -> Figure:
     """Draw panels below each other; those of a tuple stand side by side.
@@ -208,9 +221,12 @@ def draw(
         Horizontal axis of the last panel, if it has none of its own.
     notes
         Lines of text below.
+    width
+        In; by default that of a column, or of `page_width`.
     foot
         Further room below, in.
     """
+    width = width or _WIDTH.get()
     rows = [row if isinstance(row, tuple) else (row,) for row in panels]
     last = len(rows) - 1
     owner = [

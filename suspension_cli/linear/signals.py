@@ -41,6 +41,8 @@ class Signal:
     against
         A second body, "" for none: the motion is relative to it, and the force acts on it with the
         opposite sign, at the same point of space.
+    tilt
+        Angle (rad) by which the direction of a motion along x rises above x.
     """
 
     text: str
@@ -49,6 +51,7 @@ class Signal:
     point: tuple[float, float, float]
     acts: bool
     against: str = ""
+    tilt: float = 0.0
 
     @property
     def is_ground(self) -> bool:
@@ -204,6 +207,9 @@ def linear_form(signal: Signal, model: LinearSystem) -> Inexact[np.ndarray, "*ba
     coordinates by the same form (virtual work). Between two bodies it is the difference of their
     forms at one point of space; the support's includes the deflection of its structure.
     """
+    if signal.tilt:
+        level, up = (linear_form(replace(signal, dof=dof, tilt=0.0), model) for dof in (0, 2))
+        return np.cos(signal.tilt) * level + np.sin(signal.tilt) * up
     if signal.against:
         return _relative_form(signal, model)
     turn = model.orientation

@@ -14,7 +14,7 @@ from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes, response
-from suspension_cli.linear.signals import linear_form, parse_input, parse_output
+from suspension_cli.linear.signals import parse_input, parse_output
 from suspension_cli.models import registry
 from suspension_cli.scene.stack import stack_scenes
 from suspension_cli.studies import builds
@@ -145,9 +145,8 @@ def results(level, design):
 
 def noise(model):
     """Thermal noise at three frequencies, m/sqrt(Hz)."""
-    signal = parse_output("test.x", BODIES)
-    row = linear_form(signal, model)
-    return thermal.solve(model, np.array([0.3, 5.0, 100.0]), row, signal, 290.0).density
+    motion = parse_output("test.x", BODIES)
+    return thermal.solve(model, np.array([0.3, 5.0, 100.0]), [motion], 290.0)[0].density
 
 
 WRONG = {"wire": "test.1", "length_change": 1e-5, "hold": "natural-length"}

@@ -87,8 +87,8 @@ def test_column_of_rods(level, ratio):
     frequency = np.array([0.01, 1.0, 2.5, 40.0])
     found = responses(model, frequency, ["support.z"], ["test.z"])[:, 0, 0]
     assert np.abs(found / [exact.response(f) for f in frequency] - 1).max() < REQUIRED
-    signal, row = thermal.parse_motion(model, "test.z")
-    noise = thermal.solve(model, frequency, row, signal, 290.0).density.sum(0)
+    [found] = thermal.solve(model, frequency, [thermal.parse_motion(model, "test.z")], 290.0)
+    noise = found.density.sum(0)
     assert np.abs(noise / [exact.density(f, 290.0) for f in frequency] - 1).max() < REQUIRED
     found = eigenmodes.solve(model) if level == "beam" else wire_modes.solve(model, 20.0)
     vertical = found.of("z")

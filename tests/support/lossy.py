@@ -10,7 +10,10 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.analyses.thermal import solve as thermal
+from suspension_cli.conventions import BOLTZMANN
 from suspension_cli.design.reader import template
+from suspension_cli.linear import signals
+from suspension_cli.linear.pencil import Pencil
 from suspension_cli.models import registry
 from tests.support import plants, scenes
 from tests.support.paths import CONFIGS
@@ -92,5 +95,23 @@ def noise(
     tilt: float = 0.0,
     temperature: float = 290.0,
 ) -> thermal.Thermal:
-    signal, row = thermal.parse_motion(model, text, tilt)
-    return thermal.solve(model, np.asarray(frequency), row, signal, temperature)
+    motion = thermal.parse_motion(model, text, tilt)
+    return thermal.solve(model, np.asarray(frequency), [motion], temperature)[0]
+
+
+def form(model: Any, text: str) -> np.ndarray:
+    """Linear form of a motion."""
+    return signals.linear_form(thermal.parse_motion(model, text), model)
+
+
+def from_susceptibility(model: Any, frequency: Any, row: np.ndarray) -> np.ndarray:
+    """-(4 k T / omega) Im(r . Z^-1 r) at 290 K, unit^2/Hz; it loses the digits of a high Q."""
+    omega = 2 * np.pi * np.asarray(frequency)
+    total, pencil = np.zeros(len(omega)), Pencil.of(model)
+    there = pencil.at(omega)
+    for block in pencil.blocks:
+        force = row[block.keep]
+        if force.any():
+            found = block.at(there).respond(force[None], np.zeros((6, 1)), force[:, None])
+            total += np.imag(found[0, 0])
+    return -4 * BOLTZMANN * 290.0 / omega * total

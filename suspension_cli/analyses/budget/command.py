@@ -15,6 +15,8 @@ from suspension_cli.analyses.analysis import (
     Run,
     Settings,
     as_number,
+    describe_mirrors,
+    name_mirrors,
     plain,
 )
 from suspension_cli.analyses.options import option
@@ -23,14 +25,11 @@ from suspension_cli.errors import Fault, InputError, escape_unprintable, format_
 from suspension_cli.grids import decade_points, parse_frequencies
 
 if TYPE_CHECKING:
-    import numpy as np
-    from jaxtyping import Complex
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.budget.ground import Motion
-    from suspension_cli.analyses.budget.solve import Budget, Budgets, Requirement
+    from suspension_cli.analyses.budget.solve import Budget, Requirement
     from suspension_cli.analyses.budget.table import Table
-    from suspension_cli.analyses.damp.control import Plant
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.system import LinearSystem
     from suspension_cli.models.registry import Choice
@@ -51,6 +50,8 @@ class BudgetAnalysis(Analysis):
     frequencies. Writes DIR/NAME-budget.h5 and .png.
 
     Example: pendsus budget my.toml --ground nlnm --ground z=site.csv --requirement goal.csv
+
+    Example: pendsus budget my.toml --ground aligo-bsc --arm 4000 --mirrors 4
 
     Returns
     -------
@@ -85,8 +86,8 @@ class BudgetAnalysis(Analysis):
             metavar="[COORDINATES=]SOURCE",
             help=(
                 "Motion of the support: nlnm (quiet ground), nhnm (noisy ground), aligo-isi"
-                " and aligo-ham (platforms), a CSV file, or none; x,y=SOURCE for some"
-                " coordinates (repeatable)."
+                " (or aligo-bsc) and aligo-ham (platforms), a CSV file, or none; x,y=SOURCE for"
+                " some coordinates (repeatable)."
             ),
         ),
         option(
@@ -100,9 +101,13 @@ class BudgetAnalysis(Analysis):
             "requirements",
             multiple=True,
             metavar="[SIGNAL=]FILE",
-            help="CSV of the required spectrum of an output, by default the first (repeatable).",
+            help=(
+                "CSV of the required spectrum of an output, by default the first; with --arm also"
+                " in strain/sqrt(Hz) (repeatable)."
+            ),
         ),
         options.frequencies("0.01:100:2000"),
+        *options.BEAM,
         options.ACCURACY,
         *options.WRITING,
     )
@@ -111,36 +116,44 @@ class BudgetAnalysis(Analysis):
         """Compute the budget of every output."""
         import numpy as np
 
+        from suspension_cli.analyses.budget import noise
         from suspension_cli.analyses.budget import solve as budget
-        from suspension_cli.analyses.budget.noise import Noises
+        from suspension_cli.analyses.thermal import solve as thermal
         from suspension_cli.design.derive import mirror
-        from suspension_cli.linear import signals
+        from suspension_cli.models import registry
 
-        setting, folder = run.setting, Path(run.source.file).parent
+        setting, design, folder = run.setting, run.design, Path(run.source.file).parent
         motions, grid, notes = _ground(setting, folder)
         outputs = list(setting["outputs"]) or [
-            f"{mirror(run.design)}.{dof}" for dof in ("x", "pitch", "yaw")
+            f"{mirror(design)}.{dof}" for dof in ("x", "pitch", "yaw")
         ]
-        requirements = _requirements(setting["requirements"], outputs, folder, grid)
+        requirements = _requirements(setting, outputs, folder, grid)
         choice, model, warm = _model(run, grid, outputs, notes)
-        known = signals.bodies_with_signals(model)
-        parsed = [signals.parse_output(text, known) for text in outputs]
-        plant, resonance = _closed(run, choice, model, float(grid[-1]))
-        temperature = run.design.constants.temperature if warm else None
-        noises = Noises(plant, parsed, motions, temperature)
+        parsed = thermal.parse_outputs(model, outputs, setting["arm"])
+        heavy = choice.model.has_wire_mass
+        light = registry.BEAM.system(design) if heavy else model
+        poles = noise.find_stable_poles(design, light)
+        if heavy:
+            poles = np.append(poles, noise.find_wire_modes(model, float(grid[-1])))
+        temperature = design.constants.temperature if warm else None
+        plant = noise.build_plant(design, model)
+        noises = noise.Noises(plant, parsed, motions, temperature, setting["mirrors"])
         if not noises.cause:
             raise _error("--ground", "leaves no cause of motion", "give a ground, or loss angles")
         for note in notes:
             run.log.warn(note)
         added = ":" in setting["frequency"]
-        found = budget.solve(noises, grid, resonance, requirements, added=added)
+        found = budget.solve(noises, grid, poles, requirements, added=added)
         for one in found:
             if np.isinf(one.rms).any():
                 run.log.warn(
                     f"{one.output}: the RMS is infinite, as a resonance without loss is driven;"
                     " give loss angles or dampers"
                 )
-        return Result(self, run.source, choice, found, command=run.command)
+        extra = describe_mirrors(setting)
+        if setting["arm"]:
+            extra["tilt_rad"] = thermal.compute_arm_tilt(setting["arm"])
+        return Result(self, run.source, choice, found, extra, command=run.command)
 
     def parse_names(
         self, design: Design, stages: tuple[str, ...], known: tuple[str, ...]
@@ -148,23 +161,13 @@ class BudgetAnalysis(Analysis):
         """Return nothing: `damp` parses the signals of the loops."""
         return iter(())
 
-    def record(self, data: list[Budget]) -> Budgets:
-        """Combine the budgets."""
-        from suspension_cli.analyses.budget.solve import Budgets
-
-        return Budgets.of(data)
-
-    def data(self, record: Budgets) -> list[Budget]:
-        """List the budget of each output."""
-        return record.each()
-
     def document(self, result: Result) -> Document:
         """Return the budget of the first output flat, and those of the others."""
         budgets: list[Budget] = result.data
         first, *others = [_document(one) for one in budgets]
         head = {"frequency_hz": budgets[0].frequency.tolist()}
         ground = {"ground": _sources(budgets[0])}
-        return head | first | {"other_outputs": others} | ground
+        return head | first | {"other_outputs": others} | ground | result.extra
 
     def text(self, result: Result) -> str:
         """Return a table per output: RMS and amplitude spectral densities by cause."""
@@ -175,7 +178,9 @@ class BudgetAnalysis(Analysis):
             low, high = one.frequency[0], one.frequency[-1]
             shown = decade_points(one.frequency)
             span = f"{low:.4g}" + (f" to {high:.4g}" if high > low else "")
-            lines += ["", f"{one.output}, {span} Hz"]
+            tilt = result.extra.get("tilt_rad", 0.0) * (one.output.partition("@")[0][-2:] == ".x")
+            along = f" along a beam that rises by {1e6 * tilt:.3g} urad" if tilt else ""
+            lines += ["", f"{one.output}{along}{name_mirrors(result)}, {span} Hz"]
             columns = {"cause": "", f"RMS\n{one.unit}": ".3e"}
             columns[f"RMS velocity\n{one.unit}/s"] = ".3e"
             columns |= {f"{one.frequency[n]:.4g} Hz\n{one.unit}/sqrt(Hz)": ".3e" for n in shown}
@@ -200,7 +205,11 @@ class BudgetAnalysis(Analysis):
         from suspension_cli.analyses.budget import picture
         from suspension_cli.drawing.style import name_neglected
 
-        return {"": name_neglected(picture.draw(result.data, result.subtitle), result.choice)}
+        return {
+            "": name_neglected(
+                picture.draw(result.data, result.subtitle + name_mirrors(result)), result.choice
+            )
+        }
 
 
 def _sources(one: Budget) -> dict[str, str]:
@@ -297,19 +306,20 @@ def _ground(setting: Settings, folder: Path) -> tuple[dict[str, Motion], Array, 
 
 
 def _requirements(
-    given: Sequence[str], outputs: Sequence[str], folder: Path, grid: Array
+    setting: Settings, outputs: Sequence[str], folder: Path, grid: Array
 ) -> dict[int, Table]:
     from suspension_cli.analyses.budget import ground, solve, table
 
     result: dict[int, Table] = {}
-    for text in given:
+    for text in setting["requirements"]:
         name, equals, source = text.rpartition("=")
         if equals and name.strip() not in outputs:
             remedy = f"give one of {', '.join(outputs)}, or add --output {name.strip()}"
             raise _error("--requirement", "names no output", remedy, text)
         number = outputs.index(name.strip()) if equals else 0
         unit = "rad" if outputs[number].partition("@")[0].endswith(DOFS[3:]) else "m"
-        found = table.read(ground.find(source.strip(), folder, "--requirement"), unit)
+        path = ground.find(source.strip(), folder, "--requirement")
+        found = table.read(path, unit, setting["arm"])
         if len(found.column) != 1:
             problem = f"has {len(found.column)} columns of values instead of one"
             remedy = "write two columns, frequency and asd, and a file per output"
@@ -330,7 +340,7 @@ def _model(
     """Choose the model; tell whether it has thermal noise. Warnings are added to `notes`."""
     from suspension_cli.analyses import model_choice
     from suspension_cli.analyses.check.lossless import describe_lossless, find_lossless
-    from suspension_cli.analyses.thermal import model as thermal
+    from suspension_cli.analyses.thermal import solve as thermal
     from suspension_cli.linear import signals
     from suspension_cli.models import registry
     from suspension_cli.models.choice import Transfer
@@ -338,7 +348,7 @@ def _model(
     source, setting = run.source, run.setting
     wanted = setting["fidelity"]
     try:
-        choice, model = thermal.choose(source, wanted, grid, outputs)
+        choice, model = thermal.choose(source, wanted, grid, outputs, setting["arm"])
         warm = True
     except InputError as error:
         warm = False
@@ -346,8 +356,7 @@ def _model(
         def request(system: LinearSystem) -> Transfer:
             known = signals.bodies_with_signals(system)
             inputs = [signals.parse_input(f"{SUPPORT}.{dof}", known) for dof in "xz"]
-            observed = [signals.parse_output(text, known) for text in outputs]
-            return Transfer(inputs, observed, grid)
+            return Transfer(inputs, thermal.parse_outputs(system, outputs, setting["arm"]), grid)
 
         choice, model = model_choice.choose(source, wanted, request)
         fault = error.faults[0]
@@ -364,23 +373,6 @@ def _model(
         for line in describe_lossless(lossless, choice.level):
             notes.append(f"{run.name}: {line}")
     return choice, model, warm
-
-
-def _closed(
-    run: Run, choice: Choice, model: LinearSystem, highest: float
-) -> tuple[Plant, Complex[np.ndarray, " pole"]]:
-    """Return the model with its loops, and its stable poles in rad/s."""
-    import numpy as np
-
-    from suspension_cli.analyses.budget import resonances
-    from suspension_cli.models import registry
-
-    heavy = choice.model.has_wire_mass
-    light = registry.BEAM.system(run.design) if heavy else model
-    values = [resonances.find_stable_poles(run.design, light)]
-    if heavy:
-        values.append(resonances.find_wire_modes(model, highest))
-    return resonances.build_plant(run.design, model), np.concatenate(values)
 
 
 def _error(key: str, problem: str, remedy: str, value: str | None = None) -> Exception:

@@ -1,4 +1,4 @@
-"""Motion of the support: models of ground noise, a platform, tables of the user.
+"""Motion of the support: models of ground noise, platforms, tables of the user.
 
 Peterson's new low and high noise models (J. Peterson, Observations and modeling of seismic
 background noise, U.S. Geological Survey Open-File Report 93-322 (1993), Tables 3 and 4) bound the
@@ -7,15 +7,10 @@ dB relative to 1 (m/s^2)^2/Hz is A + B log10(T) for periods T from 0.1 s to 10^5
 displacement follows by (2 pi f)^-2. Above 10 Hz, where the models end, the acceleration at 10 Hz is
 used, so that displacement falls as f^-2.
 
-The platform `aligo-isi` is the in-vacuum active platform of Advanced LIGO's quadruple suspensions,
-from 0.01 to 300 Hz, as in the noise budget program gwinc (`seismic_BSC_ISI` in `gwinc/noise/
-seismic.py`, "rough seismic noise spectra on aLIGO BSC ISI table"). Between its points gwinc uses
-cubic polynomials; here lines are straight in a log-log plot.
-
-The platform `aligo-ham` is that of the smaller chambers (HAM), below Advanced LIGO's triple and
-double suspensions, from 0.001 to 1000 Hz: the table of LIGO's MATLAB function `seisHAM`, which
-gives as its sources data in the electronic log of LIGO Hanford of 17 July 2008 and the preliminary
-design review of the platform.
+Shipped models are CSV files beside this module, with their sources: `aligo-isi` (also called
+`aligo-bsc`) is the platform of Advanced LIGO's quadruple suspensions, `aligo-ham` that of its
+triple and double suspensions. They are read like tables of the user. Between points lines are
+straight in a log-log plot (gwinc uses cubic polynomials).
 """
 
 from __future__ import annotations
@@ -24,102 +19,23 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.analyses.budget import table
-from suspension_cli.analyses.budget.table import Table
 from suspension_cli.conventions import DOFS
 from suspension_cli.design.faults import suggest
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.scene.arrays import Array
 
-NLNM = np.array(
-    [
-        (0.10, -162.36, 5.64),
-        (0.17, -166.7, 0.0),
-        (0.40, -170.0, -8.3),
-        (0.80, -166.4, 28.9),
-        (1.24, -168.6, 52.48),
-        (2.40, -159.98, 29.81),
-        (4.30, -141.1, 0.0),
-        (5.00, -71.36, -99.77),
-        (6.00, -97.26, -66.49),
-        (10.0, -132.18, -31.57),
-        (12.0, -205.27, 36.16),
-        (15.6, -37.65, -104.33),
-        (21.9, -114.37, -47.1),
-        (31.6, -160.58, -16.28),
-        (45.0, -187.5, 0.0),
-        (70.0, -216.47, 15.7),
-        (101.0, -185.0, 0.0),
-        (154.0, -168.34, -7.61),
-        (328.0, -217.43, 11.9),
-        (600.0, -258.28, 26.6),
-        (10000.0, -346.88, 48.75),
-    ]
-)
-"""New low noise model: period (s) from which a line is valid, A, B."""
-NHNM = np.array(
-    [
-        (0.10, -108.73, -17.23),
-        (0.22, -150.34, -80.5),
-        (0.32, -122.31, -23.87),
-        (0.80, -116.85, 32.51),
-        (3.80, -108.48, 18.08),
-        (4.60, -74.66, -32.95),
-        (6.30, 0.66, -127.18),
-        (7.90, -93.37, -22.42),
-        (15.4, 73.54, -162.98),
-        (20.0, -151.52, 10.01),
-        (354.8, -206.66, 31.63),
-    ]
-)
-"""New high noise model, likewise."""
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
 PERIODS = (0.1, 1e5)
 """Shortest and longest period of both, s."""
-ISI = np.array(
-    [
-        (0.01, 3e-6, 1e-8),
-        (0.03, 1e-6, 3e-8),
-        (0.1, 2e-7, 2e-8),
-        (0.2, 2e-7, 1e-8),
-        (0.5, 8e-10, 4e-10),
-        (1.0, 1e-11, 1e-11),
-        (10.0, 3e-13, 3e-13),
-        (30.0, 3e-14, 3e-14),
-        (300.0, 3e-14, 3e-14),
-    ]
-)
-"""Advanced LIGO's platform of test masses: Hz, m/sqrt(Hz) along, rad/sqrt(Hz) about each axis."""
-HAM = np.array(
-    [
-        (1e-3, 1e-6, 1e-6, 1e-7, 1e-7),
-        (0.1, 1e-6, 4e-7, 4e-8, 3e-7),
-        (0.2, 5e-7, 3e-7, 2e-8, 4e-8),
-        (0.3, 1e-7, 1e-7, 5e-9, 1e-8),
-        (0.4, 3e-8, 3e-8, 3e-9, 4e-9),
-        (0.5, 1e-8, 1e-8, 1e-9, 2e-9),
-        (0.6, 2e-9, 2e-9, 8e-10, 8e-10),
-        (0.7, 4e-10, 2e-10, 8e-11, 1e-10),
-        (0.8, 5e-10, 3e-10, 1e-10, 2e-10),
-        (1.0, 3e-10, 4e-10, 8e-11, 1.5e-10),
-        (1.4, 6e-11, 1e-10, 1.5e-11, 4e-11),
-        (2.0, 2e-11, 3e-11, 1e-11, 3e-11),
-        (5.0, 2.2e-11, 4e-11, 7e-12, 2e-11),
-        (10.0, 3e-11, 6e-11, 3e-12, 4e-12),
-        (13.0, 4e-11, 8e-11, 4e-12, 2e-12),
-        (15.0, 5e-11, 1e-10, 6e-12, 1.5e-12),
-        (18.0, 4e-11, 6e-11, 4e-12, 1e-12),
-        (24.0, 7e-12, 8e-12, 1.5e-12, 6e-13),
-        (30.0, 3e-12, 3e-12, 1e-12, 3e-13),
-        (60.0, 3e-13, 3e-13, 1.5e-13, 8e-14),
-        (100.0, 6e-14, 6e-14, 3e-14, 2e-14),
-        (1000.0, 1e-14, 1e-14, 1e-14, 1e-14),
-    ]
-)
-"""Advanced LIGO's platform of smaller chambers: Hz; along x and y, along z, m/sqrt(Hz); roll and
-pitch, yaw, rad/sqrt(Hz)."""
+FOLDER = Path(__file__).parent
+"""Folder of the shipped models."""
 NONE = "none"
 TRANSLATIONS = DOFS[:3]
 
@@ -146,11 +62,11 @@ class Motion:
 
 
 def compute_peterson(model: Array, frequency: Array) -> Array:
-    """Power spectral density (f,) of acceleration in dB, of `NLNM` or `NHNM` at frequencies in Hz.
+    """Power spectral density (f,) of acceleration in dB, of a model at frequencies in Hz.
 
     Above 10 Hz it is that at 10 Hz.
 
-    >>> float(round(compute_peterson(NLNM, np.array([0.2]))[0], 1))
+    >>> float(round(compute_peterson(load_peterson("nlnm"), np.array([0.2]))[0], 1))
     -141.1
     """
     period = np.maximum(1 / np.asarray(frequency), PERIODS[0])
@@ -176,19 +92,20 @@ def _of_table(name: str, at: Array, value: Array) -> Motion:
     )
 
 
+def load_peterson(name: str) -> Float[np.ndarray, "line 3"]:
+    """Load "nlnm" or "nhnm": period (s) from which a line is valid, A, B."""
+    return np.loadtxt(FOLDER / f"{name}.csv", delimiter=",", skiprows=3)
+
+
 def _shipped(name: str) -> dict[str, Motion]:
-    if name == "aligo-isi":
-        at, along, about = ISI.T
-        return {dof: _of_table(name, at, along if dof in TRANSLATIONS else about) for dof in DOFS}
-    if name == "aligo-ham":
-        at, *columns = HAM.T
-        own = dict(zip(DOFS, (0, 0, 1, 2, 2, 3), strict=True))
-        return {dof: _of_table(name, at, columns[n]) for dof, n in own.items()}
-    motion = _peterson(name, {"nlnm": NLNM, "nhnm": NHNM}[name])
-    return dict.fromkeys(TRANSLATIONS, motion)
+    model = {"aligo-bsc": "aligo-isi"}.get(name, name)
+    if model in ("nlnm", "nhnm"):
+        return dict.fromkeys(TRANSLATIONS, _peterson(name, load_peterson(name)))
+    found = table.read(FOLDER / f"{model}.csv", "m")
+    return {dof: _of_table(name, found.frequency, value) for dof, value in found.column.items()}
 
 
-SHIPPED = ("nlnm", "nhnm", "aligo-isi", "aligo-ham")
+SHIPPED = ("nlnm", "nhnm", "aligo-isi", "aligo-bsc", "aligo-ham")
 """Names of shipped models."""
 
 
@@ -284,7 +201,7 @@ def _read(
     unit = "rad" if wanted and not {*wanted} & {*TRANSLATIONS} else "m"
     if option == "--isolation":
         unit = "1"
-    found: Table = table.read(find(source, folder, option, known), unit)
+    found = table.read(find(source, folder, option, known), unit)
     names = list(found.column)
     if len(names) == 1 and names[0] not in DOFS:
         return found.frequency, dict.fromkeys(wanted or every, found.column[names[0]])

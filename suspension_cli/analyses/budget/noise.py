@@ -1,41 +1,32 @@
-"""Noise of a suspension with its loops closed, by cause, at any frequency.
-
-Ground, sensors and actuators act through closed-loop responses. The thermal forces F of the lossy
-parts do too: with u = -H S x at the actuators P,
-
-    (Z + P H S) x = F,    S_FF = (4 k T / omega) Im(Z)
-
-(Callen and Welton, Phys. Rev. 83, 34 (1951)): loops change the motion of the suspension, not the
-thermal forces of its parts, and have none of their own. The power spectral density of r . x is
-
-    y^H S_FF y    with    (Z + S^T H P^T) y = r,
-
-the motion under a force on r with sensors and actuators exchanged. It is a sum of squares over all
-lossy parts, without cancellation. By the matrix inversion lemma, with the open-loop motions
-g_r = Z^-1 r and g_S = Z^-1 S^T,
-
-    y = g_r - g_S H q,    (1 + P^T g_S H) q = P^T g_r.
-"""
+"""Noise of a suspension with its loops closed, by cause, at any frequency; its narrow peaks."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.analyses.budget.ground import Motion
-from suspension_cli.analyses.damp import control
+from suspension_cli.analyses.damp import closed_loop_poles, control
+from suspension_cli.analyses.damp import solve as damp
 from suspension_cli.analyses.damp.control import Plant
-from suspension_cli.analyses.thermal.solve import compute_dissipation
-from suspension_cli.conventions import BOLTZMANN, GROUND, SUPPORT
+from suspension_cli.analyses.modes import wire_modes
+from suspension_cli.analyses.thermal.solve import Feedback, compute_densities
+from suspension_cli.conventions import GROUND, SUPPORT
+from suspension_cli.errors import Fault, InputError
 from suspension_cli.linear import signals
-from suspension_cli.linear.pencil import Pencil
 from suspension_cli.linear.signals import Signal
+from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array
 
-CHUNK = 512
-"""Frequencies evaluated at once."""
+if TYPE_CHECKING:
+    from jaxtyping import Complex
+
+    from suspension_cli.design.schema import Design
+
+MOST = 2000
+"""Most wire modes whose widths are computed."""
 THERMAL = "thermal"
 """Name of thermal noise among the causes."""
 
@@ -45,13 +36,15 @@ class Noises:
     """Causes that move a suspension with or without loops.
 
     `motion` is that of the support by coordinate. `temperature` (K) is that of dampers and of the
-    support's loss; None leaves thermal noise out.
+    support's loss; None leaves thermal noise out. Densities are those of one suspension times
+    `mirrors`, the number of equal, independent ones.
     """
 
     plant: Plant
     output: list[Signal]
     motion: dict[str, Motion]
     temperature: float | None
+    mirrors: float = 1.0
 
     @property
     def cause(self) -> tuple[str, ...]:
@@ -87,44 +80,49 @@ class Noises:
         pushing = [n for n, loop in enumerate(plant.loops) if loop.actuator_noise]
         parts = [moved, found.noise[..., sensing], found.actuator_noise[..., pushing]]
         powers = np.moveaxis(np.concatenate(parts, axis=2) ** 2, 0, -1)
-        if self.temperature is None:
-            return powers
-        rows = np.array([signals.linear_form(signal, plant.model) for signal in self.output])
-        warm = compute_thermal(plant, frequency, rows, self.temperature)
-        return np.concatenate([powers, warm[:, None]], axis=1)
+        if self.temperature is not None:
+            warm = compute_thermal(plant, frequency, self.output, self.temperature)
+            powers = np.concatenate([powers, warm[:, None]], axis=1)
+        return self.mirrors * powers
 
 
-def compute_thermal(plant: Plant, frequency: Array, rows: Array, temperature: float) -> Array:
-    """Thermal noise (o, f) of linear forms (o, N) in the coordinates, loops closed; unit^2/Hz.
+def compute_thermal(
+    plant: Plant, frequency: Array, outputs: list[Signal], temperature: float
+) -> Array:
+    """Thermal noise (o, f) of motions, loops closed; unit^2/Hz."""
+    rows = np.array([signals.linear_form(signal, plant.model) for signal in outputs])
+    loops = Feedback(plant.sensed, plant.pushed, control.evaluate_filters(plant, frequency))
+    parts = compute_densities(plant.model, frequency, rows, temperature, loops)
+    return np.array([sum(one.values(), np.zeros(len(frequency))) for one in parts])
 
-    The support is at rest. `temperature` (K) is that of dampers and of the support's loss; other
-    sources have their own.
+
+def build_plant(design: Design, model: LinearSystem) -> Plant:
+    """Build the plant of a design with or without loops."""
+    if design.control is not None:
+        return control.build_plant(design, model)
+    none = np.zeros((0, model.size))
+    return Plant(model, (), [], [], none, none)
+
+
+def find_stable_poles(design: Design, model: LinearSystem) -> Complex[np.ndarray, " pole"]:
+    """Find the closed-loop poles (rad/s) of a model without wire mass, as `damp` does.
+
+    Raises
+    ------
+    InputError
+        If one grows, as no motion is stationary then.
     """
-    omega, count = 2 * np.pi * np.asarray(frequency), len(rows)
-    forms = np.concatenate([rows, plant.sensed])
-    filters = control.evaluate_filters(plant, frequency)
-    pencil = Pencil.of(plant.model)
-    result = np.zeros((count, len(omega)))
-    for start in range(0, len(omega), CHUNK):
-        now = slice(start, start + CHUNK)
-        h = filters[now]
-        solved: list[tuple[Any, Any]] = []
-        pushed = np.zeros((len(h), len(plant.loops), len(forms)), dtype=complex)
-        there = pencil.at(omega[now])
-        for block in pencil.blocks:
-            forces = forms[:, block.keep].T
-            if not forces.any():
-                continue
-            here, own = block.at(there), np.eye(len(block.keep))
-            motion = here.respond(own, np.zeros((6, len(forms))), forces)
-            pushed += np.einsum("lc,cif->fli", plant.pushed[:, block.keep], motion)
-            solved.append((here, motion))
-        feedback = np.eye(len(plant.loops)) + pushed[:, :, count:] * h[:, None, :]
-        q = h[:, :, None] * np.linalg.solve(feedback, pushed[:, :, :count])
-        for here, motion in solved:
-            moved = motion[:, :count] - np.einsum("clf,flo->cof", motion[:, count:], q)
-            for n in range(count):
-                lost = compute_dissipation(here, moved[:, n], temperature)
-                for (_, warmth), power in lost.items():
-                    result[n, now] += 4 * BOLTZMANN * warmth * power / omega[now]
-    return result
+    found = closed_loop_poles.find(build_plant(design, model))
+    if found.stable:
+        return found.value
+    where, remedy = damp.describe_growth(found)
+    problem = f"makes the closed loop unstable: {where}, and its motion has no spectrum"
+    raise InputError([Fault("control", problem, f"{remedy} (pendsus damp)")])
+
+
+def find_wire_modes(model: LinearSystem, highest: float) -> Complex[np.ndarray, " pole"]:
+    """Poles (rad/s) of modes up to a frequency in Hz, of a model with wire mass."""
+    if not 0 < wire_modes.count_modes(model, highest) <= MOST:
+        return np.zeros(0, dtype=complex)
+    found = wire_modes.solve(model, highest)
+    return -found.decay_rate + 1j * np.sqrt(np.maximum(found.omega_squared, 0.0))

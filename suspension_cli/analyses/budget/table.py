@@ -31,7 +31,7 @@ class Table:
     column: dict[str, Array]
 
 
-def read(path: Path, unit: str) -> Table:
+def read(path: Path, unit: str, arm: float = 0.0) -> Table:
     """Read a table: frequency, then one or more columns (format: `files.columns`).
 
     Headings are optional for two columns, and may give units: "f (mHz)", "x (um/sqrt(Hz))".
@@ -40,6 +40,8 @@ def read(path: Path, unit: str) -> Table:
     ----------
     unit
         SI unit of columns: "m" (coordinates that are rotations have "rad"), "rad", or "1".
+    arm
+        Length (m) whose strain columns in m may have as unit, "strain"; 0 for none.
 
     Raises
     ------
@@ -58,7 +60,7 @@ def read(path: Path, unit: str) -> Table:
         first = columns.recognise(source.names).get("frequency", 0) if source.headed else 0
         frequency, found = source.frequencies(first, low=1e-9), {}
         for n in (n for n in range(width) if n != first):
-            name, scale = _split(source.names[n], unit) if source.headed else ("", 1.0)
+            name, scale = _split(source.names[n], unit, arm) if source.headed else ("", 1.0)
             if name in found:
                 remedy = "give each column a heading of its own"
                 raise InputError.of("", "has two columns of one name", remedy, name)
@@ -67,10 +69,11 @@ def read(path: Path, unit: str) -> Table:
         return Table(str(path), frequency, found)
 
 
-def _split(title: str, unit: str) -> tuple[str, float]:
+def _split(title: str, unit: str, arm: float) -> tuple[str, float]:
     """Split a heading into its name, in lower case, and its unit, as the number per SI unit."""
     title = re.sub(PER_ROOT_HZ, "", title) if unit != "1" else title
     units = UNITS["rad" if unit == "m" and title.lower().startswith(DOFS[3:]) else unit]
+    units = units | ({"strain": 1 / arm} if arm and unit == "m" else {})
     name, scale = columns.split_unit(title, units, "" if unit == "1" else " per sqrt(Hz)")
     return name.lower(), scale
 

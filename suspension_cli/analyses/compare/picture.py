@@ -9,7 +9,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from suspension_cli.analyses.compare.solve import Comparison, Curve, Overlay, PairedModes
+from suspension_cli.analyses.compare.solve import (
+    Comparison,
+    Curve,
+    Overlay,
+    PairedModes,
+    interpolate,
+)
 from suspension_cli.analyses.response import picture as response_picture
 from suspension_cli.analyses.response.picture import PHASE, ZERO
 from suspension_cli.analyses.thermal import picture as thermal_picture
@@ -134,11 +140,8 @@ def _refine(overlay: Overlay) -> list[Curve]:
             ends = [(one.frequency[0], one.frequency[-1]) for one in (curve, first)]
             at = at[(at >= max(low for low, _ in ends)) & (at <= min(high for _, high in ends))]
             with np.errstate(divide="ignore", invalid="ignore"):
-                logs = (
-                    (np.log(one.frequency), np.log(np.abs(one.value))) for one in (curve, first)
-                )
-                over, under = (np.exp(np.interp(np.log(at), *log)) for log in logs)
-                others[n] = replace(curve, ratio_frequency=at, ratio=over / under + 0j)
+                ratio = interpolate(at, curve) / interpolate(at, first)
+            others[n] = replace(curve, ratio_frequency=at, ratio=ratio)
     return [first, *others]
 
 

@@ -431,12 +431,12 @@ def _ratio(curve: Curve, reference: Curve) -> dict[str, np.ndarray]:
             curve.frequency <= reference.frequency[-1]
         )
         frequency, value = curve.frequency[inside], curve.value[inside]
-        below = _interpolate(frequency, reference)
+        below = interpolate(frequency, reference)
     with np.errstate(divide="ignore", invalid="ignore"):
         return {"ratio_frequency": frequency, "ratio": value / below}
 
 
-def _interpolate(
+def interpolate(
     frequency: Float[np.ndarray, " point"], curve: Curve
 ) -> Complex[np.ndarray, " point"]:
     """Interpolate ln magnitude, and phase, over ln frequency."""

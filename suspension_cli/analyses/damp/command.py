@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.damp.solve import LocalControl
-    from suspension_cli.design.schema import Design
+    from suspension_cli.design.schema import Design, Loop
 
 
 LOOPS = option(
@@ -138,7 +138,7 @@ class DampAnalysis(Analysis):
         frequency = np.array(parse_frequencies(setting["frequency"]))
         found = damp.solve(run.design, model, output, push, frequency, setting["duration"])
         if not found.stable:
-            run.log.warn(f"the closed loop is unstable: {growth(found)}")
+            run.log.warn(f"the closed loop is unstable: {found.growth}")
         extra = {"foton": True} if setting["foton"] else {}
         return Result(self, run.source, choice, found, extra, command=run.command)
 
@@ -146,11 +146,10 @@ class DampAnalysis(Analysis):
         """Write the filters as Foton strings."""
         if not result.extra.get("foton"):
             return []
-        from suspension_cli.analyses.damp import foton_file
         from suspension_cli.files import atomic
 
         made = path.with_name(f"{result.source.stem()}-foton.txt")
-        atomic.write_bytes(made, foton_file.write(result.design).encode())
+        atomic.write_bytes(made, write_foton(result.design).encode())
         return [made]
 
     def parse_names(
@@ -210,7 +209,7 @@ class DampAnalysis(Analysis):
     def text(self, result: Result) -> str:
         """Return tables of poles and margins."""
         answer: LocalControl = result.data
-        lines = [] if answer.stable else [f"UNSTABLE: {growth(answer)}", ""]
+        lines = [] if answer.stable else [f"UNSTABLE: {answer.growth}", ""]
         rows, closed = [], answer.closed
         for frequency, q, rate, state in zip(
             closed.frequency, closed.q, closed.growth_rate, closed.state, strict=True
@@ -283,11 +282,28 @@ def _all_at_once(answer: LocalControl) -> list[str]:
     ]
 
 
-def growth(answer: LocalControl) -> str:
-    """Describe the pole that grows fastest, with a remedy."""
-    from suspension_cli.analyses.damp.solve import describe_growth
+def write_foton(design: Design) -> str:
+    """Write the filters of all loops, one design string per loop, with comments."""
+    lines = [
+        f"# filters of {design.design.name}, plane n (roots in Hz)",
+        "# actuator (N or N m) = - filter * sensor (m or rad)",
+    ]
+    for loop in design.control.loop if design.control is not None else ():
+        lines += ["", *_describe_filter(loop)]
+    return "\n".join(lines) + "\n"
 
-    return "; ".join(describe_growth(answer.closed))
+
+def _describe_filter(loop: Loop) -> list[str]:
+    from suspension_cli.design.foton import format_filter
+
+    lines = [f"# {loop.name}: {loop.sensor} -> {loop.actuator}, reference {loop.reference}"]
+    if loop.damper is not None:
+        lines.append("# a velocity damper: add poles above the band before use in Foton")
+    if loop.sensor_response is not None:
+        lines.append(f"# not included: response of the sensor {loop.sensor_response}")
+    if loop.delay:
+        lines.append(f"# not included: delay of {loop.delay:g} s")
+    return [*lines, format_filter(loop.controller)]
 
 
 ANALYSIS = DampAnalysis()

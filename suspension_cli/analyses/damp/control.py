@@ -8,21 +8,18 @@ open-loop ones, which are solved directly: x = G_e e + G_u u, u = -(1 + H G_yu)^
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.conventions import DOFS, SUPPORT
-from suspension_cli.design.derive import com_positions
+from suspension_cli.conventions import SUPPORT
 from suspension_cli.design.schema import Design, Loop, NoiseSpectrum
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.linear import response, signals
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.rotations import cross_matrix
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Inexact
@@ -87,20 +84,26 @@ def build_plant(design: Design, model: LinearSystem) -> Plant:
     if design.control is None:
         remedy = "add [[control.loop]] with sensor, actuator and damper or gain"
         raise InputError([Fault("control", "missing", remedy)])
-    known, positions = signals.bodies_with_signals(model), com_positions(design)
+    known = signals.bodies_with_signals(model)
     loops = tuple(design.control.loop)
     sensors = [parse_sensor(loop, model.body, known) for loop in loops]
     actuators = [parse_actuator(loop, known) for loop in loops]
     sensed, pushed = (
         np.array(
             [
-                _relative_form(signal, model, positions, loop.reference)
+                signals.linear_form(_relative(signal, loop), model)
                 for signal, loop in zip(some, loops, strict=True)
             ]
         )
         for some in (sensors, actuators)
     )
     return Plant(model, loops, sensors, actuators, sensed, pushed)
+
+
+def _relative(signal: Signal, loop: Loop) -> Signal:
+    """Return a signal relative to the reference of its loop."""
+    to_support = loop.reference == "support" and not signal.against
+    return replace(signal, against=SUPPORT) if to_support else signal
 
 
 def parse_sensor(loop: Loop, stages: tuple[str, ...], known: tuple[str, ...]) -> Signal:
@@ -121,29 +124,6 @@ def parse_actuator(loop: Loop, known: tuple[str, ...]) -> Signal:
         problem, remedy = "is not a force or torque", "write for example upper.force_x"
         raise InputError([Fault(key, problem, remedy, format_value(loop.actuator))])
     return actuator
-
-
-def _relative_form(
-    signal: Signal,
-    model: LinearSystem,
-    positions: dict[str, tuple[float, float, float]],
-    reference: str,
-) -> Float[np.ndarray, " coordinate"]:
-    """Linear form of a signal relative to its reference; frames move with the structure."""
-    row = signals.linear_form(signal, model)
-    if reference != "support" or signal.against:
-        return row
-    place = np.array(positions[signal.body]) + np.array(signal.point)
-    structure = np.zeros(6)
-    structure[signal.dof] = 1.0
-    if signal.dof < 3:
-        structure[3:] = -cross_matrix(place - np.array(positions[SUPPORT]))[signal.dof]
-    row = row.copy()
-    row[:6] -= structure
-    for n, dof in enumerate(DOFS):
-        if f"frame.{dof}" in model.coordinate:
-            row[model.coordinate.index(f"frame.{dof}")] -= structure[n]
-    return row
 
 
 def evaluate_filter(
@@ -244,35 +224,31 @@ def solve_responses(
 def compute_loop_gains(
     plant: Plant, frequency: Float[np.ndarray, " frequency"]
 ) -> Complex[np.ndarray, "frequency loop"]:
-    """Compute the gain H G of each loop, broken at its actuator with the others closed.
+    """Compute the gain of each loop, broken at its actuator with the others closed.
 
     It is -1 at a closed-loop pole on the imaginary axis. Frequencies are in Hz; at a resonance
-    without loss the gain is taken beside it.
+    without loss the gain is taken beside it. With S = (1 + H G)^-1 it is (S H G)_kk / S_kk.
     """
-    return _from_open_loop(plant, frequency, _loop_gains, (len(plant.loops),))
+    gain = compute_open_loop(plant, frequency)
+    one = np.broadcast_to(np.eye(gain.shape[-1]), gain.shape)
+    both = np.linalg.solve(one + gain, np.concatenate([gain, one], axis=-1))
+    closed, sensitivity = (np.einsum("fkk->fk", part) for part in np.split(both, 2, axis=-1))
+    return closed / sensitivity
 
 
 def compute_sensitivity(
     plant: Plant, frequency: Float[np.ndarray, " frequency"]
 ) -> Complex[np.ndarray, "frequency loop loop"]:
     """Compute the sensitivity S = (1 + H G)^-1 from disturbances at actuators to total forces."""
+    return np.linalg.inv(np.eye(len(plant.loops)) + compute_open_loop(plant, frequency))
+
+
+def compute_open_loop(
+    plant: Plant, frequency: Float[np.ndarray, " frequency"]
+) -> Complex[np.ndarray, "frequency loop loop"]:
+    """Compute H G at frequencies in Hz, beside resonances without loss."""
     count = len(plant.loops)
-    return _from_open_loop(
-        plant,
-        frequency,
-        lambda h, g: np.linalg.inv(np.eye(count) + h[:, :, None] * g),
-        (count, count),
-    )
-
-
-def _from_open_loop(
-    plant: Plant,
-    frequency: Float[np.ndarray, " frequency"],
-    compute: Callable[[np.ndarray, np.ndarray], np.ndarray],
-    shape: tuple[int, ...],
-) -> Complex[np.ndarray, "frequency ..."]:
-    """Compute values of a shape from H (f, l) and G (f, l, l), both beside lossless resonances."""
-    result = np.full((len(frequency), *shape), np.nan, dtype=complex)
+    result = np.full((len(frequency), count, count), np.nan, dtype=complex)
     left = np.arange(len(frequency))
     with np.errstate(all="ignore"):
         for beside in BESIDE:
@@ -281,12 +257,12 @@ def _from_open_loop(
                 plant.model,
                 2 * np.pi * at,
                 plant.pushed,
-                [True] * len(plant.loops),
+                [True] * count,
                 plant.sensed,
                 finite=False,
             )
             known = np.isfinite(g).all((1, 2))
-            result[left[known]] = compute(evaluate_filters(plant, at[known]), g[known])
+            result[left[known]] = evaluate_filters(plant, at[known])[:, :, None] * g[known]
             left = left[~known]
             if not len(left):
                 break
@@ -299,20 +275,3 @@ def evaluate_filters(
     """Evaluate H of all loops at frequencies in Hz."""
     found = [evaluate_filter(loop, frequency) for loop in plant.loops]
     return np.array(found).reshape(len(plant.loops), len(frequency)).T
-
-
-def _loop_gains(
-    h: Inexact[np.ndarray, "frequency loop"], g: Complex[np.ndarray, "frequency loop loop"]
-) -> Complex[np.ndarray, "frequency loop"]:
-    """Gain of each loop, the others closed, from H and the open-loop G."""
-    count = h.shape[1]
-    result = np.zeros(h.shape, dtype=complex)
-    for k in range(count):
-        others = [n for n in range(count) if n != k]
-        left = g[:, k, k]
-        if others:
-            inner = np.eye(len(others)) + h[:, others, None] * g[:, others][:, :, others]
-            back = np.linalg.solve(inner, h[:, others, None] * g[:, others, k][:, :, None])
-            left = left - (g[:, k, others][:, None, :] @ back)[:, 0, 0]
-        result[:, k] = h[:, k] * left
-    return result

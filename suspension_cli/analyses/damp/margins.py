@@ -39,11 +39,9 @@ FOUND = 1e-12
 """Measure at which the search for a crossing ends."""
 ROUNDING = 4 * np.finfo(float).eps
 """Least relative distance of different frequencies."""
-EIGHTHS = np.arange(1, 8) / 8
-"""Points that divide the interval around a minimum; many at once cost little more than one."""
-NARROWINGS = 10
-"""Most steps, each to a quarter of the interval: to 1e-6; the minimum's error is its square."""
-FLAT = 1e-13
+ITERATIONS = 12
+"""Most steps of the search for a minimum, whose error is the square of that of its frequency."""
+FLAT = 1e-10
 """Relative rise from a minimum to the ends of its interval at which the search ends."""
 
 
@@ -246,7 +244,7 @@ def search_smallest(
     distance: Float[np.ndarray, "frequency function"],
     change: Float[np.ndarray, "frequency-1 function"],
 ) -> tuple[Float[np.ndarray, " function"], Float[np.ndarray, " function"]]:
-    """Find the minimum of each positive function by dividing intervals around local minima.
+    """Find the minimum of each positive function, from the local minima among known values.
 
     Parameters
     ----------
@@ -271,26 +269,16 @@ def search_smallest(
         (distance[1:-1] <= distance[:-2]) & (distance[1:-1] <= distance[2:]) & (least < smallest)
     )
     at, loop = np.nonzero(low_point)
-    beside = np.column_stack([at, at + 2])
-    ends, edge = frequency[beside], distance[beside, loop[:, None]]
-    for _ in range(NARROWINGS):
-        if not len(loop):
-            break
-        inner = ends[:, :1] + (ends[:, 1:] - ends[:, :1]) * EIGHTHS
-        found = evaluate(inner.ravel(), np.repeat(loop, len(EIGHTHS))).reshape(inner.shape)
-        best = found.argmin(1)[:, None]
-        value, where = (np.take_along_axis(each, best, 1)[:, 0] for each in (found, inner))
+    if len(at):
+        found = elementwise.find_minimum(
+            evaluate,
+            (frequency[at], frequency[at + 1], frequency[at + 2]),
+            args=(loop,),
+            tolerances={"xatol": 0.0, "xrtol": ROUNDING, "fatol": 0.0, "frtol": FLAT},
+            maxiter=ITERATIONS,
+        )
         for n in np.unique(loop):
-            mine = np.flatnonzero(loop == n)
-            least = mine[value[mine].argmin()]
-            if value[least] < smallest[n]:
-                smallest[n], place[n] = value[least], where[least]
-        points = np.column_stack([ends[:, :1], inner, ends[:, 1:]])
-        values = np.column_stack([edge[:, :1], found, edge[:, 1:]])
-        beside = np.concatenate([best, best + 2], axis=1)
-        ends, edge = (np.take_along_axis(each, beside, 1) for each in (points, values))
-        # keep minima that may be lower than the lowest known, by more than rounding
-        rise = np.abs(edge - value[:, None]).max(1)
-        kept = (value - rise <= smallest[loop]) & (rise > FLAT * value)
-        ends, edge, loop = ends[kept], edge[kept], loop[kept]
+            best = np.flatnonzero(loop == n)[found.f_x[loop == n].argmin()]
+            if found.f_x[best] < smallest[n]:
+                smallest[n], place[n] = found.f_x[best], found.x[best]
     return smallest, place

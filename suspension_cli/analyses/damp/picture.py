@@ -241,24 +241,17 @@ def _group(poles: Poles) -> list[tuple[float, float, int]]:
 
 
 def _impulse(damped: LocalControl) -> Panel:
-    dof = damped.drive.partition("@")[0].rpartition(".")[2]
-    units = {"force_": "N", "torque_": "N m"}
-    unit = next((units[kind] for kind in units if dof.startswith(kind)), _unit(damped.drive))
     return Panel(
-        single_line(f"{damped.output} ({_unit(damped.output)})", 30),
+        single_line(f"{damped.output} ({damped.unit})", 30),
         [
             Line(damped.time, damped.undamped, "open", OPEN, {"linewidth": 0.5}),
             Line(damped.time, damped.impulse, "closed", PALETTE[0], {"linewidth": 1.1}),
         ],
         TALL,
-        title=f"response to 1 {unit} s of {damped.drive}",
+        title=f"response to 1 {damped.drive_unit} s of {damped.drive}",
         ends=True,
         across=Across("time (s)", "linear"),
     )
-
-
-def _unit(motion: str) -> str:
-    return "m" if motion.split("@")[0].endswith((".x", ".y", ".z")) else "rad"
 
 
 def _noise(damped: LocalControl, looks: list[tuple[str, LineStyleType]]) -> Panel:
@@ -268,7 +261,7 @@ def _noise(damped: LocalControl, looks: list[tuple[str, LineStyleType]]) -> Pane
         if noise.any():
             lines.append(Line(damped.frequency, noise, name, colour, {"linestyle": dashes}))
     return Panel(
-        single_line(f"{damped.output} ({_unit(damped.output)}/√Hz)", 32),
+        single_line(f"{damped.output} ({damped.unit}/√Hz)", 32),
         lines,
         TALL,
         "log",

@@ -8,13 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.damp import (
-    closed_loop_poles,
-    control,
-    margins,
-    nyquist_count,
-    sensitivity,
-)
+from suspension_cli.analyses.damp import closed_loop_poles, control, margins, sensitivity
 from suspension_cli.analyses.damp.control import Plant
 from suspension_cli.analyses.damp.control_statespace import build_broken_loop, build_closed_loop
 from suspension_cli.analyses.damp.margins import Margins
@@ -97,6 +91,11 @@ class LocalControl:
     def stable(self) -> bool:
         """Whether no closed-loop pole grows."""
         return self.closed.stable
+
+    @property
+    def growth(self) -> str:
+        """The pole that grows fastest, with a remedy."""
+        return "; ".join(describe_growth(self.closed))
 
 
 def solve(
@@ -183,7 +182,7 @@ def find_poles(design: Design, model: LinearSystem) -> FoundPoles:
     constant = replace(plant, model=with_constant_loss(model))
     closed, opened = (closed_loop_poles.find(one) for one in (plant, plant.with_loops([])))
     if closed.stable and any(loop.delay for loop in plant.loops):
-        nyquist_count.check_stable(plant, closed, opened)
+        sensitivity.check_stable(plant, closed, opened)
     return FoundPoles(plant, constant, closed, opened)
 
 

@@ -91,7 +91,7 @@ def solve(source: Source, setting: Settings, log: Log) -> Info:
     """
     from suspension_cli.analyses import model_choice
     from suspension_cli.analyses.check import warnings
-    from suspension_cli.analyses.thermal import model as thermal
+    from suspension_cli.analyses.thermal import solve as thermal
     from suspension_cli.design.derive import mirror
     from suspension_cli.errors import attribute_faults_to
     from suspension_cli.grids import parse_frequencies

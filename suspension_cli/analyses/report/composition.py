@@ -42,6 +42,8 @@ class Request:
         Model of all analyses.
     tolerance : float
         Relative error that ``auto`` may leave.
+    arm, mirrors : float
+        Length (m) of the arm, and number of suspensions, of thermal noise and motion by cause.
     overrides : tuple of str
         Overrides in the source, for the listed commands.
     folder : Path or None
@@ -54,6 +56,8 @@ class Request:
     builds: int = BUILDS
     fidelity: str = "auto"
     tolerance: float = 1e-3
+    arm: float = 0.0
+    mirrors: float = 1.0
     overrides: tuple[str, ...] = ()
     folder: Path | None = None
 
@@ -136,7 +140,7 @@ class Composition:
         """Run an analysis, and list it with its settings as words of a command line (`options`)."""
         analysis, request = registry.get(name), self.request
         names = {param.name for param in analysis.parameters}
-        for key in ("fidelity", "tolerance"):
+        for key in ("fidelity", "tolerance", "arm", "mirrors"):
             value = getattr(request, key)
             if key in names and value != getattr(Request, key):
                 given[key] = value
@@ -159,9 +163,7 @@ class Composition:
             answer = rest
         return html.prose(answer, found, result.choice.line)
 
-    def pictures(self, result: Result, caption: str, **setting: object) -> str:
+    def pictures(self, result: Result, caption: str) -> str:
         """Return the pictures of a result with one caption."""
-        return "".join(
-            html.picture(figure, caption, f"{self.title}: picture")
-            for figure in result.figures(**setting).values()
-        )
+        alternative, figures = f"{self.title}: picture", result.figures().values()
+        return "".join(html.picture(figure, caption, alternative) for figure in figures)

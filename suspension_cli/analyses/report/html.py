@@ -9,6 +9,7 @@ import base64
 import re
 from collections.abc import Iterable, Sequence
 from html import escape
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import tables
@@ -21,8 +22,8 @@ if TYPE_CHECKING:
 
 LARGEST = 1_500_000
 """Size in bytes above which a picture is embedded as PNG instead of SVG."""
-INCH = 96
-"""Pixels of a style sheet per inch."""
+WIDTH, ACROSS = 6.4, 880
+"""Width of pictures of curves, in, and of the page, in pixels, over which they are shown."""
 NUMBER = re.compile(r"([-+]?)([\d,]+)(\.\d*)?(?:e([-+]\d+))?")
 """A formatted number: sign, digits, decimals with the point, exponent."""
 LONGEST = 9
@@ -76,20 +77,26 @@ def _lines(lines: Sequence[str]) -> str:
 def table(content: Table, caption: str = "") -> str:
     """Return a table: numbers aligned on the point, text on the left."""
     heads, columns = [], []
-    for head, form, cells in zip(
-        content.columns, content.columns.values(), content.cells, strict=True
-    ):
+    for (head, form), cells in zip(content.columns.items(), content.cells, strict=True):
         side = "n" if form else "t"
         name, _, unit = head.partition("\n")
         below = f"<br><small>{text(unit.strip())}</small>" if unit else ""
-        heads.append(f'<th scope="col" class="{side}">{text(name)}{below}</th>')
-        shown = _aligned(cells) if form else map(_glued, cells)
-        columns.append([f'<td class="{side}">{cell}</td>' for cell in shown])
-    rows = "".join(f"<tr>{''.join(row)}</tr>\n" for row in zip(*columns, strict=True))
+        heads.append((side, text(name) + below))
+        columns.append([(side, cell) for cell in (_aligned(cells) if form else map(_glued, cells))])
+    return grid(heads, zip(*columns, strict=True), caption)
+
+
+def grid(
+    heads: Iterable[tuple[str, str]], rows: Iterable[Iterable[tuple[str, str]]], caption: str = ""
+) -> str:
+    """Return a table of cells: a class of the style sheet, "n" or "t", and HTML."""
+    top = "".join(f'<th scope="col" class="{side}">{head}</th>' for side, head in heads)
+    cells = ("".join(f'<td class="{side}">{cell}</td>' for side, cell in row) for row in rows)
+    body = "".join(f"<tr>{row}</tr>\n" for row in cells)
     title = f"<caption>{caption}</caption>" if caption else ""
     return (
-        f'<div class="wide"><table>{title}\n<thead><tr>{"".join(heads)}</tr></thead>\n'
-        f"<tbody>\n{rows}</tbody></table></div>\n"
+        f'<div class="wide"><table>{title}\n<thead><tr>{top}</tr></thead>\n'
+        f"<tbody>\n{body}</tbody></table></div>\n"
     )
 
 
@@ -158,7 +165,7 @@ def picture(figure: Figure, caption: str, alternative: str) -> str:
     kind, data = "svg+xml", encode(figure, "svg")
     if len(data) > LARGEST:
         kind, data = "png", encode(figure, "png")
-    across, up = (round(INCH * float(size)) for size in figure.get_size_inches())
+    across, up = (round(ACROSS / WIDTH * float(size)) for size in figure.get_size_inches())
     return (
         f'<figure><img width="{across}" height="{up}" alt="{text(alternative)}"'
         f' src="data:image/{kind};base64,{base64.b64encode(data).decode()}">\n'
@@ -181,79 +188,11 @@ def contents(sections: Iterable[tuple[str, str]]) -> str:
 
 def page(title: str, header: str, body: str) -> str:
     """Return the whole document."""
+    style = Path(__file__).with_name("style.css").read_text(encoding="utf-8")
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         '<meta name="generator" content="pendsus">\n<link rel="icon" href="data:,">\n'
-        f"<title>{text(title)}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<main>\n"
+        f"<title>{text(title)}</title>\n<style>\n{style}</style>\n</head>\n<body>\n<main>\n"
         f"<header>\n{header}</header>\n{body}</main>\n</body>\n</html>\n"
     )
-
-
-STYLE = """
-:root { color-scheme: light; }
-* { box-sizing: border-box; }
-body { margin: 0; background: #fff; color: #222;
-  font: 16px/1.5 system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", "Noto Sans",
-    "DejaVu Sans", Arial, sans-serif; }
-main { max-width: 58rem; margin: 0 auto; padding: 2.5rem 1.5rem 4rem; }
-h1 { font-size: 1.9rem; line-height: 1.2; margin: 0 0 .3rem; }
-h2 { font-size: 1.3rem; line-height: 1.25; margin: 3rem 0 .8rem; padding-top: .8rem;
-  border-top: 1px solid #c4c8cc; }
-p { max-width: 46rem; margin: .6rem 0; }
-.name, .model, .none, footer { color: #5f6770; }
-.model, .command { font-size: .85rem; }
-.none { font-style: italic; }
-.warning { border-left: 3px solid #d55e00; padding-left: .7rem; }
-.good { border-left: 3px solid #009e73; padding-left: .7rem; }
-dl { display: grid; grid-template-columns: max-content 1fr; gap: .2rem 1rem; margin: 1rem 0; }
-dt { color: #5f6770; }
-dd { margin: 0; }
-nav ol { columns: 2; margin: 1.2rem 0 0; padding-left: 1.4rem; }
-a { color: #0072b2; text-decoration: none; }
-a:hover { text-decoration: underline; }
-.wide { overflow-x: auto; margin: 1rem 0; }
-table { border-collapse: collapse; font-size: .82rem; line-height: 1.35;
-  font-variant-numeric: tabular-nums lining-nums; }
-caption { text-align: left; font-weight: 600; padding: 0 0 .3rem; }
-thead th { border-bottom: 1px solid #222; border-top: 1px solid #222; vertical-align: bottom;
-  font-weight: 600; }
-tbody tr:last-child td { border-bottom: 1px solid #222; }
-th, td { padding: .14rem .9rem .14rem 0; vertical-align: baseline; }
-th:last-child, td:last-child { padding-right: 0; }
-th small { font-weight: 400; color: #5f6770; }
-.n { text-align: right; white-space: nowrap; }
-.n span { display: inline-block; text-align: left; }
-.t { text-align: left; }
-figure { margin: 1.4rem 0; }
-img { display: block; max-width: 100%; height: auto; }
-figcaption { font-size: .88rem; color: #3d444b; margin: .5rem 0 0; max-width: 46rem; }
-pre, code { font-family: ui-monospace, "SF Mono", Consolas, "DejaVu Sans Mono", monospace;
-  font-size: .8rem; }
-code { overflow-wrap: anywhere; }
-pre { background: #f5f6f7; padding: 1rem; overflow-x: auto; line-height: 1.4; }
-@media (max-width: 40rem) { nav ol { columns: 1; } main { padding: 1.2rem 1rem 3rem; } }
-@media print {
-  @page { margin: 16mm 15mm; }
-  body { font-size: 10pt; }
-  main { max-width: none; padding: 0; }
-  h1 { font-size: 1.6rem; }
-  h2 { margin-top: 1.2rem; break-after: avoid; }
-  figure { margin: .8rem 0; }
-  p { break-inside: avoid; }
-  .model, .warning, p:has(+ .wide), p:has(+ figure) { break-after: avoid; }
-  a { color: inherit; }
-  figure, tr, .wide { break-inside: avoid; }
-  thead { display: table-header-group; }
-  img { max-height: 225mm; width: auto; }
-  #drawing img { max-height: 126mm; }
-  #response img { max-height: 88mm; }
-  .wide { overflow: visible; }
-  table { font-size: 7.6pt; }
-  th, td { padding-right: .6rem; }
-  pre { white-space: pre-wrap; overflow-wrap: anywhere; font-size: 7.5pt; padding: 0;
-    background: none; }
-  #design { break-before: page; }
-}
-"""
-"""Style sheet, of the colours of the pictures (`drawing.style`)."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import re
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from suspension_cli.analyses import tables
 from suspension_cli.analyses.report import html
 from suspension_cli.analyses.report.composition import Composition, Omitted
 from suspension_cli.conventions import DOFS
+from suspension_cli.design import reader
 from suspension_cli.design.derive import mirror
 from suspension_cli.design.imperfections import perturbed_part
 from suspension_cli.design.wires import cross_sections
@@ -21,6 +23,7 @@ from suspension_cli.version import __version__
 
 if TYPE_CHECKING:
     from suspension_cli.analyses.analysis import Result
+    from suspension_cli.design.reader import Source
     from suspension_cli.design.wires import Wire, WireSet
 
 FLOW = (("x", ("x", "pitch")), ("y", ("y", "roll")), ("z", ("z",)), ("yaw", ("yaw",)))
@@ -343,44 +346,43 @@ def damping(report: Composition) -> Iterator[str]:
 
 def provenance(report: Composition) -> list[str]:
     """Return the last sections: command and model of each part, and the design file."""
-    body = ""
+    rows = []
     for part in report.parts:
         model = left = ""
         if part.choice is not None:
             model, left = part.choice.level, part.choice.neglected.partition(" (tolerance")[0]
         left = left.removeprefix("neglected: ") or "-"
-        cells = "".join(
-            f'<td class="t">{html.text(word)}</td>' for word in (part.title, model, left)
-        )
-        body += f'<tr>{cells}<td class="t"><code>{html.text(part.command)}</code></td></tr>\n'
-    heads = "".join(
-        f'<th scope="col" class="t">{head}</th>'
-        for head in ("part", "model", "neglected", "command")
+        cells = [*map(html.text, (part.title, model, left)), html.text(part.command)]
+        cells[3] = f"<code>{cells[3]}</code>"
+        rows.append([("t", cell) for cell in cells])
+    heads = [("t", name) for name in ("part", "model", "neglected", "command")]
+    text, name = _as_written(report.source), html.text(report.source.design.design.name)
+    data = base64.b64encode(text.encode()).decode()
+    link = f'<a download="{name}.toml" href="data:application/toml;base64,{data}">{name}.toml</a>'
+    about = html.paragraph(
+        f"Computed by pendsus {html.text(__version__)}. The same file, options and version give"
+        " this report again; each command computes one part, and writes its numbers."
     )
-    source, name = report.source, report.source.design.design.name
-    data = base64.b64encode(source.text.encode()).decode()
-    link = (
-        f'<a download="{html.text(name)}.toml" href="data:application/toml;base64,{data}">'
-        f"{html.text(name)}.toml</a>"
-    )
+    whole = html.paragraph(f"The whole design as computed: {link}.")
     return [
-        html.section(
-            "provenance",
-            "Provenance",
-            html.paragraph(
-                f"Computed by pendsus {html.text(__version__)}. The same file, options and version"
-                " give this report again; each command computes one part, and writes its numbers."
-            )
-            + f'<div class="wide"><table>\n<thead><tr>{heads}</tr></thead>\n'
-            f"<tbody>\n{body}</tbody></table></div>\n",
-        ),
-        html.section(
-            "design",
-            "The design file",
-            html.paragraph(f"The whole design as computed: {link}.")
-            + f"<pre>{html.lines(source.text)}</pre>\n",
-        ),
+        html.section("provenance", "Provenance", about + html.grid(heads, rows)),
+        html.section("design", "The design file", f"{whole}<pre>{html.lines(text)}</pre>\n"),
     ]
+
+
+def _as_written(source: Source) -> str:
+    """Return the text of a design with the comments of its file, unless that says something else.
+
+    It does if values were overridden, or tables of numbers were read from other files.
+    """
+    if Path(source.file).is_file():
+        try:
+            text = reader.read_text(source.file)
+            if reader.write_toml(reader.read_toml(source.file, text)) == source.text:
+                return text
+        except InputError:
+            pass
+    return source.text
 
 
 def _count(number: int, noun: str) -> str:

@@ -11,6 +11,7 @@ from suspension_cli.analyses.analysis import Log
 from suspension_cli.analyses.report import html
 from suspension_cli.analyses.report.composition import Composition, Omitted, Request, Warnings
 from suspension_cli.analyses.report.sections import SECTIONS, Build, header, provenance
+from suspension_cli.drawing.panels import page_width
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
 
 if TYPE_CHECKING:
@@ -60,7 +61,8 @@ def _content(report: Composition, build: Build) -> str:
     """Return the contents of a section: warnings, and results or why there are none."""
     content = []
     try:
-        content += build(report)
+        with page_width(html.WIDTH):
+            content += build(report)
     except Omitted as reason:
         content.append(html.paragraph(html.text(reason), "none"))
     except InputError as error:

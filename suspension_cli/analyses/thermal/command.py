@@ -4,30 +4,25 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import click
-
 from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import (
     Analysis,
     Document,
-    Log,
     Result,
     Run,
     Settings,
+    describe_mirrors,
+    name_mirrors,
     only_one,
 )
-from suspension_cli.analyses.options import option
-from suspension_cli.conventions import DOFS, SUPPORT
+from suspension_cli.conventions import SUPPORT
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.grids import decade_points, parse_frequencies
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.thermal.solve import Noises, Thermal
-    from suspension_cli.design.reader import Source
-    from suspension_cli.linear.signals import Signal
-    from suspension_cli.models.registry import Choice
+    from suspension_cli.analyses.thermal.solve import Thermal
 
 LEADING = 0.01
 """Fraction of the power from which a cause is named in the summary."""
@@ -39,9 +34,10 @@ class ThermalAnalysis(Analysis):
     """Compute thermal noise of motions, split by cause.
 
     The beam of a long arm is not level where it meets the mirrors, so it sees a little of their
-    vertical motion: --arm. Writes DIR/NAME-thermal.h5 and .png.
+    vertical motion: --arm. Several mirrors make one degree of freedom: --mirrors. Writes
+    DIR/NAME-thermal.h5 and .png.
 
-    Example: pendsus thermal my.toml --arm 4000
+    Example: pendsus thermal my.toml --arm 4000 --mirrors 4
 
     Returns
     -------
@@ -68,13 +64,7 @@ class ThermalAnalysis(Analysis):
     parameters = (
         options.signals("output", options.MOTIONS, "x of the mirror"),
         options.frequencies("0.1:1000:2000"),
-        option(
-            "--arm",
-            type=click.FloatRange(0, 1e7),
-            default=0.0,
-            metavar="LENGTH",
-            help="Observe x along the beam of an arm of this length (m), for example 4000.",
-        ),
+        *options.BEAM,
         options.ALLOW_UNSTABLE,
         options.ACCURACY,
         *options.WRITING,
@@ -82,26 +72,46 @@ class ThermalAnalysis(Analysis):
 
     def solve(self, run: Run) -> Result:
         """Compute the noise of every output."""
+        from dataclasses import replace
+
+        import numpy as np
+
+        from suspension_cli.analyses import model_choice
         from suspension_cli.analyses.check import warnings
         from suspension_cli.analyses.check.lossless import describe_lossless, find_lossless
+        from suspension_cli.analyses.thermal import solve as thermal
+        from suspension_cli.design.derive import mirror
 
-        choice, noises = _solved(run.source, run.setting, run.log)
+        setting = run.setting
+        frequency, arm = np.array(parse_frequencies(setting["frequency"])), setting["arm"]
+        outputs = setting["outputs"] or (f"{mirror(run.design)}.x",)
+        choice, model = thermal.choose(run.source, setting["fidelity"], frequency, outputs, arm)
+        model = model_choice.stable_system(
+            run.source, choice, setting["allow_unstable"], run.log, model
+        )
+        motions = thermal.parse_outputs(model, outputs, arm)
+        for signal in motions:
+            if signal.body == SUPPORT:
+                problem = "the support is at rest and has no thermal noise"
+                remedy = "name a stage, for example test.x"
+                raise InputError([Fault("--output", problem, remedy, format_value(signal.text))])
+        noises = thermal.solve(model, frequency, motions, run.design.constants.temperature)
+        for noise in noises:
+            if not noise.source:
+                problem = "nothing that moves with it dissipates, so it has no thermal noise"
+                remedy = (
+                    "give the materials of its wires a loss (--set materials.NAME.loss_angle=1e-4),"
+                    " or blades a loss_angle, [gas] or [stage.damping]"
+                )
+                raise InputError([Fault("--output", problem, remedy, format_value(noise.output))])
+        noises = [replace(one, density=setting["mirrors"] * one.density) for one in noises]
         lossless = find_lossless(run.design, choice.level)
         for line in describe_lossless(lossless, choice.level):
             run.log.warn(f"{run.name}: {line}")
         warnings.warn_of_tables(run.design, noises[0].frequency, run.log)
-        extra = {"without_loss": [part.part for part in lossless]}
+        extra: Document = {"without_loss": [part.part for part in lossless]}
+        extra |= describe_mirrors(run.setting)
         return Result(self, run.source, choice, noises, extra, command=run.command)
-
-    def record(self, data: list[Thermal]) -> Noises:
-        """Combine the noises."""
-        from suspension_cli.analyses.thermal.solve import Noises
-
-        return Noises.of(data)
-
-    def data(self, record: Noises) -> list[Thermal]:
-        """List the noise of each output."""
-        return record.each()
 
     def document(self, result: Result) -> Document:
         """Return the noise of one output flat, that of several in a list."""
@@ -124,7 +134,7 @@ class ThermalAnalysis(Analysis):
         lines = [result.choice.line]
         for noise in result.data:
             along = f" along a beam that rises by {1e6 * noise.tilt:.3g} urad" if noise.tilt else ""
-            lines.append(f"{noise.output}{along}: thermal noise")
+            lines.append(f"{noise.output}{along}{name_mirrors(result)}: thermal noise")
             rows = []
             for n in decade_points(noise.frequency):
                 power = noise.density[:, n]
@@ -148,51 +158,8 @@ class ThermalAnalysis(Analysis):
         from suspension_cli.analyses.thermal import picture
 
         stages = [stage.name for stage in result.design.stage]
-        return {"": picture.draw(picture.refine(result), result.subtitle, stages)}
-
-
-def _solved(source: Source, setting: Settings, log: Log) -> tuple[Choice, list[Thermal]]:
-    from dataclasses import replace
-
-    import numpy as np
-
-    from suspension_cli.analyses import model_choice
-    from suspension_cli.analyses.thermal import model as thermal_model
-    from suspension_cli.analyses.thermal import solve as thermal
-    from suspension_cli.design.derive import mirror
-
-    frequency = np.array(parse_frequencies(setting["frequency"]))
-    outputs = setting["outputs"] or (f"{mirror(source.design)}.x",)
-    choice, model = thermal_model.choose(source, setting["fidelity"], frequency, outputs)
-    model = model_choice.stable_system(source, choice, setting["allow_unstable"], log, model)
-    if not setting["arm"] >= 0:
-        arm, remedy = format_value(setting["arm"]), "give it in m, e.g. 4000"
-        raise InputError([Fault("--arm", "must be a length", remedy, arm)])
-    tilt = thermal.compute_arm_tilt(setting["arm"])
-    motions = []
-    for text in outputs:
-        motions.append(thermal.parse_motion(model, text, tilt))
-        _demand_observable(motions[-1][0], tilt)
-    noises = thermal.solve_all(model, frequency, motions, source.design.constants.temperature)
-    for noise in noises:
-        if not noise.source:
-            problem = "nothing that moves with it dissipates, so it has no thermal noise"
-            remedy = (
-                "give the materials of its wires a loss (--set materials.NAME.loss_angle=1e-4), or"
-                " blades a loss_angle, [gas] or [stage.damping]"
-            )
-            raise InputError([Fault("--output", problem, remedy, format_value(noise.output))])
-    return choice, [replace(noise, tilt=tilt) for noise in noises]
-
-
-def _demand_observable(signal: Signal, tilt: float) -> None:
-    if signal.body == SUPPORT:
-        problem = "the support is at rest and has no thermal noise"
-        remedy = "name a stage, for example test.x"
-        raise InputError([Fault("--output", problem, remedy, format_value(signal.text))])
-    if tilt and DOFS[signal.dof] != "x":
-        problem = f"is for motion along x, not {signal.text}"
-        raise InputError([Fault("--arm", problem, "leave it out, or give outputs along x")])
+        subtitle = result.subtitle + name_mirrors(result)
+        return {"": picture.draw(picture.refine(result), subtitle, stages)}
 
 
 def _percent(fraction: float) -> str:

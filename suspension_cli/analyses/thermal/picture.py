@@ -128,7 +128,8 @@ def refine(result: Result) -> list[Thermal]:
         motions = [thermal.parse_motion(model, noise.output, noise.tilt) for noise in noises]
         warmth = result.design.constants.temperature
         modes = eigenmodes.solve(model.constant).frequency
-        return (lambda at: amplitudes(thermal.solve_all(model, at, motions, warmth))), modes
+        root = result.extra.get("mirrors", 1.0) ** 0.5
+        return (lambda at: root * amplitudes(thermal.solve(model, at, motions, warmth))), modes
 
     frequency, value = add_from_model(build, noises[0].frequency, amplitudes(noises), sums=True)
     return [

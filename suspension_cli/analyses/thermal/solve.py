@@ -9,15 +9,24 @@ let W be the mean power dissipated. Then
 one-sided, in m^2/Hz. Im(Z) is a sum over lossy parts j, each with its own temperature, and x^H
 Im(Z_j) x a sum of squares, in which nothing cancels. The imaginary part of the susceptibility r .
 Z^-1 r, in contrast, loses the digits of a high Q.
+
+Control loops u = -H S x at the actuators P change the motion, (Z + P H S) x = F, but not the
+thermal forces of the parts, and have none of their own. Then x is the motion under a force on r
+with sensors and actuators exchanged, (Z + S^T H P^T) x = r; by the matrix inversion lemma, with the
+open-loop motions g_r = Z^-1 r and g_S = Z^-1 S^T,
+
+    x = g_r - g_S H q,    (1 + P^T g_S H) q = P^T g_r.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspension_cli.analyses import model_choice
 from suspension_cli.conventions import BOLTZMANN, DOFS
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.files.declared import along, derived, in_unit
@@ -26,10 +35,15 @@ from suspension_cli.linear.frequency_terms import quadratic_form
 from suspension_cli.linear.pencil import EvaluatedBlock, Pencil
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models import registry
+from suspension_cli.models.choice import away_from_modes, spectrum_change
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
     from jaxtyping import Float, Inexact
+
+    from suspension_cli.design.reader import Source
+    from suspension_cli.models.registry import Choice
 
 EARTH = 6.371e6
 """Mean radius of the Earth, m (Moritz, J. Geodesy 74, 128 (2000))."""
@@ -132,74 +146,87 @@ class Noises:
 def solve(
     model: LinearSystem,
     frequency: Float[np.ndarray, " frequency"],
-    row: Float[np.ndarray, " coordinate"],
-    signal: Signal,
+    outputs: Sequence[Signal],
     temperature: float,
-) -> Thermal:
-    """Compute the thermal noise of a linear form (`row`) of the coordinates, at frequencies in Hz.
+) -> list[Thermal]:
+    """Compute the thermal noise of motions at frequencies in Hz, above 0.
 
-    The frequencies are above 0. Only sources that contribute are listed; without loss there are
-    none. The support is at rest. `signal` gives name and unit, `temperature` (K) is that of dampers
-    and of the support's loss; other sources have their own. Raises `InputError` at a resonance
-    without loss, and if a part gives power back (a spring or damper whose matrix is not positive).
+    Only sources that contribute are listed; without loss there are none. The support is at rest.
+    `temperature` (K) is that of dampers and of the support's loss; other sources have their own.
+    Raises `InputError` at a resonance without loss, and if a part gives power back (a spring or
+    damper whose matrix is not positive).
 
     >>> from suspension_cli.design import reader
     >>> from suspension_cli.models import registry
     >>> model = registry.BEAM.system(reader.parse(reader.template("single", "single")))
-    >>> signal, row = parse_motion(model, "test.x")
-    >>> noise = solve(model, np.array([10.0]), row, signal, 290.0)
+    >>> [noise] = solve(model, np.array([10.0]), [parse_motion(model, "test.x")], 290.0)
     >>> noise.unit, noise.density.shape[1]
     ('m', 1)
     """
-    return solve_all(model, frequency, [(signal, row)], temperature)[0]
+    frequency = np.asarray(frequency, dtype=float)
+    rows = np.array([signals.linear_form(signal, model) for signal in outputs])
+    found = []
+    for signal, powers in zip(
+        outputs, compute_densities(model, frequency, rows, temperature), strict=True
+    ):
+        _check_powers(powers, frequency)
+        order = sort_sources(powers)
+        density = np.array([powers[name] for name in order]).reshape(-1, len(frequency)).clip(0)
+        found.append(
+            Thermal(frequency, signal.text, signal.unit, tuple(order), density, signal.tilt)
+        )
+    return found
 
 
-def solve_all(
+@dataclass(frozen=True)
+class Feedback:
+    """Control loops u = -H y: linear forms of sensors and actuators, and H at the frequencies."""
+
+    sensed: Float[np.ndarray, "loop coordinate"]
+    pushed: Float[np.ndarray, "loop coordinate"]
+    filters: Inexact[np.ndarray, "frequency loop"]
+
+
+def compute_densities(
     model: LinearSystem,
     frequency: Float[np.ndarray, " frequency"],
-    motions: list[tuple[Signal, Float[np.ndarray, " coordinate"]]],
+    rows: Float[np.ndarray, "output coordinate"],
     temperature: float,
-) -> list[Thermal]:
-    """Compute the thermal noise of several motions, which share the evaluation of wires."""
-    omega = 2 * np.pi * np.asarray(frequency, dtype=float)
-    powers: list[dict[str, Array]] = [{} for _ in motions]
+    feedback: Feedback | None = None,
+) -> list[dict[str, Float[np.ndarray, " frequency"]]]:
+    """Compute power spectral densities (unit^2/Hz) of linear forms by source, as `solve` does."""
+    omega, count = 2 * np.pi * frequency, len(rows)
+    none = np.zeros((0, rows.shape[1]))
+    loops = feedback or Feedback(none, none, np.zeros((len(omega), 0)))
+    forms = np.concatenate([rows, loops.sensed])
+    found: list[dict[str, Array]] = [{} for _ in rows]
     pencil = Pencil.of(model)
-    blocks = [
-        (block, np.flatnonzero(forces.any(1)), forces)
-        for block in pencil.blocks
-        if (forces := np.array([row[block.keep] for _, row in motions])).any()
-    ]
-    largest = max((len(block.owner) for block, _, _ in blocks), default=1)
+    blocks = [block for block in pencil.blocks if forms[:, block.keep].any()]
+    largest = max((len(block.owner) for block in blocks), default=1)
     step = max(CHUNK // largest**2, 64)
     for start in range(0, len(omega), step):
         now = slice(start, start + step)
-        some = omega[now]
-        there = pencil.at(some)
-        for block, driven, forces in blocks:
-            here, own = block.at(there), np.eye(len(block.keep))
-            responses = here.respond(own, np.zeros((6, len(driven))), forces[driven].T)
-            for number, motion in zip(driven, responses.swapaxes(0, 1), strict=True):
-                lost = compute_dissipation(here, motion, temperature)
+        h, there = loops.filters[now], pencil.at(omega[now])
+        pushed = np.zeros((len(h), len(loops.pushed), len(forms)), dtype=complex)
+        solved: list[tuple[EvaluatedBlock, Array]] = []
+        for block in blocks:
+            here, forces = block.at(there), forms[:, block.keep].T
+            driven = np.flatnonzero(forces.any(0))
+            motion = np.zeros((len(block.keep), len(forms), len(h)), dtype=complex)
+            still = np.zeros((6, len(driven)))
+            motion[:, driven] = here.respond(np.eye(len(forces)), still, forces[:, driven])
+            pushed += np.einsum("lc,cif->fli", loops.pushed[:, block.keep], motion)
+            solved.append((here, motion))
+        back = np.eye(len(loops.pushed)) + pushed[:, :, count:] * h[:, None, :]
+        q = h[:, :, None] * np.linalg.solve(back, pushed[:, :, :count])
+        for here, motion in solved:
+            moved = motion[:, :count] - np.einsum("clf,flo->cof", motion[:, count:], q)
+            for number in np.flatnonzero(moved.any((0, 2))):
+                lost = compute_dissipation(here, moved[:, number], temperature)
                 for (cause, warmth), power in lost.items():
-                    total = powers[number].setdefault(cause, np.zeros(len(omega)))
-                    total[now] += 4 * BOLTZMANN * warmth * power / some
-    return [
-        _gather(frequency, signal, power, omega)
-        for (signal, _), power in zip(motions, powers, strict=True)
-    ]
-
-
-def _gather(
-    frequency: Float[np.ndarray, " frequency"],
-    signal: Signal,
-    powers: dict[str, Float[np.ndarray, " frequency"]],
-    omega: Float[np.ndarray, " frequency"],
-) -> Thermal:
-    powers = {name: power for name, power in powers.items() if power.any()}
-    _check_powers(powers, omega)
-    order = sort_sources(powers)
-    density = np.array([powers[name] for name in order]).reshape(-1, len(omega)).clip(0)
-    return Thermal(np.asarray(frequency), signal.text, signal.unit, tuple(order), density)
+                    total = found[number].setdefault(cause, np.zeros(len(omega)))
+                    total[now] += 4 * BOLTZMANN * warmth * power / omega[now]
+    return [{name: power for name, power in one.items() if power.any()} for one in found]
 
 
 def sort_sources(densities: dict[str, Float[np.ndarray, " frequency"]]) -> list[str]:
@@ -208,12 +235,12 @@ def sort_sources(densities: dict[str, Float[np.ndarray, " frequency"]]) -> list[
 
 
 def _check_powers(
-    powers: dict[str, Float[np.ndarray, " frequency"]], omega: Float[np.ndarray, " frequency"]
+    powers: dict[str, Float[np.ndarray, " frequency"]], frequency: Float[np.ndarray, " frequency"]
 ) -> None:
     """Raise `InputError` where a density is infinite or negative."""
-    total = sum(powers.values(), np.zeros(len(omega)))
+    total = sum(powers.values(), np.zeros(len(frequency)))
     if not np.isfinite(total).all():
-        at = format_value(float(omega[~np.isfinite(total)][0]) / (2 * np.pi))
+        at = format_value(float(frequency[~np.isfinite(total)][0]))
         problem = "is a resonance without loss, where the noise is infinite"
         remedy = "move it, or give loss_angle or damping"
         raise InputError([Fault("--frequency", problem, remedy, at)])
@@ -244,20 +271,27 @@ def compute_dissipation(
     return result
 
 
-def parse_motion(
-    model: LinearSystem, text: str, tilt: float = 0.0
-) -> tuple[Signal, Float[np.ndarray, " coordinate"]]:
-    """Parse a motion; also return its linear form.
-
-    A motion along x is taken along a beam that rises by `tilt` (rad) instead.
-    """
+def parse_motion(model: LinearSystem, text: str, tilt: float = 0.0) -> Signal:
+    """Parse a motion; that along x is taken along a beam that rises by `tilt` (rad) instead."""
     signal = signals.parse_output(text, signals.bodies_with_signals(model))
-    row = signals.linear_form(signal, model)
-    if tilt and DOFS[signal.dof] == "x":
-        row = np.cos(tilt) * row + np.sin(tilt) * signals.linear_form(
-            replace(signal, dof=DOFS.index("z")), model
-        )
-    return signal, row
+    return replace(signal, tilt=tilt) if DOFS[signal.dof] == "x" else signal
+
+
+def parse_outputs(model: LinearSystem, texts: Sequence[str], arm: float) -> list[Signal]:
+    """Parse motions; those along x are taken along the beam of an arm of a length in m.
+
+    Raises `InputError` if there is an arm and none is along x, or one is along y or z.
+    """
+    if not arm >= 0:
+        remedy = "give it in m, e.g. 4000"
+        raise InputError([Fault("--arm", "must be a length", remedy, format_value(arm))])
+    found = [parse_motion(model, text, compute_arm_tilt(arm)) for text in texts]
+    along = [DOFS[signal.dof] for signal in found]
+    for signal, dof in zip(found, along, strict=True):
+        if arm and dof != "x" and (dof in "yz" or "x" not in along):
+            problem = f"is for motion along x, not {signal.text}"
+            raise InputError([Fault("--arm", problem, "leave it out, or give outputs along x")])
+    return found
 
 
 def compute_arm_tilt(length: float) -> float:
@@ -266,3 +300,49 @@ def compute_arm_tilt(length: float) -> float:
     The verticals at its two ends meet at the centre of the Earth.
     """
     return length / (2 * EARTH)
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Thermal noise of some motions at frequencies in Hz, as a result that decides on the model."""
+
+    outputs: Sequence[str]
+    frequency: Float[np.ndarray, " frequency"]
+    arm: float = 0.0
+
+    def change(self, simple: LinearSystem, refined: LinearSystem) -> tuple[float, str]:
+        """Compute the largest relative change at sampled frequencies away from all modes."""
+        some = away_from_modes(self.frequency, simple, refined)
+        old, new = (self._amplitude(model, some) for model in (simple, refined))
+        changes = spectrum_change(old, new)
+        most = np.unravel_index(int(np.argmax(changes)), changes.shape)[1]
+        return float(changes.max()), f"the noise of {self.outputs[int(most)]}"
+
+    def _amplitude(
+        self, model: LinearSystem, frequency: Float[np.ndarray, " sample"]
+    ) -> Float[np.ndarray, "sample output"]:
+        noises = solve(model, frequency, parse_outputs(model, self.outputs, self.arm), 1.0)
+        return np.stack([noise.amplitude for noise in noises], axis=1)
+
+
+def choose(
+    source: Source,
+    wanted: str,
+    frequency: Float[np.ndarray, " frequency"],
+    outputs: Sequence[str],
+    arm: float = 0.0,
+) -> tuple[Choice, LinearSystem]:
+    """Choose the model of thermal noise, and build its linear system.
+
+    It must know where along a wire its loss acts.
+
+    Raises `InputError` if the requested model does not resolve wires, or the design lacks their
+    properties.
+    """
+    models = [model for model in registry.SCENE_MODELS if model.bends_wires]
+    problem = f"the {wanted} model does not know where along a wire its loss acts"
+    model_choice.demand_one_of(wanted, models, problem)
+    if why := models[0].unsuitable(source.design):
+        remedy = "give its material and radius or section, for its loss"
+        raise InputError([Fault("stage", why, remedy)])
+    return model_choice.choose(source, wanted, lambda _: Noise(outputs, frequency, arm))

@@ -156,7 +156,7 @@ class ThermalNoise(Response):
         system = model.system(self.design)
         motion = thermal.parse_motion(system, f"{self.mirror}.x")
         warmth = self.design.constants.temperature
-        found = thermal.solve_all(system, self.frequency, [motion], warmth)[0].amplitude
+        found = thermal.solve(system, self.frequency, [motion], warmth)[0].amplitude
         if not found.any():
             raise InputError.of("", "nothing dissipates", "")
         return system, found

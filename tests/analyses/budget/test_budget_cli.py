@@ -8,6 +8,7 @@ import pytest
 
 import suspension_cli as sus
 from suspension_cli.analyses.budget import picture
+from suspension_cli.analyses.thermal.solve import compute_arm_tilt
 from tests.analyses.damp.test_control import loop
 from tests.support import plants
 from tests.support.commandline import assert_refused, run, strict_json, written
@@ -116,6 +117,42 @@ def test_requirements(file, tmp_path):
     assert "requirement yaw.csv: NOT met, exceeded by a factor of" in text
 
 
+def test_several_mirrors_along_the_beam_of_an_arm(file, tmp_path):
+    """The noise of one mirror along the beam, in power times the number; z couples into x."""
+    words = ("--output", "test.x", "--frequency", "1,5,20")
+    one, tilted = json_of(file, tmp_path, *words), json_of(file, tmp_path, *words, "--arm", "4000")
+    up = json_of(file, tmp_path, "--output", "test.z", *words[2:])
+    four = json_of(file, tmp_path, *words, "--arm", "4000", "--mirrors", "4")
+    assert (four["mirrors"], four["tilt_rad"]) == (4.0, compute_arm_tilt(4000.0))
+    assert "mirrors" not in tilted and "tilt_rad" not in one
+    for cause, part in four["contributions"].items():
+        np.testing.assert_allclose(part, 2 * np.array(tilted["contributions"][cause]), rtol=1e-12)
+    assert four["rms"] == pytest.approx(2 * tilted["rms"], rel=1e-12)
+    slope = np.sin(four["tilt_rad"]) * np.array(up["contributions"]["ground.z"])
+    np.testing.assert_allclose(tilted["contributions"]["ground.z"], slope, rtol=1e-9)
+    thermal = run("thermal", file, "--json", "--out", tmp_path, *LIGHT[:2], *words, "--arm", "4000")
+    # loops move the mirror less at their resonances alone
+    assert four["contributions"]["thermal"][2] == pytest.approx(
+        2 * strict_json(thermal.stdout)["displacement_asd"][2], rel=0.02
+    )
+    several = run("budget", file, *LIGHT, "--arm", "4000", "--mirrors", "4", "--out", tmp_path)
+    assert "test.x along a beam that rises by 314 urad, 4 mirrors, 0.1 to" in several.stdout
+    assert "\ntest.pitch, 4 mirrors, 0.1 to" in several.stdout
+    assert run("plot", tmp_path / "triple-budget.h5").exit_code == 0
+
+
+def test_a_requirement_in_strain(file, tmp_path):
+    strain = csv(tmp_path, "f,h (strain/sqrt(Hz))\n1,1e-15\n5,1e-16\n")
+    length = csv(tmp_path, "f,x (m/sqrt(Hz))\n1,4e-12\n5,4e-13\n", "length.csv")
+    words = ("--output", "test.x", "--arm", "4000", "--requirement")
+    first, second = (json_of(file, tmp_path, *words, goal) for goal in (strain, length))
+    margins = [one["requirement"]["margin"] for one in (first, second)]
+    assert margins[0] == pytest.approx(margins[1], rel=1e-12)
+    without = run("budget", file, *LIGHT, "--requirement", strain, "--out", tmp_path / "no")
+    (line,) = assert_refused(without, strain, tmp_path / "no")
+    assert "whose unit is not known" in line
+
+
 def test_files_and_pictures(file, tmp_path):
     goal = csv(tmp_path, "1 1e-9\n2 1e-9\n")
     out = tmp_path / "out"
@@ -174,6 +211,7 @@ REFUSED = {
     "unknown coordinate": (("--ground", "q=nlnm"), "--ground"),
     "unknown source": (("--ground", "nlmn"), "--ground"),
     "no output": (("--output", "tset.x"), "--output"),
+    "no output along the beam": (("--output", "test.pitch", "--arm", "4000"), "--arm"),
     "requirement of no output": (("--requirement", "test.z=goal.csv"), "--requirement"),
     "requirement missing": (("--requirement", "none.csv"), "--requirement"),
     "out of range": (("--ground", "SITE", "--frequency", "20:30:5"), "--frequency"),

@@ -52,12 +52,12 @@ HIGH = {
 """Peterson's models in dB at the corners of the curves, as published beside the coefficients."""
 
 
-@pytest.mark.parametrize(("model", "published"), [(ground.NLNM, LOW), (ground.NHNM, HIGH)])
+@pytest.mark.parametrize(("model", "published"), [("nlnm", LOW), ("nhnm", HIGH)])
 def test_models_at_their_corners(model, published):
     """From either side: the curves have no steps but those of rounded coefficients."""
     period, level = np.array([*published.items()]).T
     for beside in (1 - 1e-9, 1 + 1e-9):
-        found = ground.compute_peterson(model, 1 / (period * beside))
+        found = ground.compute_peterson(ground.load_peterson(model), 1 / (period * beside))
         np.testing.assert_allclose(found, level, atol=0.11)
 
 
@@ -85,6 +85,9 @@ def test_platforms_move_in_six_coordinates():
     ):
         np.testing.assert_allclose(found[name].density(at), expected, rtol=1e-12)
     assert (found["x"].low, found["x"].high) == (1e-3, 1e3)
+    same, other = (ground.parse([name], [], Path()) for name in ("aligo-bsc", "aligo-isi"))
+    for dof, motion in same.items():
+        assert motion.density(at).tolist() == other[dof].density(at).tolist()
 
 
 def csv(folder, text, name="site.csv"):

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from suspension_cli.analyses.budget import noise, resonances, solve
+from suspension_cli.analyses.budget import noise, solve
 from suspension_cli.analyses.budget.ground import Motion
 from suspension_cli.analyses.budget.noise import Noises
 from suspension_cli.analyses.damp import control
 from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.conventions import BOLTZMANN
-from suspension_cli.linear import response
+from suspension_cli.linear import response, signals
 from suspension_cli.models import registry
 from tests.analyses.damp.test_control import LEAD, loop, plant
 from tests.support import plants, scenes
@@ -95,15 +95,16 @@ def test_thermal_noise_of_chains(how, reference):
         closed = plant(raw, loops, "string")
     else:
         design = scenes.design_of(raw)
-        closed = resonances.build_plant(design, registry.STRING.system(design))
-    forms = [thermal.parse_motion(closed.model, f"test.{dof}") for dof in ("x", "pitch", "z")]
-    rows = np.array([row for _, row in forms])
-    found = noise.compute_thermal(closed, GRID, rows, 290.0)
+        closed = noise.build_plant(design, registry.STRING.system(design))
+    motions = plants.motions(closed.model, "test.x", "test.pitch", "test.z")
+    rows = np.array([signals.linear_form(motion, closed.model) for motion in motions])
+    found = noise.compute_thermal(closed, GRID, motions, 290.0)
     np.testing.assert_allclose(found, cross_spectra(closed, rows, 290.0), rtol=1e-6)
     if how == "none":
-        for n, (signal, row) in enumerate(forms):
-            bare = thermal.solve(closed.model, GRID, row, signal, 290.0)
-            np.testing.assert_allclose(found[n], bare.density.sum(0), rtol=1e-12)
+        for part, bare in zip(
+            found, thermal.solve(closed.model, GRID, motions, 290.0), strict=True
+        ):
+            np.testing.assert_allclose(part, bare.density.sum(0), rtol=1e-12)
 
 
 @pytest.mark.parametrize("damper", [3.0, 1e-2, 1e-6])

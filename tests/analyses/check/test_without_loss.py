@@ -144,8 +144,8 @@ def sources(design):
     found: set[str] = set()
     for body in model.body:
         for dof in ("x", "y", "z", "roll", "pitch", "yaw"):
-            signal, row = thermal.parse_motion(model, f"{body}.{dof}")
-            found |= set(thermal.solve(model, np.array([3.3]), row, signal, 290.0).source)
+            motion = thermal.parse_motion(model, f"{body}.{dof}")
+            found |= set(thermal.solve(model, np.array([3.3]), [motion], 290.0)[0].source)
     return found
 
 

@@ -221,9 +221,8 @@ def test_ends_at_their_own_temperature():
     ):
         stage["wires"]["temperature"] = temperature
         model = registry.BEAM.system(scenes.design_of(raw))
-        parts[name] = thermal.solve(
-            model, np.array([10.0]), *reversed(thermal.parse_motion(model, "test.x")), 290.0
-        ).parts
+        motion = thermal.parse_motion(model, "test.x")
+        parts[name] = thermal.solve(model, np.array([10.0]), [motion], 290.0)[0].parts
     assert parts["both"]["test.bending-upper"] == pytest.approx(
         parts["cold"]["test.bending-upper"], rel=1e-6
     )

@@ -119,6 +119,35 @@ def test_pictures_are_valid_and_described(page):
             assert ratio == pytest.approx(int(image["width"]) / int(image["height"]), rel=0.01)
 
 
+def test_pictures_of_curves_are_as_wide_as_the_page(page):
+    wide = [image for image in page.images if "Responses" in image["alt"]]
+    assert wide and all(int(image["width"]) == html.ACROSS for image in wide)
+    assert all(int(image["width"]) >= 0.7 * html.ACROSS for image in page.images)
+
+
+def test_the_design_keeps_its_comments(page, written, tmp_path):
+    text = written.with_name("double.toml").read_text()
+    assert "#" in text and text.rstrip() in page.text
+    (link,) = [link for link in page.links if link.startswith("data:application/toml")]
+    assert base64.b64decode(link.partition(",")[2]).decode() == text
+    file, change = written.with_name("double.toml"), "stage.test.wires.d=0.003"
+    done = run("report", file, "--sections", "numbers", "--set", change, "--out", tmp_path, "-q")
+    assert done.exit_code == 0
+    (made,) = tmp_path.iterdir()
+    assert "d = 0.003" in Page(made.read_text(encoding="utf-8")).text
+
+
+def test_noises_of_several_mirrors(tmp_path):
+    words = ("--sections", "thermal,budget", "--arm", "4000", "--mirrors", "4", "--out", tmp_path)
+    done = run("report", CONFIGS / "husman2000" / "figure6.toml", *words, "--fidelity", "beam")
+    assert done.exit_code == 0
+    (made,) = tmp_path.iterdir()
+    text = Page(made.read_text(encoding="utf-8")).text
+    assert "test.x along a beam that rises by 314 urad, 4 mirrors: thermal noise" in text
+    assert "test.x along a beam that rises by 314 urad, 4 mirrors, 0.01 to 100 Hz" in text
+    assert text.count("--fidelity beam --arm 4000.0 --mirrors 4.0") == 2
+
+
 def test_says_what_it_is_of(page, written):
     text = page.text
     assert f"pendsus {sus.__version__}" in text

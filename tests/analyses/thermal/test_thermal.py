@@ -14,10 +14,21 @@ from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.conventions import BOLTZMANN
 from suspension_cli.design.reader import template
 from suspension_cli.errors import InputError
-from suspension_cli.linear import eigenmodes, response
+from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.pencil import Pencil
 from tests.support import plants
-from tests.support.lossy import CONFIGS, FREQUENCY, KINDS, LEVELS, lossier, model_of, noise, raw
+from tests.support.lossy import (
+    CONFIGS,
+    FREQUENCY,
+    KINDS,
+    LEVELS,
+    form,
+    from_susceptibility,
+    lossier,
+    model_of,
+    noise,
+    raw,
+)
 from tests.support.pendulums import Pendulum
 
 LOST = {"silica": 1e-8}
@@ -26,13 +37,6 @@ of the stiffness and of the power."""
 
 
 # two routes and a split
-
-
-def compute_from_susceptibility(model, frequency, row, temperature):
-    """-(4 k T / omega) Im(r . Z^-1 r); it loses the digits of a high Q."""
-    omega = 2 * np.pi * frequency
-    found, _ = response.transfer(model, omega, row[None], [True], row[None])
-    return -4 * BOLTZMANN * temperature / omega * np.imag(found[:, 0, 0])
 
 
 @pytest.mark.parametrize("level", LEVELS)
@@ -44,10 +48,10 @@ def test_power_lost_is_the_imaginary_susceptibility(kind, level):
     some = FREQUENCY[::5]
     for dof in ("x", "z", "pitch"):
         found = noise(model, f"test.{dof}@0,0,0.001" if dof == "x" else f"test.{dof}", some)
-        _, row = thermal.parse_motion(model, found.output)
+        row = form(model, found.output)
         np.testing.assert_allclose(
             found.density.sum(0),
-            compute_from_susceptibility(model, some, row, 290.0),
+            from_susceptibility(model, some, row),
             rtol=1e-6,
         )
 
@@ -57,10 +61,10 @@ def test_power_lost_is_the_imaginary_susceptibility(kind, level):
 def test_and_to_all_digits_where_loss_is_large(kind, level):
     model = model_of(lossier(raw(kind), 0.05), level)
     found = noise(model, "test.x@0,0,0.001")
-    _, row = thermal.parse_motion(model, found.output)
+    row = form(model, found.output)
     np.testing.assert_allclose(
         found.density.sum(0),
-        compute_from_susceptibility(model, FREQUENCY, row, 290.0),
+        from_susceptibility(model, FREQUENCY, row),
         rtol=LOST.get(kind, 1e-10),
     )
 
@@ -72,7 +76,7 @@ def test_parts_sum_to_the_whole(kind, level):
     matrix."""
     model = model_of(lossier(raw(kind), 0.05), level)
     omega = 2 * np.pi * FREQUENCY
-    _, row = thermal.parse_motion(model, "test.x")
+    row = form(model, "test.x")
     pencil = Pencil.of(model)
     for block in pencil.blocks:
         force = row[block.keep][:, None]
@@ -242,7 +246,7 @@ def test_equipartition_of_everything():
     for dof in ("x", "pitch", "z"):
         found = noise(model, f"test.{dof}", np.exp(log))
         assert found.source == ("damping",)
-        _, row = thermal.parse_motion(model, f"test.{dof}")
+        row = form(model, f"test.{dof}")
         area = np.trapezoid(found.density.sum(0) * np.exp(log), log) + found.density[0, 0] * 1e-4
         expected = BOLTZMANN * 290 * row[6:] @ np.linalg.solve(stiffness, row[6:])
         assert area == pytest.approx(expected, rel=1e-5)
@@ -273,10 +277,9 @@ def test_points_of_a_body(kind):
     """S is a quadratic form of what is observed: for x of points at p and -p, S(x + r) + S(x - r) =
     2 S(x) + 2 S(r)."""
     model = model_of(raw(kind))
-    (signal, middle), (_, upper) = (
-        thermal.parse_motion(model, text) for text in ("test.x", "test.x@0,0,0.03")
-    )
-    turning = thermal.solve(model, FREQUENCY, upper - middle, signal, 290.0).density.sum(0)
+    middle, upper = (form(model, text) for text in ("test.x", "test.x@0,0,0.03"))
+    [parts] = thermal.compute_densities(model, FREQUENCY, (upper - middle)[None], 290.0)
+    turning = sum(parts.values())
     both = sum(noise(model, f"test.x@0,0,{z}").density.sum(0) for z in (0.03, -0.03))
     np.testing.assert_allclose(
         both, 2 * noise(model, "test.x").density.sum(0) + 2 * turning, rtol=1e-9

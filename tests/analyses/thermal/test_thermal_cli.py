@@ -40,8 +40,8 @@ def json_of(file, out, *options):
 
 def expected(frequency, text, level="beam", tilt=0.0):
     model = registry.by_name(level).system(scenes.design_of(RAW))
-    signal, row = thermal.parse_motion(model, text, tilt)
-    return thermal.solve(model, np.asarray(frequency), row, signal, 290.0)
+    motion = thermal.parse_motion(model, text, tilt)
+    return thermal.solve(model, np.asarray(frequency), [motion], 290.0)[0]
 
 
 def test_one_motion_is_flat(file, out):
@@ -137,6 +137,20 @@ def test_along_the_beam_of_an_arm(file, out):
             [0.3, 3.0, 30.0], "test.x", "violin", thermal.compute_arm_tilt(4000.0)
         ).amplitude.tolist()
     )
+
+
+def test_several_mirrors(file, out):
+    """Twice the amplitude of one, in the document, the text and the points that pictures add."""
+    one = json_of(file, out, *GRID)
+    found = sus.thermal(sus.read(file), frequency="0.1:50:60", mirrors=4)
+    bare = sus.thermal(sus.read(file), frequency="0.1:50:60")
+    four = json_of(file, out, "--mirrors", "4", *GRID)
+    assert four["mirrors"] == 4.0 and "mirrors" not in one
+    twice = 2 * np.array(one["displacement_asd"])
+    np.testing.assert_allclose(four["displacement_asd"], twice, rtol=1e-12)
+    finer, fine = (picture.refine(result)[0] for result in (found, bare))
+    np.testing.assert_allclose(finer.amplitude, 2 * fine.amplitude, rtol=1e-12)
+    assert "test.x, 4 mirrors: thermal noise" in str(found)
 
 
 @pytest.mark.parametrize("highest", ["4", "30"])
