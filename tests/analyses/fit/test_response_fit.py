@@ -11,8 +11,9 @@ from scipy import stats
 
 import suspension_cli as sus
 from suspension_cli.analyses import registry as analyses
-from suspension_cli.analyses.fit import default_parameters, findings, picture, resonances, text
+from suspension_cli.analyses.fit import findings, picture, resonances, text
 from suspension_cli.analyses.fit import solve as fit
+from suspension_cli.analyses.fit.problem import default_parameters
 from suspension_cli.analyses.fit.wrong_channels import name_factor
 from suspension_cli.conventions import DOFS
 from suspension_cli.design import paths, reader
@@ -336,7 +337,7 @@ def test_factors_are_named():
 
 
 def test_default_parameters_have_priors():
-    found = {item.name: item for item in default_parameters.choose(DOUBLE)}
+    found = {item.name: item for item in default_parameters(DOUBLE)}
     assert found["stage.upper.wires.d"].uncertainty == 1e-3
     assert found["stage.upper.body.mass"].uncertainty == pytest.approx(0.002 * 3.0)
     assert "constants.gravity" not in found and "stage.upper.body.size.1" not in found
