@@ -82,36 +82,8 @@ RESONANCE = {
 """Columns of measured resonances, and their units."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Findings:
-    """What a fit of transfer functions says, in words and lists.
-
-    Attributes
-    ----------
-    corrections
-        Wrong channels.
-    stiffened
-        Modes stiffer than the design explains.
-    changes
-        Single changes that explain most, best first.
-    sentences
-        Determined and undetermined parameters.
-    least
-        A parameter that is known least; "" if none is free.
-    candidates
-        Measurements that would determine it best, best first.
-    """
-
-    corrections: tuple[Correction, ...] = ()
-    stiffened: tuple[StiffenedMode, ...] = ()
-    changes: tuple[SingleChange, ...] = ()
-    sentences: tuple[str, ...] = ()
-    least: str = ""
-    candidates: tuple[Candidate, ...] = ()
-
-
 @dataclass(frozen=True)
-class ResponseFit(Findings):
+class ResponseFit:
     """Measured transfer functions and a fit to them.
 
     Attributes
@@ -130,6 +102,18 @@ class ResponseFit(Findings):
         after (Hz), measured Q, number of functions with it.
     chi_squared_before
         chi^2 of the design as given, with the properties of channels fitted.
+    corrections
+        Wrong channels.
+    stiffened
+        Modes stiffer than the design explains.
+    changes
+        Single changes that explain most, best first.
+    sentences
+        Determined and undetermined parameters.
+    least
+        A parameter that is known least; "" if none is free.
+    candidates
+        Measurements that would determine it best, best first.
     """
 
     function: tuple[str, ...]
@@ -150,6 +134,12 @@ class ResponseFit(Findings):
         metadata=in_unit("{resonance_unit}")
     )
     chi_squared_before: float = float("nan")
+    corrections: tuple[Correction, ...] = ()
+    stiffened: tuple[StiffenedMode, ...] = ()
+    changes: tuple[SingleChange, ...] = ()
+    sentences: tuple[str, ...] = ()
+    least: str = ""
+    candidates: tuple[Candidate, ...] = ()
 
     @property
     @derived()

@@ -28,15 +28,14 @@ HEAVY = 1 / 20
 """Added damping 1/Q of all modes of the model in that comparison."""
 LARGEST = 3.0
 """Largest difference of ln magnitudes that counts."""
-EXCHANGED = 0.25
-"""Mean decrease of this difference per function from which an exchange is assumed."""
+ASSUMED = 0.25
+"""Decrease of the disagreement per function of a channel from which a change is assumed."""
 SCALED = 0.4
 """ln of the least factor that is assumed before a fit."""
 FACTOR_KNOWN = 0.5
 """Relative uncertainty of a gain that is off by a factor."""
-AGREEMENT = 0.3
-"""Least mean cosine of the phase between measured and computed values for an agreement, and least
-gain in it from which a sign is assumed."""
+SURE = 0.15
+"""Least mean cosine of the phase between measured and computed values that are not noise."""
 CLEAR = 3.0
 """Least size of values whose phase counts, standard deviations."""
 KNOWN_FACTORS = (
@@ -132,21 +131,24 @@ def name_factor(factor: float) -> str:
 
 
 def guess(problem: Problem, z: Array) -> tuple[list[Correction], Channels]:
-    """Find exchanged, then scaled, then inverted channels before a fit."""
+    """Find exchanged, scaled and inverted channels before a fit."""
     channels, found = problem.channels, list[Correction]()
-    for kind in (EXCHANGE, FACTOR, SIGN):
-        for _ in range(len(channels.names(0)) + len(channels.names(1))):
-            gains = _improvements(kind, replace(problem, channels=channels), z)
-            if not gains:
-                break
-            gain, best = max(gains, key=lambda item: (round(item[0], 3), -item[1].side))
-            same = [one for g, one in gains if one.side != best.side and g > ALIKE * gain]
-            if same and best.known:
-                table, names = TABLES[same[0].side], " and ".join(same[0].channel)
-                also = f"{table}{'s' if kind == EXCHANGE else ''} {names}"
-                best = replace(best, also=also)
-            found.append(best)
-            channels = best.apply(channels)
+    while len(found) < 2 * (len(channels.names(0)) + len(channels.names(1))):
+        gains = _improvements(replace(problem, channels=channels), z)
+        if not gains:
+            break
+        gain, best = max(gains, key=lambda item: (round(item[0], 3), -item[1].side))
+        same = [
+            one
+            for g, one in gains
+            if (one.kind, one.side) == (best.kind, 1 - best.side) and g > ALIKE * gain
+        ]
+        if same and best.known:
+            table, names = TABLES[same[0].side], " and ".join(same[0].channel)
+            also = f"{table}{'s' if best.kind == EXCHANGE else ''} {names}"
+            best = replace(best, also=also)
+        found.append(best)
+        channels = best.apply(channels)
     for one in found:
         if one.kind == FACTOR:
             wide = {"gain_uncertainty": FACTOR_KNOWN}
@@ -154,29 +156,24 @@ def guess(problem: Problem, z: Array) -> tuple[list[Correction], Channels]:
     return found, channels
 
 
-def _improvements(kind: str, problem: Problem, z: Array) -> list[tuple[float, Correction]]:
-    """Rate all changes of a kind that improve the agreement enough."""
+def _improvements(problem: Problem, z: Array) -> list[tuple[float, Correction]]:
+    """Rate all changes that reduce the disagreement enough."""
     found, channels = [], problem.channels
     distance, shift, cosine = _compare(problem, z)
-    for change in _changes(channels, kind):
+    for change in _changes(channels, EXCHANGE, FACTOR, SIGN):
         rows = [channels.names(change.side).index(name) for name in change.channel]
         mine = np.isin(np.array(channels.pairs)[:, change.side], rows)
-        sure = mine & (np.abs(cosine) > AGREEMENT / 2)
-        gain = least = 0.0
-        if kind == EXCHANGE:
-            other = _compare(replace(problem, channels=change.apply(channels)), z)[0]
-            gain, least = float((distance - other).sum()), EXCHANGED * float(mine.sum())
-        elif kind == SIGN:
-            clear = mine & (np.abs(cosine) > AGREEMENT)
-            gain = -float(cosine[clear].sum()) + (0.0 if change.known else 1e-3)
-            least = AGREEMENT
-        elif sure.any():
-            by = float(np.median(shift[sure]))
-            weight = np.minimum(np.abs(cosine) / AGREEMENT, 1.0)
-            gain = float(weight @ (np.abs(shift) - np.abs(shift - by * mine)))
-            least = SCALED / 2 if abs(by) > SCALED else math.inf
+        sure = mine & (np.abs(cosine) > SURE)
+        if change.kind == FACTOR:
+            by = float(np.median(shift[sure])) if sure.any() else 0.0
+            if abs(by) < SCALED:
+                continue
             change = replace(change, factor=math.exp(by))
-        if gain > least:
+        changed = replace(problem, channels=change.apply(channels))
+        other, _, turned = _compare(changed, z)
+        gain = float((distance - other + turned - cosine)[mine].sum())
+        doubt = ASSUMED * (mine if change.kind == EXCHANGE else sure).sum()
+        if gain > (doubt if change.known else 0.0):
             found.append((gain, change))
     return found
 
@@ -201,24 +198,17 @@ def _compare(problem: Problem, z: Array) -> tuple[Array, Array, Array]:
     """
     heavy, rows = z.copy(), []
     heavy[problem.parts[2]] = math.log(HEAVY)
-    functions = zip(
-        problem.readings(z), problem.readings(heavy), problem.channels.function, strict=True
-    )
-    for value, damped, item in functions:
+    computed = zip(problem.readings(z), problem.readings(heavy), strict=True)
+    for (value, damped), item in zip(computed, problem.channels.function, strict=True):
         level, own, other = (
             np.log(np.maximum(np.abs(part), item.uncertainty))
             for part in (item.value, value, damped)
         )
         clear = np.minimum(np.abs(value), np.abs(item.value)) > CLEAR * item.uncertainty
         turn = np.cos(np.angle(np.conj(value[clear]) * item.value[clear]))
-        known = min(1.0, 5 * clear.mean()) if clear.sum() > 3 else 0.0
-        rows.append(
-            (
-                np.minimum(np.abs(level - other), LARGEST).mean(),
-                np.median(level - own),
-                known * turn.mean() if known else 0.0,
-            )
-        )
+        cosine = min(1.0, 5 * clear.mean()) * turn.mean() if clear.sum() > 3 else 0.0
+        distance = np.minimum(np.abs(level - other), LARGEST).mean()
+        rows.append((distance, np.median(level - own), cosine))
     distance, shift, cosine = np.array(rows, dtype=float).T
     return distance, shift, cosine
 
