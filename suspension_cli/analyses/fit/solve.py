@@ -87,15 +87,23 @@ class Solution:
         freedom = len(self.problem.residual(self.z)) - len(self.z)
         return is_unlikely(self.chi_squared, freedom)
 
-    def refine(self, *, quick: bool = False) -> Solution:
-        """Fit to the resonances, then all values; a `quick` fit takes fewer steps."""
-        how: dict[str, Any] = {"steps": 12, "tolerance": 1e-4} if quick else {}
-        problem, z = self.problem, self.z
-        if self.peaks:
-            z = resonances.search(problem, z, self.peaks)
-            how = how or {"tolerance": 1e-10}
-        z, chi_squared = problem.minimise(z, **how)
+    def descend(self, z: Array, **how: Any) -> Solution:
+        """Fit all values from z on."""
+        z, chi_squared = self.problem.minimise(z, **how)
         return replace(self, z=z, chi_squared=chi_squared)
+
+    def refine(self, *, quick: bool = False) -> Solution:
+        """Fit to the resonances, then all values; in a misfit also all values from here on.
+
+        A `quick` fit takes fewer steps and is not repeated.
+        """
+        if not self.peaks:
+            return self.descend(self.z)
+        how: dict[str, Any] = {"steps": 12, "tolerance": 1e-4} if quick else {"tolerance": 1e-10}
+        found = self.descend(resonances.search(self.problem, self.z, self.peaks), **how)
+        if found.misfit and not quick:
+            found = min(found, self.descend(self.z, **how), key=lambda end: end.chi_squared)
+        return found
 
     def corrected(self, corrections: Sequence[Correction], made: channels.Channels) -> Solution:
         """Change the channels; properties that become unknown begin at 0."""
