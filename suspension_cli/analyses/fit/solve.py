@@ -114,6 +114,12 @@ class Solution:
         z = np.concatenate([self.z[parts[0]], own, self.z[parts[2].start :]])
         return replace(self, problem=problem, z=z, corrections=tuple(corrections))
 
+    def linearise(self) -> Array:
+        """Derivatives of the residuals, with those of the designs exactly here."""
+        for item, own in zip(self.problem.experiment, self.problem.shared.T, strict=True):
+            item.changes(self.z[: self.problem.count][own], exactly=True)
+        return self.problem.jacobian(self.z)
+
     def at(self, x: Array) -> Solution:
         """Set the parameters; other unknowns stay."""
         return replace(self, z=np.concatenate([x, self.z[self.problem.count :]]))
@@ -180,9 +186,11 @@ def solve(
     changes = None
     if functions and (explain or found.misfit):
         found, changes = _restart(found)
-    result = _collect(found, measured, np.sort([end.chi_squared for end in ends]))
+    slope = found.linearise()
+    result = _collect(found, slope, measured, np.sort([end.chi_squared for end in ends]))
     if functions:
-        return replace(result, responses=_responses(found, problem, changes if explain else None))
+        responses = _responses(found, slope, problem, changes if explain else None)
+        return replace(result, responses=responses)
     return replace(result, exchange=_find_exchange(found)) if result.misfit else result
 
 
@@ -363,14 +371,11 @@ def _find_exchange(found: Solution) -> Exchange | None:
     return best
 
 
-def _collect(found: Solution, measured: Measured, ends: Array) -> Fit:
+def _collect(found: Solution, slope: Array, measured: Measured, ends: Array) -> Fit:
     """Collect the result of a fit. Parameters at a bound have NaN in the covariance."""
     problem, p, every = found.problem, found.problem.count, found.problem.experiment
     value = found.z[:p]
     own = [value[here] for here in problem.shared.T]
-    for item, x in zip(every, own, strict=True):
-        item.changes(x, exactly=True)
-    slope = problem.jacobian(found.z)
     spread = findings.covariance(problem, found.z, slope)
     labels = [
         [item.labels[mode] for mode in item.assign_modes(x)] if item.mode else []
@@ -419,13 +424,15 @@ def _collect(found: Solution, measured: Measured, ends: Array) -> Fit:
 
 
 def _responses(
-    found: Solution, begin: Problem, changes: tuple[float, tuple[SingleChange, ...]] | None
+    found: Solution,
+    slope: Array,
+    begin: Problem,
+    changes: tuple[float, tuple[SingleChange, ...]] | None,
 ) -> ResponseFit:
     """Collect what a fit says of the measured transfer functions."""
     problem, one = found.problem, found.problem.experiment[0]
     functions, nuisances = problem.channels.function, problem.channels.nuisances
     own, stiff = problem.parts[1], problem.parts[3]
-    slope = problem.jacobian(found.z)
     sigma = np.sqrt(np.diag(findings.covariance(problem, found.z, slope)))
     start = Solution(begin, [], begin.unknowns.start).corrected((), problem.channels)
     z0 = np.concatenate([start.z, np.zeros(len(problem.stiff))])

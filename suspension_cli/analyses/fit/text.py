@@ -44,7 +44,7 @@ def first_lines(found: Fit) -> list[str]:
             " cable, a stop), or the priors are too narrow"
         )
     if found.far:
-        far = ", ".join(f"{_short(name)} ({pull:+.3g} sigma)" for name, pull in found.far[:LISTED])
+        far = ", ".join(f"{short(name)} ({pull:+.3g} sigma)" for name, pull in found.far[:LISTED])
         more = f", and {len(found.far) - LISTED} more" if len(found.far) > LISTED else ""
         lines.append(f"far from the priors: {far}{more}")
     return lines + (corrections(found.responses) if found.responses is not None else [])
@@ -69,12 +69,6 @@ def _remedy(found: Fit) -> str:
         f'two labels may be exchanged: with "{first}" and "{second}" exchanged{where}, chi^2 is'
         f" {found.exchange.chi_squared:.4g}"
     )
-
-
-def _short(name: str) -> str:
-    """Shorten a path that may be followed by experiments."""
-    path, space, rest = name.partition(" ")
-    return short(path) + space + rest
 
 
 def corrections(found: ResponseFit) -> list[str]:
