@@ -81,6 +81,10 @@ class Resonance(Peak):
     mode: int
     functions: int
 
+    def doubt(self, least: float) -> float:
+        """Relative uncertainty of the frequency, a tenth of the width or `least` at best."""
+        return max(float(np.hypot(self.sigma / self.frequency, 0.1 * self.damping)), least)
+
 
 def find_peaks(item: MeasuredResponse) -> list[Peak]:
     """Find the resonances of a measured function."""
@@ -211,12 +215,7 @@ def search(problem: Problem, z: Array, peaks: list[list[Peak]]) -> Array:
         modes = [
             Mode(
                 frequency=peak.frequency,
-                uncertainty=float(
-                    max(
-                        np.hypot(peak.sigma, 0.1 * peak.frequency * peak.damping),
-                        least * peak.frequency,
-                    )
-                ),
+                uncertainty=peak.frequency * peak.doubt(least),
                 label=one.labels[peak.mode],
             )
             for peak in matched

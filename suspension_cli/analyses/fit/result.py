@@ -71,14 +71,8 @@ class Candidate:
     sigma: float
 
 
-RESONANCE = {
-    "measured": "Hz",
-    "sigma": "Hz",
-    "before": "Hz",
-    "after": "Hz",
-    "q": "1",
-    "functions": "1",
-}
+RESONANCE = dict.fromkeys(("measured", "sigma", "before", "after"), "Hz")
+RESONANCE |= dict.fromkeys(("q", "functions"), "1")
 """Columns of measured resonances, and their units."""
 
 
@@ -281,12 +275,8 @@ class Fit:
     def pulls(self) -> list[tuple[str, float]]:
         """Priors of parameters and channels, and the distance of the fit in standard deviations."""
         pull = (self.value - self.prior) / self.prior_sigma
-        known = np.isfinite(self.prior_sigma)
-        found = [
-            (name, float(by))
-            for name, by, ok in zip(self.parameters, pull, known, strict=True)
-            if ok
-        ]
+        found = [*zip(self.parameters, pull.tolist(), strict=True)]
+        found = [one for one, sigma in zip(found, self.prior_sigma, strict=True) if sigma < np.inf]
         if self.responses is not None:
             channels = self.responses.nuisance_value / self.responses.nuisance_prior
             found += zip(self.responses.nuisance, channels.tolist(), strict=True)

@@ -153,7 +153,7 @@ def guess(problem: Problem, z: Array) -> tuple[list[Correction], Channels]:
         if one.kind == FACTOR:
             wide = {"gain_uncertainty": FACTOR_KNOWN}
             channels = channels.with_transducer(one.side, one.channel[0], **wide)
-    return found, channels
+    return sorted(found, key=lambda one: one.kind), channels
 
 
 def _improvements(problem: Problem, z: Array) -> list[tuple[float, Correction]]:
