@@ -283,8 +283,11 @@ def document(found: Fit, files: Sequence[str | None]) -> Document:
         row["experiment"] = found.experiment[row["experiment"]]
     exchange = None
     if found.exchange is not None:
-        (exchange,) = table((found.exchange,), "experiment labels chi_squared")
-        exchange["experiment"] = found.experiment[found.exchange.experiment]
+        exchange = {
+            "experiment": found.experiment[found.exchange.experiment],
+            "labels": list(found.exchange.labels),
+            "chi_squared": found.exchange.chi_squared,
+        }
     pairs = zip(found.experiment, files, strict=True)
     return {
         "experiments": [{"name": name, "design": file} for name, file in pairs],
@@ -310,10 +313,10 @@ def _response_document(found: ResponseFit) -> Document:
         row["frequencies"] //= 2
     values = "change=nuisance_value sigma=nuisance_sigma prior_sigma=nuisance_prior"
     keys = ("measured_hz", "uncertainty_hz", "before_hz", "after_hz", "q", "functions")
-    columns = "kind side channels=channel factor claimed_otherwise=known also"
+    columns = "kind side factor claimed_otherwise=known also"
     wrong = table(found.corrections, f"{columns} chi_squared_without=chi_squared text")
-    for row in wrong:
-        row |= {"side": TABLES[row["side"]], "also": row["also"] or None}
+    for row, one in zip(wrong, found.corrections, strict=True):
+        row |= {"side": TABLES[one.side], "channels": [*one.channel], "also": one.also or None}
     return {
         "transfer_functions": functions,
         "channels": table(found, f"name=nuisance {values}"),
