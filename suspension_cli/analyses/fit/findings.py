@@ -14,7 +14,7 @@ from suspension_cli.analyses.fit.problem import Problem, stack_parts
 from suspension_cli.analyses.fit.result import Candidate
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.linear import signals
-from suspension_cli.studies.natural_steps import natural_step
+from suspension_cli.studies.parameters import natural_step
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float
