@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 TABLES = ("sensor", "actuator")
 """Their tables in files of measurements."""
 GAIN, DELAY, MIX = "gain", "delay", "mix"
+STEP = 1e-3
+"""Step of derivatives by a property of a channel, standard deviations of its prior."""
 
 
 @dataclass(frozen=True)
@@ -69,9 +71,9 @@ class Channels:
         Signals in sensors and in actuators.
     """
 
-    transducer: tuple[dict[str, Transducer], dict[str, Transducer]]
-    signal: tuple[tuple[Signal, ...], tuple[Signal, ...]]
-    function: tuple[MeasuredResponse, ...]
+    transducer: tuple[dict[str, Transducer], dict[str, Transducer]] = ({}, {})
+    signal: tuple[tuple[Signal, ...], tuple[Signal, ...]] = ((), ())
+    function: tuple[MeasuredResponse, ...] = ()
 
     @cached_property
     def nuisances(self) -> tuple[Nuisance, ...]:
@@ -79,11 +81,13 @@ class Channels:
         found = []
         for side, items in enumerate(self.transducer):
             for name, item in items.items():
-                for kind in (GAIN, DELAY):
-                    sigma = getattr(item, f"{kind}_uncertainty")
-                    found += [Nuisance(side, name, kind, sigma)] if sigma is not None else []
-                mixed = item.mix_uncertainty.items()
-                found += [Nuisance(side, name, MIX, sigma, other) for other, sigma in mixed]
+                given = {(GAIN, ""): item.gain_uncertainty, (DELAY, ""): item.delay_uncertainty}
+                given |= {(MIX, other): sigma for other, sigma in item.mix_uncertainty.items()}
+                found += [
+                    Nuisance(side, name, kind, sigma, other)
+                    for (kind, other), sigma in given.items()
+                    if sigma is not None
+                ]
         return tuple(found)
 
     @cached_property
@@ -116,37 +120,28 @@ class Channels:
         one = self.with_transducer(side, first, signal=b.signal, mix=b.mix)
         return one.with_transducer(side, second, signal=a.signal, mix=a.mix)
 
-    def with_values(self, values: dict[Nuisance, float]) -> Channels:
-        """Set gains, delays and mixing to fitted values."""
+    def with_values(self, values: Array) -> Channels:
+        """Set gains, delays and mixing to fitted values of the nuisances."""
         made = self
-        for one, value in values.items():
+        for one, value in zip(self.nuisances, values.tolist(), strict=True):
             item = made.transducer[one.side][one.channel]
-            if one.kind == GAIN:
-                change: dict[str, object] = {GAIN: item.gain * (1 + value)}
-            elif one.kind == DELAY:
+            change: dict[str, object] = {GAIN: item.gain * (1 + value)}
+            if one.kind == DELAY:
                 change = {DELAY: item.delay + value}
-            else:
+            elif one.kind == MIX:
                 change = {MIX: item.mix | {one.other: item.mix.get(one.other, 0.0) + value}}
             made = made.with_transducer(one.side, one.channel, **change)
         return made
 
     def weights(self, side: int, frequency: Array) -> Complex[np.ndarray, "frequency channel _"]:
         """Weights of the signals in each sensor or actuator."""
-        key = (side, frequency.tobytes())
-        if key not in self._weights:
-            texts = [signal.text for signal in self.signal[side]]
-            items = self.transducer[side].values()
-            rows = [channel_weights(item, texts, frequency) for item in items]
-            self._weights[key] = np.stack(rows, 1)
-        return self._weights[key]
-
-    @cached_property
-    def _weights(self) -> dict[tuple[int, bytes], np.ndarray]:
-        return {}
+        texts = [signal.text for signal in self.signal[side]]
+        items = self.transducer[side].values()
+        return np.stack([channel_weights(item, texts, frequency) for item in items], 1)
 
     def combine(
-        self, response: Complex[np.ndarray, "frequency output input"], frequency: Array
-    ) -> Complex[np.ndarray, "frequency sensor actuator"]:
+        self, response: Complex[np.ndarray, "*more frequency output input"], frequency: Array
+    ) -> Complex[np.ndarray, "*more frequency sensor actuator"]:
         """Compute readings per drive from responses of the signals."""
         return self.weights(0, frequency) @ response @ self.weights(1, frequency).swapaxes(1, 2)
 
@@ -154,22 +149,19 @@ class Channels:
         self,
         response: Complex[np.ndarray, "frequency output input"],
         frequency: Array,
-        by: Nuisance,
-        value: float,
-    ) -> Complex[np.ndarray, "frequency sensor actuator"]:
-        """Differentiate readings per drive by a property, which has this value in `self`."""
-        changed = self
-        if by.kind == MIX:
-            changed = self.with_transducer(by.side, by.channel, signal=by.other, mix={})
-        result = changed.combine(response, frequency)
-        others = [n for n, name in enumerate(self.names(by.side)) if name != by.channel]
-        np.moveaxis(result, 1 + by.side, 0)[others] = 0.0
-        if by.kind == DELAY:
-            return -2j * np.pi * frequency[:, None, None] * result
-        return result / (1 + value) if by.kind == GAIN else result
-
-
-NO_CHANNELS = Channels(({}, {}), ((), ()), ())
+        values: Array,
+    ) -> Complex[np.ndarray, "nuisance frequency sensor actuator"]:
+        """Differentiate readings per drive by the nuisances at these values."""
+        rows = []
+        for n, one in enumerate(self.nuisances):
+            step = STEP * one.sigma * np.eye(len(values))[n]
+            above, below = (
+                self.with_values(values + move).combine(response, frequency)
+                for move in (step, -step)
+            )
+            rows.append((above - below) / (2 * step[n]))
+        size = (len(frequency), len(self.names(0)), len(self.names(1)))
+        return np.array(rows, dtype=complex).reshape(-1, *size)
 
 
 def build(
@@ -186,33 +178,29 @@ def build(
     known = tuple(name for name in signals.bodies_with_signals(system) if name != GROUND)
     given = [{one.name: one for one in side} for side in (measured.sensor, measured.actuator)]
     bad: dict[Fault, None] = {}
-    used: list[dict[str, Transducer]] = [{}, {}]
+    used: tuple[dict[str, Transducer], dict[str, Transducer]] = ({}, {})
     found: list[dict[str, Signal]] = [{}, {}]
 
-    def parse(side: int, text: str, where: str, also: str = "") -> bool:
+    def parse(side: int, text: str, where: str, also: str = "") -> None:
         try:
-            parsed = (signals.parse_output, signals.parse_input)[side](text, known)
+            found[side][text] = (signals.parse_output, signals.parse_input)[side](text, known)
         except InputError as error:
             fault = error.faults[0]
             bad[Fault(where, fault.problem, fault.remedy + also, format_value(text))] = None
-            return False
-        found[side][text] = parsed
-        return True
 
     for n, item in enumerate(functions, 1):
         for side, (key, name) in enumerate((("output", item.output), ("input", item.input))):
-            also = f"; or describe the channel by a [[{TABLES[side]}]]"
-            if given[side]:
-                also = f"; or name a [[{TABLES[side]}]] ({suggest(name, list(given[side]))})"
             if name in given[side]:
-                used[side][name] = given[side][name]
-            elif parse(side, name, f"transfer_function.{n}.{key}", also):
+                used[side][name] = one = given[side][name]
+                for text in (one.signal, *one.mix, *one.mix_uncertainty):
+                    parse(side, text, f"{TABLES[side]}.{name}")
+            else:
+                also = f"; or describe the channel by a [[{TABLES[side]}]]"
+                if given[side]:
+                    also = f"; or name a [[{TABLES[side]}]] ({suggest(name, list(given[side]))})"
                 used[side][name] = Transducer(name=name, signal=name)
-    for side, items in enumerate(used):
-        for name, item in items.items():
-            for text in (item.signal, *item.mix, *item.mix_uncertainty):
-                parse(side, text, f"{TABLES[side]}.{name}")
+                parse(side, name, f"transfer_function.{n}.{key}", also)
     if bad:
         raise InputError(list(bad))
     outputs, inputs = (tuple(side.values()) for side in found)
-    return Channels((used[0], used[1]), (outputs, inputs), tuple(functions))
+    return Channels(used, (outputs, inputs), tuple(functions))

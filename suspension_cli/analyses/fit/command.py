@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -222,15 +223,18 @@ class FitAnalysis(Analysis):
 
     def others(self, result: Result, path: Path) -> list[Path]:
         """Write each fitted design: NAME-fitted.toml, of several NAME-EXPERIMENT-fitted.toml."""
-        from suspension_cli.analyses.fit import design_file
+        from suspension_cli.analyses.fit import text
+        from suspension_cli.files.atomic import write_bytes
 
-        found, extra, paths = result.data, result.extra, []
-        for n, (name, file) in enumerate(zip(found.experiment, extra["designs"], strict=True)):
+        extra, paths = result.extra, []
+        measured = Path(extra["measured_file"]).name
+        for n, (name, file) in enumerate(
+            zip(result.data.experiment, extra["designs"], strict=True)
+        ):
             stem = f"{extra['stem']}-{name}" if extra["joint"] else extra["stem"]
-            made = path.with_name(f"{stem}-fitted.toml")
-            measured = Path(extra["measured_file"]).name
-            design_file.save_design(made, found, n, Path(file).name, measured, result.command)
-            paths.append(made)
+            paths.append(path.with_name(f"{stem}-fitted.toml"))
+            made = text.fitted_design(result.data, n, Path(file).name, measured, result.command)
+            write_bytes(paths[-1], made.encode())
         return paths
 
 
@@ -267,23 +271,17 @@ def _choose_models(wanted: str, sources: Sequence[Source], measured: Measured) -
     def request(system: LinearSystem, labels: set[str | None]) -> Several:
         """Request the modes of these labels, or all if a mode has no label."""
         found = eigenmodes.solve(system.constant)
-        names = named_results.labels(found)
-        every = tuple(named_results.Mode(name, n) for n, name in enumerate(names))
+        every = tuple(
+            named_results.Mode(name, n) for n, name in enumerate(named_results.labels(found))
+        )
         some = tuple(mode for mode in every if mode.text in labels)
         return Several(every if None in labels or not some else some, found)
 
     found = []
     for source, modes in zip(sources, measured.modes, strict=True):
+        ask = functools.partial(request, labels={mode.label for mode in modes})
         with attribute_faults_to(source.file):
-            labels = {mode.label for mode in modes}
-            found.append(
-                model_choice.choose(
-                    source,
-                    wanted,
-                    lambda system, labels=labels: request(system, labels),
-                    candidates=[common],
-                )[0]
-            )
+            found.append(model_choice.choose(source, wanted, ask, candidates=[common])[0])
     return found
 
 
@@ -306,29 +304,17 @@ def _designs(
         try:
             runs.append(ask(design, own))
         except InputError as error:
-            reported = _of_measured(error, n, own, file, lambda design=design: ask(design))
+            theirs = {format_value(text) for text in own}
+            moved = [
+                Fault(f"experiment.{n}.set", fault.problem, fault.remedy, fault.value)
+                for fault in error.faults
+                if fault.value in theirs
+            ]
+            reported = InputError(moved, file) if moved else error
             bad[str(reported)] = reported
     if bad:
         raise join_errors(list(bad.values()))
     return runs
-
-
-def _of_measured(
-    error: InputError, number: int, own: tuple[str, ...], file: str, without: Callable[[], Run]
-) -> InputError:
-    """Attribute faults that only an experiment's overrides cause to the file of measurements."""
-    theirs = {format_value(text) for text in own}
-    if any(fault.value in theirs for fault in error.faults):
-        try:
-            without()
-        except InputError as other:
-            theirs -= {fault.value for fault in other.faults}
-    moved = [
-        Fault(f"experiment.{number}.set", fault.problem, fault.remedy, fault.value)
-        for fault in error.faults
-        if fault.value in theirs
-    ]
-    return InputError(moved, file) if moved else error
 
 
 def _warn(found: Fit, choice: Choice, log: Log) -> None:

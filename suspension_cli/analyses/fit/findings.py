@@ -6,19 +6,14 @@ All follow from the Jacobian J of the weighted residuals at the end of the fit.
 from __future__ import annotations
 
 import itertools
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.fit.problem import Problem, stack_parts, typical_change
-from suspension_cli.analyses.fit.result import Candidate, SingleChange
-from suspension_cli.analyses.fit.search import Solution, refine
+from suspension_cli.analyses.fit.problem import Problem, stack_parts
+from suspension_cli.analyses.fit.result import Candidate
 from suspension_cli.conventions import DOFS, SUPPORT
-from suspension_cli.design.measured import Free
-from suspension_cli.errors import InputError
 from suspension_cli.linear import signals
-from suspension_cli.studies import parameters
 from suspension_cli.studies.parameters import natural_step
 
 if TYPE_CHECKING:
@@ -37,12 +32,10 @@ UNKNOWN = 0.8
 TOGETHER = 0.2
 """Standard deviation of a combination over the smallest of its members' below which only the
 combination is determined."""
+POWERS = np.array([1.0, -1.0, 2.0, -2.0, 0.5, -0.5, 4.0, -4.0])
+"""Exponents in a product of which only the product is determined."""
 COMBINED = 8
 """Parameters that are searched for combinations of three."""
-REFITTED = 5
-"""Most single changes that are fitted."""
-WORTH = 0.02
-"""Fraction of the fit's decrease of chi^2 that a single change must reach to be reported."""
 GAIN = 0.05
 """Relative calibration error of a candidate measurement."""
 PER_BAND = 24
@@ -61,13 +54,13 @@ LISTED = 6
 
 def covariance(problem: Problem, z: Array, slope: Array) -> Float[np.ndarray, "unknown unknown"]:
     """Compute (J^T J)^-1; infinite where not determined, NaN at a bound."""
-    low, high = problem.bounds
-    size = np.where(z != 0, np.abs(z), problem.scale)
+    _, low, high, _, _, scale = problem.unknowns
+    size = np.where(z != 0, np.abs(z), scale)
     inner = (np.abs(z - low) > 1e-8 * size) & (np.abs(z - high) > 1e-8 * size)
     result = np.full((len(z), len(z)), np.nan)
     if not inner.any():
         return result
-    scaled = slope[:, inner] * problem.scale[inner]
+    scaled = slope[:, inner] * scale[inner]
     norm = np.sqrt((scaled**2).sum(0))
     norm[norm == 0] = 1.0
     _, singular, direction = np.linalg.svd(np.linalg.qr(scaled / norm, mode="r"))
@@ -78,7 +71,7 @@ def covariance(problem: Problem, z: Array, slope: Array) -> Float[np.ndarray, "u
     lost = (np.abs(direction[~good]) > 1e-6).any(0)
     inverse[lost, :] = inverse[:, lost] = 0.0
     inverse[lost, lost] = np.inf
-    result[np.ix_(inner, inner)] = inverse * np.outer(*2 * [problem.scale[inner] / norm])
+    result[np.ix_(inner, inner)] = inverse * np.outer(*2 * [scale[inner] / norm])
     return result
 
 
@@ -88,14 +81,11 @@ def data_rows(problem: Problem, slope: Array) -> Float[np.ndarray, "row paramete
     The columns of the other unknowns, with their priors, are projected out (Golub and Pereyra, SIAM
     J. Numer. Anal. 10, 413 (1973)).
     """
-    known = np.isfinite(problem.prior[1])
-    of_parameters = np.flatnonzero(known[: problem.count])
+    p, known = problem.count, np.isfinite(problem.unknowns.sigma)
     first = len(slope) - int(known.sum())
-    rows = np.delete(slope, first + np.arange(len(of_parameters)), axis=0)
-    own, others = rows[:, : problem.count], rows[:, problem.count :]
-    if not others.shape[1]:
-        return own
-    basis = np.linalg.qr(others * problem.scale[problem.count :])[0]
+    rows = np.delete(slope, first + np.arange(known[:p].sum()), axis=0)
+    own, others = rows[:, :p], rows[:, p:]
+    basis = np.linalg.qr(others * problem.unknowns.scale[p:])[0]
     return own - basis @ (basis.T @ own)
 
 
@@ -126,27 +116,27 @@ def describe(problem: Problem, z: Array, slope: Array) -> tuple[str, ...]:
     p = problem.count
     if not p:
         return ()
-    scale, names = problem.scale[:p], [item.name for item in problem.free]
+    scale, names, value = problem.unknowns.scale[:p], [one.name for one in problem.free], z[:p]
     rows = data_rows(problem, slope) * scale
     spread = np.linalg.inv(rows.T @ rows + np.eye(p) / WEAK**2)
     sigma = np.sqrt(np.diag(spread))
-    units = [change_unit(name, float(value)) for name, value in zip(names, z[:p], strict=True)]
-    said, taken = combinations(names, z[:p], spread * np.outer(scale, scale), sigma > KNOWN)
-    alone = [n for n in range(p) if n not in taken]
+    lines, taken = combinations(names, value, spread * np.outer(scale, scale), sigma > KNOWN)
+    alone = ~np.isin(np.arange(p), [*taken])
+    units = [change_unit(name, float(now)) for name, now in zip(names, value, strict=True)]
 
-    def words(some: list[int]) -> str:
-        sizes = [(short(names[n]), sigma[n] * scale[n] * units[n][1], units[n][0]) for n in some]
-        return ", ".join(f"{name} (to {size:.2g} {unit})" for name, size, unit in sizes)
+    def words(some: Bool[np.ndarray, " parameter"]) -> str:
+        sizes = [(short(names[n]), sigma[n] * scale[n], *units[n]) for n in np.flatnonzero(some)]
+        return ", ".join(f"{name} (to {by * one:.2g} {unit})" for name, by, unit, one in sizes)
 
-    good = [n for n in alone if sigma[n] <= KNOWN]
-    poor = [n for n in alone if KNOWN < sigma[n] < UNKNOWN]
-    rest = [short(names[n]) for n in alone if sigma[n] >= UNKNOWN]
-    lines = ["determined: " + words(good)] if good else []
-    lines += said + (["hardly determined: " + words(poor)] if poor else [])
-    if rest:
-        text = "not determined by these data, so their values are from priors or the design: "
-        lines.append(text + ", ".join(rest))
-    return tuple(lines)
+    good, poor = alone & (sigma <= KNOWN), alone & (sigma > KNOWN) & (sigma < UNKNOWN)
+    rest = ", ".join(short(names[n]) for n in np.flatnonzero(alone & (sigma >= UNKNOWN)))
+    said = [
+        ("determined: ", words(good)),
+        *(("", line) for line in lines),
+        ("hardly determined: ", words(poor)),
+        ("not determined by these data, so their values are from priors or the design: ", rest),
+    ]
+    return tuple(head + text for head, text in said if text)
 
 
 def combinations(
@@ -154,7 +144,8 @@ def combinations(
 ) -> tuple[list[str], set[int]]:
     """Find combinations of two or three parameters of which only the combination is determined.
 
-    Sums of lengths, or products of powers; `spread` is the covariance of the parameters.
+    Sums of lengths, or products of powers; `spread` is the covariance of the parameters. The
+    coefficients are those of the smallest principal axis of the members' covariance, rounded.
     """
     lengths = [change_unit(name, 1.0)[0] == "mm" for name in names]
     lines: list[str] = []
@@ -170,20 +161,20 @@ def combinations(
                 continue
             unit = np.ones(size) if summed else value[some]
             own = spread[np.ix_(some, some)] / np.outer(unit, unit)
-            single = np.sqrt(np.diag(own)).min()
-            for tail in itertools.product(
-                (1, -1) if summed else (1, -1, 2, -2, 0.5, -0.5, 4, -4), repeat=size - 1
-            ):
-                weight = np.array([1.0, *tail])
-                error = float(np.sqrt(max(weight @ own @ weight, 0.0)))
-                ratio = error / float(np.abs(weight).max()) / single
-                if ratio < TOGETHER:
-                    found.append((ratio, some, weight, error, summed))
+            axis = np.linalg.eigh(own)[1][:, 0]
+            simple = POWERS[: 2 if summed else len(POWERS)]
+            off = np.abs((axis / (axis[0] or 1.0))[:, None] / simple - 1)
+            weight = simple[off.argmin(1)]
+            error = float(np.sqrt(max(weight @ own @ weight, 0.0)))
+            relative = error / float(np.abs(weight).max() * np.sqrt(np.diag(own)).min())
+            if relative < TOGETHER:
+                found.append((relative, some, weight, error, summed))
         for _, some, weight, error, summed in sorted(found, key=lambda item: item[0]):
             if not taken & set(some):
                 taken |= set(some)
-                short_names = [short(names[n]) for n in some]
-                lines.append(_sentence(short_names, weight, error, summed=summed))
+                lines.append(
+                    _sentence([short(names[n]) for n in some], weight, error, summed=summed)
+                )
     return lines, taken
 
 
@@ -204,74 +195,6 @@ def _sentence(names: list[str], weight: Array, error: float, *, summed: bool) ->
     return f"only the {kind} {above}{below} is known (to {100 * error:.2g} %)"
 
 
-def restricted(problem: Problem, names: list[str], values: dict[str, float]) -> Problem:
-    """Set up the problem of the same measurements with other free parameters, without priors."""
-    start = np.array([values[name] for name in names])
-    one = replace(
-        problem.experiment[0],
-        free=names,
-        start=start,
-        scale=typical_change(start),
-        around=None,
-        _plants={},
-    )
-    free, shared = [Free(name=name) for name in names], np.ones((len(names), 1), dtype=bool)
-    return problem.changed(experiment=[one], free=free, shared=shared, base=start, _solved={})
-
-
-def single_changes(found: Solution) -> tuple[float, tuple[SingleChange, ...]]:
-    """Fit the measurements with one parameter of the design at a time.
-
-    Parameters are ranked by the chi^2 that a change of one alone leaves, to first order around the
-    end of the fit; the best are fitted.
-
-    Returns
-    -------
-    float
-        chi^2 of the design as given, with only the other unknowns fitted.
-    tuple of SingleChange
-        Best first.
-    """
-    problem, p = found.problem, found.problem.count
-    one, rest = problem.experiment[0], found.z[p:]
-    given = {item.name: item.value for item in parameters.every(one.text, one.level)}
-    given |= dict(zip(one.free, problem.base, strict=True))
-    changes = dict(zip(one.free, found.z[:p] - problem.base, strict=True))
-    derivatives = dict(zip(given, one.plant(found.z[:p]).changes(list(given)), strict=True))
-    matter = {
-        name: change
-        for name, change in derivatives.items()
-        if change is not None and (change.matters or name in one.free)
-    }
-    names = list(matter)
-    moved = np.array([changes.get(name, 0.0) for name in names])
-    wide = restricted(problem, names, {n: given[n] + changes.get(n, 0.0) for n in names})
-    wide.experiment[0].around = (wide.base, list(matter.values()))
-    slope = data_rows(wide, wide.jacobian(np.concatenate([wide.base, rest])))
-    own = slope.T @ slope
-    with np.errstate(divide="ignore", invalid="ignore"):
-        gain = np.nan_to_num((own @ moved) ** 2 / np.diag(own))
-
-    def fit(some: list[str]) -> Solution:
-        made = restricted(problem, some, given)
-        begin = np.concatenate([made.base, rest])
-        return refine(replace(found, problem=made, z=begin), quick=True)
-
-    before = fit([]).chi_squared
-    result = []
-    for n in np.argsort(-gain, kind="stable")[:REFITTED]:
-        if gain[n] > max(WORTH * float(moved @ own @ moved), 4.0):
-            try:
-                end = fit([names[n]])
-            except (InputError, np.linalg.LinAlgError):
-                continue
-            start = given[names[n]]
-            result.append(SingleChange(names[n], start, float(end.z[0]) - start, end.chi_squared))
-    least = before - WORTH * max(before - found.chi_squared, 0.0)
-    good = [item for item in result if item.chi_squared < least]
-    return before, tuple(sorted(good, key=lambda item: item.chi_squared))
-
-
 def next_measurements(
     problem: Problem, z: Array, slope: Array
 ) -> tuple[int | None, tuple[Candidate, ...]]:
@@ -282,8 +205,8 @@ def next_measurements(
     functions, and a calibration error of `GAIN`. The information J^T J of a candidate is added to
     that of the fit (Fisher).
     """
-    p, one = problem.count, problem.experiment[0]
-    scaled = slope * problem.scale
+    p, scale = problem.count, problem.unknowns.scale
+    scaled = slope * scale
     whole = scaled.T @ scaled
     spread = np.linalg.inv(whole + 1e-12 * np.diag(whole).max() * np.eye(len(whole)))
     at_bound = np.isnan(np.diag(covariance(problem, z, slope)))
@@ -291,28 +214,19 @@ def next_measurements(
     least = [int(n) for n in order if not at_bound[n]][:LEAST]
     if not least:
         return None, ()
-    plant, modes = one.plant(z[:p]), one.order(z[:p])
+    plant = problem.experiment[0].plant(z[:p])
     known, body = signals.bodies_with_signals(plant.system), plant.system.body
     drives = [f"{SUPPORT}.{dof}" for dof in DOFS]
     drives += [f"{name}.{force}" for name in body for force in signals.FORCES]
     inputs = [signals.parse_input(text, known) for text in drives]
     outputs = [signals.parse_output(f"{name}.{dof}", known) for name in body for dof in DOFS]
     bands = [np.geomspace(a, b, PER_BAND, endpoint=False) for a, b in itertools.pairwise(BANDS)]
-    damping, stiffening = np.zeros((2, len(modes)))
-    damping[modes[problem.damped]] = added = np.exp(z[problem.parts[2]])
-    stiffening[modes[problem.stiff]] = z[problem.parts[3]]
-    response = plant.respond(np.concatenate(bands), inputs, outputs, damping, stiffening)
-    columns = [response.derivative(change) for change in one.changes(z[:p])]
-    columns += [
-        size * response.damping_derivative(int(mode))
-        for mode, size in zip(modes[problem.damped], added, strict=True)
-    ]
-    places = [*range(p), *range(problem.parts[2].start, problem.parts[2].stop)]
-    value, rate = response.value, np.stack(columns, -1) * problem.scale[places]
-    noise = [
-        item.uncertainty / np.maximum(np.abs(item.value), 1e-300)
-        for item in problem.channels.function
-    ]
+    response = plant.respond(np.concatenate(bands), inputs, outputs, *problem.added(z))
+    value = response.value
+    places = np.delete(np.arange(len(z)), problem.parts[1])
+    rate = np.moveaxis(problem.state_derivatives(response, z), 0, -1) * scale[places]
+    functions = problem.channels.function
+    noise = [item.uncertainty / np.maximum(np.abs(item.value), 1e-300) for item in functions]
     relative = float(np.clip(np.median(np.concatenate(noise)), 1e-4, 1.0))
     part, own = spread[np.ix_(places, places)], np.diag(spread)[least]
     found: list[tuple[Array, str, str, int]] = []
@@ -336,6 +250,6 @@ def next_measurements(
     best: dict[tuple[str, str], Candidate] = {}
     for variance, drive, sensor, band in sorted(found, key=lambda item: float(item[0][chosen])):
         if (drive, sensor) not in best and len(best) < LISTED:
-            sigma = problem.scale[least[chosen]] * float(np.sqrt(max(variance[chosen], 0.0)))
+            sigma = scale[least[chosen]] * float(np.sqrt(max(variance[chosen], 0.0)))
             best[drive, sensor] = Candidate(drive, sensor, (BANDS[band], BANDS[band + 1]), sigma)
     return least[chosen], tuple(best.values())

@@ -1,18 +1,17 @@
-"""Figure of a fit: residuals of modes before and after, and fitted numbers."""
+"""Figures of a fit: residuals of modes, fitted numbers, and transfer functions before and after."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import blended_transform_factory
 
+from suspension_cli.analyses.fit.findings import short
 from suspension_cli.analyses.fit.result import Fit, ResponseFit
 from suspension_cli.design.paths import displayed_unit
 from suspension_cli.drawing import labels, panels
@@ -23,41 +22,31 @@ from suspension_cli.drawing.style import (
     PALE,
     PALETTE,
     LineLook,
-    figure_of,
     format_raised,
     single_line,
 )
 
 if TYPE_CHECKING:
-    from jaxtyping import Complex, Float, Int
+    from jaxtyping import Complex, Float
 
 PLAIN_POWERS = range(-3, 3)
 """Powers of ten that are written without an exponent."""
-MANY = 9999.5
-"""Largest number on an axis above which it has fewer labels."""
 INTERVAL = 1.959964
 """Half width of a 95 % interval of a normal distribution, standard deviations."""
 FAR = 8.0
 """Residual (standard deviations) beyond which their axis is logarithmic."""
-BEFORE, AFTER = PALETTE[1], PALETTE[0]
-"""Colours of the design as given and as fitted."""
-NAMES = ("before", "after")
-LOOKS: tuple[tuple[str, LineLook], ...] = (
-    (
-        BEFORE,
-        {
-            "linestyle": "none",
-            "marker": "o",
-            "markersize": 3.5,
-            "markerfacecolor": "white",
-            "zorder": 4,
-        },
-    ),
-    (AFTER, {"linestyle": "none", "marker": "D", "markersize": 3.5, "zorder": 4}),
-)
+HOLLOW: LineLook = {"markerfacecolor": "white"}
+BEFORE = Line(
+    [], [], "before", PALETTE[1],
+    {"linestyle": "none", "marker": "o", "markersize": 3.5, "zorder": 4, **HOLLOW},
+)  # fmt: skip
+AFTER = Line(
+    [], [], "after", PALETTE[0],
+    {"linestyle": "none", "marker": "D", "markersize": 3.5, "zorder": 4},
+)  # fmt: skip
 """Marks of the design as given and as fitted."""
-LONGEST, WHO = 32, 14
-"""Longest names of modes and of experiments, characters."""
+LONGEST = 30
+"""Longest names of modes and numbers, characters."""
 SHOWN = 6
 """Most functions that are drawn."""
 POINTS = 1000
@@ -70,69 +59,73 @@ def draw(found: Fit, title: str) -> Figure:
     """Draw the figure of `pendsus fit`."""
     verdict = rf"$\chi^2$ = {found.chi_squared:.4g} for {found.freedom} degrees of freedom"
     if found.misfit:
-        wide = f"bars widened {found.scale:.3g} times"
+        wide = f"uncertainties {found.scale:.3g} times as large"
         verdict += f"; {wide if found.unlikely else 'contradicts the priors'}"
-    shown: list[Panel | tuple[Panel, ...]] = [_residuals_panel(found, verdict)]
-    numbers = [_number(found, n) for n in range(len(found.name))]
-    if numbers:
-        numbers[0] = replace(numbers[0], title="Fitted numbers; bars: 95 %")
-        beside = [*numbers, Panel(across=Across(""), height=0.08, paint=Axes.set_axis_off)]
-        shown += [(beside[n], beside[n + 1]) for n in range(0, len(numbers), 2)]
-    return panels.draw(_heading_text(found), title, shown)
-
-
-def _heading_text(found: Fit) -> str:
-    """Write the heading: counts of numbers and data, and a misfit."""
     several = f" in {len(found.experiment)} experiments" if len(found.experiment) > 1 else ""
-    modes = [_count(len(found.label), "mode") + several] if found.label else []
-    functions = len(found.responses.function) if found.responses else 0
-    what = modes + ([_count(functions, "transfer function")] if functions else [])
+    what = [_count(len(found.label), "mode") + several] if found.label else []
+    names, residuals, source = _residuals(found)
+    if found.responses is not None:
+        what.append(_count(len(found.responses.function), "transfer function"))
     said = f"{_count(len(found.name), 'number')} fitted to {' and '.join(what)}"
-    return f"MISFIT: {said}" if found.misfit else said
+    shown = [
+        _rows(names, residuals, [BEFORE, AFTER], verdict, f"(model − {source}) / uncertainty"),
+    ]
+    if found.name:
+        with np.errstate(invalid="ignore", divide="ignore"):
+            moved = (found.value - found.start) / (found.scale * found.sigma)
+        names = [single_line(_name(found, n), LONGEST) for n in range(len(found.name))]
+        label, texts = (
+            "(fitted − start) / uncertainty",
+            [_number(found, n) for n in range(len(names))],
+        )
+        shown.append(_rows(names, moved[:, None], [AFTER], "Fitted numbers", label, texts))
+    return panels.draw(f"MISFIT: {said}" if found.misfit else said, title, shown)
 
 
 def _count(count: int, thing: str) -> str:
     return f"1 {thing}" if count == 1 else f"{count} {thing}s"
 
 
-def _residuals(
-    found: Fit,
-) -> tuple[list[str], Float[np.ndarray, "row 2"], Int[np.ndarray, " experiment"]]:
-    """Labels (k), residuals (k, 2) before and after, and the first row of each experiment.
+def _name(found: Fit, n: int) -> str:
+    """Shorten the path of a number; its first experiment follows unless all share it."""
+    whose = np.array(found.experiment)[found.shared[n]]
+    who = f" ({whose[0]}{' …' if len(whose) > 1 else ''})"
+    return short(found.name[n]) + who * (not found.shared[n].all())
+
+
+def _residuals(found: Fit) -> tuple[list[str], Float[np.ndarray, "row 2"], str]:
+    """Labels, residuals before and after, and what they refer to.
 
     Residuals are those of modes, in standard deviations; else those of resonances read off the
     peaks of transfer functions, which are not fitted themselves.
     """
     if found.label or found.responses is None:
-        off = np.stack([found.before, found.after], axis=1) - found.measured[:, None]
-        names = [
-            f"{single_line(name, LONGEST - 10)}  {f:.4g} Hz"
-            for name, f in zip(found.label, found.measured, strict=True)
-        ]
-        several = len(found.experiment) > 1
-        starts = np.flatnonzero(np.diff(found.of, prepend=-1)) if several else np.empty(0, int)
-        return names, off / found.uncertainty[:, None], starts
-    table = found.responses.resonance
-    names = [
-        f"{single_line(name, LONGEST - 10)}  {f:.4g} Hz, Q {q:.3g}"
-        for name, f, q in zip(found.responses.mode, table[:, 0], table[:, 4], strict=True)
+        table = np.stack([found.measured, found.uncertainty, found.before, found.after], axis=1)
+        names, remarks, source = found.modes, [""] * len(table), "measured"
+    else:
+        table, names, source = found.responses.resonance, found.responses.mode, "peak read off"
+        remarks = [f", Q {q:.3g}" for q in table[:, 4]]
+    rows = [
+        f"{single_line(name, LONGEST)}  {f:.4g} Hz{remark}"
+        for name, f, remark in zip(names, table[:, 0], remarks, strict=True)
     ]
-    return names, (table[:, 2:4] - table[:, :1]) / table[:, 1:2], np.empty(0, int)
+    return rows, (table[:, 2:4] - table[:, :1]) / table[:, 1:2], source
 
 
-def _residuals_panel(found: Fit, verdict: str) -> Panel:
-    """Make the panel of residuals before and after, with names of experiments."""
-    names, residuals, starts = _residuals(found)
-    who = [single_line(found.experiment[found.of[n]], WHO) for n in starts]
-    known = residuals[np.isfinite(residuals)]
-    most = float(np.abs(known).max(initial=2.5))
+def _rows(
+    names: Sequence[str], values: Float[np.ndarray, "row mark"], marks: Sequence[Line],
+    title: str, label: str, beside: Sequence[str] = (),
+) -> Panel:  # fmt: skip
+    """Make a panel of named rows with marks at multiples of a standard deviation."""
+    most = float(np.abs(values[np.isfinite(values)]).max(initial=2.5))
 
     def paint(axes: Axes) -> None:
         rows = np.arange(len(names))
         axes.axvspan(-INTERVAL, INTERVAL, color=PALE, alpha=0.45, linewidth=0)
-        axes.hlines(rows, residuals[:, 0], residuals[:, 1], color=PALE, linewidth=0.8, zorder=1.5)
-        for values, name, (colour, look) in zip(residuals.T, NAMES, LOOKS, strict=True):
-            axes.plot(values, rows, color=colour, label=name, **look)
+        start = values[:, 0] if len(marks) > 1 else np.zeros(len(rows))
+        axes.hlines(rows, start, values[:, -1], color=PALE, linewidth=0.8, zorder=1.5)
+        for column, mark in zip(values.T, marks, strict=True):
+            axes.plot(column, rows, color=mark.colour, label=mark.name, **mark.look)
         axes.set_xlim(-1.15 * most, 1.15 * most)
         if most > FAR:
             decades = np.log10(most)
@@ -140,69 +133,30 @@ def _residuals_panel(found: Fit, verdict: str) -> Panel:
             powers = np.arange(np.ceil(decades), 0, -np.ceil(decades / 3))
             tens = 10.0 ** powers[10.0**powers <= 2 * most]
             both = np.array([[1.0], [-1.0]])
-            axes.set_xticks([0.0, *(both * [1.0, 2.0, *tens]).ravel()])
+            ticks = tens[:1] if beside else [1.0, 2.0, *tens]
+            axes.set_xticks([0.0, *(both * ticks).ravel()])
             fine = np.outer(10.0 ** np.arange(np.ceil(decades)), np.arange(2.0, 10.0)).ravel()
             axes.set_xticks((both * fine).ravel(), minor=True)
             axes.set_xlim(-2.2 * most, 2.2 * most)
         axes.xaxis.set_major_formatter(lambda x, _: format_raised(x, 6))
-        figure = figure_of(axes)
-        for n, (name, start) in enumerate(zip(who, starts, strict=True)):
-            at = 0.1 / figure.get_figwidth()
-            place = blended_transform_factory(figure.transFigure, axes.transData)
-            look = TextLook(va="center", fontweight="bold", fontsize=labels.SMALL)
-            axes.text(at, start, name, transform=place, **look)
-            if n:
-                box = axes.get_position()
-                edge = (at - box.x0) / box.width
-                axes.axhline(start - 0.5, edge, color=NOTE, linewidth=0.4, clip_on=False)
+        place = blended_transform_factory(axes.transAxes, axes.transData)
+        for row, text in enumerate(beside):
+            look = TextLook(va="center", fontsize=labels.SMALL)
+            axes.text(1.03, row, text, transform=place, **look)
 
-    key = [Line([], [], "95 %", PALE, {"linewidth": 6})]
-    key += [Line([], [], name, *look) for name, look in zip(NAMES, LOOKS, strict=True)]
-    what = "measured" if found.label or found.responses is None else "peak read off"
     return Panel(
-        height=max(ITEM * len(names) + 0.1, 0.5), rows=names, title=verdict, key=key, paint=paint,
-        left=0.24 + labels.widest(names or [" " * 10]) + labels.widest(who) + 0.1 * bool(who),
-        rules=[Rule(0.0, "", True, NOTE, "-")],
-        across=Across(f"(model − {what}) / uncertainty", "linear"),
+        height=max(ITEM * len(names) + 0.1, 0.5), rows=names, title=title, paint=paint,
+        key=[Line([], [], "95 %", PALE, {"linewidth": 6}), *marks],
+        right=labels.widest(beside) + 0.15 if beside else None,
+        rules=[Rule(0.0, "", True, NOTE, "-")], across=Across(label, "linear"),
     )  # fmt: skip
 
 
-def _number(found: Fit, n: int) -> Panel:
-    """Make the panel of the start, value and 95 % interval of a number."""
-    name = found.name[n]
-    unit, factor = displayed_unit(name, float(found.value[n]))
-    start, value = factor * found.start[n], factor * found.value[n]
-    half = INTERVAL * factor * found.scale * found.sigma[n]
-    text = f"{format_with_sigma(value, half)} {unit.replace('^2', '²')}".strip()
-    remarks = [single_line(name, 35)]
-    if not found.shared.all():
-        who = ", ".join(np.array(found.experiment)[found.shared[n]])
-        remarks.append("all" if found.shared[n].all() else single_line(who, 33))
-    ends = np.array([start, value - half, value + half] if math.isfinite(half) else [start, value])
-    span = float(np.ptp(ends)) or abs(value) or 1.0
-
-    def paint(axes: Axes) -> None:
-        axes.grid(visible=False)
-        axes.spines["left"].set_visible(False)
-        axes.set_yticks([])
-        axes.set_ylim(-0.5, 0.5)
-        for at, error, (colour, look) in zip((start, value), (None, half), LOOKS, strict=True):
-            axes.plot(at, 0, color=colour, clip_on=False, **look)
-            if error is not None and math.isfinite(error):
-                axes.errorbar(at, 0, xerr=error, color=colour, elinewidth=1.4, capsize=2.5)
-        look = {"va": "bottom", "ha": "right", "fontsize": labels.SMALL, "color": LOOKS[1][0]}
-        axes.annotate(
-            text, (1, 1), (0, 4), xycoords="axes fraction", textcoords="offset points", **look
-        )
-        axes.xaxis.set_major_locator(MaxNLocator(4 if np.abs(ends).max() < MANY else 3))
-        axes.tick_params(length=2, pad=1.5)
-        axes.xaxis.set_major_formatter(lambda x, _: format_raised(x, 6))
-
-    limits = float(ends.min() - 0.1 * span), float(ends.max() + 0.1 * span)
-    return Panel(
-        height=0.08, remarks=remarks, above=0.2, left=0.22, right=0.15, paint=paint,
-        across=Across("", "linear", limits),
-    )  # fmt: skip
+def _number(found: Fit, n: int) -> str:
+    """Write a fitted number with its standard deviation."""
+    unit, factor = displayed_unit(found.name[n], float(found.value[n]))
+    text = format_with_sigma(factor * found.value[n], factor * found.scale * found.sigma[n])
+    return f"{text} {unit.replace('^2', '²')}".strip()
 
 
 def format_with_sigma(value: float, sigma: float) -> str:
@@ -236,14 +190,13 @@ def draw_responses(found: ResponseFit, title: str, units: Sequence[str] = ()) ->
 def _function(found: ResponseFit, n: int, ratio: float, label: str) -> list[Panel]:
     """Make the panels of a transfer function and of its residuals."""
     own = found.of == n
-    frequency = found.frequency[own]
-    size = np.abs(found.measured[own])
+    frequency, size = found.frequency[own], np.abs(found.measured[own])
     dots: LineLook = {"linestyle": "none", "marker": ".", "markersize": 2.5, "zorder": 1}
     lines = [Line(frequency, size, "measured", NOTE, dots)]
-    for value, colour, name in ((found.before, BEFORE, "before"), (found.after, AFTER, "after")):
+    for value, mark in ((found.before, BEFORE), (found.after, AFTER)):
         if np.abs(value[own]).max() > 1e-6 * size.max():
             at, seen = interpolate(frequency, value[own])
-            lines.append(Line(at, np.abs(seen), name, colour, {"linewidth": 0.9}))
+            lines.append(Line(at, np.abs(seen), mark.name, mark.colour, {"linewidth": 0.9}))
     low, high = size[size > 0].min(initial=np.inf), size.max()
     limits = (float(low / 3), float(high * 3)) if low < high else None
     name = single_line(f"{found.function[n]}: {found.output[n]} / {found.input[n]}", 46)

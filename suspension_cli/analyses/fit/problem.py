@@ -1,4 +1,4 @@
-"""The one object of a fit: from unknowns to weighted residuals, with their Jacobian.
+"""The problem of a fit: from unknowns to weighted residuals, with their derivatives.
 
 Unknowns z are, in this order: the free parameters of the designs; gains, delays and mixing of
 sensors and actuators; the logarithm of an added damping 1/Q of every mode in the measured band, as
@@ -10,24 +10,26 @@ less measured transfer functions; and priors.
 from __future__ import annotations
 
 import itertools
+import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 
-from suspension_cli.analyses.fit.channels import GAIN, NO_CHANNELS, Channels, Nuisance
-from suspension_cli.analyses.fit.experiment import Experiment
-from suspension_cli.design import paths
-from suspension_cli.design.faults import suggest
-from suspension_cli.design.measured import Free, Measured
-from suspension_cli.errors import Fault, InputError, format_value
-from suspension_cli.measurements.transfer_function import MeasuredResponse
+from suspension_cli.analyses.analysis import Document
+from suspension_cli.analyses.fit.channels import GAIN, Channels
+from suspension_cli.design import paths, reader
+from suspension_cli.design.measured import Free, Mode
+from suspension_cli.design.schema import Design
+from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
+from suspension_cli.linear import named_results
+from suspension_cli.linear.mode_pairing import pair_by_overlap
 from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array
-from suspension_cli.studies import parameters
-from suspension_cli.studies.response_matrix import LOSSES, Responses
+from suspension_cli.studies import derivatives
+from suspension_cli.studies.response_matrix import LOSSES, Matrices, Plant, Responses
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Int
@@ -38,15 +40,187 @@ DAMPING_SIGMA = 2.5
 """Standard deviation of its logarithm: a factor of 12 either way."""
 STIFFENING_SIGMA = 0.1
 """Prior standard deviation of a relative change of omega^2 of a mode."""
-BEYOND = 1.5
-"""Factor by which the band of modes with added damping exceeds the measured one."""
 STEP = 1e-4
 """Relative step of differences for parameters that change only frequency-dependent losses."""
 TYPICAL = 0.1
 """Typical change of a parameter without prior, relative to its value."""
 CONVERGED = 1e-9
 """Relative change of chi^2, unknowns and gradient at which a search ends."""
-NOTHING = np.zeros(0, dtype=int)
+FORBIDDEN = 1e6
+"""Cost of assigning a measurement to a mode that it cannot belong to; others cost the square of
+ln(measured / computed)."""
+KEPT = 12
+"""Plants, and solved responses, that are kept."""
+NEARBY = 0.5
+"""Change of the parameters, over their typical changes, within which the derivatives of the
+matrices are not computed again: they are smooth, and a search needs no more."""
+NONE = np.zeros(0, dtype=int)
+Made = TypeVar("Made")
+
+
+@dataclass
+class Experiment:
+    """A design, its measured modes and its free parameters.
+
+    Attributes
+    ----------
+    text
+        The design as TOML.
+    free, start, scale
+        Dotted paths of the free parameters, their starting values and typical changes, SI.
+    where
+        Prefix of the key paths of the modes in errors.
+    file
+        File of the design, for errors.
+    level
+        Name of a model that supports derivatives.
+    around
+        Values of the parameters, and derivatives of the matrices there; empty if not computed.
+    """
+
+    text: str
+    mode: list[Mode]
+    free: list[str]
+    start: Array
+    scale: Array
+    where: str
+    file: str
+    level: str
+    _plants: dict[bytes, Plant] = field(default_factory=dict)
+    around: list[tuple[Array, list[Matrices]]] = field(default_factory=list)
+
+    @cached_property
+    def nominal(self) -> Plant:
+        """The design where the search starts; measurements refer to the labels of its modes."""
+        return self.plant(self.start)
+
+    @cached_property
+    def labels(self) -> list[str]:
+        """Labels of the nominal modes."""
+        return named_results.labels(self.nominal.modes)
+
+    @cached_property
+    def measured(self) -> Float[np.ndarray, "2 measured"]:
+        """Measured frequencies and their standard deviations, Hz."""
+        return np.array([(one.frequency, one.uncertainty) for one in self.mode]).reshape(-1, 2).T
+
+    def document(self, x: Array) -> Document:
+        """Return the parsed TOML of the design with the free parameters x."""
+        raw = tomllib.loads(self.text)
+        values = {name: float(value) for name, value in zip(self.free, x, strict=True)}
+        reader.apply_overrides(raw, paths.symmetric_settings(values))
+        return raw
+
+    def design(self, x: Array) -> Design:
+        """Return the design with the free parameters x."""
+        return reader.convert(self.document(x))
+
+    def plant(self, x: Array) -> Plant:
+        """Solve the design with the free parameters x."""
+
+        def solve() -> Plant:
+            with attribute_faults_to(self.file):
+                return Plant.of(self.design(x), self.level)
+
+        return _remember(self._plants, x.tobytes(), solve)
+
+    def order(self, x: Array) -> Int[np.ndarray, " mode"]:
+        """Mode of the plant at x for each nominal mode."""
+        overlap = self.nominal.modes.shape @ self.plant(x).modal_forces.T
+        return pair_by_overlap(overlap**2)
+
+    def frequencies(self, x: Array) -> Float[np.ndarray, " mode"]:
+        """Frequencies in the order of the nominal modes, Hz; NaN for an unstable mode."""
+        return self.plant(x).modes.frequency[self.order(x)]
+
+    def changes(self, x: Array, *, exactly: bool = False) -> list[Matrices]:
+        """Differentiate the matrices by the free parameters at x, or near x unless `exactly`."""
+        near = 0.0 if exactly else NEARBY
+        if not self.around or (np.abs(x - self.around[0][0]) > near * self.scale).any():
+            found = self.plant(x).changes(self.free)
+            for name, one in zip(self.free, found, strict=True):
+                if one is None:
+                    problem = "a change of this number alone unbalances the suspension"
+                    raise InputError([Fault(f"parameter {name}", problem, "fit another number")])
+            self.around[:] = [(x.copy(), [one for one in found if one is not None])]
+        return self.around[0][1]
+
+    def slopes(self, x: Array) -> Float[np.ndarray, "mode parameter"]:
+        """Differentiate `frequencies` by the free parameters; 0 for an unstable mode."""
+        modes, order = self.plant(x).modes, self.order(x)
+        rates = [
+            derivatives.frequency_rates(modes, one.of_modes(modes))[order]
+            for one in self.changes(x)
+        ]
+        return np.nan_to_num(np.array(rates).reshape(-1, len(order)).T)
+
+    def assign_modes(self, x: Array) -> list[int]:
+        """Assign a mode to each measurement.
+
+        Measurements without a label share the modes left by the others such that the sum of
+        ln(measured / computed)^2 is smallest.
+        """
+        from scipy.optimize import linear_sum_assignment
+
+        assigned = dict(self.labelled)
+        remaining = [n for n in range(len(self.mode)) if n not in assigned]
+        if remaining:
+            frequency = self.frequencies(x)
+            left = np.setdiff1d(np.flatnonzero(frequency > 0), [*assigned.values()])
+            cost = np.full((len(remaining), max(len(left), len(remaining))), FORBIDDEN)
+            ratio = self.measured[0, remaining][:, None] / frequency[left]
+            allowed = [[self._allows(n, mode) for mode in left] for n in remaining]
+            cost[:, : len(left)] = np.where(allowed, np.log(ratio) ** 2, FORBIDDEN)
+            for row, column in zip(*linear_sum_assignment(cost), strict=True):
+                if cost[row, column] == FORBIDDEN:
+                    raise InputError([self._unassigned(remaining[row], len(frequency))])
+                assigned[remaining[row]] = int(left[column])
+        return [assigned[n] for n in range(len(self.mode))]
+
+    def _allows(self, n: int, mode: int) -> bool:
+        """Whether a measurement may be of a nominal mode."""
+        allowed = self.mode[n].dof
+        return allowed is None or self.nominal.modes.home[mode][1] in allowed
+
+    @cached_property
+    def labelled(self) -> dict[int, int]:
+        """Mode of each measurement that has a label."""
+        assigned: dict[int, int] = {}
+        for n, item in enumerate(self.mode):
+            if item.label is not None:
+                where = f"{self.where}mode.{n + 1}.label"
+                found = named_results.parse([item.label], self.nominal.modes, (), where)
+                numbers = [one.number for one in found if isinstance(one, named_results.Mode)]
+                if len(numbers) != 1 or numbers[0] in assigned.values():
+                    problem = "does not name exactly one mode, or names that of another measurement"
+                    remedy = f"list labels with pendsus modes --fidelity {self.level}"
+                    raise InputError([Fault(where, problem, remedy, format_value(item.label))])
+                assigned[n] = numbers[0]
+        return assigned
+
+    def _unassigned(self, n: int, count: int) -> Fault:
+        allowed = self.mode[n].dof
+        if allowed is None:
+            problem = f"the design has only {count} modes, fewer than were measured"
+            return Fault(f"{self.where}mode", problem, "remove measurements of other modes")
+        problem = "no unassigned mode moves mainly in these degrees of freedom"
+        remedy = f"list modes with pendsus modes --fidelity {self.level}"
+        return Fault(f"{self.where}mode.{n + 1}.dof", problem, remedy, format_value(allowed))
+
+
+class Unknowns(NamedTuple):
+    """Starting values, bounds, priors and typical changes of all unknowns.
+
+    `sigma` is infinite where there is no prior; `scale` is that standard deviation, else a tenth of
+    the value.
+    """
+
+    start: Array
+    low: Array
+    high: Array
+    prior: Array
+    sigma: Array
+    scale: Array
 
 
 @dataclass
@@ -57,6 +231,8 @@ class Problem:
     ----------
     shared
         Whether a parameter belongs to an experiment.
+    base
+        Starting values of the parameters.
     channels
         Sensors, actuators and measured functions of the one design; none if only modes were
         measured.
@@ -68,138 +244,127 @@ class Problem:
     free: Sequence[Free]
     shared: Bool[np.ndarray, "parameter experiment"]
     base: Array
-    channels: Channels = NO_CHANNELS
-    damped: Int[np.ndarray, " damped"] = field(default_factory=NOTHING.copy)
-    stiff: Int[np.ndarray, " stiff"] = field(default_factory=NOTHING.copy)
+    channels: Channels = field(default_factory=Channels)
+    damped: Int[np.ndarray, " damped"] = field(default_factory=NONE.copy)
+    stiff: Int[np.ndarray, " stiff"] = field(default_factory=NONE.copy)
     _solved: dict[bytes, list[Responses]] = field(default_factory=dict)
-
-    def changed(self, **changes: object) -> Problem:
-        """Replace channels or modes; keep the responses solved before."""
-        return replace(self, **changes)
 
     @property
     def count(self) -> int:
         """Number of free parameters of the designs."""
         return len(self.base)
 
-    @property
-    def nuisances(self) -> tuple[Nuisance, ...]:
-        """Unknown properties of sensors and actuators."""
-        return self.channels.nuisances
-
     @cached_property
     def parts(self) -> tuple[slice, slice, slice, slice]:
         """Places of parameters, properties of channels, dampings and stiffenings in z."""
-        sizes = (self.count, len(self.nuisances), len(self.damped), len(self.stiff))
-        edges = [0, *itertools.accumulate(sizes)]
-        first, second, third, fourth = (slice(a, b) for a, b in itertools.pairwise(edges))
+        sizes = (self.count, len(self.channels.nuisances), len(self.damped), len(self.stiff))
+        ends = [*itertools.accumulate(sizes)]
+        first, second, third, fourth = map(slice, [0, *ends], ends)
         return first, second, third, fourth
 
-    def join(self, parameter: Array, nuisance: float, damping: float, stiffening: float) -> Array:
-        """Values of all unknowns from those of the parameters and one for each other kind."""
-        sizes = [part.stop - part.start for part in self.parts[1:]]
-        rest = np.repeat([nuisance, damping, stiffening], sizes)
-        return np.concatenate([parameter, rest])
-
-    def _given(self, name: str, default: float) -> Array:
-        values = [getattr(item, name) for item in self.free]
-        return np.array([default if value is None else value for value in values], dtype=float)
-
     @cached_property
-    def start(self) -> Array:
-        """Values where the search starts."""
-        return self.join(self.base, 0.0, np.log(DAMPING), 0.0)
+    def unknowns(self) -> Unknowns:
+        """Starting values, bounds, priors and typical changes."""
+        inf = np.inf
+        rows = [
+            (start, *(default if value is None else value for value, default in given))
+            for start, one in zip(self.base, self.free, strict=True)
+            for given in [
+                ((one.lower, -inf), (one.upper, inf), (one.prior, 0.0), (one.uncertainty, inf))
+            ]
+        ]
+        rows += [
+            (0.0, -0.95 if one.kind == GAIN else -inf, inf, 0.0, one.sigma)
+            for one in self.channels.nuisances
+        ]
+        damping = np.log(DAMPING)
+        rows += [(damping, np.log(1e-9), 0.0, damping, DAMPING_SIGMA)] * len(self.damped)
+        rows += [(0.0, -0.9, 1.0, 0.0, STIFFENING_SIGMA)] * len(self.stiff)
+        start, low, high, prior, sigma = np.array(rows, dtype=float).reshape(-1, 5).T
+        scale = np.where(np.isfinite(sigma), sigma, typical_change(start))
+        return Unknowns(start, low, high, prior, sigma, scale)
 
-    @cached_property
-    def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper bounds."""
-        low = self.join(self._given("lower", -np.inf), -np.inf, np.log(1e-9), -0.9)
-        high = self.join(self._given("upper", np.inf), np.inf, 0.0, 1.0)
-        gains = [item.kind == GAIN for item in self.nuisances]
-        low[self.parts[1]][gains] = -0.95
-        return low, high
+    def of_modes(self, modes: list[Mode]) -> Problem:
+        """Set up the problem of the one design with these measured modes instead."""
+        one = replace(self.experiment[0], mode=modes)
+        return Problem([one], self.free, self.shared, self.base)
 
-    @cached_property
-    def prior(self) -> tuple[Array, Array]:
-        """Prior values and their standard deviations, infinite where there is none."""
-        center = self.join(self._given("prior", 0.0), 0.0, np.log(DAMPING), 0.0)
-        sigma = self.join(self._given("uncertainty", np.inf), 0.0, DAMPING_SIGMA, STIFFENING_SIGMA)
-        sigma[self.parts[1]] = [item.sigma for item in self.nuisances]
-        return center, sigma
+    def restricted(self, names: list[str], values: dict[str, float]) -> Problem:
+        """Set up the problem of the one design with other free parameters, without priors."""
+        base = np.array([values[name] for name in names])
+        one = replace(
+            self.experiment[0], free=names, start=base, scale=typical_change(base), _plants={},
+            around=[],
+        )  # fmt: skip
+        free, shared = [Free(name=name) for name in names], np.ones((len(names), 1), dtype=bool)
+        return replace(self, experiment=[one], free=free, shared=shared, base=base, _solved={})
 
-    @cached_property
-    def scale(self) -> Array:
-        """Typical change of each unknown: standard deviation of its prior, else a tenth of it."""
-        sigma = self.prior[1]
-        return np.where(np.isfinite(sigma), sigma, typical_change(self.start))
+    def added(self, z: Array) -> tuple[Array, Array]:
+        """Added damping and change of omega^2 of each mode of the plant."""
+        order = self.experiment[0].order(z[self.parts[0]])
+        damping, stiffening = np.zeros((2, len(order)))
+        damping[order[self.damped]] = np.exp(z[self.parts[2]])
+        stiffening[order[self.stiff]] = z[self.parts[3]]
+        return damping, stiffening
 
     def solve_responses(self, z: Array) -> list[Responses]:
-        """Solve for the responses of all signals on each grid; the last few are cached."""
+        """Solve for the responses of all signals on each grid."""
         x, _, damped, stiff = (z[part] for part in self.parts)
-        key = b"".join(part.tobytes() for part in (x, damped, self.stiff, stiff))
-        if key not in self._solved:
-            while len(self._solved) >= 3:
-                del self._solved[next(iter(self._solved))]
-            one = self.experiment[0]
-            order = one.order(x)
-            damping, stiffening = np.zeros((2, len(order)))
-            damping[order[self.damped]], stiffening[order[self.stiff]] = np.exp(damped), stiff
-            outputs, inputs = self.channels.signal
-            self._solved[key] = [
-                one.plant(x).respond(grid, inputs, outputs, damping, stiffening)
-                for grid, _ in self.channels.grids
-            ]
-        return self._solved[key]
 
-    def values(self, z: Array) -> dict[Nuisance, float]:
-        """Values of the unknown properties of sensors and actuators."""
-        return dict(zip(self.nuisances, z[self.parts[1]].tolist(), strict=True))
+        def solve() -> list[Responses]:
+            outputs, inputs = self.channels.signal
+            plant, added = self.experiment[0].plant(x), self.added(z)
+            return [plant.respond(grid, inputs, outputs, *added) for grid, _ in self.channels.grids]
+
+        key = b"".join(part.tobytes() for part in (x, damped, self.stiff, stiff))
+        return _remember(self._solved, key, solve, 3)
+
+    def state_derivatives(
+        self, found: Responses, z: Array
+    ) -> Complex[np.ndarray, "unknown frequency output input"]:
+        """Differentiate responses by parameters, dampings and stiffenings."""
+        one, x = self.experiment[0], z[self.parts[0]]
+        order, damping = one.order(x), np.exp(z[self.parts[2]])
+        rows = [found.derivative(change) for change in one.changes(x)]
+        rows += [
+            size * found.damping_derivative(int(mode))
+            for mode, size in zip(order[self.damped], damping, strict=True)
+        ]
+        rows += [found.stiffening_derivative(int(mode)) for mode in order[self.stiff]]
+        return np.array(rows, dtype=complex).reshape(-1, *found.value.shape)
 
     def readings(self, z: Array) -> list[Complex[np.ndarray, " frequency"]]:
         """Predict the readings per drive of each measured function."""
-        if not self.channels.function:
-            return []
-        now = self.channels.with_values(self.values(z))
-        solved = zip(self.solve_responses(z), self.channels.grids, strict=True)
-        return self._sorted([now.combine(one.value, grid) for one, (grid, _) in solved])
+        now = self.channels.with_values(z[self.parts[1]])
+        solved = zip(self.solve_responses(z), now.grids, strict=True) if now.function else ()
+        return self._by_function([now.combine(one.value, grid) for one, (grid, _) in solved])
 
-    def _sorted(self, grids: list[np.ndarray]) -> list[np.ndarray]:
-        """Select the functions from readings (frequency sensor actuator ...) on each grid."""
-        found: dict[int, np.ndarray] = {}
-        for whole, (_, own) in zip(grids, self.channels.grids, strict=True):
-            found |= {n: whole[(slice(None), *self.channels.pairs[n])] for n in own}
-        return [found[n] for n in range(len(found))]
-
-    def differentiate(self, z: Array) -> list[Complex[np.ndarray, "frequency unknown"]]:
+    def differentiate(self, z: Array) -> list[Complex[np.ndarray, "unknown frequency"]]:
         """Differentiate `readings`."""
         if not self.channels.function:
             return []
-        one, x, grids = self.experiment[0], z[self.parts[0]], []
-        now, values, order = self.channels.with_values(self.values(z)), self.values(z), one.order(x)
-        for found, (grid, _) in zip(self.solve_responses(z), self.channels.grids, strict=True):
-            inner = [found.derivative(change) for change in one.changes(x)]
-            inner += [
-                size * found.damping_derivative(int(mode))
-                for mode, size in zip(order[self.damped], np.exp(z[self.parts[2]]), strict=True)
-            ]
-            inner += [found.stiffening_derivative(int(mode)) for mode in order[self.stiff]]
-            columns = [now.combine(part, grid) for part in inner]
-            columns[self.count : self.count] = [
-                now.differentiate(found.value, grid, item, values[item]) for item in self.nuisances
-            ]
-            shape = (len(grid), len(now.names(0)), len(now.names(1)), 0)
-            grids.append(np.stack(columns, -1) if columns else np.zeros(shape))
-        result = self._sorted(grids)
-        if registry.by_name(one.level).bends_wires:
-            for n, name in enumerate(one.free):
-                if not set(name.split(".")) & {*LOSSES}:
-                    continue
-                move = np.zeros(len(z))
-                move[n] = STEP * (abs(z[n]) or self.scale[n])
+        values, grids = z[self.parts[1]], []
+        now = self.channels.with_values(values)
+        for found, (grid, _) in zip(self.solve_responses(z), now.grids, strict=True):
+            rows = now.combine(self.state_derivatives(found, z), grid)
+            own = self.channels.differentiate(found.value, grid, values)
+            grids.append(np.concatenate([rows[: self.count], own, rows[self.count :]]))
+        result = self._by_function(grids)
+        one = self.experiment[0]
+        for n, name in enumerate(one.free if registry.by_name(one.level).bends_wires else ()):
+            if set(name.split(".")) & {*LOSSES}:
+                move = STEP * (abs(z[n]) or self.unknowns.scale[n]) * np.eye(len(z))[n]
                 pairs = zip(self.readings(z + move), self.readings(z - move), strict=True)
                 for rows, (above, below) in zip(result, pairs, strict=True):
-                    rows[:, n] = (above - below) / (2 * move[n])
+                    rows[n] = (above - below) / (2 * move[n])
         return result
+
+    def _by_function(self, grids: list[np.ndarray]) -> list[np.ndarray]:
+        """Select the functions from readings (... frequency sensor actuator) on each grid."""
+        found: dict[int, np.ndarray] = {}
+        for whole, (_, own) in zip(grids, self.channels.grids, strict=True):
+            found |= {n: whole[(..., *self.channels.pairs[n])] for n in own}
+        return [found[n] for n in range(len(found))]
 
     def predict_modes(self, x: Array) -> tuple[Array, Array]:
         """Frequencies of the measured modes, Hz, and their derivatives; 0 for an unstable mode."""
@@ -213,75 +378,41 @@ class Problem:
         return np.concatenate(rows), np.concatenate(slopes)
 
     @cached_property
-    def measured_modes(self) -> tuple[Array, Array]:
+    def measured_modes(self) -> Float[np.ndarray, "2 measured"]:
         """Measured frequencies of modes and their standard deviations, Hz."""
-        frequency = np.concatenate([item.frequency for item in self.experiment])
-        return frequency, np.concatenate([item.uncertainty for item in self.experiment])
+        return np.concatenate([item.measured for item in self.experiment], axis=1)
 
-    def prior_rows(self, z: Array) -> tuple[Array, Array]:
-        """Weighted residuals of the priors, and their derivatives."""
-        center, width = self.prior
-        known = np.isfinite(width)
-        return ((z - center) / width)[known], np.diag(1 / width)[known]
-
-    def residual(self, z: Array, softness: float = 0.0) -> Float[np.ndarray, " residual"]:
-        """Weighted residuals of modes, functions and priors.
-
-        With a `softness`, those of a function are the logarithms of its magnitude over the measured
-        one, with this relative uncertainty in addition: they know no signs, and grow only with the
-        logarithm of the distance from a resonance, so a peak beside its place still attracts.
-        """
-        measured, sigma = self.measured_modes
+    def residual(self, z: Array) -> Float[np.ndarray, " residual"]:
+        """Weighted residuals of modes, functions and priors."""
+        (measured, sigma), known = self.measured_modes, np.isfinite(self.unknowns.sigma)
         rows = [(self.predict_modes(z[self.parts[0]])[0] - measured) / sigma]
         for value, item in zip(self.readings(z), self.channels.function, strict=True):
-            if softness:
-                ratio = _level(value, item.uncertainty) - _level(item.value, item.uncertainty)
-                rows.append(ratio / _soft_sigma(item, softness))
-            else:
-                rows.append(stack_parts((value - item.value) / item.uncertainty))
-        return np.concatenate([*rows, self.prior_rows(z)[0]])
+            rows.append(stack_parts((value - item.value) / item.uncertainty))
+        rows.append(((z - self.unknowns.prior) / self.unknowns.sigma)[known])
+        return np.concatenate(rows)
 
-    def jacobian(self, z: Array, softness: float = 0.0) -> Float[np.ndarray, "residual unknown"]:
+    def jacobian(self, z: Array) -> Float[np.ndarray, "residual unknown"]:
         """Differentiate `residual`."""
-        slope = np.zeros((len(self.measured_modes[0]), len(z)))
+        slope, known = np.zeros((len(self.measured_modes[0]), len(z))), self.unknowns.sigma < np.inf
         slope[:, self.parts[0]] = self.predict_modes(z[self.parts[0]])[1]
         rows = [slope / self.measured_modes[1][:, None]]
-        functions = zip(
-            self.differentiate(z), self.readings(z), self.channels.function, strict=True
-        )
-        for change, value, item in functions:
-            if softness:
-                weight = np.conj(value) / (np.abs(value) ** 2 + item.uncertainty**2)
-                rows.append(
-                    np.real(weight[:, None] * change) / _soft_sigma(item, softness)[:, None]
-                )
-            else:
-                rows.append(stack_parts(change / item.uncertainty[:, None]))
-        return np.concatenate([*rows, self.prior_rows(z)[1]])
+        for change, item in zip(self.differentiate(z), self.channels.function, strict=True):
+            rows.append(stack_parts((change / item.uncertainty).T))
+        return np.concatenate([*rows, np.diag(1 / self.unknowns.sigma)[known]])
 
     def minimise(
-        self,
-        start: Array,
-        residual: Callable[[Array], Array],
-        jacobian: Callable[[Array], Array],
-        *,
-        loss: str = "linear",
-        steps: int = 200,
-        tolerance: float = CONVERGED,
+        self, start: Array, *, loss: str = "linear", steps: int = 200, tolerance: float = CONVERGED
     ) -> tuple[Array, float]:
-        """Minimise a sum of squares of the unknowns within their bounds; return it, too.
+        """Minimise chi^2 of the unknowns within their bounds; return it, too.
 
-        `start` has all unknowns or the first of them. By bounded trust regions (Branch, Coleman and
-        Li, SIAM J. Sci. Comput. 21, 1 (1999)), over the typical changes of the unknowns; parameters
-        with positive bounds in their logarithms.
+        By bounded trust regions (Branch, Coleman and Li, SIAM J. Sci. Comput. 21, 1 (1999)), over
+        the typical changes of the unknowns; parameters with positive bounds in their logarithms.
         """
         from scipy import optimize
 
         if not len(start):
-            return start, float(np.sum(residual(start) ** 2))
-        low, high, scale, first = (
-            values[: len(start)] for values in (*self.bounds, self.scale, self.start)
-        )
+            return start, float(np.sum(self.residual(start) ** 2))
+        first, low, high, _, _, scale = self.unknowns
         positive = (low > 0) & (first > 0)
         size = np.where(positive, scale / np.where(positive, first, 1.0), scale)
 
@@ -293,34 +424,36 @@ class Problem:
             move = u * size
             return np.where(positive, first * np.exp(np.where(positive, move, 0.0)), first + move)
 
-        def valid(u: Array) -> Array:
+        def residual(u: Array) -> Array:
             try:
-                found = residual(unscaled(u))
+                found = self.residual(unscaled(u))
             except (InputError, np.linalg.LinAlgError):  # an invalid design: shorten the step
                 return np.full(count, np.inf)
             return found if np.isfinite(found).all() else np.full(count, np.inf)
 
         def slope(u: Array) -> Array:
             z = unscaled(u)
-            return jacobian(z) * np.where(positive, z * size, size)
+            return self.jacobian(z) * np.where(positive, z * size, size)
 
         begin = np.clip(start, low, high)
-        count = len(residual(begin))
+        count = len(self.residual(begin))
         found = optimize.least_squares(
-            valid, scaled(begin), jac=slope, loss=loss,  # pyright: ignore[reportArgumentType]
+            residual, scaled(begin), jac=slope, loss=loss,  # pyright: ignore[reportArgumentType]
             bounds=(scaled(low), scaled(high)), max_nfev=steps,
             xtol=tolerance, ftol=tolerance, gtol=CONVERGED,
         )  # fmt: skip
         return unscaled(found.x), 2 * float(found.cost)
 
 
-def _level(value: Array, sigma: Array) -> Array:
-    """Logarithm of a magnitude, limited by the noise."""
-    return 0.5 * np.log(np.abs(value) ** 2 + sigma**2)
-
-
-def _soft_sigma(item: MeasuredResponse, softness: float) -> Array:
-    return np.hypot(item.uncertainty / np.hypot(np.abs(item.value), item.uncertainty), softness)
+def _remember(
+    memory: dict[bytes, Made], key: bytes, make: Callable[[], Made], most: int = KEPT
+) -> Made:
+    """Return what was made for a key before, or make it; forget the oldest of more than `most`."""
+    if key not in memory:
+        while len(memory) >= most:
+            del memory[next(iter(memory))]
+        memory[key] = make()
+    return memory[key]
 
 
 def stack_parts(rows: Array) -> Array:
@@ -331,96 +464,3 @@ def stack_parts(rows: Array) -> Array:
 def typical_change(value: Array) -> Array:
     """Typical change of parameters without prior."""
     return np.where(value != 0, TYPICAL * np.abs(value), 1e-3)
-
-
-def build(texts: Sequence[str], measured: Measured, files: Sequence[str], level: str) -> Problem:
-    """Set up the problem of one or several measured designs, without transfer functions.
-
-    Raises
-    ------
-    InputError
-        If a design does not give a parameter, or a starting value lies outside its bounds.
-    """
-    free = measured.parameter
-    rows = [measured.shares(n) for n in range(len(free))]
-    shared = np.array(rows, dtype=bool).reshape(len(free), len(texts))
-    start = _start(texts, measured, shared, level)
-    for n, (item, value) in enumerate(zip(free, start, strict=True), 1):
-        low = -np.inf if item.lower is None else item.lower
-        high = np.inf if item.upper is None else item.upper
-        if not low <= value <= high:
-            problem = f"the design's value {value:g} lies outside the bounds {low:g} to {high:g}"
-            remedy = "give a start between them, or widen them"
-            raise InputError([Fault(f"parameter.{n}", problem, remedy)])
-    given = np.array([item.uncertainty or np.inf for item in free])
-    scale = np.where(np.isfinite(given), given, typical_change(start))
-    experiments = [
-        Experiment(
-            text,
-            modes,
-            [item.name for item, here in zip(free, own, strict=True) if here],
-            start[own],
-            scale[own],
-            measured.where(n),
-            file,
-            level,
-        )
-        for n, (text, modes, own, file) in enumerate(
-            zip(texts, measured.modes, shared.T, files, strict=True)
-        )
-    ]
-    _check_starts(experiments, shared)
-    return Problem(experiments, free, shared, start)
-
-
-def _start(
-    texts: Sequence[str],
-    measured: Measured,
-    shared: Bool[np.ndarray, "parameter experiment"],
-    level: str,
-) -> Array:
-    """Choose starting values: requested ones, else those of the designs, else the priors."""
-    known = [{item.name: item.value for item in parameters.every(text, level)} for text in texts]
-    found, bad = [], []
-    for n, (item, own) in enumerate(zip(measured.parameter, shared, strict=True), 1):
-        mine = [
-            (table, name)
-            for table, name, here in zip(known, measured.names, own, strict=True)
-            if here
-        ]
-        given = {table.get(item.name, item.prior) for table, _ in mine}
-        found.append(next(iter(given)) if item.start is None else item.start)
-        problem, remedy = "", "give a start"
-        if item.start is None and None in given:
-            table, name = next((table, name) for table, name in mine if item.name not in table)
-            problem = f"the design{f' of {name}' if name else ''} gives no such number"
-            if any(item.name in other for other, _ in mine):
-                remedy = "give a start, or list only experiments whose designs give it"
-            else:
-                member = item.name.rpartition(".")[2].isdigit()  # of a list that is missing
-                remedy = f"{'' if member else 'give a start; '}{suggest(item.name, list(table))}"
-        elif item.start is None and len(given) > 1:
-            problem = "has different values in the designs that share it"
-        if problem:
-            bad.append(Fault(f"parameter.{n}.name", problem, remedy, format_value(item.name)))
-    if bad:
-        raise InputError(bad)
-    return np.array(found, dtype=float)
-
-
-def _check_starts(
-    experiments: list[Experiment], shared: Bool[np.ndarray, "parameter experiment"]
-) -> None:
-    """Attribute errors in starting values to the file of measurements that gives them."""
-    bad: dict[Fault, None] = {}
-    for experiment, own in zip(experiments, shared.T, strict=True):
-        try:
-            experiment.design(experiment.start)
-        except InputError as error:
-            numbers = zip(np.flatnonzero(own), experiment.free, experiment.start, strict=True)
-            for (n, name, x), fault in itertools.product(numbers, error.faults):
-                if fault.key in paths.twins(name) or (fault.value or "").startswith(f'"{name}='):
-                    problem = f"{name}: {fault.problem}"
-                    bad[Fault(f"parameter.{n + 1}", problem, fault.remedy, f"{x:g}")] = None
-    if bad:
-        raise InputError(list(bad))

@@ -10,7 +10,7 @@ Autom. Control 8, 56 (1963)).
 
 Where peaks of model and measurement are farther apart than their widths, the difference of two
 functions has no useful gradient. Peaks are therefore assigned to modes by frequency and residue,
-and the parameters fitted to these frequencies alone.
+and the parameters fitted to these frequencies alone, as to measured modes.
 """
 
 from __future__ import annotations
@@ -22,11 +22,12 @@ import numpy as np
 
 from suspension_cli.analyses.fit.channels import Channels
 from suspension_cli.analyses.fit.problem import Problem, stack_parts
+from suspension_cli.design.measured import Mode
 from suspension_cli.measurements.transfer_function import MeasuredResponse
 from suspension_cli.studies.response_matrix import Plant
 
 if TYPE_CHECKING:
-    from jaxtyping import Float, Int
+    from jaxtyping import Float
 
     from suspension_cli.scene.arrays import Array
 
@@ -71,6 +72,18 @@ class Peak:
     sigma: float
     damping: float
     residue: complex
+
+
+@dataclass(frozen=True)
+class Resonance(Peak):
+    """A resonance of all functions, of a nominal mode; `functions` is the number of its peaks."""
+
+    mode: int
+    functions: int
+
+    def doubt(self, least: float) -> float:
+        """Relative uncertainty of the frequency, a tenth of the width or `least` at best."""
+        return max(float(np.hypot(self.sigma / self.frequency, 0.1 * self.damping)), least)
 
 
 def find_peaks(item: MeasuredResponse) -> list[Peak]:
@@ -137,115 +150,83 @@ def residues(plant: Plant, channels: Channels) -> Float[np.ndarray, "function mo
     return np.array([seen[:, one] * pushed[:, other] for one, other in channels.pairs])
 
 
-@dataclass(frozen=True)
-class Resonances:
-    """Measured resonances, one per mode at most.
-
-    Attributes
-    ----------
-    mode
-        Nominal mode.
-    frequency, sigma
-        Hz.
-    damping
-        1/Q.
-    functions
-        Number of measured functions with this resonance.
-    """
-
-    mode: Int[np.ndarray, " mode"]
-    frequency: Float[np.ndarray, " mode"]
-    sigma: Float[np.ndarray, " mode"]
-    damping: Float[np.ndarray, " mode"]
-    functions: Int[np.ndarray, " mode"]
-
-
-def assign(problem: Problem, z: Array, peaks: list[list[Peak]]) -> Resonances:
+def assign(problem: Problem, z: Array, peaks: list[list[Peak]]) -> list[Resonance]:
     """Assign peaks of all functions to modes, and average those of one mode."""
-    from scipy.optimize import linear_sum_assignment
-
     one, x = problem.experiment[0], z[problem.parts[0]]
     plant = one.plant(x)
-    frequency, squared = plant.modes.frequency, plant.modes.omega_squared
     found: dict[int, list[Peak]] = {}
     for own, some in zip(residues(plant, problem.channels), peaks, strict=True):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            others = own[None, :] / (squared[None, :] - squared[:, None])
-            np.fill_diagonal(others, 0.0)
-            rest = np.abs(np.nan_to_num(others, posinf=0.0, neginf=0.0).sum(1))
-            height = 100 * np.abs(own) / np.abs(squared)
-        visible = np.flatnonzero((squared > 0) & (height > FAINT * rest) & (own != 0))
-        if not len(visible) or not some:
-            continue
-        off = np.log(np.array([peak.frequency for peak in some])[:, None] / frequency[visible])
-        size = np.log(np.abs([peak.residue for peak in some])[:, None] / np.abs(own[visible]))
-        near = np.abs(off) < NEAR
-        size = size - (np.median(size[near]) if near.any() else 0.0)
-        faint = np.log(np.minimum(height / (FAINT * rest + 1e-300), 1e4)[visible])
-        # the tails of the density of computed frequencies go with the inverse square of the error
-        cost = np.log1p((off / NEAR) ** 2) + 0.1 * np.minimum(size**2, 25.0) - 0.2 * faint
-        alone = np.log1p((FARTHEST / NEAR) ** 2)
-        cost = np.hstack([cost, np.full((len(some), len(some)), alone)])  # a peak of no mode
-        for row, column in zip(*linear_sum_assignment(cost), strict=True):
-            if column < len(visible) and cost[row, column] < alone:
-                found.setdefault(int(visible[column]), []).append(some[row])
+        for mode, peak in _pair(plant, own, some):
+            found.setdefault(mode, []).append(peak)
     back = {int(mode): n for n, mode in enumerate(one.order(x))}
     rows = []
     for mode, several in found.items():
-        weight = np.array([1 / (peak.sigma / peak.frequency + 1e-4) for peak in several])
-        hz = np.array([peak.frequency for peak in several])
+        hz, sigma, damping, residue = np.array([[*vars(peak).values()] for peak in several]).T
+        hz, sigma, damping = hz.real, sigma.real, damping.real
+        weight = 1 / (sigma / hz + 1e-4)
         order = np.argsort(hz)
-        place = order[np.searchsorted(weight[order].cumsum(), weight.sum() / 2)]
-        good = np.abs(hz / hz[place] - 1) < AGREES
-        far = abs(np.log(hz[place] / frequency[mode])) > DISTANT
+        median = hz[order[np.searchsorted(weight[order].cumsum(), weight.sum() / 2)]]
+        good = np.abs(hz / median - 1) < AGREES
+        far = abs(np.log(median / plant.modes.frequency[mode])) > DISTANT
         if far and good.sum() < min(2, len(peaks)):
             continue
         weight = (weight * good) ** 2
-        mean = float(weight @ hz / weight.sum())
-        damping = np.exp(
-            np.median(np.log([p.damping for p, ok in zip(several, good, strict=True) if ok]))
-        )
-        sigma = np.hypot(mean / np.sqrt(weight.sum()), np.std(hz[good]) / np.sqrt(good.sum()))
-        rows.append((back[mode], mean, float(sigma), float(damping), int(good.sum())))
-    table = np.array(sorted(rows)).reshape(-1, 5)
-    mode, functions = table[:, 0].astype(int), table[:, 4].astype(int)
-    return Resonances(mode, table[:, 1], table[:, 2], table[:, 3], functions)
+        mean, count = float(weight @ hz / weight.sum()), int(good.sum())
+        scatter = float(np.hypot(mean / np.sqrt(weight.sum()), np.std(hz[good]) / np.sqrt(count)))
+        width = float(np.exp(np.median(np.log(damping[good]))))
+        rows.append(Resonance(mean, scatter, width, complex(residue[0]), back[mode], count))
+    return sorted(rows, key=lambda row: row.mode)
+
+
+def _pair(plant: Plant, own: Array, peaks: list[Peak]) -> list[tuple[int, Peak]]:
+    """Assign peaks of a function to modes, whose residues are given."""
+    from scipy.optimize import linear_sum_assignment
+
+    frequency, squared = plant.modes.frequency, plant.modes.omega_squared
+    with np.errstate(divide="ignore", invalid="ignore"):
+        others = own[None, :] / (squared[None, :] - squared[:, None])
+        np.fill_diagonal(others, 0.0)
+        rest = np.abs(np.nan_to_num(others, posinf=0.0, neginf=0.0).sum(1))
+        height = 100 * np.abs(own) / np.abs(squared)
+    visible = np.flatnonzero((squared > 0) & (height > FAINT * rest) & (own != 0))
+    if not len(visible) or not peaks:
+        return []
+    off = np.log(np.array([peak.frequency for peak in peaks])[:, None] / frequency[visible])
+    size = np.log(np.abs([peak.residue for peak in peaks])[:, None] / np.abs(own[visible]))
+    near = np.abs(off) < NEAR
+    size = size - (np.median(size[near]) if near.any() else 0.0)
+    faint = np.log(np.minimum(height / (FAINT * rest + 1e-300), 1e4)[visible])
+    # the tails of the density of computed frequencies go with the inverse square of the error
+    cost = np.log1p((off / NEAR) ** 2) + 0.1 * np.minimum(size**2, 25.0) - 0.2 * faint
+    alone = np.log1p((FARTHEST / NEAR) ** 2)  # a peak of no mode
+    pairs = linear_sum_assignment(np.hstack([cost, np.full((len(peaks), len(peaks)), alone)]))
+    return [
+        (int(visible[column]), peaks[row])
+        for row, column in zip(*pairs, strict=True)
+        if column < len(visible) and cost[row, column] < alone
+    ]
 
 
 def search(problem: Problem, z: Array, peaks: list[list[Peak]]) -> Array:
     """Fit the parameters to the resonances; dampings follow from their widths."""
-    parts, z = problem.parts, z.copy()
+    one, parts, z = problem.experiment[0], problem.parts, z.copy()
     matched = assign(problem, z, peaks)
     for least in ROUNDS if problem.count else ():
-        z[parts[0]] = _fit_frequencies(problem, z[parts[0]], matched, least)
+        modes = [
+            Mode(
+                frequency=peak.frequency,
+                uncertainty=peak.frequency * peak.doubt(least),
+                label=one.labels[peak.mode],
+            )
+            for peak in matched
+            if peak.mode not in problem.stiff  # frequencies of their own
+        ]
+        how = {"loss": "soft_l1", "steps": 30, "tolerance": 1e-4}  # a peak may be of another mode
+        z[parts[0]] = problem.of_modes(modes).minimise(z[parts[0]], **how)[0]
         matched = assign(problem, z, peaks)
-    hz = problem.experiment[0].frequencies(z[parts[0]])
-    for n, mode in enumerate(matched.mode):
-        damping = np.clip(np.log(matched.damping[n]), np.log(1e-8), -0.1)
-        stiffening = np.clip((matched.frequency[n] / hz[mode]) ** 2 - 1, -0.5, 0.9)
-        z[parts[2]][problem.damped == mode] = damping
-        z[parts[3]][problem.stiff == mode] = stiffening
+    hz = one.frequencies(z[parts[0]])
+    for peak in matched:
+        z[parts[2]][problem.damped == peak.mode] = np.clip(np.log(peak.damping), np.log(1e-8), -0.1)
+        stiffening = (peak.frequency / hz[peak.mode]) ** 2 - 1
+        z[parts[3]][problem.stiff == peak.mode] = np.clip(stiffening, -0.5, 0.9)
     return z
-
-
-def _fit_frequencies(problem: Problem, x: Array, matched: Resonances, least: float) -> Array:
-    """Fit the parameters to the frequencies of resonances, known to `least` at best."""
-    one, own, modes, target = (
-        problem.experiment[0], problem.parts[0], matched.mode, np.log(matched.frequency)
-    )  # fmt: skip
-    center, width = problem.prior[0][own], problem.scale[own]
-    center = np.where(np.isfinite(problem.prior[1][own]), center, x)
-    sigma = np.hypot(matched.sigma / matched.frequency, 0.1 * matched.damping)
-    sigma = np.maximum(sigma, least)
-    sigma[np.isin(modes, problem.stiff)] = 1e3  # frequencies of their own
-
-    def residual(x: Array) -> Array:
-        rows = (np.log(one.frequencies(x)[modes]) - target) / sigma
-        return np.concatenate([rows, (x - center) / width])
-
-    def jacobian(x: Array) -> Array:
-        rows = one.slopes(x)[modes] / (one.frequencies(x)[modes] * sigma)[:, None]
-        return np.concatenate([rows, np.diag(1 / width)])
-
-    how = {"loss": "soft_l1", "steps": 30, "tolerance": 1e-4}  # a peak may be of another mode
-    return problem.minimise(x, residual, jacobian, **how)[0]

@@ -71,47 +71,13 @@ class Candidate:
     sigma: float
 
 
-RESONANCE = {
-    "measured": "Hz",
-    "sigma": "Hz",
-    "before": "Hz",
-    "after": "Hz",
-    "q": "1",
-    "functions": "1",
-}
+RESONANCE = dict.fromkeys(("measured", "sigma", "before", "after"), "Hz")
+RESONANCE |= dict.fromkeys(("q", "functions"), "1")
 """Columns of measured resonances, and their units."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Findings:
-    """What a fit of transfer functions says, in words and lists.
-
-    Attributes
-    ----------
-    corrections
-        Wrong channels.
-    stiffened
-        Modes stiffer than the design explains.
-    changes
-        Single changes that explain most, best first.
-    sentences
-        Determined and undetermined parameters.
-    least
-        A parameter that is known least; "" if none is free.
-    candidates
-        Measurements that would determine it best, best first.
-    """
-
-    corrections: tuple[Correction, ...] = ()
-    stiffened: tuple[StiffenedMode, ...] = ()
-    changes: tuple[SingleChange, ...] = ()
-    sentences: tuple[str, ...] = ()
-    least: str = ""
-    candidates: tuple[Candidate, ...] = ()
-
-
 @dataclass(frozen=True)
-class ResponseFit(Findings):
+class ResponseFit:
     """Measured transfer functions and a fit to them.
 
     Attributes
@@ -130,6 +96,18 @@ class ResponseFit(Findings):
         after (Hz), measured Q, number of functions with it.
     chi_squared_before
         chi^2 of the design as given, with the properties of channels fitted.
+    corrections
+        Wrong channels.
+    stiffened
+        Modes stiffer than the design explains.
+    changes
+        Single changes that explain most, best first.
+    sentences
+        Determined and undetermined parameters.
+    least
+        A parameter that is known least; "" if none is free.
+    candidates
+        Measurements that would determine it best, best first.
     """
 
     function: tuple[str, ...]
@@ -150,6 +128,12 @@ class ResponseFit(Findings):
         metadata=in_unit("{resonance_unit}")
     )
     chi_squared_before: float = float("nan")
+    corrections: tuple[Correction, ...] = ()
+    stiffened: tuple[StiffenedMode, ...] = ()
+    changes: tuple[SingleChange, ...] = ()
+    sentences: tuple[str, ...] = ()
+    least: str = ""
+    candidates: tuple[Candidate, ...] = ()
 
     @property
     @derived()
@@ -291,12 +275,8 @@ class Fit:
     def pulls(self) -> list[tuple[str, float]]:
         """Priors of parameters and channels, and the distance of the fit in standard deviations."""
         pull = (self.value - self.prior) / self.prior_sigma
-        known = np.isfinite(self.prior_sigma)
-        found = [
-            (name, float(by))
-            for name, by, ok in zip(self.parameters, pull, known, strict=True)
-            if ok
-        ]
+        found = [*zip(self.parameters, pull.tolist(), strict=True)]
+        found = [one for one, sigma in zip(found, self.prior_sigma, strict=True) if sigma < np.inf]
         if self.responses is not None:
             channels = self.responses.nuisance_value / self.responses.nuisance_prior
             found += zip(self.responses.nuisance, channels.tolist(), strict=True)

@@ -5,10 +5,10 @@ functions and priors. Modes alone need one search. With transfer functions
 
 1. exchanged, scaled and inverted channels are found (`wrong_channels`);
 2. the parameters are fitted to the resonances (`resonances`), then all unknowns to the complex
-   values; in a misfit again by way of the logarithms of the magnitudes;
-3. while that is a misfit: every exchange and sign is tried at the fitted parameters; the
-   frequencies of modes far more lossy than others are freed, as something may rub; the search
-   starts again from the single change of the design that explains most.
+   values;
+3. while that is a misfit, the search starts again: with every exchange and sign that reduces chi^2
+   at the fitted parameters; with the frequencies of modes far more lossy than others freed, as
+   something may rub; and from the single change of the design that explains most.
 
 Uncertainties are those of the linear problem at the end: the covariance is (J^T J)^-1.
 """
@@ -18,21 +18,17 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
 
 from suspension_cli.analyses.analysis import Progress
-from suspension_cli.analyses.fit import (
-    channels,
-    default_parameters,
-    findings,
-    resonances,
-    wrong_channels,
-)
-from suspension_cli.analyses.fit.problem import BEYOND, Problem, build
+from suspension_cli.analyses.fit import channels, findings, resonances, wrong_channels
+from suspension_cli.analyses.fit.build import build, default_parameters
+from suspension_cli.analyses.fit.problem import Problem
+from suspension_cli.analyses.fit.resonances import Peak
 from suspension_cli.analyses.fit.result import (
     SAME,
     Exchange,
@@ -40,18 +36,21 @@ from suspension_cli.analyses.fit.result import (
     ResponseFit,
     SingleChange,
     StiffenedMode,
+    is_unlikely,
 )
-from suspension_cli.analyses.fit.search import Solution, refine, with_channels
 from suspension_cli.analyses.fit.wrong_channels import Correction
 from suspension_cli.design import reader
 from suspension_cli.design.measured import Measured
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.measurements.transfer_function import MeasuredResponse
 from suspension_cli.models import registry
+from suspension_cli.studies import parameters
 
 if TYPE_CHECKING:
     from suspension_cli.scene.arrays import Array
 
+BEYOND = 1.5
+"""Factor by which the band of modes with added damping exceeds the measured one."""
 BETTER = 0.5
 """Fraction of chi^2 below which a change of channels is made after a fit."""
 LOSSY = 3.0
@@ -66,6 +65,64 @@ MAX_REFITS = 3
 """Most exchanges of labels that are fitted again."""
 WORTH_REPORTING = 0.1
 """Fraction of chi^2 below which an exchange of labels is reported."""
+REFITTED = 5
+"""Most single changes that are fitted."""
+WORTH = 0.02
+"""Fraction of the fit's decrease of chi^2 that a single change must reach to be reported."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """End of a search: the problem with corrected channels, and its unknowns z."""
+
+    problem: Problem
+    peaks: list[list[Peak]]
+    z: Array
+    chi_squared: float = np.inf
+    corrections: tuple[Correction, ...] = ()
+
+    @property
+    def misfit(self) -> bool:
+        """Whether so large a chi^2 is unlikely."""
+        freedom = len(self.problem.residual(self.z)) - len(self.z)
+        return is_unlikely(self.chi_squared, freedom)
+
+    def descend(self, z: Array, **how: Any) -> Solution:
+        """Fit all values from z on."""
+        z, chi_squared = self.problem.minimise(z, **how)
+        return replace(self, z=z, chi_squared=chi_squared)
+
+    def refine(self, *, quick: bool = False) -> Solution:
+        """Fit to the resonances, then all values; in a misfit also all values from here on.
+
+        A `quick` fit takes fewer steps and is not repeated.
+        """
+        if not self.peaks:
+            return self.descend(self.z)
+        how: dict[str, Any] = {"steps": 12, "tolerance": 1e-4} if quick else {"tolerance": 1e-10}
+        found = self.descend(resonances.search(self.problem, self.z, self.peaks), **how)
+        if found.misfit and not quick:
+            found = min(found, self.descend(self.z, **how), key=lambda end: end.chi_squared)
+        return found
+
+    def corrected(self, corrections: Sequence[Correction], made: channels.Channels) -> Solution:
+        """Change the channels; properties that become unknown begin at 0."""
+        problem, parts = replace(self.problem, channels=made), self.problem.parts
+        names = [one.name for one in self.problem.channels.nuisances]
+        old = dict(zip(names, self.z[parts[1]], strict=True))
+        own = [old.get(one.name, 0.0) for one in made.nuisances]
+        z = np.concatenate([self.z[parts[0]], own, self.z[parts[2].start :]])
+        return replace(self, problem=problem, z=z, corrections=tuple(corrections))
+
+    def linearise(self) -> Array:
+        """Derivatives of the residuals, with those of the designs exactly here."""
+        for item, own in zip(self.problem.experiment, self.problem.shared.T, strict=True):
+            item.changes(self.z[: self.problem.count][own], exactly=True)
+        return self.problem.jacobian(self.z)
+
+    def at(self, x: Array) -> Solution:
+        """Set the parameters; other unknowns stay."""
+        return replace(self, z=np.concatenate([x, self.z[self.problem.count :]]))
 
 
 def solve(
@@ -106,35 +163,34 @@ def solve(
         If a design has no such parameter, mode or signal, or a function no uncertainty. It names no
         file if the measurements are at fault.
     """
-    files = files or [""] * len(texts)
     _check_uncertainties(functions)
     if functions and not measured.parameter:
-        free = default_parameters.choose(texts[0], level)
+        free = default_parameters(texts[0], level)
         measured = msgspec.structs.replace(measured, parameter=free)
-    problem, peaks = build(texts, measured, files, level), []
+    problem = build(texts, measured, files or [""] * len(texts), level)
+    peaks = [resonances.find_peaks(item) for item in functions]
     if functions:
-        one = problem.experiment[0]
-        made = channels.build(measured, functions, one.nominal.system)
-        frequency = one.nominal.modes.frequency
-        every = np.concatenate([item.frequency for item in functions])
-        inside = (frequency > every.min() / BEYOND) & (frequency < every.max() * BEYOND)
-        seen = (resonances.residues(one.nominal, made) != 0).any(0)
-        problem = problem.changed(channels=made, damped=np.flatnonzero(inside & seen))
-        peaks = [resonances.find_peaks(item) for item in functions]
-    search = _fit_functions if functions else _fit_modes
-    ends = []
-    for x in _reporting(_starts(problem, starts, seed), starts, tell):
-        z = np.concatenate([x, problem.start[problem.count :]])
-        ends.append(search(Solution(problem, peaks, z, np.inf)))
+        plant = problem.experiment[0].nominal
+        made = channels.build(measured, functions, plant.system)
+        every, hz = np.concatenate([f.frequency for f in functions]), plant.modes.frequency
+        inside = (hz > every.min() / BEYOND) & (hz < every.max() * BEYOND)
+        seen = (resonances.residues(plant, made) != 0).any(0)
+        problem = replace(problem, channels=made, damped=np.flatnonzero(inside & seen))
+    ends, started = list[Solution](), time.monotonic()
+    for x in _starts(problem, starts, seed):
+        begin = Solution(problem, peaks, problem.unknowns.start).at(x)
+        ends.append(_fit_functions(begin) if functions else begin.refine())
+        if tell is not None:
+            tell(len(ends), starts, len(ends) / (time.monotonic() - started))
     found = min(ends, key=lambda end: end.chi_squared)
     changes = None
     if functions and (explain or found.misfit):
         found, changes = _restart(found)
-    result = _collect(found, measured, np.sort([end.chi_squared for end in ends]))
+    slope = found.linearise()
+    result = _collect(found, slope, measured, np.sort([end.chi_squared for end in ends]))
     if functions:
-        return replace(
-            result, responses=_responses(found, problem, result, changes, explain=explain)
-        )
+        responses = _responses(found, slope, problem, changes if explain else None)
+        return replace(result, responses=responses)
     return replace(result, exchange=_find_exchange(found)) if result.misfit else result
 
 
@@ -156,15 +212,6 @@ def _check_uncertainties(functions: Sequence[MeasuredResponse]) -> None:
         raise InputError(bad)
 
 
-def _reporting(starts: Iterator[Array], count: int, tell: Progress | None) -> Iterator[Array]:
-    """Yield starting values; report the progress after each search."""
-    started = time.monotonic()
-    for n, start in enumerate(starts, 1):
-        yield start
-        if tell is not None:
-            tell(n, count, n / (time.monotonic() - started))
-
-
 def _starts(problem: Problem, count: int, seed: int) -> Iterator[Array]:
     """Yield starting values of the parameters: the given ones, then random ones.
 
@@ -172,18 +219,17 @@ def _starts(problem: Problem, count: int, seed: int) -> Iterator[Array]:
     if these are positive). Parameters without either keep their starting value.
     """
     yield problem.base
-    random, own = np.random.default_rng(seed), problem.parts[0]
-    low, high, prior, sigma = (part[own] for part in (*problem.bounds, *problem.prior))
+    random = np.random.default_rng(seed)
+    _, low, high, prior, sigma, _ = (part[: problem.count] for part in problem.unknowns)
     known, bounded = np.isfinite(sigma), np.isfinite(low) & np.isfinite(high)
-    logarithmic = bounded & (low > 0)
     for _ in range(count - 1):
         for _ in range(MAX_DRAWS):
             fraction, normal = random.random(len(low)), random.standard_normal(len(low))
             with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
                 even, geometric = low + fraction * (high - low), low * (high / low) ** fraction
                 drawn = prior + np.where(known, sigma, 0.0) * normal
-            x = np.select([known, logarithmic, bounded], [drawn, geometric, even], problem.base)
-            x = np.clip(x, low, high)
+            kinds = [known, bounded & (low > 0), bounded]
+            x = np.clip(np.select(kinds, [drawn, geometric, even], problem.base), low, high)
             try:
                 problem.predict_modes(x)
                 problem.experiment[0].plant(x[problem.shared[:, 0]])
@@ -193,90 +239,143 @@ def _starts(problem: Problem, count: int, seed: int) -> Iterator[Array]:
             break
 
 
-def _fit_modes(begin: Solution) -> Solution:
-    """Fit measured modes alone."""
-    problem = begin.problem
-    z, chi_squared = problem.minimise(begin.z, problem.residual, problem.jacobian)
-    return replace(begin, z=z, chi_squared=chi_squared)
-
-
 def _fit_functions(begin: Solution) -> Solution:
     """Fit transfer functions, and correct wrong channels."""
-    corrections, guessed = wrong_channels.guess(begin.problem, begin.z)
-    found = refine(with_channels(begin, guessed) if corrections else begin)
-    if found.misfit and corrections:
-        plain = refine(begin)
-        if plain.chi_squared < found.chi_squared:
-            found, corrections = plain, []
+    guessed, made = wrong_channels.guess(begin.problem, begin.z)
+    found = begin.corrected(guessed, made).refine()
+    if found.misfit and guessed:
+        found = min(found, begin.refine(), key=lambda end: end.chi_squared)
     for _ in range(ROUNDS):
         best = next(iter(wrong_channels.alternatives(found.problem, found.z)), None)
         if not found.misfit or best is None or best.chi_squared > BETTER * found.chi_squared:
             break
-        again = refine(with_channels(found, best.apply(found.problem.channels)))
+        kept = [one for one in found.corrections if not one.is_undone_by(best)]
+        kept += [best] if len(kept) == len(found.corrections) else []
+        again = found.corrected(kept, best.apply(found.problem.channels)).refine()
         if again.chi_squared > BETTER * found.chi_squared:
             break
-        found, corrections = again, _merge(corrections, best)
+        found = again
     if found.misfit:
         found = _free_rubbing(found)
-    rated = []
-    for one in corrections:
-        without = found.problem.changed(channels=one.apply(found.problem.channels, undo=True))
-        rated.append(replace(one, chi_squared=float(np.sum(without.residual(found.z) ** 2))))
-    return replace(found, corrections=tuple(rated))
-
-
-def _merge(corrections: list[Correction], new: Correction) -> list[Correction]:
-    """Add a correction; one that undoes an earlier one removes it."""
-    same = [
-        one
-        for one in corrections
-        if (one.kind, one.side, set(one.channel)) == (new.kind, new.side, set(new.channel))
-    ]
-    return [one for one in corrections if one is not same[0]] if same else [*corrections, new]
+    return found
 
 
 def _free_rubbing(found: Solution) -> Solution:
     """Free the frequencies of modes far more lossy than others, if that removes a misfit."""
     matched = resonances.assign(found.problem, found.z, found.peaks)
-    if len(matched.mode) < 3:
+    damping = np.array([peak.damping for peak in matched])
+    lossy = damping > LOSSY * np.quantile(damping, 0.25) if len(matched) > 2 else damping > np.inf
+    if not 0 < lossy.sum() <= len(matched) / 2:
         return found
-    modes = matched.mode[matched.damping > LOSSY * np.quantile(matched.damping, 0.25)]
-    if not len(modes) or len(modes) > len(matched.mode) / 2:
-        return found
-    problem = found.problem.changed(stiff=modes)
+    modes = np.array([peak.mode for peak in matched])[lossy]
+    problem = replace(found.problem, stiff=modes)
     z = np.concatenate([problem.base, found.z[problem.count :], np.zeros(len(modes))])
-    again = refine(replace(found, problem=problem, z=z))
+    again = replace(found, problem=problem, z=z).refine()
     return again if again.chi_squared < BETTER * found.chi_squared else found
 
 
 def _restart(found: Solution) -> tuple[Solution, tuple[float, tuple[SingleChange, ...]]]:
     """Start again from the best single change while it fits better than all parameters do."""
-    changes = findings.single_changes(found)
+    before, changes = _single_changes(found)
     for _ in range(ROUNDS):
-        free = found.problem.experiment[0].free
-        best = next(iter(changes[1]), None)
+        free, best = found.problem.experiment[0].free, next(iter(changes), None)
         if not found.misfit or best is None or best.name not in free:
             break
         if best.chi_squared >= found.chi_squared:
             break
-        z = np.concatenate([found.problem.base, found.z[found.problem.count :]])
-        z[free.index(best.name)] = best.start + best.change
-        again = refine(replace(found, z=z))
+        x = found.problem.base.copy()
+        x[free.index(best.name)] = best.start + best.change
+        again = found.at(x).refine()
         if again.chi_squared > (1 - SAME) * found.chi_squared:
             break
         found = again
-        changes = findings.single_changes(found)
-    return found, changes
+        before, changes = _single_changes(found)
+    return found, (before, changes)
 
 
-def _collect(found: Solution, measured: Measured, ends: Array) -> Fit:
+def _single_changes(found: Solution) -> tuple[float, tuple[SingleChange, ...]]:
+    """Fit the measurements with one parameter of the design at a time.
+
+    Parameters are ranked by the chi^2 that a change of one alone leaves, to first order around the
+    end of the fit; the best are fitted.
+
+    Returns
+    -------
+    float
+        chi^2 of the design as given, with only the other unknowns fitted.
+    tuple of SingleChange
+        Best first.
+    """
+    problem, p = found.problem, found.problem.count
+    one, rest = problem.experiment[0], found.z[p:]
+    given = {item.name: item.value for item in parameters.every(one.text, one.level)}
+    given |= dict(zip(one.free, problem.base, strict=True))
+    moves = dict(zip(one.free, found.z[:p] - problem.base, strict=True))
+    derivatives = zip(given, one.plant(found.z[:p]).changes(list(given)), strict=True)
+    matter = {
+        name: change
+        for name, change in derivatives
+        if change is not None and (change.matters or name in one.free)
+    }
+    moved = np.array([moves.get(name, 0.0) for name in matter])
+    wide = problem.restricted([*matter], {n: given[n] + moves.get(n, 0.0) for n in matter})
+    wide.experiment[0].around[:] = [(wide.base, [*matter.values()])]
+    slope = findings.data_rows(wide, wide.jacobian(np.concatenate([wide.base, rest])))
+    own = slope.T @ slope
+    with np.errstate(divide="ignore", invalid="ignore"):
+        gain = np.nan_to_num((own @ moved) ** 2 / np.diag(own))
+
+    def fit(*some: str) -> Solution:
+        made = problem.restricted([*some], given)
+        begin = np.concatenate([made.base, rest])
+        return replace(found, problem=made, z=begin).refine(quick=True)
+
+    before, result = fit().chi_squared, []
+    for name, worth in sorted(zip(matter, gain, strict=True), key=lambda item: -item[1])[:REFITTED]:
+        if worth > max(WORTH * float(moved @ own @ moved), 4.0):
+            try:
+                end = fit(name)
+            except (InputError, np.linalg.LinAlgError):
+                continue
+            change = float(end.z[0]) - given[name]
+            result.append(SingleChange(name, given[name], change, end.chi_squared))
+    least = before - WORTH * max(before - found.chi_squared, 0.0)
+    good = [item for item in result if item.chi_squared < least]
+    return before, tuple(sorted(good, key=lambda item: item.chi_squared))
+
+
+def _find_exchange(found: Solution) -> Exchange | None:
+    """Find two labels of one experiment whose exchange removes a misfit; None if none does.
+
+    Pairs are ranked by chi^2 at the start and at the end of the fit; the best few are fitted again.
+    """
+    problem, ranked = found.problem, []
+    for e, item in enumerate(problem.experiment):
+        for i, j in itertools.combinations(item.labelled, 2):
+            modes = list(item.mode)
+            names = str(modes[i].label), str(modes[j].label)
+            modes[i], modes[j] = (
+                msgspec.structs.replace(modes[n], label=label)
+                for n, label in ((i, names[1]), (j, names[0]))
+            )
+            experiments = [*problem.experiment]
+            experiments[e] = replace(item, mode=modes)
+            other = replace(problem, experiment=experiments)
+            least = min(float(np.sum(other.residual(z) ** 2)) for z in (problem.base, found.z))
+            ranked.append((least, e, names, other))
+    best = None
+    for _, e, names, other in sorted(ranked, key=lambda item: item[0])[:MAX_REFITS]:
+        chi_squared = other.minimise(other.base)[1]
+        if chi_squared < (best.chi_squared if best else WORTH_REPORTING * found.chi_squared):
+            best = Exchange(e, names, chi_squared)
+    return best
+
+
+def _collect(found: Solution, slope: Array, measured: Measured, ends: Array) -> Fit:
     """Collect the result of a fit. Parameters at a bound have NaN in the covariance."""
     problem, p, every = found.problem, found.problem.count, found.problem.experiment
     value = found.z[:p]
     own = [value[here] for here in problem.shared.T]
-    for item, x in zip(every, own, strict=True):
-        item.linearise(x)
-    slope = problem.jacobian(found.z)
     spread = findings.covariance(problem, found.z, slope)
     labels = [
         [item.labels[mode] for mode in item.assign_modes(x)] if item.mode else []
@@ -302,8 +401,8 @@ def _collect(found: Solution, measured: Measured, ends: Array) -> Fit:
         start=problem.base,
         value=value,
         sigma=np.sqrt(np.diag(spread)[:p]),
-        prior=problem.prior[0][:p],
-        prior_sigma=problem.prior[1][:p],
+        prior=problem.unknowns.prior[:p],
+        prior_sigma=problem.unknowns.sigma[:p],
         covariance=spread[:p, :p],
         at_bound=np.isnan(np.diag(spread)[:p]),
         of=np.repeat(np.arange(len(every)), [len(names) for names in labels]),
@@ -326,32 +425,30 @@ def _collect(found: Solution, measured: Measured, ends: Array) -> Fit:
 
 def _responses(
     found: Solution,
+    slope: Array,
     begin: Problem,
-    result: Fit,
     changes: tuple[float, tuple[SingleChange, ...]] | None,
-    *,
-    explain: bool,
 ) -> ResponseFit:
     """Collect what a fit says of the measured transfer functions."""
     problem, one = found.problem, found.problem.experiment[0]
-    functions, own = problem.channels.function, problem.parts[1]
-    slope = problem.jacobian(found.z)
-    spread = findings.covariance(problem, found.z, slope)
-    start = with_channels(Solution(begin, [], begin.start, np.inf), problem.channels)
+    functions, nuisances = problem.channels.function, problem.channels.nuisances
+    own, stiff = problem.parts[1], problem.parts[3]
+    sigma = np.sqrt(np.diag(findings.covariance(problem, found.z, slope)))
+    start = Solution(begin, [], begin.unknowns.start).corrected((), problem.channels)
     z0 = np.concatenate([start.z, np.zeros(len(problem.stiff))])
     matched = resonances.assign(problem, found.z, found.peaks)
-    before_hz, after_hz = (one.frequencies(z[: problem.count])[matched.mode] for z in (z0, found.z))
-    columns = (matched.frequency, matched.sigma, before_hz, after_hz)
-    stiffened = []
+    before, after = (one.frequencies(z[: problem.count]) for z in (z0, found.z))
     q = dict(zip(problem.damped.tolist(), np.exp(-found.z[problem.parts[2]]), strict=True))
-    for n, mode in enumerate(problem.stiff.tolist(), problem.parts[3].start):
-        if found.z[n] > SURE * np.sqrt(spread[n, n]):
-            excess = float(np.sqrt(1 + found.z[n]) - 1)
-            stiffened.append(StiffenedMode(one.labels[mode], excess, float(q[mode])))
+    rubbing = zip(problem.stiff.tolist(), found.z[stiff], sigma[stiff], strict=True)
+    corrections = []
+    for wrong in found.corrections:
+        without = replace(problem, channels=wrong.apply(problem.channels, undo=True))
+        chi_squared = float(np.sum(without.residual(found.z) ** 2))
+        corrections.append(replace(wrong, chi_squared=chi_squared))
     extra: dict[str, Any] = {}
-    if explain and changes is not None:
+    if changes is not None:
         extra = {"chi_squared_before": changes[0], "changes": changes[1]}
-        least, extra["candidates"] = findings.next_measurements(found.problem, found.z, slope)
+        least, extra["candidates"] = findings.next_measurements(problem, found.z, slope)
         extra["least"] = "" if least is None else one.free[least]
     return ResponseFit(
         function=tuple(item.name for item in functions),
@@ -363,49 +460,22 @@ def _responses(
         measured=np.concatenate([item.value for item in functions]),
         before=np.concatenate(problem.readings(z0)),
         after=np.concatenate(problem.readings(found.z)),
-        nuisance=tuple(item.name for item in problem.nuisances),
+        nuisance=tuple(item.name for item in nuisances),
         nuisance_value=found.z[own],
-        nuisance_sigma=np.sqrt(np.diag(spread)[own]),
-        nuisance_prior=np.array([item.sigma for item in problem.nuisances]),
-        mode=tuple(one.labels[n] for n in matched.mode),
-        resonance=np.column_stack([*columns, 1 / matched.damping, matched.functions]).reshape(
-            -1, 6
+        nuisance_sigma=sigma[own],
+        nuisance_prior=np.array([item.sigma for item in nuisances]),
+        mode=tuple(one.labels[peak.mode] for peak in matched),
+        resonance=np.array([
+            (peak.frequency, peak.sigma, before[peak.mode], after[peak.mode], 1 / peak.damping,
+             peak.functions)
+            for peak in matched
+        ]).reshape(-1, 6),
+        corrections=tuple(corrections),
+        stiffened=tuple(
+            StiffenedMode(one.labels[mode], float(np.sqrt(1 + value) - 1), float(q[mode]))
+            for mode, value, error in rubbing
+            if value > SURE * error
         ),
-        corrections=found.corrections,
-        stiffened=tuple(stiffened),
         sentences=findings.describe(problem, found.z, slope),
         **extra,
-    )
-
-
-def _find_exchange(found: Solution) -> Exchange | None:
-    """Find two labels of one experiment whose exchange removes a misfit; None if none does.
-
-    Pairs are ranked by chi^2 at the start and at the end of the fit; the best few are fitted again.
-    """
-    problem, ranked = found.problem, []
-    for e, (item, own) in enumerate(zip(problem.experiment, problem.shared.T, strict=True)):
-        computed = [
-            item.frequencies(x[own])[item.assign_modes(x[own])] for x in (problem.base, found.z)
-        ]
-        for i, j in itertools.combinations(item.labelled, 2):
-            pair, swapped = [i, j], [j, i]
-            changes = [
-                (((f[pair] - item.frequency[swapped]) / item.uncertainty[swapped]) ** 2).sum()
-                - (((f[pair] - item.frequency[pair]) / item.uncertainty[pair]) ** 2).sum()
-                for f in computed
-            ]
-            ranked.append((float(min(changes)), e, i, j))
-    best = None
-    for _, e, i, j in sorted(ranked)[:MAX_REFITS]:
-        experiments = list(problem.experiment)
-        modes = list(experiments[e].mode)
-        names = str(modes[i].label), str(modes[j].label)
-        for here, label in ((i, names[1]), (j, names[0])):
-            modes[here] = msgspec.structs.replace(modes[here], label=label)
-        experiments[e] = replace(experiments[e], mode=modes)
-        again = problem.changed(experiment=experiments)
-        end = _fit_modes(Solution(again, [], again.start, np.inf))
-        if end.chi_squared < (best.chi_squared if best else WORTH_REPORTING * found.chi_squared):
-            best = Exchange(e, names, end.chi_squared)
-    return best
+    )  # fmt: skip

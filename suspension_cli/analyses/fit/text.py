@@ -11,7 +11,9 @@ from suspension_cli.analyses import tables
 from suspension_cli.analyses.analysis import Document, plain, table
 from suspension_cli.analyses.fit.channels import TABLES
 from suspension_cli.analyses.fit.findings import change_unit, short
-from suspension_cli.analyses.fit.result import SAME, Candidate, Fit, ResponseFit, SingleChange
+from suspension_cli.analyses.fit.result import SAME, Fit, ResponseFit
+from suspension_cli.errors import escape_unprintable
+from suspension_cli.version import __version__
 
 LARGEST = 6
 """Parameters of a combination that are printed."""
@@ -25,38 +27,14 @@ LISTED = 6
 
 def first_lines(found: Fit) -> list[str]:
     """Return lines on a misfit, on wrong channels, and on values far from their priors."""
-    lines = _misfit(found)
-    return lines + corrections(found.responses) if found.responses is not None else lines
-
-
-def _misfit(found: Fit) -> list[str]:
     lines = []
-    far = ", ".join(f"{_short(name)} ({pull:+.3g} sigma)" for name, pull in found.far[:LISTED])
-    more = f", and {len(found.far) - LISTED} more" if len(found.far) > LISTED else ""
     if found.unlikely:
         lines.append(
             f"MISFIT: chi^2 is {found.chi_squared:.4g} for {found.freedom} degrees of freedom, so"
             " these parameters do not explain the measurements; uncertainties are given"
             f" {found.scale:.3g} times as large"
         )
-        if found.responses is not None:
-            lines.append(
-                "no exchange or sign of channels removes the misfit: free more parameters, give"
-                " sensors and actuators gain_uncertainty or mix_uncertainty, or check uncertainties"
-            )
-        elif found.exchange is None:
-            lines.append(
-                "no exchange of two labels removes the misfit: free more parameters, or check"
-                " designs, labels and uncertainties"
-            )
-        else:
-            first, second = found.exchange.labels
-            several = len(found.experiment) > 1
-            where = f" in {found.experiment[found.exchange.experiment]}" if several else ""
-            lines.append(
-                f'two labels may be exchanged: with "{first}" and "{second}" exchanged{where},'
-                f" chi^2 is {found.exchange.chi_squared:.4g}"
-            )
+        lines.append(_remedy(found))
     if found.unlikely_priors:
         count = len(found.pulls)
         lines.append(
@@ -65,15 +43,32 @@ def _misfit(found: Fit) -> list[str]:
             " not as designed, these parameters absorb something that the model lacks (a spring, a"
             " cable, a stop), or the priors are too narrow"
         )
-    if far:
+    if found.far:
+        far = ", ".join(f"{short(name)} ({pull:+.3g} sigma)" for name, pull in found.far[:LISTED])
+        more = f", and {len(found.far) - LISTED} more" if len(found.far) > LISTED else ""
         lines.append(f"far from the priors: {far}{more}")
-    return lines
+    return lines + (corrections(found.responses) if found.responses is not None else [])
 
 
-def _short(name: str) -> str:
-    """Shorten a path that may be followed by experiments."""
-    path, space, rest = name.partition(" ")
-    return short(path) + space + rest
+def _remedy(found: Fit) -> str:
+    """Say what may remove a misfit."""
+    if found.responses is not None:
+        return (
+            "no exchange or sign of channels removes the misfit: free more parameters, give sensors"
+            " and actuators gain_uncertainty or mix_uncertainty, or check uncertainties"
+        )
+    if found.exchange is None:
+        return (
+            "no exchange of two labels removes the misfit: free more parameters, or check designs,"
+            " labels and uncertainties"
+        )
+    first, second = found.exchange.labels
+    several = len(found.experiment) > 1
+    where = f" in {found.experiment[found.exchange.experiment]}" if several else ""
+    return (
+        f'two labels may be exchanged: with "{first}" and "{second}" exchanged{where}, chi^2 is'
+        f" {found.exchange.chi_squared:.4g}"
+    )
 
 
 def corrections(found: ResponseFit) -> list[str]:
@@ -98,25 +93,24 @@ def corrections(found: ResponseFit) -> list[str]:
 
 def report(found: Fit) -> str:
     """Return the text below the line on the model."""
-    responses = found.responses
-    parts = ["\n".join(first_lines(found)), _parameters(found)]
-    if found.label:
-        parts.append(_modes(found))
-    ends = _search_ends(found)
-    if responses is None:
-        parts.append("\n".join([*ends, "", *_combinations(found)]))
+    parts = [first_lines(found), [_parameters(found)], [_modes(found)] if found.label else []]
+    ends = [f"chi^2 {found.chi_squared:.4g} for {found.freedom} degrees of freedom"]
+    if len(found.ends) > 1:
+        same = int((found.ends <= (1 + SAME) * found.ends[0]).sum())
+        rest = f", the next best at {found.ends[same]:.4g}" if same < len(found.ends) else ""
+        ends.append(f"{same} of {len(found.ends)} searches ended there{rest}")
+    if found.responses is None:
+        parts += [ends, _combinations(found)]
     else:
-        said = responses.sentences
+        said = found.responses.sentences
         parts += [
-            _resonances(responses),
-            _functions(responses),
-            _nuisances(responses),
-            "\n".join(_explanations(found, responses)),
-            "\n".join(["What these data say, without the priors:", *said] if said else []),
-            "\n".join(_next(found, responses)),
-            "\n".join(ends),
+            *([text] for text in _response_tables(found.responses)),
+            _explanations(found, found.responses),
+            ["What these data say, without the priors:", *said] if said else [],
+            _next(found, found.responses),
+            ends,
         ]
-    return "\n\n".join(part for part in parts if part)
+    return "\n\n".join("\n".join(lines) for lines in parts if lines)
 
 
 def format_uncertainty(found: Fit, n: int) -> str:
@@ -128,15 +122,12 @@ def format_uncertainty(found: Fit, n: int) -> str:
 
 
 def _parameters(found: Fit) -> str:
-    from suspension_cli.design.paths import unit_of
-
-    names = zip(found.parameters, found.name, strict=True)
-    rows = [
-        (label, unit_of(name), found.start[n], found.value[n], format_uncertainty(found, n))
-        for n, (label, name) in enumerate(names)
-    ]
+    sigmas = [format_uncertainty(found, n) for n in range(len(found.name))]
+    rows = zip(
+        found.parameters, found.parameter_unit, found.start, found.value, sigmas, strict=True
+    )
     columns = {"parameter": "", "unit": "", "start": "#.6g", "fitted": "#.6g", "uncertainty": ""}
-    return tables.render(columns, rows)
+    return tables.render(columns, [*rows])
 
 
 def _modes(found: Fit) -> str:
@@ -150,15 +141,6 @@ def _modes(found: Fit) -> str:
         found.measured, found.uncertainty, *modelled, found.residual, found.modes, strict=True
     )
     return tables.render(columns, rows)
-
-
-def _search_ends(found: Fit) -> list[str]:
-    lines = [f"chi^2 {found.chi_squared:.4g} for {found.freedom} degrees of freedom"]
-    if len(found.ends) > 1:
-        same = int((found.ends <= (1 + SAME) * found.ends[0]).sum())
-        rest = f", the next best at {found.ends[same]:.4g}" if same < len(found.ends) else ""
-        lines.append(f"{same} of {len(found.ends)} searches ended there{rest}")
-    return lines
 
 
 def _combinations(found: Fit) -> list[str]:
@@ -177,60 +159,46 @@ def _combinations(found: Fit) -> list[str]:
     return lines
 
 
-def _resonances(found: ResponseFit) -> str:
-    columns = {
-        "measured\nHz": "#.5g",
-        "model before\n%": "+.2f",
-        "model after\n%": "+.3f",
-        "measured\nQ": ".3g",
-        "in\nfunctions": "d",
-        "resonance": "",
-    }
-    rows = [
-        (hz, 100 * (before / hz - 1), 100 * (after / hz - 1), q, int(functions), name)
-        for (hz, _, before, after, q, functions), name in zip(
-            found.resonance, found.mode, strict=True
+def _response_tables(found: ResponseFit) -> list[str]:
+    """Tables of resonances, of functions, and of properties of sensors and actuators."""
+    made = []
+    if len(found.mode):
+        columns = {"measured\nHz": "#.5g", "model before\n%": "+.2f", "model after\n%": "+.3f"}
+        columns |= {"measured\nQ": ".3g", "in\nfunctions": ".0f", "resonance": ""}
+        hz, _, before, after, q, functions = found.resonance.T
+        moves = (100 * (before / hz - 1), 100 * (after / hz - 1))
+        made.append(
+            tables.render(columns, [*zip(hz, *moves, q, functions, found.mode, strict=True)])
         )
-    ]
-    return tables.render(columns, rows) if rows else ""
+    points = np.maximum(found.points, 1)
+    ratio = found.chi_squared / points
+    off = np.abs((found.before - found.measured) / found.uncertainty) ** 2
+    start = np.bincount(found.of, off, len(found.function)) / points
+    rows = [*zip(start, ratio, points / 2, found.function, found.output, found.input, strict=True)]
+    columns = {"chi^2 per value\nbefore": ".3g", "\nafter": ".3g", "frequencies\n": ".0f"}
+    columns |= {"function": "", "output": "", "input": ""}
+    made.append(_worst(columns, rows, ratio, FUNCTIONS, "functions that fit better"))
+    if found.nuisance:
+        rows = []
+        for name, *sizes in zip(
+            found.nuisance, found.nuisance_value, found.nuisance_sigma, found.nuisance_prior,
+            strict=True,
+        ):  # fmt: skip
+            unit, by = nuisance_unit(name)
+            change, sigma, prior = (by * size for size in sizes)
+            rows.append((f"{change:+.3g}", f"{sigma:.2g}", f"{prior:.2g}", unit, name))
+        columns = ("change", "+-", "expected +-", "unit", "sensor or actuator")
+        far = np.abs(found.nuisance_value) / found.nuisance_prior
+        more = "more, nearer to their expected values"
+        made.append(_worst(dict.fromkeys(columns, ""), rows, far, NUISANCES, more))
+    return made
 
 
-def _functions(found: ResponseFit) -> str:
-    ratio = found.chi_squared / np.maximum(found.points, 1)
-    order = np.argsort(-ratio, kind="stable")[:FUNCTIONS]
-    before = np.abs((found.before - found.measured) / found.uncertainty) ** 2
-    start = np.bincount(found.of, before, len(found.function)) / np.maximum(found.points, 1)
-    names = [*zip(found.function, found.output, found.input, strict=True)]
-    rows = [(float(start[n]), float(ratio[n]), int(found.points[n] // 2), *names[n]) for n in order]
-    columns = {
-        "chi^2 per value\nbefore": ".3g",
-        "\nafter": ".3g",
-        "frequencies\n": "d",
-        "function": "",
-        "output": "",
-        "input": "",
-    }
-    left = len(found.function) - len(rows)
-    more = f"\nand {left} functions that fit better" if left else ""
-    return tables.render(columns, rows) + more
-
-
-def _nuisances(found: ResponseFit) -> str:
-    if not found.nuisance:
-        return ""
-    order = np.argsort(-np.abs(found.nuisance_value) / found.nuisance_prior, kind="stable")
-    rows = []
-    for n in order[:NUISANCES]:
-        unit, factor = nuisance_unit(found.nuisance[n])
-        change, sigma, prior = (
-            factor * part[n]
-            for part in (found.nuisance_value, found.nuisance_sigma, found.nuisance_prior)
-        )
-        rows.append((f"{change:+.3g}", f"{sigma:.2g}", f"{prior:.2g}", unit, found.nuisance[n]))
-    left = len(found.nuisance) - len(rows)
-    columns = ("change", "+-", "expected +-", "unit", "sensor or actuator")
-    text = tables.render(dict.fromkeys(columns, ""), rows)
-    return text + (f"\nand {left} more, nearer to their expected values" if left else "")
+def _worst(columns: dict[str, str], rows: list, by: np.ndarray, most: int, more: str) -> str:
+    """Table of the rows with the largest values; the number of others follows."""
+    order = np.argsort(-by, kind="stable")[:most]
+    text = tables.render(columns, [rows[n] for n in order])
+    return text + (f"\nand {len(rows) - most} {more}" if len(rows) > most else "")
 
 
 def nuisance_unit(name: str) -> tuple[str, float]:
@@ -244,12 +212,6 @@ def nuisance_unit(name: str) -> tuple[str, float]:
     return ("ms", 1e3) if name.endswith(".delay") else ("SI", 1.0)
 
 
-def describe_change(one: SingleChange) -> str:
-    """Describe a change of one parameter: ``upper.d -2.1 mm``."""
-    unit, factor = change_unit(one.name, one.start)
-    return f"{short(one.name)} {one.change * factor:+.3g} {unit}"
-
-
 def _explanations(found: Fit, responses: ResponseFit) -> list[str]:
     before = responses.chi_squared_before
     if not math.isfinite(before):
@@ -260,14 +222,15 @@ def _explanations(found: Fit, responses: ResponseFit) -> list[str]:
             f" sensors, actuators and losses fitted, {found.chi_squared:.4g} with all parameters"
             " and their priors"
         ]
-    head = (
+    lines = [
         "Single changes that explain most, with sensors, actuators and losses fitted; chi^2 with"
         f" all parameters and their priors is {found.chi_squared:.4g}:"
-    )
-    return [head] + [
-        f"  {describe_change(one)}: chi^2 {before:.4g} -> {one.chi_squared:.4g}"
-        for one in responses.changes
     ]
+    for one in responses.changes:
+        unit, factor = change_unit(one.name, one.start)
+        change = f"{short(one.name)} {one.change * factor:+.3g} {unit}"
+        lines.append(f"  {change}: chi^2 {before:.4g} -> {one.chi_squared:.4g}")
+    return lines
 
 
 def _next(found: Fit, responses: ResponseFit) -> list[str]:
@@ -280,14 +243,28 @@ def _next(found: Fit, responses: ResponseFit) -> list[str]:
         f" {found.sigma[n] * factor:.2g} {unit}, measure next:"
     )
     return [head] + [
-        f"  {describe_candidate(one)}: to {one.sigma * factor:.2g} {unit}"
+        f"  drive {one.input}, sense {one.output}, {one.band[0]:.2g} to {one.band[1]:.2g} Hz:"
+        f" to {one.sigma * factor:.2g} {unit}"
         for one in responses.candidates
     ]
 
 
-def describe_candidate(one: Candidate) -> str:
-    """Describe a measurement: drive, sensor and band."""
-    return f"drive {one.input}, sense {one.output}, {one.band[0]:.2g} to {one.band[1]:.2g} Hz"
+def fitted_design(found: Fit, number: int, file: str, measured: str, command: str) -> str:
+    """Return the fitted design of an experiment (from 0), headed by comments on its origin."""
+    others = ", ".join(name for n, name in enumerate(found.experiment) if n != number)
+    together = f" together with {others}" if others else ""
+    head = [f"{file}, fitted to {measured}{together} by pendsus {__version__}:"]
+    head += ["MISFIT: these parameters do not explain the measurements"] * found.unlikely
+    head += ["MISFIT: these parameters contradict their priors"] * found.unlikely_priors
+    if found.responses is not None:
+        head += [one.text for one in found.responses.corrections]
+    head += [f"  {command}", f"chi^2 = {found.chi_squared:.4g}, {found.freedom} degrees of freedom"]
+    for n in np.flatnonzero(found.shared[:, number]).tolist():
+        sigma = format_uncertainty(found, n)
+        value = f"{float(found.value[n])!r}{', ' if sigma.startswith('not') else ' '}{sigma}"
+        head.append(f"  {found.name[n]} = {value}, from {found.start[n]:.6g}")
+    lines = "".join(f"# {escape_unprintable(line)}\n" for line in head)
+    return f"{lines}\n{found.design[number]}"
 
 
 def document(found: Fit, files: Sequence[str | None]) -> Document:
@@ -311,11 +288,9 @@ def document(found: Fit, files: Sequence[str | None]) -> Document:
             "labels": list(found.exchange.labels),
             "chi_squared": found.exchange.chi_squared,
         }
+    pairs = zip(found.experiment, files, strict=True)
     return {
-        "experiments": [
-            {"name": name, "design": file}
-            for name, file in zip(found.experiment, files, strict=True)
-        ],
+        "experiments": [{"name": name, "design": file} for name, file in pairs],
         "parameters": parameters,
         "covariance": plain(found.scaled_covariance),
         "modes": modes,
@@ -338,27 +313,18 @@ def _response_document(found: ResponseFit) -> Document:
         row["frequencies"] //= 2
     values = "change=nuisance_value sigma=nuisance_sigma prior_sigma=nuisance_prior"
     keys = ("measured_hz", "uncertainty_hz", "before_hz", "after_hz", "q", "functions")
-    resonances = [
-        {"label": name} | dict(zip(keys, (*plain(row[:5]), int(row[5])), strict=True))
-        for name, row in zip(found.mode, found.resonance, strict=True)
-    ]
+    columns = "kind side factor claimed_otherwise=known also"
+    wrong = table(found.corrections, f"{columns} chi_squared_without=chi_squared text")
+    for row, one in zip(wrong, found.corrections, strict=True):
+        row |= {"side": TABLES[one.side], "channels": [*one.channel], "also": one.also or None}
     return {
         "transfer_functions": functions,
         "channels": table(found, f"name=nuisance {values}"),
-        "resonances": resonances,
-        "wrong_channels": [
-            {
-                "kind": one.kind,
-                "side": TABLES[one.side],
-                "channels": list(one.channel),
-                "factor": plain(one.factor),
-                "claimed_otherwise": one.known,
-                "also": one.also or None,
-                "chi_squared_without": plain(one.chi_squared),
-                "text": one.text,
-            }
-            for one in found.corrections
+        "resonances": [
+            {"label": name} | dict(zip(keys, (*plain(row[:5]), int(row[5])), strict=True))
+            for name, row in zip(found.mode, found.resonance, strict=True)
         ],
+        "wrong_channels": wrong,
         "too_stiff_and_lossy": table(found.stiffened, "label excess q"),
         "chi_squared_before": plain(found.chi_squared_before),
         "single_changes": table(found.changes, "name start change chi_squared"),

@@ -3,13 +3,15 @@
 Before a fit, measured and computed functions are compared in two ways that resonances at wrong
 frequencies hardly affect: ln magnitudes, with heavily damped modes in the model, up to a largest
 difference; and the phase between both, which is wrong only between a measured resonance and the
-computed one. After a fit, chi^2 of every alternative is computed with the fitted parameters.
+computed one. The change of a channel that improves the agreement most is made, until none does
+enough. After a fit, chi^2 of every alternative is computed with the fitted parameters.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -26,15 +28,14 @@ HEAVY = 1 / 20
 """Added damping 1/Q of all modes of the model in that comparison."""
 LARGEST = 3.0
 """Largest difference of ln magnitudes that counts."""
-EXCHANGED = 0.25
-"""Mean decrease of this difference per function from which an exchange is assumed."""
+ASSUMED = 0.25
+"""Decrease of the disagreement per function of a channel from which a change is assumed."""
 SCALED = 0.4
 """ln of the least factor that is assumed before a fit."""
 FACTOR_KNOWN = 0.5
 """Relative uncertainty of a gain that is off by a factor."""
-AGREEMENT = 0.3
-"""Least mean cosine of the phase between measured and computed values for an agreement, and least
-gain in it from which a sign is assumed."""
+SURE = 0.15
+"""Least mean cosine of the phase between measured and computed values that are not noise."""
 CLEAR = 3.0
 """Least size of values whose phase counts, standard deviations."""
 KNOWN_FACTORS = (
@@ -94,6 +95,11 @@ class Correction:
         gain = gain / self.factor if undo else gain * self.factor
         return channels.with_transducer(self.side, name, gain=gain)
 
+    def is_undone_by(self, other: Correction) -> bool:
+        """Whether another exchange, or change of sign, is the same."""
+        mine, its = ((one.kind, one.side, {*one.channel}) for one in (self, other))
+        return mine == its
+
     @property
     def text(self) -> str:
         """The change in words."""
@@ -125,97 +131,92 @@ def name_factor(factor: float) -> str:
 
 
 def guess(problem: Problem, z: Array) -> tuple[list[Correction], Channels]:
-    """Find exchanged, then scaled, then inverted channels before a fit."""
-    heavy, found = z.copy(), list[Correction]()
-    heavy[problem.parts[2]] = math.log(HEAVY)
-    for kind in (EXCHANGE, FACTOR, SIGN):
-        for _ in range(len(problem.channels.names(0)) + len(problem.channels.names(1))):
-            gains = _improvements(kind, problem, z, heavy)
-            if not gains:
-                break
-            gain, best = max(gains, key=lambda item: (round(item[0], 3), -item[1].side))
-            same = [one for g, one in gains if one.side != best.side and g > ALIKE * gain]
-            if same and best.known:
-                table, names = TABLES[same[0].side], " and ".join(same[0].channel)
-                also = f"{table}{'s' if kind == EXCHANGE else ''} {names}"
-                best = replace(best, also=also)
-            found.append(best)
-            problem = problem.changed(channels=best.apply(problem.channels))
-    channels = problem.channels
+    """Find exchanged, scaled and inverted channels before a fit."""
+    channels, found = problem.channels, list[Correction]()
+    while len(found) < 2 * (len(channels.names(0)) + len(channels.names(1))):
+        gains = _improvements(replace(problem, channels=channels), z)
+        if not gains:
+            break
+        gain, best = max(gains, key=lambda item: (round(item[0], 3), -item[1].side))
+        same = [
+            one
+            for g, one in gains
+            if (one.kind, one.side) == (best.kind, 1 - best.side) and g > ALIKE * gain
+        ]
+        if same and best.known:
+            table, names = TABLES[same[0].side], " and ".join(same[0].channel)
+            also = f"{table}{'s' if best.kind == EXCHANGE else ''} {names}"
+            best = replace(best, also=also)
+        found.append(best)
+        channels = best.apply(channels)
     for one in found:
         if one.kind == FACTOR:
             wide = {"gain_uncertainty": FACTOR_KNOWN}
             channels = channels.with_transducer(one.side, one.channel[0], **wide)
-    return found, channels
+    return sorted(found, key=lambda one: one.kind), channels
 
 
-def _improvements(
-    kind: str, problem: Problem, z: Array, heavy: Array
-) -> list[tuple[float, Correction]]:
-    """Rate all changes of a kind that improve the agreement enough."""
-    channels, found = problem.channels, []
-    distance, shift = _compare_levels(problem, heavy)[0], _compare_levels(problem, z)[1]
-    cosine = _compare_phases(problem, z)
-    for side, items in enumerate(channels.transducer):
-        used = np.array(channels.pairs)[:, side]
-        for pair in itertools.combinations(items, 2) if kind == EXCHANGE else ():
-            change = Correction(kind, side, pair)
-            other = problem.changed(channels=change.apply(channels))
-            gain = float((distance - _compare_levels(other, heavy)[0]).sum())
-            rows = [channels.names(side).index(name) for name in pair]
-            if gain > EXCHANGED * np.isin(used, rows).sum():
-                found.append((gain, change))
-        for row, (name, item) in enumerate(items.items()):
-            mine = used == row
-            sure = mine & (np.abs(cosine) > AGREEMENT / 2)
-            if kind == SIGN:
-                clear = mine & (np.abs(cosine) > AGREEMENT)
-                gain = -float(cosine[clear].sum()) + (0.0 if item.sign_known else 1e-3)
-                if gain > AGREEMENT:
-                    change = Correction(kind, side, (name,), -1.0, item.sign_known)
-                    found.append((gain, change))
-            elif kind == FACTOR and sure.any():
-                by = float(np.median(shift[sure]))
-                weight = np.minimum(np.abs(cosine) / AGREEMENT, 1.0)
-                gain = float(weight @ (np.abs(shift) - np.abs(shift - by * mine)))
-                if abs(by) > SCALED and gain > SCALED / 2:
-                    found.append((gain, Correction(kind, side, (name,), math.exp(by))))
+def _improvements(problem: Problem, z: Array) -> list[tuple[float, Correction]]:
+    """Rate all changes that reduce the disagreement enough."""
+    found, channels = [], problem.channels
+    distance, shift, cosine = _compare(problem, z)
+    for change in _changes(channels, EXCHANGE, FACTOR, SIGN):
+        rows = [channels.names(change.side).index(name) for name in change.channel]
+        mine = np.isin(np.array(channels.pairs)[:, change.side], rows)
+        sure = mine & (np.abs(cosine) > SURE)
+        if change.kind == FACTOR:
+            by = float(np.median(shift[sure])) if sure.any() else 0.0
+            if abs(by) < SCALED:
+                continue
+            change = replace(change, factor=math.exp(by))
+        changed = replace(problem, channels=change.apply(channels))
+        other, _, turned = _compare(changed, z)
+        gain = float((distance - other + turned - cosine)[mine].sum())
+        doubt = ASSUMED * (mine if change.kind == EXCHANGE else sure).sum()
+        if gain > (doubt if change.known else 0.0):
+            found.append((gain, change))
     return found
 
 
-def _compare_levels(problem: Problem, z: Array) -> tuple[Array, Array]:
-    """Mean difference of ln magnitudes up to `LARGEST`, and their median shift, per function."""
-    rows = [
-        np.log(np.maximum(np.abs(item.value), item.uncertainty))
-        - np.log(np.maximum(np.abs(value), item.uncertainty))
-        for value, item in zip(problem.readings(z), problem.channels.function, strict=True)
-    ]
-    distance = [np.minimum(np.abs(row), LARGEST).mean() for row in rows]
-    return np.array(distance), np.array([np.median(row) for row in rows])
+def _changes(channels: Channels, *kinds: str) -> Iterator[Correction]:
+    """All changes of some kinds."""
+    for kind, (side, items) in itertools.product(kinds, enumerate(channels.transducer)):
+        if kind == EXCHANGE:
+            yield from (Correction(kind, side, pair) for pair in itertools.combinations(items, 2))
+        for name, item in items.items() if kind != EXCHANGE else ():
+            known = item.sign_known or kind == FACTOR
+            yield Correction(kind, side, (name,), -1.0, known)
 
 
-def _compare_phases(problem: Problem, z: Array) -> Array:
-    """Mean cosine of the phase between measured and computed values of each function."""
-    found = []
-    for value, item in zip(problem.readings(z), problem.channels.function, strict=True):
-        size = np.minimum(np.abs(value), np.abs(item.value))
-        clear = size > CLEAR * item.uncertainty
+def _compare(problem: Problem, z: Array) -> tuple[Array, Array, Array]:
+    """Compare measured and computed functions.
+
+    Returns
+    -------
+    Mean difference of ln magnitudes up to `LARGEST`, with heavily damped modes; median difference
+    of ln magnitudes; and mean cosine of the phase, 0 where unknown; per function.
+    """
+    heavy, rows = z.copy(), []
+    heavy[problem.parts[2]] = math.log(HEAVY)
+    computed = zip(problem.readings(z), problem.readings(heavy), strict=True)
+    for (value, damped), item in zip(computed, problem.channels.function, strict=True):
+        level, own, other = (
+            np.log(np.maximum(np.abs(part), item.uncertainty))
+            for part in (item.value, value, damped)
+        )
+        clear = np.minimum(np.abs(value), np.abs(item.value)) > CLEAR * item.uncertainty
         turn = np.cos(np.angle(np.conj(value[clear]) * item.value[clear]))
-        known = min(1.0, 5 * clear.mean()) if clear.sum() > 3 else 0.0
-        found.append(known * turn.mean() if known else 0.0)
-    return np.array(found)
+        cosine = min(1.0, 5 * clear.mean()) * turn.mean() if clear.sum() > 3 else 0.0
+        distance = np.minimum(np.abs(level - other), LARGEST).mean()
+        rows.append((distance, np.median(level - own), cosine))
+    distance, shift, cosine = np.array(rows, dtype=float).T
+    return distance, shift, cosine
 
 
 def alternatives(problem: Problem, z: Array) -> list[Correction]:
     """Rate changes of a sign and exchanges of two channels by chi^2 at z, best first."""
-    channels, found = problem.channels, []
-    for side in (0, 1):
-        for name, item in channels.transducer[side].items():
-            found.append(Correction(SIGN, side, (name,), -1.0, known=item.sign_known))
-        for pair in itertools.combinations(channels.names(side), 2):
-            found.append(Correction(EXCHANGE, side, pair))
     rated = []
-    for one in found:
-        residual = problem.changed(channels=one.apply(channels)).residual(z)
+    for one in _changes(problem.channels, SIGN, EXCHANGE):
+        residual = replace(problem, channels=one.apply(problem.channels)).residual(z)
         rated.append(replace(one, chi_squared=float(residual @ residual)))
     return sorted(rated, key=lambda one: one.chi_squared)
