@@ -309,7 +309,8 @@ def _shifts_by_wire_mass(found: Modes, model: LinearSystem) -> Float[np.ndarray,
     omega = np.sqrt(found.omega_squared[good])
     shapes = np.linalg.solve(model.basis, np.pad(found.shape[good], ((0, 0), (6, 0))).T)
     change = np.zeros(len(omega))
-    for strand, ends in quality.end_motions(model, shapes.T):
+    for term, ends in quality.end_motions(model, shapes.T):
+        strand = term.strand
         there = replace(strand, lossy=False).at(omega)
         for part, moved in ends.items():
             added = there.stiffness(part) - strand.resting(part)

@@ -257,33 +257,27 @@ def _solve(run: Run) -> tuple[Choice, LinearSystem, Modes, Modes]:
 
     If modes of wires are listed too, both are the modes with all losses.
     """
-    import numpy as np
-
     from suspension_cli.analyses import model_choice
     from suspension_cli.analyses.modes import wire_modes
-    from suspension_cli.linear import damped, eigenmodes
+    from suspension_cli.linear import eigenmodes
     from suspension_cli.models import registry
 
     setting = run.setting
     highest, level = setting["max_frequency"], setting["fidelity"]
     wanted = registry.VIOLIN.name if level == registry.AUTO and highest is not None else level
     choice, model = model_choice.for_modes(run.source, wanted, setting["tolerance"])
-    still = eigenmodes.solve(model)
-    bodies_only = level == registry.AUTO and highest is None
-    if not choice.model.has_wire_mass or bodies_only:
-        listed = damped.solve(model, still)
-        if choice.model.has_wire_mass and not damped.are_of_bodies(model, listed):
-            top = float(np.nanmax(still.frequency))  # the mass of wires lowers all frequencies
-            _admit(run, wire_modes.count_modes(model, top), top, "that of the highest mode")
-            with run.log.progress() as bar:
-                listed = wire_modes.solve(model, top, damping=True, progress=bar)
-            of_bodies = listed.order == 0
-            listed = listed.select(of_bodies) if of_bodies.any() else listed
+    if not choice.model.has_wire_mass or (level == registry.AUTO and highest is None):
+
+        def admit(number: int, top: float) -> None:
+            _admit(run, number, top, "that of the highest mode")
+
+        with run.log.progress() as bar:
+            listed = wire_modes.solve_bodies(model, admit, bar)
         if highest is not None:
             listed = listed.up_to(highest)
             if not len(listed.q):
                 raise wire_modes.no_mode_error(highest)
-        return choice, model, still, listed
+        return choice, model, eigenmodes.solve(model), listed
     top, cause = highest or HIGHEST, "--max-frequency" if highest else "by default"
     choice = registry.Choice(choice.level, f"all modes up to {top:g} Hz", 0.0)
     _admit(run, wire_modes.count_modes(model, top), top, cause)
