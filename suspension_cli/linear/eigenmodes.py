@@ -32,8 +32,10 @@ PER_MODE = (
 """Attributes of `Modes` with one entry per mode."""
 DAMPING_BAND = (0.5, 5.0)
 """Hz; band of modes to damp from the top mass (Husman et al. 2000, sections 1 and 5a)."""
+TOP = "top"
+"""In place of a body: the top mass of each chain."""
 COUPLED = 0.01
-"""Smallest fraction of kinetic energy in the top mass of a mode that can be damped there:
+"""Smallest fraction of kinetic energy of a mode in the body from which it can be damped:
 "strongly" coupled in the paper."""
 NEAR = 2e-3
 """Relative difference of frequency below which violin modes of equal wires are listed as one."""
@@ -74,6 +76,10 @@ class Modes:
         negative for one that oscillates and grows.
     top
         Number of the top mass of each body's chain, as in `LinearSystem`.
+    damping_band
+        Lowest and highest frequency (Hz) at which modes can be damped; empty for no verdict.
+    damping_at
+        Body from which they are damped, or ``top``.
     """
 
     body: tuple[str, ...]
@@ -90,6 +96,8 @@ class Modes:
     order: Int[np.ndarray, " mode"]
     decay_rate: Float[np.ndarray, " mode"] = field(metadata=in_unit("1/s"))
     top: tuple[int, ...] = ()
+    damping_band: tuple[float, ...] | None = DAMPING_BAND
+    damping_at: str | None = TOP
 
     @property
     @derived()
@@ -178,13 +186,21 @@ class Modes:
         return self.energy[np.arange(len(self.energy)), self.top_mass].sum(-1)
 
     @property
+    def damping_fraction(self) -> Float[np.ndarray, " mode"]:
+        """Fraction of each mode's kinetic energy in the body from which it is damped."""
+        if self.damping_at in self.body:
+            return self.energy[:, self.body.index(self.damping_at)].sum(-1)
+        return self.top_fraction
+
+    @property
     @derived(along="mode")
     def verdict(self) -> list[str]:
-        """Whether each mode can be damped from the top mass (Husman et al. 2000), in words."""
-        low, high = DAMPING_BAND
+        """Whether each mode can be damped (Husman et al. 2000), in words; empty for no verdict."""
+        band = DAMPING_BAND if self.damping_band is None else self.damping_band
+        low, high = band or (0.0, np.inf)
         words = []
         for growth, frequency, fraction in zip(
-            self.growth_rate, self.frequency, self.top_fraction, strict=True
+            self.growth_rate, self.frequency, self.damping_fraction, strict=True
         ):
             if not frequency > 0:
                 words.append(
@@ -192,6 +208,8 @@ class Modes:
                 )
             elif not low <= frequency <= high:
                 words.append(f"below {low:g} Hz" if frequency < low else f"above {high:g} Hz")
+            elif not band:
+                words.append("")
             else:
                 words.append("can be damped" if fraction >= COUPLED else "couples weakly")
         return words

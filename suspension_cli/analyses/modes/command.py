@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
+import re
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
@@ -23,6 +26,7 @@ from suspension_cli.errors import Fault, InputError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from suspension_cli.design.schema import Design
     from suspension_cli.linear.eigenmodes import Modes
     from suspension_cli.linear.system import LinearSystem
     from suspension_cli.models.registry import Choice
@@ -45,6 +49,9 @@ class ModesAnalysis(Analysis):
     The modes of bodies are listed. With --max-frequency (or --fidelity violin, then up to 1 kHz)
     the wires have mass, and violin modes are listed, too. The beam and violin models also give the
     dilution factor of a mode: its energy over the energy in lossy parts.
+
+    Modes that cannot be damped from the top mass are marked with the reason. --damping sets another
+    body or band of frequencies; towers on legs are judged only if it is given.
 
     With --animate modes are also drawn in motion: DIR/NAME-modes-3.gif is one period of mode 3.
 
@@ -86,6 +93,14 @@ class ModesAnalysis(Analysis):
             help=f"Compute all modes of wires with mass, even if there are more than {MOST}.",
         ),
         option(
+            "--damping",
+            metavar="band=GRID,at=STAGE",
+            help=(
+                "Frequencies (Hz) and stage at which modes can be damped, or none."
+                "  [default: band=0.5:5,at=top; of towers on legs none]"
+            ),
+        ),
+        option(
             "--animate",
             metavar="MODES",
             help=(
@@ -115,6 +130,7 @@ class ModesAnalysis(Analysis):
         from suspension_cli.analyses.check.lossless import describe_lossless, find_lossless
 
         choice, model, undamped, modes = _solve(run)
+        modes = dataclasses.replace(modes, **_damping(run.design, run.setting["damping"]))
         _animated(modes, run.setting)  # refuse unknown modes before anything is written
         lossless = find_lossless(run.design, choice.level)
         _warn_of_series(run, choice, modes)
@@ -151,9 +167,11 @@ class ModesAnalysis(Analysis):
             if modes.overdamped[n]:
                 row["decay_rate_per_s"] = float(modes.decay_rate[n])
             row["label"], row["fraction"] = labels[n], float(fractions[n].max())
-            row["top_mass_fraction"], row["verdict"] = float(top[n]), verdicts[n]
+            row["top_mass_fraction"], row["verdict"] = float(top[n]), verdicts[n] or None
             rows.append(row)
-        return {"stable": modes.stable, "modes": rows} | result.extra
+        band, at = modes.damping_band or None, modes.damping_at
+        damping = band and {"band_hz": [*band], "at": at}
+        return {"stable": modes.stable, "modes": rows, "damping": damping} | result.extra
 
     def text(self, result: Result) -> str:
         """Return a table of the modes."""
@@ -169,7 +187,8 @@ class ModesAnalysis(Analysis):
         lossy = bool(np.isfinite(modes.q).any())
         diluted = bool(np.isfinite(modes.dilution).any())
         labels, home, place, verdict = modes.label, modes.home, modes.place, modes.verdict
-        every, top_fraction, frequency = modes.fractions, modes.top_fraction, modes.frequency
+        every, top_fraction, frequency = modes.fractions, modes.damping_fraction, modes.frequency
+        damper = "the top mass" if modes.damping_at not in modes.body else modes.damping_at
         rows = []
         for group in modes.groups:
             n, fractions = group[0], every[group[0]]
@@ -191,7 +210,7 @@ class ModesAnalysis(Analysis):
                     what += f"; {describe_growth(modes, n).removeprefix(labels[n] + ' ')}"
                 elif modes.overdamped[n]:
                     what += f"; decays at {modes.decay_rate[n]:#.4g} 1/s"
-                elif modes.omega_squared[n] > 0 and verdict[n] != "can be damped":
+                elif modes.omega_squared[n] > 0 and verdict[n] not in ("", "can be damped"):
                     what += f"; {verdict[n]}"
             rows.append((n + 1, _frequency(modes, n), *quality, top, what))
         columns = {"#": "d", "frequency\nHz": "#.5g"}
@@ -199,8 +218,8 @@ class ModesAnalysis(Analysis):
         columns |= {"dilution": ".4g"} if diluted else {}
         what = "mode, by fraction of kinetic energy"
         if any(";" in row[-1] for row in rows):
-            what += "; why damping at the top mass fails"
-        columns |= {"top mass\n%": ".1f", what: ""}
+            what += f"; why damping at {damper} fails"
+        columns |= {f"{damper.removeprefix('the ')}\n%": ".1f", what: ""}
         title = result.title + (f"  [{result.name}]" if result.title != result.name else "")
         return "\n".join([title, result.choice.line, "", tables.render(columns, rows)])
 
@@ -235,6 +254,38 @@ def _animated(modes: Modes, setting: Settings) -> list[int]:
     from suspension_cli.analyses.modes import animation
 
     return animation.parse(modes, setting["animate"])
+
+
+def _damping(design: Design, text: str | None) -> Settings:
+    """Parse --damping into `damping_band` and `damping_at` of `Modes`."""
+    from suspension_cli.design.faults import suggest
+    from suspension_cli.linear.eigenmodes import DAMPING_BAND, TOP
+
+    def fault(problem: str, remedy: str, value: str) -> InputError:
+        return InputError([Fault("--damping", problem, remedy, value)])
+
+    on_legs = any(stage.inverted_pendulum for stage in design.stage)
+    if (text is None and on_legs) or text == "none":
+        return {"damping_band": ()}
+    given = dict.fromkeys(("band", "at"), "")
+    for item in re.split(r",(?=[a-z]+=)", text or ""):
+        key, _, value = item.partition("=")
+        if item and (key not in given or given[key] or not value):
+            remedy = "give for example band=0.5:5,at=top, or none"
+            raise fault("is no band, stage, or none", remedy, item)
+        given |= {key: value} if item else {}
+    try:
+        band = tuple(map(float, re.split("[:,]", given["band"]))) if given["band"] else DAMPING_BAND
+        good = len(band) == 2 and 0 <= band[0] < band[1] < math.inf
+    except ValueError:
+        good = False
+    if not good:
+        remedy = "give the lowest and the highest frequency in Hz, for example band=0.5:5"
+        raise fault("is no band of frequencies", remedy, given["band"])
+    at, names = given["at"] or TOP, [stage.name for stage in design.stage]
+    if at not in (TOP, *names):
+        raise fault("is no stage", suggest(at, [TOP, *names]), at)
+    return {"damping_band": band, "damping_at": at}
 
 
 def _warn_of_series(run: Run, choice: Choice, modes: Modes) -> None:
