@@ -21,7 +21,7 @@ from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes, quality
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.frequency_terms import WireTerm
-from suspension_cli.linear.mode_pairing import body_overlap, pair_by_overlap
+from suspension_cli.linear.mode_pairing import pair_bodies
 from suspension_cli.linear.named_results import Mode, Ratio, Scalar
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
@@ -31,7 +31,7 @@ from suspension_cli.models.registry import AUTO, Choice
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
-    from jaxtyping import Complex, Float, Int
+    from jaxtyping import Complex, Float
 
     Comparison = Callable[[Model, Model], tuple[float, str]]
     """The largest relative change of results from a model to a more complete one, and which result
@@ -239,7 +239,7 @@ class Several:
     def changes(self, simple: LinearSystem, refined: LinearSystem) -> list[tuple[float, str]]:
         """Compute the change of each scalar; modes are paired by their shapes."""
         modes, changes = shifts(simple, refined)
-        here = _pairs(self.modes, modes, refined)
+        here = pair_bodies(self.modes, modes, refined.mass)
         return [
             _described(float(changes[here[item.number]]), item.text, refined)
             if isinstance(item, Mode)
@@ -289,7 +289,7 @@ def shifts(simple: LinearSystem, refined: LinearSystem) -> tuple[Modes, Float[np
     changes = np.zeros(len(new.omega_squared))
     if simple.stiffness is not refined.stiffness:
         old = eigenmodes.solve(simple.constant)
-        a, b = old.omega_squared[_pairs(new, old, refined)], new.omega_squared
+        a, b = old.omega_squared[pair_bodies(new, old, refined.mass)], new.omega_squared
         changes = np.where(b > 0, np.abs(np.sqrt(np.abs(a) / np.where(b > 0, b, 1.0)) - 1), 0.0)
         if old.stable != new.stable:
             changes[0] = np.inf
@@ -357,10 +357,3 @@ def _described(change: float, label: str, refined: LinearSystem) -> tuple[float,
 
 def _has_wire_mass(model: LinearSystem) -> bool:
     return any(isinstance(term, WireTerm) and term.strand.massive for term in model.terms)
-
-
-def _pairs(rows: Modes, columns: Modes, model: LinearSystem) -> Int[np.ndarray, " mode"]:
-    """Mode of one model that each mode of another is paired with by its shape."""
-    count = 6 * len(model.body)
-    mass = model.mass[6 : 6 + count, 6 : 6 + count]
-    return pair_by_overlap(body_overlap(rows.shape, columns.shape, mass))
