@@ -19,7 +19,7 @@ import numpy as np
 from suspension_cli.linear import eigenmodes, quality
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.frequency_terms import LossTerm, quadratic_form
-from suspension_cli.linear.pencil import Block, Pencil
+from suspension_cli.linear.pencil import Block, Loss, Pencil
 from suspension_cli.linear.poles import ROUNDING
 from suspension_cli.linear.roots import Roots, find_roots
 from suspension_cli.linear.system import LinearSystem
@@ -63,10 +63,11 @@ def solve(model: LinearSystem) -> Modes:
     start = Roots.starts(blocks, value, member, motion)
     rate = np.array([loss[still.block == n].max(initial=0.0) for n in range(len(blocks))])
     width = np.abs(value) * rate[member] / 2
-    for some, acting in ((np.imag(value) > 0, "all"), (np.imag(value) == 0, "dampers")):
-        if some.any():
-            found = find_roots(pencil, blocks, start.select(some), width[some], acting)
-            value[some], motion[some] = found.value, found.motions(blocks, model.size)
+    for oscillates in (True, False):
+        some = (np.imag(value) > 0) == oscillates
+        acting: Loss = "all" if oscillates else "dampers"
+        found = find_roots(pencil, blocks, start.select(some), width[some], acting)
+        value[some], motion[some] = found.value, found.motions(blocks, model.size)
     motion /= np.sqrt(quadratic_form(model.mass, motion.T))[:, None]
     value = np.concatenate([np.sqrt(-squared[plain] + 0j), value])
     motion, member = np.concatenate([shapes[plain], motion]), np.append(still.block[plain], member)

@@ -336,12 +336,12 @@ def _iterate(
         shift = np.array([value[group].mean() for group in members])
         spread = [np.abs(value[g] - m).max() for g, m in zip(members, shift, strict=True)]
         shift = shift + np.array(spread) / 3 + (ASIDE * np.abs(shift) if step < FIRST else 0.0)
-        for here, own, *functions in _linearise(pencil, blocks, block[moving], shift, loss):
+        for here, own, functions, slopes in _linearise(pencil, blocks, block[moving], shift, loss):
             some, size = [members[n] for n in here], len(own.owner)
             x = np.zeros((size, max(map(len, some)), len(some)), dtype=complex)
             for n, group in enumerate(some):
                 x[:, : len(group), n] = motion[:size, group]
-            steps_by, y = _step(own, *functions, x, pivoting=step >= PATIENCE)
+            steps_by, y = _step(own, functions, slopes, x, pivoting=step >= PATIENCE)
             for n, group in enumerate(some):
                 k = len(group)
                 if step < known:

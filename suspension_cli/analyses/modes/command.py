@@ -267,25 +267,27 @@ def _damping(design: Design, text: str | None) -> Settings:
     on_legs = any(stage.inverted_pendulum for stage in design.stage)
     if (text is None and on_legs) or text == "none":
         return {"damping_band": ()}
-    given = dict.fromkeys(("band", "at"), "")
-    for item in re.split(r",(?=[a-z]+=)", text or ""):
+    given: dict[str, str] = {}
+    for item in re.split(r",(?=[a-z]+=)", text or f"at={TOP}"):
         key, _, value = item.partition("=")
-        if item and (key not in given or given[key] or not value):
+        if key not in ("band", "at") or key in given or not value:
             remedy = "give for example band=0.5:5,at=top, or none"
             raise fault("is no band, stage, or none", remedy, item)
-        given |= {key: value} if item else {}
-    try:
-        band = tuple(map(float, re.split("[:,]", given["band"]))) if given["band"] else DAMPING_BAND
-        good = len(band) == 2 and 0 <= band[0] < band[1] < math.inf
-    except ValueError:
-        good = False
-    if not good:
-        remedy = "give the lowest and the highest frequency in Hz, for example band=0.5:5"
-        raise fault("is no band of frequencies", remedy, given["band"])
-    at, names = given["at"] or TOP, [stage.name for stage in design.stage]
-    if at not in (TOP, *names):
-        raise fault("is no stage", suggest(at, [TOP, *names]), at)
-    return {"damping_band": band, "damping_at": at}
+        given[key] = value
+    result: Settings = {"damping_band": DAMPING_BAND, "damping_at": given.get("at", TOP)}
+    if "band" in given:
+        try:
+            low, high = map(float, re.split("[:,]", given["band"]))
+        except ValueError:
+            low = high = math.nan
+        if not 0 <= low < high < math.inf:
+            remedy = "give the lowest and the highest frequency in Hz, for example band=0.5:5"
+            raise fault("is no band of frequencies", remedy, given["band"])
+        result["damping_band"] = low, high
+    known = [TOP, *(stage.name for stage in design.stage)]
+    if result["damping_at"] not in known:
+        raise fault("is no stage", suggest(given["at"], known), given["at"])
+    return result
 
 
 def _warn_of_series(run: Run, choice: Choice, modes: Modes) -> None:

@@ -75,7 +75,9 @@ def solve(
         strong = strong.select(strong.frequency <= highest)
     still = static.select(static.omega_squared <= 0)
     count = len(omega) - int(static.overdamped.sum()) // 2  # these oscillate without dampers
-    began, left, found, others = time.monotonic(), np.arange(len(omega)), [], []
+    began, left, short = time.monotonic(), np.arange(len(omega)), count
+    found: list[Modes] = []
+    others: list[Modes] = []
     for fraction in CUTS:
         solver, others, missed = _Solver.of(model, fraction, strong), [], []
         if fraction == CUTS[0] and len(strong.q):
@@ -94,7 +96,7 @@ def solve(
         rest = others[0].followed_by(*others[1:]).ascending()
         found.append(rest.select(slice(short)))
     modes = found[0].followed_by(*found[1:]).ascending()
-    moving = (modes.wire_energy > 1e-12).any(0)
+    moving = np.asarray((modes.wire_energy > 1e-12).any(0))
     names = tuple(name for name, some in zip(modes.wire, moving, strict=True) if some)
     modes = replace(modes, wire=names, wire_energy=modes.wire_energy[:, moving])
     energy = np.zeros((len(still.q), len(names)))
