@@ -46,7 +46,8 @@ def solve(model: LinearSystem) -> Modes:
     for number, block in enumerate(blocks):
         own = np.flatnonzero(still.block == number)
         if damping[np.ix_(block.keep, block.keep)].any():
-            start = _linear_roots(model, block.keep, damping, squared[own], shapes[own])
+            modes = squared[own], shapes[own], loss[own]
+            start = _linear_roots(model, block.keep, damping, *modes)
             # a rigid mode has one pole, 0, beside those that dampers give it
             plain[own] = squared[own] == 0
         elif block.terms or block.loss.any():
@@ -102,6 +103,7 @@ def _linear_roots(
     damping: Float[np.ndarray, "coordinate coordinate"],
     squared: Float[np.ndarray, " mode"],
     shapes: Float[np.ndarray, "mode coordinate"],
+    loss: Float[np.ndarray, " mode"],
 ) -> tuple[Complex[np.ndarray, " pole"], Complex[np.ndarray, "pole coordinate"]]:
     """Poles and shapes of K + s C + s^2 M for the coordinates `keep` of one block.
 
@@ -110,7 +112,8 @@ def _linear_roots(
 
         (w q)' = w v,    v' = -+ w (w q) - C_vv v - C_ve e',    0 = k e + C_ev v + C_ee e',
 
-    with w^2 = |omega^2|, so that rigid modes have one state, v.
+    with w^2 = |omega^2|, so that rigid modes have one state, v. Loss angles are damping that gives
+    each mode its `loss`, 1/Q to first order.
     """
     massless, m = keep[model.massless[keep]], len(squared)
     light, directions = np.linalg.eigh(model.stiffness[np.ix_(massless, massless)])
@@ -121,6 +124,8 @@ def _linear_roots(
     basis[m:, massless] = turn.T @ directions
     stiffness = turn.T @ (np.sign(light)[:, None] * turn)
     c, w = basis @ damping @ basis.T, np.sqrt(np.abs(squared))
+    own = np.arange(m)
+    c[own, own] += np.maximum(w * loss - c[own, own], 0.0)
     moving = np.flatnonzero(w)
     rows, e = w[moving, None] * np.eye(m)[moving], len(stiffness)
     follow = -np.linalg.solve(c[m:, m:], np.concatenate([c[m:, :m], stiffness], axis=1))  # of e'

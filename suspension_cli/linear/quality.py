@@ -90,7 +90,7 @@ def evaluate(
     oscillates, omega, x = np.imag(value) > 0, np.maximum(np.imag(value), 0.0), motion.T
     lost, elastic = _dissipation(model, omega, x)
     bodily = quadratic_form(model.mass, x)
-    moving = [(t, ends) for t, ends in end_motions(model, motion) if wires and is_massive(t)]
+    moving = end_motions(model, motion) if wires and any(map(is_massive, model.terms)) else []
     energy = np.zeros((len(moving), len(PARTS), len(omega)))
     for n, (term, ends) in enumerate(moving):
         energy[n] = _wire_energies(term, ends, np.where(oscillates, omega, 1.0)) * oscillates

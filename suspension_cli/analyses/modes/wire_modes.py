@@ -201,13 +201,13 @@ class _Solver:
                 vectors = np.linalg.qr(motion[:, group])[0]
                 motion[:, group] = batch_modes.localise(np.zeros(len(group)), vectors)
         start = replace(start, motion=motion + 0j)
-        result = self.describe(start)
         if not damping:
-            return result, omega > 0
+            return self.describe(start), omega > 0
         # to first order in the losses; the poles of pieces, which their losses move, may be near
-        first = 1j * np.sqrt(omega**2 * (1 + 1j / result.q))
-        start = replace(start, value=first)
-        found = roots.find_roots(self.pencil, blocks, start, omega / (2 * result.q))
+        shapes = start.motions(blocks, self.pencil.model.size)
+        q = quality.evaluate(self.pencil.model, start.value, shapes).q
+        start = replace(start, value=1j * np.sqrt(omega**2 * (1 + 1j / q)))
+        found = roots.find_roots(self.pencil, blocks, start, omega / (2 * q))
         every = self.strong.followed_by(found)
         again = roots.repeated(every)[len(self.strong.value) :]
         return self.describe(found), ~(found.lost | again)
