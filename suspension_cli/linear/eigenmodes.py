@@ -33,7 +33,7 @@ PER_MODE = (
 DAMPING_BAND = (0.5, 5.0)
 """Hz; band of modes to damp from the top mass (Husman et al. 2000, sections 1 and 5a)."""
 TOP = "top"
-"""In place of a body: the top mass of each chain."""
+"""In place of a body: the top mass of each chain, also if a stage has this name."""
 COUPLED = 0.01
 """Smallest fraction of kinetic energy of a mode in the body from which it can be damped:
 "strongly" coupled in the paper."""
@@ -188,16 +188,16 @@ class Modes:
     @property
     def damping_fraction(self) -> Float[np.ndarray, " mode"]:
         """Fraction of each mode's kinetic energy in the body from which it is damped."""
-        if self.damping_at in self.body:
-            return self.energy[:, self.body.index(self.damping_at)].sum(-1)
-        return self.top_fraction
+        if self.damping_at == TOP or self.damping_at not in self.body:
+            return self.top_fraction
+        return self.energy[:, self.body.index(self.damping_at)].sum(-1)
 
     @property
     @derived(along="mode")
     def verdict(self) -> list[str]:
         """Whether each mode can be damped (Husman et al. 2000), in words; empty for no verdict."""
         band = DAMPING_BAND if self.damping_band is None else self.damping_band
-        low, high = band or (0.0, np.inf)
+        low, high = (band[0], band[-1]) if band else (0.0, np.inf)
         words = []
         for growth, frequency, fraction in zip(
             self.growth_rate, self.frequency, self.damping_fraction, strict=True

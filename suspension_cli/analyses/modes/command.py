@@ -179,7 +179,7 @@ class ModesAnalysis(Analysis):
 
         from suspension_cli.analyses.growth import describe as describe_growth
         from suspension_cli.linear import named_results
-        from suspension_cli.linear.eigenmodes import describe
+        from suspension_cli.linear.eigenmodes import TOP, describe
 
         modes: Modes = result.data
         names = named_results.labels(modes)
@@ -188,7 +188,7 @@ class ModesAnalysis(Analysis):
         diluted = bool(np.isfinite(modes.dilution).any())
         labels, home, place, verdict = modes.label, modes.home, modes.place, modes.verdict
         every, top_fraction, frequency = modes.fractions, modes.damping_fraction, modes.frequency
-        damper = "the top mass" if modes.damping_at not in modes.body else modes.damping_at
+        damper = "the top mass" if modes.damping_at in (None, TOP) else modes.damping_at
         rows = []
         for group in modes.groups:
             n, fractions = group[0], every[group[0]]

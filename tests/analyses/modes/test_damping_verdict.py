@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 
 import suspension_cli as sus
@@ -58,6 +59,17 @@ def test_the_design_says_it(tmp_path):
     assert overridden["damping"] == {"band_hz": [0.5, 5.0], "at": "upper"}
     plain = sus.modes(sus.read(DOUBLE)).document()["modes"]
     assert [mode["verdict"] for mode in overridden["modes"]] == [mode["verdict"] for mode in plain]
+
+
+def test_a_stage_called_top_is_not_that_of_other_chains():
+    """In a reaction chain each mode is judged by the top mass of its own chain."""
+    found = sus.modes(sus.read(CONFIGS / "reaction-chain.toml"), fidelity="string")
+    assert "top" in found.body
+    rows = found.document()["modes"]
+    share = {mode["label"]: mode["top_mass_fraction"] for mode in rows}
+    assert [mode["verdict"] for mode in rows] == expected(rows, 0.5, 5.0, share)
+    reaction = found.energy[:, [name != "top" for name in found.body]].sum((1, 2)) > 0.999
+    assert "can be damped" in np.array(found.verdict)[reaction]
 
 
 def test_towers_are_judged_if_asked():
