@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Inexact, Int
 
     from suspension_cli.linear.eigenmodes import Modes
+    from suspension_cli.linear.system import LinearSystem
 
 CLOSE = 0.1
 """Relative difference of omega^2 (5 % in frequency) within which the current shapes of two modes
@@ -68,15 +69,14 @@ def pair_by_shape(
     return choice, overlap[np.arange(len(choice)), choice]
 
 
-def pair_bodies(
-    rows: Modes, columns: Modes, mass: Float[np.ndarray, "coordinate coordinate"]
-) -> Int[np.ndarray, " mode"]:
+def pair_bodies(rows: Modes, columns: Modes, model: LinearSystem) -> Int[np.ndarray, " mode"]:
     """Pair the modes of two models of one design by the motion of its bodies.
 
-    `mass` is the mass matrix of one of them; blade tips and wires may have other coordinates.
+    `model`, one of them, has the masses of the bodies; blade tips and wires may have other
+    coordinates.
     """
-    bodies = slice(6, 6 + 6 * len(rows.body))
-    return pair_by_overlap(body_overlap(rows.shape, columns.shape, mass[bodies, bodies]))
+    bodies = slice(6, 6 + 6 * len(model.body))
+    return pair_by_overlap(body_overlap(rows.shape, columns.shape, model.mass[bodies, bodies]))
 
 
 def body_overlap(

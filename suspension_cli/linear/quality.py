@@ -16,18 +16,18 @@ The dilution factor is the total energy over that in lossy elements (bending, st
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from suspension_cli.design.losses.bulk import Bulk
 from suspension_cli.elements.dynamic_wire import PARTS
 from suspension_cli.linear.frequency_terms import (
-    EvaluatedTerm,
     EvaluatedWires,
     LossTerm,
     Term,
     WireTerm,
+    is_damper,
     is_massive,
     quadratic_form,
 )
@@ -126,14 +126,16 @@ def _dissipation(
         lost += quadratic_form(np.imag(model.lossy if own is None else own.soft), x)
         if own is not None:
             lost += np.imag(own.stiffness) @ np.abs(own.form @ x) ** 2
-    for term in model.terms:
-        lost += sum(term.at(omega).dissipated(x).values())
-        if isinstance(term, WireTerm) or term.elastic:
-            elastic += sum(_with_unit_loss(term, omega).dissipated(x).values()) / UNIT
+    if "within" not in model.prepared:
+        model.prepared["within"] = [term.within(np.arange(model.size)) for term in model.terms]
+    for term, own in zip(model.terms, model.prepared["within"], strict=True):
+        lost += sum(term.at(omega).dissipated(own, x).values())
+        if not is_damper(term):
+            elastic += sum(_with_unit_loss(term, omega).dissipated(own, x).values()) / UNIT
     return lost if model.active else np.maximum(lost, 0.0), elastic
 
 
-def _with_unit_loss(term: Term, omega: Float[np.ndarray, " mode"]) -> EvaluatedTerm:
+def _with_unit_loss(term: Term, omega: Float[np.ndarray, " mode"]) -> Any:
     """Evaluate a term with the loss angle `UNIT` in all deformations."""
     if isinstance(term, LossTerm):
         return replace(term, angle=lambda at: np.full(np.shape(at), UNIT)).at(omega)
