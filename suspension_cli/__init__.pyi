@@ -295,6 +295,7 @@ def modes(
     *,
     max_frequency: float | None = None,
     every: bool = False,
+    damping: str | Mapping[str, Grid] | None = None,
     tolerance: float = 0.001,
     fidelity: str = 'auto',
 ) -> Result:
@@ -308,6 +309,9 @@ def modes(
         Highest frequency of the modes listed; auto and violin include violin modes.
     every : bool
         Compute all modes of wires with mass, even if there are more than 1000.
+    damping : str or mapping, optional
+        Frequencies (Hz) and stage at which modes can be damped, or none. Default:
+        band=0.5:5,at=top; of towers on legs none.
     tolerance : float
         Largest relative error of the result that fidelity="auto" accepts.
     fidelity : {"auto", "closed-form", "force", "string", "beam", "violin"}

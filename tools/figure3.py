@@ -22,10 +22,9 @@ from suspension_cli.drawing.panels import set_margins, write_heading
 from suspension_cli.drawing.scales import rule
 from suspension_cli.drawing.style import NOTE, PALETTE, house_style, new_figure, save
 from suspension_cli.files.atomic import write_bytes
-from suspension_cli.linear import named_results
+from suspension_cli.linear import mode_pairing, named_results
 from suspension_cli.models import closed_form
 from suspension_cli.models.closed_form import FourWires
-from suspension_cli.studies import mode_tracking
 from suspension_cli.studies.job import Axis
 from tools.tables import PAPER, ROOT
 
@@ -78,7 +77,7 @@ def follow_mode(text: str, path: str, value: Any, mode: str, level: str) -> Any:
     )
     number = named_results.labels(job.nominal).index(mode)
     points = job.compute(0, job.count)
-    rank, _ = mode_tracking.follow(
+    rank, _ = mode_pairing.follow(
         points["omega_squared"],
         points["shape"],
         points["status"] == 0,

@@ -47,6 +47,8 @@ def setting(parameters: Sequence[click.Parameter], arguments: Settings, function
         name = str(param.name)
         if name in arguments:
             value = arguments[name]
+            if isinstance(value, Mapping) and "=GRID," in str(param.metavar):
+                value = ",".join(grids(value, name))
             optional = value is None and defaults[name] is None
             given[name] = None if optional else _convert(param, name, value, function)
     return given

@@ -68,7 +68,7 @@ def find_growth(design: Design, kind: Model, system: LinearSystem) -> Growth | N
     if not system.active:
         return None
     light = registry.BEAM.system(design) if kind.has_wire_mass else system
-    found = damped.solve(light, eigenmodes.solve(light))
+    found = damped.solve(light)
     if found.stable:
         return None
     parts = [fault for part, fault in find_active(design) if part.active]

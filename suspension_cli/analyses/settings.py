@@ -164,6 +164,9 @@ def _as_typed(option: click.Option, value: object) -> bool | str | list[str]:
         if not isinstance(value, bool):
             raise click.BadParameter("must be true or false")
         return value
+    if isinstance(value, dict) and "=GRID" in str(option.metavar):
+        parts = ((k, v if isinstance(v, list) else [v]) for k, v in value.items())
+        value = ",".join(f"{key}={','.join(map(str, own))}" for key, own in parts)
     items = value if isinstance(value, list) else [value]
     if any(isinstance(item, (bool, dict, list)) for item in items):
         raise click.BadParameter("must be a string or a number")

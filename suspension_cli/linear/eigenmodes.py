@@ -11,10 +11,11 @@ import numpy as np
 from suspension_cli.conventions import DOF_NAMES, DOFS, WIRE_MODE_NAMES
 from suspension_cli.files.declared import derived, in_unit
 from suspension_cli.linear import batch_modes, quality
+from suspension_cli.linear.quality import Quality
 from suspension_cli.linear.system import LinearSystem
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Float, Inexact, Int
+    from jaxtyping import Bool, Complex, Float, Inexact, Int
 
 PER_MODE = (
     "omega_squared",
@@ -31,8 +32,10 @@ PER_MODE = (
 """Attributes of `Modes` with one entry per mode."""
 DAMPING_BAND = (0.5, 5.0)
 """Hz; band of modes to damp from the top mass (Husman et al. 2000, sections 1 and 5a)."""
+TOP = "top"
+"""In place of a body: the top mass of each chain, also if a stage has this name."""
 COUPLED = 0.01
-"""Smallest fraction of kinetic energy in the top mass of a mode that can be damped there:
+"""Smallest fraction of kinetic energy of a mode in the body from which it can be damped:
 "strongly" coupled in the paper."""
 NEAR = 2e-3
 """Relative difference of frequency below which violin modes of equal wires are listed as one."""
@@ -73,6 +76,10 @@ class Modes:
         negative for one that oscillates and grows.
     top
         Number of the top mass of each body's chain, as in `LinearSystem`.
+    damping_band
+        Lowest and highest frequency (Hz) at which modes can be damped; empty for no verdict.
+    damping_at
+        Body from which they are damped, or ``top``.
     """
 
     body: tuple[str, ...]
@@ -89,6 +96,8 @@ class Modes:
     order: Int[np.ndarray, " mode"]
     decay_rate: Float[np.ndarray, " mode"] = field(metadata=in_unit("1/s"))
     top: tuple[int, ...] = ()
+    damping_band: tuple[float, ...] | None = DAMPING_BAND
+    damping_at: str | None = TOP
 
     @property
     @derived()
@@ -177,13 +186,21 @@ class Modes:
         return self.energy[np.arange(len(self.energy)), self.top_mass].sum(-1)
 
     @property
+    def damping_fraction(self) -> Float[np.ndarray, " mode"]:
+        """Fraction of each mode's kinetic energy in the body from which it is damped."""
+        if self.damping_at == TOP or self.damping_at not in self.body:
+            return self.top_fraction
+        return self.energy[:, self.body.index(self.damping_at)].sum(-1)
+
+    @property
     @derived(along="mode")
     def verdict(self) -> list[str]:
-        """Whether each mode can be damped from the top mass (Husman et al. 2000), in words."""
-        low, high = DAMPING_BAND
+        """Whether each mode can be damped (Husman et al. 2000), in words; empty for no verdict."""
+        band = DAMPING_BAND if self.damping_band is None else self.damping_band
+        low, high = (band[0], band[-1]) if band else (0.0, np.inf)
         words = []
         for growth, frequency, fraction in zip(
-            self.growth_rate, self.frequency, self.top_fraction, strict=True
+            self.growth_rate, self.frequency, self.damping_fraction, strict=True
         ):
             if not frequency > 0:
                 words.append(
@@ -191,6 +208,8 @@ class Modes:
                 )
             elif not low <= frequency <= high:
                 words.append(f"below {low:g} Hz" if frequency < low else f"above {high:g} Hz")
+            elif not band:
+                words.append("")
             else:
                 words.append("can be damped" if fraction >= COUPLED else "couples weakly")
         return words
@@ -235,6 +254,11 @@ class Modes:
             },
         )
 
+    def ascending(self) -> Modes:
+        """Sort them; those that do not oscillate are first, overdamped ones last of these."""
+        order = np.argsort(np.where(self.overdamped, self.decay_rate, 0.0), kind="stable")
+        return self.select(order[batch_modes.ascending(self.omega_squared[order])])
+
     def of(self, dof: str, body: str | None = None) -> list[float]:
         """List frequencies (Hz) of stable modes whose `home` is a degree of freedom (of a body)."""
         here = [(home[1] == dof) and (body in (None, home[0])) for home in self.home]
@@ -273,32 +297,60 @@ def solve(model: LinearSystem) -> Modes:
     Damping and loss enter Q and the decay rate to first order only.
     """
     if "modes" not in model.prepared:
-        model.prepared["modes"] = _solve(model)
+        found = spectrum(model)
+        value = np.sqrt(-found.omega_squared + 0j)
+        first = quality.evaluate(model, value, found.motion, wires=False)
+        decays = np.minimum(np.real(first.value), 0.0) + 1j * np.imag(value)
+        first = replace(first, value=np.where(np.imag(value) > 0, decays, value))
+        model.prepared["modes"] = build(model, value, found.motion, found.block, first)
     return model.prepared["modes"]
 
 
-def _solve(model: LinearSystem) -> Modes:
-    # systems that differ only in their terms in frequency share these
+def spectrum(model: LinearSystem) -> batch_modes.Spectrum:
+    """Solve for the undamped modes of a linear system without batch axes, once, as arrays.
+
+    Systems that differ only in their terms in frequency share them.
+    """
     same = all(map(np.array_equal, model.constant.blocks, model.blocks))
     prepared = (model.constant if same else model).prepared
     if "spectrum" not in prepared:
         prepared["spectrum"] = batch_modes.solve(model)
-    found: batch_modes.Spectrum = prepared["spectrum"]
-    values, shapes = found.omega_squared, found.motion
-    q, dilution = _q_and_dilution(model, shapes, values)
-    energy, tips = energy_fractions(model, shapes)
-    shapes = fix_signs(shapes @ model.basis.T, np.concatenate([energy, tips], axis=1))[:, 6:]
-    fields = energy.reshape(len(shapes), -1, 6), tips, found.block, q, dilution
-    no_wires = (), np.zeros((len(shapes), 0)), np.zeros(len(shapes), dtype=np.intp)
+    return prepared["spectrum"]
+
+
+def build(
+    model: LinearSystem,
+    value: Complex[np.ndarray, " mode"],
+    motion: Inexact[np.ndarray, "mode coordinate"],
+    block: Int[np.ndarray, " mode"],
+    found: Quality,
+) -> Modes:
+    """Build modes from their poles s (rad/s), which are 0 for rigid modes, in the same order.
+
+    `motion` is in the system's own coordinates, of unit modal mass; `found` is their quality.
+    """
+    oscillates, rate = np.imag(value) > 0, np.real(found.value)
+    squared = np.where(oscillates, np.abs(value) ** 2, -(np.maximum(rate, 0.0) ** 2))
+    decay = np.where(oscillates, -rate, np.maximum(-rate, 0.0)) + 0.0
+    body, tips = (found.bodily[:, None] * part for part in energy_fractions(model, motion))
+    lead = 6 + np.concatenate([body, tips], axis=1).argmax(1)
+    shape = real_shapes(motion) @ model.basis.T
+    shape *= np.where(shape[np.arange(len(lead)), lead] < 0, -1.0, 1.0)[:, None]
     return Modes(
-        model.body,
-        model.coordinate[6:],
-        values,
-        shapes,
-        *fields,
-        *no_wires,
-        decay_rates(values, q),
-        model.top,
+        body=model.body,
+        coordinate=model.coordinate[6:],
+        omega_squared=squared,
+        shape=shape[:, 6:],
+        energy=body.reshape(len(lead), -1, 6),
+        tip_energy=tips,
+        block=block,
+        q=found.q,
+        dilution=found.dilution,
+        wire=(),
+        wire_energy=np.zeros((len(lead), 0)),
+        order=np.zeros(len(lead), dtype=np.intp),
+        decay_rate=decay,
+        top=model.top,
     )
 
 
@@ -324,33 +376,13 @@ def energy_fractions(
     return body_energy / total, tip_energy / total
 
 
-def decay_rates(
-    squared: Float[np.ndarray, " mode"], q: Float[np.ndarray, " mode"]
-) -> Float[np.ndarray, " mode"]:
-    """Decay rates omega / 2 Q of the amplitudes of weakly damped modes, in 1/s."""
-    return np.where(
-        squared > 0, np.sqrt(np.maximum(squared, 0.0)) / (2 * np.where(q > 0, q, np.inf)), 0.0
-    )
-
-
-def _q_and_dilution(
-    model: LinearSystem,
-    shapes: Float[np.ndarray, "mode coordinate"],
-    values: Float[np.ndarray, " mode"],
-) -> tuple[Float[np.ndarray, " mode"], Float[np.ndarray, " mode"]]:
-    """Compute Q = omega^2 / (v K'' v + omega v C v) and dilution; v has unit modal mass."""
-    omega = np.sqrt(np.maximum(values, 0.0))
-    dissipation, elastic = quality.dissipation(
-        model, omega, shapes, quality.end_motions(model, shapes)
-    )
-    return quality.safe_ratio(omega**2, dissipation), quality.safe_ratio(
-        omega**2, elastic
-    ) if quality.knows_energy(model) else np.full(len(omega), np.nan)
-
-
-def fix_signs(
-    shapes: Float[np.ndarray, "mode coordinate"], fractions: Float[np.ndarray, "mode _"]
+def real_shapes(
+    motion: Inexact[np.ndarray, "mode coordinate"],
 ) -> Float[np.ndarray, "mode coordinate"]:
-    """Choose the sign of shapes in which the coordinate of largest energy is positive."""
-    leading = shapes[np.arange(len(shapes)), 6 + fractions.argmax(1)]
-    return shapes * np.where(leading < 0, -1.0, 1.0)[:, None]
+    """Real shapes: complex ones at the phase of largest displacement, of the same norm."""
+    if np.isrealobj(motion):
+        return motion
+    turn = np.angle((motion**2).sum(1)) / 2
+    shape = (motion * np.exp(-1j * turn)[:, None]).real
+    size, whole = np.sqrt((shape**2).sum(1)), np.sqrt((np.abs(motion) ** 2).sum(1))
+    return shape * (whole / np.where(size > 0, size, 1.0))[:, None]

@@ -30,7 +30,8 @@ GRID = 256
 """Frequencies of the initial count."""
 CHUNK = 256
 """Frequencies computed at once."""
-
+BALANCED = 3
+"""Times that rows and columns are divided by the roots of their largest elements."""
 
 Progress = Callable[[int, int, float], None]
 """Called with (steps done, total steps, steps per second)."""
@@ -67,40 +68,15 @@ def _count_below(
     pencil = Pencil.of(model)
     there = pencil.at(omega, lossy=False)
     for block in pencil.blocks:
-        matrix = np.moveaxis(block.at(there).matrix[:, 6:], -1, 0)
-        coordinates = len(block.keep)
-        scale = coordinate_scales(
-            np.diagonal(matrix, axis1=-2, axis2=-1), np.abs(matrix[:, coordinates:, :coordinates])
-        )
+        matrix, tensions = np.moveaxis(block.at(there).matrix[:, 6:], -1, 0), len(block.keep)
         # scaling does not change the signs of eigenvalues (Sylvester)
-        total += (np.linalg.eigvalsh(matrix / (scale[:, :, None] * scale[:, None, :])) < 0).sum(-1)
-        total -= (np.diagonal(matrix[:, coordinates:, coordinates:], axis1=-2, axis2=-1) < 0).sum(
-            -1
-        )
+        for _ in range(BALANCED):
+            size = np.abs(matrix).max(-1)
+            scale = 1 / np.sqrt(np.where(size > 0, size, 1.0))
+            matrix = matrix * scale[:, :, None] * scale[:, None, :]
+        total += (np.linalg.eigvalsh(matrix) < 0).sum(-1)
+        total -= (np.diagonal(matrix, axis1=1, axis2=2)[:, tensions:] < 0).sum(-1)
     return total
-
-
-def coordinate_scales(
-    diagonal: Float[np.ndarray, "frequency all"],
-    across: Float[np.ndarray, "frequency tension coordinate"],
-) -> Float[np.ndarray, "frequency all"]:
-    """Scale the coordinates so that the elements of a matrix are at most about 1.
-
-    Parameters
-    ----------
-    diagonal
-        Of the matrix; a coordinate without stiffness has scale 1.
-    across
-        Absolute elements between the tensions and the other coordinates.
-    """
-    count = across.shape[-1]
-    result = np.sqrt(np.abs(diagonal))
-    result = np.where(result == 0, 1.0, result)
-    if across.shape[1]:
-        pull = (across / result[:, None, :count]).max(-1, initial=0.0)
-        result[:, count:] = np.maximum(np.sqrt(np.abs(diagonal[:, count:])), pull)
-        result[:, :count] = np.maximum(result[:, :count], (across / result[:, count:, None]).max(1))
-    return result
 
 
 def frequencies(

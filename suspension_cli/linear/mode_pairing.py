@@ -1,13 +1,32 @@
-"""One-to-one pairing of the modes of two models or designs by their shapes."""
+"""One-to-one pairing of modes by their shapes: of two models, two designs, a grid of designs.
+
+Over a grid (`follow`) modes are followed through crossings: from the nominal design to the nearest
+grid point, and on to the neighbours of points already visited, each mode becomes the one that
+overlaps it most. Points without modes are bypassed, or crossed where there is no way round.
+
+Where two modes that couple come close, their shapes mix: on a fine grid each would turn into the
+other, step by step, however weak the coupling. So modes closer than `CLOSE` are compared with the
+shape they had before. Pitch is then pitch again beyond a near crossing, and lines jump by less than
+`CLOSE`. Modes that stay farther apart turn into each other on unbroken lines.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections import deque
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from jaxtyping import Float, Inexact, Int
+    import h5py
+    from jaxtyping import Bool, Float, Inexact, Int
+
+    from suspension_cli.linear.eigenmodes import Modes
+    from suspension_cli.linear.system import LinearSystem
+
+CLOSE = 0.1
+"""Relative difference of omega^2 (5 % in frequency) within which the current shapes of two modes
+do not identify them."""
 
 
 def pair_by_overlap(overlap: Float[np.ndarray, "row column"]) -> Int[np.ndarray, " row"]:
@@ -50,6 +69,16 @@ def pair_by_shape(
     return choice, overlap[np.arange(len(choice)), choice]
 
 
+def pair_bodies(rows: Modes, columns: Modes, model: LinearSystem) -> Int[np.ndarray, " mode"]:
+    """Pair the modes of two models of one design by the motion of its bodies.
+
+    `model`, one of them, has the masses of the bodies; blade tips and wires may have other
+    coordinates.
+    """
+    bodies = slice(6, 6 + 6 * len(model.body))
+    return pair_by_overlap(body_overlap(rows.shape, columns.shape, model.mass[bodies, bodies]))
+
+
 def body_overlap(
     rows: Inexact[np.ndarray, "row _"],
     columns: Inexact[np.ndarray, "column _"],
@@ -62,3 +91,65 @@ def body_overlap(
     """
     count = len(mass)
     return np.abs(rows[:, :count] @ mass @ columns[:, :count].T)
+
+
+def follow(
+    omega_squared: Float[np.ndarray, "*grid mode"],
+    shapes: Float[np.ndarray, "*grid mode coordinate"] | h5py.Dataset,
+    good: Bool[np.ndarray, "*grid"],
+    start: tuple[int, ...],
+    nominal: Float[np.ndarray, "mode coordinate"],
+) -> tuple[Int[np.ndarray, "*grid mode"], Float[np.ndarray, "*grid mode"]]:
+    """Find which mode of every grid point each mode of the nominal design has become.
+
+    `omega_squared` and `shapes` are as in `batch_modes.Spectrum`; points without modes are not
+    `good`. The point `start` is nearest to the nominal design, whose shapes are `nominal`.
+
+    Returns
+    -------
+    rank : int16 array
+        Rank of each mode among the point's modes; -1 where there are none.
+    overlap : array
+        With the shape that it was followed from, 0 to 1; NaN where there are none.
+    """
+    rank = np.full((*good.shape, len(nominal)), -1, dtype=np.int16)
+    overlap = np.full((*good.shape, len(nominal)), np.nan)
+    left = np.ones(good.shape, dtype=bool)
+    left[start] = False
+    queue, beyond_gaps = deque([(start, np.asarray(nominal, dtype=float))]), deque[Any]()
+    while queue or beyond_gaps:
+        here, known = (queue or beyond_gaps).popleft()
+        if good[here]:
+            mine = np.asarray(shapes[here], dtype=float)
+            rank[here], overlap[here] = pair_by_shape(known, mine)
+            sure = ~_close(omega_squared[here], mine)[rank[here]]
+            known = np.where(sure[:, None], mine[rank[here]], known)
+        for there in _neighbours(here, left):
+            left[there] = False
+            (queue if good[there] else beyond_gaps).append((there, known))
+    return rank, overlap
+
+
+def _close(
+    squared: Float[np.ndarray, " mode"], shape: Float[np.ndarray, "mode coordinate"]
+) -> Bool[np.ndarray, " mode"]:
+    """Whether each mode of a point is close to another with which it can mix."""
+    near = np.abs(squared[:, None] - squared) < CLOSE * np.maximum(
+        np.abs(squared[:, None]), np.abs(squared)
+    )
+    mixing = np.abs(shape) @ np.abs(shape).T > 0
+    return np.any(near & mixing & ~np.eye(len(squared), dtype=bool), axis=1)
+
+
+def _neighbours(here: tuple[int, ...], left: Bool[np.ndarray, "*grid"]) -> list[tuple[int, ...]]:
+    """List the neighbours of a point that are still to be visited."""
+    steps = [
+        (*here[:axis], here[axis] + step, *here[axis + 1 :])
+        for axis in range(left.ndim)
+        for step in (-1, 1)
+    ]
+    return [
+        there
+        for there in steps
+        if all(0 <= k < n for k, n in zip(there, left.shape, strict=True)) and left[there]
+    ]

@@ -1,137 +1,181 @@
-"""Q and dilution of modes to first order in the loss, from the dissipation in undamped shapes.
+"""Decay, dilution and kinetic energy of modes, from the dissipation in their shapes.
 
-    1/Q = x^H Im(Z(omega)) x / (omega^2 x^T G x),    G = -d Re(Z) / d(omega^2)  (G = M where the
-    stiffness does not depend on frequency).
+Rounding of the stiffness would hide a Q of 1e10 in a pole s = sigma + i omega. With Z' = dZ/ds, the
+imaginary part of x^H Z(s) x = 0 gives sigma from the dissipation at omega, sums of squares in which
+nothing cancels:
 
-Eigenvalues of the lossy system would lose a Q of 1e9 in the rounding of the frequency; sums of
-squares keep all its digits. `linear.damped` goes beyond first order. The dilution factor is
-the total energy over that in lossy elements (bending, stretching, blades, ...; not the energy of
-the tension): 1/Q = phi / dilution for a single loss angle phi.
+    sigma Im(x^H Z' x) = -x^H Im(Z(i omega)) x,    Im(x^H Z' x) = 2 omega x^H G x,
+
+with G = -d Re(Z) / d(omega^2), which is M where the stiffness does not depend on frequency. In an
+undamped shape this is Q = omega / (-2 sigma) to first order in the loss.
+
+The dilution factor is the total energy over that in lossy elements (bending, stretching, blades,
+...; not the energy of the tension): 1/Q = phi / dilution for a single loss angle phi.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from suspension_cli.design.losses.bulk import Bulk
-from suspension_cli.elements.dynamic_wire import PARTS, TautWire
-from suspension_cli.linear.frequency_terms import LossTerm, WireTerm
+from suspension_cli.elements.dynamic_wire import PARTS
+from suspension_cli.linear.frequency_terms import (
+    EvaluatedWires,
+    LossTerm,
+    Term,
+    WireTerm,
+    is_damper,
+    is_massive,
+    quadratic_form,
+)
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.composition import Fibre
 
 if TYPE_CHECKING:
-    from jaxtyping import Float, Inexact
+    from jaxtyping import Complex, Float, Inexact
 
 NOTHING = 1e-30
 """Ratio of dissipation to energy that rounding errors cause in parts at rest."""
+SLOW = 1e-4
+"""Decay rate over frequency up to which it follows from the dissipation."""
 STEP = 1e-20
 """Relative complex step in frequency, for derivatives of stiffnesses."""
 UNIT = 1e-9
 """A loss angle in rad, so small that dissipation is proportional to it."""
 
 
-def dissipation(
+@dataclass(frozen=True)
+class Quality:
+    """Decay and energies of modes of any size.
+
+    Attributes
+    ----------
+    value
+        Poles, rad/s; the slow decays of those that oscillate are from dissipation.
+    q
+        Im s / (-2 Re s); infinite without decay, 0 where nothing oscillates and energy is lost.
+    dilution
+        NaN where the energy in lossy elements is not known, and where nothing oscillates.
+    weight
+        x^H G x: twice the kinetic energy over omega^2, that of wires included, kg m^2.
+    bodily
+        Fraction of this in bodies and blade tips.
+    wires
+        Fraction in each of `dynamic_wire.PARTS` of the wires of each term with mass.
+    """
+
+    value: Complex[np.ndarray, " mode"]
+    q: Float[np.ndarray, " mode"]
+    dilution: Float[np.ndarray, " mode"]
+    weight: Float[np.ndarray, " mode"]
+    bodily: Float[np.ndarray, " mode"]
+    wires: Float[np.ndarray, "term part mode"]
+
+
+def evaluate(
+    model: LinearSystem,
+    value: Complex[np.ndarray, " mode"],
+    motion: Inexact[np.ndarray, "mode coordinate"],
+    power: Float[np.ndarray, " mode"] | float = 0.0,
+    *,
+    wires: bool = True,
+) -> Quality:
+    """Evaluate poles `value` (rad/s) with motions (m, rad) of the system's own coordinates.
+
+    `power` is Im x^H f of forces -f on the coordinates beside those of the model. Without `wires`
+    their mass is neglected.
+    """
+    oscillates, omega, x = np.imag(value) > 0, np.maximum(np.imag(value), 0.0), motion.T
+    lost, elastic = _dissipation(model, omega, x)
+    bodily = quadratic_form(model.mass, x)
+    moving = end_motions(model, motion) if wires and any(map(is_massive, model.terms)) else []
+    energy = np.zeros((len(moving), len(PARTS), len(omega)))
+    for n, (term, ends) in enumerate(moving):
+        energy[n] = _wire_energies(term, ends, np.where(oscillates, omega, 1.0)) * oscillates
+    weight, lost = bodily + energy.sum((0, 1)), lost + power
+    some = oscillates & (np.abs(lost) > NOTHING * omega**2 * weight)
+    sigma = np.where(some, -lost / np.where(some, 2 * omega * weight, 1.0), 0.0)
+    slow = oscillates & (np.abs(np.real(value)) <= SLOW * omega)
+    refined = np.where(slow, sigma + 1j * omega, value)
+    decays = np.real(refined) < 0
+    q = np.where(decays, omega / (-2 * np.where(decays, np.real(refined), -1.0)), np.inf)
+    stores = elastic > NOTHING * omega**2 * weight
+    dilution = np.abs(value) ** 2 * weight / np.where(stores, elastic, 1.0)
+    dilution = np.where(stores, dilution, np.inf)
+    return Quality(
+        refined,
+        np.where(~oscillates & (lost > 0), 0.0, q),
+        np.where(oscillates & _knows_energy(model), dilution, np.nan),
+        weight,
+        bodily / np.where(weight > 0, weight, 1.0),
+        energy / np.where(weight > 0, weight, 1.0),
+    )
+
+
+def _dissipation(
     model: LinearSystem,
     omega: Float[np.ndarray, " mode"],
-    shapes: Inexact[np.ndarray, "mode coordinate"],
-    wires: Sequence[tuple[TautWire, dict[str, Inexact[np.ndarray, "_ _ mode"]]]],
+    x: Inexact[np.ndarray, "coordinate mode"],
 ) -> tuple[Float[np.ndarray, " mode"], Float[np.ndarray, " mode"]]:
-    """Compute the dissipation x^H Im(Z) x of modes, and its value with all loss angles 1 rad.
-
-    The latter is twice the energy in lossy elements. `omega` in rad/s; `shapes` (m, N) in the
-    system's own coordinates. `wires` are the kinds of wire, each with the motion (c, w, m) of its
-    ends for each of `dynamic_wire.PARTS`.
-    """
-    dissipation, elastic = np.zeros(len(omega)), np.zeros(len(omega))
-    for strand, ends in wires:
-        actual, unit = (
-            strand.at(omega),
-            replace(strand, fibre=_with_unit_loss(strand.fibre), surrounded=None).at(omega),
-        )
-        for part in PARTS:
-            dissipation += sum(
-                value.sum(0) for value in actual.dissipated(part, ends[part]).values()
-            )
-            elastic += (
-                sum(value.sum(0) for value in unit.dissipated(part, ends[part]).values()) / UNIT
-            )
-    for term in model.terms:
-        if isinstance(term, LossTerm):
-            value = quadratic_form(term.matrix, shapes)
-            dissipation += term.angle(omega) * value
-            elastic += value if term.elastic else 0.0
-    if model.damping.any():
-        dissipation += omega * quadratic_form(model.damping, shapes)
+    """Compute the dissipation x^H Im(Z) x, and twice the energy in lossy elements."""
+    lost, elastic = omega * quadratic_form(model.damping, x), np.zeros(len(omega))
     if model.lossy is not None:
-        if model.stretched is None:
-            dissipation += quadratic_form(np.imag(model.lossy), shapes)
-        else:
-            dissipation += quadratic_form(np.imag(model.stretched.soft), shapes)
-            elongation = shapes @ model.stretched.form.T
-            dissipation += np.abs(elongation) ** 2 @ np.imag(model.stretched.stiffness)
-    return dissipation if model.active else np.maximum(dissipation, 0.0), elastic
+        own = model.stretched
+        lost += quadratic_form(np.imag(model.lossy if own is None else own.soft), x)
+        if own is not None:
+            lost += np.imag(own.stiffness) @ np.abs(own.form @ x) ** 2
+    if "within" not in model.prepared:
+        model.prepared["within"] = [term.within(np.arange(model.size)) for term in model.terms]
+    for term, own in zip(model.terms, model.prepared["within"], strict=True):
+        lost += sum(term.at(omega).dissipated(own, x).values())
+        if not is_damper(term):
+            elastic += sum(_with_unit_loss(term, omega).dissipated(own, x).values()) / UNIT
+    return lost if model.active else np.maximum(lost, 0.0), elastic
 
 
-def quadratic_form(
-    matrix: Float[np.ndarray, "coordinate coordinate"],
-    shapes: Inexact[np.ndarray, "mode coordinate"],
-) -> Float[np.ndarray, " mode"]:
-    """x^H A x of shapes x, for a symmetric A."""
-    return np.real((shapes @ matrix) * shapes.conj()).sum(1)
+def _with_unit_loss(term: Term, omega: Float[np.ndarray, " mode"]) -> Any:
+    """Evaluate a term with the loss angle `UNIT` in all deformations."""
+    if isinstance(term, LossTerm):
+        return replace(term, angle=lambda at: np.full(np.shape(at), UNIT)).at(omega)
+    fibre, losses = term.strand.fibre, (Bulk(UNIT),)
+    fibre = replace(fibre, sections=tuple(replace(one, losses=losses) for one in fibre.sections))
+    return EvaluatedWires(term, replace(term.strand, fibre=fibre, surrounded=None).at(omega))
 
 
 def end_motions(
-    model: LinearSystem, shapes: Inexact[np.ndarray, "mode coordinate"]
-) -> list[tuple[TautWire, dict[str, Inexact[np.ndarray, "_ _ mode"]]]]:
-    """Compute the `wires` of `dissipation` for shapes."""
+    model: LinearSystem, motion: Inexact[np.ndarray, "mode coordinate"]
+) -> list[tuple[WireTerm, dict[str, Inexact[np.ndarray, "_ _ mode"]]]]:
+    """Compute the motions (c, w, m) of the ends of all wires, by `dynamic_wire.PARTS`."""
     result = []
     for term in model.terms:
         if isinstance(term, WireTerm):
-            own = shapes[:, term.columns].T
-            moved = {part: form[..., term.columns] @ own for part, form in term.forms.items()}
-            result.append((term.strand, {part: m.swapaxes(0, 1) for part, m in moved.items()}))
+            own = motion[:, term.columns].T
+            moved = {part: (rows @ own).swapaxes(0, 1) for part, rows in term.motion.items()}
+            result.append((term, moved))
     return result
 
 
-def wire_energies(
-    strand: TautWire,
+def _wire_energies(
+    term: WireTerm,
     ends: dict[str, Inexact[np.ndarray, "_ _ mode"]],
     omega: Float[np.ndarray, " mode"],
-) -> dict[str, Float[np.ndarray, " mode"]]:
+) -> Float[np.ndarray, "part mode"]:
     """Compute twice the kinetic energy of wires over omega^2, -x^H dF/d(omega^2) x, by part.
 
     F is their dynamic stiffness at the motion x of their ends.
     """
-    moving = replace(strand, lossy=False).at(omega * (1 + 1j * STEP))
-    result = {}
-    for part, motion in ends.items():
+    moving = replace(term.strand, lossy=False).at(omega * (1 + 1j * STEP))
+    result = []
+    for part in PARTS:
         # omega dF/domega = 2 omega^2 dF/d(omega^2)
-        slope = np.imag(moving.stiffness(part)) / STEP
+        slope, motion = np.imag(moving.stiffness(part)) / STEP, ends[part]
         pushed = np.einsum("abm,bwm->awm", slope, motion)
-        result[part] = -np.real(motion.conj() * pushed).sum((0, 1)) / (2 * omega**2)
-    return result
+        result.append(-np.real(motion.conj() * pushed).sum((0, 1)) / (2 * omega**2))
+    return np.array(result)
 
 
-def knows_energy(model: LinearSystem) -> bool:
+def _knows_energy(model: LinearSystem) -> bool:
     """Whether the energy in lossy elements is known; tables against frequency lack it."""
-    return any(not isinstance(term, LossTerm) or term.storage is None for term in model.terms)
-
-
-def safe_ratio(
-    total: Float[np.ndarray, "*batch"], part: Float[np.ndarray, "*batch"]
-) -> Float[np.ndarray, "*batch"]:
-    """Divide total by part; infinite where part is 0 to the square of a rounding error."""
-    some = part > NOTHING * total
-    return np.where(some, total / np.where(some, part, 1.0), np.inf)
-
-
-def _with_unit_loss(fibre: Fibre) -> Fibre:
-    """Copy a wire, with the loss angle `UNIT` in all deformations."""
-    losses = (Bulk(UNIT),)
-    return replace(
-        fibre, sections=tuple(replace(section, losses=losses) for section in fibre.sections)
-    )
+    return any(isinstance(term, WireTerm) or term.storage is None for term in model.terms)

@@ -33,6 +33,8 @@ from suspension_cli.linear.pencil import Block, Loss, Pencil
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Inexact, Int
 
+    Functions = list[Inexact[np.ndarray, "function frequency"]]
+
 BESIDE = 1e-6
 """Relative step for the derivative of functions of frequency."""
 STEPS = 40
@@ -50,6 +52,8 @@ STRAYED = 0.5
 """Relative distance from its start beyond which a root counts as another one."""
 SAME = 1e-6
 """Relative distance of two roots, and of their shapes, up to which they are one."""
+TOGETHER = 2
+"""Number of steps of roots that start together."""
 CLOSE = 2e-3
 """Relative distance up to which roots start together."""
 WIDE = 1.5
@@ -85,12 +89,25 @@ class Roots:
 
     @staticmethod
     def starts(
+        blocks: Sequence[Block],
         value: Complex[np.ndarray, " root"],
         block: Int[np.ndarray, " root"],
-        motion: Inexact[np.ndarray, "unknown root"],
+        motion: Inexact[np.ndarray, "root coordinate"],
     ) -> Roots:
-        """Start values."""
-        return Roots(value + 0j, block, motion + 0j, np.zeros(len(value), dtype=bool))
+        """Start values, with motions in the coordinates of the system."""
+        own = np.zeros((max(len(one.owner) for one in blocks), len(value)), dtype=complex)
+        for n, number in enumerate(block.tolist()):
+            keep = blocks[number].keep
+            own[: len(keep), n] = motion[n, keep]
+        return Roots(value + 0j, block, own, np.zeros(len(value), dtype=bool))
+
+    def motions(self, blocks: Sequence[Block], size: int) -> Complex[np.ndarray, "root coordinate"]:
+        """Motions of all coordinates of the system."""
+        result = np.zeros((len(self.value), size), dtype=complex)
+        for row, number, column in zip(result, self.block.tolist(), self.motion.T, strict=True):
+            keep = blocks[number].keep
+            row[keep] = column[: len(keep)]
+        return result
 
     def select(self, some: Bool[np.ndarray, " root"]) -> Roots:
         """Select some of them."""
@@ -173,70 +190,23 @@ class ClosedBlock(Block):
         return result
 
 
-@dataclass(frozen=True)
-class Linearised:
-    """Z and Z' of one block at several s (f,)."""
-
-    block: Block
-    functions: list[Inexact[np.ndarray, "function frequency"]]
-    slopes: list[Inexact[np.ndarray, "function frequency"]]
-
-    def differentiate(
-        self, motion: Complex[np.ndarray, "unknown vector frequency"]
-    ) -> Complex[np.ndarray, "unknown vector frequency"]:
-        """Compute Z'(s) x."""
-        result = np.zeros(motion.shape, dtype=complex)
-        for part, slopes in zip(self.block.parts, self.slopes, strict=True):
-            part.apply(slopes, motion, result)
-        return result
-
-    def _invert(
-        self, right: Complex[np.ndarray, "unknown vector frequency"], *, pivoting: bool
-    ) -> Complex[np.ndarray, "unknown vector frequency"]:
-        """Solve Z(s) y = b; not finite at a root to the last bit."""
-        if len(right) > FEW and not pivoting and not isinstance(self.block, ClosedBlock):
-            equations = self.block.absolute
-            return equations.pattern.solve(equations.elements(self.functions), right, np.inf)
-        return dense(self.block.matrix(self.functions)[:, 6:], right)
-
-    def step(
-        self, x: Complex[np.ndarray, "unknown vector frequency"], *, pivoting: bool
-    ) -> tuple[
-        Complex[np.ndarray, "frequency vector vector"],
-        Complex[np.ndarray, "unknown vector frequency"],
-    ]:
-        """Compute y, and matrices whose eigenvalues are s - s'; columns of 0 do not take part."""
-        right = self.differentiate(x)
-        with np.errstate(all="ignore"):
-            y = self._invert(right, pivoting=pivoting)
-            size = np.abs(y).max(0)
-            size[size == 0] = 1.0
-            y, right = y / size, right / size
-            first, second = (
-                np.einsum("ukf,uvf->fkv", y, other) for other in (right, self.differentiate(y))
-            )
-            second += np.eye(len(size)) * ~y.any(0).T[:, None]
-            return solve_each(second, first), y
-
-
 def _linearise(
     pencil: Pencil,
     blocks: Sequence[Block],
     block: Int[np.ndarray, " root"],
     s: Complex[np.ndarray, " root"],
     loss: Loss,
-) -> Iterator[tuple[Int[np.ndarray, " _"], Linearised]]:
-    """Linearise each block about those of the s that belong to it, given their numbers."""
-    dispersive = pencil.dispersive
+) -> Iterator[tuple[Int[np.ndarray, " _"], Block, Functions, Functions]]:
+    """Evaluate the functions of each block, and their derivatives, at those s that belong to it."""
     there = pencil.at_poles(s, loss)
-    beside = pencil.at_poles(s * (1 + BESIDE), loss) if dispersive else there
+    beside = pencil.at_poles(s * (1 + BESIDE), loss) if pencil.dispersive else there
     for number in np.unique(block).tolist():
         here, own = np.flatnonzero(block == number), blocks[number]
         functions = [each[:, here] for each in own.at(there).functions]
         slopes = [0 * each for each in functions]
         slopes[2] = slopes[2] + float(loss != "none")
         slopes[3] = slopes[3] + 2 * s[here]
-        near = own.at(beside).functions if dispersive else functions
+        near = own.at(beside).functions if pencil.dispersive else functions
         for n, (_, term) in enumerate(own.terms, 4):
             if term.dispersive:
                 slopes[n] = (near[n][:, here] - functions[n]) / (BESIDE * s[here])
@@ -244,31 +214,69 @@ def _linearise(
             values, derivatives = loop.at(s[here])
             functions.append(values)
             slopes.append(derivatives)
-        yield here, Linearised(own, functions, slopes)
+        yield here, own, functions, slopes
+
+
+def _step(
+    block: Block,
+    functions: Functions,
+    slopes: Functions,
+    x: Complex[np.ndarray, "unknown vector frequency"],
+    *,
+    pivoting: bool,
+) -> tuple[
+    Complex[np.ndarray, "frequency vector vector"],
+    Complex[np.ndarray, "unknown vector frequency"],
+]:
+    """Compute y, and matrices whose eigenvalues are s - s'; columns of 0 do not take part.
+
+    They are not finite at a root to the last bit.
+    """
+
+    def differentiate(motion: np.ndarray) -> np.ndarray:
+        result = np.zeros(motion.shape, dtype=complex)
+        for part, own in zip(block.parts, slopes, strict=True):
+            part.apply(own, motion, result)
+        return result
+
+    right = differentiate(x)
+    with np.errstate(all="ignore"):
+        if len(x) > FEW and not pivoting and not isinstance(block, ClosedBlock):
+            equations = block.absolute
+            y = equations.pattern.solve(equations.elements(functions), right, np.inf)
+        else:
+            y = dense(block.matrix(functions)[:, 6:], right)
+        size = np.abs(y).max(0)
+        size[size == 0] = 1.0
+        y, right = y / size, right / size
+        first, second = (np.einsum("ukf,uvf->fkv", y, other) for other in (right, differentiate(y)))
+        second += np.eye(len(size)) * ~y.any(0).T[:, None]
+        return solve_each(second, first), y
 
 
 def find_roots(
     pencil: Pencil,
     blocks: Sequence[Block],
     start: Roots,
-    width: Float[np.ndarray, " root"],
+    width: Float[np.ndarray, " root"] | float = 0.0,
     loss: Loss = "all",
+    close: float = CLOSE,
+    known: int = 0,
 ) -> Roots:
     """Find the roots near start values, which all oscillate, or are all real.
 
-    `width` is by how much losses may move each from its start, rad/s.
+    Those at a relative distance up to `close`, and `width`, by how much losses may move each from
+    its start, rad/s, start together. If the values are those of roots with unknown shapes, they
+    stay in the first steps, `known` in number.
     """
     if not len(start.value):
         return start
-    size = max(len(blocks[n].owner) for n in set(start.block.tolist()))
-    motion = np.zeros((size, len(start.value)), dtype=complex)
-    motion[: len(start.motion)] = start.motion[:size]
-    found = start = replace(start, motion=motion)
+    found, width = start, np.broadcast_to(width, start.value.shape)
     if (np.imag(start.value) > 0).all():
-        groups = [g for g in group_roots(start, CLOSE, width) if len(g) > 1]
-        found = iterate(pencil, blocks, start, groups, 2, loss)
+        groups = [g for g in group_roots(start, close, width) if known or len(g) > 1]
+        found = _iterate(pencil, blocks, start, groups, known + TOGETHER, loss, known)
     each = list(np.arange(len(start.value))[:, None])
-    found = iterate(pencil, blocks, found, each, STEPS, loss)
+    found = _iterate(pencil, blocks, found, each, STEPS, loss)
     far = np.abs(found.value - start.value) > STRAYED * np.abs(start.value)
     lost = found.lost | far | ~np.isfinite(found.motion).all(0)
     return Roots(
@@ -289,7 +297,7 @@ def repeated(found: Roots) -> Bool[np.ndarray, " root"]:
 
 
 def group_roots(
-    start: Roots, close: float, width: Float[np.ndarray, " root"] | None = None
+    start: Roots, close: float, width: Float[np.ndarray, " root"]
 ) -> list[Int[np.ndarray, " _"]]:
     """Group roots of one block that are close together."""
     result = []
@@ -299,7 +307,7 @@ def group_roots(
         group = own[:1].tolist()
         for last, n in zip(own[:-1].tolist(), own[1:].tolist(), strict=True):
             s = start.value[n]
-            near = close * abs(s) + (0.0 if width is None else 2 * (width[n] + width[last]))
+            near = close * abs(s) + 2 * (width[n] + width[last])
             if abs(s - start.value[last]) > near or abs(s) > WIDE * abs(start.value[group[0]]):
                 result.append(np.array(group))
                 group = []
@@ -308,20 +316,16 @@ def group_roots(
     return result
 
 
-def iterate(
+def _iterate(
     pencil: Pencil,
     blocks: Sequence[Block],
     roots: Roots,
     groups: list[Int[np.ndarray, " _"]],
     steps: int,
     loss: Loss,
-    *,
-    fixed: bool = False,
+    known: int = 0,
 ) -> Roots:
-    """Iterate groups of roots of one block, each at one shift, until they converge.
-
-    If `fixed`, only the shapes: those of known roots from random ones.
-    """
+    """Iterate groups of roots of one block, each at one shift, until they converge."""
     value, motion, lost = roots.value.copy(), roots.motion.copy(), roots.lost.copy()
     real = bool((np.imag(value) == 0).all())
     block = np.array([roots.block[group[0]] for group in groups], dtype=int)
@@ -333,15 +337,15 @@ def iterate(
         shift = np.array([value[group].mean() for group in members])
         spread = [np.abs(value[g] - m).max() for g, m in zip(members, shift, strict=True)]
         shift = shift + np.array(spread) / 3 + (ASIDE * np.abs(shift) if step < FIRST else 0.0)
-        for here, matrices in _linearise(pencil, blocks, block[moving], shift, loss):
-            some, size = [members[n] for n in here], len(matrices.block.owner)
+        for here, own, functions, slopes in _linearise(pencil, blocks, block[moving], shift, loss):
+            some, size = [members[n] for n in here], len(own.owner)
             x = np.zeros((size, max(map(len, some)), len(some)), dtype=complex)
             for n, group in enumerate(some):
                 x[:, : len(group), n] = motion[:size, group]
-            steps_by, y = matrices.step(x, pivoting=step >= PATIENCE)
+            steps_by, y = _step(own, functions, slopes, x, pivoting=step >= PATIENCE)
             for n, group in enumerate(some):
                 k = len(group)
-                if fixed:
+                if step < known:
                     motion[:size, group] = y[:, :k, n]
                 elif np.isfinite(y[:, :k, n]).all():  # else s is a root to the last bit
                     change, turn = _diagonalise(
@@ -360,7 +364,7 @@ def iterate(
         done = moved * np.minimum(faster, 1.0) <= CONVERGED * size
         done |= (moved <= NOISE * size) & (2 * moved >= last[moving])
         done |= np.array([lost[group].any() for group in members])
-        done &= not fixed
+        done &= step >= known
         last[moving] = moved
         moving = moving[~done]
     if steps == STEPS:

@@ -22,7 +22,7 @@ from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes, quality
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.frequency_terms import WireTerm
-from suspension_cli.linear.mode_pairing import body_overlap, pair_by_overlap
+from suspension_cli.linear.mode_pairing import pair_bodies
 from suspension_cli.linear.named_results import Mode, Ratio, Scalar
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
@@ -32,7 +32,7 @@ from suspension_cli.models.registry import AUTO, Choice
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
-    from jaxtyping import Complex, Float, Inexact, Int
+    from jaxtyping import Complex, Float, Inexact
 
     Comparison = Callable[[Model, Model], tuple[float, str]]
     """The largest relative change of results from a model to a more complete one, and which result
@@ -346,7 +346,8 @@ def _shifts_by_wire_mass(found: Modes, model: LinearSystem) -> Float[np.ndarray,
     omega = np.sqrt(found.omega_squared[good])
     shapes = np.linalg.solve(model.basis, np.pad(found.shape[good], ((0, 0), (6, 0))).T)
     change = np.zeros(len(omega))
-    for strand, ends in quality.end_motions(model, shapes.T):
+    for term, ends in quality.end_motions(model, shapes.T):
+        strand = term.strand
         there = replace(strand, lossy=False).at(omega)
         for part, moved in ends.items():
             added = there.stiffness(part) - strand.resting(part)
@@ -393,13 +394,3 @@ def _described(change: float, label: str, refined: LinearSystem) -> tuple[float,
 
 def _has_wire_mass(model: LinearSystem) -> bool:
     return any(isinstance(term, WireTerm) and term.strand.massive for term in model.terms)
-
-
-def pair_bodies(rows: Modes, columns: Modes, model: LinearSystem) -> Int[np.ndarray, " mode"]:
-    """Mode of one model that each mode of another is paired with by its shape.
-
-    `model` has the masses of the bodies.
-    """
-    count = 6 * len(model.body)
-    mass = model.mass[6 : 6 + count, 6 : 6 + count]
-    return pair_by_overlap(body_overlap(rows.shape, columns.shape, mass))

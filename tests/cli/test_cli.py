@@ -127,6 +127,7 @@ def test_json_of_modes(base, tmp_path):
         "fidelity",
         "stable",
         "modes",
+        "damping",
         "without_loss",
         "estimated_error",
         *(["error_unknown"] if answer["estimated_error"] is None else []),

@@ -365,7 +365,7 @@ def test_thermal_noise_and_mode_of_a_tabulated_link(level: str) -> None:
     from scipy.optimize import brentq
 
     from suspension_cli.analyses.thermal import solve as thermal
-    from suspension_cli.linear import damped, eigenmodes
+    from suspension_cli.linear import damped
 
     text = BLOCK.format(link=TABLE.format("20.0, 30.0, 60.0", "1e-4, 2e-4, 9e-4"))
     model = registry.by_name(level).system(reader.parse(text))
@@ -378,7 +378,7 @@ def test_thermal_noise_and_mode_of_a_tabulated_link(level: str) -> None:
     susceptibility = 1 / (k + 1j * loss + 80.0 - omega**2 * 2.0)
     hand = -4 * BOLTZMANN * 290.0 / omega * susceptibility.imag
     np.testing.assert_allclose(found.amplitude**2, hand, rtol=1e-12)
-    modes = damped.solve(model, eigenmodes.solve(model))
+    modes = damped.solve(model)
     expected = brentq(
         lambda f: np.interp(np.log(f), at, [20.0, 30.0, 60.0]) + 80 - 2 * (2 * np.pi * f) ** 2,
         0.5,

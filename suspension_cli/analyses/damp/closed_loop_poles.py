@@ -8,6 +8,7 @@ poles of the state space are found.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -16,7 +17,7 @@ import numpy as np
 from suspension_cli.analyses.damp import control_statespace
 from suspension_cli.analyses.damp.control import Plant
 from suspension_cli.conventions import DOFS
-from suspension_cli.linear import damped, poles, roots, signals
+from suspension_cli.linear import poles, quality, roots, signals
 from suspension_cli.linear.elimination import connected_groups
 from suspension_cli.linear.pencil import Pencil
 from suspension_cli.linear.poles import Poles
@@ -46,17 +47,17 @@ def find(plant: Plant) -> Poles:
     value = np.where(np.abs(start.value) <= STILL * np.abs(start.value).max(), 0.0, start.value)
     blocks = _build_blocks(plant)
     member = _find_blocks(start.state, plant, blocks)
-    motion = np.zeros((model.size, len(value)), dtype=complex)
-    motion[6 : 6 + len(every)] = shape
+    motion = np.zeros((len(value), model.size), dtype=complex)
+    motion[:, 6 : 6 + len(every)] = shape.T
     delay = np.array([max((one.delay for one in b.loops), default=0.0) for b in blocks])[member]
     spurious = -np.real(value) * delay > FAR  # of the approximated delay
     value[spurious] = 0.0
     for chosen in (np.imag(value) > 0, (np.imag(value) == 0) & (value != 0)):
         some = np.flatnonzero(chosen)
         if len(some):
-            starts = _build_starts(value[some], member[some], motion[:, some], blocks)
-            width, loss = np.zeros(len(some)), "all" if np.imag(value[some[0]]) else "dampers"
-            found = roots.find_roots(Pencil.of(model), blocks, starts, width, loss)
+            starts = _build_starts(value[some], member[some], motion[some], blocks)
+            loss = "all" if np.imag(value[some[0]]) else "dampers"
+            found = roots.find_roots(Pencil.of(model), blocks, starts, loss=loss)
             kept = ~(found.lost | roots.repeated(found))
             spurious[some] = ~kept & (delay[some] > 0)
             value[some[kept]] = _refine_decays(plant, blocks, found.select(kept))
@@ -98,30 +99,32 @@ def _find_blocks(states: tuple[str, ...], plant: Plant, blocks: list[ClosedBlock
 def _build_starts(
     value: Complex[np.ndarray, " pole"],
     member: np.ndarray,
-    motion: Complex[np.ndarray, "coordinate pole"],
+    motion: Complex[np.ndarray, "pole coordinate"],
     blocks: list[ClosedBlock],
 ) -> Roots:
-    """Start values in the unknowns of the blocks: coordinates, tensions, forces of loops."""
-    result = np.zeros((max(len(block.owner) for block in blocks), len(value)), dtype=complex)
+    """Start values with the forces of loops."""
+    result = Roots.starts(blocks, value, member, motion)
     for n, number in enumerate(member.tolist()):
-        block = blocks[number]
-        result[: len(block.keep), n] = motion[block.keep, n]
-        for place, loop in enumerate(block.loops, len(block.owner) - len(block.loops)):
+        for place, loop in _forces(blocks[number]):
             (_, (over,), (under,)), _ = loop.at(value[[n]] * BESIDE)
-            result[place, n] = over / under * (loop.sensed @ motion[:, n])
-    return Roots.starts(value, member, result)
+            result.motion[place, n] = over / under * (loop.sensed @ motion[n])
+    return result
+
+
+def _forces(block: ClosedBlock) -> Iterator[tuple[int, Feedback]]:
+    """Iterate over the loops of a block and the numbers of their forces among its unknowns."""
+    return enumerate(block.loops, len(block.owner) - len(block.loops))
 
 
 def _refine_decays(
     plant: Plant, blocks: list[ClosedBlock], found: Roots
 ) -> Complex[np.ndarray, " pole"]:
-    """Compute slow decays from dissipation and the power of loops (see `damped`)."""
-    motion = damped.motions(plant.model, blocks, found)
+    """Compute slow decays from dissipation and the power of loops (see `linear.quality`)."""
+    motion = found.motions(blocks, plant.model.size)
     power = np.zeros(len(motion))
     for n, number in enumerate(found.block.tolist()):
-        block = blocks[number]
-        for place, loop in enumerate(block.loops, len(block.owner) - len(block.loops)):
+        for place, loop in _forces(blocks[number]):
             power[n] += np.imag(np.conj(motion[n]) @ loop.pushed * found.motion[place, n])
-    value = damped.refine_decays(plant.model, found.value, motion, power).value
+    value = quality.evaluate(plant.model, found.value, motion, power).value
     steady = (np.real(value) > 0) & (np.real(value) <= GROWING * np.abs(value))
     return np.where(steady, 1j * np.imag(value), value)

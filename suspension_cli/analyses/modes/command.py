@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
+import re
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
@@ -23,6 +26,7 @@ from suspension_cli.errors import Fault, InputError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from suspension_cli.design.schema import Design
     from suspension_cli.linear.eigenmodes import Modes
     from suspension_cli.linear.system import LinearSystem
     from suspension_cli.models.registry import Choice
@@ -45,6 +49,9 @@ class ModesAnalysis(Analysis):
     The modes of bodies are listed. With --max-frequency (or --fidelity violin, then up to 1 kHz)
     the wires have mass, and violin modes are listed, too. The beam and violin models also give the
     dilution factor of a mode: its energy over the energy in lossy parts.
+
+    Modes that cannot be damped from the top mass are marked with the reason. --damping sets another
+    body or band of frequencies; towers on legs are judged only if it is given.
 
     With --animate modes are also drawn in motion: DIR/NAME-modes-3.gif is one period of mode 3.
 
@@ -86,6 +93,14 @@ class ModesAnalysis(Analysis):
             help=f"Compute all modes of wires with mass, even if there are more than {MOST}.",
         ),
         option(
+            "--damping",
+            metavar="band=GRID,at=STAGE",
+            help=(
+                "Frequencies (Hz) and stage at which modes can be damped, or none."
+                "  [default: band=0.5:5,at=top; of towers on legs none]"
+            ),
+        ),
+        option(
             "--animate",
             metavar="MODES",
             help=(
@@ -115,6 +130,7 @@ class ModesAnalysis(Analysis):
         from suspension_cli.analyses.check.lossless import describe_lossless, find_lossless
 
         choice, model, undamped, modes = _solve(run)
+        modes = dataclasses.replace(modes, **_damping(run.design, run.setting["damping"]))
         _animated(modes, run.setting)  # refuse unknown modes before anything is written
         lossless = find_lossless(run.design, choice.level)
         _warn_of_series(run, choice, modes)
@@ -151,9 +167,11 @@ class ModesAnalysis(Analysis):
             if modes.overdamped[n]:
                 row["decay_rate_per_s"] = float(modes.decay_rate[n])
             row["label"], row["fraction"] = labels[n], float(fractions[n].max())
-            row["top_mass_fraction"], row["verdict"] = float(top[n]), verdicts[n]
+            row["top_mass_fraction"], row["verdict"] = float(top[n]), verdicts[n] or None
             rows.append(row)
-        return {"stable": modes.stable, "modes": rows} | result.extra
+        band, at = modes.damping_band or None, modes.damping_at
+        damping = band and {"band_hz": [*band], "at": at}
+        return {"stable": modes.stable, "modes": rows, "damping": damping} | result.extra
 
     def text(self, result: Result) -> str:
         """Return a table of the modes."""
@@ -161,7 +179,7 @@ class ModesAnalysis(Analysis):
 
         from suspension_cli.analyses.growth import describe as describe_growth
         from suspension_cli.linear import named_results
-        from suspension_cli.linear.eigenmodes import describe
+        from suspension_cli.linear.eigenmodes import TOP, describe
 
         modes: Modes = result.data
         names = named_results.labels(modes)
@@ -169,7 +187,8 @@ class ModesAnalysis(Analysis):
         lossy = bool(np.isfinite(modes.q).any())
         diluted = bool(np.isfinite(modes.dilution).any())
         labels, home, place, verdict = modes.label, modes.home, modes.place, modes.verdict
-        every, top_fraction, frequency = modes.fractions, modes.top_fraction, modes.frequency
+        every, top_fraction, frequency = modes.fractions, modes.damping_fraction, modes.frequency
+        damper = "the top mass" if modes.damping_at in (None, TOP) else modes.damping_at
         rows = []
         for group in modes.groups:
             n, fractions = group[0], every[group[0]]
@@ -191,7 +210,7 @@ class ModesAnalysis(Analysis):
                     what += f"; {describe_growth(modes, n).removeprefix(labels[n] + ' ')}"
                 elif modes.overdamped[n]:
                     what += f"; decays at {modes.decay_rate[n]:#.4g} 1/s"
-                elif modes.omega_squared[n] > 0 and verdict[n] != "can be damped":
+                elif modes.omega_squared[n] > 0 and verdict[n] not in ("", "can be damped"):
                     what += f"; {verdict[n]}"
             rows.append((n + 1, _frequency(modes, n), *quality, top, what))
         columns = {"#": "d", "frequency\nHz": "#.5g"}
@@ -199,8 +218,8 @@ class ModesAnalysis(Analysis):
         columns |= {"dilution": ".4g"} if diluted else {}
         what = "mode, by fraction of kinetic energy"
         if any(";" in row[-1] for row in rows):
-            what += "; why damping at the top mass fails"
-        columns |= {"top mass\n%": ".1f", what: ""}
+            what += f"; why damping at {damper} fails"
+        columns |= {f"{damper.removeprefix('the ')}\n%": ".1f", what: ""}
         title = result.title + (f"  [{result.name}]" if result.title != result.name else "")
         return "\n".join([title, result.choice.line, "", tables.render(columns, rows)])
 
@@ -237,18 +256,64 @@ def _animated(modes: Modes, setting: Settings) -> list[int]:
     return animation.parse(modes, setting["animate"])
 
 
+def _damping(design: Design, text: str | None) -> Settings:
+    """Parse --damping into `damping_band` and `damping_at` of `Modes`."""
+    from suspension_cli.design.faults import suggest
+    from suspension_cli.linear.eigenmodes import DAMPING_BAND, TOP
+
+    def fault(problem: str, remedy: str, value: str) -> InputError:
+        return InputError([Fault("--damping", problem, remedy, value)])
+
+    on_legs = any(stage.inverted_pendulum for stage in design.stage)
+    if (text is None and on_legs) or text == "none":
+        return {"damping_band": ()}
+    given: dict[str, str] = {}
+    for item in re.split(r",(?=[a-z]+=)", text or f"at={TOP}"):
+        key, _, value = item.partition("=")
+        if key not in ("band", "at") or key in given or not value:
+            remedy = "give for example band=0.5:5,at=top, or none"
+            raise fault("is no band, stage, or none", remedy, item)
+        given[key] = value
+    result: Settings = {"damping_band": DAMPING_BAND, "damping_at": given.get("at", TOP)}
+    if "band" in given:
+        try:
+            low, high = map(float, re.split("[:,]", given["band"]))
+        except ValueError:
+            low = high = math.nan
+        if not 0 <= low < high < math.inf:
+            remedy = "give the lowest and the highest frequency in Hz, for example band=0.5:5"
+            raise fault("is no band of frequencies", remedy, given["band"])
+        result["damping_band"] = low, high
+    known = [TOP, *(stage.name for stage in design.stage)]
+    if result["damping_at"] not in known:
+        raise fault("is no stage", suggest(given["at"], known), given["at"])
+    return result
+
+
 def _warn_of_series(run: Run, choice: Choice, modes: Modes) -> None:
-    """Warn if blades in series with angled wires cause an error above the tolerance."""
-    from suspension_cli.analyses.modes.series_error import estimate_series_error
+    """Warn if blades in series with angled wires cause an error above the tolerance.
+
+    Modes of the force model are compared with those of the string model, paired by shape.
+    """
+    import numpy as np
+
+    from suspension_cli.linear import eigenmodes
+    from suspension_cli.linear.mode_pairing import pair_bodies
+    from suspension_cli.models.registry import STRING
 
     if not choice.model.approximated_stages(run.design):
         return
-    apart = estimate_series_error(run.design, modes)
-    if apart is not None and abs(apart.relative) > options.TOLERANCE:
+    model = STRING.system(run.design)
+    general = eigenmodes.solve(model)
+    quick, true = modes.frequency, general.frequency[pair_bodies(modes, general, model)]
+    error = np.where(true > 0, quick / np.where(true > 0, true, 1.0) - 1, np.nan)
+    error[~np.isfinite(error)] = 0.0
+    n = int(np.abs(error).argmax())
+    if abs(error[n]) > options.TOLERANCE:
         run.log.warn(
             f"{run.name}: the {choice.level} model takes blades in series with angled wires, which"
-            f" shifts {apart.label} by {100 * apart.relative:+.2g} %, from {apart.general:.4g} to"
-            f" {apart.quick:.4g} Hz; rerun with --fidelity string"
+            f" shifts {modes.label[n]} by {100 * error[n]:+.2g} %, from {true[n]:.4g} to"
+            f" {quick[n]:.4g} Hz; rerun with --fidelity string"
         )
 
 
@@ -257,33 +322,27 @@ def _solve(run: Run) -> tuple[Choice, LinearSystem, Modes, Modes]:
 
     If modes of wires are listed too, both are the modes with all losses.
     """
-    import numpy as np
-
     from suspension_cli.analyses import model_choice
     from suspension_cli.analyses.modes import wire_modes
-    from suspension_cli.linear import damped, eigenmodes
+    from suspension_cli.linear import eigenmodes
     from suspension_cli.models import registry
 
     setting = run.setting
     highest, level = setting["max_frequency"], setting["fidelity"]
     wanted = registry.VIOLIN.name if level == registry.AUTO and highest is not None else level
     choice, model = model_choice.for_modes(run.source, wanted, setting["tolerance"])
-    still = eigenmodes.solve(model)
-    bodies_only = level == registry.AUTO and highest is None
-    if not choice.model.has_wire_mass or bodies_only:
-        listed = damped.solve(model, still)
-        if choice.model.has_wire_mass and not damped.are_of_bodies(model, listed):
-            top = float(np.nanmax(still.frequency))  # the mass of wires lowers all frequencies
-            _admit(run, wire_modes.count_modes(model, top), top, "that of the highest mode")
-            with run.log.progress() as bar:
-                listed = wire_modes.solve(model, top, damping=True, progress=bar)
-            of_bodies = listed.order == 0
-            listed = listed.select(of_bodies) if of_bodies.any() else listed
+    if not choice.model.has_wire_mass or (level == registry.AUTO and highest is None):
+
+        def admit(number: int, top: float) -> None:
+            _admit(run, number, top, "that of the highest mode")
+
+        with run.log.progress() as bar:
+            listed = wire_modes.solve_bodies(model, admit, bar)
         if highest is not None:
             listed = listed.up_to(highest)
             if not len(listed.q):
                 raise wire_modes.no_mode_error(highest)
-        return choice, model, still, listed
+        return choice, model, eigenmodes.solve(model), listed
     top, cause = highest or HIGHEST, "--max-frequency" if highest else "by default"
     choice = registry.Choice(choice.level, f"all modes up to {top:g} Hz", 0.0)
     _admit(run, wire_modes.count_modes(model, top), top, cause)

@@ -1,20 +1,22 @@
 """Modes of a suspension whose wires have mass: pendulum, bounce and violin modes in one list.
 
-`linear.mode_count` finds all frequencies without loss. Shapes, from which kinetic energies and
-dilution follow, and poles with all losses are roots, near these, of the suspension with its wires
-cut in two (`cut_wires`, `linear.roots`).
+`linear.mode_count` finds all frequencies without loss. Shapes and poles with all losses are roots,
+near these, of the suspension with every wire cut in two (`linear.roots`). The cut is at a point of
+no symmetry, whose motion becomes six more coordinates: then a violin mode that moves no body has a
+shape too, and no stiffness function is near its pole at a mode.
 """
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.modes.cut_wires import CUTS, cut_all
-from suspension_cli.elements.dynamic_wire import PARTS
+from suspension_cli.elements.dynamic_wire import COORDINATES, PARTS
+from suspension_cli.elements.joined_sections import ENDS
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.linear import batch_modes, damped, eigenmodes, mode_count, quality, roots
 from suspension_cli.linear.eigenmodes import Modes
@@ -22,12 +24,18 @@ from suspension_cli.linear.frequency_terms import WireTerm
 from suspension_cli.linear.mode_count import Progress, silent
 from suspension_cli.linear.pencil import Block, Pencil
 from suspension_cli.linear.roots import Roots
-from suspension_cli.linear.system import LinearSystem
+from suspension_cli.linear.system import LinearSystem, Stretching
 from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.composition import Fibre
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Complex, Float, Int
+    from jaxtyping import Bool, Float, Int
 
+CUTS = ((3 - 5**0.5) / 2, 0.36, 0.45)
+"""Fractions of a wire above the cut, tried in turn: the golden section is far from nodes of low
+order, but a piece may resonate at the frequency of a mode."""
+PER_WIRE = sum(COORDINATES[part] // 2 for part in PARTS)
+"""Coordinates of a cut."""
 SLOWEST = 1e-4
 """Fraction of the lowest static frequency below which modes are not searched for."""
 CLOSE = 1e-6
@@ -38,6 +46,8 @@ STRONG = 100
 """Q from dampers below which a pole is found from that without wire mass."""
 TOGETHER = 256
 """Number of modes that are solved for at once."""
+BODILY = 0.5
+"""Fraction of the energy of a mode of bodies that is not in wires."""
 NAMES = {"bend-1": "violin-x", "bend-2": "violin-y", "stretch": "stretch", "twist": "twist"}
 """Names of the parts of a wire's motion in `Modes.wire`."""
 
@@ -57,17 +67,18 @@ def solve(
     omega = mode_count.frequencies(model, 2 * np.pi * highest, _lowest_frequency(static), progress)
     if not len(omega):
         raise no_mode_error(highest)
-    has_dampers = damping and bool(damped.damping_matrix(model).any())
-    if has_dampers:
-        static = damped.solve(model, static)
-    oscillates = static.select(has_dampers & (static.omega_squared > 0))
-    strong = oscillates.select((oscillates.q < STRONG) & (oscillates.frequency <= highest))
+    strong = static.select(slice(0))
+    if damping and damped.damping_matrix(model).any():
+        static = damped.solve(model)
+        strong = static.select((static.omega_squared > 0) & (static.q < STRONG))
+        strong = strong.select(strong.frequency <= highest)
+    still = static.select(static.omega_squared <= 0)
     count = len(omega) - int(static.overdamped.sum()) // 2  # these oscillate without dampers
-    found: list[_Found] = []
-    others: list[_Found] = []
-    began, left, short = time.monotonic(), np.arange(len(omega)), 0
+    began, left, short = time.monotonic(), np.arange(len(omega)), count
+    found: list[Modes] = []
+    others: list[Modes] = []
     for fraction in CUTS:
-        others, missed, solver = [], [], _Solver.of(model, fraction, strong)
+        solver, others, missed = _Solver.of(model, fraction, strong), [], []
         if fraction == CUTS[0] and len(strong.q):
             found.append(solver.describe(solver.strong))
         for part in _split(omega[left]):
@@ -77,16 +88,51 @@ def solve(
             missed.append(left[part[~good]])
             done = len(omega) - len(left) + int(part[-1]) + 1
             progress(done, len(omega), done / max(time.monotonic() - began, 1e-9))
-        left = np.concatenate(missed)
-        short = count - sum(len(part.value) for part in found)
+        left, short = np.concatenate(missed), count - sum(len(part.q) for part in found)
         if not len(left) or short <= 0:
             break
     else:
-        found.append(_Found.join(others).select(np.arange(len(left)) < short))
-    modes = _build_modes(model, _Found.join(found), damping)
-    still = static.select(slice(int((static.omega_squared <= 0).sum())))
-    energy = np.zeros((len(still.q), len(modes.wire)))
-    return replace(still, wire=modes.wire, wire_energy=energy).followed_by(modes)
+        rest = others[0].followed_by(*others[1:]).ascending()
+        found.append(rest.select(slice(short)))
+    modes = found[0].followed_by(*found[1:]).ascending()
+    moving = np.asarray((modes.wire_energy > 1e-12).any(0))
+    names = tuple(name for name, some in zip(modes.wire, moving, strict=True) if some)
+    modes = replace(modes, wire=names, wire_energy=modes.wire_energy[:, moving])
+    energy = np.zeros((len(still.q), len(names)))
+    return replace(still, wire=names, wire_energy=energy).followed_by(modes)
+
+
+def solve_bodies(
+    model: LinearSystem,
+    admit: Callable[[int, float], None] = lambda _number, _top: None,
+    progress: Progress = silent,
+) -> Modes:
+    """Solve for the modes of bodies with all losses.
+
+    With wire mass each is followed from the one without. If one of them is a mode of wires, or one
+    is found twice, all modes up to the highest without wire mass are solved for; before, `admit` is
+    called with their number and that frequency, Hz.
+    """
+    found = damped.solve(model)
+    share = found.energy.sum((1, 2)) + found.tip_energy.sum(1)
+    if not any(isinstance(t, WireTerm) and t.strand.massive for t in model.terms) or (
+        (share > BODILY).all() and not _repeated(model, found)
+    ):
+        return found
+    top = float(np.nanmax(eigenmodes.solve(model).frequency))  # wire mass lowers all frequencies
+    admit(count_modes(model, top), top)
+    found = solve(model, top, damping=True, progress=progress)
+    of_bodies = found.order == 0
+    return found.select(of_bodies) if of_bodies.any() else found
+
+
+def _repeated(model: LinearSystem, found: Modes) -> bool:
+    """Whether a mode is found twice: with one frequency, and a similar shape."""
+    shapes = np.pad(found.shape, ((0, 0), (6, 0))) @ model.basis
+    overlap = np.abs(shapes @ model.mass @ shapes.T)
+    size = np.sqrt(overlap.diagonal())
+    alike = np.isclose(found.omega_squared[:, None], found.omega_squared, rtol=1e-9, atol=0.0)
+    return bool((np.triu(alike, 1) & (overlap > (1 - BODILY) * np.outer(size, size))).any())
 
 
 def _split(omega: Float[np.ndarray, " mode"]) -> list[Int[np.ndarray, " _"]]:
@@ -101,48 +147,21 @@ def _split(omega: Float[np.ndarray, " mode"]) -> list[Int[np.ndarray, " _"]]:
 
 
 @dataclass(frozen=True)
-class _Found:
-    """Modes that oscillate, of unit modal mass with that of wires.
+class _Solver:
+    """Solver for modes near given frequencies, with wires cut at one place.
 
     Attributes
     ----------
-    shape
-        In the coordinates of the uncut system.
-    energy
-        Fraction of the kinetic energy in each part of the motion of each kind of wire (`moving`).
-    lost, elastic
-        See `quality.dissipation`.
+    kinds
+        The wires that are cut.
+    strong
+        Poles of modes that are strongly damped.
     """
-
-    moving: list[tuple[WireTerm, str]]
-    value: Complex[np.ndarray, " mode"]
-    shape: Array
-    energy: Float[np.ndarray, "mode kind"]
-    lost: Float[np.ndarray, " mode"]
-    elastic: Float[np.ndarray, " mode"]
-
-    def select(self, some: Bool[np.ndarray, " mode"]) -> _Found:
-        """Select some modes."""
-        parts = (self.value, self.shape, self.energy, self.lost, self.elastic)
-        return _Found(self.moving, *(part[some] for part in parts))
-
-    @staticmethod
-    def join(parts: list[_Found]) -> _Found:
-        """Join modes, ascending."""
-        names = ("value", "shape", "energy", "lost", "elastic")
-        both = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
-        order = batch_modes.ascending(np.abs(both["value"]) ** 2)
-        return _Found(parts[0].moving, **{name: part[order] for name, part in both.items()})
-
-
-@dataclass(frozen=True)
-class _Solver:
-    """Solver for modes near given frequencies, with wires cut at one place."""
 
     model: LinearSystem
     pencil: Pencil
     block: Block
-    moving: list[tuple[WireTerm, str]]
+    kinds: list[WireTerm]
     strong: Roots
 
     @staticmethod
@@ -151,77 +170,89 @@ class _Solver:
         cut, kinds = cut_all(model, fraction)
         pencil = Pencil.of(cut)
         order = np.argsort(pencil.owner[6:], kind="stable")
-        block = Block(pencil, 6 + order, np.ones(6, dtype=bool))
-        value = -strong.decay_rate + 1j * np.sqrt(
-            np.maximum(strong.omega_squared - strong.decay_rate**2, 0.0)
-        )
-        shapes = np.zeros((len(value), cut.size))
+        blocks = [Block(pencil, 6 + order, np.ones(6, dtype=bool))]
+        omega = np.sqrt(np.maximum(strong.omega_squared - strong.decay_rate**2, 0.0))
+        shapes = np.zeros((len(omega), cut.size))
         shapes[:, : model.size] = np.pad(strong.shape, ((0, 0), (6, 0))) @ model.basis
-        motion = np.zeros((len(block.owner), len(value)))
-        motion[: len(block.keep)] = shapes[:, block.keep].T
-        start = Roots.starts(value, np.zeros(len(value), dtype=int), motion)
-        found = roots.find_roots(pencil, [block], start, strong.decay_rate, "all")
+        member = np.zeros(len(omega), dtype=int)
+        start = Roots.starts(blocks, -strong.decay_rate + 1j * omega, member, shapes)
+        found = roots.find_roots(pencil, blocks, start, strong.decay_rate)
         known = found.select(~(found.lost | roots.repeated(found)))
-        return _Solver(
-            model, pencil, block, [(term, part) for term in kinds for part in PARTS], known
-        )
+        return _Solver(model, pencil, blocks[0], kinds, known)
 
     def solve(
         self, omega: Float[np.ndarray, " mode"], *, damping: bool
-    ) -> tuple[_Found, Bool[np.ndarray, " mode"]]:
+    ) -> tuple[Modes, Bool[np.ndarray, " mode"]]:
         """Solve for the modes at frequencies without loss (rad/s), and mark those that are found.
 
         If `damping`, for the poles and shapes with all losses.
         """
-        random = np.random.default_rng(0).normal(size=(len(self.block.owner), len(omega)))
-        start = Roots.starts(1j * omega, np.zeros(len(omega), dtype=int), random)
-        groups, blocks = roots.group_roots(start, CLOSE), [self.block]
-        found = roots.iterate(self.pencil, blocks, start, groups, 3, "none", fixed=True)
-        found = roots.iterate(self.pencil, blocks, found, groups, 2, "none")
-        each = list(np.arange(len(omega))[:, None])
-        found = roots.iterate(self.pencil, blocks, found, each, roots.STEPS, "none")
+        blocks, member = [self.block], np.zeros(len(omega), dtype=int)
+        random = np.random.default_rng(0).normal(size=(len(omega), self.pencil.model.size))
+        start = Roots.starts(blocks, 1j * omega, member, random)
+        found = roots.find_roots(self.pencil, blocks, start, 0.0, "none", CLOSE, 3)
         motion = found.motion[:, np.argsort(np.imag(found.value), kind="stable")]
         # the shapes are real but for a factor
         lead = np.take_along_axis(motion, np.abs(motion).argmax(0)[None], 0)
         motion = np.real(motion / lead)
-        for group in roots.group_roots(start, DEGENERATE):
+        for group in roots.group_roots(start, DEGENERATE, 0 * omega):
             if len(group) > 1:
                 vectors = np.linalg.qr(motion[:, group])[0]
                 motion[:, group] = batch_modes.localise(np.zeros(len(group)), vectors)
         start = replace(start, motion=motion + 0j)
-        result = self.describe(start)
         if not damping:
-            return result, omega > 0
+            return self.describe(start), omega > 0
         # to first order in the losses; the poles of pieces, which their losses move, may be near
-        first = 1j * np.sqrt(omega**2 + 1j * result.lost)
-        start = replace(start, value=first)
-        found = roots.find_roots(self.pencil, blocks, start, result.lost / (2 * omega), "all")
+        shapes = start.motions(blocks, self.pencil.model.size)
+        q = quality.evaluate(self.pencil.model, start.value, shapes).q
+        start = replace(start, value=1j * np.sqrt(omega**2 * (1 + 1j / q)))
+        found = roots.find_roots(self.pencil, blocks, start, omega / (2 * q))
         every = self.strong.followed_by(found)
         again = roots.repeated(every)[len(self.strong.value) :]
         return self.describe(found), ~(found.lost | again)
 
-    def describe(self, found: Roots) -> _Found:
-        """Compute energies and dissipation."""
-        value, motion = found.value, found.motion
-        shapes = np.zeros((len(value), self.pencil.model.size), dtype=complex)
-        shapes[:, self.block.keep] = motion[: len(self.block.keep)].T
-        omega, ends = np.imag(value), quality.end_motions(self.pencil.model, shapes)
-        pieces = [list(quality.wire_energies(*one, omega).values()) for one in ends]
-        wires = [
-            a + b for n in range(0, len(pieces), 2) for a, b in zip(*pieces[n : n + 2], strict=True)
-        ]
-        energy = np.array(wires).reshape(len(wires), len(value))
-        own = shapes[:, : self.model.size]
-        total = quality.quadratic_form(self.model.mass, own) + energy.sum(0)
-        lost, elastic = quality.dissipation(self.pencil.model, omega, shapes, ends)
-        return _Found(
-            self.moving,
-            value,
-            own / np.sqrt(total)[:, None],
-            (energy / total).T,
-            lost / total,
-            elastic / total,
-        )
+    def describe(self, found: Roots) -> Modes:
+        """Build the modes of roots, in their order."""
+        value, cut = found.value, self.pencil.model
+        motion = found.motions([self.block], cut.size)
+        own = motion[:, : self.model.size]
+        quantities = quality.evaluate(cut, value, motion)
+        # of both pieces
+        energy = quantities.wires.reshape(len(self.kinds), 2, len(PARTS), len(value)).sum(1)
+        shape = own / np.sqrt(quantities.weight)[:, None]
+        block = np.argmax([np.abs(own[:, some]).sum(1) for some in self.model.blocks], axis=0)
+        modes = eigenmodes.build(self.model, value, shape, block, quantities)
+        wire: dict[str, Array] = {}
+        for term, parts in zip(self.kinds, energy, strict=True):
+            for part, fraction in zip(PARTS, parts, strict=True):
+                name = f"{term.stage}.{NAMES[part]}"
+                wire[name] = wire.get(name, 0.0) + fraction
+        modes = replace(modes, wire=tuple(wire), wire_energy=np.array([*wire.values()]).T)
+        return replace(modes, order=self._half_waves(modes, np.imag(value), energy))
+
+    def _half_waves(
+        self,
+        modes: Modes,
+        omega: Float[np.ndarray, " mode"],
+        energy: Float[np.ndarray, "kind part mode"],
+    ) -> Int[np.ndarray, " mode"]:
+        """Number of half waves along the wires of each wire mode; 0 of other modes.
+
+        It is that of the nearest resonance between fixed ends, of the kind of wire that moves most.
+        """
+        home, result = modes.home, np.zeros(len(omega), dtype=np.intp)
+        for stage, dof in set(home):
+            alike = [n for n, term in enumerate(self.kinds) if term.stage == stage]
+            if dof not in NAMES.values() or not alike:
+                continue
+            part = PARTS[[NAMES[one] for one in PARTS].index(dof)]
+            here = np.array([n for n, place in enumerate(home) if place == (stage, dof)])
+            most = energy[alike, PARTS.index(part)][:, here].argmax(0)
+            for number in set(most.tolist()):
+                own, strand = here[most == number], self.kinds[alike[number]].strand
+                resonances = strand.held_resonances(part, float(omega[own].max()))
+                result[own] = np.abs(resonances - omega[own, None]).argmin(1) + 1
+        return result
 
 
 def count_modes(model: LinearSystem, highest: float) -> int:
@@ -243,68 +274,96 @@ def _lowest_frequency(static: Modes) -> float:
     return SLOWEST * float(np.sqrt(squared.min(initial=(2 * np.pi) ** 2)))
 
 
-def _build_modes(model: LinearSystem, found: _Found, damping: bool) -> Modes:
-    """Build the modes that oscillate, ascending."""
-    omega, value = np.imag(found.value), found.value
-    sigma = -found.lost / (2 * omega)
-    if damping:
-        sigma = np.where(np.abs(sigma) < damped.SLOW * omega, sigma, np.real(value))
-        sigma = sigma if model.active else np.minimum(sigma, 0.0)
-        value = sigma + 1j * omega
-    wire: dict[str, Array] = {}
-    for (term, part), energy in zip(found.moving, found.energy.T, strict=True):
-        name = f"{term.stage}.{NAMES[part]}"
-        wire[name] = wire.get(name, 0.0) + energy
-    names = tuple(name for name in wire if (wire[name] > 1e-12).any())
-    energy, tips = eigenmodes.energy_fractions(model, found.shape)
-    bodily = np.maximum(1 - found.energy.sum(1), 0.0)[:, None]
-    shape = (damped.real_shapes(found.shape) @ model.basis.T)[:, 6:]
-    q = damped.quality_factor(value) if damping else quality.safe_ratio(omega**2, found.lost)
-    modes = Modes(
-        body=model.body,
-        coordinate=model.coordinate[6:],
-        omega_squared=np.abs(value) ** 2,
-        shape=_fix_signs(shape),
-        energy=(bodily * energy).reshape(len(omega), -1, 6),
-        tip_energy=bodily * tips,
-        block=np.argmax([np.abs(found.shape[:, own]).sum(1) for own in model.blocks], axis=0),
-        q=q,
-        dilution=quality.safe_ratio(np.abs(value) ** 2, found.elastic),
-        wire=names,
-        wire_energy=np.array([wire[name] for name in names]).reshape(len(names), len(omega)).T,
-        order=np.zeros(len(omega), dtype=np.intp),
-        decay_rate=-sigma,
-        top=model.top,
-    )
-    return replace(modes, order=_half_waves(modes, found))
+def cut_all(model: LinearSystem, fraction: float = CUTS[0]) -> tuple[LinearSystem, list[WireTerm]]:
+    """Cut every wire in two; also return the wires of each kind.
 
-
-def _half_waves(modes: Modes, found: _Found) -> Int[np.ndarray, " mode"]:
-    """Number of half waves along the wires of each wire mode; 0 of other modes.
-
-    It is that of the nearest resonance between fixed ends, of the kind of wire that moves most.
+    The coordinates are the model's, then those of every cut. The first terms are the upper and
+    lower pieces of the wires of each kind.
     """
-    omega, home = np.imag(found.value), modes.home
-    result = np.zeros(len(omega), dtype=np.intp)
-    for stage, dof in set(home):
-        alike = [
-            n
-            for n, (term, part) in enumerate(found.moving)
-            if (term.stage, NAMES[part]) == (stage, dof)
-        ]
-        here = np.array([n for n, place in enumerate(home) if place == (stage, dof)])
-        most = found.energy[here][:, alike].argmax(1) if alike else np.zeros(0, dtype=int)
-        for number in set(most.tolist()):
-            term, part = found.moving[alike[number]]
-            own = here[most == number]
-            resonances = term.strand.held_resonances(part, float(omega[own].max()))
-            result[own] = np.abs(resonances - omega[own, None]).argmin(1) + 1
+    whole = [term for term in model.terms if isinstance(term, WireTerm)]
+    names = [
+        f"{term.stage}.cut{n}.{k}"
+        for term in whole
+        for n in range(len(term.forms["twist"]))
+        for k in range(PER_WIRE)
+    ]
+    size = model.size + len(names)
+    soft = np.zeros((size, size), dtype=Pencil.of(model).soft.dtype)
+    soft[: model.size, : model.size] = Pencil.of(model).soft
+    pieces, start = [], model.size
+    for term in whole:
+        upper, lower = _cut(term, fraction, start, size)
+        for sign, one in (-1, term), (1, upper), (1, lower):
+            soft[np.ix_(one.columns, one.columns)] += sign * _static_stiffness(one)
+        pieces += [upper, lower]
+        start += PER_WIRE * len(term.forms["twist"])
+    others = [term for term in model.terms if not isinstance(term, WireTerm)]
+
+    def padded(matrix: Array) -> Array:
+        return np.pad(matrix, (0, size - model.size))
+
+    system = LinearSystem(
+        model.body,
+        (*model.coordinate, *names),
+        np.eye(size),
+        np.append(model.massless, np.ones(len(names), dtype=bool)),
+        padded(model.mass),
+        np.real(soft),
+        padded(model.damping),
+        None if model.lossy is None else soft,
+        Stretching(np.zeros((0, size)), np.zeros(0), soft),
+        terms=(*pieces, *(term.spread(np.eye(model.size, size)) for term in others)),
+        active=model.active,
+    )
+    return system, whole
+
+
+def _cut(term: WireTerm, fraction: float, start: int, size: int) -> list[WireTerm]:
+    """Cut the wires of a kind; their cuts are the coordinates from `start` on."""
+    upper: dict[str, Array] = {}
+    lower: dict[str, Array] = {}
+    for part in PARTS:
+        p = COORDINATES[part] // 2
+        ends = np.zeros((len(term.forms[part]), 3 * p, size))
+        outer = ENDS[p] @ term.forms[part]
+        ends[:, :p, : outer.shape[2]], ends[:, 2 * p :, : outer.shape[2]] = (
+            outer[:, :p],
+            outer[:, p:],
+        )
+        for n in range(len(ends)):
+            ends[n, p : 2 * p, start + PER_WIRE * n : start + PER_WIRE * n + p] = np.eye(p)
+        back = np.linalg.inv(ENDS[p])
+        upper[part], lower[part] = back @ ends[:, : 2 * p], back @ ends[:, p:]
+        start += p
+    every = np.arange(size)
+    fibres = _cut_fibre(term.strand.fibre, fraction)
+    return [
+        WireTerm(
+            term.stage, replace(term.strand, fibre=fibre), term.number, every, forms, size
+        ).spread(np.eye(size))
+        for fibre, forms in zip(fibres, (upper, lower), strict=True)
+    ]
+
+
+def _static_stiffness(term: WireTerm) -> Array:
+    """Static stiffness of wires among `term.columns`, without their stretching."""
+    result = np.zeros((len(term.columns),) * 2)
+    for part, rows in term.motion.items():
+        if part != "stretch":
+            static = term.strand.static[part]
+            result += np.einsum("wic,ij,wjd->cd", rows, static, rows)
     return result
 
 
-def _fix_signs(shape: Float[np.ndarray, "mode coordinate"]) -> Float[np.ndarray, "mode coordinate"]:
-    """Give shapes the sign in which their largest coordinate is positive."""
-    if not shape.size:
-        return shape
-    lead = shape[np.arange(len(shape)), np.abs(shape).argmax(1)]
-    return shape * np.where(lead < 0, -1.0, 1.0)[:, None]
+def _cut_fibre(fibre: Fibre, fraction: float) -> tuple[Fibre, Fibre]:
+    """Divide a wire at the cut into an upper and a lower piece."""
+    left = fraction * sum(section.length for section in fibre.sections)
+    upper, lower = [], []
+    for section in fibre.sections:
+        inside = min(max(left, 0.0), section.length)
+        left -= section.length
+        if inside > 1e-12 * section.length:
+            upper.append(replace(section, length=inside))
+        if section.length - inside > 1e-12 * section.length:
+            lower.append(replace(section, length=section.length - inside))
+    return replace(fibre, sections=tuple(upper)), replace(fibre, sections=tuple(lower))

@@ -25,14 +25,14 @@ from suspension_cli.design.derive import com_positions
 from suspension_cli.design.schema import Design, Perturbation
 from suspension_cli.equilibrium.nominal import expand_nominal
 from suspension_cli.errors import InputError
-from suspension_cli.linear import batch_modes, eigenmodes, signals
+from suspension_cli.linear import batch_modes, eigenmodes, mode_pairing, signals
 from suspension_cli.linear.eigenmodes import find_top_masses
 from suspension_cli.linear.mode_pairing import pair_by_overlap
 from suspension_cli.linear.named_results import Ratio
 from suspension_cli.linear.symmetry import is_mirror_symmetric
 from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array
-from suspension_cli.studies import builds, mode_tracking, variants
+from suspension_cli.studies import builds, variants
 from suspension_cli.studies.builds import Builds
 
 if TYPE_CHECKING:
@@ -137,7 +137,7 @@ class Evaluator:
             np.array([getattr(one, name) for one in rows]) for name in ("squared", "shape")
         )
         good = np.array([n in solved for n in range(steps + 1)])
-        rank, _ = mode_tracking.follow(squared, shape, good, (0,), shape[0])
+        rank, _ = mode_pairing.follow(squared, shape, good, (0,), shape[0])
         return shape[-1][rank[-1]] * (1.0 if good[-1] else np.nan)
 
     def slopes(self, fraction: Float[np.ndarray, " number"]) -> Float[np.ndarray, "value number"]:

@@ -234,7 +234,7 @@ def compare(
     """
     known = bodies_with_signals(model)
     plain = replace(model, terms=())  # with dampers, whose effect on poles losses do not have
-    modes = damped.solve(plain, eigenmodes.solve(plain))
+    modes = damped.solve(plain)
     result = []
     for item in items:
         names = signals_of(item.tables)

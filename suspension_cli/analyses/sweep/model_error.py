@@ -10,9 +10,10 @@ import numpy as np
 from suspension_cli.analyses.sweep.solve import ParameterSweep
 from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes
+from suspension_cli.linear.mode_pairing import pair_bodies
 from suspension_cli.linear.named_results import Mode
 from suspension_cli.models.base import Model
-from suspension_cli.models.choice import Several, Systems, pair_bodies
+from suspension_cli.models.choice import Several, Systems
 from suspension_cli.studies.job import ends_and_middle
 from suspension_cli.studies.variants import overridden
 

@@ -22,13 +22,13 @@ from suspension_cli.files.declared import (
     pack_fields,
 )
 from suspension_cli.files.hdf5 import Stored
-from suspension_cli.linear import batch_modes, eigenmodes, signals
+from suspension_cli.linear import batch_modes, eigenmodes, mode_pairing, signals
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.named_results import Mode, Ratio, Scalar, labels
 from suspension_cli.linear.response import solve
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
-from suspension_cli.studies import builds, mode_tracking, variants
+from suspension_cli.studies import builds, variants
 from suspension_cli.studies.builds import Builds, Column, ColumnValues
 from suspension_cli.studies.job import Axis, Product
 
@@ -380,7 +380,7 @@ def complete(part: Path, job: ParameterSweep) -> None:
             stored = group["shape"]
             shapes = stored[:] if stored.size * 4 <= MAX_BYTES else stored
             squared = group["omega_squared"][:]
-            rank, overlap = mode_tracking.follow(
+            rank, overlap = mode_pairing.follow(
                 squared,
                 shapes,
                 has_modes(group["status"][:]),

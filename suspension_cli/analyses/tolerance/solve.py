@@ -17,11 +17,11 @@ from suspension_cli.analyses.tolerance.quantities import Names, Requirement
 from suspension_cli.analyses.xcouple.solve import CouplingRequest, couplings, quotient_unit
 from suspension_cli.files.declared import common_unit
 from suspension_cli.linear import batch_modes, eigenmodes, signals
-from suspension_cli.linear.mode_pairing import pair_by_overlap
+from suspension_cli.linear.mode_pairing import pair_bodies, pair_by_overlap
 from suspension_cli.linear.named_results import Ratio
 from suspension_cli.models import registry, string
 from suspension_cli.models.base import Model
-from suspension_cli.models.choice import Frequencies, Systems, compare_builds, pair_bodies
+from suspension_cli.models.choice import Frequencies, Systems, compare_builds
 from suspension_cli.models.surroundings import surrounded
 from suspension_cli.scene.arrays import Array, Index
 from suspension_cli.studies import builds, sampling

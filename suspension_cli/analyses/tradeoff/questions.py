@@ -21,7 +21,7 @@ from suspension_cli.analyses.xcouple.solve import ROUNDING, Sweep, parse_request
 from suspension_cli.design.derive import mirror
 from suspension_cli.design.reader import Source
 from suspension_cli.errors import InputError
-from suspension_cli.linear import damped, eigenmodes, response, signals
+from suspension_cli.linear import response, signals
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import body_overlap, pair_by_overlap
 from suspension_cli.linear.named_results import Mode
@@ -78,13 +78,7 @@ class ModeFrequencies(Question):
 
     def solve(self, model: Model) -> Modes:
         """Compute the modes of one design."""
-        system = model.system(self.design)
-        still = eigenmodes.solve(system)
-        found = damped.solve(system, still)
-        if model.has_wire_mass and not damped.are_of_bodies(system, found):
-            found = wire_modes.solve(system, float(np.nanmax(still.frequency)), damping=True)
-            found = found.select(found.order == 0)
-        return found
+        return wire_modes.solve_bodies(model.system(self.design))
 
     def compare(self, found: Modes, true: Modes) -> tuple[float, str]:
         """Compare frequencies; modes are paired by their shapes."""

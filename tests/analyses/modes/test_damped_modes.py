@@ -52,7 +52,7 @@ def single(damping=None, **more):
 
 def solved(raw, level="string"):
     model = registry.by_name(level).system(scenes.design_of(raw))
-    return model, damped.solve(model, eigenmodes.solve(model))
+    return model, damped.solve(model)
 
 
 def determinant_roots(model, starts, loss=lambda _: 0.0, block=None):

@@ -11,9 +11,16 @@ import pytest
 import suspension_cli as sus
 from suspension_cli.analyses.sweep import solve as sweep
 from suspension_cli.design import reader
-from suspension_cli.linear import batch_modes, eigenmodes, named_results, response, signals
+from suspension_cli.linear import (
+    batch_modes,
+    eigenmodes,
+    mode_pairing,
+    named_results,
+    response,
+    signals,
+)
 from suspension_cli.models import closed_form, registry
-from suspension_cli.studies import mode_tracking, variants
+from suspension_cli.studies import variants
 from tests.support.commandline import MISSING, assert_refused, edited, run, strict_json, written
 from tests.support.golden import CONFIGS
 
@@ -232,12 +239,12 @@ def test_following_goes_round_holes():
     squared = np.broadcast_to([1.0, 2.0], shapes.shape[:-1])
     good = np.ones((9, 7), dtype=bool)
     good[4, :6] = good[6, 2] = False
-    rank, overlap = mode_tracking.follow(squared, shapes, good, (0, 0), np.eye(2))
+    rank, overlap = mode_pairing.follow(squared, shapes, good, (0, 0), np.eye(2))
     assert (rank[~good] == -1).all() and np.isnan(overlap[~good]).all()
     assert (rank[good] == np.where(flipped[good][:, None], [1, 0], [0, 1])).all()
     assert np.nanmin(overlap) > 0.9
     good[4, 6] = False  # now no way round: across the gap
-    rank, overlap = mode_tracking.follow(squared, shapes, good, (0, 0), np.eye(2))
+    rank, overlap = mode_pairing.follow(squared, shapes, good, (0, 0), np.eye(2))
     assert (rank[good] == np.where(flipped[good][:, None], [1, 0], [0, 1])).all()
 
 
