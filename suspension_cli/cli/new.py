@@ -58,10 +58,11 @@ def design_name(given: str | None, stem: str, default: str) -> str:
     """Check the name that is given for a design, or make one from the stem of a file."""
     import re
 
+    from suspension_cli.design import reader
     from suspension_cli.errors import InputError, format_value
 
     if given is None:
-        return re.sub(r"[^A-Za-z0-9._-]+", "-", stem).strip("-._")[:100] or default
+        return reader.make_name(stem, default)
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{,99}", given):
         remedy = "give letters, digits, . _ and -"
         raise InputError.of("--name", "is no name of a design", remedy, format_value(given))

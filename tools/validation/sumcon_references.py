@@ -165,7 +165,6 @@ def _surveyed(file: Path, folder: Path) -> tuple[str, ...]:
     for bending_points in (False, True):
         try:
             found = convert.read(file, "survey", tables=tables, bending_points=bending_points)
-            path = Path(file.name)
             design = undamped.parse(found.text)
             ours, _ = undamped.frequencies(undamped.system(design, "string"))
         except InputError as error:
@@ -181,7 +180,7 @@ def _surveyed(file: Path, folder: Path) -> tuple[str, ...]:
                 "",
                 "",
                 "",
-                f"no matrices in {path.suffix} to compare",
+                "no matrices to compare",
             )
         known = known[known > 1e-3]
         if len(ours) < len(known):

@@ -194,6 +194,10 @@ def _stage(body: Body, before: Body | None, tables: Tables, notes: list[str]) ->
     inertia = diagonal if (body.inertia == np.diag(diagonal)).all() else body.inertia
     yield from table("[stage]", keys | {"body": {"mass": body.mass, "inertia": inertia}})
     notes += hinge_notes(body)
+    springs = [wire.spring for wire in body.wires if wire.spring and wire.spring[4]]
+    if springs and not on_keystone:
+        names = ", ".join(plain(row[7]) for row in springs)
+        notes.append(f"spring {names}: its inertia ({springs[0][5]:g} dB) is left out")
     if body.legs is not None:
         yield from _legs(body, notes)
     if body.set_keys is not None:
@@ -213,7 +217,7 @@ def _wire_set(body: Body, on_keystone: bool, tables: Tables) -> Iterator[str]:
     yield from table("stage.wires", keys, f"SUMCON: {names_of(body.wires)}", k=_doubt(wire, tables))
     if wire.spring is not None and not on_keystone:
         names = ", ".join(plain(one.spring[7]) for one in body.wires if one.spring)
-        keys = {"count": count} | _blade(wire.spring, body.share)
+        keys = {"count": count} | _blade(wire.spring, body)
         yield from table("stage.blades", keys, f"SUMCON: {names}")
 
 
@@ -226,7 +230,7 @@ def _wire(wire: Wire, start: np.ndarray, body: Body, tables: Tables) -> Iterator
     keys |= _elastic(wire, tables)
     yield from table("[stage.wire]", keys, f"SUMCON: {wire.name}", k=_doubt(wire, tables))
     if wire.spring is not None:
-        yield from table("[stage.blade]", {"name": keys["blade"]} | _blade(wire.spring, math.nan))
+        yield from table("[stage.blade]", {"name": keys["blade"]} | _blade(wire.spring, body))
 
 
 def _elastic(wire: Wire, tables: Tables) -> dict[str, Any]:
@@ -252,10 +256,11 @@ def _doubt(wire: Wire, tables: Tables) -> str:
     return f"material and cross-section give {usual:.5g} N/m" if differs else ""
 
 
-def _blade(spring: list[Any], share: float) -> dict[str, float]:
+def _blade(spring: list[Any], body: Body) -> dict[str, float]:
     _, _, stiffness, load, *_, q = spring[:9]
     keys = {"stiffness": stiffness}
-    keys |= {} if abs(load - share) <= SAG * stiffness else {"load": load}
+    if abs(load - body.share) > SAG * stiffness or body.set_keys is None:
+        keys["load"] = load + (_hanging(body) - body.load) * GRAVITY / len(body.wires)
     return keys | ({"loss_angle": 1 / q} if q > 1 else {})
 
 
