@@ -50,8 +50,8 @@ SUSPENSIONS = {
         "Type A, without heat links",
         "The blades' inertia (0.2 kg) exceeds the mass of the junction box JB (0.084 kg), whose"
         " vertical mode SUMCON therefore puts at 1368 Hz; the other deviations are this inertia,"
-        " too. Heat links are left out, as SUMCON's have negative stiffness (-0.19 N m/rad, pitch of"
-        " MNR): it counts the vertical distance of their ends as strain.",
+        " too. Heat links are left out, as SUMCON's have negative stiffness (-0.19 N m/rad, pitch"
+        " of MNR): it counts the vertical distance of their ends as strain.",
     ),
 }
 """Title of each suspension, and what explains its deviations."""
