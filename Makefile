@@ -5,6 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/ready
 DOCS_READY := $(VENV)/docs-ready
+BENCH_READY := $(VENV)/bench-ready
 
 
 # What `make all` makes; a new result is one more word here and a section in results/README.md.
@@ -26,6 +27,10 @@ $(READY): pyproject.toml
 
 $(DOCS_READY): $(READY)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
+	@touch $@
+
+$(BENCH_READY): $(READY)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
 	@touch $@
 
 all: $(RESULTS)  ## every table, figure and chart, into results/
@@ -113,7 +118,7 @@ reference: $(READY) ## the tables of docs/ that the program itself knows: keys a
 tutorial: $(READY) ## run the tutorials, and take in what they print and draw
 	$(BIN)/python -m tools.tutorial
 
-bench: $(READY)  ## what things cost, as ratios to a floor measured in the same run
+bench: $(BENCH_READY)  ## what things cost, as ratios to a floor measured in the same run
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.run
 
 golden: $(READY) ## regenerate tests/golden (say why in CHANGELOG.md, "Numbers changed")

@@ -18,7 +18,7 @@ from suspension_cli.analyses.xcouple.solve import CouplingRequest, Sweep
 from suspension_cli.design.reader import read
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import signals
-from suspension_cli.studies.axes import Axis
+from suspension_cli.studies.job import Axis
 
 CONFIGS = Path(__file__).parent.parent / "configs"
 SINGLE, TRIPLE, RANDOM = (

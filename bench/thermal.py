@@ -1,14 +1,15 @@
 """Time of the thermal noise of a quadruple pendulum in the violin model.
 
-If pygwinc is installed, its quadruple of springs in one dimension is timed too.
+pygwinc's quadruple of springs in one dimension is timed too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib.util import find_spec
 
+import gwinc
 import numpy as np
+from gwinc.suspension import suspQuad
 
 from bench.responses import QUADRUPLE
 from suspension_cli.analyses.thermal import solve as thermal
@@ -30,10 +31,6 @@ def run(ratio: Callable[..., None], absolute: Callable[..., None]) -> None:
 
     absolute("thermal noise of a quadruple, x and z, 3,000 frequencies", noise(COUNT), 60.0, 15)
     ratio("the same, 6,000 frequencies / 3,000 (linear: 2)", noise(2 * COUNT), noise(COUNT), 2.5)
-    if find_spec("gwinc"):
-        import gwinc  # pyright: ignore[reportMissingImports]
-        from gwinc.suspension import suspQuad  # pyright: ignore[reportMissingImports]
-
-        quadruple = gwinc.load_budget("aLIGO").ifo.Suspension
-        grid = np.geomspace(0.1, 1000, COUNT)
-        ratio("the same / pygwinc", noise(COUNT), lambda: suspQuad(grid, quadruple), 6.5)
+    quadruple = gwinc.load_budget("aLIGO").ifo.Suspension
+    grid = np.geomspace(0.1, 1000, COUNT)
+    ratio("the same / pygwinc", noise(COUNT), lambda: suspQuad(grid, quadruple), 6.5)

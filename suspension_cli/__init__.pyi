@@ -523,7 +523,7 @@ def sweep(
     Returns
     -------
     Result
-        With the attributes of `analyses.sweep.result.SweepResult`: `axes`, `result`, `value`
+        With the attributes of `analyses.sweep.solve.SweepResult`: `axes`, `result`, `value`
         (axis 1, axis 2, ..., results).
 
     Raises
@@ -664,7 +664,7 @@ def tolerance(
     Returns
     -------
     Result
-        With the attributes of `analyses.tolerance.statistics.Summary`: `mean`, `spread`,
+        With the attributes of `analyses.tolerance.summary.Summary`: `mean`, `spread`,
         `quantiles` of mode frequencies in Hz, `static` (displacements in m and rotations in rad
         of the stages), `yields`, `joint`, `indices`, ...
 
@@ -782,7 +782,7 @@ def xcouple(
     Returns
     -------
     Result
-        With the attributes of `analyses.xcouple.file.Coupling`: `axes`, `ratio` (axis 1, axis 2,
+        With the attributes of `analyses.xcouple.solve.Coupling`: `axes`, `ratio` (axis 1, axis 2,
         ..., f), complex.
 
     Raises

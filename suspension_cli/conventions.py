@@ -30,16 +30,6 @@ WIRE_MODE_NAMES = {
 """Name of each kind of internal mode of a wire. The first of its two principal planes is the one
 nearest to x."""
 
-PAPER_DOF_NAMES = {
-    "x": "longitudinal",
-    "y": "sideways",
-    "z": "vertical",
-    "roll": "roll",
-    "pitch": "tilt",
-    "yaw": "rotation",
-}
-"""Name of each coordinate in Husman et al. (2000)."""
-
 SUPPORT = "support"
 """The suspension point structure: its six motions are inputs."""
 FRAME = "frame"

@@ -100,6 +100,16 @@ def attribute_faults_to(file: str) -> Iterator[None]:
         raise error if own else error.in_file(file) from None
 
 
+def suggest(word: str, known: list[str]) -> str:
+    """Suggest the known word that the user may have meant, or list all."""
+    import difflib  # 3 ms, only when something is wrong already
+
+    close = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
+    if close:
+        return f"did you mean {close[0]!r}?"
+    return "known here: " + ", ".join(known) if known else "remove it"
+
+
 MAX_VALUE_LENGTH = 60
 """Longest text of a value in a message, characters."""
 

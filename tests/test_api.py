@@ -174,7 +174,7 @@ def test_checks_warn_and_refuse():
     design = sus.example("triple-damped").replace({"control.loop.x.sensor": "tset.x"})
     with pytest.warns(sus.PendsusWarning, match="names no body"):
         found = sus.check(design)
-    assert [item.fault.key for item in found.warnings] == ["control.loop.x.sensor"]
+    assert [item.key for item in found.warnings] == ["control.loop.x.sensor"]
     with pytest.raises(sus.InputError, match=r'output = "tset\.x": names no body'):
         sus.info(sus.read(DOUBLE), output="tset.x")
 

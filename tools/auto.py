@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 from suspension_cli.analyses import model_choice
 from suspension_cli.analyses.tradeoff.picture import COLOUR
 from suspension_cli.analyses.tradeoff.questions import Coupling, ModeFrequencies, Question
-from suspension_cli.analyses.xcouple import model_error
+from suspension_cli.analyses.xcouple.solve import coupling_change
 from suspension_cli.design.reader import Source
 from suspension_cli.drawing.scales import label_plainly, rule
 from suspension_cli.drawing.style import (
@@ -43,7 +43,7 @@ from suspension_cli.files.atomic import write_bytes
 from suspension_cli.models import registry
 from suspension_cli.models.choice import percent
 from suspension_cli.models.registry import Choice
-from suspension_cli.studies.axes import Axis
+from suspension_cli.studies.job import Axis
 from tests.support.paths import ROOT
 from tools.random_designs import random_source
 
@@ -144,7 +144,7 @@ def ask(source: Source, quantity: str, rng: np.random.Generator) -> Question:
 def solve_auto(question: Question, tolerance: float) -> tuple[Choice, Any]:
     """Let `auto` choose the model, and solve."""
     if isinstance(question, Coupling):
-        change = model_error.coupling_change(question.job)
+        change = coupling_change(question.job)
         models = registry.SCENE_MODELS
         choice = model_choice.for_builds(question.source, "auto", models, change, tolerance)
     else:

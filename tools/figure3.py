@@ -15,8 +15,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from suspension_cli.analyses.sweep.result import nearest_point
-from suspension_cli.analyses.sweep.solve import ParameterSweep, evaluate_results
+from suspension_cli.analyses.sweep.solve import ParameterSweep, evaluate_results, nearest_point
 from suspension_cli.design.reader import read
 from suspension_cli.drawing.labels import label_ends, room_for
 from suspension_cli.drawing.panels import set_margins, write_heading
@@ -27,7 +26,7 @@ from suspension_cli.linear import named_results
 from suspension_cli.models import closed_form
 from suspension_cli.models.closed_form import FourWires
 from suspension_cli.studies import mode_tracking
-from suspension_cli.studies.axes import Axis
+from suspension_cli.studies.job import Axis
 from tools.tables import PAPER, ROOT
 
 POINTS = 301

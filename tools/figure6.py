@@ -25,7 +25,7 @@ from suspension_cli.drawing.style import NOTE, house_style, new_figure, save, wr
 from suspension_cli.files.atomic import write_bytes
 from suspension_cli.grids import parse_grid
 from suspension_cli.linear import signals
-from suspension_cli.studies.axes import Axis
+from suspension_cli.studies.job import Axis
 from tools.tables import PAPER, ROOT
 
 AXES = "1 mm below the COM, axes as printed in the paper; labels: offset of the wire's upper end"

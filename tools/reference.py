@@ -177,6 +177,9 @@ def list_of(item: Any, metas: list[msgspec.Meta]) -> str:
         next((getattr(meta, bound) for meta in reversed(metas) if getattr(meta, bound)), None)
         for bound in ("min_length", "max_length")
     )
+    inner, inside = bare(item)
+    if get_origin(inner) is list:
+        return f"{low or ''} rows of {list_of(get_args(inner)[0], inside)}".strip()
     kind = "names" if item is str else "numbers"
     return f"{low} {kind}" if low == high and low else kind
 

@@ -17,7 +17,7 @@ from suspension_cli.design import measured, reader
 from suspension_cli.design.measured import Measured
 from suspension_cli.files.atomic import write_bytes
 from suspension_cli.linear import response, signals
-from suspension_cli.measurements import prediction
+from suspension_cli.measurements import transfer_function
 from suspension_cli.models.registry import BEAM
 from tools.tables import ROOT
 
@@ -41,7 +41,7 @@ def simulate(data: Measured, number: int, frequency: Any, seed: int) -> tuple[An
     model = BEAM.system(design)
     tables = with_true_gains(data)
     known = signals.bodies_with_signals(model)
-    into, out = prediction.signals_of(tables)
+    into, out = transfer_function.signals_of(tables)
     value = response.solve(
         model,
         frequency,
@@ -49,7 +49,7 @@ def simulate(data: Measured, number: int, frequency: Any, seed: int) -> tuple[An
         [signals.parse_output(name, known) for name in out],
     ).value
     table = tables.transfer_function[number]
-    exact = prediction.predict(tables, table, frequency, value)
+    exact = transfer_function.predict(tables, table, frequency, value)
     noise = NOISE[table.output]
     coherence = np.abs(exact) ** 2 / (np.abs(exact) ** 2 + noise**2)
     random = np.random.default_rng(seed)

@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from suspension_cli.conventions import PAPER_DOF_NAMES
 from suspension_cli.design.reader import read
 from suspension_cli.files.atomic import write_bytes
 from suspension_cli.linear import eigenmodes
@@ -22,7 +21,15 @@ from suspension_cli.models import registry
 ROOT = Path(__file__).parent.parent
 RESULTS = ROOT / "results"
 PAPER = tomllib.loads((ROOT / "tools" / "paper.toml").read_text())
-DOF = {word: dof for dof, word in PAPER_DOF_NAMES.items()}
+DOF = {
+    "longitudinal": "x",
+    "sideways": "y",
+    "vertical": "z",
+    "roll": "roll",
+    "tilt": "pitch",
+    "rotation": "yaw",
+}
+"""Coordinate of each name in Husman et al. (2000)."""
 FAMILIES = {
     "tilt_longitudinal": ("x", "pitch"),
     "sideways_roll": ("y", "roll"),

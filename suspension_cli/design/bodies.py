@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from suspension_cli.design.rules import LEAST_MASS, by_kind, exactly_one, symmetric
-from suspension_cli.design.units import BodySize, Density, Inertia, Mass, Problems, Row3, Table, key
+from suspension_cli.design import demand
+from suspension_cli.design.tables import Problems, Table, if_sound, key
+from suspension_cli.design.units import BodySize, Density, Inertia, Mass, Row3
 
 LEAST_INERTIA = 1e-30
 """Smallest moment of inertia, kg m^2: that of a microgram of less than a nanometre."""
@@ -43,26 +44,13 @@ class Body(Table, frozen=True):
     size: tuple[BodySize, BodySize, BodySize] | None = key("sides of a box along x, y and z, m")
     density: Density | None = key("density of a shape in kg/m^3, instead of a mass")
 
-    rules = (by_kind("shape", KEYS), symmetric("inertia", tolerance=1e-12))
-
-    def faults(self) -> Problems:
-        """Check that a rigid body can have this mass and inertia, or shape."""
-        found = [*super().faults()]
-        if self.shape is not None:
-            found += exactly_one("mass", "density")(self)
-        if self.inner_radius is not None and self.inner_radius >= (self.radius or math.inf):
-            problem = f"not smaller than the radius {self.radius:g} m"
-            found.append(("inner_radius", problem, "give a smaller hole"))
-        yield from found
-        if not found:
-            yield from self._mass_faults()
-
-    def _mass_faults(self) -> Problems:
+    def _check_mass(self) -> Problems:
+        """Check that a rigid body can have this mass and inertia."""
         import numpy as np
 
         mass, moments = body_mass(self), np.linalg.eigvalsh(body_inertia(self))
-        if not LEAST_MASS <= mass <= MOST_MASS:
-            problem = f"the body has {mass:.3g} kg, not {LEAST_MASS:g} to {MOST_MASS:g} kg"
+        if not demand.LEAST_MASS <= mass <= MOST_MASS:
+            problem = f"the body has {mass:.3g} kg, not {demand.LEAST_MASS:g} to {MOST_MASS:g} kg"
             yield "mass" if self.density is None else "density", problem, "check the sizes, in m"
         elif moments[0] < max(LEAST_INERTIA, THINNEST * moments[-1]):
             key, remedy = "", "check the sizes, in m"
@@ -72,6 +60,15 @@ class Body(Table, frozen=True):
                 f"has a moment of inertia of {moments[0]:.3g} kg m^2, not positive or too small"
             )
             yield key, f"{problem} beside {moments[-1]:.3g} kg m^2", remedy
+
+    rules = (
+        demand.by_kind("shape", KEYS),
+        demand.symmetric("inertia", tolerance=1e-12),
+        demand.exactly_one("mass", "density", when=lambda body: body.shape is not None),
+        demand.ordered("inner_radius", "radius", "give a smaller hole"),
+        if_sound,
+        _check_mass,
+    )
 
 
 def body_mass(body: Body) -> float:

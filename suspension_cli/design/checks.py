@@ -1,25 +1,26 @@
 """Checks of a design across its tables: which names exist, and which lengths fit.
 
-What a table must fulfil by itself is declared in its `rules`, see `design.rules`.
+What a table must fulfil by itself is declared in its `rules`, see `design.demand`.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 from itertools import pairwise
 
 from suspension_cli.conventions import ANALYSES, DOFS, FRAME, GROUND, SUPPORT
-from suspension_cli.design import materials, rules, units
+from suspension_cli.design import faults, materials, units
 from suspension_cli.design.derive import com_positions, set_geometry, spring_loss
 from suspension_cli.design.faults import fault_of, suggest
 from suspension_cli.design.filters import SUFFIX
 from suspension_cli.design.inverted_pendulum import leg_count
 from suspension_cli.design.links import Damper, Link, Strands
 from suspension_cli.design.losses.registry import MECHANISMS
-from suspension_cli.design.schema import Design, Loop, Spring, Stage
+from suspension_cli.design.schema import Design, Spring, Stage
+from suspension_cli.design.tables import keys_with
 from suspension_cli.design.wires import Clamp, Profile, Wire, WireSet, is_ring
 from suspension_cli.errors import Fault, format_key
 
@@ -36,20 +37,21 @@ ROUNDING = 1e-9
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 
 
-def check_design(design: Design) -> list[Fault]:
-    """List all faults of a design whose single values are valid."""
-    found = [*rules.find_faults(design), *_check_stages(design), *_check_materials(design)]
-    found += _check_names(design)
+def check_design(design: Design, sound: Collection[Stage] = ()) -> list[Fault]:
+    """List all faults of a design whose single values are valid.
+
+    Some of its stages may be those of a `sound` design from which it differs in numbers alone.
+    """
+    known = {id(stage) for stage in sound}
+    found = [*faults.find_faults(design, known), *_check_stages(design), *_check_materials(design)]
+    found += _check_names(design, known)
     for stage in design.stage:
-        found += _check_suspension(stage, f"stage.{stage.name}")
-    sound = not any(fault.key.startswith(("stage", "materials")) for fault in found)
-    found += _check_links(design, placed=sound)
-    for loop in design.control.loop if design.control is not None else ():
-        path = f"control.loop.{loop.name}"
-        if not any(fault.key.startswith(path) for fault in found):
-            found += _check_order(loop, path)
+        if id(stage) not in known:
+            found += _check_suspension(stage, f"stage.{stage.name}")
+    wrong = any(fault.key.startswith(("stage", "materials")) for fault in found)
+    found += _check_links(design, placed=not wrong)
     if not found:
-        found += _check_active(design)
+        found += _check_active(design, known)
     commands = [*ANALYSES, "info"]
     for command in design.analysis:
         if command not in commands:
@@ -63,6 +65,8 @@ def _check_stages(design: Design) -> Iterator[Fault]:
     taken = {SUPPORT: "the suspension point"}
     if design.support is not None:
         taken[FRAME] = "the support structure that [support] describes"
+    if any(GROUND in item.between for _, item in design.between_bodies):
+        taken[GROUND] = "the ground, where a link or damper ends"
     for stage in design.stage:
         path = f"stage.{stage.name}"
         if stage.name in taken:
@@ -92,13 +96,13 @@ def _check_materials(design: Design) -> Iterator[Fault]:
                 yield fault_of(design.materials[name], path, key, problem, remedy)
 
 
-def _check_names(design: Design) -> Iterator[Fault]:
+def _check_names(design: Design, sound: Collection[int]) -> Iterator[Fault]:
     """Check that parts which are named exist."""
     known = _known_names(design)
     tables = {link.name for link in design.link if link.table is not None}
-    for path, table in rules.tables(design):
+    for path, table in faults.tables(design, known=sound):
         stage = path.split(".")[1] if path.startswith("stage.") else ""
-        for key, kind in rules.keys_with(type(table), "names"):
+        for key, kind in keys_with(type(table), "names"):
             name, names = getattr(table, key), known.get(kind, known.get(f"{kind} {stage}", []))
             if name is not None and name not in names:
                 remedy = suggest(name, names)
@@ -229,32 +233,9 @@ def _known_names(design: Design) -> dict[str, list[str]]:
         found["blade"] += [f"{name}.{blade}" for blade in blades] + own[:-1]
         found["leg"] += [f"{name}.leg{n}" for n in range(1, leg_count(legs) + 1)] if legs else []
     for part in ("wire", "blade", "leg"):
-        found[f"stage with {part}s"] = list(
-            dict.fromkeys(name.split(".", 1)[0] for name in found[part])
-        )
-    return found | {
-        "link": [link.name for link in design.link],
-        "material": materials.known(design),
-    }
-
-
-def _check_order(loop: Loop, path: str) -> Iterator[Fault]:
-    """Check that the gain of a filter can be set, and that it does not grow without bound."""
-    if loop.gain_at is not None:
-        size = abs(loop.without_gain_at.at(loop.gain_at.frequency))
-        if not 0 < size < math.inf or loop.gain_at.magnitude == 0:
-            problem = "the gain cannot be set where the filter is 0 or infinite, or to 0"
-            yield Fault(f"{path}.gain_at", problem, "give another frequency or magnitude")
-            return
-    whole = loop.controller_and_sensor
-    zeros, poles = len(whole.zeros), len(whole.poles)
-    if zeros <= poles or (loop.damper is not None and loop.sensor_response is None):
-        return  # a damper acts on the velocity, which is known
-    key = next(key for key in ("filter", "sensor_response", "zeros") if getattr(loop, key))
-    what = "a filter" if loop.sensor_response is None else "a filter and sensor"
-    problem = f"{what} with more zeros ({zeros}) than poles ({poles}) cannot be built"
-    remedy = "add poles, or its gain grows with frequency without bound"
-    yield fault_of(loop, path, key, problem, remedy)
+        found[f"stage with {part}s"] = [*dict.fromkeys(name.split(".")[0] for name in found[part])]
+    links = [link.name for link in design.link]
+    return found | {"link": links, "material": materials.known(design)}
 
 
 def _check_links(design: Design, *, placed: bool) -> Iterator[Fault]:
@@ -267,19 +248,15 @@ def _check_links(design: Design, *, placed: bool) -> Iterator[Fault]:
             problem = "is the name of another link, damper or stage"
             yield fault_of(item, path, "name", problem, "give each a name of its own")
         taken.append(item.name)
-        problem = remedy = ""
+        problem, remedy = "", "name two bodies"
         if first not in stages:
             problem, remedy = f"begins with {first}, which is not a stage", suggest(first, stages)
             if second in stages and first in ends:
                 problem, remedy = "must begin with a stage", f'swap them: ["{second}", "{first}"]'
         elif second not in ends:
             problem, remedy = f"ends with {second}, which is not a body", suggest(second, ends)
-            if second == FRAME:
-                remedy = f'write "{SUPPORT}" for the structure, or "{GROUND}" for the ground'
         elif first == second:
-            problem, remedy = "joins a body to itself", "name two bodies"
-        elif GROUND in stages and second == GROUND:
-            problem, remedy = "ends on the ground or a stage of that name", "rename the stage"
+            problem = "joins a body to itself"
         if problem:
             yield fault_of(item, path, "between", problem, remedy)
     for link in design.link if placed else ():
@@ -287,17 +264,22 @@ def _check_links(design: Design, *, placed: bool) -> Iterator[Fault]:
             yield from _check_strands(design, link, link.strands, f"link.{link.name}.strands")
 
 
-def _check_active(design: Design) -> Iterator[Fault]:
+def _check_active(design: Design, sound: Collection[int]) -> Iterator[Fault]:
     """Check that springs, links and dampers take power from the motion, unless `active`."""
-    for table, fault in find_active(design):
+    for table, fault in find_active(design, sound):
         if not table.active:
             remedy = f"{fault.remedy}, or give active = true if a sensor and an actuator do this"
             yield replace(fault, remedy=remedy)
 
 
-def find_active(design: Design) -> Iterator[tuple[Link | Damper | Spring, Fault]]:
-    """Find springs, links and dampers that give power to the motion, each with what does so."""
-    for path, part in rules.tables(design):
+def find_active(
+    design: Design, passive: Collection[int] = ()
+) -> Iterator[tuple[Link | Damper | Spring, Fault]]:
+    """Find springs, links and dampers that give power to the motion, each with what does so.
+
+    Without those in tables known (by `id`) to be `passive`.
+    """
+    for path, part in faults.tables(design, known=passive):
         if not isinstance(part, (Link, Damper, Spring)):
             continue
         if problem := _negative(part.damping):

@@ -7,11 +7,12 @@ import operator
 from dataclasses import dataclass
 from typing import Any
 
+import msgspec
+
 from suspension_cli.conventions import SUPPORT
 from suspension_cli.design import inverted_pendulum, materials
-from suspension_cli.design.circles import direction
-from suspension_cli.design.filters import SUFFIX
-from suspension_cli.design.schema import Design, Spring, Stage
+from suspension_cli.design.filters import SUFFIX, keystone_inertia
+from suspension_cli.design.schema import Body, Design, Spring, Stage
 from suspension_cli.design.sections import Stretch, given_sections, stretches, thinnest
 from suspension_cli.design.wires import Blade, BladeGeometry, BladeSet, Wire, WireSet, is_ring
 
@@ -118,7 +119,7 @@ class SetGeometry:
 
     def ring_ends(self, number: int) -> tuple[tuple[float, float], tuple[float, float]]:
         """Compute x and y (m) of the upper and of the lower end of a wire of a ring, from 0."""
-        x, y = direction(self.phase, number, self.count)
+        x, y = inverted_pendulum.direction(self.phase, number, self.count)
         upper, lower = self.ring_upper, self.ring_lower
         return (upper * x, upper * y), (lower * x, lower * y)
 
@@ -300,3 +301,48 @@ def beyond_symmetric_chains(design: Design) -> str:
             if wire.bending is not None:
                 return f"wires of stage {stage.name} are hinged"
     return ""
+
+
+class Keystone(Stage, frozen=True):
+    """The keystone of a filter: a stage that is not in the file, held by the filter's blades.
+
+    Attributes
+    ----------
+    blades_of
+        Name of the stage with the filter.
+    """
+
+    blades_of: str
+
+
+def add_keystones(design: Design) -> Design:
+    """Insert the keystone of each filter as a stage after that of the filter."""
+    if all(stage.filter is None for stage in design.stage):
+        return design
+    stages: list[Stage] = []
+    for stage in design.stage:
+        stages.append(stage)
+        if stage.filter is not None:
+            keystone = stage.filter.keystone
+            stages.append(
+                Keystone(
+                    name=stage.name + SUFFIX,
+                    body=Body(mass=keystone.mass, inertia=list(keystone_inertia(keystone))),
+                    position=stage.filter.at,
+                    blades_of=stage.name,
+                )
+            )
+    return msgspec.structs.replace(design, stage=stages)
+
+
+def drop_keystones(design: Design) -> Design:
+    """Remove the stages that `add_keystones` inserted."""
+    stages = [stage for stage in design.stage if not isinstance(stage, Keystone)]
+    if len(stages) == len(design.stage):
+        return design
+    return msgspec.structs.replace(design, stage=stages)
+
+
+def filter_of(design: Design, keystone: Keystone) -> Stage:
+    """Find the stage with the filter of a keystone."""
+    return next(stage for stage in design.stage if stage.name == keystone.blades_of)

@@ -1,8 +1,9 @@
-"""Conversion of a parsed file to its type, or a list of all its faults.
+"""The walker that applies what tables declare to a whole document, and lists all its faults.
 
-msgspec stops at the first error, so a file that it refuses is compared, value by value, with the
-JSON Schema of its type. `jsonschema`, with which the tests check that schema, would not shorten
-this file, and fails on integers of thousands of digits.
+First single values: msgspec stops at the first error, so a file that it refuses is compared, value
+by value, with the JSON Schema of its type. (`jsonschema`, with which the tests check that schema,
+would not shorten this file, and fails on integers of thousands of digits.) Then the rules of each
+table, see `design.demand`.
 """
 
 from __future__ import annotations
@@ -10,15 +11,15 @@ from __future__ import annotations
 import math
 import operator
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from functools import cache
 from typing import Any, TypeVar
 
 import msgspec
 from msgspec import Struct
 
-from suspension_cli.design.units import Raw, Schema
-from suspension_cli.errors import Fault, InputError, format_key, format_value
+from suspension_cli.design.tables import Raw, Schema, keys_with
+from suspension_cli.errors import Fault, InputError, format_key, format_value, suggest
 
 T = TypeVar("T")
 
@@ -35,30 +36,58 @@ _BOUNDS = {
     "exclusiveMaximum": ("less than", operator.lt),
     "maximum": ("at most", operator.le),
 }
-
-
 TINY = 1e-150
 """Magnitude below which numbers other than 0 are refused: the square would not be a number of full
 precision (2e-308)."""
 
 
-def convert(raw: Raw, kind: type[T]) -> T:
+def convert(raw: Raw, kind: type[T], known: Collection[int] = (), *, rules: bool = True) -> T:
     """Convert a parsed TOML document to a type of the file format.
 
-    Raises `InputError` with all faults of the document.
+    Raises `InputError` with all faults of its values or, if these are valid, of its `rules`. Tables
+    that were converted before may be `known`, by their identities (`id`).
     """
     try:
-        result, refusal = msgspec.convert(raw, kind), ""
+        document, refusal = msgspec.convert(raw, kind), ""
     except msgspec.ValidationError as error:
-        result, refusal = None, str(error)
-    if result is not None and _is_ordinary(raw):
-        return result
-    found = list(_walk(_schema(kind), raw, ""))
-    if refusal and not found:
-        found = [Fault("", refusal, "see pendsus schema for the format")]
-    if found or result is None:
-        raise InputError(found)
-    return result
+        document, refusal = None, str(error)
+    good = document is not None and _is_ordinary(raw, known)
+    found = [] if good else [*_walk(_schema(kind), raw, "")]
+    if rules and document is not None and not found:
+        found = [*find_faults(document)]
+    if document is not None and not found:
+        return document
+    raise InputError(found or [Fault("", refusal, "see pendsus schema for the format")])
+
+
+def find_faults(document: object, known: Collection[int] = ()) -> Iterator[Fault]:
+    """Find what breaks the rules of any table of a document but the `known` ones, see `tables`."""
+    for path, table in tables(document, known=known):
+        for key, problem, remedy in table.faults():
+            yield fault_of(table, path, key, problem, remedy)
+
+
+def tables(node: Any, path: str = "", known: Collection[int] = ()) -> Iterator[tuple[str, Any]]:
+    """List a table and all tables in it, each behind its key path.
+
+    Without those whose identities (`id`) are `known`.
+    """
+    if id(node) in known:
+        return
+    if isinstance(node, Struct):
+        yield path, node
+        for key, _ in keys_with(type(node), "tables"):
+            if value := getattr(node, key):
+                yield from tables(value, f"{path}.{key}" if path else key, known)
+    elif isinstance(node, dict):
+        for key, value in node.items():
+            if isinstance(value, Struct):
+                yield from tables(value, step(path, key), known)
+    elif isinstance(node, list) and isinstance(node[0], Struct):
+        names = [getattr(value, "name", None) for value in node]
+        for number, value in enumerate(node):
+            named = value if names.count(names[number]) == 1 else None
+            yield from tables(value, step(path, number, named), known)
 
 
 def step(path: str, key: object, item: object = None) -> str:
@@ -84,26 +113,15 @@ def fault_of(table: object, path: str, key: str, problem: str, remedy: str) -> F
     return Fault(".".join(filter(None, (path, key))), problem, remedy, shown)
 
 
-def suggest(word: str, known: list[str]) -> str:
-    """Suggest the known word that the user may have meant, or list all."""
-    import difflib  # 3 ms, only when something is wrong already
-
-    close = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
-    if close:
-        return f"did you mean {close[0]!r}?"
-    return "known here: " + ", ".join(known) if known else "remove it"
-
-
-def _is_ordinary(value: Any) -> bool:
+def _is_ordinary(value: Any, known: Collection[int]) -> bool:
     """Whether a document is free of values that msgspec accepts and a design must not contain.
 
     Those are values of a free type that cannot be written to a file, a newline after a name, and
     numbers whose squares underflow.
     """
-    if isinstance(value, dict):
-        return all(map(_is_ordinary, value.values()))
-    if isinstance(value, list):
-        return all(map(_is_ordinary, value))
+    if isinstance(value, (dict, list)):
+        inside = value.values() if isinstance(value, dict) else value
+        return id(value) in known or all(_is_ordinary(item, known) for item in inside)
     if isinstance(value, str):
         return not value.endswith("\n")
     return not isinstance(value, (int, float)) or value == 0 or TINY <= abs(value) < 2**63

@@ -21,9 +21,8 @@ import math
 from dataclasses import dataclass
 from typing import Annotated
 
-from suspension_cli.design import units
-from suspension_cli.design.rules import at_most_one, exactly_one
-from suspension_cli.design.units import Problems, Table, key
+from suspension_cli.design import demand, units
+from suspension_cli.design.tables import Problems, Table, doc, key
 
 SUFFIX = "-keystone"
 LATERAL, TILT = 1e7, 1e4
@@ -37,7 +36,7 @@ class Keystone(Table, frozen=True):
     """Mass and inertia of a keystone, the part of the blades that moves with it included."""
 
     mass: units.Mass
-    inertia: list[Annotated[float, units.of_unit("kg m^2", "", gt=0, le=1e15)]] | None = key(
+    inertia: list[Annotated[float, doc("", "kg m^2", gt=0, le=1e15)]] | None = key(
         "moments of inertia about x, y, z, kg m^2; default those of a steel cylinder as"
         " high as wide",
         min_length=3,
@@ -56,9 +55,8 @@ class Filter(Table, frozen=True):
     at: units.Vector = key(
         "COM of the keystone from this body's COM, m", (0.0, 0.0, 0.0), plausible=units.PART_SIZE
     )
-    frequency: units.Frequency | None = key(
-        "vertical frequency at the working point, Hz, with the load rigid",
-        plausible=units.ISOLATING,
+    frequency: units.IsolatingFrequency | None = key(
+        "vertical frequency at the working point, Hz, with the load rigid"
     )
     stiffness: units.Stiffness | None = key(
         "vertical stiffness of all blades at the working point, N/m, instead of frequency"
@@ -70,24 +68,16 @@ class Filter(Table, frozen=True):
     lateral_stiffness: units.Stiffness = key(
         "stiffness of the blades against horizontal motion, N/m", LATERAL
     )
-    tilt_stiffness: float = key(
-        "stiffness of the blades against rotation, N m/rad", TILT, unit="N m/rad", gt=0, le=1e15
-    )
-    saturation: float | None = key(
+    tilt_stiffness: units.Rigidity = key("stiffness of the blades against rotation, N m/rad", TILT)
+    saturation: units.Saturation | None = key(
         "fraction of the filter's vertical motion that reaches the keystone at high"
-        " frequency, with the load rigid; negative if the counterweight is too heavy",
-        unit="1",
-        gt=-0.5,
-        lt=0.5,
+        " frequency, with the load rigid; negative if the counterweight is too heavy"
     )
-    mass_coupling: float | None = key(
-        "inertia of the blades that couples both bodies, kg, instead of saturation",
-        unit="kg",
-        ge=-1e6,
-        le=1e6,
+    mass_coupling: units.MassCoupling | None = key(
+        "inertia of the blades that couples both bodies, kg, instead of saturation"
     )
     loss_angle: units.LossAngle | None = key("loss angle of the blades' stiffness in rad")
-    q: float | None = key("Q of the vertical mode, 1/loss_angle", unit="1", gt=0, le=1e12)
+    q: float | None = key("Q of the vertical mode, 1/loss_angle", unit="1", gt=1, le=1e12)
     modulus_slope: units.ModulusSlope = key(
         "relative change of Young's modulus of the blades with temperature, 1/K, for the"
         " shift of the working point that check reports",
@@ -97,23 +87,20 @@ class Filter(Table, frozen=True):
         "thermal expansion of the blades in 1/K; adds to that shift", 0.0
     )
 
-    rules = (
-        exactly_one("stiffness", "frequency"),
-        at_most_one("loss_angle", "q"),
-        at_most_one("saturation", "mass_coupling"),
-    )
-
-    def faults(self) -> Problems:
+    def _check_coupling(self) -> Problems:
         """Check that the inertia of the blades is part of that of the keystone."""
-        yield from super().faults()
-        if self.q is not None and self.q <= 1:
-            remedy = "give a larger one, or damp the stage with [stage.damping]"
-            yield "q", "gives a loss angle of 1 rad or more", remedy
         mass = self.keystone.mass
         if self.mass_coupling is not None and self.mass_coupling >= mass:
             problem = f"is not below the mass of the keystone, {mass:g} kg, which includes it"
             remedy = "add the part of the blades that moves with the keystone to its mass"
             yield "mass_coupling", problem, remedy
+
+    rules = (
+        demand.exactly_one("stiffness", "frequency"),
+        demand.at_most_one("loss_angle", "q"),
+        demand.at_most_one("saturation", "mass_coupling"),
+        _check_coupling,
+    )
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Literal
 
 from suspension_cli.conventions import DOFS
-from suspension_cli.design import reader
+from suspension_cli.design import demand, reader
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.measured import Number, Positive
-from suspension_cli.design.rules import bounded, by_kind, exactly_one, excludes, given, needs
 from suspension_cli.design.schema import Perturbation
-from suspension_cli.design.units import Name, Problems, Table, key
+from suspension_cli.design.tables import Problems, Table, given, key
+from suspension_cli.design.units import Name
 
 Kind = Literal["band", "separation", "coupling", "isolation", "cross-coupling", "stress", "height"]
 Dof = Literal["x", "y", "z", "roll", "pitch", "yaw"]
@@ -45,14 +45,12 @@ class Free(Table, frozen=True):
     start: Number | None = key("where to begin; default: the design's value")
     scale: Literal["linear", "log"] = key('"log": steps of equal ratio', "linear")
 
-    rules = (bounded,)
-
-    def faults(self) -> Problems:
-        """Check what depends on several keys."""
-        yield from super().faults()
+    def _check_scale(self) -> Problems:
         if self.scale == "log" and self.lower <= 0:
             remedy = 'give a positive bound, or scale = "linear"'
             yield "lower", "must be positive on a logarithmic scale", remedy
+
+    rules = (demand.bounded, _check_scale)
 
 
 class Equal(Table, frozen=True):
@@ -64,13 +62,11 @@ class Equal(Table, frozen=True):
     lower: Number | None = None
     upper: Number | None = None
 
-    rules = (bounded,)
-
-    def faults(self) -> Problems:
-        """Check what depends on several keys."""
-        yield from super().faults()
+    def _check_terms(self) -> Problems:
         if not self.terms:
             yield "terms", "is empty", 'give { "dotted.path" = coefficient }'
+
+    rules = (demand.bounded, _check_terms)
 
 
 class Goal(Table, frozen=True):
@@ -102,39 +98,36 @@ class Goal(Table, frozen=True):
     blades: list[Name] | None = key("stages whose blades are meant", min_length=1)
     stage: Name | None = key("stage whose depth below the suspension point is meant")
 
-    rules = (
-        by_kind("kind", TAKES),
-        excludes("equals", "at_least", "at_most"),
-        needs("lowest", "dof"),
-    )
-
-    def faults(self) -> Problems:
-        """Check that it has the keys of its kind, and one limit or direction."""
-        yield from super().faults()
+    def _check_limits(self) -> Problems:
+        """Check that it has one limit or direction, which suits its kind."""
         if self.weight is not None and not (self.minimise or self.maximise):
             yield "weight", "has no effect on a limit", "give minimise or maximise too"
-        low, high = self.at_least, self.at_most
         if (self.minimise and self.maximise) or not (
             given(self, *LIMITS) or self.minimise or self.maximise
         ):
             ways = " or ".join(key for key in TAKES[self.kind][1] if key in LIMITS)
             problem = "sets no limit" if not self.minimise else "has both minimise and maximise"
             yield "", problem, f"give {ways}, or one of minimise and maximise = true"
-        if low is not None and high is not None and low >= high:
-            yield "at_least", f"is not below at_most = {high:g}", "exchange them"
-        if "dof" in TAKES[self.kind][1]:
-            yield from exactly_one("dof", "modes")(self)
-        if self.kind == "coupling" and (low or 0) > 1:
+        if self.kind == "coupling" and (self.at_least or 0) > 1:
             remedy = "give a fraction from 0 to 1, such as 0.01"
             yield "at_least", "is more than the whole kinetic energy", remedy
         if self.kind == "separation" and (self.minimise or self.maximise):
             yield "", "a separation cannot be minimised or maximised", "give at_least alone"
-        if self.kind == "separation" and self.apart != "hertz" and low is not None and low <= 1:
+        if self.kind == "separation" and self.apart != "hertz" and (self.at_least or 2) <= 1:
             remedy = 'give 1.1 for 10 % apart, or apart = "hertz"'
             yield "at_least", "must be a ratio above 1", remedy
         slashes, example = PARTS.get(self.kind, (0, ""))
         if self.response and example and self.response.partition(":")[0].count("/") != slashes:
             yield "response", f"has the wrong form for {self.kind}", f"write {example}"
+
+    rules = (
+        demand.by_kind("kind", TAKES),
+        demand.excludes("equals", "at_least", "at_most"),
+        demand.needs("lowest", "dof"),
+        demand.ordered("at_least", "at_most"),
+        demand.exactly_one("dof", "modes", when=lambda goal: "dof" in TAKES[goal.kind][1]),
+        _check_limits,
+    )
 
 
 class Goals(Table, frozen=True):
@@ -152,19 +145,20 @@ class Goals(Table, frozen=True):
         "distance that the search keeps from each limit, as a fraction of it", 1e-6, ge=1e-7, le=1
     )
 
-    def faults(self) -> Problems:
+    def _check_names(self) -> Problems:
         """Check that each number is free, or follows from free ones."""
         free, tied = [item.name for item in self.free], [item.name for item in self.equal]
-        names = [*(("free", name) for name in free), *(("equal", name) for name in tied)]
-        for n, (kind, name) in enumerate(names):
-            if name in (free + tied)[:n]:
-                number = n + 1 if kind == "free" else n + 1 - len(free)
-                remedy = "give each number once, as free or equal"
-                yield f"{kind}.{number}.name", "is named twice", remedy
+        for kind, own, others in (("free", free, []), ("equal", tied, free)):
+            for n, name in enumerate(own):
+                if name in own[:n] + others:
+                    remedy = "give each number once, as free or equal"
+                    yield f"{kind}.{n + 1}.name", "is named twice", remedy
         for n, item in enumerate(self.equal, 1):
             for term in [term for term in item.terms if term in tied]:
                 remedy = f"express it by free numbers; {suggest(term, free)}"
                 yield f"equal.{n}.terms", f"{term} is itself given by [[equal]]", remedy
+
+    rules = (_check_names,)
 
 
 def read(file: str | Path, text: str | None = None) -> Goals:

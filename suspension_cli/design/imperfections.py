@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Optional
 
 from suspension_cli.design import units
-from suspension_cli.design.units import NAMES, Table, doc
+from suspension_cli.design.tables import Plausible, Table, doc, extend_table, unit
+from suspension_cli.design.units import NAMES
 
 AXES = ("x", "y", "z")
 Part = Literal["wire", "body", "blade", "leg", "link"]
@@ -20,14 +21,14 @@ PARTS: tuple[Part, ...] = ("wire", "body", "blade", "leg", "link")
 """Parts of a build that have imperfections; blades are those of wires and of filters."""
 
 
-LARGE_SHIFT = units.Plausible(0.02, "larger than in any real build")
-LARGE_TURN = units.Plausible(
+LARGE_SHIFT = Plausible(0.02, "larger than in any real build")
+LARGE_TURN = Plausible(
     0.1, "larger than in any real build", (("degrees", math.pi / 180), ("mrad", 1e-3))
 )
-LARGE_FRACTION = units.Plausible(0.5, "a larger fraction than in any real build", (("%", 1e-2),))
+LARGE_FRACTION = Plausible(0.5, "a larger fraction than in any real build", (("%", 1e-2),))
 """Also of tolerances."""
-Shift = Annotated[units.Position, units.of_unit("m", "signed length in m", LARGE_SHIFT)]
-Turn = Annotated[units.Angle, units.of_unit("rad", "angle in rad", LARGE_TURN)]
+Shift = Annotated[units.Position, doc("signed length in m", "m", LARGE_SHIFT)]
+Turn = Annotated[units.Angle, doc("angle in rad", "rad", LARGE_TURN)]
 
 
 @dataclass(frozen=True)
@@ -44,24 +45,24 @@ class Imperfection:
         Type of a number, with its unit and bounds: `Factor` for a relative error.
     quantity
         The quantity that the factor multiplies, or that the number gives.
-    vector
-        Whether there are three numbers, for x, y and z.
-    perturbation
-        Whether `[[perturbation]]` takes it.
     spread
         Key of `[[tolerance.wire]]` and so on; "" if it does not scatter.
     sweep
         Short name for `pendsus xcouple`; "" if none.
+    vector
+        Whether there are three numbers, for x, y and z.
+    perturbation
+        Whether `[[perturbation]]` takes it.
     """
 
     name: str
     part: Part
     kind: object
     quantity: str
-    vector: bool = False
-    perturbation: bool = True
     spread: str = ""
     sweep: str = ""
+    vector: bool = False
+    perturbation: bool = True
 
     def __reduce__(self) -> tuple[Callable[..., object], tuple[str, str]]:
         """Pickle by name, as types with bounds cannot be pickled."""
@@ -70,10 +71,10 @@ class Imperfection:
     @property
     def unit(self) -> str:
         """SI unit; ``1`` for a factor."""
-        return units.unit(self.kind)
+        return unit(self.kind)
 
     @property
-    def plausible(self) -> units.Plausible:
+    def plausible(self) -> Plausible:
         """Range of plausible deviations."""
         return {"1": LARGE_FRACTION, "m": LARGE_SHIFT, "rad": LARGE_TURN}[self.unit]
 
@@ -95,95 +96,38 @@ class Imperfection:
         return f"{self.quantity}{(along + axes) * self.vector}, {self.unit}"
 
 
+def _of(part: Part, *rows: tuple[Any, ...]) -> tuple[Imperfection, ...]:
+    return tuple(Imperfection(name, part, *others) for name, *others in rows)
+
+
+INERTIA = "the body's moments of inertia"
+RADIUS = "the wire's radius (its spring constant goes with the square)"
+COM = "offset of the body's COM relative to the attachments"
+LENGTH = "change of the wire's unstretched length, after trimming"
+TURNED = "rotation vector of the mass relative to the attachments"
 IMPERFECTIONS = (
-    Imperfection(
-        "k_factor", "wire", units.Factor, "the wire's spring constant", spread="k", sweep="k"
-    ),
-    Imperfection(
-        "radius_factor",
+    *_of(
         "wire",
-        units.Factor,
-        "the wire's radius (its spring constant goes with the square)",
-        spread="radius",
-        perturbation=False,
+        ("k_factor", units.Factor, "the wire's spring constant", "k", "k"),
+        ("radius_factor", units.Factor, RADIUS, "radius", "", False, False),
+        ("length_change", Shift, LENGTH, "length", "length"),
+        ("upper_offset", Shift, "offset of the wire's upper end", "upper", "offset", True),
+        ("lower_offset", Shift, "offset of the wire's lower end", "lower", "lower_offset", True),
     ),
-    Imperfection(
-        "length_change",
-        "wire",
-        Shift,
-        "change of the wire's unstretched length, after trimming",
-        spread="length",
-        sweep="length",
-    ),
-    Imperfection(
-        "upper_offset",
-        "wire",
-        Shift,
-        "offset of the wire's upper end",
-        vector=True,
-        spread="upper",
-        sweep="offset",
-    ),
-    Imperfection(
-        "lower_offset",
-        "wire",
-        Shift,
-        "offset of the wire's lower end",
-        vector=True,
-        spread="lower",
-        sweep="lower_offset",
-    ),
-    Imperfection(
-        "mass_factor",
+    *_of(
         "body",
-        units.Factor,
-        "the body's mass",
-        spread="mass",
-        sweep="mass",
-        perturbation=False,
+        ("mass_factor", units.Factor, "the body's mass", "mass", "mass", False, False),
+        ("inertia_factor", units.Factor, INERTIA, "inertia", "inertia", True, False),
+        ("com_offset", Shift, COM, "com", "com", True),
+        ("rotation", Turn, TURNED, "", "", True),
     ),
-    Imperfection(
-        "inertia_factor",
-        "body",
-        units.Factor,
-        "the body's moments of inertia",
-        vector=True,
-        spread="inertia",
-        sweep="inertia",
-        perturbation=False,
-    ),
-    Imperfection(
-        "com_offset",
-        "body",
-        Shift,
-        "offset of the body's COM relative to the attachments",
-        vector=True,
-        spread="com",
-        sweep="com",
-    ),
-    Imperfection(
-        "rotation",
-        "body",
-        Turn,
-        "rotation vector of the mass relative to the attachments",
-        vector=True,
-    ),
-    Imperfection(
-        "stiffness_factor", "blade", units.Factor, "the blade's stiffness", spread="stiffness"
-    ),
-    Imperfection(
-        "stiffness_factor",
+    *_of("blade", ("stiffness_factor", units.Factor, "the blade's stiffness", "stiffness")),
+    *_of(
         "leg",
-        units.Factor,
-        "the stiffness of the leg's flexures",
-        spread="stiffness",
+        ("stiffness_factor", units.Factor, "the stiffness of the leg's flexures", "stiffness"),
+        ("length_change", Shift, "change of the leg's unloaded length", "length"),
     ),
-    Imperfection(
-        "length_change", "leg", Shift, "change of the leg's unloaded length", spread="length"
-    ),
-    Imperfection(
-        "stiffness_factor", "link", units.Factor, "the link's stiffness", spread="stiffness"
-    ),
+    *_of("link", ("stiffness_factor", units.Factor, "the link's stiffness", "stiffness")),
 )
 
 
@@ -246,7 +190,7 @@ def with_perturbations(base: type[Table]) -> type:
         text = SHARED[item.name] if item.name in keys else item.help("x, y, z")
         described: Any = Annotated[kind, doc(text)]
         keys[item.name] = described | None
-    return units.extend_table(base, keys)
+    return extend_table(base, keys)
 
 
 def with_spreads(base: type[Table], part: str, distribution: type[Table]) -> type:
@@ -255,13 +199,11 @@ def with_spreads(base: type[Table], part: str, distribution: type[Table]) -> typ
     rows = scattered(part)
     if part in ("body", "blade", "leg"):
         whole = "stage" if part == "body" else f"stage with {part}s"
-        keys["stage"] = Annotated[
-            units.Name, units.of_unit("", f"a stage's name: {NAMES}", names=whole)
-        ]
+        keys["stage"] = Annotated[units.Name, doc(f"a stage's name: {NAMES}", names=whole)]
     for item in rows:
         each = " (each axis)" * item.vector
         text = f"relative error of {item.quantity}" if item.relative else item.help("x, y and z")
         kind: Any = Annotated[distribution, doc(text + each)]
         # a table without its only quantity would say nothing
         keys[item.spread] = kind if len(rows) == 1 else Optional[kind]  # noqa: UP045
-    return units.extend_table(base, keys)
+    return extend_table(base, keys)

@@ -26,14 +26,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from fractions import Fraction
 
-from suspension_cli.design import units
-from suspension_cli.design.circles import direction
-from suspension_cli.design.rules import at_most_one, exactly_one, excludes, required, whole_or_parts
-from suspension_cli.design.units import Problems, Table, key
+from suspension_cli.design import demand, units
+from suspension_cli.design.tables import Problems, Table, key
 
-FLEXURE = Annotated[float, units.of_unit("N m/rad", "", gt=0, le=1e15)]
 AXIAL_STIFFNESS = 1e8
 """Default stiffness of a leg along its length, N/m: an aluminium tube of 60 mm by 5 mm, 0.6 m
 long."""
@@ -70,54 +67,35 @@ class InvertedPendulum(Table, frozen=True):
     top: units.Position = key(
         "height of the tops above this body's COM, with count, m", 0.0, plausible=units.PART_SIZE
     )
-    stiffness: FLEXURE | None = key(
+    stiffness: units.Rigidity | None = key(
         "bending stiffness of the flexure at the foot of a leg, N m/rad"
     )
-    frequency: units.Frequency | None = key(
+    frequency: units.IsolatingFrequency | None = key(
         "lateral frequency with the load, Hz, instead of stiffness; the load moves as one"
-        " with the stage",
-        plausible=units.ISOLATING,
+        " with the stage"
     )
-    top_stiffness: float = key(
-        "bending stiffness of the joint at the top of a leg, N m/rad",
-        0.0,
-        unit="N m/rad",
-        ge=0,
-        le=1e15,
+    top_stiffness: units.RigidityOrZero = key(
+        "bending stiffness of the joint at the top of a leg, N m/rad", 0.0
     )
-    yaw_stiffness: float | None = key(
-        "torsional stiffness of a leg, N m/rad; default that of a round rod, stiffness/1.3",
-        unit="N m/rad",
-        ge=0,
-        le=1e15,
+    yaw_stiffness: units.RigidityOrZero | None = key(
+        "torsional stiffness of a leg, N m/rad; default that of a round rod, stiffness/1.3"
     )
     axial_stiffness: units.Stiffness = key(
         "stiffness of a leg along its length, N/m", AXIAL_STIFFNESS
     )
     leg_mass: units.MassOrZero = key("mass of a leg, kg", 0.0)
-    leg_com: float | None = key(
-        "height of the COM of a leg above its foot, m; default half", unit="m", ge=-1e5, le=1e5
+    leg_com: units.Position | None = key(
+        "height of the COM of a leg above its foot, m; default half"
     )
     leg_inertia: units.MomentOrZero | None = key(
         "moment of inertia of a leg about its COM, kg m^2; default that of a thin rod"
     )
     counterweight: Counterweight | None = None
     loss_angle: units.LossAngle | None = key("loss angle of the flexures in rad")
-    q: float | None = key(
-        "Q of the lateral mode with the load, instead of loss_angle", unit="1", gt=0, le=1e12
-    )
+    q: units.Quality | None = key("Q of the lateral mode with the load, instead of loss_angle")
 
-    rules = (
-        whole_or_parts("points", "count", "radius"),
-        required("points", when=lambda legs: legs.count is None and legs.radius is None),
-        excludes("points", "phase", "top"),
-        exactly_one("stiffness", "frequency"),
-        at_most_one("loss_angle", "q"),
-    )
-
-    def faults(self) -> Problems:
-        """Check the places of the legs, and their stiffness, loss and inertia."""
-        yield from super().faults()
+    def _check_legs(self) -> Problems:
+        """Check the places of the legs, and their inertia."""
         if not self.leg_mass and (self.leg_inertia or self.leg_com):
             yield "leg_mass", "missing", "give the mass of a leg in kg"
         if self.points is not None and _are_on_a_line(self.points):
@@ -132,6 +110,15 @@ class InvertedPendulum(Table, frozen=True):
             problem = f"is more than twice the length of the leg, {self.length:g} m"
             yield "counterweight.below", problem, "give it in m"
 
+    rules = (
+        demand.whole_or_parts("points", "count", "radius"),
+        demand.required("points", when=lambda legs: legs.count is None and legs.radius is None),
+        demand.excludes("points", "phase", "top"),
+        demand.exactly_one("stiffness", "frequency"),
+        demand.at_most_one("loss_angle", "q"),
+        _check_legs,
+    )
+
 
 def tops(legs: InvertedPendulum) -> list[tuple[float, float, float]]:
     """List the tops of the legs from the COM of the stage, m."""
@@ -143,6 +130,30 @@ def tops(legs: InvertedPendulum) -> list[tuple[float, float, float]]:
         x, y = direction(legs.phase, n, legs.count)
         found.append((legs.radius * x, legs.radius * y, legs.top))
     return found
+
+
+TWENTY_FOURTHS = 24
+"""Angles within rounding of n/24 of a quarter turn are taken as exactly that."""
+
+
+def direction(phase: float, number: int, count: int) -> tuple[float, float]:
+    """Cosine and sine of the angle of one of `count` points evenly spaced on a circle.
+
+    Point 0 is at the angle `phase` (rad).
+    """
+    quarters = Fraction(4 * number, count)
+    turns = phase / (math.pi / 2)
+    nearest = Fraction(round(turns * TWENTY_FOURTHS), TWENTY_FOURTHS)
+    if abs(turns - nearest) < 1e-9:
+        exact = nearest + quarters
+        whole = round(exact)
+        rest = float(exact - whole) * math.pi / 2
+    else:
+        whole, rest = 0, phase + float(quarters) * math.pi / 2
+    x, y = math.cos(rest), math.sin(rest)
+    for _ in range(whole % 4):
+        x, y = -y, x
+    return x, y
 
 
 def leg_count(legs: InvertedPendulum) -> int:

@@ -5,12 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-import msgspec
 from msgspec import Meta
 
-from suspension_cli.design import faults, reader
-from suspension_cli.design.rules import bounded, excludes, together, unique
-from suspension_cli.design.units import Frequency, Problems, Schema, Stem, Table, key
+from suspension_cli.design import demand, faults, reader, tables
+from suspension_cli.design.tables import Problems, Schema, Table, key
+from suspension_cli.design.units import Frequency, Stem
 from suspension_cli.errors import format_value
 
 Number = Annotated[float, Meta(ge=-1e20, le=1e20)]
@@ -29,7 +28,7 @@ class Mode(Table, frozen=True):
         "without a label: coordinates of which one must dominate the mode", min_length=1
     )
 
-    rules = (excludes("label", "dof"),)
+    rules = (demand.excludes("label", "dof"),)
 
 
 Column = Annotated[str, Meta(min_length=1)] | Annotated[int, Meta(ge=1)]
@@ -78,12 +77,7 @@ class TransferFunction(Table, frozen=True):
     gain: Factor = key("factor from the file's numbers to SI units: 1e-6 for um/N", 1.0)
     band: list[Frequency] | None = key("use frequencies from, to, Hz", min_length=2, max_length=2)
 
-    def faults(self) -> Problems:
-        """Check what depends on several keys."""
-        if self.gain == 0:
-            yield "gain", "must not be zero", "give the factor"
-        if self.band is not None and self.band[0] >= self.band[1]:
-            yield "band", "ends before it begins", "give the lower frequency first"
+    rules = (demand.nonzero("gain"), demand.ascending("band"))
 
 
 class Transducer(Table, frozen=True):
@@ -114,15 +108,13 @@ class Transducer(Table, frozen=True):
         "standard deviations of entries of mix, which are then fitted from 0 or mix", {}
     )
 
-    def faults(self) -> Problems:
-        """Check gain and names of signals."""
-        yield from super().faults()
-        if self.gain == 0:
-            yield "gain", "must not be zero", "give the gain"
+    def _check_signals(self) -> Problems:
         for name, signal in [("signal", self.signal), *(("mix", signal) for signal in self.mix)]:
             if "." not in signal:
                 remedy = "write a body and a direction: upper.x, or upper.force_x of an actuator"
                 yield name, f"{format_value(signal)} is not a signal", remedy
+
+    rules = (demand.nonzero("gain"), _check_signals)
 
 
 class Experiment(Table, frozen=True):
@@ -154,7 +146,7 @@ class Free(Table, frozen=True):
         "names of the experiments that share it; default: all", min_length=1
     )
 
-    rules = (together("prior", "uncertainty"), bounded)
+    rules = (demand.together("prior", "uncertainty"), demand.bounded)
 
 
 class Measured(Table, frozen=True):
@@ -192,26 +184,13 @@ class Measured(Table, frozen=True):
         given = self.parameter[n].experiments
         return tuple(given is None or name in given for name in self.names)
 
-    rules = (unique("sensor"), unique("actuator"), unique("transfer_function"))
-
-    def faults(self) -> Problems:
-        """Check that something is measured, and that names differ and are known."""
-        own = [name for name in ("mode", "transfer_function") if getattr(self, name)]
-        if not own and self.experiment is None:
-            ways = "[[mode]] or [[transfer_function]] for one design, or [[experiment]] with"
-            yield "mode", "missing", f"give {ways} modes for several"
-        elif own and self.experiment is not None:
-            remedy = "write [[experiment.mode]] under each experiment"
-            yield own[0], "conflicts with [[experiment]]", remedy
+    def _check_names(self) -> Problems:
         for n, title in enumerate(self.names):
             if title in self.names[:n]:
                 remedy = "give each a name of its own"
                 yield f"experiment.{n + 1}.name", f"{title} is also that of an earlier one", remedy
-        yield from super().faults()
-        yield from self._signal_faults()
-        yield from self._parameter_faults()
 
-    def _signal_faults(self) -> Problems:
+    def _check_signals(self) -> Problems:
         for n, one in enumerate(self.transfer_function, 1):
             for end, kind, example in (
                 ("input", "actuator", "upper.force_x"),
@@ -224,7 +203,7 @@ class Measured(Table, frozen=True):
                     problem = f"is neither a signal nor the name of a [[{kind}]]"
                     yield f"transfer_function.{one.name or n}.{end}", problem, remedy
 
-    def _parameter_faults(self) -> Problems:
+    def _check_parameters(self) -> Problems:
         for n, item in enumerate(self.parameter):
             path = f"parameter.{n + 1}"
             unknown = [name for name in item.experiments or () if name not in self.names]
@@ -240,6 +219,17 @@ class Measured(Table, frozen=True):
                     yield f"{path}.name", "is named twice", remedy
                     break
 
+    rules = (
+        demand.any_of("mode", "transfer_function", "experiment"),
+        demand.excludes("experiment", "mode", "transfer_function"),
+        demand.unique("sensor"),
+        demand.unique("actuator"),
+        demand.unique("transfer_function"),
+        _check_names,
+        _check_signals,
+        _check_parameters,
+    )
+
 
 def read(file: str | Path, text: str | None = None) -> Measured:
     """Read and check a file of measurements, or its text if given; raises `InputError`."""
@@ -247,8 +237,5 @@ def read(file: str | Path, text: str | None = None) -> Measured:
 
 
 def json_schema() -> Schema:
-    """Make the JSON Schema of files of measurements (draft 2020-12)."""
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": "pendsus file of measurements",
-    } | msgspec.json.schema(Measured)
+    """Make the JSON Schema of files of measurements."""
+    return tables.json_schema(Measured, "pendsus file of measurements")

@@ -1,4 +1,4 @@
-"""Dotted paths to the values of a design: get, set and list them.
+"""Dotted paths to the values of a design: get, set and list them, and their units.
 
 A path names keys of tables, and members of lists by name or number from 1: ``stage.test.wires.s``,
 ``stage.test.body.inertia.2``. It leads through a parsed TOML document (dicts and lists) or a
@@ -8,16 +8,22 @@ A path names keys of tables, and members of lists by name or number from 1: ``st
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from functools import cache
 from typing import Any
 
 import msgspec
 
-from suspension_cli.design import faults
-from suspension_cli.design.units import Raw
-from suspension_cli.errors import InputError, format_value
+from suspension_cli.conventions import DOFS
+from suspension_cli.design.schema import Design
+from suspension_cli.design.tables import Raw, Table, declared
+from suspension_cli.errors import InputError, format_value, suggest
 
 Value = Any
 """A value of a parsed document or of a design: a number, a text, a list or a table."""
+DISPLAYED = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "Pa": ("GPa", 1e-9)}
+"""Customary unit by SI unit, and the factor to it."""
+LOW_PRESSURE = 1e6
+"""Pa; below it a value is a pressure, not a modulus or strength."""
 
 
 def member(items: Sequence[object], key: str) -> int | None:
@@ -66,7 +72,7 @@ def assign(document: Raw, keys: list[str], value: object, override: str) -> None
             place = member(node, key)
             if place is None:
                 names = [str(_name(item) or n) for n, item in enumerate(node, 1)]
-                remedy = faults.suggest(key, names)
+                remedy = suggest(key, names)
                 raise InputError.of("--set", f"there is no {key!r} here", remedy, shown)
         elif not isinstance(node, dict):
             problem = f"{'.'.join(keys[:depth])} is a value, not a table"
@@ -81,6 +87,16 @@ def assign(document: Raw, keys: list[str], value: object, override: str) -> None
         if not last:
             node = node[place]
     node[place] = value
+
+
+def copied(node: Value, keys: Sequence[str]) -> Value:
+    """Copy the tables and lists of a parsed document along a path; it shares all others."""
+    if isinstance(node, list):
+        place = member(node, keys[0]) if keys else None
+        return [copied(item, keys[1:]) if n == place else item for n, item in enumerate(node)]
+    if not isinstance(node, dict):
+        return node
+    return node | {key: copied(node[key], keys[1:]) for key in keys[:1] if key in node}
 
 
 def changed(node: Value, keys: Sequence[str], change: Callable[[Value], Value]) -> Value:
@@ -140,3 +156,56 @@ def settings(values: Mapping[str, float]) -> tuple[str, ...]:
 def symmetric_settings(values: Mapping[str, float]) -> tuple[str, ...]:
     """`settings` that also set the mirror images of elements of symmetric matrices."""
     return settings({path: value for name, value in values.items() for path in twins(name)})
+
+
+@cache
+def unit_of(path: str) -> str:
+    """Return the SI unit of the number at a dotted path, as ``--set`` takes it; "" if it has none.
+
+    Examples
+    --------
+    >>> unit_of("stage.test.wires.d"), unit_of("materials.steel302.density")
+    ('m', 'kg/m^3')
+    >>> unit_of("stage.test.body.inertia.2"), unit_of("design.name")
+    ('kg m^2', '')
+    """
+    kinds: tuple[type[Table], ...] = (Design,)
+    facts: dict[str, Any] = {}
+    keys = path.split(".")
+    for key in keys:
+        known = [kind for kind in kinds if key in kind.__struct_fields__]
+        if facts.pop("listed", False) or not known:
+            continue  # the name or number of a member
+        facts = dict(declared(known[0])[key])
+        kinds = facts.get("tables", ())
+    if "unit" not in facts and keys[-2:-1] == ["damping"] and keys[-1] in DOFS:
+        return "N s/m" if keys[-1] in DOFS[:3] else "N m s/rad"
+    return facts.get("unit", "")
+
+
+def displayed_unit(path: str, value: float) -> tuple[str, float]:
+    """Choose the customary unit of a number of a design, and the factor to it from SI.
+
+    The unit of a pure number is "".
+
+    Examples
+    --------
+    >>> displayed_unit("stage.test.wires.d", 0.0015), displayed_unit("gas.pressure", 1e-5)
+    (('mm', 1000.0), ('Pa', 1.0))
+    """
+    unit = unit_of(path)
+    if unit == "1" or (unit == "Pa" and abs(value) < LOW_PRESSURE):
+        return unit.removeprefix("1"), 1.0
+    return DISPLAYED.get(unit, (unit, 1.0))
+
+
+def format_with_unit(path: str, value: float, digits: int = 4) -> str:
+    """Write a number of a design in its customary unit.
+
+    Examples
+    --------
+    >>> format_with_unit("stage.test.wires.d", 0.0015)
+    '1.5 mm'
+    """
+    name, factor = displayed_unit(path, value)
+    return f"{value * factor:.{digits}g} {name}".rstrip()

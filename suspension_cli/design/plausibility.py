@@ -13,12 +13,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from suspension_cli.conventions import SUPPORT
-from suspension_cli.design import foton, imperfections, rules
+from suspension_cli.design import faults, foton, imperfections
 from suspension_cli.design.bodies import Body, body_mass, half_sides, second_moments, volume
 from suspension_cli.design.derive import set_geometry
 from suspension_cli.design.faults import fault_of
 from suspension_cli.design.schema import Design, Stage
-from suspension_cli.design.units import OSMIUM, Plausible
+from suspension_cli.design.tables import Plausible, declared, keys_with
+from suspension_cli.design.units import OSMIUM
 from suspension_cli.errors import Fault, format_value
 
 AIR = 1.2
@@ -40,32 +41,29 @@ SERIOUS = 5.0
 
 
 @dataclass(frozen=True)
-class ImplausibleNumber:
+class ImplausibleNumber(Fault):
     """An implausible number.
 
     Attributes
     ----------
-    fault
-        Its place, the problem and the remedy.
     serious
         Whether results are then meaningless, so that analyses warn too.
     """
 
-    fault: Fault
     serious: bool = False
 
-    @property
-    def line(self) -> str:
-        """The warning as one line of text."""
-        return self.fault.line("")
+    @classmethod
+    def of(cls, fault: Fault, serious: bool = False) -> ImplausibleNumber:
+        """Make a fault a warning."""
+        return cls(fault.key, fault.problem, fault.remedy, fault.value, serious)
 
 
 def find_implausible(design: Design) -> list[ImplausibleNumber]:
     """Find implausible numbers of a design, from its tables alone."""
     found: list[ImplausibleNumber] = []
-    for path, table in rules.tables(design):
-        for key, plausible in rules.keys_with(type(table), "plausible"):
-            unit = rules.declared(type(table))[key].get("unit", "")
+    for path, table in faults.tables(design):
+        for key, plausible in keys_with(type(table), "plausible"):
+            unit = declared(type(table))[key].get("unit", "")
             found += _check_range(f"{path}.{key}", getattr(table, key), plausible, unit)
     above, bodies = SUPPORT, {stage.name: stage.body for stage in design.stage}
     for stage in design.stage:
@@ -83,8 +81,8 @@ def _check_range(
     if isinstance(value, (int, float, list, tuple)) and (sizes := [*_sizes(value)]):
         size = max(sizes)
         if problem := plausible.problem(size, unit):
-            fault = Fault(key, problem, plausible.remedy(size, unit), format_value(value))
-            yield ImplausibleNumber(fault, plausible.serious)
+            remedy = plausible.remedy(size, unit)
+            yield ImplausibleNumber(key, problem, remedy, format_value(value), plausible.serious)
 
 
 def _sizes(value: Any) -> Iterator[float]:
@@ -106,7 +104,7 @@ def _check_density(body: Body, path: str) -> Iterator[ImplausibleNumber]:
     if min(moments) < -1e-6 * max(moments):
         problem = "one moment exceeds the sum of the other two, impossible for a rigid body"
         fault = fault_of(body, path, "inertia", problem, "check the three moments, in kg m^2")
-        yield ImplausibleNumber(fault, serious=True)
+        yield ImplausibleNumber.of(fault, serious=True)
         return
     if body.density is not None or min(moments) <= 1e-6 * max(moments):
         return  # a density that is given has its own range; a plate or rod has no volume
@@ -121,7 +119,7 @@ def _check_density(body: Body, path: str) -> Iterator[ImplausibleNumber]:
     remedy = f"did you mean {meant}?" if good else "check mass (kg), sizes (m), inertia (kg m^2)"
     problem = f"a body of {mass:g} kg of this size has {density:.3g} kg/m^3, {limit}"
     serious = body.shape is not None or density > OSMIUM or density < AIR / SERIOUS
-    yield ImplausibleNumber(fault_of(body, path, key, problem, remedy), serious)
+    yield ImplausibleNumber.of(fault_of(body, path, key, problem, remedy), serious)
 
 
 def _check_attachments(stage: Stage, above: Body | None, path: str) -> Iterator[ImplausibleNumber]:
@@ -164,8 +162,8 @@ def _check_point(
             f" {'xyz'[worst]} is {about}{halves[worst]:.2g} m)"
         )
         remedy = Plausible(limits[worst], "").remedy(abs(point[worst]), "m, as the body's size")
-        fault = Fault(keys[worst], problem, remedy, format_value(point[worst]))
-        yield ImplausibleNumber(fault, serious=far[worst] > SERIOUS)
+        shown = format_value(point[worst])
+        yield ImplausibleNumber(keys[worst], problem, remedy, shown, far[worst] > SERIOUS)
 
 
 def _check_tolerance(design: Design) -> Iterator[ImplausibleNumber]:
@@ -195,5 +193,4 @@ def _check_planes(design: Design) -> Iterator[ImplausibleNumber]:
                     f'write {bare}, "n") for Hz and a gain of 1, or {bare}, "s") if this is meant'
                 )
                 where = f"control.loop.{loop.name}.{key}"
-                fault = Fault(where, problem, remedy, format_value(text))
-                yield ImplausibleNumber(fault, serious=True)
+                yield ImplausibleNumber(where, problem, remedy, format_value(text), serious=True)

@@ -2,28 +2,34 @@
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import functools
 import hashlib
+import math
+import os
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import date, time
 from decimal import Decimal
 from pathlib import Path
 from typing import TypeVar
 
-from suspension_cli.design import checks, csv_columns, faults, paths, rules
-from suspension_cli.design.keystones import add_keystones
+import msgspec
+
+from suspension_cli.design import checks, faults, paths
+from suspension_cli.design.derive import add_keystones, drop_keystones
 from suspension_cli.design.schema import Design
-from suspension_cli.design.units import Raw, Table
+from suspension_cli.design.tables import Raw, Table
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
-from suspension_cli.files import bounded
+from suspension_cli.files import bounded, columns
 
 T = TypeVar("T", bound=Table)
 LONGEST_STEM = 150
 """Letters of the start of a file's name; systems take 255 bytes for the whole name."""
+EXAMPLES = Path(__file__).parents[1] / "examples"
 TEMPLATES = ("single", "double", "triple", "quad", "blades")
 """Starting designs of `pendsus new`."""
 KINDS = {
@@ -93,7 +99,7 @@ def read(file: str | Path, overrides: tuple[str, ...] = ()) -> Source:
         raw = _parse(_text(Path(file)))
         apply_overrides(raw, overrides)
         _check_kind(raw, "design")
-        csv_columns.insert_files(raw, folder)
+        insert_files(raw, folder)
         return Source(convert(raw), write_toml(raw), name)
     except InputError as error:
         raise error.in_file(name) from None
@@ -126,7 +132,7 @@ def read_as(kind: type[T], wanted: str, file: str | Path, text: str | None = Non
     raw = read_toml(file, text)
     with attribute_faults_to(str(file)):
         _check_kind(raw, wanted)
-        return rules.convert(raw, kind)
+        return faults.convert(raw, kind)
 
 
 def parse(text: str) -> Design:
@@ -138,20 +144,149 @@ def parse_with_overrides(text: str, overrides: tuple[str, ...]) -> Design:
     """Parse and check a design from TOML text with overrides applied."""
     raw = _parse(text)
     apply_overrides(raw, overrides)
-    csv_columns.insert_files(raw, Path(), of_links=False)
+    insert_files(raw, Path(), of_links=False)
     return convert(raw)
+
+
+@dataclass(frozen=True)
+class VariedDesign:
+    """A design whose numbers are varied; a stage without a change is checked once.
+
+    Attributes
+    ----------
+    raw, design
+        As given: the parsed document, and the design.
+    """
+
+    raw: Raw
+    design: Design
+
+    @staticmethod
+    def of(text: str) -> VariedDesign:
+        """Parse and check a design from TOML text."""
+        raw = _parse(text)
+        insert_files(raw, Path(), of_links=False)
+        return VariedDesign(raw, drop_keystones(convert(raw)))
+
+    def at(self, values: Mapping[str, float]) -> Design:
+        """The design with other numbers at dotted paths, which shares with others what is equal.
+
+        Raises `InputError` as `parse_with_overrides`.
+        """
+        raw = self.raw
+        for path, value in values.items():
+            keys = path.split(".")
+            raw = paths.copied(raw, keys)
+            paths.assign(raw, keys, float(value), f"{path}={value!r}")
+        sound = {*map(id, (*self.raw.values(), *self.raw["stage"]))}
+        whole = faults.convert(raw, Design, sound, rules=False)
+        known = self.design
+        same = [key for key in Design.__struct_fields__ if raw.get(key) is self.raw.get(key)]
+        parts = {key: getattr(known, key) for key in same}
+        given = zip(known.stage, whole.stage, raw["stage"], self.raw["stage"], strict=True)
+        parts["stage"] = [old if one is before else new for old, new, one, before in given]
+        result = msgspec.structs.replace(whole, **parts)
+        if found := checks.check_design(result, known.stage):
+            raise InputError(found)
+        return add_keystones(result)
 
 
 def convert(raw: Raw) -> Design:
     """Check a parsed document and convert it to a design; raises `InputError` with all faults."""
     try:
-        design = faults.convert(raw, Design)
+        design = faults.convert(raw, Design, rules=False)
     except RecursionError:
         raise InputError([_TOO_DEEP]) from None
     found = checks.check_design(design)
     if found:
         raise InputError(found)
     return add_keystones(design)
+
+
+def insert_files(raw: Raw, folder: Path, *, of_links: bool = True) -> None:
+    """Replace the CSV files that fibres and links name by their columns, in a parsed document.
+
+    So its text, which results embed, is complete. Names are from `folder`, that of the design;
+    profiles may also be among the program's examples. Raises `InputError` for files that cannot be
+    read or have another form.
+    """
+    found: list[Fault] = []
+    for path, link in _members(raw, "link", "link") if of_links else ():
+        table = link.get("table")
+        if isinstance(table, dict) and isinstance(table.get("file"), str):
+            if given := [name for name in ("frequency", "real", "imaginary") if name in table]:
+                key = f"{path}.table.{given[0]}"
+                found.append(Fault(key, "is also in the file", "remove it, or file"))
+                continue
+            name, form = table.pop("file"), table.pop("form", "real-imaginary")
+            with _reported(found, f"{path}.table.file", name):
+                table |= _stiffness(folder / name, form)
+    for where, stage in _members(raw, "stage", "stage"):
+        wires = [(f"{where}.wires", stage.get("wires")), *_members(stage, "wire", f"{where}.wire")]
+        for path, wire in wires:
+            own = wire.get("profile") if isinstance(wire, dict) else None
+            own = {"file": own} if isinstance(own, str) else own
+            if not isinstance(own, dict) or "position" in own or "diameter" in own:
+                continue
+            if isinstance(name := own.get("file"), str):
+                shipped = EXAMPLES / Path(name).name
+                local = os.path.exists(folder / name) or not shipped.exists()
+                with _reported(found, f"{path}.profile", name):
+                    wire["profile"] = own | _diameters(folder / name if local else shipped)
+    if found:
+        raise InputError(found)
+
+
+def _members(raw: Raw, key: str, path: str) -> Iterator[tuple[str, Raw]]:
+    """List the tables of an array, each behind its path."""
+    rows = raw.get(key)
+    for number, row in enumerate(rows if isinstance(rows, list) else [], 1):
+        if isinstance(row, dict):
+            yield f"{path}.{row.get('name', number)}", row
+
+
+@contextlib.contextmanager
+def _reported(found: list[Fault], key: str, name: str) -> Iterator[None]:
+    """Collect the faults of a file that is read inside."""
+    try:
+        yield
+    except InputError as error:
+        for fault in error.faults:
+            problem = ": ".join(filter(None, (fault.key, fault.problem)))
+            lost = "give its path from the folder of the design file"
+            remedy = lost if problem.startswith("cannot be read") else fault.remedy
+            found.append(Fault(key, problem, remedy, format_value(name)))
+
+
+def _columns(file: Path, counts: tuple[int, ...], remedy: str) -> columns.Columns:
+    """Read a CSV file with one of some numbers of columns."""
+    found = columns.read(file, bounded.TOML, "a CSV file")
+    if len(found.names) not in counts:
+        raise InputError.of("", f"has {len(found.names)} columns", remedy)
+    return found
+
+
+def _diameters(file: Path) -> Raw:
+    """Read positions and diameters (m) from a CSV file of two columns."""
+    found = _columns(file, (2,), "write position,diameter in each line")
+    scales = [columns.split_unit(name, columns.PER_M)[1] for name in found.names]
+    return {
+        key: (found.numbers(n, key) / (scales[n] if found.headed else 1.0)).tolist()
+        for n, key in enumerate(("position", "diameter"))
+    }
+
+
+def _stiffness(file: Path, form: str) -> Raw:
+    """Frequency, real and imaginary parts per axis of a CSV file."""
+    remedy = "give frequency and two columns per axis: 3 columns for one axis, 13 for six"
+    found = _columns(file, (3, 13), remedy)
+    frequency, *rows = [found.numbers(n, "number").tolist() for n in range(len(found.names))]
+    first, second = rows[::2], rows[1::2]
+    if form == "modulus-loss":
+        pairs = [list(zip(a, b, strict=True)) for a, b in zip(first, second, strict=True)]
+        first = [[k * math.cos(phi) for k, phi in pair] for pair in pairs]
+        second = [[k * math.sin(phi) for k, phi in pair] for pair in pairs]
+    return {"frequency": frequency, "real": first, "imaginary": second}
 
 
 def write_toml(raw: Raw) -> str:
@@ -239,10 +374,8 @@ def make_name(stem: str, default: str = "imported") -> str:
 
 def examples() -> list[str]:
     """List the designs that come with the program, by name."""
-    files = csv_columns.EXAMPLES.rglob("*.toml")
-    return sorted(
-        file.relative_to(csv_columns.EXAMPLES).with_suffix("").as_posix() for file in files
-    )
+    files = EXAMPLES.rglob("*.toml")
+    return sorted(file.relative_to(EXAMPLES).with_suffix("").as_posix() for file in files)
 
 
 def example(name: str) -> Source:
@@ -261,7 +394,7 @@ def _example(name: str) -> Path:
     if name not in known:
         remedy = faults.suggest(name, known)
         raise InputError.of("example", "is not an example design", remedy, format_value(name))
-    return csv_columns.EXAMPLES / f"{name}.toml"
+    return EXAMPLES / f"{name}.toml"
 
 
 def replaced(source: Source, changes: Mapping[str, object]) -> Source:
@@ -286,7 +419,7 @@ def replaced(source: Source, changes: Mapping[str, object]) -> Source:
             remedy = "give a number, a text, or a list or dictionary of these"
             raise InputError.of(path, f"cannot be {error}", remedy) from None
         paths.assign(raw, path.split("."), new, path)
-    csv_columns.insert_files(raw, Path(source.file).parent, of_links=False)
+    insert_files(raw, Path(source.file).parent, of_links=False)
     return Source(convert(raw), write_toml(raw), source.file)
 
 

@@ -11,31 +11,28 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated, Literal
 
-import msgspec
 from msgspec import Meta
 
 from suspension_cli.conventions import DOFS
-from suspension_cli.design import foton, imperfections, units
+from suspension_cli.design import demand, foton, imperfections, tables, units
 from suspension_cli.design.bodies import Body
 from suspension_cli.design.filters import Filter
 from suspension_cli.design.inverted_pendulum import InvertedPendulum
 from suspension_cli.design.links import Active, BetweenBodies, Damper, Link
 from suspension_cli.design.losses.mechanism import with_keys
 from suspension_cli.design.losses.registry import MECHANISMS
-from suspension_cli.design.rules import (
-    any_of,
-    ascending,
-    exactly_one,
-    excludes,
+from suspension_cli.design.tables import (
+    Plausible,
+    Problems,
+    Raw,
+    Schema,
+    Table,
+    doc,
     given,
-    is_symmetric,
-    needs,
-    not_tiny,
-    same_length,
-    symmetric,
-    unique,
+    if_sound,
+    key,
 )
-from suspension_cli.design.units import NAMES, Problems, Raw, Schema, Table, doc, key
+from suspension_cli.design.units import NAMES
 from suspension_cli.design.wires import TALL, Blade, BladeSet, Wire, WireSet
 
 
@@ -55,7 +52,7 @@ class Constants(Table, frozen=True):
         " the suspension was trimmed level",
         9.81,
     )
-    gravity_gradient: units.GravityGradient | list[units.GravityRow] = key(
+    gravity_gradient: units.GravityGradient | units.GravityGradients = key(
         "gradient of gravity in 1/s^2: dg_z/dz (3.1e-6 on Earth), or the symmetric 3x3 dg_i/dx_j",
         0.0,
     )
@@ -65,35 +62,22 @@ class Constants(Table, frozen=True):
     )
     temperature: units.Kelvin = key("temperature in K where no other is given", 290.0)
 
-    def faults(self) -> Problems:
-        """Check what depends on several keys."""
+    def _check_direction(self) -> Problems:
         if isinstance(self.gravity, list) and not self.gravity[2] < 0:
             remedy = "give [x, y, z] with z below 0: [0.0, 0.0, -9.81]"
             yield "gravity", "does not point down, so that nothing hangs", remedy
-        if isinstance(self.gravity_gradient, list) and not (
-            len(self.gravity_gradient) == 3 and is_symmetric(self.gravity_gradient)
-        ):
-            remedy = "give one number dg_z/dz, or three rows of three with dg_i/dx_j = dg_j/dx_i"
-            yield "gravity_gradient", "is not a symmetric 3x3, but gravity is conservative", remedy
+
+    rules = (demand.symmetric("gravity_gradient"), _check_direction)
 
 
 class MaterialLoss(with_keys(Table, MECHANISMS)):
     """Losses of a material, for the models in which wires bend."""
 
 
-PASCALS = (("MPa", 1e6), ("GPa", 1e9))
-MODULUS = units.Plausible(
-    1.3e12, "stiffer than diamond", PASCALS[::-1], 1e7, "softer than rubber", serious=True
-)
-STRENGTH = units.Plausible(2e11, "stronger than any material", PASCALS, 1e5, "weaker than any wire")
-
-
 class Material(Table, frozen=True):
     """A material of wires or blades; defaults are those of the built-in one of the same name."""
 
-    youngs_modulus: float | None = key(
-        "Young's modulus in Pa", unit="Pa", plausible=MODULUS, ge=1.0, le=1e15
-    )
+    youngs_modulus: units.Modulus | None = key("Young's modulus in Pa")
     poisson_ratio: float | None = key(
         "Poisson's ratio, for the twisting of wires; 0.3 if not given", unit="1", gt=-1, lt=0.5
     )
@@ -104,12 +88,8 @@ class Material(Table, frozen=True):
     thermal_conductivity: float | None = key(
         "thermal conductivity in W/(m K)", unit="W/(m K)", ge=1e-6, le=1e6
     )
-    tensile_strength: float | None = key(
-        "stress in Pa at which the material breaks (or, of blades, yields)",
-        unit="Pa",
-        plausible=STRENGTH,
-        ge=1.0,
-        le=1e13,
+    tensile_strength: units.Strength | None = key(
+        "stress in Pa at which the material breaks (or, of blades, yields)"
     )
     loss_angle: units.LossAngle | None = key(
         "constant loss angle in rad: short for angle in the table loss"
@@ -121,11 +101,8 @@ class Material(Table, frozen=True):
 class Gas(Table, frozen=True):
     """Residual gas around the suspension."""
 
-    pressure: float = key(
-        "pressure in Pa, of a gas so dilute that its molecules do not collide",
-        unit="Pa",
-        ge=0,
-        le=1e3,
+    pressure: units.Pressure = key(
+        "pressure in Pa, of a gas so dilute that its molecules do not collide"
     )
     molar_mass: float = key(
         "molar mass in kg/mol; 0.028 is nitrogen", 0.028, unit="kg/mol", ge=1e-3, le=1.0
@@ -158,7 +135,7 @@ class Spring(Table, frozen=True):
     )
     active: Active = False
 
-    rules = (symmetric("stiffness", "damping"), needs("thickness", "material"))
+    rules = (demand.symmetric("stiffness", "damping"), demand.needs("thickness", "material"))
 
 
 Viscous = Annotated[float, doc("viscous damping in N s/m or N m s/rad", ge=0, le=1e12)]
@@ -208,20 +185,18 @@ class Support(Table, frozen=True):
     damping: FrameDamping = FrameDamping()
     loss_angle: units.LossAngle = key("loss angle of the stiffness in rad", 0.0)
 
-    rules = (not_tiny("mass", "kg"), not_tiny("inertia", "kg m^2"))
-
-    def faults(self) -> Problems:
+    def _check_directions(self) -> Problems:
         """Check that it moves in some direction, and is damped only where it moves."""
-        yield from super().faults()
         elastic = given(self.stiffness, *DOFS)
         if not elastic:
             remedy = "give z = ... (N/m), or leave [support] out"
             yield "stiffness", "leaves the support rigid in every direction", remedy
-            return
-        for dof in DOFS:
+        for dof in DOFS if elastic else ():
             if getattr(self.damping, dof) and dof not in elastic:
                 remedy = f"give support.stiffness.{dof} too"
                 yield f"damping.{dof}", "damps a rigid direction", remedy
+
+    rules = (demand.not_tiny("mass", "inertia"), _check_directions)
 
 
 class Stage(Table, frozen=True):
@@ -254,28 +229,18 @@ class Stage(Table, frozen=True):
     damping: Damping | None = None
 
     rules = (
-        excludes("wires", "wire", problem="conflicts with a symmetric set [stage.wires]"),
-        excludes("wires", "position", problem="a symmetric set implies the position"),
-        unique("blade"),
+        demand.excludes("wires", "wire", problem="conflicts with a symmetric set [stage.wires]"),
+        demand.excludes("wires", "position", problem="a symmetric set implies the position"),
+        demand.unique("blade"),
+        demand.excludes("inverted_pendulum", "wires", "wire"),
+        demand.needs(
+            "blades", "wires", remedy="use [[stage.blade]] and name the blade in each wire"
+        ),
+        demand.any_of("wires", "wire", "spring", "inverted_pendulum"),
+        demand.required(
+            "position", when=lambda stage: not given(stage, "wires", "inverted_pendulum")
+        ),
     )
-
-    def faults(self) -> Problems:
-        """Check what depends on several keys."""
-        yield from super().faults()
-        if self.inverted_pendulum is not None and self.wire_tables:
-            problem = "conflicts with wires: a stage either stands on legs or hangs on wires"
-            remedy = "keep one of the two"
-            yield "inverted_pendulum", problem, remedy
-        if self.blades is not None and self.wires is None:
-            remedy = "use [[stage.blade]] and name the blade in each wire"
-            yield "blades", "goes with a symmetric set [stage.wires]", remedy
-        if not (self.wire_tables or self.spring or self.inverted_pendulum):
-            remedy = (
-                "add [stage.wires], [[stage.wire]], [[stage.spring]] or [stage.inverted_pendulum]"
-            )
-            yield "", "has neither wires nor springs", remedy
-        if not given(self, "position", "wires", "inverted_pendulum"):
-            yield "position", "missing", "give the nominal COM from the COM above, [x, y, z] in m"
 
     @property
     def wire_tables(self) -> list[WireSet | Wire]:
@@ -305,20 +270,18 @@ class Perturbation(imperfections.with_perturbations(_Imperfect)):
 
     hold: units.Hold = "loaded-length"
 
-    def faults(self) -> Problems:
-        """Check that it names one part, and changes that."""
-        parts = given(self, *imperfections.PARTS)
-        if len(parts) != 1:
-            remedy = 'give wire = "test.1" or body = "test"'
-            yield "", "must name one wire, body, blade, leg or link", remedy
-            return
-        known = [row.name for row in imperfections.perturbed(parts[0])]
+    def _check_part(self) -> Problems:
+        """Check that the part can change in this way."""
+        part = given(self, *imperfections.PARTS)[0]
+        known = [row.name for row in imperfections.perturbed(part)]
         every = [row.name for one in imperfections.PARTS for row in imperfections.perturbed(one)]
         for name in given(self, *dict.fromkeys(every)):
             if name not in known:
-                yield name, f"is not for a {parts[0]}", f"known here: {', '.join(known)}"
+                yield name, f"is not for a {part}", f"known here: {', '.join(known)}"
         if not given(self, *known):
             yield "", "changes nothing", f"give {' or '.join(known)}"
+
+    rules = (demand.exactly_one(*imperfections.PARTS), if_sound, _check_part)
 
 
 Hertz = Annotated[float, Meta(ge=-1e9, le=1e9)]
@@ -328,60 +291,41 @@ Root = Annotated[
 ]
 
 
-SpectralDensity = Annotated[
-    float,
-    Meta(
-        ge=0,
-        le=1e3,
-        extra={
-            # optical shadow sensors reach 1e-10
-            "plausible": units.Plausible(
-                1e-4, "more than that of any sensor", (("nm/sqrt(Hz)", 1e-9),)
-            )
-        },
-    ),
-]
+NOISY = Plausible(1e-4, "more than that of any sensor", (("nm/sqrt(Hz)", 1e-9),))
+"""Optical shadow sensors reach 1e-10 m/sqrt(Hz)."""
+SpectralDensity = Annotated[float, doc(plausible=NOISY, ge=0, le=1e3)]
+PositiveDensity = Annotated[float, doc(plausible=NOISY, gt=0, le=1e3)]
 
 
 class GainAt(Table, frozen=True):
     """Magnitude of a filter at one frequency, which sets its gain."""
 
     frequency: units.Frequency
-    magnitude: float = key(
-        "|H| there, N/m (N m/rad); if negative, reverses the sign of H", ge=-1e20, le=1e20
-    )
+    magnitude: units.Gain = key("|H| there, N/m (N m/rad); if negative, reverses the sign of H")
 
 
 class NoiseSpectrum(Table, frozen=True):
     """Amplitude spectral density of a sensor against frequency."""
 
-    asd: SpectralDensity | Annotated[list[SpectralDensity], Meta(min_length=2)] = key(
+    asd: SpectralDensity | Annotated[list[PositiveDensity], Meta(min_length=2)] = key(
         "amplitude spectral density in m/sqrt(Hz) or rad/sqrt(Hz): that far above the"
         " corner, or one per frequency"
     )
-    corner: float | None = key(
-        "Hz; the density is asd sqrt(1 + corner / f), whose square rises as 1/f below",
-        unit="Hz",
-        gt=0,
-        le=1e6,
+    corner: units.Corner | None = key(
+        "Hz; the density is asd sqrt(1 + corner / f), whose square rises as 1/f below"
     )
     frequency: list[units.Frequency] | None = key(
-        "Hz, ascending; interpolated linearly in the logarithms, constant outside", min_length=2
+        "Hz, ascending; interpolated linearly in the logarithms, constant outside",
+        min_length=2,
     )
 
-    rules = (excludes("frequency", "corner"), ascending("frequency"))
-
-    def faults(self) -> Problems:
-        """Check that a density is given per frequency, or one with a corner."""
-        yield from super().faults()
-        if isinstance(self.asd, list) != (self.frequency is not None):
+    def _check_lengths(self) -> Problems:
+        counts = [len(one) if isinstance(one, list) else 0 for one in (self.asd, self.frequency)]
+        if counts[0] != counts[1]:
             problem = "asd and frequency are lists of one length, or asd a number without frequency"
             yield "", problem, "give {asd, corner} or {frequency = [...], asd = [...]}"
-        elif isinstance(self.asd, list):
-            yield from same_length("asd", "frequency")(self)
-            if min(self.asd) <= 0:
-                problem = "must be positive, as its logarithm is interpolated"
-                yield "asd", problem, "give a small number instead of 0"
+
+    rules = (demand.excludes("frequency", "corner"), demand.ascending("frequency"), _check_lengths)
 
 
 FOTON = 'a Foton string: zpk([z;z],[p;p],k,"n"), gain(k), pole(f,"n"), ... and products of these'
@@ -405,11 +349,9 @@ class Loop(Table, frozen=True):
     damper: float | None = key(
         "force per velocity, N s/m (N m s/rad): H = 2 pi i f times this", ge=-1e12, le=1e12
     )
-    gain: float | None = key(
+    gain: units.Gain | None = key(
         "H = gain times the product of (i f + z) over that of (i f + p); N/m (N m/rad)"
-        " times Hz^(number of poles - number of zeros)",
-        ge=-1e20,
-        le=1e20,
+        " times Hz^(number of poles - number of zeros)"
     )
     zeros: Root = []
     poles: Root = []
@@ -428,23 +370,43 @@ class Loop(Table, frozen=True):
         "amplitude spectral density in N/sqrt(Hz) or N m/sqrt(Hz), flat", 0.0, ge=0, le=1e3
     )
 
-    rules = (excludes("gain_at", "damper", "gain"),)
+    def _check_order(self) -> Problems:
+        """Check that the gain can be set, and does not grow without bound."""
+        if self.gain_at is not None:
+            size = abs(self.without_gain_at.at(self.gain_at.frequency))
+            if not 0 < size < math.inf or self.gain_at.magnitude == 0:
+                problem = "the gain cannot be set where the filter is 0 or infinite, or to 0"
+                yield "gain_at", problem, "give another frequency or magnitude"
+                return
+        whole = self.controller_and_sensor
+        zeros, poles = len(whole.zeros), len(whole.poles)
+        if zeros <= poles or (self.damper is not None and self.sensor_response is None):
+            return  # a damper acts on the velocity, which is known
+        key = given(self, "filter", "sensor_response", "zeros")[0]
+        what = "a filter" if self.sensor_response is None else "a filter and sensor"
+        problem = f"{what} with more zeros ({zeros}) than poles ({poles}) cannot be built"
+        yield key, problem, "add poles, or its gain grows with frequency without bound"
 
-    def faults(self) -> Problems:
-        """Check that it has one filter, and that the strings of filters can be read."""
-        yield from super().faults()
-        if self.gain_at is None:
-            yield from exactly_one("damper", "gain", "filter")(self)
-        for name in ("zeros", "poles"):
-            if getattr(self, name) and self.filter is not None:
-                yield name, "conflicts with filter, which has its own roots", "give gain instead"
-            elif getattr(self, name) and self.damper is not None:
-                yield name, "a damper has no filter", "give gain instead"
+    def _check_strings(self) -> Problems:
         for name in given(self, "filter", "sensor_response"):
             try:
                 foton.parse(getattr(self, name))
             except foton.FotonError as error:
                 yield name, error.problem, error.remedy
+
+    rules = (
+        demand.exactly_one("damper", "gain", "filter", when=lambda loop: loop.gain_at is None),
+        demand.excludes("gain_at", "damper", "gain"),
+        demand.excludes(
+            "filter", "zeros", "poles", problem="conflicts with filter, which has its own"
+        ),
+        demand.excludes(
+            "damper", "zeros", "poles", problem="conflicts with damper, which has none"
+        ),
+        _check_strings,
+        if_sound,
+        _check_order,
+    )
 
     @property
     def without_gain_at(self) -> foton.Filter:
@@ -488,7 +450,7 @@ class Control(Table, frozen=True):
 
     loop: list[Loop] = key(min_length=1)
 
-    rules = (unique("loop"),)
+    rules = (demand.unique("loop"),)
 
 
 Spread = Annotated[float, Meta(ge=0, le=1e3)]
@@ -499,16 +461,9 @@ class Distribution(Table, frozen=True):
 
     normal: Spread | None = key("standard deviation")
     uniform: Spread | None = key("half width")
-    truncate: Spread | None = key("largest deviation of a normal distribution")
+    truncate: float | None = key("largest deviation of a normal distribution", gt=0, le=1e3)
 
-    rules = (exactly_one("normal", "uniform"),)
-
-    def faults(self) -> Problems:
-        """Check what depends on several keys."""
-        yield from super().faults()
-        if self.truncate is not None and not (self.normal and self.truncate > 0):
-            remedy = "give normal too"
-            yield "truncate", "goes with a normal distribution and must be positive", remedy
+    rules = (demand.exactly_one("normal", "uniform"), demand.needs("truncate", "normal"))
 
 
 class _WireScatter(Table, frozen=True):
@@ -523,13 +478,13 @@ class WireTolerance(imperfections.with_spreads(_WireScatter, "wire", Distributio
 
     hold: units.Hold = "loaded-length"
 
-    rules = (exactly_one("stage", "wire"), any_of(*imperfections.spreads("wire")))
+    rules = (demand.exactly_one("stage", "wire"), demand.any_of(*imperfections.spreads("wire")))
 
 
 class BodyTolerance(imperfections.with_spreads(Table, "body", Distribution)):
     """Scatter of one body."""
 
-    rules = (any_of(*imperfections.spreads("body")),)
+    rules = (demand.any_of(*imperfections.spreads("body")),)
 
 
 class BladeTolerance(imperfections.with_spreads(Table, "blade", Distribution)):
@@ -559,19 +514,11 @@ class Requirement(Table, frozen=True):
         " a response OUTPUT/INPUT:FREQUENCY",
         max_length=200,
     )
-    band: list[Annotated[float, Meta(ge=-1e20, le=1e20)]] | None = key(
-        "least and largest value", min_length=2, max_length=2
-    )
+    band: list[units.Gain] | None = key("least and largest value", min_length=2, max_length=2)
     below: Limit | None = key("upper limit of the magnitude")
     above: Limit | None = key("lower limit of the magnitude")
 
-    rules = (exactly_one("band", "below", "above"),)
-
-    def faults(self) -> Problems:
-        """Check what depends on several keys."""
-        yield from super().faults()
-        if self.band is not None and not self.band[0] < self.band[1]:
-            yield "band", "is reversed or empty, so that no build is in it", "give [least, largest]"
+    rules = (demand.exactly_one("band", "below", "above"), demand.ascending("band"))
 
 
 class Tolerance(Table, frozen=True):
@@ -584,7 +531,7 @@ class Tolerance(Table, frozen=True):
     link: list[LinkTolerance] = []
     require: list[Requirement] = []
 
-    rules = (any_of(*imperfections.PARTS),)
+    rules = (demand.any_of(*imperfections.PARTS),)
 
 
 class Design(Table, frozen=True):
@@ -620,8 +567,5 @@ class Design(Table, frozen=True):
 
 
 def json_schema() -> Schema:
-    """Make the JSON Schema of the file format (draft 2020-12)."""
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": "pendsus design file",
-    } | msgspec.json.schema(Design)
+    """Make the JSON Schema of the file format."""
+    return tables.json_schema(Design, "pendsus design file")

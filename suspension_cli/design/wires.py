@@ -4,27 +4,19 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from suspension_cli.design import units
+from suspension_cli.design import demand, units
 from suspension_cli.design.cross_sections.ribbon import Ribbon
 from suspension_cli.design.cross_sections.round import Round
 from suspension_cli.design.cross_sections.shape import CrossSection
-from suspension_cli.design.rules import (
-    ascending,
-    exactly_one,
-    excludes,
-    given,
-    not_tiny,
-    same_length,
-    whole_or_parts,
-)
-from suspension_cli.design.units import NAMES, Problems, Table, doc, key
+from suspension_cli.design.tables import Plausible, Problems, Table, doc, given, key
+from suspension_cli.design.units import NAMES
 
 CROSS_SECTIONS: tuple[type[CrossSection], ...] = (Round, Ribbon)
 """Cross-sections; each has its key in `AnyWire` and `WireSection`."""
 SHAPES = tuple(kind.key for kind in CROSS_SECTIONS)
 """Keys of the cross-sections."""
 
-TALL = units.Plausible(50.0, "larger than any suspension", serious=True)
+TALL = Plausible(50.0, "larger than any suspension", serious=True)
 """Lengths and positions; mirror suspensions are up to about 10 m tall."""
 Radii = Annotated[
     list[units.WireSize],
@@ -50,13 +42,11 @@ class WireSection(Table, frozen=True):
     material: units.MaterialName | None = key(f"name of a material; default the wire's ({NAMES})")
     steps: Steps | None = None
 
-    rules = (exactly_one(*SHAPES),)
-
-    def faults(self) -> Problems:
-        """Check what depends on several keys."""
-        yield from super().faults()
+    def _check_steps(self) -> Problems:
         if self.steps is not None and not isinstance(self.radius, list):
             yield "steps", "goes with a taper", "give radius = [upper, lower], or remove it"
+
+    rules = (demand.exactly_one(*SHAPES), _check_steps)
 
 
 class Clamp(Table, frozen=True):
@@ -94,6 +84,12 @@ class Neck(Table, frozen=True):
     steps: Steps | None = None
 
 
+UNREAD = (
+    "is a file that was not read",
+    "read the design from its file, or give { position, diameter }",
+)
+
+
 class Profile(Table, frozen=True):
     """Diameter of a round fibre along its length, as measured."""
 
@@ -112,16 +108,17 @@ class Profile(Table, frozen=True):
         le=0.1,
     )
 
-    rules = (same_length("diameter", "position"), ascending("position"))
-
-    def faults(self) -> Problems:
-        """Check what depends on several keys."""
-        yield from super().faults()
+    def _check_places(self) -> Problems:
         if self.file is not None and not self.position:
-            remedy = "read the design from its file, or give { position, diameter }"
-            yield "file", "is a file that was not read", remedy
+            yield "file", *UNREAD
         elif len(self.position) == len(self.diameter) < 2:
             yield "", "has fewer than two places", "give position and diameter, each a list"
+
+    rules = (
+        demand.same_length("diameter", "position"),
+        demand.ascending("position"),
+        _check_places,
+    )
 
 
 class AnyWire(Table, frozen=True):
@@ -168,18 +165,10 @@ class AnyWire(Table, frozen=True):
         "temperature in K, or { upper, lower }; default that of [constants]"
     )
 
-    rules = (
-        excludes("profile", *SHAPES, "sections", "neck"),
-        excludes("neck", "section", "sections"),
-        excludes("sections", *SHAPES),
-    )
-
-    def faults(self) -> Problems:
-        """Check that the wire has k, or a material and one way to give its cross-section."""
-        yield from super().faults()
+    def _check_composition(self) -> Problems:
+        """Check that it has k, or a material and one way to give its cross-section."""
         if isinstance(self.profile, str):
-            remedy = "read the design from its file, or give { position, diameter }"
-            yield "profile", "is a file that was not read", remedy
+            yield "profile", *UNREAD
         shapes = given(self, *SHAPES)
         whole = given(self, "profile", "sections", "neck", *SHAPES)
         if self.k is None and not whole:
@@ -189,20 +178,28 @@ class AnyWire(Table, frozen=True):
             yield "bending", "needs the wire's cross-section", remedy
         if len(shapes) > 1:
             yield shapes[0], f"conflicts with a {shapes[1]}", "keep one of the two"
-        bare = [n for n, one in enumerate(self.sections or (), 1) if one.material is None]
-        if self.material is None and self.k is None and (bare or self.sections is None):
-            key = f"sections.{bare[0]}.material" if bare else "material"
-            yield key, "missing", "name a material for the whole wire, or give k in N/m"
+        pieces = [*enumerate(self.sections or (), 1)]
+        bare = [f"sections.{n}.material" for n, one in pieces if one.material is None]
+        if self.material is None and self.k is None and (bare or not pieces):
+            remedy = "name a material for the whole wire, or give k in N/m"
+            yield [*bare, "material"][0], "missing", remedy
         if self.neck is not None and not given(self, "section", "sections", "profile"):
             if self.radius is None:
                 yield "radius", "missing", "give the radius between the necks in m"
             elif self.neck.radius <= self.radius:
                 problem = f"is not above the radius of the fibre ({self.radius:g} m)"
                 yield "neck.radius", problem, "give the radius of the thick ends in m"
-        open_ended = [n for n, one in enumerate(self.sections or (), 1) if one.length is None]
+        open_ended = [n for n, one in pieces if one.length is None]
         for n in open_ended[1:]:
             remedy = f"give it in m; section {open_ended[0]} takes the rest already"
             yield f"sections.{n}.length", "missing", remedy
+
+    rules = (
+        demand.excludes("profile", *SHAPES, "sections", "neck"),
+        demand.excludes("neck", "section", "sections"),
+        demand.excludes("sections", *SHAPES),
+        _check_composition,
+    )
 
 
 def cross_sections(table: AnyWire | WireSection) -> list[CrossSection]:
@@ -243,11 +240,8 @@ class WireSet(AnyWire, frozen=True):
     d: units.Position = key("height of the lower end above the COM of this body, m", 0.0)
     d_upper: units.Position = key("depth of the upper end below the COM of the body above, m", 0.0)
 
-    rules = (whole_or_parts(*SEPARATIONS), whole_or_parts(*RADII))
-
-    def faults(self) -> Problems:
+    def _check_ends(self) -> Problems:
         """Check the geometry of a grid of 1, 2 or 4 wires, or of a ring."""
-        yield from super().faults()
         across = ("t1", "t2")
         if is_ring(self):
             for name in given(self, *SEPARATIONS, *across):
@@ -269,6 +263,8 @@ class WireSet(AnyWire, frozen=True):
                 problem = f"must be 0 for {self.count} wire{'s' * (self.count > 1)}"
                 yield name, problem, "remove it or change count"
 
+    rules = (demand.whole_or_parts(*SEPARATIONS), demand.whole_or_parts(*RADII), _check_ends)
+
 
 class Wire(AnyWire, frozen=True):
     """One wire, its ends in the frames of the two bodies, from their COMs or the support point."""
@@ -285,22 +281,26 @@ class Wire(AnyWire, frozen=True):
         f"name of a [[stage.blade]] that carries the upper end: {NAMES}", names="blade of the stage"
     )
 
-    rules = (excludes("natural_length", "tension"),)
+    rules = (demand.excludes("natural_length", "tension"),)
 
 
-BLADE_WIDTH = units.Plausible(2.0, "wider than any blade")
-BLADE_THICKNESS = units.Plausible(0.1, "thicker than any blade")
+BladeLength = Annotated[
+    units.Length, doc(plausible=Plausible(10.0, "longer than any blade", serious=True))
+]
+BladeWidth = Annotated[units.Length, doc(plausible=Plausible(2.0, "wider than any blade"))]
+BladeThickness = Annotated[units.Length, doc(plausible=Plausible(0.1, "thicker than any blade"))]
+TipMass = Annotated[
+    units.MassOrZero,
+    doc(plausible=Plausible(10.0, "more than any blade bears at its tip", (("g", 1e-3),))),
+]
 
 
 class BladeGeometry(Table, frozen=True):
     """A tapered cantilever blade clamped at its base, loaded at its tip."""
 
-    length: units.Length = key(
-        "length from the clamp to the tip, m",
-        plausible=units.Plausible(10.0, "longer than any blade", serious=True),
-    )
-    base_width: units.Length = key("width at the clamp, m", plausible=BLADE_WIDTH)
-    thickness: units.Length = key("thickness, m", plausible=BLADE_THICKNESS)
+    length: BladeLength = key("length from the clamp to the tip, m")
+    base_width: BladeWidth = key("width at the clamp, m")
+    thickness: BladeThickness = key("thickness, m")
     shape_factor: float = key(
         "shape factor of a cantilever blade: 1 rectangular, 1.5 triangular", unit="1", ge=0.5, le=10
     )
@@ -311,10 +311,9 @@ class AnyBlade(Table, frozen=True):
     """Stiffness, load and loss of a cantilever blade, or of each of a set."""
 
     stiffness: units.Stiffness | None = key("vertical stiffness of one blade at its tip, N/m")
-    uncoupled_frequency: units.Frequency | None = key(
+    uncoupled_frequency: units.IsolatingFrequency | None = key(
         "frequency f of this stage's mass m alone on its n blades, Hz; each has the stiffness"
-        " (2 pi f)^2 m / n",
-        plausible=units.ISOLATING,
+        " (2 pi f)^2 m / n"
     )
     geometry: BladeGeometry | None = None
     load: units.Tension | None = key(
@@ -322,11 +321,7 @@ class AnyBlade(Table, frozen=True):
         " another load it deflects and the pose is solved for; default: its load in the nominal"
         " pose or, if all wires of the stage have natural lengths, in the pose solved for"
     )
-    tip_mass: units.MassOrZero = key(
-        "mass that moves with one tip, kg",
-        0.0,
-        plausible=units.Plausible(10.0, "more than any blade bears at its tip", (("g", 1e-3),)),
-    )
+    tip_mass: TipMass = key("mass that moves with one tip, kg", 0.0)
     lateral_stiffness: tuple[units.Stiffness, units.Stiffness] | None = key(
         "stiffness of one tip along x and y, N/m; rigid if not given"
     )
@@ -336,25 +331,19 @@ class AnyBlade(Table, frozen=True):
     material: units.MaterialName | None = key(
         f"name of the blade's material, for its loss, where no geometry is given: {NAMES}"
     )
-    thickness: units.Length | None = key(
-        "thickness of the blade in m, for its loss, where no geometry is given",
-        plausible=BLADE_THICKNESS,
+    thickness: BladeThickness | None = key(
+        "thickness of the blade in m, for its loss, where no geometry is given"
     )
     temperature: units.Kelvin | None = key(
         "temperature of the blade in K; default that of [constants]"
     )
 
     rules = (
-        exactly_one("stiffness", "uncoupled_frequency", "geometry"),
-        excludes("geometry", "material", "thickness"),
-        not_tiny("tip_mass", "kg"),
+        demand.exactly_one("stiffness", "uncoupled_frequency", "geometry"),
+        demand.excludes("geometry", "material", "thickness"),
+        demand.needs("thickness", "material", unless="geometry"),
+        demand.not_tiny("tip_mass"),
     )
-
-    def faults(self) -> Problems:
-        """Check what depends on several keys."""
-        yield from super().faults()
-        if self.thickness and self.geometry is None and self.material is None:
-            yield "thickness", "has no effect without a material", "name the material too"
 
 
 class BladeSet(AnyBlade, frozen=True):

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from suspension_cli.design.imperfections import Imperfection, perturbed, perturbed_part
-from suspension_cli.design.path_units import DISPLAYED
+from suspension_cli.design.paths import DISPLAYED
 from suspension_cli.design.schema import Design, Perturbation
 from suspension_cli.drawing import geometry
 from suspension_cli.drawing.bodies import suspension_size

@@ -154,15 +154,14 @@ class Derivatives:
         return self
 
     def symmetric(
-        self, out: Inexact[np.ndarray, "build coordinate coordinate"] | None = None
+        self, out: Inexact[np.ndarray, "coordinate coordinate build"] | None = None
     ) -> Inexact[np.ndarray, "build coordinate coordinate"]:
-        """Tangent stiffness with the builds first, exactly symmetric; in `out`, if given."""
+        """Tangent stiffness, exactly symmetric; a view, builds first, of `out` if that is given."""
         size, lower = len(self.hessian) - 1, self.hessian
-        result = np.empty((lower.shape[-1], size, size), lower.dtype) if out is None else out
+        result = np.empty((size, size, lower.shape[-1]), lower.dtype) if out is None else out
         for row in range(size):
-            values = lower[row, : row + 1].T
-            result[:, row, : row + 1], result[:, : row + 1, row] = values, values
-        return result
+            result[row, : row + 1] = result[: row + 1, row] = lower[row, : row + 1]
+        return np.moveaxis(result, -1, 0)
 
     def _add_blocks(
         self,

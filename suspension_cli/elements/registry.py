@@ -24,6 +24,11 @@ def with_added(scene: Scene, design: Design) -> Scene:
     return replace(scene, added={name: part for name, part in made.items() if part.label})
 
 
+def have_own_arrays() -> bool:
+    """Whether any kind makes arrays of its own."""
+    return any(item.make is not None for item in ELEMENTS)
+
+
 def elements_of(scene: Scene) -> list[Element]:
     """List the kinds of elements that a scene has."""
     return [item for item in ELEMENTS if item.make is None or item.name in scene.added]

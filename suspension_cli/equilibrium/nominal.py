@@ -17,11 +17,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspension_cli.design.derive import gives_natural_lengths
 from suspension_cli.design.schema import Design
 from suspension_cli.elements import string
 from suspension_cli.elements import weight as weights
 from suspension_cli.elements.configuration import configuration
-from suspension_cli.elements.registry import with_added
+from suspension_cli.elements.registry import have_own_arrays, with_added
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.hanging import apply
 from suspension_cli.errors import Fault, InputError
@@ -47,10 +48,19 @@ def expand(design: Design) -> Scene:
 
     Raises `InputError` if a stage cannot balance in its nominal pose, or a wire is slack in it.
     """
+    # all models and checks of a command ask for the scene of one design
+    for known, scene in _latest:
+        if known is design:
+            return scene
     scene = expand_nominal(design)
     for item in design.perturbation:
         scene = apply(scene, item)
+    _latest[:] = [(design, scene)]
     return scene
+
+
+_latest: list[tuple[Design, Scene]] = []
+"""The design expanded last, and its scene."""
 
 
 def expand_nominal(design: Design) -> Scene:
@@ -61,6 +71,16 @@ def expand_nominal(design: Design) -> Scene:
     scene = with_added(scene_expand.expand_as_drawn(design), design)
     unknown = _unknown_loads(design, scene)
     return _with_loads_of_pose(scene, unknown) if unknown.any() else scene
+
+
+def is_as_drawn(design: Design) -> bool:
+    """Whether the scene of a design is that of `scene.expand`, whose topology says all."""
+    return not (
+        design.perturbation
+        or gives_natural_lengths(design)
+        or any(stage.inverted_pendulum or stage.filter for stage in design.stage)
+        or have_own_arrays()
+    )
 
 
 def _unknown_loads(design: Design, scene: Scene) -> Bool[np.ndarray, "blade 3"]:

@@ -299,18 +299,18 @@ def _newton(
     """
     wanted = Search(numbering, pose, target, limit, accept_nominal)
     count, size, wires = math.prod(scene.batch), numbering.size, len(scene.wires.label)
-    stiffness, soft = (np.empty((count, size, size)) for _ in range(2))
-    form, pivot, parts = np.empty((count, wires, size)), np.empty(count), []
+    stiffness, soft = (np.empty((size, size, count)) for _ in range(2))  # builds last, as summed
+    form, pivot, parts = np.empty((size, wires, count)), np.empty(count), []
     for rows in _chunks(scene, numbering):
         found = search(scene, rows, wanted)
         made = derivatives(found.now, stretching=False)
-        made.symmetric(soft[rows])
+        made.symmetric(soft[..., rows])
         string.add_stretching(found.now, made)
-        made.finish().symmetric(stiffness[rows])
+        made.finish().symmetric(stiffness[..., rows])
         pivot[rows] = Factors(made.hessian[6:-1, 6:-1], made.linked[6:-1, 6:-1]).least
-        form[rows] = string.elongations(found.now).T
+        form[..., rows] = string.elongations(found.now)
         parts.append(_arrays_of(found))
-    whole = {"stiffness": stiffness, "soft": soft, "form": form, "pivot": pivot}
+    whole = {"stiffness": stiffness.T, "soft": soft.T, "form": form.T, "pivot": pivot}
     for name, first in parts[0].items():
         whole[name] = first if len(parts) == 1 else np.concatenate([part[name] for part in parts])
     arrays = {

@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.linear.pencil import Pencil, order_by_body
-from suspension_cli.linear.small_matrices import solve_each
+from suspension_cli.linear.elimination import by_body, solve_each
+from suspension_cli.linear.pencil import Pencil
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Index
 
@@ -239,7 +239,7 @@ def grows(model: LinearSystem) -> Bool[np.ndarray, " build"]:
     scale = np.where(inert > 0, own / np.where(inert > 0, inert, 1.0), 0.0).sum(1)
     shifted = (model.stiffness + RIGID * scale[:, None, None] * mass)[:, 6:, 6:]
     owner = Pencil(model).owner[6:]
-    pattern = order_by_body(owner.tobytes(), (shifted != 0).any(0).tobytes())
+    pattern = by_body(owner, (shifted != 0).any(0))
     with np.errstate(all="ignore"):
         factors = pattern.factor(shifted[:, pattern.row, pattern.column].T.copy())
     return np.asarray(~(np.array(factors.pivots) > 0).all(0))

@@ -13,12 +13,10 @@ pivoting.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-
-from suspension_cli.linear.small_matrices import dense
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Inexact, Int
@@ -87,16 +85,10 @@ class Pattern:
             for steps in (later.tolist() for later in self.later)
         ]
 
-    def factor(
-        self, elements: Inexact[np.ndarray, "element system"], steps: int | None = None
-    ) -> Factors:
-        """Eliminate systems, in place; singular parts give infinite or NaN solutions.
-
-        If only the first `steps` are eliminated, the elements of the others are those of the
-        condensed systems.
-        """
+    def factor(self, elements: Inexact[np.ndarray, "element system"]) -> Factors:
+        """Eliminate systems, in place; singular parts give infinite or NaN solutions."""
         pivots, multipliers = [], []
-        for n, updated in enumerate(self.updated[:steps]):
+        for n, updated in enumerate(self.updated):
             row = elements[self.start[n] : self.start[n + 1]]
             pivots.append(1.0 / row[0])
             multipliers.append(row[1:] * pivots[-1])
@@ -123,9 +115,9 @@ class Pattern:
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             factors = self.factor(elements.copy())
             x = right.astype(np.result_type(right, elements))
-            factors.solve_steps(x)
+            factors.solve(x)
             correction = self._residual(elements, x, right)
-            factors.solve_steps(correction)
+            factors.solve(correction)
             large = ~(np.abs(correction) <= largest * np.abs(x)).all((0, 1))
             x += correction
             result = np.empty_like(x)
@@ -169,6 +161,13 @@ def by_body(
     `owner` is the number of the body of each coordinate, larger than that of its parent; `coupled`
     (c, c) marks the non-zero elements.
     """
+    return _by_body(owner.astype(int).tobytes(), coupled.tobytes())
+
+
+@lru_cache(maxsize=64)
+def _by_body(owners: bytes, couplings: bytes) -> Pattern:
+    owner = np.frombuffer(owners, dtype=int)
+    coupled = np.frombuffer(couplings, dtype=bool).reshape(len(owner), -1)
     order = np.argsort(-owner, kind="stable")
     rest = coupled[np.ix_(order, order)]
     rest = rest | rest.T
@@ -195,18 +194,63 @@ class Factors:
     pivots: list[Inexact[np.ndarray, " system"]]
     multipliers: list[Inexact[np.ndarray, "_ system"]]
 
-    def reduce(self, x: Inexact[np.ndarray, "coordinate input system"]) -> None:
-        """Multiply right-hand sides by L^-1, in place."""
-        driven = np.asarray(x.any((1, 2)))
-        for n, coupled in enumerate(self.pattern.coupled):
-            if driven[n] and len(self.multipliers[n]):
-                x[coupled] -= self.multipliers[n][:, None] * x[n]
-                driven[coupled] = True
-
-    def solve_steps(self, x: Inexact[np.ndarray, "coordinate input system"]) -> None:
-        """Solve for right-hand sides by steps, in place."""
-        self.reduce(x)
+    def solve(self, x: Inexact[np.ndarray, "step input system"]) -> None:
+        """Solve for right-hand sides in the order of steps, in place."""
+        driven, coupled = np.asarray(x.any((1, 2))), self.pattern.coupled
+        for n, multipliers in enumerate(self.multipliers):
+            if driven[n] and len(multipliers):
+                x[coupled[n]] -= multipliers[:, None] * x[n]
+                driven[coupled[n]] = True
         x *= np.array(self.pivots)[:, None]
         for n in range(len(x) - 1, -1, -1):
             if len(self.multipliers[n]):
-                x[n] -= (self.multipliers[n][:, None] * x[self.pattern.coupled[n]]).sum(0)
+                x[n] -= (self.multipliers[n][:, None] * x[coupled[n]]).sum(0)
+
+
+def dense(
+    matrix: Inexact[np.ndarray, "size size system"], rhs: Inexact[np.ndarray, "size column system"]
+) -> Inexact[np.ndarray, "size column system"]:
+    """Solve systems, stacked on the last axis, by LU with partial pivoting (LAPACK).
+
+    The solution is not finite where a matrix is singular to the last bit.
+    """
+    size = np.abs(matrix).max(1)
+    # powers of 2: pivots do not depend on units, and scaling does not round
+    scale = np.exp2(-np.rint(np.log2(np.where(size > 0, size, 1.0)) / 2))[:, None]
+    stacked = (np.moveaxis(part, -1, 0) for part in (matrix * scale * scale[:, 0], scale * rhs))
+    return scale * np.moveaxis(solve_each(*stacked), 0, -1)
+
+
+def solve_each(
+    matrix: Inexact[np.ndarray, "*batch size size"],
+    right: Inexact[np.ndarray, "*#batch size column"],
+) -> Inexact[np.ndarray, "*batch size column"]:
+    """Solve stacked systems; NaN where they are singular."""
+    try:
+        return np.linalg.solve(matrix, right)
+    except np.linalg.LinAlgError:
+        if matrix.ndim == 2:
+            return np.full(right.shape, np.nan)
+        right = np.broadcast_to(right, (*matrix.shape[:-2], *right.shape[-2:]))
+        return np.stack([solve_each(m, r) for m, r in zip(matrix, right, strict=True)])
+
+
+def connected_groups(linked: Bool[np.ndarray, "node node"]) -> list[Int[np.ndarray, " _"]]:
+    """Group the nodes of a graph that are connected, directly or through others.
+
+    A link counts in both directions. Nodes within a group are ascending, and groups ordered by
+    their first. (The import of `scipy.sparse.csgraph` takes longer than a suspension's modes.)
+
+    >>> connected_groups(np.array([[0, 0, 1], [0, 0, 0], [0, 0, 0]], dtype=bool))
+    [array([0, 2]), array([1])]
+    """
+    linked, remaining, groups = linked | linked.T, np.ones(len(linked), dtype=bool), []
+    while remaining.any():
+        group, front = np.zeros((2, len(linked)), dtype=bool)
+        front[remaining.argmax()] = True
+        while front.any():
+            group |= front
+            front = linked[front].any(0) & ~group
+        remaining &= ~group
+        groups.append(np.flatnonzero(group))
+    return groups

@@ -22,12 +22,12 @@ import numpy as np
 
 from suspension_cli.elements.beam import ELEMENT_PLACES
 from suspension_cli.elements.dynamic_wire import PARTS, TautWire, WireAtFrequencies
-from suspension_cli.linear.stretching import distinct
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Complex, Float, Inexact, Int
+    from jaxtyping import Complex, Float, Inexact, Int
 
     Function = Callable[[Inexact[np.ndarray, " frequency"]], Inexact[np.ndarray, " frequency"]]
+    Ends = dict[str, tuple[Float[np.ndarray, "_ row own"], Float[np.ndarray, " row"]]]
 
 
 @dataclass(frozen=True)
@@ -46,8 +46,8 @@ class WireTerm:
         Coordinates that move their ends.
     motion
         Motion of the ends of each wire per such coordinate, for each of `dynamic_wire.PARTS`.
-    allowed
-        Elements of a matrix that the symmetry allows.
+    size
+        Number of all coordinates.
     """
 
     stage: str
@@ -55,17 +55,12 @@ class WireTerm:
     number: Int[np.ndarray, " wire"]
     columns: Int[np.ndarray, " column"]
     motion: dict[str, Float[np.ndarray, "*build wire _ column"]]
-    allowed: Bool[np.ndarray, "coordinate coordinate"]
+    size: int
 
     @property
     def dispersive(self) -> bool:
         """Whether the wires have mass."""
         return self.strand.massive
-
-    @property
-    def viscous(self) -> bool:
-        """Loss angles act on oscillations alone."""
-        return False
 
     @property
     def static_stretching(self) -> Any:
@@ -76,11 +71,8 @@ class WireTerm:
     @cached_property
     def forms(self) -> dict[str, Float[np.ndarray, "*build wire _ coordinate"]]:
         """`motion` per coordinate of the system."""
-        result = {}
-        for part, rows in self.motion.items():
-            result[part] = np.zeros((*rows.shape[:-1], len(self.allowed)))
-            result[part][..., self.columns] = rows
-        return result
+        to_all = np.eye(self.size)[self.columns]
+        return {part: rows @ to_all for part, rows in self.motion.items()}
 
     @cached_property
     def resisted(self) -> dict[str, list[Float[np.ndarray, "*build wire column"]]]:
@@ -125,11 +117,7 @@ class WireTerm:
     @cached_property
     def compact(self) -> Float[np.ndarray, "function column column"]:
         """A_n among `columns`."""
-        return np.where(self._allowed, self.products(self.resisted), 0.0)
-
-    @property
-    def _allowed(self) -> Bool[np.ndarray, "column column"]:
-        return self.allowed[np.ix_(self.columns, self.columns)]
+        return self.products(self.resisted)
 
     def products(
         self, resisted: dict[str, list[Float[np.ndarray, "wire column"]]]
@@ -153,15 +141,12 @@ class WireTerm:
         strand = self.strand if lossy else replace(self.strand, lossy=False)
         return EvaluatedWires(self, strand.at(omega))
 
-    @cached_property
-    def distinct(
-        self,
-    ) -> dict[str, tuple[Float[np.ndarray, "_ row column"], Float[np.ndarray, " row"]]]:
-        """Motions of the ends that differ by more than sign, and how many wires have each.
+    def within(self, keep: Int[np.ndarray, " own"]) -> Ends:
+        """Motions of the ends that differ by more than sign, per some coordinates; their number.
 
         Of round wires in both planes, which are equal.
         """
-        forms = dict(self.motion)
+        forms = {part: rows[..., keep] for part, rows in self.forms.items()}
         if self.strand.round:
             forms["bend-1"] = np.concatenate([forms["bend-1"], forms.pop("bend-2")])
         result = {}
@@ -172,34 +157,13 @@ class WireTerm:
                 result[part] = rows, np.array([len(wires) for wires in members], dtype=float)
         return result
 
-    def within(self, columns: Int[np.ndarray, " kept"]) -> WireTerm:
-        """Restrict to some coordinates."""
-        size, largest = len(self.allowed), {}
-        for part, rows in self.motion.items():
-            largest[part] = np.abs(rows).max(initial=0.0)
-        some = self.spread(np.eye(size)[:, columns])
-        motion = {
-            part: np.where(np.abs(rows) > 1e-14 * largest[part], rows, 0.0)
-            for part, rows in some.motion.items()
-        }
-        return replace(some, motion=motion).trimmed()
-
     def spread(self, from_new: Float[np.ndarray, "coordinate new"]) -> WireTerm:
-        """Change to new coordinates."""
-        reach = (from_new != 0).astype(float)
+        """Change to new coordinates: old = `from_new` @ new."""
         moved = from_new[self.columns]
-        columns = np.flatnonzero(moved.any(0))
-        motion = {part: rows @ moved[:, columns] for part, rows in self.motion.items()}
-        allowed = reach.T @ self.allowed @ reach > 0
-        return replace(self, columns=columns, motion=motion, allowed=allowed).trimmed()
-
-    def trimmed(self) -> WireTerm:
-        """Leave out coordinates that do not move the wires."""
-        some = np.any([r.any(tuple(range(r.ndim - 1))) for r in self.motion.values()], axis=0)
-        if some.all():
-            return self
-        motion = {part: rows[..., some] for part, rows in self.motion.items()}
-        return replace(self, columns=self.columns[some], motion=motion)
+        motion = {part: rows @ moved for part, rows in self.motion.items()}
+        some = np.any([r.any(tuple(range(r.ndim - 1))) for r in motion.values()], axis=0)
+        motion = {part: np.compress(some, rows, axis=-1) for part, rows in motion.items()}
+        return replace(self, columns=np.flatnonzero(some), motion=motion, size=len(from_new.T))
 
     def select(self, which: Int[np.ndarray, " system"] | slice) -> WireTerm:
         """Select some of many builds."""
@@ -228,6 +192,15 @@ DIAGONAL = ((0, 0), (1, 1))
 """Places of the elements of a wire without mass, on the slopes of both ends."""
 
 
+ALIKE = 1e-13
+"""Relative difference of two linear forms that counts as rounding."""
+
+
+def is_damper(term: Term) -> bool:
+    """Whether a term is that of a damper."""
+    return isinstance(term, LossTerm) and not term.elastic
+
+
 def is_massive(term: Term) -> bool:
     """Whether a term is that of wires with mass."""
     return isinstance(term, WireTerm) and term.strand.massive
@@ -241,6 +214,25 @@ def multiply_real(
     if not np.iscomplexobj(columns):
         return matrix @ columns
     return (matrix @ np.ascontiguousarray(columns).view(float)).view(complex)
+
+
+def distinct(
+    forms: Float[np.ndarray, "wire coordinate"],
+) -> tuple[Float[np.ndarray, "row coordinate"], list[list[int]]]:
+    """Find the non-zero forms that differ by more than sign, and the wires of each."""
+    rows: list[Float[np.ndarray, " coordinate"]] = []
+    members: list[list[int]] = []
+    for n, form in enumerate(forms):
+        tolerance = ALIKE * np.abs(form).max(initial=0.0)
+        for row, group in zip(rows, members, strict=True):
+            if min(np.abs(row - form).max(), np.abs(row + form).max()) <= tolerance:
+                group.append(n)
+                break
+        else:
+            if tolerance:
+                rows.append(form)
+                members.append([n])
+    return np.array(rows).reshape(-1, forms.shape[1]), members
 
 
 @dataclass(frozen=True)
@@ -274,16 +266,10 @@ class EvaluatedWires:
         return 1 / self._change("stretch")[0]
 
     @property
-    def stiffness(self) -> Complex[np.ndarray, "system column column"]:
-        """The sum of f_n A_n among `WireTerm.columns`."""
-        term = self.term
-        if np.ndim(term.strand.tension) == 0:
-            count = range(len(term.places))
-            functions = np.array(np.broadcast_arrays(*self.functions(np.array(count))))
-            weights = np.ascontiguousarray(np.moveaxis(term.compact, 0, -1))
-            return np.moveaxis(multiply_real(weights, functions + 0j), -1, 0)
+    def stiffness(self) -> Complex[np.ndarray, "build column column"]:
+        """The sum of f_n A_n among `WireTerm.columns`, of many builds."""
         rows, forces = [], []
-        for part, motions in term.resisted.items():
+        for part, motions in self.term.resisted.items():
             # (..., wire, build) to (build, wire)
             change = np.swapaxes(self._change(part), -1, -2)[..., None]
             for i, one in enumerate(motions):
@@ -298,22 +284,16 @@ class EvaluatedWires:
                         total += change[i, j] * other
                 rows.append(one)
                 forces.append(total)
-        pull = np.concatenate(forces, axis=-2).view(float)
-        result = (np.concatenate(rows, axis=-2).swapaxes(-1, -2) @ pull).view(complex)
-        return result if term._allowed.all() else np.where(term._allowed, result, 0.0)
-
-    @property
-    def complete(self) -> Complex[np.ndarray, "frequency column column"]:
-        """`stiffness`, with the change of that of stretching from its static one."""
-        (row,) = self.term.resisted["stretch"][:1]
-        change = 1 / self.compliance - self.term.static_stretching
-        stretching = np.where(self.term._allowed, row.T @ row, 0.0)
-        return self.stiffness + np.reshape(change, (-1, 1, 1)) * stretching
+        pull = np.ascontiguousarray(np.concatenate(forces, axis=-2)).view(float)
+        return (np.concatenate(rows, axis=-2).swapaxes(-1, -2) @ pull).view(complex)
 
     def dissipated(
-        self, motion: Inexact[np.ndarray, "coordinate frequency"]
+        self, ends: Ends, motion: Inexact[np.ndarray, "own frequency"]
     ) -> dict[tuple[str, float], Float[np.ndarray, " frequency"]]:
-        """Dissipation x^H Im(f A) x by bending at either end, stretching, torsion and gas."""
+        """Dissipation x^H Im(f A) x by bending at either end, stretching, torsion and gas.
+
+        `ends` are those of `WireTerm.within` in the coordinates of x.
+        """
         fibre, gas = self.term.strand.fibre, self.term.strand.surrounded
         upper, lower = fibre.temperature
         temperatures = {
@@ -322,9 +302,9 @@ class EvaluatedWires:
             "gas": gas.temperature if gas else 0.0,
         }
         result: dict[tuple[str, float], Float[np.ndarray, " frequency"]] = {}
-        for part, (rows, count) in self.term.distinct.items():
-            ends = multiply_real(rows, motion[self.term.columns])
-            for cause, value in self.moving.dissipated(part, ends).items():
+        for part, (rows, count) in ends.items():
+            moved = multiply_real(rows, motion)
+            for cause, value in self.moving.dissipated(part, moved).items():
                 key = (f"{self.term.stage}.{cause}", temperatures.get(cause, (upper + lower) / 2))
                 result[key] = result.get(key, 0.0) + count @ value
         return result
@@ -364,11 +344,6 @@ class LossTerm:
         """Whether this is a damper."""
         return not self.elastic
 
-    @property
-    def viscous(self) -> bool:
-        """Whether this is a damper."""
-        return not self.elastic
-
     @cached_property
     def columns(self) -> Int[np.ndarray, " column"]:
         """Coordinates that it acts on."""
@@ -384,12 +359,15 @@ class LossTerm:
         """Evaluate at frequencies in rad/s."""
         # loss angles are taken at the frequency of oscillation, the real part
         at = np.real(omega) if self.elastic else omega
-        stored = None if self.storage is None else self.storage(np.real(omega))
-        return EvaluatedLoss(self, self.angle(at) if lossy else np.zeros(at.shape), lossy, stored)
+        angle = self.angle(at) if lossy else np.zeros(at.shape)
+        value = 1j * angle if lossy else angle
+        if self.storage is not None:
+            value = value + self.storage(np.real(omega))
+        return EvaluatedLoss(self, angle, value)
 
-    def within(self, columns: Int[np.ndarray, " kept"]) -> LossTerm:
-        """Restrict to some coordinates."""
-        return replace(self, matrix=self.matrix[np.ix_(columns, columns)])
+    def within(self, keep: Int[np.ndarray, " own"]) -> Float[np.ndarray, "own own"]:
+        """The matrix among some coordinates."""
+        return self.matrix[np.ix_(keep, keep)]
 
     def spread(self, from_new: Float[np.ndarray, "coordinate new"]) -> LossTerm:
         """Change to new coordinates."""
@@ -402,38 +380,29 @@ class LossTerm:
 
 @dataclass(frozen=True)
 class EvaluatedLoss:
-    """One loss at given frequencies: its angle and its relative change of Re K (f,)."""
+    """One loss at given frequencies: its angle and the function f_1."""
 
     term: LossTerm
     angle: Inexact[np.ndarray, " frequency"]
-    lossy: bool
-    stored: Inexact[np.ndarray, " frequency"] | None = None
+    value: Inexact[np.ndarray, " frequency"]
 
     def functions(
         self, which: Int[np.ndarray, " function"]
     ) -> list[Inexact[np.ndarray, " frequency"]]:
         """Select functions f_n by number."""
-        value = 1j * self.angle if self.lossy else self.angle
-        return [value if self.stored is None else value + self.stored] * len(which)
+        return [self.value] * len(which)
 
     @property
     def stiffness(self) -> Inexact[np.ndarray, "system column column"]:
         """The function times the matrix, among `LossTerm.columns`."""
-        return self.functions(np.arange(1))[0][:, None, None] * self.term.compact
-
-    @property
-    def complete(self) -> Inexact[np.ndarray, "frequency column column"]:
-        """See `stiffness`."""
-        return self.stiffness
+        return self.value[:, None, None] * self.term.compact
 
     def dissipated(
-        self, motion: Inexact[np.ndarray, "coordinate frequency"]
+        self, matrix: Float[np.ndarray, "own own"], motion: Inexact[np.ndarray, "own frequency"]
     ) -> dict[tuple[str, float], Float[np.ndarray, " frequency"]]:
-        """Dissipation x^H Im(f A) x."""
-        return {
-            (self.term.cause, self.term.temperature): self.angle
-            * quadratic_form(self.term.matrix, motion)
-        }
+        """Dissipation x^H Im(f A) x, with the `matrix` of `LossTerm.within`."""
+        key = self.term.cause, self.term.temperature
+        return {key: self.angle * quadratic_form(matrix, motion)}
 
 
 def quadratic_form(

@@ -24,25 +24,24 @@ removed.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from suspension_cli.conventions import DOFS, FRAME
-from suspension_cli.linear import elimination
-from suspension_cli.linear.connected_groups import connected_groups
+from suspension_cli.linear.elimination import connected_groups, solve_each
+from suspension_cli.linear.equations import ROUNDING, Equations, Part, rounding, sizes
 from suspension_cli.linear.frequency_terms import (
     EvaluatedTerm,
     EvaluatedWires,
     Term,
     WireTerm,
+    distinct,
+    is_damper,
     multiply_real,
 )
-from suspension_cli.linear.small_matrices import solve_each
-from suspension_cli.linear.stretching import distinct
 from suspension_cli.linear.system import LinearSystem
 
 if TYPE_CHECKING:
@@ -50,121 +49,10 @@ if TYPE_CHECKING:
 
 Loss = Literal["all", "dampers", "none"]
 """Losses that act; loss angles, which are phase lags, act on oscillations alone."""
-ROUNDING = 4e-15
-"""Fraction of its terms up to which a sum is a rounding error."""
 FAR = 0.5
 """Fraction of the lowest mode below which coordinates are relative: at it they gain nothing yet."""
 SHIFT = 1e-4
 """(rad/s)^2, by which squared frequencies are shifted to find the lowest: some are 0."""
-
-
-def sizes(
-    matrix: Float[np.ndarray, "*rows row column"],
-    of_row: Int[np.ndarray, " row"] | None,
-    of_column: Int[np.ndarray, " column"],
-) -> Float[np.ndarray, "*rows row column"]:
-    """Largest absolute element over the rows and columns of equal, neighbouring places.
-
-    A place is the translation of a body, its rotation, a blade tip, or a tension.
-    """
-    result = np.abs(matrix)
-    for axis, place in ((-2, of_row), (-1, of_column)):
-        if place is not None:
-            starts = np.flatnonzero(np.diff(place, prepend=-1))
-            result = np.maximum.reduceat(result, starts, axis)
-            result = np.repeat(result, np.diff(np.append(starts, len(place))), axis)
-    return result
-
-
-@dataclass(frozen=True)
-class Part:
-    """Weights of some functions of frequency in the equations of a block.
-
-    Attributes
-    ----------
-    row, column
-        Equations, and unknowns with the support's motions before them, that the weights are for.
-    used
-        Elements that are not 0.
-    source
-        Matrices of each function; of many builds there is only one function.
-    place
-        Rows and columns of these that the weights are.
-    """
-
-    row: Int[np.ndarray, " row"]
-    column: Int[np.ndarray, " column"]
-    used: Bool[np.ndarray, "row column"]
-    source: Inexact[np.ndarray, "function *#build _ _"]
-    place: tuple[Int[np.ndarray, " row"], Int[np.ndarray, " column"]]
-
-    @staticmethod
-    def of(
-        source: Inexact[np.ndarray, "function *#build own_row own_column"],
-        row: Int[np.ndarray, " own_row"] | None = None,
-        column: Int[np.ndarray, " own_column"] | None = None,
-        used: Bool[np.ndarray, "own_row own_column"] | None = None,
-    ) -> Part:
-        """Keep the rows and columns that are not 0, and have a number that is not negative.
-
-        Weights of one design may lack the axis of builds.
-        """
-        source = source if source.ndim == 4 else source[:, None]
-        if used is None:
-            used = np.asarray((source != 0).any((0, 1)))
-        row = np.arange(source.shape[2]) if row is None else row
-        column = np.arange(source.shape[3]) if column is None else column
-        used = used & (row >= 0)[:, None] & (column >= 0)
-        place = np.flatnonzero(used.any(1)), np.flatnonzero(used.any(0))
-        return Part(row[place[0]], column[place[1]], used[np.ix_(*place)], source, place)
-
-    def gather(
-        self, i: Int[np.ndarray, " element"], j: Int[np.ndarray, " element"]
-    ) -> Inexact[np.ndarray, "element function #build"]:
-        """Weights in some elements, numbered by `row` and `column`."""
-        flat = self.source.reshape(*self.source.shape[:2], -1)
-        chosen = self.place[0][i] * self.source.shape[3] + self.place[1][j]
-        result = np.take(flat, chosen, axis=-1).transpose(2, 0, 1)
-        return result if flat.shape[1] > 1 else np.ascontiguousarray(result)
-
-    @cached_property
-    def weights(self) -> Inexact[np.ndarray, "function row column"]:
-        """All of them, of one design."""
-        own = self.source[:, 0][:, self.place[0][:, None], self.place[1]]
-        return np.where(self.used, own, 0.0)
-
-    def apply(
-        self,
-        functions: Inexact[np.ndarray, "function frequency"],
-        motion: Inexact[np.ndarray, "unknown vector frequency"],
-        result: Inexact[np.ndarray, "unknown vector frequency"],
-    ) -> None:
-        """Add the product with motions of one design's unknowns, the support at rest."""
-        own = self.column >= 6
-        if own.any() and functions.any():
-            x = motion[self.column[own] - 6]
-            for weights, values in zip(self.weights[..., own], functions, strict=True):
-                if values.any():
-                    moved = multiply_real(weights, x.reshape(len(x), -1))
-                    result[self.row] += values * moved.reshape(-1, *x.shape[1:])
-
-    def transformed(
-        self,
-        to_absolute: Float[np.ndarray, "all all"],
-        place: Int[np.ndarray, " all"],
-        error: Float[np.ndarray, "unknown all"] | float = 0.0,
-    ) -> Part:
-        """Change unknowns: old = `to_absolute` @ new. Rounding errors become 0.
-
-        `error` is a bound of other errors of the new elements.
-        """
-        if not len(self.row):
-            return self
-        left, right = to_absolute[6 + self.row, 6:], to_absolute[self.column]
-        terms = sizes(self.weights, place[6 + self.row], place[self.column])
-        terms = np.abs(left).T @ terms @ np.abs(right)
-        result = left.T @ self.weights @ right
-        return Part.of(np.where(np.abs(result) > ROUNDING * terms + error, result, 0.0))
 
 
 @dataclass(frozen=True)
@@ -187,142 +75,6 @@ class Rows:
     count: Float[np.ndarray, " row"]
     compliance: Inexact[np.ndarray, "#build row"]
     term: Int[np.ndarray, " row"]
-
-    @staticmethod
-    def of(
-        form: Float[np.ndarray, "#build wire coordinate"],
-        compliance: Inexact[np.ndarray, "#build wire"],
-        term: int = -1,
-    ) -> Rows:
-        """Leave out wires that no coordinate moves."""
-        some = (form[..., 6:] != 0).any((0, 2))
-        if not some.all():
-            form, compliance = form[:, some], compliance[:, some]
-        size = form.shape[1]
-        return Rows(form, np.ones(size), compliance, np.full(size, term))
-
-    def merged(self) -> Rows:
-        """Merge wires of one compliance that move alike."""
-        size = len(self.count)
-        if size < 2:
-            return self
-        members = distinct(np.moveaxis(self.form, 1, 0).reshape(size, -1))[1]
-        first = [group[0] for group in members]
-        count = np.array([len(group) for group in members], dtype=float)
-        return Rows(self.form[:, first], count, self.compliance[:, first], self.term[first])
-
-    @cached_property
-    def moved(self) -> Bool[np.ndarray, "row coordinate"]:
-        """Whether each coordinate moves each row."""
-        return (self.form != 0).any(0)
-
-
-@dataclass(frozen=True)
-class Equations:
-    """Equations of one block in one choice of coordinates q, with x = T q.
-
-    Attributes
-    ----------
-    to_absolute
-        T (6 + c, 6 + c) with the support's coordinates; None if q = x.
-    pattern
-        Order of elimination of the coordinates and tensions.
-    parts
-        For each part, elements of the pattern and the weights of its functions in them.
-    support
-        For each part, equations, motions of the support and the weights of these in them.
-    """
-
-    to_absolute: Float[np.ndarray, "coordinate coordinate"] | None
-    pattern: elimination.Pattern
-    parts: list[tuple[Int[np.ndarray, " element"], Inexact[np.ndarray, "element function #build"]]]
-    support: list[
-        tuple[
-            Int[np.ndarray, " row"],
-            Int[np.ndarray, " motion"],
-            Inexact[np.ndarray, "row motion function #build"],
-        ]
-    ]
-
-    @staticmethod
-    def of(
-        parts: list[Part],
-        owner: Sequence[int],
-        to_absolute: Float[np.ndarray, "coordinate coordinate"] | None = None,
-    ) -> Equations:
-        """Order the equations for elimination body by body."""
-        size = len(owner)
-        coupled = np.eye(size, 6 + size, 6, dtype=bool)
-        for part in parts:
-            coupled[np.ix_(part.row, part.column)] |= part.used
-        pattern = order_by_body(np.array(owner, dtype=int).tobytes(), coupled[:, 6:].tobytes())
-        number = np.full((size, 6 + size), -1)
-        number[pattern.row, 6 + pattern.column] = np.arange(len(pattern.row))
-        elements, support = [], []
-        for part in parts:
-            if not len(part.row):
-                elements.append((part.row, np.zeros((0, 1, 1))))
-                support.append((part.row, part.row, np.zeros((0, 0, 1, 1))))
-                continue
-            i, j = np.nonzero(part.used)
-            place = number[part.row[i], part.column[j]]
-            some = place >= 0
-            elements.append((place[some], part.gather(i[some], j[some])))
-            outer = np.flatnonzero(part.column < 6)
-            rows = np.flatnonzero(part.used[:, outer].any(1))
-            i, j = (grid.ravel() for grid in np.meshgrid(rows, outer, indexing="ij"))
-            towards = part.gather(i, j) * part.used[i, j][:, None, None]
-            shape = len(rows), len(outer), *towards.shape[1:]
-            support.append((part.row[rows], part.column[outer], towards.reshape(shape)))
-        return Equations(to_absolute, pattern, elements, support)
-
-    def elements(
-        self, functions: list[Inexact[np.ndarray, "function system"]]
-    ) -> Inexact[np.ndarray, "element system"]:
-        """Evaluate the elements of the pattern."""
-        weights = [own for _, own in self.parts]
-        kind = np.result_type(*functions, *(own for own in weights if own.size))
-        result = np.zeros((len(self.pattern.row), functions[0].shape[1]), dtype=kind)
-        for (place, own), values in zip(self.parts, functions, strict=True):
-            if len(place) and values.any():
-                result[place] += _multiply(own, values)
-        return result
-
-    def solve(
-        self,
-        functions: list[Inexact[np.ndarray, "function system"]],
-        moves: Float[np.ndarray, "6 input #system"],
-        forces: Float[np.ndarray, "own input #system"],
-    ) -> Inexact[np.ndarray, "own input system"]:
-        """Solve for coordinates q, given support motions and forces on x."""
-        elements, (own, inputs) = self.elements(functions), forces.shape[:2]
-        shape = self.pattern.size, inputs, functions[0].shape[1]
-        right = np.zeros(shape, dtype=elements.dtype)
-        if self.to_absolute is not None:
-            forces = np.tensordot(self.to_absolute[6 : 6 + own, 6 : 6 + own].T, forces, 1)
-        right[:own] = forces
-        moving = np.asarray(moves.any((1, 2)))
-        for (row, motion, towards), values in zip(self.support, functions, strict=True):
-            if len(row) and (some := moving[motion]).any():
-                pull = np.einsum("rcnb,cib->rinb", towards[:, some], moves[motion[some]])
-                right[row] -= _multiply(pull, values)
-        return self.pattern.solve(elements, right)[:own]
-
-
-@lru_cache(maxsize=64)
-def order_by_body(owner: bytes, coupled: bytes) -> elimination.Pattern:
-    """Order coordinates for elimination (`elimination.by_body`)."""
-    order = np.frombuffer(owner, dtype=int)
-    return elimination.by_body(order, np.frombuffer(coupled, dtype=bool).reshape(len(order), -1))
-
-
-def _multiply(
-    weights: Inexact[np.ndarray, "*rows function #build"],
-    functions: Inexact[np.ndarray, "function system"],
-) -> Inexact[np.ndarray, "*rows system"]:
-    if len(functions) == 1:
-        return weights[..., 0, :] * functions[0]
-    return multiply_real(weights[..., 0], functions)
 
 
 def _apply(
@@ -352,23 +104,25 @@ class Block:
 
     @cached_property
     def terms(self) -> list[tuple[int, Term]]:
-        """Terms in the coordinates of support and block, with their numbers in the system."""
-        own = np.zeros(self.pencil.model.size, dtype=bool)
-        own[self.keep] = True
-        kept, result = np.diag(self._kept.astype(float)), []
+        """Terms that act on these coordinates, with their numbers in the system."""
+        result = []
         for n, term in enumerate(self.pencil.model.terms):
-            if own[term.columns].any():
-                some = term.within(self._columns)
-                if (some.columns >= 6).any():
-                    result.append((n, some.spread(kept) if isinstance(some, WireTerm) else some))
+            own = np.isin(term.columns, self.keep)
+            if self.pencil.weights[n][:, own].any() or (isinstance(term, WireTerm) and own.any()):
+                result.append((n, term))
         return result
 
     @cached_property
     def used(self) -> list[Int[np.ndarray, " _"]]:
         """Functions f_n of each term that are needed."""
-        return [
-            np.flatnonzero(term.compact[:, term.columns >= 6].any((1, 2))) for _, term in self.terms
-        ]
+        own = (np.isin(term.columns, self.keep) for _, term in self.terms)
+        weights = (self.pencil.weights[n] for n, _ in self.terms)
+        return [np.flatnonzero(w[:, o].any((1, 2))) for w, o in zip(weights, own, strict=True)]
+
+    @cached_property
+    def within(self) -> list[Any]:
+        """See `WireTerm.within` and `LossTerm.within`, of each term."""
+        return [term.within(self.keep) for _, term in self.terms]
 
     @cached_property
     def loss(self) -> Float[np.ndarray, "own own"]:
@@ -393,78 +147,81 @@ class Block:
     @cached_property
     def rows(self) -> Rows:
         """Elongations of the wires that move with these coordinates."""
-        own, columns = self.pencil.model.stretched, self._columns
-        wires = [(n, term) for n, (_, term) in enumerate(self.terms) if isinstance(term, WireTerm)]
-        kinds = []
-        for n, term in wires:
-            form = 2 * term.forms["stretch"][None, :, 1]
-            kinds.append(Rows.of(form, np.zeros((1, form.shape[1])), n).merged())
-        if not wires and own is not None:
-            form = np.take(as_builds(own.form), columns, axis=-1)
-            form[..., ~self._kept] = 0.0
-            c = 1 / as_builds(self.pencil.stiff, 1)
+        model, stretched = self.pencil.model, self.pencil.model.stretched
+        form, kinds = np.zeros((1, 0, model.size)), []
+        c, term = np.zeros((1, 0)), np.zeros(0, dtype=int)
+        for n, (_, own) in enumerate(self.terms):
+            if isinstance(own, WireTerm):
+                form = np.append(form, 2 * own.forms["stretch"][None, :, 1], axis=1)
+                term = np.append(term, np.full(form.shape[1] - len(term), n))
+                kinds.append(np.flatnonzero(term == n))
+                c = np.zeros((1, len(term)))
+        if stretched is not None and not any(isinstance(own, WireTerm) for own in model.terms):
+            form, c = as_builds(stretched.form), 1 / as_builds(self.pencil.stiff, 1)
+            term, kind = np.full(form.shape[1], -1), [k.tobytes() for k in c.T]
+            kinds = [np.flatnonzero([k == one for k in kind]) for one in dict.fromkeys(kind)]
+        form = form[..., self._columns] * self._kept
+        if self.pencil.many and model.allowed[6:, 6:].all():
             # builds without a common symmetry may differ from one by as little as rounding
-            if self.pencil.many and own.allowed[6:, 6:].all():
-                return Rows.of(form, c)
-            largest = np.abs(form).max((1, 2), keepdims=True, initial=0.0)
-            form[np.abs(form) <= 1e-14 * largest] = 0.0
-            kind = [k.tobytes() for k in c.T]
-            for one in dict.fromkeys(kind):
-                alike = [n for n, other in enumerate(kind) if other == one]
-                kinds.append(Rows.of(form[:, alike], c[:, alike]).merged())
-        if not kinds:
-            return Rows.of(np.zeros((1, 0, len(columns))), np.zeros((1, 0)))
-        return Rows(
-            np.concatenate([one.form for one in kinds], axis=1),
-            np.concatenate([one.count for one in kinds]),
-            np.concatenate([one.compliance for one in kinds], axis=1),
-            np.concatenate([one.term for one in kinds]),
-        )
+            members = np.arange(len(term))[:, None].tolist()
+        else:
+            for some in kinds:
+                small = 1e-14 * np.abs(form[:, some]).max((1, 2), keepdims=True, initial=0.0)
+                form[:, some] *= np.abs(form[:, some]) > small
+            flat = np.moveaxis(form, 1, 0).reshape(len(term), len(form) * form.shape[2])
+            members = [some[group].tolist() for some in kinds for group in distinct(flat[some])[1]]
+        members = [group for group in members if form[:, group[0], 6:].any()]
+        first, count = [group[0] for group in members], [float(len(group)) for group in members]
+        return Rows(form[:, first], np.array(count), c[:, first], term[first])
 
     @cached_property
     def owner(self) -> list[int]:
         """Number of the body of each coordinate and tension, which is the lower one's."""
         own = self.pencil.owner[self.keep]
-        lowest = (self.rows.moved[:, 6:] * own).max(1, initial=0)
+        lowest = ((self.rows.form[..., 6:] != 0).any(0) * own).max(1, initial=0)
         return [*own.tolist(), *lowest.tolist()]
 
     @cached_property
     def parts(self) -> list[Part]:
-        """Weights of 1, of i, of i omega, of -omega^2; of the functions of each term; of tensions.
+        """Weights of 1, of i, of i omega, of -omega^2; then of the functions of each term.
 
-        The last of a term of wires is -1/k, those of tensions are 1 and i.
+        The last of a term of wires is -1/k.
         """
-        pencil, own, kept = self.pencil, np.arange(len(self.keep)), self._kept
-        size = pencil.model.size
-        row, column = np.full(size, -1), np.full(size, -1)
-        row[self.keep], column[self._columns[kept]] = own, np.flatnonzero(kept)
-        result = [
-            Part.of(matrix[None], row, column, used)
-            for matrix, used in zip(pencil.matrices, pencil.used, strict=True)
-        ]
-        rows = self.rows
-        tension = len(own) + np.arange(len(rows.count))
-        for n, ((_, term), used) in enumerate(zip(self.terms, self.used, strict=True)):
-            moving, wires = np.flatnonzero(term.columns >= 6), np.flatnonzero(rows.term == n)
-            size, count = len(moving), len(wires)
-            weights = np.zeros((len(used) + 1, 1, size + count, len(term.columns) + count))
-            weights[:-1, 0, :size, : len(term.columns)] = (
-                term.compact[used][:, moving] * kept[term.columns]
-            )
-            across = np.arange(count)
-            weights[-1, 0, size + across, len(term.columns) + across] = 1 / rows.count[wires]
-            row = np.append(term.columns[moving] - 6, tension[wires])
-            result.append(Part.of(weights, row, np.append(term.columns, 6 + tension[wires])))
-        c = np.zeros((*rows.compliance.shape, len(tension)), dtype=rows.compliance.dtype)
-        c[:, np.arange(len(tension)), np.arange(len(tension))] = -rows.compliance / rows.count
-        split = np.iscomplexobj(c) and not pencil.many
-        pulled = np.swapaxes(rows.form[..., 6:], -1, -2)
-        return [
-            *result,
-            Part.of(rows.form[None], tension, used=rows.moved),
-            Part.of(pulled[None], own, 6 + tension, rows.moved[:, 6:].T),
-            Part.of(np.array([np.real(c), np.imag(c)]) if split else c[None], tension, 6 + tension),
-        ]
+        pencil, own, rows = self.pencil, len(self.keep), self.rows
+        columns = self._columns[self._kept]
+        number = np.full(pencil.model.size, -1)
+        number[columns] = np.flatnonzero(self._kept)
+        matrices = []
+        for matrix, used in zip(pencil.matrices, pencil.used, strict=True):
+            i, j = np.nonzero(used[np.ix_(self.keep, columns)])
+            weights = matrix[:, self.keep[i], columns[j]].T[:, None]
+            matrices.append(Part(i, number[columns[j]], weights))
+        tension, constant = own + np.arange(len(rows.count)), rows.term < 0
+        i, j = np.nonzero((rows.form != 0).any(0))
+        form, below = rows.form[:, i, j].T[:, None], j >= 6
+        matrices[0] = matrices[0].followed_by(tension[i], j, form)
+        matrices[0] = matrices[0].followed_by(j[below] - 6, 6 + tension[i[below]], form[below])
+        c = -(rows.compliance / rows.count)[:, constant].T[:, None]
+        some = tension[constant], 6 + tension[constant]
+        if np.iscomplexobj(c) and not pencil.many:
+            matrices[1] = matrices[1].followed_by(*some, np.imag(c))
+            c = np.real(c)
+        matrices[0] = matrices[0].followed_by(*some, c)
+        number[~np.isin(np.arange(len(number)), columns)] = -1
+        for n, ((m, term), used) in enumerate(zip(self.terms, self.used, strict=True)):
+            place = number[term.columns]
+            weights = pencil.weights[m][used] * ((place >= 6)[:, None] & (place >= 0))
+            if isinstance(term, WireTerm):
+                weights = np.concatenate([weights, np.zeros((1, *weights.shape[1:]))])
+            part = Part.of(weights)
+            part = Part(place[part.row] - 6, place[part.column], part.weights)
+            if isinstance(term, WireTerm):
+                wires = np.flatnonzero(rows.term == n)
+                last = np.zeros((len(wires), len(weights), 1))
+                last[:, -1, 0] = 1 / rows.count[wires]
+                part = part.followed_by(tension[wires], 6 + tension[wires], last)
+            matrices.append(part)
+        return matrices
 
     @cached_property
     def absolute(self) -> Equations:
@@ -486,6 +243,7 @@ class Block:
         turning[: len(joint)] = self._columns % 6 == 5
         turning[: len(joint)] &= self._columns < 6 * (len(self.pencil.model.body) + 1)
         body = np.append(np.zeros(6, dtype=int), self.owner)
+        body[len(joint) :] = 0
         below = (body[:, None] > body) & turning
         unbalanced = self.pencil.unbalanced * (below | below.T)[6:]
         static, *others = self.parts
@@ -503,12 +261,11 @@ class Block:
         values, vectors = np.linalg.eigh(mass)
         root = np.zeros((len(self.owner), count))
         root[:count] = vectors * np.sqrt(np.maximum(values, 0.0))
-        functions = [np.zeros((len(part.source), 1)) for part in self.parts]
-        functions[3][:] = SHIFT
-        for own in (functions[0], *functions[4 + len(self.terms) :]):
-            own[0] = 1.0
+        functions = [np.zeros((part.weights.shape[1], 1)) for part in self.parts]
+        functions[0][:], functions[3][:] = 1.0, SHIFT
         for own, (_, term) in zip(functions[4:], self.terms, strict=False):
-            own[-1] = -1 / term.static_stretching if isinstance(term, WireTerm) else 0.0
+            if isinstance(term, WireTerm):
+                own[-1] = -1 / term.static_stretching
         moved = root.T @ solve_each(self.matrix(functions)[:, 6:, 0], root)
         if not np.isfinite(moved).all():
             return 0.0
@@ -525,9 +282,7 @@ class Block:
         shape = size, 6 + size, functions[0].shape[1]
         result = np.zeros(shape, dtype=np.result_type(*functions))
         for part, values in zip(self.parts, functions, strict=True):
-            if len(part.row):
-                at = np.ix_(part.row, part.column)
-                result[at] += multiply_real(np.moveaxis(part.weights, 0, -1), values)
+            result[part.row, part.column] += multiply_real(part.weights[..., 0], values)
         return result
 
     def is_driven(
@@ -541,9 +296,7 @@ class Block:
 
     def at(self, there: AtFrequencies) -> EvaluatedBlock:
         """Evaluate at frequencies."""
-        known: list[Any] = there.terms
-        terms = [replace(known[n], term=own) for n, own in self.terms]
-        return EvaluatedBlock(self, there.omega, terms, there.lossy, there.damped)
+        return EvaluatedBlock(self, there)
 
 
 @dataclass(frozen=True)
@@ -551,31 +304,47 @@ class EvaluatedBlock:
     """One block of systems at given frequencies."""
 
     block: Block
-    omega: Inexact[np.ndarray, " system"]
-    terms: list[Any]
-    lossy: bool
-    damped: bool
+    there: AtFrequencies
+
+    @property
+    def omega(self) -> Inexact[np.ndarray, " system"]:
+        """Angular frequencies, rad/s."""
+        return self.there.omega
+
+    @property
+    def terms(self) -> list[EvaluatedTerm]:
+        """The terms of the block."""
+        return [self.there.terms[n] for n, _ in self.block.terms]
 
     @cached_property
     def functions(self) -> list[Inexact[np.ndarray, "function system"]]:
         """Functions of frequency of each of `Block.parts`."""
         here = np.ones((1, len(self.omega)))
         loss, damping = (bool(len(part.row)) for part in self.block.parts[1:3])
-        result = [here, 1j * here if self.lossy and loss else 0 * here]
-        result.append(1j * self.omega * here if self.damped and damping else 0 * here)
+        result = [here, 1j * here if self.there.lossy and loss else 0 * here]
+        result.append(1j * self.omega * here if self.there.damped and damping else 0 * here)
         result.append(-(self.omega**2) * here)
         for term, used in zip(self.terms, self.block.used, strict=True):
-            last = -term.compliance if isinstance(term, EvaluatedWires) else 0 * here[0]
-            functions = [*term.functions(used), last]
+            functions = term.functions(used)
+            if isinstance(term, EvaluatedWires):
+                functions.append(-term.compliance)
             result.append(np.array(np.broadcast_arrays(*functions, here[0])[:-1]))
-        stretching = [len(part.source) for part in self.block.parts[len(result) :][:3]]
-        both = np.concatenate([here, 1j * here if self.lossy else 0 * here])
-        return result + [here if functions == 1 else both for functions in stretching]
+        return result
 
     @property
     def matrix(self) -> Inexact[np.ndarray, "unknown all frequency"]:
         """All elements of one design; the columns are those of support, block and tensions."""
         return self.block.matrix(self.functions)
+
+    def dissipated(
+        self, motion: Inexact[np.ndarray, "own frequency"]
+    ) -> dict[tuple[str, float], Float[np.ndarray, " frequency"]]:
+        """Dissipation x^H Im(f A) x in the terms, by cause and temperature (K)."""
+        result: dict[tuple[str, float], Any] = {}
+        for term, within in zip(self.terms, self.block.within, strict=True):
+            for key, lost in term.dissipated(within, motion).items():
+                result[key] = result.get(key, 0.0) + lost
+        return result
 
     def respond(
         self,
@@ -662,7 +431,7 @@ class Pencil:
         terms = [
             term.at(
                 omega if term.dispersive else real,
-                lossy=loss == "all" or (loss == "dampers" and term.viscous),
+                lossy=loss == "all" or (loss == "dampers" and is_damper(term)),
             )
             for term in self.model.terms
         ]
@@ -731,36 +500,36 @@ class Pencil:
 
         What one wire exerts, an equal one may cancel, so equal wires are taken together.
         """
-        model, place = self.model, self.place
-        matrices = [(None, matrix[0]) for matrix in self.matrices]
-        result = np.zeros((model.size, model.size), dtype=bool)
-        if model.stretched is not None:
-            form, allowed = model.stretched.form, model.stretched.allowed
-            if self.many:
-                moved = (form != 0).any(0).astype(float)
-                result |= allowed & (moved.T @ moved > 0)
-            alike = () if self.many else dict.fromkeys(self.stiff.tolist())
-            for some in (form[self.stiff == k] for k in alike):
-                matrices.append((None, np.where(allowed, some.T @ some, 0.0)))
+        model, matrices = self.model, [matrix[0] for matrix in self.matrices]
+        form = np.zeros((0, model.size)) if model.stretched is None else model.stretched.form
         if self.many:
-            return np.logical_or.reduce([result, *self.used])
-        for term in model.terms:
-            columns, own = np.ix_(term.columns, term.columns), place[term.columns]
+            moved = (form != 0).any(0).astype(float)
+            return np.logical_or.reduce([model.allowed & (moved.T @ moved > 0), *self.used])
+        for k in dict.fromkeys(self.stiff.tolist()):
+            some = form[self.stiff == k]
+            matrices.append(np.where(model.allowed, some.T @ some, 0.0))
+        result = np.any([np.abs(m) > rounding(m, self.place) for m in matrices], axis=0)
+        for term, weights in zip(model.terms, self.weights, strict=True):
+            result[np.ix_(term.columns, term.columns)] |= (weights != 0).any(0)
+        return np.asarray(result)
+
+    @cached_property
+    def weights(self) -> list[Float[np.ndarray, "function column column"]]:
+        """A_n of each term among its columns, without rounding errors."""
+        result = []
+        for term in self.model.terms:
+            own = self.place[term.columns]
             if isinstance(term, WireTerm):
                 forms = {
                     part: list(sizes(np.array(rows), None, own))
                     for part, rows in term.resisted.items()
                 }
                 small = ROUNDING * term.products(forms)
-                result[columns] |= (np.abs(term.compact) > small).any(0)
             else:
-                matrices += [(term.columns, matrix) for matrix in term.compact]
-        for columns, matrix in matrices:
-            at = np.arange(model.size) if columns is None else columns
-            size = sizes(matrix, place[at], place[at])
-            own = np.sqrt(np.diag(size))
-            small = ROUNDING * np.maximum(size, own[:, None] * own)
-            result[np.ix_(at, at)] |= np.abs(matrix) > small
+                small = rounding(term.compact[0], own)
+            allowed = self.model.allowed[np.ix_(term.columns, term.columns)]
+            kept = (np.abs(term.compact) > small) & allowed
+            result.append(np.where(kept, term.compact, 0.0))
         return result
 
     @property
@@ -782,26 +551,16 @@ class Pencil:
 
         `columns` are the coordinates: those of the support, then the block's.
         """
-        rigid, last = self.model.rigid, 6 * (len(self.model.body) + 1)
+        rigid, bodies = self.model.rigid, len(self.model.body) + 1
         assert rigid is not None
-        place = {int(n): m for m, n in enumerate(columns)}
-        result = np.eye(len(columns))
-        for row, n in enumerate(columns[6:].tolist(), 6):
-            if n >= last:
-                continue
-            result[row, :6] = rigid[n]
-            for m, dof in enumerate(DOFS):
-                other = f"{FRAME}.{dof}"
-                if other in self.model.coordinate:
-                    result[row, place.get(self.model.coordinate.index(other), row)] = rigid[n, m]
-            above = self.parent[n // 6]
+        result = np.eye(self.model.size)
+        result[:, :6] = rigid
+        for n, dof in enumerate(DOFS):
+            if (name := f"{FRAME}.{dof}") in self.model.coordinate:
+                result[6 : 6 * bodies, self.model.coordinate.index(name)] = rigid[6 : 6 * bodies, n]
+        body = [slice(6 * n, 6 * n + 6) for n in range(bodies)]
+        for n, above in enumerate(self.parent):
             while above:
-                first = 6 * above
-                for dof in range(6):
-                    if first + dof in place:
-                        result[row, place[first + dof]] = (
-                            rigid[n, dof] - rigid[first + n % 6, dof] + (n % 6 == dof)
-                        )
+                result[body[n], body[above]] = rigid[body[n]] - rigid[body[above]] + np.eye(6)
                 above = self.parent[above]
-            result[row, row] = 1.0
-        return result
+        return result[np.ix_(columns, columns)]

@@ -21,7 +21,7 @@ from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Complex, Float, Inexact, Int
+    from jaxtyping import Complex, Float, Inexact, Int
 
 CHUNK = 1 << 16
 """Unknowns (coordinates and tensions, times inputs, times frequencies) solved at once."""
@@ -78,23 +78,11 @@ def solve(
     """
     rows = np.array([signals.linear_form(signal, model) for signal in outputs])
     drives = np.array([signals.linear_form(signal, model) for signal in inputs])
-    value, count = transfer(
-        model,
-        2 * np.pi * np.asarray(frequency, dtype=float),
-        drives,
-        [s.acts for s in inputs],
-        rows,
-        ground=[s.is_ground for s in inputs],
-    )
-    unit = units(inputs, outputs)
-    return Response(
-        np.asarray(frequency),
-        tuple(s.text for s in inputs),
-        tuple(s.text for s in outputs),
-        unit,
-        value,
-        count,
-    )
+    omega, acts = 2 * np.pi * np.asarray(frequency, dtype=float), [s.acts for s in inputs]
+    ground = [s.is_ground for s in inputs]
+    value, count = transfer(model, omega, drives, acts, rows, ground=ground)
+    into, out = (tuple(signal.text for signal in group) for group in (inputs, outputs))
+    return Response(np.asarray(frequency), into, out, units(inputs, outputs), value, count)
 
 
 def units(inputs: list[Signal], outputs: list[Signal]) -> tuple[tuple[str, ...], ...]:
@@ -120,8 +108,19 @@ def transfer(
     (`ground`). If `finite`, raises `InputError` where a response is not finite.
     """
     if ground is not None and any(ground):
-        return _with_ground(model, omega, drives, acts, rows, ground, finite=finite)
-    moves, forces = _split_drives(drives, acts)
+        result, count = np.zeros((len(omega), len(rows), len(drives)), dtype=complex), 0
+        at_rest = np.where(np.arange(model.size) < 6, 0.0, rows)  # the support
+        for system, sensed, moved in (
+            (model, rows, np.flatnonzero(~np.array(ground))),
+            (model.driven_by_ground, at_rest, np.flatnonzero(ground)),
+        ):
+            if len(moved):
+                own = drives[moved], [acts[n] for n in moved]
+                result[..., moved], blocks = transfer(system, omega, *own, sensed, finite=finite)
+                count += blocks
+        return result, count
+    pushes = np.array(acts, dtype=bool)
+    moves, forces = np.where(pushes, 0.0, drives[:, :6].T), np.where(pushes, drives.T, 0.0)
     pencil = Pencil.of(model)
     chosen = _choose(pencil, moves, forces, rows)
     result = np.empty((len(omega), len(rows), len(drives)), dtype=complex)
@@ -130,10 +129,15 @@ def transfer(
     for start in range(0, len(omega), step):
         span = slice(start, start + step)
         own = (part[..., None] for part in (rows, moves, forces))
-        value = _respond(pencil, chosen, omega[span], *own)
-        if finite:
-            _check_finite(np.asarray(np.isfinite(value).all((0, 1))), omega[span])
-        result[span] = np.moveaxis(value, -1, 0)
+        result[span] = np.moveaxis(_respond(pencil, chosen, omega[span], *own), -1, 0)
+        good = np.isfinite(result[span]).all((1, 2))
+        if finite and not good.all():
+            raise InputError.of(
+                "--frequency",
+                "is a resonance without loss, where the response is infinite",
+                "move it, or give the design a loss_angle or damping",
+                f"{float(omega[span][~good][0]) / (2 * np.pi)!r}",
+            )
     return result, len(chosen)
 
 
@@ -204,54 +208,3 @@ def _respond(
         result[pairs] = value + np.where(again, result[pairs], 0.0)
         reached[pairs] = True
     return result
-
-
-def _with_ground(
-    model: LinearSystem,
-    omega: Float[np.ndarray, " frequency"],
-    drives: Float[np.ndarray, "input coordinate"],
-    acts: list[bool],
-    rows: Float[np.ndarray, "output coordinate"],
-    ground: list[bool],
-    *,
-    finite: bool,
-) -> tuple[Complex[np.ndarray, "frequency output input"], int]:
-    """Solve for the responses to motions of the ground, and to other drives."""
-    result = np.zeros((len(omega), len(rows), len(drives)), dtype=complex)
-    at_rest = rows.copy()
-    at_rest[:, :6] = 0.0  # the support
-    count = 0
-    for system, moves, seen in (
-        (model, ~np.array(ground), rows),
-        (model.driven_by_ground, np.array(ground), at_rest),
-    ):
-        which = np.flatnonzero(moves)
-        if len(which):
-            some = [acts[n] for n in which]
-            result[..., which], blocks = transfer(
-                system, omega, drives[which], some, seen, finite=finite
-            )
-            count += blocks
-    return result, count
-
-
-def _split_drives(
-    drives: Float[np.ndarray, "input coordinate"], acts: list[bool]
-) -> tuple[Float[np.ndarray, "6 input"], Float[np.ndarray, "coordinate input"]]:
-    """Split drives into motions of the support and forces."""
-    pushes = np.array(acts, dtype=bool)
-    return np.where(pushes, 0.0, drives[:, :6].T), np.where(pushes, drives.T, 0.0)
-
-
-def _check_finite(
-    finite: Bool[np.ndarray, " frequency"], omega: Float[np.ndarray, " frequency"]
-) -> None:
-    """Raise `InputError` at the first frequency whose system is singular to the last bit."""
-    if not finite.all():
-        at = float(omega[~finite][0]) / (2 * np.pi)
-        raise InputError.of(
-            "--frequency",
-            "is a resonance without loss, where the response is infinite",
-            "move it, or give the design a loss_angle or damping",
-            f"{at!r}",
-        )

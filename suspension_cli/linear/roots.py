@@ -26,8 +26,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.linear.pencil import Block, Loss, Part, Pencil
-from suspension_cli.linear.small_matrices import dense, solve_each
+from suspension_cli.linear.elimination import dense, solve_each
+from suspension_cli.linear.equations import Part
+from suspension_cli.linear.pencil import Block, Loss, Pencil
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Inexact, Int

@@ -18,7 +18,8 @@ solution.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -32,7 +33,7 @@ from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Complex, Float, Inexact, Int
+    from jaxtyping import Bool, Complex, Float, Int
 
 FAINT = 1e-6
 """Fraction of an output's largest response below which errors are relative to it."""
@@ -121,12 +122,12 @@ def assemble(
     a: list[Array] = []
     b: list[Array] = []
     c: list[Array] = []
-    feed = rows[:, :6] @ moves
+    feed, damping = rows[:, :6] @ moves, model.damping + _equivalent_damping(model.constant)
     states: list[str] = []
     for block in Pencil.of(model.constant).blocks:
         if not rows[:, block.keep].any() or not (undriven or block.is_driven(moves, forces).any()):
             continue
-        part = _block(condense(block), moves, forces, rows)
+        part = _block(block, damping, moves, forces, rows)
         a.append(part.a)
         b.append(part.b)
         c.append(part.c)
@@ -172,47 +173,30 @@ class _Part:
     states: tuple[tuple[str, Int[np.ndarray, " _"]], ...]
 
 
-@dataclass(frozen=True)
-class Condensed:
-    """One block without its tensions and its blade tips without mass and damping.
-
-    Attributes
-    ----------
-    kept
-        Its other coordinates.
-    mass, damping, stiffness
-        Towards the support and the coordinates kept; K is complex if lossy.
-    """
-
-    kept: Int[np.ndarray, " kept"]
-    mass: Float[np.ndarray, "kept 6+kept"]
-    damping: Float[np.ndarray, "kept 6+kept"]
-    stiffness: Inexact[np.ndarray, "kept 6+kept"]
-
-
-def condense(block: Block) -> Condensed:
+def _condense(
+    block: Block,
+) -> tuple[Int[np.ndarray, " kept"], Float[np.ndarray, "kept 6+kept"]]:
     """Eliminate the tensions of a block and its blade tips without mass and damping.
 
-    Neither inputs nor outputs act on these.
+    Neither inputs nor outputs act on these. Returns the other coordinates, and their stiffness
+    towards the support and themselves.
     """
     model, keep, size = block.pencil.model, block.keep, len(block.owner)
-    whole = block.at(block.pencil.at(np.zeros(1))).matrix[..., 0]
-    if not np.imag(whole).any():
-        whole = np.real(whole)
+    whole = block.at(block.pencil.at(np.zeros(1))).matrix[..., 0]  # complex if lossy
     frame = np.array([model.coordinate[n].startswith(FRAME) for n in keep], dtype=bool)
     light = model.massless[keep] & ~frame & ~(model.damping[keep] != 0).any(1)
     a = np.flatnonzero(~light)
     b = np.append(np.flatnonzero(light), np.arange(len(keep), size))
     columns = np.append(np.arange(6), 6 + a)
     follow = -np.linalg.solve(whole[b[:, None], 6 + b], whole[b[:, None], columns])
-    stiffness = _sum(whole[a[:, None], columns], whole[a[:, None], 6 + b], follow)
+    stiffness = np.real(_sum(whole[a[:, None], columns], whole[a[:, None], 6 + b], follow))
     stiffness[:, 6:] = (stiffness[:, 6:] + stiffness[:, 6:].T) / 2
-    at = np.ix_(keep[a], np.append(np.arange(6), keep[a]))
-    return Condensed(keep[a], model.mass[at], model.damping[at], stiffness)
+    return keep[a], stiffness
 
 
 def _block(
-    block: Condensed,
+    block: Block,
+    damping: Float[np.ndarray, "coordinate coordinate"],
     moves: Float[np.ndarray, "6 input"],
     forces: Float[np.ndarray, "coordinate input"],
     rows: Float[np.ndarray, "output coordinate"],
@@ -229,26 +213,21 @@ def _block(
     """
     from scipy.linalg import qr
 
-    heavy = np.flatnonzero((block.mass[:, 6:] != 0).any(1))
-    light = np.setdiff1d(np.arange(len(block.kept)), heavy)
-    mass = block.mass[np.ix_(heavy, 6 + heavy)]
-    stiffness, damping = np.real(block.stiffness), block.damping.copy()
-    if np.iscomplexobj(block.stiffness):
-        damping[np.ix_(heavy, 6 + heavy)] += _equivalent(block, mass, light)
-    force = forces[block.kept]
-    k, c = stiffness[:, 6:], damping[:, 6:]
-    parts = [np.ix_(r, s) for r in (heavy, light) for s in (heavy, light)]
-    (k_hh, k_hl, k_lh, k_ll), (c_hh, c_hl, c_lh, c_ll) = (
-        [m[part] for part in parts] for m in (k, c)
-    )
-    k_s, c_s = stiffness[:, :6] @ moves, damping[:, :6] @ moves
-    shift = -np.linalg.solve(mass, block.mass[heavy, :6] @ moves)  # a = z + shift u
-    directions, _, _ = np.linalg.svd(c_ll)
-    rank = np.linalg.matrix_rank(c_ll, tol=1e-12 * np.abs(c).max(initial=0.0)) if len(light) else 0
+    kept, stiffness = _condense(block)
+    at = np.ix_(kept, np.append(np.arange(6), kept))
+    whole_mass, damping, force = block.pencil.model.mass[at], damping[at], forces[kept]
+    heavy = np.flatnonzero((whole_mass[:, 6:] != 0).any(1))
+    light = np.setdiff1d(np.arange(len(kept)), heavy)
+    mass = whole_mass[heavy[:, None], 6 + heavy]
+    (k_s, k), (c_s, c) = ((m[:, :6] @ moves, m[:, 6:]) for m in (stiffness, damping))
+    directions, _, _ = np.linalg.svd(c[np.ix_(light, light)])
+    largest = np.abs(damping).max(initial=0.0)
+    rank = 0
+    if len(light):
+        limit = 1e-12 * np.abs(c).max(initial=0.0)
+        rank = int(np.linalg.matrix_rank(c[np.ix_(light, light)], tol=limit))
     resisted, unresisted = directions[:, :rank].T, directions[:, rank:].T
-    if np.abs(unresisted @ damping[light]).max(initial=0.0) > 1e-12 * np.abs(damping).max(
-        initial=0.0
-    ):
+    if np.abs(unresisted @ damping[light]).max(initial=0.0) > 1e-12 * largest:
         remedy = "give [support] a mass and inertia"
         raise InputError.of(
             "control.loop",
@@ -256,54 +235,30 @@ def _block(
             " not sense, which leaves that motion undetermined",
             remedy,
         )
-    solve = np.linalg.inv(np.concatenate([resisted @ c_ll, unresisted @ k_ll]))
-    coupling = np.concatenate([resisted @ c_lh, unresisted @ k_lh])
-    follow_z = _sum(np.zeros_like(coupling), -solve, coupling)
-    # coordinates q = of_z z + of_p p + of_u u
-    of_z, of_p, of_u = (
-        np.zeros((len(k), len(heavy))),
-        np.zeros((len(k), rank)),
-        np.zeros((len(k), moves.shape[1])),
+    # coordinates q and what acts on them per states z, w, p and inputs u, side by side
+    count, inputs = len(heavy), moves.shape[1]
+    ends = np.cumsum([0, count, count, rank, inputs])
+    z, w, p, u = (slice(n, m) for n, m in pairwise(ends))
+    q, momentum, applied = np.zeros((3, len(k), ends[-1]))
+    q[heavy, z], q[heavy, u] = np.eye(count), -np.linalg.solve(mass, whole_mass[heavy, :6] @ moves)
+    momentum[:, u], applied[:, u] = c_s, force - k_s
+    both = np.concatenate([resisted @ c[light], unresisted @ k[light]])
+    right = np.concatenate([-resisted @ momentum[light], unresisted @ applied[light]])
+    right[:rank, p] = np.eye(rank)
+    solve = np.linalg.inv(both[:, light])
+    q[light] = _sum(solve @ right, -solve @ both[:, heavy], q[heavy])
+    momentum, applied = _sum(momentum, c, q), _sum(applied, -k, q)
+    rates = np.zeros((ends[-2], ends[-1]))
+    rates[z], rates[w] = (
+        -np.linalg.solve(mass, momentum[heavy]),
+        np.linalg.solve(mass, applied[heavy]),
     )
-    of_z[heavy], of_z[light] = np.eye(len(heavy)), follow_z
-    of_p[light] = solve[:, :rank]
-    of_u[heavy], of_u[light] = (
-        shift,
-        follow_z @ shift
-        + solve
-        @ np.concatenate([-resisted @ c_s[light], unresisted @ (force[light] - k_s[light])]),
-    )
-    z, w, p = (
-        slice(n, m)
-        for n, m in (
-            (0, len(heavy)),
-            (len(heavy), 2 * len(heavy)),
-            (2 * len(heavy), 2 * len(heavy) + rank),
-        )
-    )
-    a, b = np.zeros((p.stop, p.stop)), np.zeros((p.stop, moves.shape[1]))
-    a[z, w] = np.eye(len(heavy))
-    a[z, z] = -np.linalg.solve(mass, _sum(c_hh, c_hl, follow_z))
-    a[w, z] = -np.linalg.solve(mass, _sum(k_hh, k_hl, follow_z))
-    a[p, z] = -resisted @ _sum(k_lh, k_ll, follow_z)
-    a[z, p], a[w, p], a[p, p] = (
-        -np.linalg.solve(mass, c[heavy] @ of_p),
-        -np.linalg.solve(mass, k[heavy] @ of_p),
-        -resisted @ k[light] @ of_p,
-    )
-    b[z] = -np.linalg.solve(mass, _sum(c_s[heavy], c[heavy], of_u))
-    b[w] = np.linalg.solve(mass, force[heavy] - _sum(k_s[heavy], k[heavy], of_u))
-    b[p] = resisted @ (force[light] - _sum(k_s[light], k[light], of_u))
-    sensed = rows[:, block.kept]
-    sensed_z, sensed_p = sensed @ of_z, sensed @ of_p
+    rates[z, w] += np.eye(count)
+    rates[p] = resisted @ applied[light]
+    sensed = rows[:, kept] @ q
     leading = light[qr(resisted, mode="r", pivoting=True)[-1][:rank]] if rank else light[:0]
-    return _Part(
-        a,
-        b,
-        np.concatenate([sensed_z, np.zeros_like(sensed_z), sensed_p], axis=1),
-        sensed @ of_u,
-        (("", block.kept[heavy]), (" rate", block.kept[heavy]), (" momentum", block.kept[leading])),
-    )
+    names = ("", kept[heavy]), (" rate", kept[heavy]), (" momentum", kept[leading])
+    return _Part(rates[:, : u.start], rates[:, u], sensed[:, : u.start], sensed[:, u], names)
 
 
 def _sum(
@@ -319,37 +274,53 @@ def _sum(
     return np.where(np.abs(total) > 64 * np.finfo(float).eps * size, total, 0.0)
 
 
-def _equivalent(
-    block: Condensed,
-    mass: Float[np.ndarray, "kept kept"],
-    light: Int[np.ndarray, " light"],
-) -> Float[np.ndarray, "kept kept"]:
-    """Viscous damping of a block's coordinates with mass, equivalent to all its loss angles."""
-    whole = block.stiffness[:, 6:]
-    heavy = np.setdiff1d(np.arange(len(whole)), light)
-    across = whole[np.ix_(light, heavy)]
-    reduced = whole[np.ix_(heavy, heavy)]
-    reduced = reduced - across.T @ np.linalg.solve(whole[np.ix_(light, light)], across)
-    return equivalent_damping(mass, np.real(reduced), np.imag(reduced))
+def _equivalent_damping(model: LinearSystem) -> Float[np.ndarray, "coordinate coordinate"]:
+    """Viscous damping that gives each mode the Q of the loss angles.
 
-
-def equivalent_damping(
-    mass: Float[np.ndarray, "coordinate coordinate"],
-    stiffness: Float[np.ndarray, "coordinate coordinate"],
-    loss: Float[np.ndarray, "coordinate coordinate"],
-) -> Float[np.ndarray, "coordinate coordinate"]:
-    """Viscous damping that gives each mode of a block the Q of its loss angles.
-
-    With M, Re K (`stiffness`) and K'' = Im K (`loss`), a mode v of unit modal mass has the loss
-    angle eta = v^T K'' v / omega^2, and C = M (sum over modes of v eta omega v^T) M damps it as
-    much.
+    With modes v of unit modal mass, C = sum over modes of omega / Q (M v) (M v)^T.
     """
-    root = np.linalg.inv(np.linalg.cholesky(mass))
-    values, vectors = np.linalg.eigh(root @ stiffness @ root.T)
-    shapes = root.T @ vectors
-    dissipated = np.einsum("im,ij,jm->m", shapes, loss, shapes)
-    rate = np.where(values > 0, dissipated / np.sqrt(np.where(values > 0, values, 1.0)), 0.0)
-    return mass @ (shapes * rate) @ shapes.T @ mass
+    if model.lossy is None:
+        return np.zeros(model.mass.shape)
+    squared, per_q, momentum = _undamped_modes(replace(model, damping=0 * model.damping))
+    return (momentum * np.sqrt(np.maximum(squared, 0.0)) * per_q) @ momentum.T
+
+
+def _undamped_modes(
+    model: LinearSystem,
+) -> tuple[
+    Float[np.ndarray, " mode"], Float[np.ndarray, " mode"], Float[np.ndarray, "coordinate mode"]
+]:
+    """omega^2, 1/Q (0 for an unstable mode) and momenta M v of modes v of unit modal mass."""
+    from suspension_cli.linear import batch_modes, eigenmodes
+
+    modes = eigenmodes.solve(model)
+    lossy = np.isfinite(modes.q) & (modes.omega_squared > 0)
+    per_q = np.where(lossy, 1 / np.where(lossy, modes.q, 1.0), 0.0)
+    return modes.omega_squared, per_q, model.mass @ batch_modes.solve(model).motion.T
+
+
+def with_constant_loss(model: LinearSystem) -> LinearSystem:
+    """Replace terms that depend on frequency by a constant loss that gives every mode its Q.
+
+    For a system without batch axes and without wires that have mass. State spaces and closed loops
+    need constant matrices. With mode shapes v of unit modal mass, K'' = sum over modes of
+    (omega^2 / Q) (M v) (M v)^T keeps the width of each resonance. Between and far above the
+    resonances the losses differ from the design's.
+    """
+    if not model.terms:
+        return model
+    # dampers are constant already
+    squared, per_q, momentum = _undamped_modes(replace(model, damping=0 * model.damping))
+    relative = np.eye(model.size)  # rigid motion is lossless
+    relative[:, :6] = 0.0 if model.rigid is None else -model.rigid
+    relative[:6, :6] = 0.0
+    loss = relative.T @ ((momentum * (squared * per_q)) @ momentum.T) @ relative
+    loss = 0.5j * (loss + loss.T)
+    stretched = model.stretched
+    if stretched is not None:
+        stretched = replace(stretched, soft=np.real(stretched.soft) + loss)
+    lossy = model.stiffness + loss if per_q.any() else None
+    return replace(model, terms=(), lossy=lossy, stretched=stretched)
 
 
 class TransferMatrix(Protocol):

@@ -24,10 +24,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.conventions import PARITY_X, PARITY_Y
-from suspension_cli.linear.connected_groups import connected_groups
+from suspension_cli.linear.elimination import connected_groups
 from suspension_cli.scene.arrays import frames, inner_axes, signed
 from suspension_cli.scene.pose import Layout
 from suspension_cli.scene.scene import Scene
+from suspension_cli.scene.stack import select_scenes
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -46,6 +47,8 @@ ROUNDING = 1e-13
 ones must equal exactly."""
 
 
+CENTRED = 1e-9
+"""Sum of odd numbers over members, relative to the largest, that may be rounding."""
 ODD = (3, 5, 7)
 """Odd numbers of equal wires, blades or legs around z that are looked for."""
 
@@ -107,13 +110,12 @@ class Symmetry:
 
 def find_symmetry(scene: Scene, numbering: Layout) -> Symmetry:
     """Find the mirror symmetries of a scene, or those common to a batch of scenes."""
-    equal = _equal_members(scene)
     operators, mirrors = [], []
     size = numbering.size
     allowed = np.ones((size, size), dtype=bool)
     within: list[Bool[np.ndarray, "coordinate coordinate"]] = []
     for axis in (0, 1):
-        whole = _tip_operator(scene, axis, equal)
+        whole = _tip_operator(scene, axis)
         if whole is not None:
             mirrors.append(axis)
             operators.append(_operator(scene, numbering, axis, whole))
@@ -122,7 +124,7 @@ def find_symmetry(scene: Scene, numbering: Layout) -> Symmetry:
         for chain in _chains(scene):
             own = None
             if np.all(_has_mirror(scene, axis, chain)):
-                own = _tip_operator(_seen_from(scene, chain[0]), axis, equal, chain)
+                own = _tip_operator(_seen_from(scene, chain[0]), axis, chain)
             if own is not None:
                 operators.append(_operator(scene, numbering, axis, own))
                 within.append(_within_chain(scene, numbering, chain, axis))
@@ -245,19 +247,45 @@ def _adapted_basis(
 
 def is_mirror_symmetric(scene: Scene) -> Bool[np.ndarray, "*batch 2"]:
     """Whether each scene of a batch is symmetric in x and in y."""
-    equal = _equal_members(scene)
-    found = [np.broadcast_to(_mirror(scene, axis, equal)[0], scene.batch) for axis in (0, 1)]
-    return np.stack(found, axis=-1)
+    result = np.zeros((*scene.batch, 2), dtype=bool)
+    for axis in (0, 1):
+        possible = np.broadcast_to(_is_centred(scene, axis), scene.batch)
+        if possible.any():
+            some = select_scenes(scene, possible) if scene.batch else scene
+            result[possible, axis] = _mirror(some, axis)[0]
+    return result
+
+
+def _is_centred(scene: Scene, axis: int) -> Bool[np.ndarray, "*#batch"]:
+    """Whether sums of all that is odd in a mirror cancel: a quick necessary condition.
+
+    The sums are over the members of a part, weighted with their scalars, which images share.
+    """
+    result, odd = _has_mirror(scene, axis), np.array((PARITY_X, PARITY_Y)[axis]) < 0
+    for name, part in scene.parts.items():
+        if name == "bodies" or not part.label:
+            continue
+        axes, vectors = inner_axes(type(part)), signed(type(part))
+        weight = 1.0
+        for values in (getattr(part, field) for field, inner in axes.items() if inner == 1):
+            largest = np.abs(values).max(-1, keepdims=True)
+            weight = weight + np.abs(values) / np.where(largest == 0, 1.0, largest)
+        for field in (field for field, inner in axes.items() if inner == 2 and vectors[field][0]):
+            values = getattr(part, field)
+            own = values[..., odd[: values.shape[-1]]] * np.asarray(weight)[..., None]
+            limit = CENTRED * np.abs(own).max((-2, -1), keepdims=True)[..., 0]
+            result = result & (np.abs(own.sum(-2)) <= limit).all(-1)
+    return result
 
 
 def _tip_operator(
-    scene: Scene, axis: int, equal: Pairs, chain: Int[np.ndarray, " body"] | None = None
+    scene: Scene, axis: int, chain: Int[np.ndarray, " body"] | None = None
 ) -> Float[np.ndarray, "blade blade"] | None:
     """Matrix of a mirror of x (axis 0) or y (1) for the blades, without the sign of directions.
 
     None unless all scenes of a batch have that symmetry (those bodies of a `chain` alone).
     """
-    symmetric, images = _mirror(scene, axis, equal, chain)
+    symmetric, images = _mirror(scene, axis, chain)
     if not np.all(symmetric):
         return None
     count = len(scene.blades.label)
@@ -294,7 +322,7 @@ def _mirrored_harmonics(
 
 
 def _mirror(
-    scene: Scene, axis: int, equal: Pairs, chain: Int[np.ndarray, " body"] | None = None
+    scene: Scene, axis: int, chain: Int[np.ndarray, " body"] | None = None
 ) -> tuple[Bool[np.ndarray, "*batch"], Pairs]:
     """Whether each scene is symmetric in x (axis 0) or y (1), and its members that are images.
 
@@ -312,16 +340,16 @@ def _mirror(
             for name, own in pairs.items()
         }
 
-    pairs = _images(scene, equal, np.diag((PARITY_X, PARITY_Y)[axis]))
+    pairs = _images(scene, np.diag((PARITY_X, PARITY_Y)[axis]))
     lacking = lack_images(pairs)
     orders = _orders(scene, lacking)
     other = _has_mirror(scene, 1 - axis, chain)
     if orders and other.any() and not scene.blades.axes[:, :2].any():
-        images = _images(scene, equal, np.diag((PARITY_X, PARITY_Y)[1 - axis]))
+        images = _images(scene, np.diag((PARITY_X, PARITY_Y)[1 - axis]))
         for none in lack_images(images).values():
             other = other & ~none.any(-1)
         for order in orders:
-            turned = _images(scene, equal, rotation_about_z(2 * np.pi / order), exact=False)
+            turned = _images(scene, rotation_about_z(2 * np.pi / order), exact=False)
             for name, own in turned.items():
                 found = lacking[name] & _has_one_image(own) & other[..., None]
                 lacking[name] = lacking[name] & ~found
@@ -384,26 +412,10 @@ def rotation_about_z(angle: float) -> Float[np.ndarray, "6 6"]:
     return np.kron(np.eye(2), once)
 
 
-def _images(
-    scene: Scene, equal: Pairs, operation: Float[np.ndarray, "6 6"], *, exact: bool = True
-) -> Pairs:
-    """Pair the members of all parts that a mirror or rotation maps onto each other."""
-    pairs = {
-        name: own & _alike(scene.parts[name], operation, exact=exact) for name, own in equal.items()
-    }
-    if scene.fibres is not None and "wires" in pairs:
-        pairs["wires"] = pairs["wires"] & _wire_images(scene.fibres.wire, operation[:3, :3])
-    if "blades" in pairs:
-        blade = scene.wires.blade
-        carried = np.where(blade[:, None] >= 0, pairs["blades"][..., blade[:, None], blade], True)
-        pairs["wires"] = pairs["wires"] & _equal_items(blade < 0) & carried
-    return pairs
-
-
-def _equal_members(scene: Scene) -> Pairs:
-    """Pair members of all parts but bodies that are equal but for vectors."""
+def _images(scene: Scene, operation: Float[np.ndarray, "6 6"], *, exact: bool = True) -> Pairs:
+    """Pair the members of all parts but bodies that a mirror or rotation maps onto each other."""
     parts = {name: part for name, part in scene.parts.items() if name != "bodies" and part.label}
-    pairs = {name: _alike(part) for name, part in parts.items()}
+    pairs = {name: _alike(part, operation, exact=exact) for name, part in parts.items()}
     if scene.fibres is not None:
         blades, springs = (
             {row.label: replace(row, label="") for row in rows}
@@ -416,34 +428,35 @@ def _equal_members(scene: Scene) -> Pairs:
         }
         for name in pairs.keys() & composition.keys():
             pairs[name] = pairs[name] & _equal_items(composition[name])
+        if "wires" in pairs:
+            pairs["wires"] = pairs["wires"] & _wire_images(scene.fibres.wire, operation[:3, :3])
+    if "blades" in pairs:
+        blade = scene.wires.blade
+        carried = np.where(blade[:, None] >= 0, pairs["blades"][..., blade[:, None], blade], True)
+        pairs["wires"] = pairs["wires"] & _equal_items(blade < 0) & carried
     return pairs
 
 
 def _alike(
-    part: DataclassInstance,
-    operation: Float[np.ndarray, "6 6"] | None = None,
-    *,
-    exact: bool = True,
+    part: DataclassInstance, operation: Float[np.ndarray, "6 6"], *, exact: bool
 ) -> Bool[np.ndarray, "*#batch member member"]:
-    """Pair members of a part whose vectors are images in a mirror or rotation.
+    """Pair members of a part that are equal, and whose vectors are images in a mirror or rotation.
 
-    Without one, those that are equal in all else. Computed numbers, and all unless `exact`, may
-    differ by rounding.
+    Computed numbers, and all vectors unless `exact`, may differ by rounding.
     """
     kind, pairs = type(part), np.ones((1, 1), dtype=bool)
     for name, (is_vector, is_computed) in signed(kind).items():
         values, own = getattr(part, name), inner_axes(kind).get(name)
-        if name in APART or is_vector != (operation is not None):
+        if name in APART:
             continue
         if own is None:
             pairs = pairs & _equal_items(values)
             continue
         shape = values.shape[values.ndim - own + 1 :]
         flat = values.reshape(*values.shape[: values.ndim - len(shape)], math.prod(shape))
-        images = flat
-        if operation is not None:
-            images = flat @ _on_components(shape, operation).T
-        pairs = pairs & (_close if is_computed or not exact else _equal)(flat, images)
+        images = flat @ _on_components(shape, operation).T if is_vector else flat
+        rounded = is_computed or (is_vector and not exact)
+        pairs = pairs & _equal(flat, images, ROUNDING if rounded else 0.0)
     return pairs
 
 
@@ -464,13 +477,12 @@ def _wire_images(
     pairs = np.ones((len(fibres), len(fibres)), dtype=bool)
     for end in (0, 1):
         clamps = np.array([fibre.clamp[end] for fibre in fibres]).reshape(-1, 3)
-        pairs = pairs & _close(clamps, clamps @ operation.T)
+        pairs = pairs & _equal(clamps, clamps @ operation.T, ROUNDING)
     planes = np.array([fibre.plane for fibre in fibres]).reshape(-1, 3)
     turned = planes @ operation.T
-    has_plane = ~np.array(
-        [all(section.round for section in fibre.sections) for fibre in fibres], dtype=bool
-    )
-    return pairs & (_close(planes, turned) | _close(planes, -turned) | ~has_plane)
+    is_round = [all(section.round for section in fibre.sections) for fibre in fibres]
+    either = _equal(planes, turned, ROUNDING) | _equal(planes, -turned, ROUNDING)
+    return pairs & (either | np.array(is_round, dtype=bool))
 
 
 def _equal_items(items: Sequence[object] | np.ndarray) -> Bool[np.ndarray, "item item"]:
@@ -484,15 +496,8 @@ def _equal_items(items: Sequence[object] | np.ndarray) -> Bool[np.ndarray, "item
 def _equal(
     values: Inexact[np.ndarray, "*batch item component"],
     images: Inexact[np.ndarray, "*batch item component"],
+    tolerance: float,
 ) -> Bool[np.ndarray, "*batch item item"]:
-    """Pair items that equal the image of another exactly."""
-    return (values[..., :, None, :] == images[..., None, :, :]).all(-1)
-
-
-def _close(
-    values: Inexact[np.ndarray, "*batch item component"],
-    images: Inexact[np.ndarray, "*batch item component"],
-) -> Bool[np.ndarray, "*batch item item"]:
-    """Pair items that equal the image of another but for rounding."""
-    scale = np.abs(values).max((-2, -1), initial=0.0)[..., None, None, None]
-    return (np.abs(values[..., :, None, :] - images[..., None, :, :]) <= ROUNDING * scale).all(-1)
+    """Pair items that equal the image of another, but for a fraction of the largest component."""
+    limit = tolerance * np.abs(values).max((-2, -1), initial=0.0)[..., None, None, None]
+    return (np.abs(values[..., :, None, :] - images[..., None, :, :]) <= limit).all(-1)

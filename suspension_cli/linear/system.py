@@ -1,4 +1,10 @@
-"""Linear system of small motions: the result of every model, the input of every analysis."""
+"""Linear system of small motions: the result of every model, the input of every analysis.
+
+An elongation e = a . x of a wire stores k (a . x)^2 / 2, so a stiffness is a soft part plus a sum
+of k a a^T. In one double the sum of k and of a blade's stiffness 1e10 times smaller keeps six
+digits of the latter, and eliminating the blade's tip squares that loss. In responses (`pencil`) and
+modes (`batch_modes`) k enters as a compliance, to which that of a blade is added.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.conventions import DOFS
-from suspension_cli.linear.connected_groups import connected_groups
+from suspension_cli.linear.elimination import connected_groups
 from suspension_cli.linear.frequency_terms import EvaluatedWires, Term
-from suspension_cli.linear.stretching import Stretching
 from suspension_cli.scene.arrays import Index
 
 if TYPE_CHECKING:
@@ -43,6 +48,33 @@ class Ground:
             np.pad(self.damping, rows),
             tuple(term.spread(np.eye(size, size + count)) for term in self.terms),
         )
+
+
+@dataclass(frozen=True)
+class Stretching:
+    """Elongations and stiffnesses of wires, of one design or many builds.
+
+    Attributes
+    ----------
+    form
+        Elongation of each wire per coordinate.
+    stiffness
+        N/m; complex if lossy.
+    soft
+        The stiffness without the stretching; complex if lossy.
+    """
+
+    form: Float[np.ndarray, "*batch wire coordinate"]
+    stiffness: Inexact[np.ndarray, "*#batch wire"]
+    soft: Inexact[np.ndarray, "*batch coordinate coordinate"]
+
+    def whole(
+        self, allowed: Bool[np.ndarray, "coordinate coordinate"]
+    ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
+        """The stiffness, exactly symmetric; that of the stretching where it is allowed."""
+        pulled = np.swapaxes(self.form, -1, -2) * self.stiffness[..., None, :]
+        stretching = np.where(allowed, pulled @ self.form, 0.0)
+        return self.soft + (stretching + np.swapaxes(stretching, -1, -2)) / 2
 
 
 @dataclass(frozen=True)
@@ -86,6 +118,8 @@ class LinearSystem:
     active
         Whether springs, links or dampers may give power to the motion. Else all losses are
         positive, and a negative one is a rounding error.
+    within_symmetry
+        Elements of a matrix of wires that the symmetry allows; None if all.
     top
         Number (from 0) of the body that hangs from the support in the chain of each body; () if
         that is the first body for all.
@@ -107,6 +141,7 @@ class LinearSystem:
     rigid: Float[np.ndarray, "*#batch coordinate 6"] | None = None
     ground: Ground | None = None
     active: bool = False
+    within_symmetry: Bool[np.ndarray, "coordinate coordinate"] | None = None
     top: tuple[int, ...] = ()
 
     @property
@@ -126,7 +161,9 @@ class LinearSystem:
             rest = replace(self, terms=self.terms[len(ground.terms) :])
             moved = rest.spread(at_rest, 0.0, coupled(ground.stiffness), coupled(ground.damping))
             terms = (*ground.terms, *moved.terms)
-            self.prepared["ground"] = replace(moved, terms=terms, rigid=None, ground=None)
+            self.prepared["ground"] = replace(
+                moved, terms=terms, rigid=None, ground=None, within_symmetry=self.within_symmetry
+            )
         return self.prepared["ground"]
 
     def spread(
@@ -144,12 +181,15 @@ class LinearSystem:
         def change(matrix: np.ndarray) -> np.ndarray:
             return from_new.T @ matrix @ from_new
 
-        lossy, own = self.lossy, self.stretched
+        lossy, own, allowed = self.lossy, self.stretched, self.within_symmetry
         if lossy is None and np.iscomplexobj(stiffness):
             lossy = self.stiffness
         if own is not None:
             added = np.real(stiffness) if lossy is None else stiffness
-            own = replace(own.spread(from_new), soft=change(own.soft) + added)
+            own = replace(own, form=own.form @ from_new, soft=change(own.soft) + added)
+        if allowed is not None:
+            reach = (from_new != 0).astype(float)
+            allowed = reach.T @ allowed @ reach > 0
         return replace(
             self,
             mass=change(self.mass) + mass,
@@ -158,6 +198,7 @@ class LinearSystem:
             lossy=None if lossy is None else change(lossy) + stiffness,
             stretched=own,
             terms=tuple(term.spread(from_new) for term in self.terms),
+            within_symmetry=allowed,
         )
 
     @property
@@ -173,13 +214,16 @@ class LinearSystem:
         def take(array: Any, axes: int = 2) -> Any:
             return array if array is None or np.ndim(array) == axes else array[which]
 
+        own = self.stretched
+        if own is not None:
+            own = Stretching(take(own.form), take(own.stiffness, 1), take(own.soft))
         return replace(
             self,
             mass=take(self.mass),
             stiffness=take(self.stiffness),
             damping=take(self.damping),
             lossy=take(self.lossy),
-            stretched=None if self.stretched is None else self.stretched.select(which),
+            stretched=own,
             orientation=take(self.orientation, 3),
             terms=tuple(term.select(which) for term in self.terms),
             rigid=take(self.rigid),
@@ -193,25 +237,21 @@ class LinearSystem:
         """
         if not self.terms:
             return self
-        own = self.stretched
+        own, count = self.stretched, len(omega)
         soft = self.complete if own is None else own.soft
-        dynamic = np.empty((len(omega), self.size, self.size), dtype=complex)
-        dynamic[...] = soft
-        stiff = None if own is None else np.empty((len(omega), own.form.shape[-2]), dtype=complex)
-        if own is not None and stiff is not None:
-            stiff[...] = own.stiffness
+        dynamic = np.empty((self.size, self.size, count), dtype=complex)  # builds last in memory
+        dynamic[...] = np.moveaxis(np.atleast_3d(soft.T).T, 0, -1)
+        if own is not None:
+            stiffness = np.empty((count, own.form.shape[-2]), dtype=complex)
+            stiffness[...] = own.stiffness
+            own = replace(own, soft=np.moveaxis(dynamic, -1, 0), stiffness=stiffness)
         for term in self.terms:
             here = term.at(omega)
-            added, runs = here.stiffness, _runs(term.columns)
-            for rows, own_rows in runs:
-                for columns, own_columns in runs:
-                    dynamic[:, rows, columns] += added[:, own_rows, own_columns]
-            if stiff is not None and isinstance(here, EvaluatedWires):
-                stiff[:, here.term.number] = np.atleast_2d(1 / here.compliance).T
-        stretched = own
-        if own is not None and stiff is not None:
-            stretched = replace(own, soft=dynamic, stiffness=stiff)
-        return replace(self, terms=(), lossy=dynamic, stretched=stretched)
+            at = term.columns[:, None], term.columns
+            dynamic[at] += self.allowed[at][..., None] * np.moveaxis(here.stiffness, 0, -1)
+            if own is not None and isinstance(here, EvaluatedWires):
+                own.stiffness[:, here.term.number] = np.atleast_2d(1 / here.compliance).T
+        return replace(self, terms=(), lossy=np.moveaxis(dynamic, -1, 0), stretched=own)
 
     @property
     def size(self) -> int:
@@ -222,7 +262,13 @@ class LinearSystem:
     def complete(self) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
         """Whole stiffness, complex if lossy, without the terms."""
         static = self.stiffness if self.lossy is None else self.lossy
-        return static if self.stretched is None else self.stretched.whole
+        return static if self.stretched is None else self.stretched.whole(self.allowed)
+
+    @property
+    def allowed(self) -> Bool[np.ndarray, "coordinate coordinate"]:
+        """Elements of a matrix that the symmetry allows."""
+        every = np.ones((self.size, self.size), dtype=bool)
+        return every if self.within_symmetry is None else self.within_symmetry
 
     @property
     def batch(self) -> tuple[int, ...]:
@@ -247,6 +293,7 @@ class LinearSystem:
         coupled = np.zeros((self.size, self.size), dtype=bool)
         for term in self.terms:
             coupled[np.ix_(term.columns, term.columns)] |= term.compact.any(0)
+        coupled &= self.allowed
         for matrix in (
             self.mass,
             self.stiffness,
@@ -256,14 +303,3 @@ class LinearSystem:
             coupled |= (matrix != 0).reshape(-1, self.size, self.size).any(0)
         # without the support; a damper may sense one body and push another
         return tuple(group + 6 for group in connected_groups(coupled[6:, 6:]))
-
-
-def _runs(columns: Int[np.ndarray, " column"]) -> list[tuple[slice, slice]]:
-    """Runs of consecutive coordinates, and where each stands among all of `columns`."""
-    parts = np.split(columns, np.flatnonzero(np.diff(columns) > 1) + 1)
-    starts = np.cumsum([0, *map(len, parts)]).tolist()
-    return [
-        (slice(part[0], part[-1] + 1), slice(start, start + len(part)))
-        for part, start in zip(parts, starts, strict=False)
-        if len(part)
-    ]

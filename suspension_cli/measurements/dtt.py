@@ -37,10 +37,9 @@ from xml.parsers import expat
 
 import numpy as np
 
-from suspension_cli.design.faults import suggest
-from suspension_cli.errors import Fault, InputError, format_value, one_line
+from suspension_cli.errors import Fault, InputError, format_value, one_line, suggest
 from suspension_cli.files import bounded
-from suspension_cli.measurements.columns import Points, check_points
+from suspension_cli.files.columns import Columns
 
 if TYPE_CHECKING:
     from jaxtyping import Float, Inexact
@@ -53,21 +52,14 @@ Pair = tuple[str, str]
 """Channels (input, output)."""
 Trace = tuple[np.ndarray, np.ndarray, float | None]
 """Frequencies, values and the number of averages."""
-_KINDS = {
-    ("TransferFunction", 0): ("transfer", False),
-    ("TransferFunction", 3): ("transfer", True),
-    ("TransferFunction", 6): ("transfer", True),
-    ("TransferFunction", 2): ("coherence", False),
-    ("TransferFunction", 5): ("coherence", True),
-    ("TransferFunction", 7): ("coherence", True),
-    ("Spectrum", 1): ("amplitude", False),
-    ("Spectrum", 5): ("amplitude", True),
-    ("Spectrum", 2): ("cross", False),
-    ("Spectrum", 6): ("cross", True),
-    ("Spectrum", 3): ("coherence", False),
-    ("Spectrum", 7): ("coherence", True),
+_CONTENTS = {
+    "TransferFunction": dict.fromkeys((0, 3, 6), "transfer")
+    | dict.fromkeys((2, 5, 7), "coherence"),
+    "Spectrum": dict.fromkeys((1, 5), "amplitude")
+    | dict.fromkeys((2, 6), "cross")
+    | dict.fromkeys((3, 7), "coherence"),
 }
-"""Content of results by type and subtype, and whether their frequencies come first."""
+"""Content of results by type and subtype; from subtype 3 or 4 on their frequencies come first."""
 
 
 @dataclass(frozen=True)
@@ -96,8 +88,8 @@ class Dtt:
         ]
         return list(dict.fromkeys([*self.transfer, *both]))
 
-    def points(self, into: str | None, out: str | None) -> Points:
-        """Return the transfer function between two channels.
+    def columns(self, into: str | None, out: str | None) -> Columns:
+        """Return the transfer function between two channels, and its coherence.
 
         Parameters
         ----------
@@ -110,22 +102,18 @@ class Dtt:
             If there is none, with the channels of the file.
         """
         pair = self._pair(into, out)
-        if pair in self.transfer:
-            frequency, value, averages = self.transfer[pair]
-        else:
-            frequency, value, averages = self._from_spectra(pair)
-        coherence = np.full(len(frequency), np.nan)
-        found = self.coherence.get(pair) or self.coherence.get((pair[1], pair[0]))
-        if found is not None and len(found[1]) == len(frequency):
-            coherence = np.asarray(found[1], dtype=float)
+        found = self.transfer.get(pair) or self._from_spectra(pair)
+        frequency, value, averages = found
+        held = {"frequency": frequency, "value": value}
+        coherence = self.coherence.get(pair) or self.coherence.get((pair[1], pair[0]))
+        if coherence is not None and len(coherence[1]) == len(frequency):
+            held["coherence"] = coherence[1]
         # an aborted sweep ends in frequencies of 0, and a spectrum says nothing there
         order = np.argsort(frequency, kind="stable")
         order = order[frequency[order] > 0]
-        unknown = np.full(len(order), np.nan)
-        points = Points(frequency[order], value[order], unknown, coherence[order], averages)
-        if len(order):
-            check_points(points, lambda n: f"point {order[n] + 1} of {pair[1]}/{pair[0]}")
-        return points
+        kept = [values[order] for values in held.values()]
+        place = lambda n: f"point {order[n] + 1} of {pair[1]}/{pair[0]}"  # noqa: E731
+        return Columns([*held], kept.__getitem__, place, noun="trace", averages=averages)
 
     def _from_spectra(self, pair: Pair) -> Trace:
         into, out = pair
@@ -186,10 +174,10 @@ def read(path: Path) -> Dtt:
     for node in stored:
         parameters = {one.get("Name", ""): (one.text or "").strip() for one in node.iter("Param")}
         try:
-            subtype = int(parameters.get("Subtype", ""))
-            kind = _KINDS.get((node.get("Type", ""), subtype))
-            if kind is not None:
-                _add(found, node, parameters, *kind)
+            kind, subtype = node.get("Type", ""), int(parameters.get("Subtype", ""))
+            if content := _CONTENTS.get(kind, {}).get(subtype):
+                own_frequencies = subtype > (2 if kind == "TransferFunction" else 3)
+                _add(found, node, parameters, content, own_frequencies)
         except (KeyError, ValueError, binascii.Error) as error:
             problem = f"cannot be read ({_reason(error)})"
             fault = Fault(node.get("Name", ""), problem, AGAIN)

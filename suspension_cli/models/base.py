@@ -99,14 +99,6 @@ class Model(ABC):
     def batch(self, designs: Sequence[Design]) -> LinearSystem:
         """Suspensions of designs of one `batch_key` as one linear model, designs as first axis."""
         (design,) = designs
-        return _as_batch(self.suspension(design))
-
-
-def _as_batch(model: LinearSystem) -> LinearSystem:
-    """A model as a batch of one."""
-    return replace(
-        model,
-        mass=model.mass[None],
-        stiffness=model.stiffness[None],
-        lossy=None if model.lossy is None else model.lossy[None],
-    )
+        model = self.suspension(design)
+        lossy = None if model.lossy is None else model.lossy[None]
+        return replace(model, mass=model.mass[None], stiffness=model.stiffness[None], lossy=lossy)

@@ -97,9 +97,8 @@ def _wire_terms(
                 )
             motion[part] = moved[..., :-1]
         stage = scene.bodies.name[wires.lower[alike[0]] - 1]
-        allowed = np.ones((numbering.size,) * 2, dtype=bool)
-        term = WireTerm(stage, strand, number, columns, motion, allowed).spread(adapted.basis)
-        terms.append(replace(term, allowed=adapted.allowed))
+        term = WireTerm(stage, strand, number, columns, motion, numbering.size)
+        terms.append(term if adapted.trivial else term.spread(adapted.basis))
     return terms
 
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
@@ -31,12 +32,14 @@ from suspension_cli.models.registry import AUTO, Choice
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
-    from jaxtyping import Complex, Float, Int
+    from jaxtyping import Complex, Float, Inexact, Int
 
     Comparison = Callable[[Model, Model], tuple[float, str]]
     """The largest relative change of results from a model to a more complete one, and which result
     changes; if it is infinite or (NaN) unknown, why."""
 
+ONE_MODEL_ONLY = "some builds have an equilibrium in only one of the models"
+NO_BUILD = "no build that was compared has an equilibrium"
 TOLERANCE = 1e-3
 """Relative error that `auto` allows by default."""
 SAMPLES = 12
@@ -175,6 +178,40 @@ class Systems:
         return lambda simple, refined: request(self(simple)).change(self(simple), self(refined))
 
 
+def compare_builds(solve: Callable[[Model], list[tuple[str, np.ndarray]]]) -> Comparison:
+    """Return the comparison of arrays of results of some builds, each relative to its largest.
+
+    `solve` computes them in one model, with their names; where the first is finite, a build has
+    results. The last may be missing in some models. The change is infinite if a build has results
+    in only one of the models.
+    """
+    known = cache(solve)
+
+    def change(simple: Model, refined: Model) -> tuple[float, str]:
+        old, new = known(simple), known(refined)
+        exists = [np.isfinite(found[0][1]) for found in (old, new)]
+        if (exists[0] != exists[1]).any():
+            return math.inf, ONE_MODEL_ONLY
+        if not exists[0].any():
+            return math.nan, NO_BUILD
+        pairs = zip(old, new, strict=False)
+        changes = [(relative_change(one, other), name) for (name, one), (_, other) in pairs]
+        return max((one for one in changes if not math.isnan(one[0])), key=lambda one: one[0])
+
+    return change
+
+
+def relative_change(
+    old: Inexact[np.ndarray, "*build"], new: Inexact[np.ndarray, "*build"]
+) -> float:
+    """Compute the largest change over the largest value; NaN if no build is known in both."""
+    known = np.isfinite(old) & np.isfinite(new)
+    if not known.any():
+        return math.nan
+    largest, change = (float(np.abs(value[known]).max()) for value in (new, old - new))
+    return change / largest if largest > 0 else 0.0 if change == 0 else math.inf
+
+
 class Results(Protocol):
     """Results of a design, whose error decides on the model."""
 
@@ -239,7 +276,7 @@ class Several:
     def changes(self, simple: LinearSystem, refined: LinearSystem) -> list[tuple[float, str]]:
         """Compute the change of each scalar; modes are paired by their shapes."""
         modes, changes = shifts(simple, refined)
-        here = _pairs(self.modes, modes, refined)
+        here = pair_bodies(self.modes, modes, refined)
         return [
             _described(float(changes[here[item.number]]), item.text, refined)
             if isinstance(item, Mode)
@@ -289,7 +326,7 @@ def shifts(simple: LinearSystem, refined: LinearSystem) -> tuple[Modes, Float[np
     changes = np.zeros(len(new.omega_squared))
     if simple.stiffness is not refined.stiffness:
         old = eigenmodes.solve(simple.constant)
-        a, b = old.omega_squared[_pairs(new, old, refined)], new.omega_squared
+        a, b = old.omega_squared[pair_bodies(new, old, refined)], new.omega_squared
         changes = np.where(b > 0, np.abs(np.sqrt(np.abs(a) / np.where(b > 0, b, 1.0)) - 1), 0.0)
         if old.stable != new.stable:
             changes[0] = np.inf
@@ -358,8 +395,11 @@ def _has_wire_mass(model: LinearSystem) -> bool:
     return any(isinstance(term, WireTerm) and term.strand.massive for term in model.terms)
 
 
-def _pairs(rows: Modes, columns: Modes, model: LinearSystem) -> Int[np.ndarray, " mode"]:
-    """Mode of one model that each mode of another is paired with by its shape."""
+def pair_bodies(rows: Modes, columns: Modes, model: LinearSystem) -> Int[np.ndarray, " mode"]:
+    """Mode of one model that each mode of another is paired with by its shape.
+
+    `model` has the masses of the bodies.
+    """
     count = 6 * len(model.body)
     mass = model.mass[6 : 6 + count, 6 : 6 + count]
     return pair_by_overlap(body_overlap(rows.shape, columns.shape, mass))

@@ -20,9 +20,8 @@ from suspension_cli.equilibrium.hinges import hinge_rigidities, to_hinges
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium, solve
 from suspension_cli.equilibrium.tree import chain_tops
-from suspension_cli.linear.stretching import Stretching
 from suspension_cli.linear.symmetry import Symmetry, find_symmetry, no_symmetry
-from suspension_cli.linear.system import Ground, LinearSystem
+from suspension_cli.linear.system import Ground, LinearSystem, Stretching
 from suspension_cli.models.base import BENDING, MASS, Model
 from suspension_cli.models.loss_terms import spring_terms
 from suspension_cli.rotations import rigid_motion
@@ -76,25 +75,18 @@ def linear_model(
     for number in np.flatnonzero(light):
         tips[numbering.blade[number][scene.blades.axes[number]]] = True
     soft, form = adapted.apply(balanced.soft), adapted.forms(balanced.form)
-    stretched = None
-    if scene.wires.label and len(scene.batch) <= 1:
-        k = np.broadcast_to(scene.wires.stiffness, form.shape[:-1])
-        stretched = Stretching(form, k, adapted.allowed, soft)
-    if stretched is None or scene.batch:
+    stretched = Stretching(form, np.broadcast_to(scene.wires.stiffness, form.shape[:-1]), soft)
+    if scene.batch:
         stiffness = adapted.apply(balanced.stiffness)
     else:
-        stiffness = stretched.whole
+        stiffness = stretched.whole(adapted.allowed)
     lossy = None
     if any(np.any(getattr(part, "loss", 0.0)) for part in scene.parts.values()):
-        whole = loss_matrix(scene, numbering, pose, stretching=stretched is None)
-        lossy = 1j * adapted.apply(whole)
-        if stretched is not None:
-            lost = stretched.stiffness * scene.wires.loss
-            soft_loss = lossy
-            lossy = 1j * replace(stretched, stiffness=lost, soft=np.imag(lossy)).whole
-            stiff = stretched.stiffness + 1j * lost
-            stretched = replace(stretched, stiffness=stiff, soft=stretched.soft + soft_loss)
-        lossy = stiffness + lossy
+        soft_loss = adapted.apply(loss_matrix(scene, numbering, pose))
+        loss = Stretching(form, stretched.stiffness * scene.wires.loss, soft_loss)
+        k = stretched.stiffness + 1j * loss.stiffness
+        stretched = Stretching(form, k, soft + 1j * soft_loss)
+        lossy = stiffness + 1j * loss.whole(adapted.allowed)
     terms, of_ground = spring_terms(scene, numbering, pose, adapted, tables=True)
     is_turned = np.abs(pose.turn).max() > 1e-13  # not only by a rounding error of Newton's method
     model = LinearSystem(
@@ -112,6 +104,7 @@ def linear_model(
         wire=scene.wires.label,
         rigid=rigid_motion(numbering.size, scene.bodies.position + pose.shift),
         terms=tuple(terms),
+        within_symmetry=None if adapted.allowed.all() else adapted.allowed,
         top=chain_tops(scene),
     )
     if not scene.springs.grounded.any():
@@ -165,8 +158,8 @@ def _on_ground(
     columns, resisted = whole[..., :6].copy(), damping[..., :6].copy()
     columns[..., :6, :], resisted[..., :6, :] = 0.0, 0.0
     lossy, stretched = model.lossy, model.stretched
-    if stretched is not None:
-        stretched = replace(stretched, soft=without_ground(stretched.soft, whole))
+    assert stretched is not None
+    stretched = replace(stretched, soft=without_ground(stretched.soft, whole))
     if lossy is not None:
         lost = without_ground(np.imag(lossy), loss)
         lossy = without_ground(np.real(lossy), stiffness) + 1j * lost
@@ -197,15 +190,13 @@ def damping_matrix(
 
 
 def loss_matrix(
-    scene: Scene, numbering: Layout, pose: Pose, *, stretching: bool = True
+    scene: Scene, numbering: Layout, pose: Pose
 ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
-    """Imaginary part of the stiffness: each elastic constant times its loss angle.
+    """Imaginary part of the stiffness but for wires: each elastic constant times its loss angle.
 
     Geometric stiffness (tension) is not lossy.
     """
-    lossy = [
-        item.add_loss for item in elements_of(scene) if stretching or item is not string.ELEMENT
-    ]
+    lossy = [item.add_loss for item in elements_of(scene) if item is not string.ELEMENT]
     return sum_forms(scene, numbering, pose, lossy)
 
 

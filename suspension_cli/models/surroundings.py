@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,9 +11,6 @@ from suspension_cli.design.derive import com_positions
 from suspension_cli.design.schema import Design, Support
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.rotations import cross_matrix
-
-if TYPE_CHECKING:
-    pass
 
 
 def surrounded(model: LinearSystem, design: Design) -> LinearSystem:

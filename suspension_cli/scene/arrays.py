@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import cache
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -59,19 +59,35 @@ def shared(*shape: int, dtype: type = float, default: int = 0) -> dict[str, Any]
     return {_SHAPE: (dtype, default, shape), _SHARED: True}
 
 
-def gather(kind: type[Part], rows: Sequence[Mapping[str, Any]]) -> Part:
-    """Pack members, given by the names of the fields, into a part without batch axes.
+Row = Mapping[str, Any]
+"""A member of a part, by the names of the fields; a number that it omits is the default, 0."""
 
-    A number that a member omits is 0, or the default of its field.
-    """
+
+def gather(kind: type[Part], rows: Sequence[Row]) -> Part:
+    """Pack members into a part without batch axes."""
+    return change_arrays(lambda _, values: values[0], gather_each(kind, [rows]))
+
+
+def gather_each(kind: type[Part], lists: Sequence[Sequence[Row]]) -> Part:
+    """Pack lists of members of one `topology` into a part with the lists as its batch axis."""
     made: dict[str, Any] = {}
     for name, blank in _blanks(kind):
-        values = [row.get(name, blank) for row in rows]
         if blank is None:
-            made[name] = tuple(values)
-        else:
-            made[name] = np.array(values, blank.dtype) if rows else blank[None][:0]
+            made[name] = tuple(row.get(name) for row in lists[0])
+            continue
+        each = lists if name in inner_axes(kind) else lists[:1]
+        values = [[row.get(name, blank) for row in rows] for rows in each]
+        made[name] = np.array(values, blank.dtype).reshape(len(each), -1, *blank.shape)
+        if name not in inner_axes(kind):
+            made[name] = made[name][0]
     return kind(**made)
+
+
+def topology(kind: type[DataclassInstance], rows: Sequence[Row]) -> tuple[Hashable, ...]:
+    """What members have in common with those of the other scenes of a batch: no numbers."""
+    names = [name for name, _ in _blanks(kind) if name not in inner_axes(kind)]
+    values = [row.get(name) for row in rows for name in names]
+    return tuple(one.tobytes() if isinstance(one, np.ndarray) else one for one in values)
 
 
 @cache

@@ -6,8 +6,10 @@ them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+import math
+from collections.abc import Hashable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,29 +17,113 @@ import numpy as np
 from suspension_cli.conventions import DOFS
 from suspension_cli.design.bodies import body_inertia, body_mass
 from suspension_cli.design.derive import (
+    Keystone,
     blade_loss,
     blade_stiffness,
     gives_natural_lengths,
+    gravity_field,
     gravity_strength,
     set_geometry,
     wire_loss,
     wire_mass_moments,
     wire_stiffness,
 )
-from suspension_cli.design.keystones import Keystone
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.wires import Wire, WireSet
 from suspension_cli.errors import Fault, InputError
-from suspension_cli.scene import links, tensions, towers
-from suspension_cli.scene.arrays import Array, Index, gather
-from suspension_cli.scene.gravity import field_of
+from suspension_cli.scene import links, stack, tensions, towers
+from suspension_cli.scene.arrays import Array, Index, gather_each, topology
 from suspension_cli.scene.places import Places
-from suspension_cli.scene.scene import Bars, Blades, Bodies, Scene, Springs, Wires
+from suspension_cli.scene.scene import Bars, Blades, Bodies, Field, Scene, Springs, Wires
 
 if TYPE_CHECKING:
     from jaxtyping import Float
 
     from suspension_cli.scene.towers import Row
+
+
+@dataclass(frozen=True)
+class Members:
+    """Bodies and members of all parts of one design, before the loads are known.
+
+    Attributes
+    ----------
+    wires, blades
+        Of each stage. Besides their arrays: whether the tension of a wire is `fixed` by the design,
+        or follows from a `natural` length, so that the pose is solved for; the `given` load of a
+        blade, else NaN.
+    struts, bars
+        Of all legs.
+    springs
+        Of each stage.
+    joining
+        Links and dampers.
+    """
+
+    design: Design
+    places: Places
+    wires: list[list[Row]]
+    blades: list[list[Row]]
+    struts: list[Row]
+    bars: list[Row]
+    springs: list[list[Row]]
+    joining: list[Row]
+
+    @staticmethod
+    def of(design: Design, other: Members | None = None) -> Members:
+        """List the members of a design; those of stages that an `other` one shares are its own."""
+        places = Places.of(design)
+        wires: list[list[Row]] = []
+        blades: list[list[Row]] = []
+        same = other is not None and all(
+            getattr(other.design, key) is getattr(design, key) for key in ("materials", "constants")
+        )
+        for n in range(1, len(design.stage) + 1):
+            first = sum(map(len, blades))
+            if same and other is not None and other._has(n, design, places, first):
+                own = other.wires[n - 1], other.blades[n - 1]
+            else:
+                own = _list_stage(design, places, n, first)
+            wires.append(own[0])
+            blades.append(own[1])
+        struts, bars = towers.legs(design, places)
+        springs = [links.of_stage(design, stage) for stage in design.stage]
+        joining = links.of_links(design, places) + links.of_dampers(design, places)
+        joining = _between(joining, places)
+        return Members(design, places, wires, blades, struts, bars, springs, joining)
+
+    def _has(self, n: int, design: Design, places: Places, first: int) -> bool:
+        """Whether the n-th stage of a design is its own, hangs alike, and has the same numbers."""
+        own = self.design.stage
+        return (
+            n <= len(own)
+            and own[n - 1] is design.stage[n - 1]
+            and self.places.parent[n] == places.parent[n]
+            and bool((self.places.offset[n] == places.offset[n]).all())
+            and sum(map(len, self.blades[: n - 1])) == first
+        )
+
+    @property
+    def topology(self) -> Hashable:
+        """What designs have in common whose scenes can be one batch."""
+        wires, blades = chain.from_iterable(self.wires), [*chain.from_iterable(self.blades)]
+        lines = [*wires, *self.struts]
+        signs = [(row["natural"], row["fixed"]) for row in lines if "fixed" in row]
+        signs += [(bool(row.get("torsion")), any(row.get("mass", ()))) for row in lines]
+        signs += [(bool(row["tip_mass"]), math.isnan(row["given"])) for row in blades]
+        springs = [*chain.from_iterable(self.springs), *self.joining]
+        signs += [(bool(np.any(row.get("damping", 0.0))),) for row in springs]
+        constants = self.design.constants
+        return (
+            repr((constants.gravity, constants.gravity_gradient)),
+            tuple(stage.name for stage in self.design.stage),
+            tuple(self.places.parent),
+            tuple(signs),
+            topology(Wires, lines),
+            topology(Blades, blades),
+            topology(Bars, self.bars),
+            topology(Springs, springs),
+        )
 
 
 def expand_as_drawn(design: Design) -> Scene:
@@ -47,104 +133,135 @@ def expand_as_drawn(design: Design) -> Scene:
     pose is solved for. Raises `InputError` if a stage cannot balance in its nominal pose, or a wire
     would be slack in it.
     """
-    places, gravity = Places.of(design), gravity_strength(design)
-    wire_rows, blade_rows = list_wires(design, places)
-    strut_rows, bar_rows = towers.legs(design, places)
-    wires, blades = gather(Wires, wire_rows), gather(Blades, blade_rows)
-    struts, bars = gather(Wires, strut_rows), gather(Bars, bar_rows)
+    scene, faults = balance_as_drawn([Members.of(design)])
+    if faults:
+        raise InputError(faults[0])
+    return stack.select_scenes(scene, 0)
+
+
+def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fault]]]:
+    """Expand designs of one topology into a batch of nominal scenes, as `expand_as_drawn`.
+
+    Also returns the faults of those that cannot balance or have a slack wire, by their number. The
+    loads are computed for all at once. Springs and bars whose stiffness follows from the loads, of
+    legs and filters, are those of one design each (`Members.topology` does not know them).
+    """
+    one = each[0]
+    design, parent = one.design, one.places.parent
+    gravity, field, count = gravity_strength(design), gravity_field(design), len(each)
+    wire_rows = [[*chain.from_iterable(own.wires)] for own in each]
+    blade_rows = [[*chain.from_iterable(own.blades)] for own in each]
+    wires, blades = gather_each(Wires, wire_rows), gather_each(Blades, blade_rows)
+    struts = gather_each(Wires, [members.struts for members in each])
+    bars = gather_each(Bars, [members.bars for members in each])
+    joining = gather_each(Springs, [members.joining for members in each])
     bodies = Bodies(
         name=tuple(stage.name for stage in design.stage),
-        mass=np.array([body_mass(stage.body) for stage in design.stage]),
-        inertia=np.array([body_inertia(stage.body) for stage in design.stage]),
-        position=places.position,
+        mass=np.array([[body_mass(stage.body) for stage in own.design.stage] for own in each]),
+        inertia=np.array(
+            [[body_inertia(stage.body) for stage in own.design.stage] for own in each]
+        ),
+        position=np.array([own.places.position for own in each]),
     )
-    joining = links.of_links(design, places) + links.of_dampers(design, places)
-    loads = _weights(places, gravity, bodies, wires, blades, bars)
-    for row in joining:
-        preload, point = row["preload"], row["lower_point"]
-        above = point + places.between(row["upper"], row["lower"])
-        loads[row["lower"], 0] += tensions.move_wrench(preload, point)
-        loads[row["upper"], 0] -= tensions.move_wrench(preload, above)
+    loads = _weights(gravity, bodies, wires, blades, bars)
+    for n, (upper, lower) in enumerate(zip(joining.upper, joining.lower, strict=True)):
+        preload = joining.preload[:, n]
+        loads[:, lower, 0] += tensions.move_wrench(preload, joining.lower_point[:, n])
+        loads[:, upper, 0] -= tensions.move_wrench(preload, joining.upper_point[:, n])
+    offset = np.array([own.places.offset for own in each])
     for n in range(len(design.stage), 0, -1):
-        loads[places.parent[n]] += tensions.move_wrench(loads[n], places.offset[n])
-    spring_rows, coupling, faults = _springs(design, places, loads, gravity)
-    spring_rows += joining
-    for row in spring_rows:
-        row["upper_point"] = row["lower_point"] + places.between(row["upper"], row["lower"])
-    natural = np.array([row["natural"] for row in wire_rows], dtype=bool)
-    fixed = np.array([row["fixed"] for row in wire_rows], dtype=bool)
+        loads[:, parent[n]] += tensions.move_wrench(loads[:, n], offset[:, n, None])
+    preload = np.array([[_preload(stage) for stage in own.design.stage] for own in each])
+    springs: list[list[Row]] = []
+    coupling: list[list[Row]] = []
+    faults: dict[int, list[Fault]] = {}
+    for n, own in enumerate(each):
+        rows, bar_rows, wrong = _springs(own, loads[n], preload[n], gravity)
+        springs.append(rows + own.joining)
+        coupling.append(own.bars + bar_rows)
+        if wrong:
+            faults[n] = wrong
+    natural, fixed = (
+        np.array([row[key] for row in wire_rows[0]], dtype=bool) for key in ("natural", "fixed")
+    )
     tension, thrust = wires.tension.copy(), -struts.tension
     for n, stage in enumerate(design.stage, 1):
-        load = loads[n, 0] + _preload(stage)
-        if stage.inverted_pendulum is not None:
-            own = np.flatnonzero(struts.lower == n)
+        load = loads[:, n, 0] + preload[:, n - 1]
+        lines, force = (wires, tension) if stage.inverted_pendulum is None else (struts, thrust)
+        own = np.flatnonzero(lines.lower == n)
+        if lines is struts:
             pull, left_over = tensions.carry(struts, own, blades, load)
-            thrust[own] = -pull
-            faults += _imbalance(stage, loads[n], left_over) or _loose(stage, struts, own, -pull)
-        elif stage.wires is not None or stage.wire:
-            own = np.flatnonzero(wires.lower == n)
-            tension[own], left_over = tensions.carry(wires, own, blades, load, fixed[own])
-            if not natural[own].any():
-                wrong = _imbalance(stage, loads[n], left_over)
-                faults += wrong or _loose(stage, wires, own, tension[own])
-        elif not isinstance(stage, Keystone):
-            faults += _imbalance(stage, loads[n], load)
-    if faults:
-        raise InputError(faults)
-    given = np.array([row["given"] for row in blade_rows])
-    return Scene(
+            thrust[:, own] = -pull
+        elif len(own):
+            tension[:, own], left_over = tensions.carry(wires, own, blades, load, fixed[own])
+        else:
+            left_over = load
+        if not (isinstance(stage, Keystone) or (lines is wires and natural[own].any())):
+            wrong = _find_unbalanced(stage, loads[:, n], left_over, lines, own, force[:, own])
+            faults |= {k: faults.get(k, []) + one for k, one in wrong.items()}
+    given = np.array([[row["given"] for row in rows] for rows in blade_rows]).reshape(count, -1)
+    scene = Scene(
         name=design.design.name,
         gravity=gravity,
         bodies=bodies,
         wires=replace(wires, tension=np.where(natural, wires.tension, tension)),
         blades=replace(blades, load=_blade_loads(gravity, wires, blades, tension, given)),
-        springs=gather(Springs, spring_rows),
+        springs=gather_each(Springs, springs),
         struts=replace(struts, tension=-thrust),
-        bars=gather(Bars, bar_rows + coupling) if coupling else bars,
-        field=field_of(design),
+        bars=gather_each(Bars, coupling),
+        field=field and Field(*map(np.array, field)),
         solves_pose=gives_natural_lengths(design),
     )
+    return scene, faults
 
 
-def list_wires(design: Design, places: Places) -> tuple[list[Row], list[Row]]:
-    """List the wires and the blades of all stages.
+def list_wires(design: Design) -> tuple[list[Row], list[Row]]:
+    """List the wires and the blades of all stages."""
+    found = Members.of(design)
+    return [*chain.from_iterable(found.wires)], [*chain.from_iterable(found.blades)]
 
-    Besides their arrays: whether the tension of a wire is `fixed` by the design, or follows from a
-    `natural` length, so that the pose is solved for; the `given` load of a blade, else NaN.
-    """
-    wires: list[Row] = []
+
+def _between(rows: list[Row], places: Places) -> list[Row]:
+    """Springs with their points in the frame of the upper body."""
+    return [
+        row | {"upper_point": row["lower_point"] + places.between(row["upper"], row["lower"])}
+        for row in rows
+    ]
+
+
+def _list_stage(design: Design, places: Places, n: int, first: int) -> tuple[list[Row], list[Row]]:
+    """List the wires and the blades, numbered from `first`, of the n-th stage."""
+    stage, above = design.stage[n - 1], places.parent[n]
+    own = [
+        {"label": f"{stage.name}.{number}", "upper": above, "lower": n} | row
+        for number, row in enumerate(_wires_of(design, stage, places.offset[n]), 1)
+    ]
     blades: list[Row] = []
-    for n, stage in enumerate(design.stage, 1):
-        first, above = len(blades), places.parent[n]
-        own = [
-            {"label": f"{stage.name}.{number}", "upper": above, "lower": n} | row
-            for number, row in enumerate(_wires_of(design, stage, places.offset[n]), 1)
-        ]
-        names = [blade.name for blade in stage.blade]
-        if stage.blades is not None:
-            names = [f"blade{number + 1}" for number in range(stage.blades.count)]
-        for number, name in enumerate(names):
-            table = stage.blades or stage.blade[number]
-            tip = getattr(table, "at", None)
-            if tip is None:
-                on = [row["upper_point"] for row in own if row["blade"] == number]
-                tip = np.mean(on, axis=0)
-            if stage.blades is not None and stage.blades.count == 1:
-                tip[:2] = 0.0  # exactly, also on a ring
-            vertical = blade_stiffness(design, table, body_mass(stage.body), len(names))
-            stiffness = np.array([*(table.lateral_stiffness or (0.0, 0.0)), vertical])
-            blade = {
-                "label": f"{stage.name}.{name}",
-                "body": above,
-                "axes": stiffness > 0,
-                "tip": tip,
-                "stiffness": stiffness,
-                "tip_mass": table.tip_mass,
-                "loss": blade_loss(design, table),
-                "given": np.nan if table.load is None else table.load,
-            }
-            blades.append(blade)
-        wires += [row | {"blade": first + row["blade"] if row["blade"] >= 0 else -1} for row in own]
+    names = [blade.name for blade in stage.blade]
+    if stage.blades is not None:
+        names = [f"blade{number + 1}" for number in range(stage.blades.count)]
+    for number, name in enumerate(names):
+        table = stage.blades or stage.blade[number]
+        tip = getattr(table, "at", None)
+        if tip is None:
+            on = [row["upper_point"] for row in own if row["blade"] == number]
+            tip = np.mean(on, axis=0)
+        if stage.blades is not None and stage.blades.count == 1:
+            tip[:2] = 0.0  # exactly, also on a ring
+        vertical = blade_stiffness(design, table, body_mass(stage.body), len(names))
+        stiffness = np.array([*(table.lateral_stiffness or (0.0, 0.0)), vertical])
+        blade = {
+            "label": f"{stage.name}.{name}",
+            "body": above,
+            "axes": stiffness > 0,
+            "tip": tip,
+            "stiffness": stiffness,
+            "tip_mass": table.tip_mass,
+            "loss": blade_loss(design, table),
+            "given": math.nan if table.load is None else table.load,
+        }
+        blades.append(blade)
+    wires = [row | {"blade": first + row["blade"] if row["blade"] >= 0 else -1} for row in own]
     return wires, blades
 
 
@@ -208,67 +325,84 @@ def wire_signs(count: int) -> list[tuple[int, int]]:
 
 
 def _weights(
-    places: Places, gravity: float, bodies: Bodies, wires: Wires, blades: Blades, bars: Bars
-) -> Float[np.ndarray, "1+body 2 6"]:
+    gravity: float, bodies: Bodies, wires: Wires, blades: Blades, bars: Bars
+) -> Float[np.ndarray, "design 1+body 2 6"]:
     """Wrenches of the weight on each body about its COM, twice."""
-    ends = wires.mass[:, :2] + wires.mass[:, 1:]
-    masses = (bodies.mass, ends.ravel(), blades.tip_mass, bars.loads.ravel())
-    joined = np.stack([wires.upper, wires.lower], axis=1)
-    body = [np.arange(1, len(places.parent)), joined.ravel(), blades.body, bars.body.ravel()]
-    points = np.stack([wires.upper_point, wires.lower_point], axis=1), blades.tip, bars.point
-    weight = np.outer(np.concatenate(masses), [0.0, 0.0, -gravity, 0.0, 0.0, 0.0])
-    centres = np.zeros((len(bodies.mass), 3))
-    at = np.concatenate([centres, *(point.reshape(-1, 3) for point in points)])
-    loads = np.zeros((len(places.parent), 2, 6))
-    np.add.at(loads, np.concatenate(body), tensions.move_wrench(weight, at)[:, None])
+    ends = wires.mass[..., :2] + wires.mass[..., 1:]
+    loads = np.zeros((len(bodies.mass), len(bodies.name) + 1, 2, 6))
+    loads[:, 1:, :, 2] = -gravity * bodies.mass[..., None]
+    for body, point, mass in (
+        (wires.upper, wires.upper_point, ends[..., 0]),
+        (wires.lower, wires.lower_point, ends[..., 1]),
+        (blades.body, blades.tip, blades.tip_mass),
+        *((bars.body[:, n], bars.point[:, :, n], bars.loads[..., n]) for n in range(2)),
+    ):
+        weight = mass[..., None] * np.array([0.0, 0.0, -gravity, 0.0, 0.0, 0.0])
+        for n in np.flatnonzero(mass.any(0)):
+            loads[:, body[n]] += tensions.move_wrench(weight[:, n], point[:, n])[:, None]
     return loads
 
 
 def _preload(stage: Stage) -> Array:
     """Wrench (6,) of a stage's own springs on it about its COM."""
-    wrenches = [
-        tensions.move_wrench(np.array(spring.preload), np.array(spring.at))
-        for spring in stage.spring
-    ]
-    return np.sum(wrenches, axis=0) if wrenches else np.zeros(6)
+    result = np.zeros(6)
+    for spring in stage.spring:
+        result += tensions.move_wrench(np.array(spring.preload), np.array(spring.at))
+    return result
 
 
 def _springs(
-    design: Design, places: Places, loads: Array, gravity: float
+    own: Members, loads: Array, preload: Array, gravity: float
 ) -> tuple[list[Row], list[Row], list[Fault]]:
-    """List the springs of stages, the bars of the inertia of filters' blades, and their faults."""
+    """List the springs of stages, the bars of the inertia of filters' blades, and their faults.
+
+    `loads` (1 + body, 2, 6) and `preload` (stage, 6) are those of one design.
+    """
     springs: list[Row] = []
     bars: list[Row] = []
     faults: list[Fault] = []
+    design, places = own.design, own.places
     for n, stage in enumerate(design.stage, 1):
-        load, hung, above = loads[n, 0] + _preload(stage), -loads[n, 1, 2], places.parent[n]
-        own = links.of_stage(design, stage) + towers.flexures(stage, load, hung, gravity)
+        load, hung, above = loads[n, 0] + preload[n - 1], -loads[n, 1, 2], places.parent[n]
+        rows = own.springs[n - 1] + towers.flexures(stage, load, hung, gravity)
         if isinstance(stage, Keystone):
             row, coupling, wrong = towers.filter_blades(design, stage, load, hung, gravity)
-            own.append(row)
+            rows.append(row)
             faults += wrong
             between = {"body": (above, n), "point": (places.offset[n], np.zeros(3))}
             if coupling:
                 inertia = (-coupling, coupling, -coupling)
                 bars.append({"label": row["label"], "inertia": inertia} | between)
-        springs += [{"upper": above, "lower": n} | row for row in own]
-    return springs, bars, faults
+        springs += [{"upper": above, "lower": n} | row for row in rows]
+    return _between(springs, places), bars, faults
 
 
 def _blade_loads(
     gravity: float, wires: Wires, blades: Blades, tension: Array, given: Array
-) -> Float[np.ndarray, "blade 3"]:
+) -> Float[np.ndarray, "design blade 3"]:
     """Force of each blade on its tip in the nominal pose, N.
 
     It balances its wires and its tip mass, or the load that the design gives (else NaN).
     """
-    on = wires.blade >= 0
-    pull = (tension / wires.length)[:, None] * wires.span
-    pull[:, 2] -= gravity * (wires.mass[:, 0] + wires.mass[:, 1])
-    total = np.outer(blades.tip_mass, [0.0, 0.0, -gravity])
-    np.add.at(total, wires.blade[on], pull[on])
-    total[:, 2] = np.where(np.isnan(given), total[:, 2], -given)
+    pull = (tension / wires.length)[..., None] * wires.span
+    pull[..., 2] -= gravity * (wires.mass[..., 0] + wires.mass[..., 1])
+    total = blades.tip_mass[..., None] * np.array([0.0, 0.0, -gravity])
+    for n in np.flatnonzero(wires.blade >= 0):
+        total[:, wires.blade[n]] += pull[:, n]
+    total[..., 2] = np.where(np.isnan(given), total[..., 2], -given)
     return np.where(blades.axes, -total, 0.0)
+
+
+def _find_unbalanced(
+    stage: Stage, loads: Array, left_over: Array, lines: Wires, own: Index, force: Array
+) -> dict[int, list[Fault]]:
+    """Find designs with a load left over on a stage, or with slack wires or pulled legs."""
+    least = tensions.BALANCE * np.maximum(np.abs(loads[:, 0]).max(-1), 1e-12)
+    wrong = (np.abs(left_over).max(-1) > least) | ~(force > 0).all(-1)
+    return {
+        k: _imbalance(stage, loads[k], left_over[k]) or _loose(stage, lines, own, force[k])
+        for k in np.flatnonzero(wrong).tolist()
+    }
 
 
 def _imbalance(stage: Stage, loads: Array, left_over: Array) -> list[Fault]:

@@ -23,7 +23,6 @@ from suspension_cli.scene.arrays import Array, gather
 from suspension_cli.scene.composition import BladeLoss, Fibre, Fibres, Gas, Section
 from suspension_cli.scene.expand import list_wires, wire_signs
 from suspension_cli.scene.links import link_loss, of_stage
-from suspension_cli.scene.places import Places
 from suspension_cli.scene.scene import Wires
 
 POISSON = 0.3
@@ -52,7 +51,7 @@ def compose(design: Design) -> Fibres:
     Without imperfections. `explain_unsuitable` must return "" for the design.
     """
     ambient = design.constants.temperature
-    rows, blade_rows = list_wires(design, Places.of(design))
+    rows, blade_rows = list_wires(design)
     wires: list[Fibre] = []
     for stage in design.stage:
         for table in stage.wire_tables:

@@ -66,7 +66,10 @@ def impose(
     if part == "wire":
         return wire(scene, number, **amounts, hold=hold)
     for name, amount in amounts.items():
-        scene = ACTIONS[part, name](scene, number, amount)
+        if name in ACTIONS:
+            scene = ACTIONS[name](scene, number, amount)
+        else:
+            scene = scale(scene, part, number, amount)
     return scene
 
 
@@ -156,30 +159,22 @@ def scale_inertia(scene: Scene, number: int, factor: ArrayLike) -> Scene:
     return _scaled(scene, "bodies", "inertia", number - 1, root[..., :, None] * root[..., None, :])
 
 
-def scale_mass(scene: Scene, number: int, factor: ArrayLike) -> Scene:
-    """Multiply the mass of one body (from 1) by a factor (...); wires keep unstretched lengths."""
-    return _scaled(scene, "bodies", "mass", number - 1, factor)
+def scale(scene: Scene, part: str, number: int, factor: ArrayLike) -> Scene:
+    """Multiply the mass of a body, or the stiffness of another part, by a factor (...).
 
-
-def scale_blade(scene: Scene, number: int, factor: ArrayLike) -> Scene:
-    """Multiply the stiffness of one blade (from 0), or of those of a filter, by a factor (...).
-
-    The blades are trimmed to their nominal load in the nominal pose.
+    Wires keep unstretched lengths, and springs their preloads. Blades are trimmed to their nominal
+    load in the nominal pose; those of a filter and the flexures of a leg are springs.
     """
-    count = len(scene.blades.label)
-    if number >= count:
-        return scale_spring(scene, number - count, factor)
-    return _scaled(scene, "blades", "stiffness", number, _numbers(factor)[..., None])
-
-
-def scale_spring(scene: Scene, number: int, factor: ArrayLike) -> Scene:
-    """Multiply the stiffness of one spring (from 0) by a factor (...); its preload stays."""
-    return _scaled(scene, "springs", "stiffness", number, _numbers(factor)[..., None, None])
-
-
-def scale_leg(scene: Scene, number: int, factor: ArrayLike) -> Scene:
-    """Multiply the stiffness of the flexures of one leg (from 0) by a factor (...)."""
-    return scale_spring(scene, scene.springs.label.index(scene.struts.label[number]), factor)
+    home = {"body": "bodies", "blade": "blades"}.get(part, "springs")
+    if part == "body":
+        number -= 1
+    elif part == "leg":
+        number = scene.springs.label.index(scene.struts.label[number])
+    elif part == "blade" and number >= len(scene.blades.label):
+        home, number = "springs", number - len(scene.blades.label)
+    name = "mass" if part == "body" else "stiffness"
+    axes = inner_axes(type(scene.parts[home]))[name] - 1
+    return _scaled(scene, home, name, number, _numbers(factor)[(..., *[None] * axes)])
 
 
 def lengthen_leg(scene: Scene, number: int, change: ArrayLike) -> Scene:
@@ -190,27 +185,23 @@ def lengthen_leg(scene: Scene, number: int, change: ArrayLike) -> Scene:
 
 
 ACTIONS = {
-    ("body", "com_offset"): move_com,
-    ("body", "rotation"): turn_mass,
-    ("body", "mass_factor"): scale_mass,
-    ("body", "inertia_factor"): scale_inertia,
-    ("blade", "stiffness_factor"): scale_blade,
-    ("leg", "stiffness_factor"): scale_leg,
-    ("leg", "length_change"): lengthen_leg,
-    ("link", "stiffness_factor"): scale_spring,
+    "com_offset": move_com,
+    "rotation": turn_mass,
+    "inertia_factor": scale_inertia,
+    "length_change": lengthen_leg,
 }
-"""How each imperfection of a part acts on a scene; those of a wire act in `wire`."""
+"""How imperfections act on a scene, but those of a wire, see `wire`, and those that `scale`."""
 
 
 def _numbers(values: ArrayLike) -> Array:
     return np.asarray(values, dtype=float)
 
 
-def _scaled(scene: Scene, part: str, name: str, number: int, factor: ArrayLike) -> Scene:
+def _scaled(scene: Scene, part: str, name: str, number: int, factor: Array) -> Scene:
     """Multiply one array of a member of a part."""
     values = getattr(scene.parts[part], name)
     axis = values.ndim - inner_axes(type(scene.parts[part]))[name]
-    return _with(scene, part, number, **{name: values.take(number, axis) * _numbers(factor)})
+    return _with(scene, part, number, **{name: values.take(number, axis) * factor})
 
 
 def _with(scene: Scene, part: str, number: int, **items: Array) -> Scene:

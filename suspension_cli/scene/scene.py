@@ -18,7 +18,6 @@ import numpy as np
 
 from suspension_cli.scene.arrays import inner, inner_axes, shared
 from suspension_cli.scene.composition import Fibres
-from suspension_cli.scene.gravity import Field
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Inexact, Int
@@ -234,6 +233,32 @@ class Flex:
     lower: Inexact[np.ndarray, "... wire 2 3"] = field(metadata=inner(2, 3))
     bend: Inexact[np.ndarray, "... wire 2 3"] | None = field(metadata=inner(2, 3))
     twist: Inexact[np.ndarray, "... wire"] = field(metadata=inner())
+
+
+@dataclass(frozen=True)
+class Field:
+    """Acceleration due to gravity, vector + gradient r, at r from the suspension point.
+
+    Attributes
+    ----------
+    vector
+        m/s^2.
+    gradient
+        1/s^2, symmetric (gravity is conservative).
+    """
+
+    vector: Inexact[np.ndarray, " 3"]
+    gradient: Inexact[np.ndarray, "3 3"]
+
+    @property
+    def is_uniform(self) -> bool:
+        """Whether the gradient is 0."""
+        return not self.gradient.any()
+
+    def has_mirror(self, axis: int) -> bool:
+        """Whether the field is its own mirror image in x (axis 0) or y (1)."""
+        others = np.arange(3) != axis
+        return bool(self.vector[axis] == 0 and not self.gradient[axis, others].any())
 
 
 @dataclass(frozen=True)

@@ -44,15 +44,17 @@ def stack_scenes(scenes: Sequence[Scene], pick: Int[np.ndarray, " build"] | None
     return replace(scenes[0].with_parts(parts), drawn=together)
 
 
-def select_scenes(scene: Scene, which: Bool[np.ndarray, "*batch"]) -> Scene:
-    """Select scenes of a batch, along one axis, by a bool array of the batch's shape."""
+def select_scenes(
+    scene: Scene, which: Bool[np.ndarray, "*batch"] | Int[np.ndarray, " build"] | int
+) -> Scene:
+    """Select scenes of a batch, along one axis: by a bool array of its shape, or by numbers."""
 
     def selected(axes: int, value: np.ndarray) -> np.ndarray:
         return np.broadcast_to(value, scene.batch + value.shape[value.ndim - axes :])[which]
 
     drawn = scene.drawn
     if drawn is not None and drawn.batch:
-        drawn = select_scenes(drawn, np.broadcast_to(which, drawn.batch))
+        drawn = select_scenes(drawn, which)
     parts = scene.parts if scene.flex is None else scene.parts | {"flex": scene.flex}
     chosen = {key: change_arrays(selected, part) for key, part in parts.items()}
     return replace(scene.with_parts(chosen), drawn=drawn)

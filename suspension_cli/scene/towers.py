@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from suspension_cli.design.derive import Keystone, filter_of
 from suspension_cli.design.filters import filter_statics
 from suspension_cli.design.inverted_pendulum import LegStatics, leg_inertia, leg_statics, tops
-from suspension_cli.design.keystones import Keystone, filter_of
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.errors import Fault
 from suspension_cli.scene.arrays import Array

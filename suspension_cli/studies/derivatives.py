@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.design.path_units import unit_of
+from suspension_cli.design.paths import unit_of
 from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
@@ -31,12 +31,10 @@ from suspension_cli.linear.batch_modes import DEGENERATE
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import pair_by_shape
 from suspension_cli.models import registry
-from suspension_cli.scene import stack
 from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import builds, variants
 from suspension_cli.studies.builds import Builds
-from suspension_cli.studies.natural_steps import natural_step
-from suspension_cli.studies.parameters import Parameter, shifted, value_of
+from suspension_cli.studies.parameters import Parameter, natural_step, shifted, value_of
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Inexact, Int
@@ -281,8 +279,7 @@ def _moved(design: Design, item: Parameter, step: float) -> Design:
 def _batches(designs: Sequence[Design], level: str) -> Iterator[tuple[list[int], Builds]]:
     """Balance designs in batches of one topology, with their places."""
     for start in range(0, len(designs), TOGETHER):
-        for places, scenes, one in variants.alike(designs[start : start + TOGETHER], level):
-            scene = stack.stack_scenes(scenes)
+        for places, scene, one in variants.alike(designs[start : start + TOGETHER], level):
             found = builds.balance(scene, one, level=level, allow_unstable=True)
             yield [start + place for place in places], found
 

@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
 from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from suspension_cli.design import reader
+from suspension_cli.design.imperfections import swept
+from suspension_cli.design.paths import displayed_unit, settings, unit_of
 from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium import nominal
+from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.files.declared import dim_name
 from suspension_cli.scene.scene import Scene
 from suspension_cli.studies.builds import Column, ColumnValues
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 
 @dataclass(frozen=True)
@@ -71,3 +82,127 @@ def parse(text: str) -> Design:
 def expand(text: str) -> Scene:
     """Expand a design into its scene."""
     return nominal.expand(parse(text))
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A swept parameter and its values.
+
+    Its name is that of an imperfection (`analyses.xcouple.solve.PARAMETERS`) or a dotted path.
+    """
+
+    name: str
+    values: tuple[float, ...]
+
+    @property
+    def unit(self) -> str:
+        """SI unit of the values."""
+        known = swept()
+        return known[self.name][0].unit if self.name in known else unit_of(self.name) or "1"
+
+    @property
+    def displayed_unit(self) -> tuple[str, float]:
+        """Unit in which the values are displayed, and the factor to it."""
+        return displayed_unit(self.name, float(np.max(np.abs(self.values))))
+
+
+@dataclass(frozen=True)
+class Product(Job):
+    """A job over the product of some axes; the first varies slowest.
+
+    Attributes
+    ----------
+    axes
+        Parameters with their values in SI.
+    """
+
+    axes: tuple[Axis, ...]
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Lengths of the axes."""
+        return tuple(len(axis.values) for axis in self.axes)
+
+    @property
+    def count(self) -> int:
+        """Number of points."""
+        return int(np.prod(self.shape, dtype=int))
+
+    @property
+    def scales(self) -> tuple[str, ...]:
+        """Names of the datasets with the values of the axes."""
+        return tuple(dim_name(axis.name) for axis in self.axes)
+
+    def values(self, start: int, stop: int) -> dict[str, Float[np.ndarray, " stop-start"]]:
+        """Values of every parameter at points start to stop - 1."""
+        chosen = np.unravel_index(np.arange(start, stop), self.shape)
+        return {
+            axis.name: np.array(axis.values)[pick]
+            for axis, pick in zip(self.axes, chosen, strict=True)
+        }
+
+    def check_designs(
+        self,
+        option: str,
+        axes: Iterable[Axis],
+        check: Callable[[Design], object],
+        *,
+        every: bool = False,
+    ) -> None:
+        """Raise `InputError` if a path does not exist, or no value (not `every` one) is valid.
+
+        `check` raises it for invalid designs; the first, middle and last values are tried.
+        """
+        for axis in axes:
+            [tried], errors = ends_and_middle((axis,)), []
+            for value in tried.values:
+                try:
+                    check(reader.parse_with_overrides(self.text, settings({axis.name: value})))
+                except InputError as error:
+                    errors.append(_of_option(error, option, axis, value))
+            if len(errors) == len(tried.values) or (every and errors):
+                raise errors[0]
+
+
+def distinct(axes: list[Axis], option: str, given: str) -> tuple[Axis, ...]:
+    """Return axes of an option; raises `InputError` if two are of one parameter."""
+    if len({axis.name for axis in axes}) < len(axes):
+        problem = "names a parameter twice"
+        raise InputError.of(option, problem, "give each once", format_value(given))
+    return tuple(axes)
+
+
+def ends_and_middle(axes: tuple[Axis, ...]) -> tuple[Axis, ...]:
+    """Reduce axes to the corners and middles of a grid; those after the third to their middle.
+
+    >>> ends_and_middle((Axis("k", (1.0, 2.0, 3.0, 4.0, 5.0)),))
+    (Axis(name='k', values=(1.0, 3.0, 5.0)),)
+    """
+    result = []
+    for n, axis in enumerate(axes):
+        half, last = len(axis.values) // 2, len(axis.values) - 1
+        chosen = sorted({0, half, last}) if n < 3 else [half]
+        result.append(Axis(axis.name, tuple(axis.values[i] for i in chosen)))
+    return tuple(result)
+
+
+def _of_option(error: InputError, option: str, axis: Axis, value: float) -> InputError:
+    """Attribute faults of a design at a value of an axis to the option that gave it."""
+    found = []
+    for fault in error.faults:
+        if fault.key.startswith("--") and fault.key != "--set":
+            found.append(fault)
+            continue
+        same = (
+            fault.key in ("", "--set")
+            or fault.key.rpartition(".")[2] == axis.name.rpartition(".")[2]
+        )
+        found.append(
+            Fault(
+                f"{option} {axis.name}",
+                fault.problem if same else f"{fault.key}: {fault.problem}",
+                fault.remedy,
+                f"{value:g}",
+            )
+        )
+    return InputError(found, error.file)

@@ -186,7 +186,13 @@ def _on_processes(job: Job, ranges: list[Range], workers: int) -> Results:
 
 @contextlib.contextmanager
 def _uninterrupted() -> Iterator[None]:
-    """Delay Ctrl-C; processes started meanwhile ignore it, as this one ends them."""
+    """Delay Ctrl-C; processes started meanwhile ignore it, as this one ends them.
+
+    Windows has no such delay.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

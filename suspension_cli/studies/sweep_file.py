@@ -10,14 +10,15 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import fcntl
 import hashlib
 import math
 import os
+import shutil
 import zlib
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 
 import h5py
 import numpy as np
@@ -28,6 +29,11 @@ from suspension_cli.files.hdf5 import Provenance, Stored, write_root_attributes
 from suspension_cli.studies.builds import ColumnValues
 from suspension_cli.studies.job import Job
 from suspension_cli.version import __version__
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None
 
 UNIT = 64
 """Points per checksum; chunks are multiples of it."""
@@ -52,15 +58,15 @@ class Store:
     ----------
     path
         Of the finished file.
-    handle
-        Of the unfinished one.
+    stream
+        The unfinished one.
     places
         Byte at which each column begins in it, and the checksums.
     """
 
     job: Job
     path: Path
-    handle: int
+    stream: BinaryIO
     places: dict[str, int]
 
     @property
@@ -72,7 +78,7 @@ class Store:
         """Ranges of points still to be computed, each of at most a chunk."""
         ranges: list[tuple[int, int]] = []
         size = -(-self.count // UNIT) * SUM.itemsize
-        sums = np.frombuffer(os.pread(self.handle, size, self.places[SUMS]), SUM)
+        sums = np.frombuffer(_read(self.stream, size, self.places[SUMS]), SUM)
         for unit, known in enumerate(sums.tolist()):
             start, stop = unit * UNIT, min((unit + 1) * UNIT, self.count)
             if known and known == self._sum_in_file(start, stop):
@@ -88,29 +94,31 @@ class Store:
         data = [np.asarray(values[column.name], column.dtype) for column in self.job.columns]
         with writing_to(self.path):
             for (place, _), part in zip(self._ranges(start, stop), data, strict=True):
-                _write_all(self.handle, part.tobytes(), place)
+                _write(self.stream, part.tobytes(), place)
             sums = [
                 checksum(part[n : n + UNIT].tobytes() for part in data)
                 for n in range(0, stop - start, UNIT)
             ]
             place = self.places[SUMS] + start // UNIT * SUM.itemsize
-            _write_all(self.handle, np.array(sums, SUM).tobytes(), place)
+            _write(self.stream, np.array(sums, SUM).tobytes(), place)
 
     def finish(self, after: After | None) -> None:
         """Let `after` fill the columns that need all points, and rename the file."""
         part = part_of(self.path)
         with writing_to(self.path):
-            _demand_room(self.handle, OVERHEAD)
+            _demand_room(part, OVERHEAD)
             if after is not None:
                 after(part)
             with h5py.File(part, "r+", locking=False) as file:
                 del file[SUMS]
-            os.fsync(self.handle)
+            os.fsync(self.stream.fileno())
+            if fcntl is None:
+                self.stream.close()  # Windows renames no open file
             os.replace(part, self.path)
 
     def _sum_in_file(self, start: int, stop: int) -> int:
         """Checksum of the points of a unit as they are in the file."""
-        return checksum(os.pread(self.handle, n, place) for place, n in self._ranges(start, stop))
+        return checksum(_read(self.stream, n, place) for place, n in self._ranges(start, stop))
 
     def _ranges(self, start: int, stop: int) -> Iterator[tuple[int, int]]:
         """First byte, and number of bytes, of points in each column."""
@@ -142,17 +150,18 @@ def opened(
                     remedy = "delete it, or name another folder"
                     raise InputError.of("--out", "is not a regular file", remedy, str(own))
             fresh = not (resume and part.exists())
-            handle = os.open(part, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
-            stack.callback(os.close, handle)
-            _lock(handle, path)
+            known = (getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_BINARY"))  # not everywhere
+            flags = os.O_RDWR | os.O_CREAT | sum(known)
+            stream = stack.enter_context(os.fdopen(os.open(part, flags, 0o666), "r+b"))
+            _lock(stream, path)
             if fresh:
                 try:
-                    _create(handle, part, job, group, origin, fill, digest)
+                    _create(part, job, group, origin, fill, digest)
                 except BaseException:
                     part.unlink(missing_ok=True)
                     raise
             places = _find_places(part, job, group, digest)
-        yield Store(job, path, handle, places)
+        yield Store(job, path, stream, places)
 
 
 def part_of(path: Path) -> Path:
@@ -160,13 +169,11 @@ def part_of(path: Path) -> Path:
     return path.with_name(path.name + ".part")
 
 
-def _create(
-    handle: int, part: Path, job: Job, group: str, origin: Provenance, fill: Fill, digest: str
-) -> None:
+def _create(part: Path, job: Job, group: str, origin: Provenance, fill: Fill, digest: str) -> None:
     """Write the file without points, if there is room for them."""
     count = math.prod(job.shape)
     record = np.dtype([(column.name, column.dtype, column.shape) for column in job.columns])
-    _demand_room(handle, count * record.itemsize + OVERHEAD)
+    _demand_room(part, count * record.itemsize + OVERHEAD)
     allocated = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     allocated.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
     allocated.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
@@ -211,9 +218,12 @@ def _find_places(part: Path, job: Job, group: str, digest: str) -> dict[str, int
         raise InputError.of("--resume", f"{part.name} was cut off", anew) from None
 
 
-def _lock(handle: int, path: Path) -> None:
+def _lock(stream: BinaryIO, path: Path) -> None:
+    """Raise `InputError` if another run has the file; where locks are unknown it is not noticed."""
+    if fcntl is None:
+        return
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         problem, remedy = "another run is writing this file", "wait for it, or name another folder"
         raise InputError.of("--out", problem, remedy, str(path)) from None
@@ -221,16 +231,19 @@ def _lock(handle: int, path: Path) -> None:
         pass  # a file system without locks
 
 
-def _demand_room(handle: int, size: int) -> None:
+def _demand_room(part: Path, size: int) -> None:
     """Raise `OSError` if a file cannot grow by so many bytes, as HDF5 hangs or crashes then."""
-    system, before = os.fstatvfs(handle), os.fstat(handle).st_size
-    if system.f_bavail * system.f_frsize < size:
+    if shutil.disk_usage(part.parent).free < size:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-    os.ftruncate(handle, before + size)
+    os.truncate(part, part.stat().st_size + size)
 
 
-def _write_all(handle: int, data: bytes, offset: int) -> None:
-    view = memoryview(data)
-    while view:
-        written = os.pwrite(handle, view, offset)
-        view, offset = view[written:], offset + written
+def _read(stream: BinaryIO, size: int, place: int) -> bytes:
+    stream.seek(place)
+    return stream.read(size)
+
+
+def _write(stream: BinaryIO, data: bytes, place: int) -> None:
+    stream.seek(place)
+    stream.write(data)
+    stream.flush()

@@ -15,7 +15,7 @@ import numpy as np
 
 from suspension_cli.design import paths, reader
 from suspension_cli.design.schema import Design
-from suspension_cli.equilibrium.nominal import expand
+from suspension_cli.equilibrium.nominal import expand, is_as_drawn
 from suspension_cli.errors import InputError
 from suspension_cli.linear import batch_modes
 from suspension_cli.linear.symmetry import is_mirror_symmetric
@@ -24,6 +24,7 @@ from suspension_cli.models.base import Model
 from suspension_cli.models.surroundings import surrounded, surroundings_key
 from suspension_cli.scene import stack
 from suspension_cli.scene.arrays import inner_axes
+from suspension_cli.scene.expand import Members, balance_as_drawn
 from suspension_cli.scene.scene import Scene
 from suspension_cli.studies import builds
 from suspension_cli.studies.builds import Builds
@@ -56,42 +57,59 @@ def scenes(
         Numbers of the points. Points with an invalid design are in no batch.
     """
     rows, pick = np.unique(np.stack(list(values.values()), axis=1), axis=0, return_inverse=True)
-    designs = (_parse_if_valid(text, dict(zip(values, row, strict=True))) for row in rows)
-    for numbers, members, design in alike(designs, level):
+    designs = _parse_valid(text, tuple(values), rows)
+    for numbers, scene, design in alike(designs, level):
         place = np.full(len(rows), -1)
-        place[numbers] = np.arange(len(members))
+        place[numbers] = np.arange(len(numbers))
         number = place[pick.ravel()]
         here = np.flatnonzero(number >= 0)
-        yield stack.stack_scenes(members, number[here]), design, here
+        yield stack.select_scenes(scene, number[here]), design, here
 
 
-def _parse_if_valid(text: str, values: dict[str, float]) -> Design | None:
-    """Parse a design with these numbers; None if it is invalid."""
-    try:
-        return overridden(text, values)
-    except InputError:
-        return None
+def _parse_valid(
+    text: str, names: Iterable[str], rows: Float[np.ndarray, "design number"]
+) -> Iterator[Design | None]:
+    """Parse a design with the numbers of each row; None where it is invalid."""
+    varied = reader.VariedDesign.of(text)
+    for row in rows.tolist():
+        design = None
+        with contextlib.suppress(InputError):
+            design = varied.at(dict(zip(names, row, strict=True)))
+        yield design
 
 
 def alike(
     designs: Iterable[Design | None], level: str
-) -> Iterator[tuple[list[int], list[Scene], Design]]:
+) -> Iterator[tuple[list[int], Scene, Design]]:
     """Group designs that differ only in the arrays of their scenes.
 
-    Yields their places, their scenes and one design of each group; designs without a scene are left
-    out.
+    Yields their places, their scenes as one batch, and one design of each group; designs without a
+    scene are left out.
     """
     model = registry.scene_model(level)
-    kinds: dict[Hashable, list[tuple[int, Scene, Design]]] = {}
+    drawn: dict[Hashable, list[tuple[int, Members]]] = {}
+    others: dict[Hashable, list[tuple[int, Scene, Design]]] = {}
+    last = None
     for n, design in enumerate(designs):
         if design is None:
             continue
+        last = Members.of(design, last)
+        key = (last.topology, surroundings_key(design), *model.wire_properties(design))
+        if is_as_drawn(design):
+            drawn.setdefault(key, []).append((n, last))
+            continue
         with contextlib.suppress(InputError):
             scene = expand(design)
-            key = (*_topology(scene, design), model.wire_properties(design))
-            kinds.setdefault(key, []).append((n, scene, design))
-    for members in kinds.values():
-        yield [n for n, _, _ in members], [scene for _, scene, _ in members], members[0][2]
+            others.setdefault((*key, *_of_loads(scene)), []).append((n, scene, design))
+    for group in drawn.values():
+        scene, faults = balance_as_drawn([members for _, members in group])
+        good = [n for n in range(len(group)) if n not in faults]
+        if good:
+            scene = stack.select_scenes(scene, np.array(good)) if faults else scene
+            yield [group[n][0] for n in good], scene, group[good[0]][1].design
+    for found in others.values():
+        scene = stack.stack_scenes([scene for _, scene, _ in found])
+        yield [n for n, _, _ in found], scene, found[0][2]
 
 
 def balanced(
@@ -130,8 +148,8 @@ def _balanced_designs(
 ) -> Iterator[tuple[Builds, Int[np.ndarray, " place"]]]:
     """Build batches of symmetric designs of one key; their nominal pose is the equilibrium."""
     kinds: dict[Hashable, list[tuple[int, Design]]] = {}
-    for n, row in enumerate(np.stack(list(values.values()), axis=1)):
-        design = _parse_if_valid(text, dict(zip(values, row, strict=True)))
+    rows = np.stack(list(values.values()), axis=1)
+    for n, design in enumerate(_parse_valid(text, tuple(values), rows)):
         if design is None or model.unsuitable(design):
             continue
         key = model.batch_key(design)
@@ -150,16 +168,15 @@ def _balanced_designs(
         yield found, np.array([n for n, _ in members])
 
 
-def _topology(scene: Scene, design: Design) -> tuple[Hashable, ...]:
-    """Collect the properties that scenes of one batch share."""
-    static = [
+def _of_loads(scene: Scene) -> tuple[Hashable, ...]:
+    """What the scenes of a batch share, but not all scenes of one topology: it follows from loads.
+
+    The losses of legs and filters, the mass coupling of blades, and arrays of further elements.
+    """
+    added = [
         np.array(value).tobytes() if isinstance(value, np.ndarray) else value
-        for part in scene.parts.values()
+        for part in scene.added.values()
         for name, value in vars(part).items()
         if name not in inner_axes(type(part))
     ]
-    wires, light = scene.wires, (scene.blades.tip_mass == 0).tobytes()
-    damped, twisted = bool(scene.springs.damping.any()), (wires.torsion > 0).tobytes()
-    field = scene.field and (scene.field.vector.tobytes(), scene.field.gradient.tobytes())
-    heavy, around = (wires.mass != 0).tobytes(), surroundings_key(design)
-    return (scene.gravity, field, heavy, *static, light, damped, twisted, around)
+    return (scene.springs.label, scene.springs.loss.tobytes(), scene.bars.label, *added)

@@ -60,7 +60,10 @@ def _faults(text: str) -> str:
             LINK.replace("ground", "grund") + SIX,
             "ends with grund, which is not a body; did you mean 'ground'",
         ),
-        (LINK.replace("ground", "frame") + SIX, 'write "support" for the structure'),
+        (
+            LINK.replace("ground", "frame") + SIX,
+            "ends with frame, which is not a body; known here: test",
+        ),
         (LINK.replace("ground", "test") + SIX, "joins a body to itself"),
         (
             LINK.replace('["test", "ground"]', '["support", "test"]') + SIX,
@@ -102,7 +105,7 @@ def _faults(text: str) -> str:
         (DAMPER, "damper.d: none of damping, eddy_current; give exactly one"),
         (DAMPER + MAGNET.replace("moment = 1.0\n", ""), "none of moment, remanence"),
         (DAMPER + MAGNET.replace("moment", "remanence"), "volume go together; give both"),
-        (DAMPER + MAGNET.replace("5.8e7", "58"), "is not that of a metal; give it in S/m"),
+        (DAMPER + MAGNET.replace("5.8e7", "58"), "conductivity = 58: must be at least 10000"),
     ],
 )
 def test_faults_have_remedies(text: str, expected: str) -> None:
@@ -125,8 +128,8 @@ def test_table_from_a_file(tmp_path: Path) -> None:
     for text, expected in (
         (None, "cannot be read (No such file or directory); give its path from the folder"),
         ("1, 2\n3, 4\n", "has 2 columns"),
-        ("1, 2, 3\n3, x, 4\n", "has no numbers in line 2"),
-        ("1, 2, 3\n3, 4\n", "has 2 numbers in line 2"),
+        ("1, 2, 3\n3, x, 4\n", 'line 2: "x" is not a number'),
+        ("1, 2, 3\n3, 4\n", "line 2: has 2 columns, but line 1 has 3"),
     ):
         (tmp_path / "cable.csv").unlink(missing_ok=True)
         if text is not None:

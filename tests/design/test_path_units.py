@@ -4,7 +4,7 @@ import pytest
 
 import suspension_cli as sus
 from suspension_cli.analyses.fit.findings import change_unit
-from suspension_cli.design.path_units import format_with_unit, unit_of
+from suspension_cli.design.paths import format_with_unit, unit_of
 from suspension_cli.studies import parameters
 
 

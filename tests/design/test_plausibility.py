@@ -10,11 +10,11 @@ import tomllib
 import numpy as np
 import pytest
 
-from suspension_cli.analyses.check import findings
-from suspension_cli.analyses.check.names import find_unknown_names as names_of
+from suspension_cli.analyses.check import warnings
 from suspension_cli.analyses.check.statics import solve
-from suspension_cli.design import csv_columns
+from suspension_cli.analyses.check.warnings import find_unknown_names as names_of
 from suspension_cli.design import plausibility as numbers
+from suspension_cli.design import reader
 from suspension_cli.design.materials import resolve
 from suspension_cli.design.reader import convert, template
 from suspension_cli.errors import InputError
@@ -42,7 +42,7 @@ def raw(name):
     found = tomllib.loads(
         template(kind, kind) if kind != name else (CONFIGS / f"{name}.toml").read_text()
     )
-    csv_columns.insert_files(found, CONFIGS)
+    reader.insert_files(found, CONFIGS)
     return found
 
 
@@ -345,7 +345,7 @@ def test_every_slip_of_a_unit_is_noticed(name):
                 design = convert(edited(document, {way: value * factor}))
                 if not [
                     *numbers.find_implausible(design),
-                    *findings.find_implausible_loads(design, solve(design)),
+                    *warnings.find_implausible_loads(design, solve(design)),
                 ]:
                     missed.append((way, value * factor))
     assert not missed
@@ -424,10 +424,10 @@ def test_other_sizes_are_believed(name):
             if part.fraction is not None and part.fraction > 1
         }
         strained = {wire.label.rsplit(".", 1)[0] for wire in carried.wires if wire.strain > 0.03}
-        for doubt in findings.find_serious(design):
-            stage = doubt.fault.key.split(".")[1]
-            assert ("times the strength" in doubt.fault.problem and stage in broken) or (
-                "stretched" in doubt.fault.problem and stage in strained
+        for doubt in warnings.find_serious(design):
+            stage = doubt.key.split(".")[1]
+            assert ("times the strength" in doubt.problem and stage in broken) or (
+                "stretched" in doubt.problem and stage in strained
             ), doubt
 
 
@@ -549,7 +549,7 @@ def test_density_from_inertia():
             "wires": {"count": 1, "l": 0.5, "d": 0.01, "material": "c70steel", "radius": 5e-4},
         }
         found = numbers.find_implausible(convert({"design": {"name": "ball"}, "stage": [stage]}))
-        assert ([doubt for doubt in found if "inertia" in doubt.fault.key] == []) == believed
+        assert ([doubt for doubt in found if "inertia" in doubt.key] == []) == believed
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from suspension_cli.design import reader
-from suspension_cli.design.keystones import add_keystones, drop_keystones
+from suspension_cli.design.derive import add_keystones, drop_keystones
 from suspension_cli.design.schema import json_schema
 from suspension_cli.errors import InputError
 
@@ -41,9 +41,12 @@ FAULTS = [
     (f"{LEGS}.lenght=0.5", f"{LEGS}.lenght = 0.5: unknown key"),
     (f"{LEGS}.leg_com=0.2", f"{LEGS}.leg_mass: missing; give the mass of a leg"),
     (f"{LEGS}.counterweight={{mass=1.0, below=100.0}}", f"{LEGS}.counterweight.below = 100"),
-    ("stage.ip.wires={count=1, l=1.0, k=1e6}", f"{LEGS}: conflicts with wires"),
+    (
+        "stage.ip.wires={count=1, l=1.0, k=1e6}",
+        "stage.ip.wires: conflicts with inverted_pendulum; ",
+    ),
     (f"{BLADES}.stiffness=100.0", f"{BLADES}: stiffness and frequency are both given; "),
-    (f"{BLADES}.q=0.5", f"{BLADES}.q = 0.5: gives a loss angle of 1 rad or more; "),
+    (f"{BLADES}.q=0.5", f"{BLADES}.q = 0.5: must be greater than 1 "),
     (f"{BLADES}.mass_coupling=3.0", f"{BLADES}.mass_coupling = 3.0: is not below the mass of"),
     (f"{BLADES}.keystone.inertia=[0,1,1]", f"{BLADES}.keystone.inertia.1 = 0: "),
     ("stage.f.hangs_from=ip-keyston", "stage.f.hangs_from = 'ip-keyston': names no earlier stage"),

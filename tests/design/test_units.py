@@ -8,7 +8,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 import msgspec
 
 from suspension_cli.design.schema import Design
-from suspension_cli.design.units import unit
+from suspension_cli.design.tables import unit
 
 DEPENDS = {
     "Spring.stiffness",

@@ -7,20 +7,19 @@ import pytest
 
 import suspension_cli as sus
 from suspension_cli.analyses.response.picture import draw as draw_response
-from suspension_cli.analyses.sweep.crossing_shapes import solve_shapes
-from suspension_cli.analyses.sweep.crossings import Crossing, find_crossings
+from suspension_cli.analyses.sweep.crossings import Crossing, find_crossings, solve_shapes
 from suspension_cli.analyses.sweep.picture import draw as draw_sweep
-from suspension_cli.analyses.sweep.result import SweepResult
+from suspension_cli.analyses.sweep.solve import SweepResult
 from suspension_cli.analyses.xcouple.picture import draw as draw_coupling
 from suspension_cli.analyses.xcouple.picture import interpolate
-from suspension_cli.analyses.xcouple.result import Coupling
+from suspension_cli.analyses.xcouple.solve import Coupling
 from suspension_cli.drawing import curves, labels
 from suspension_cli.drawing.added_points import add_points
 from suspension_cli.drawing.panels import COLUMN, set_margins
 from suspension_cli.drawing.style import NOTE, PALETTE, house_style, new_figure, stage_colours
 from suspension_cli.files.hdf5 import open_results
 from suspension_cli.linear.response import Response
-from suspension_cli.studies.axes import Axis
+from suspension_cli.studies.job import Axis
 from tests.support.golden import CONFIGS
 from tests.support.legible import assert_legible, said
 

@@ -10,8 +10,8 @@ import pytest
 from suspension_cli.elements import string, weight
 from suspension_cli.equilibrium import energy as tangent
 from suspension_cli.models.string import mass_matrix
-from suspension_cli.scene.gravity import Field
 from suspension_cli.scene.pose import displace, layout, nominal_pose
+from suspension_cli.scene.scene import Field
 from tests.support import scenes
 from tests.support.derivatives import complex_gradient, hessian
 

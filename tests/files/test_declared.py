@@ -25,7 +25,7 @@ from suspension_cli.files.declared import (
     scale_of,
     unpack,
 )
-from suspension_cli.studies.axes import Axis
+from suspension_cli.studies.job import Axis
 from tests.support.designs import TEXTS
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import pytest
 
 from suspension_cli.design.reader import read
 from suspension_cli.linear import eigenmodes, response, signals, statespace
-from suspension_cli.linear.constant_loss import with_constant_loss
+from suspension_cli.linear.statespace import with_constant_loss
 from suspension_cli.models import registry
 from tests.support import scenes
 from tests.support.commandline import run, strict_json

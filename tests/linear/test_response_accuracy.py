@@ -281,13 +281,10 @@ def test_on_a_support_that_gives_way(kind, massless):
     ],
 )
 def test_couplings_of_an_imperfect_wire(imperfection):
-    """Far above the modes the smallest couplings depend on digits of the stiffness that one double
-    does not have. Far below them they are differences of stiffnesses: 3e-8 at 0.01 Hz."""
+    """Far above and far below the modes."""
     raw = plants.raw("quadruple")
     raw["perturbation"] = [imperfection]
     model = registry.STRING.system(scenes.design_of(raw))
     frequency, outputs = [0.01, 3.3, 221.65260329156], plants.all_motions(model)
     inputs = plants.drives(model, "support.yaw", "support.x")
-    low, others = frequency[:1], frequency[1:]
-    assert_promised(responses_mp.compare(model, others, inputs, outputs), outputs)
-    assert_promised(responses_mp.compare(model, low, inputs, outputs), outputs, 3e-8)
+    assert_promised(responses_mp.compare(model, frequency, inputs, outputs), outputs)

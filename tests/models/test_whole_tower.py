@@ -334,7 +334,10 @@ stiffness = { uniform = 0.5 }
     [
         ('perturbation]]\nleg = "ip.leg4"\nstiffness_factor = 2.0', "names no leg"),
         ('perturbation]]\nlink = "heat"\nlength_change = 2.0', "is not for a link"),
-        ('perturbation]]\nlink = "heat"\nleg = "ip.leg1"', "must name one wire, body, blade, leg"),
+        (
+            'perturbation]]\nlink = "heat"\nleg = "ip.leg1"',
+            "leg and link are both given; give exactly one: wire or body",
+        ),
         ('tolerance.leg]]\nstage = "f"\nlength = { normal = 1e-5 }', "names no stage with legs"),
         ('tolerance.blade]]\nstage = "f"\nstiffness = { normal = 1e-5 }', "stage with blades"),
         ('tolerance.link]]\nlink = "het"\nstiffness = { normal = 1e-5 }', "did you mean 'heat'"),

@@ -18,7 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from suspension_cli.analyses.sweep.solve import ParameterSweep
-from suspension_cli.analyses.tolerance import model_error
+from suspension_cli.analyses.tolerance import solve as random_builds
 from suspension_cli.analyses.tolerance.solve import RandomBuilds
 from suspension_cli.analyses.xcouple.solve import Sweep
 from suspension_cli.design import reader
@@ -27,7 +27,7 @@ from suspension_cli.linear import eigenmodes, named_results, signals
 from suspension_cli.models import registry
 from suspension_cli.studies import run as batch
 from suspension_cli.studies import sweep_file
-from suspension_cli.studies.axes import Axis
+from suspension_cli.studies.job import Axis
 from tests.support import counting_sweep, scenes
 from tests.support.commandline import edited, run
 from tests.support.couplings import FILE, TRIPLE, TRIPLE_FILE, question
@@ -50,7 +50,7 @@ def written_by(out, workers, chunk, *command):
 def few():
     """What strings leave out is estimated from few builds: here it only has to be the same."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(model_error, "EXTREME", 3)
+        patch.setattr(random_builds, "EXTREME", 3)
         yield
 
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 
 import errno
 import os
+import shutil
 import signal
 import sys
 import time
 import warnings
 from multiprocessing import resource_tracker
 from pathlib import Path
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -172,7 +174,7 @@ def test_interrupted_from_the_keyboard_without_workers(writes, monkeypatch, tiny
 
 
 def interrupt_after(monkeypatch, writes, error):
-    """Let `os.pwrite` fail after some writes of results, and for good."""
+    """Let the file fail after some writes of results, and for good."""
 
     def fail():
         raise error
@@ -181,15 +183,15 @@ def interrupt_after(monkeypatch, writes, error):
 
 
 def after(monkeypatch, writes, happens):
-    """Let something happen at every `os.pwrite` after some writes of results."""
-    real, count = os.pwrite, iter(range(10**9))
+    """Let something happen at every write of results after some."""
+    real, count = sweep_file._write, iter(range(10**9))
 
-    def pwrite(handle, data, offset):
+    def write(stream, data, place):
         if next(count) >= writes:
             happens()
-        return real(handle, data, offset)
+        real(stream, data, place)
 
-    monkeypatch.setattr(sweep_file.os, "pwrite", pwrite)
+    monkeypatch.setattr(sweep_file, "_write", write)
 
 
 def full():
@@ -200,7 +202,7 @@ def test_a_disk_that_is_full_from_the_start(monkeypatch, tmp_path):
     def no_space(*_):
         raise full()
 
-    monkeypatch.setattr(sweep_file.os, "ftruncate", no_space)
+    monkeypatch.setattr(sweep_file.os, "truncate", no_space)
     result = run("xcouple", FILE, "--out", tmp_path)
     assert result.exit_code == 2
     assert (
@@ -246,6 +248,25 @@ def numbers(image, folder):
         result = {name: values[:] for name, values in file["xcouple"].items()}
     path.unlink()
     return result
+
+
+def test_without_what_only_some_systems_have(monkeypatch, tiny, tmp_path):
+    """Windows has no locks of `fcntl`, and neither `os.pwrite` nor masks of signals."""
+    monkeypatch.setattr(sweep_file, "fcntl", None)
+    for module, names in (
+        (os, ("pread", "pwrite", "O_NOFOLLOW", "fstatvfs", "statvfs")),
+        (signal, ("pthread_sigmask",)),
+    ):
+        for name in names:
+            monkeypatch.delattr(module, name)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=1 << 40))
+    with monkeypatch.context() as patch:
+        interrupt_after(patch, 20, full())
+        assert run("xcouple", FILE, "--out", tmp_path, *TINY, "--workers", "1").exit_code == 2
+    found, expected = (
+        numbers(image, tmp_path) for image in (finished(tmp_path, *TINY, "--resume"), tiny)
+    )
+    assert all(np.array_equal(found[name], expected[name]) for name in expected)
 
 
 def test_a_folder_that_cannot_be_written(tmp_path):

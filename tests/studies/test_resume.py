@@ -33,15 +33,15 @@ NAME = "husman2000-figure6-xcouple.h5"
 def full_disk(tmp_path_factory):
     """The folder of a run whose disk was full after some points."""
     folder = tmp_path_factory.mktemp("full")
-    real, count = os.pwrite, iter(range(10**9))
+    real, count = sweep_file._write, iter(range(10**9))
 
-    def pwrite(handle, data, offset):
+    def write(stream, data, place):
         if next(count) >= 8:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        return real(handle, data, offset)
+        real(stream, data, place)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sweep_file.os, "pwrite", pwrite)
+        patch.setattr(sweep_file, "_write", write)
         assert run("xcouple", FILE, "--out", folder, *SMALL).exit_code == 2
     assert 0 < marks(folder / f"{NAME}.part", 200).sum() < 4
     return folder

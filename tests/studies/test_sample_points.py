@@ -5,20 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from suspension_cli.studies import natural_steps
-from suspension_cli.studies.confidence import (
+from suspension_cli.analyses.tolerance.statistics import (
     replicate_interval,
+    sobol_indices,
     standard_error,
     wilson_interval,
 )
-from suspension_cli.studies.natural_steps import natural_step
+from suspension_cli.studies import parameters
+from suspension_cli.studies.parameters import natural_step
 from suspension_cli.studies.sample_points import (
     REPLICATES,
     SamplePoints,
     largest_count,
     smallest_count,
 )
-from suspension_cli.studies.sobol_indices import sobol_indices
 
 GROUPS = (0, 1, 1, 2)
 
@@ -155,7 +155,7 @@ def test_steps_of_numbers(path, step):
 
 def test_steps_of_all_cross_sections_are_relative(monkeypatch):
     """Of every key in the table of a cross-section, not only of those that ribbons have."""
-    monkeypatch.setattr(natural_steps, "SECTIONS", ("radius", "section", "tube"))
-    monkeypatch.setattr(natural_steps, "unit_of", lambda _: "m")
+    monkeypatch.setattr(parameters, "SECTIONS", ("radius", "section", "tube"))
+    monkeypatch.setattr(parameters, "unit_of", lambda _: "m")
     assert natural_step("stage.test.wires.tube.outer_radius", 2.0) == (0.02, "%")
     assert natural_step("stage.test.body.outer_radius", 2.0) == (1e-3, "mm")

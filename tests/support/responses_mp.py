@@ -6,8 +6,8 @@ costs nothing, so in every row the elements towards the row's own body follow fr
 others. In double precision they obey that to their last digit only, and at 0.01 Hz some responses
 are made of what is left after the first nine digits have cancelled. So here those elements are
 taken from the others, in 50 digits; all else, roll and pitch of the support among it, is taken from
-the model's matrices as they stand. `completed` spells it out, and returns how far that moved any
-element.
+the model's matrices as they stand. `completed` spells it out. By yaw of all, a force that rounding
+of the pose left unbalanced turns too: no more than the model's residual is taken for rounding.
 """
 
 from __future__ import annotations
@@ -129,6 +129,8 @@ def completed(matrix: Any, model: LinearSystem, low: Any = None) -> list[list[An
             for rows in zip(result, low, strict=True)
         ]
     motion = model.rigid
+    masses = np.diag(model.mass)[6 : 6 * len(model.body) + 6 : 6]
+    unbalanced = float(10.0 * model.residual * masses.sum())
     follows: set[tuple[int, int]] = set()
     for r in range(6, model.size):
         name = model.coordinate[r].split(".")[0]
@@ -140,7 +142,8 @@ def completed(matrix: Any, model: LinearSystem, low: Any = None) -> list[list[An
                 if motion[m, dof] and m != own + dof
             ]
             total, here = -sum(terms, MP.zero), result[r][own + dof]
-            if abs(total - here) <= ROUNDING * (sum(map(abs, terms), MP.zero) + abs(here)):
+            size = sum(map(abs, terms), MP.zero) + abs(here)
+            if abs(total - here) <= ROUNDING * size + (unbalanced if dof == 5 else 0.0):
                 result[r][own + dof] = total
                 follows.add((r, own + dof))
     for r, c in follows:

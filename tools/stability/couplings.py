@@ -10,7 +10,7 @@ import tomli_w
 from suspension_cli.analyses.xcouple import solve as coupling
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import signals
-from suspension_cli.studies.axes import Axis
+from suspension_cli.studies.job import Axis
 from tools.stability.energy import Stage
 from tools.stability.references import INERTIA, MASS, SHAPE, design, document, imperfect_stage_mp
 from tools.stability.row import SHIPPED, Row, relative

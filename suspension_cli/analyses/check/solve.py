@@ -11,8 +11,7 @@ from suspension_cli.analyses.analysis import Document, Log, Report
 from suspension_cli.errors import InputError, escape_unprintable
 
 if TYPE_CHECKING:
-    from suspension_cli.analyses.check.statics import LinkLoad, Statics
-    from suspension_cli.analyses.check.wire_weights import WireWeights
+    from suspension_cli.analyses.check.statics import LinkLoad, Statics, WireWeights
     from suspension_cli.design.plausibility import ImplausibleNumber
     from suspension_cli.design.reader import Source
     from suspension_cli.models.registry import Choice
@@ -48,7 +47,7 @@ class Check(Report):
     def warn(self, log: Log) -> None:
         """Report the warnings."""
         for item in self.warnings:
-            log.warn(f"{self.name}: {item.line}")
+            log.warn(f"{self.name}: {item.line('')}")
 
     def document(self) -> Document:
         """Return the JSON document that ``pendsus check --json`` prints."""
@@ -76,8 +75,7 @@ class Check(Report):
         }
         result |= {name: rows for name, rows in rare.items() if rows}
         result["warnings"] = [
-            {name: getattr(item.fault, name) for name in ("key", "value", "problem", "remedy")}
-            | {"serious": item.serious}
+            {name: getattr(item, name) for name in ("key", "value", "problem", "remedy", "serious")}
             for item in self.warnings
         ]
         if own is not None and own.included:
@@ -140,7 +138,7 @@ def solve(source: Source) -> Check:
     import tomllib
 
     from suspension_cli.analyses import settings
-    from suspension_cli.analyses.check import findings, names, stability, statics, wire_weights
+    from suspension_cli.analyses.check import statics, warnings
     from suspension_cli.design import plausibility
     from suspension_cli.design.paths import value_at
     from suspension_cli.models import registry
@@ -151,20 +149,20 @@ def solve(source: Source) -> Check:
     try:
         choice, loads = registry.choose(design), statics.solve(design)
     except InputError as error:  # implausible numbers may be the reason
-        raise InputError([*error.faults, *(item.fault for item in found)], source.file) from None
-    found += findings.find_implausible_loads(design, loads)
-    motion = stability.solve(design)
-    found += [*motion.warnings, *findings.find_slackest(loads)]
+        raise InputError([*error.faults, *found], source.file) from None
+    found += warnings.find_implausible_loads(design, loads)
+    motion = warnings.find_stability(design)
+    found += [*motion.warnings, *warnings.find_slackest(loads)]
     raw = tomllib.loads(source.text)
     leads = lambda path: value_at(raw, path) is not None  # noqa: E731
-    found += names.find_unknown_names(design, motion.modes, leads)
-    weights = wire_weights.solve(design, loads)
+    found += warnings.find_unknown_names(design, motion.modes, leads)
+    weights = statics.weigh_wires(design, loads)
     return Check(source, choice, loads, motion.stable, motion.model, found, weights)
 
 
 def _link_tables(links: Sequence[LinkLoad]) -> list[str]:
     """Tables of links and of dampers: stiffness or damping along x, y, z, and sag."""
-    from suspension_cli.analyses.check.findings import hangs_freely
+    from suspension_cli.analyses.check.warnings import hangs_freely
 
     made = []
     elastic = [link for link in links if any(link.stiffness) or not any(link.damping)]

@@ -1,7 +1,8 @@
-"""Statics of a design: tensions, stretch, sag, stress, height, displacement by imperfections."""
+"""Statics of a design: tensions, stretch, sag, stress, weight of wires, height, displacements."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Annotated
@@ -12,7 +13,7 @@ from suspension_cli.analyses.check import towers
 from suspension_cli.analyses.check.columns import Column
 from suspension_cli.analyses.check.towers import FilterLoad, LegLoad
 from suspension_cli.design import materials
-from suspension_cli.design.derive import blade_material
+from suspension_cli.design.derive import blade_material, gravity_strength, wire_line_densities
 from suspension_cli.design.schema import Body, Design, Stage
 from suspension_cli.design.sections import given_sections, thinnest
 from suspension_cli.design.wires import Blade, BladeSet, Profile, Wire, WireSet
@@ -358,3 +359,77 @@ def _half_height(body: Body, up: np.ndarray) -> float:
 
 def _vector(values: np.ndarray) -> tuple[float, float, float]:
     return (float(values[0]), float(values[1]), float(values[2]))
+
+
+NOTED = 4e-3
+"""Weight over tension above which `check` notes that a design leaves it out; frequencies of
+pendulums change by up to a quarter of it."""
+
+
+@dataclass(frozen=True)
+class WireWeights:
+    """Weight of the wires of a design.
+
+    Attributes
+    ----------
+    included : bool
+        Whether the design includes it.
+    total : float
+        N.
+    ratio, wire : float, str
+        Largest weight over tension, and its wire.
+    sag : float
+        Largest distance of a wire from the straight line between its ends, m: w l / (8 T) for the
+        part w of its weight across it (Irvine, Cable Structures, MIT Press (1981), section 1.2).
+    error : float
+        Error of the stiffness of straight wires: across, (W/T)^2 / 12, or along them, the largest
+        decrease of a wire's stiffness k by its sag, w^2 k l / (12 T^3), over k (Ernst, Der
+        Bauingenieur 40, 52 (1965)).
+    """
+
+    included: bool
+    wire: str
+    total: Annotated[float, Column("total_n")]
+    ratio: Annotated[float, Column("largest_over_tension")]
+    sag: Annotated[float, Column("sag_m")]
+    error: Annotated[float, Column("error")]
+
+    @property
+    def line(self) -> str:
+        """Describe the weight in a line; "" if it is left out and small."""
+        if not self.included:
+            if self.ratio < NOTED:
+                return ""
+            return (
+                f"wires weigh up to {100 * self.ratio:.2g} % of their tension ({self.wire});"
+                " constants.wire_weight = true includes this"
+            )
+        sag = f"largest sag {1e3 * self.sag:.3g} mm"
+        return (
+            f"wires weigh {self.total:.4g} N, up to {100 * self.ratio:.2g} % of their tension"
+            f" ({self.wire}); {sag}; the error by straight wires is {100 * self.error:.1g} %"
+        )
+
+
+def weigh_wires(design: Design, loads: Statics) -> WireWeights | None:
+    """Compute the weight of the wires; None where no density is known."""
+    wires, gravity = expand(design).wires, gravity_strength(design)
+    total = ratio = sag = softening = 0.0
+    worst = ""
+    tables = [table for stage in design.stage for table in list_wire_tables(stage)]
+    for n, (table, load) in enumerate(zip(tables, loads.wires, strict=True)):
+        length = float(wires.length[n])
+        pieces = wire_line_densities(design, table, length)
+        weight = gravity * sum(piece * density for piece, density in pieces)
+        total += weight
+        if weight / load.tension > ratio:
+            ratio, worst = weight / load.tension, load.label
+        across = weight * math.hypot(*wires.span[n, :2].tolist()) / length
+        sag = max(sag, across * length / (8 * load.tension))
+        stiffness = float(wires.stiffness[n]) * length
+        softening = max(softening, across**2 * stiffness / (12 * load.tension**3))
+    if not total:
+        return None
+    error = max(ratio**2 / 12, softening)
+    included = design.constants.wire_weight
+    return WireWeights(included, worst, total=total, ratio=ratio, sag=sag, error=error)

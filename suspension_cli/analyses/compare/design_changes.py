@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from suspension_cli.analyses.analysis import Document
-from suspension_cli.design.path_units import format_with_unit
+from suspension_cli.design.paths import format_with_unit
 
 OTHER_TABLES = ("design", "analysis")
 """Tables that do not describe a suspension."""

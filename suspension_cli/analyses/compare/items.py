@@ -137,8 +137,8 @@ def _read(ask: Callable[..., Run], given: Given) -> Item:
 
 def _calibrated(tables: Measured, path: Path) -> list[MeasuredResponse]:
     """Read transfer functions, converted from readings and drives to signals of the design."""
-    from suspension_cli.measurements.prediction import channel_weights, find_transducer
     from suspension_cli.measurements.read import read_all
+    from suspension_cli.measurements.transfer_function import channel_weights, find_transducer
 
     found = []
     for one in read_all(tables, path):

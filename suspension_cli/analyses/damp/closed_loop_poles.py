@@ -17,11 +17,11 @@ from suspension_cli.analyses.damp import control_statespace
 from suspension_cli.analyses.damp.control import Plant
 from suspension_cli.conventions import DOFS
 from suspension_cli.linear import damped, poles, roots, signals
-from suspension_cli.linear.connected_groups import connected_groups
-from suspension_cli.linear.constant_loss import with_constant_loss
+from suspension_cli.linear.elimination import connected_groups
 from suspension_cli.linear.pencil import Pencil
 from suspension_cli.linear.poles import Poles
 from suspension_cli.linear.roots import ClosedBlock, Feedback, Roots
+from suspension_cli.linear.statespace import with_constant_loss
 
 if TYPE_CHECKING:
     from jaxtyping import Complex

@@ -23,8 +23,8 @@ from suspension_cli.analyses.export import solve as export
 from suspension_cli.design.schema import Design
 from suspension_cli.files.declared import along, derived, in_unit
 from suspension_cli.linear import poles, signals
-from suspension_cli.linear.constant_loss import with_constant_loss
 from suspension_cli.linear.poles import Poles
+from suspension_cli.linear.statespace import with_constant_loss
 from suspension_cli.linear.system import LinearSystem
 
 if TYPE_CHECKING:

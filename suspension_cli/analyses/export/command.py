@@ -89,7 +89,7 @@ class ExportAnalysis(Analysis):
         from suspension_cli.analyses.export import solve as export
         from suspension_cli.design.derive import main_chain
         from suspension_cli.linear import signals
-        from suspension_cli.linear.constant_loss import with_constant_loss
+        from suspension_cli.linear.statespace import with_constant_loss
 
         setting = run.setting
         choice, model = model_choice.for_modes(

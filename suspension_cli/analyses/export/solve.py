@@ -10,7 +10,7 @@ import numpy as np
 
 from suspension_cli.design.schema import Design
 from suspension_cli.linear import statespace
-from suspension_cli.linear.connected_groups import connected_groups
+from suspension_cli.linear.elimination import connected_groups
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry

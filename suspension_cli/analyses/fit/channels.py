@@ -1,8 +1,8 @@
 """Readings of sensors per drive of actuators, with unknown gains, delays and mixing.
 
 A sensor reads g exp(-i omega tau) (signal + sum of m_j other_j); an actuator exerts the same
-combination of forces per unit of drive (`measurements.prediction`). With the responses H of the
-signals, the readings per drive are S H A^T, where S and A have the weights of the signals in
+combination of forces per unit of drive (`measurements.transfer_function`). With the responses H
+of the signals, the readings per drive are S H A^T, where S and A have the weights of the signals in
 sensors and actuators.
 """
 
@@ -23,8 +23,7 @@ from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.linear import signals
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.measurements.prediction import channel_weights
-from suspension_cli.measurements.transfer_function import MeasuredResponse
+from suspension_cli.measurements.transfer_function import MeasuredResponse, channel_weights
 
 if TYPE_CHECKING:
     from jaxtyping import Complex

@@ -19,7 +19,7 @@ from suspension_cli.design.measured import Free
 from suspension_cli.errors import InputError
 from suspension_cli.linear import signals
 from suspension_cli.studies import parameters
-from suspension_cli.studies.natural_steps import natural_step
+from suspension_cli.studies.parameters import natural_step
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float

@@ -14,7 +14,7 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import blended_transform_factory
 
 from suspension_cli.analyses.fit.result import Fit, ResponseFit
-from suspension_cli.design.path_units import displayed_unit
+from suspension_cli.design.paths import displayed_unit
 from suspension_cli.drawing import labels, panels
 from suspension_cli.drawing.canvas import TextLook
 from suspension_cli.drawing.panels import ITEM, Across, Line, Panel, Rule

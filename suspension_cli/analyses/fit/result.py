@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.analyses.fit.wrong_channels import Correction
-from suspension_cli.design.path_units import unit_of
+from suspension_cli.design.paths import unit_of
 from suspension_cli.files.declared import SI, along, derived, in_unit, scale_of
 
 if TYPE_CHECKING:

@@ -128,7 +128,7 @@ def format_uncertainty(found: Fit, n: int) -> str:
 
 
 def _parameters(found: Fit) -> str:
-    from suspension_cli.design.path_units import unit_of
+    from suspension_cli.design.paths import unit_of
 
     names = zip(found.parameters, found.name, strict=True)
     rows = [

@@ -294,7 +294,7 @@ def _solve(run: Run) -> tuple[Choice, LinearSystem, Modes, Modes]:
 
 def _admit(run: Run, number: int, top: float, cause: str) -> None:
     """Report the number of modes if there are many; refuse more than `MOST` without --all."""
-    from suspension_cli.analyses.check import findings
+    from suspension_cli.analyses.check import warnings
 
     if number > MOST and not run.setting["every"]:
         problem = (
@@ -305,7 +305,7 @@ def _admit(run: Run, number: int, top: float, cause: str) -> None:
             "check lengths and radii of wires (m), give a lower --max-frequency, or --all to"
             " compute all"
         )
-        causes = [item.line for item in findings.find_serious(run.design)]
+        causes = [item.line("") for item in warnings.find_serious(run.design)]
         if causes and not causes[0].startswith("control."):
             remedy = f"probable cause: {causes[0]}"
         raise InputError([Fault("", problem, remedy)])

@@ -14,8 +14,7 @@ from suspension_cli.elements.dynamic_wire import COORDINATES, PARTS
 from suspension_cli.elements.joined_sections import ENDS
 from suspension_cli.linear.frequency_terms import WireTerm
 from suspension_cli.linear.pencil import Pencil
-from suspension_cli.linear.stretching import Stretching
-from suspension_cli.linear.system import LinearSystem
+from suspension_cli.linear.system import LinearSystem, Stretching
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.composition import Fibre
 
@@ -63,7 +62,7 @@ def cut_all(model: LinearSystem, fraction: float = CUTS[0]) -> tuple[LinearSyste
         np.real(soft),
         padded(model.damping),
         None if model.lossy is None else soft,
-        Stretching(np.zeros((0, size)), np.zeros(0), np.ones((size, size), dtype=bool), soft),
+        Stretching(np.zeros((0, size)), np.zeros(0), soft),
         terms=(*pieces, *(term.spread(np.eye(model.size, size)) for term in others)),
         active=model.active,
     )
@@ -87,12 +86,12 @@ def _cut(term: WireTerm, fraction: float, start: int, size: int) -> list[WireTer
         back = np.linalg.inv(ENDS[p])
         upper[part], lower[part] = back @ ends[:, : 2 * p], back @ ends[:, p:]
         start += p
-    allowed, every = np.ones((size, size), dtype=bool), np.arange(size)
+    every = np.arange(size)
     fibres = _cut_fibre(term.strand.fibre, fraction)
     return [
         WireTerm(
-            term.stage, replace(term.strand, fibre=fibre), term.number, every, forms, allowed
-        ).trimmed()
+            term.stage, replace(term.strand, fibre=fibre), term.number, every, forms, size
+        ).spread(np.eye(size))
         for fibre, forms in zip(fibres, (upper, lower), strict=True)
     ]
 
@@ -104,7 +103,7 @@ def _static_stiffness(term: WireTerm) -> Array:
         if part != "stretch":
             static = term.strand.static[part]
             result += np.einsum("wic,ij,wjd->cd", rows, static, rows)
-    return np.where(term.allowed[np.ix_(term.columns, term.columns)], result, 0.0)
+    return result
 
 
 def _cut_fibre(fibre: Fibre, fraction: float) -> tuple[Fibre, Fibre]:

@@ -170,7 +170,7 @@ class OptimiseAnalysis(Analysis):
 
     def text(self, result: Result) -> str:
         """Return parameters, goals with their limits, and the ends of the searches."""
-        from suspension_cli.design.path_units import unit_of
+        from suspension_cli.design.paths import unit_of
 
         found: Optimum = result.data
         numbers = found.numbers

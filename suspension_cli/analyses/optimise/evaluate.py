@@ -31,7 +31,6 @@ from suspension_cli.linear.mode_pairing import pair_by_overlap
 from suspension_cli.linear.named_results import Ratio
 from suspension_cli.linear.symmetry import is_mirror_symmetric
 from suspension_cli.models import registry
-from suspension_cli.scene import stack
 from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import builds, mode_tracking, variants
 from suspension_cli.studies.builds import Builds
@@ -307,11 +306,9 @@ class Results:
             self._builds[key] = [
                 (
                     places,
-                    builds.balance(
-                        stack.stack_scenes(scenes), one, level=level, allow_unstable=True
-                    ),
+                    builds.balance(scene, one, level=level, allow_unstable=True),
                 )
-                for places, scenes, one in variants.alike(imperfect, level)
+                for places, scene, one in variants.alike(imperfect, level)
             ]
         return self._builds[key]
 

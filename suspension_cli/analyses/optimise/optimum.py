@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.design.path_units import unit_of
+from suspension_cli.design.paths import unit_of
 from suspension_cli.files.declared import along, derived, in_unit, scale_of
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
 from suspension_cli.analyses.optimise.optimum import Optimum, relative_room
-from suspension_cli.design.path_units import displayed_unit
+from suspension_cli.design.paths import displayed_unit
 from suspension_cli.drawing import panels
 from suspension_cli.drawing.scales import label_plainly
 from suspension_cli.drawing.style import (

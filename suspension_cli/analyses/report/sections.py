@@ -278,19 +278,17 @@ def tolerance(report: Composition) -> Iterator[str]:
         result = report.run("tolerance", "--builds", str(count), builds=count)
     yield report.answer(result)
     one = result.data
-    if one.joint is not None:
-        met, low, high = one.joint.fraction, one.joint.low, one.joint.high
-        what = "meet all limits"
-    else:
-        met, (low, high) = one.under, one.under_interval
+    found, what = one.joint, "meet all limits"
+    if found is None:
+        found = one.under
         what = (
             f"have a coupling |{html.text(one.ratio)}| below {html.number(one.limit)} at"
             f" {html.number(one.frequency)} Hz"
         )
     yield report.pictures(
         result,
-        f"Of {one.good:,} random builds, {100 * met:.3g} % (95 % confidence:"
-        f" {100 * low:.3g} to {100 * high:.3g} %) {what}.",
+        f"Of {one.good:,} random builds, {100 * found.fraction:.3g} % (95 % confidence:"
+        f" {100 * found.low:.3g} to {100 * found.high:.3g} %) {what}.",
     )
 
 

@@ -25,13 +25,13 @@ from suspension_cli.linear.signals import (
 )
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.measurements import read
-from suspension_cli.measurements.prediction import (
+from suspension_cli.measurements.transfer_function import (
+    MeasuredResponse,
     channel_weights,
     find_transducer,
     predict,
     signals_of,
 )
-from suspension_cli.measurements.transfer_function import MeasuredResponse
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:

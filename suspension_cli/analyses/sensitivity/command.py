@@ -106,7 +106,7 @@ class SensitivityAnalysis(Analysis):
         """Return tables of the changes, some columns at a time."""
         import numpy as np
 
-        from suspension_cli.design.path_units import format_with_unit
+        from suspension_cli.design.paths import format_with_unit
 
         found: Sensitivity = result.data
         absolute = found.nominal == 0

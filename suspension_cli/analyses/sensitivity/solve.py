@@ -11,7 +11,7 @@ import numpy as np
 from suspension_cli.analyses.optimise.mode_families import has_wire_mass, solve_modes
 from suspension_cli.analyses.sweep.solve import evaluate_ratio
 from suspension_cli.design import reader
-from suspension_cli.design.path_units import unit_of
+from suspension_cli.design.paths import unit_of
 from suspension_cli.files.declared import along, derived, in_unit
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.named_results import Mode, Ratio, Scalar
@@ -21,7 +21,7 @@ from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import derivatives, parameters
 from suspension_cli.studies.builds import Builds
 from suspension_cli.studies.derivatives import frequency_rates, mode_matrix
-from suspension_cli.studies.natural_steps import natural_step
+from suspension_cli.studies.parameters import natural_step
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float
@@ -81,7 +81,7 @@ class Sensitivity:
     @property
     @derived(along="parameter")
     def step_unit(self) -> tuple[str, ...]:
-        """Step of each number: ``mm``, ``mrad`` or ``%``, see `studies.natural_steps`."""
+        """Step of each number: ``mm``, ``mrad`` or ``%``, see `studies.parameters.natural_step`."""
         return tuple(unit for _, unit in self._steps)
 
     @property

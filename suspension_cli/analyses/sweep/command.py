@@ -13,8 +13,8 @@ from suspension_cli.errors import InputError, format_value
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.sweep.result import SweepResult
-    from suspension_cli.studies.axes import Axis
+    from suspension_cli.analyses.sweep.solve import SweepResult
+    from suspension_cli.studies.job import Axis
 
 ALIKE = 0.4
 """Overlap below which a mode may have become any other; two that mix half and half have 0.5."""
@@ -31,7 +31,7 @@ class SweepAnalysis(Analysis):
     Returns
     -------
     Result
-        With the attributes of `analyses.sweep.result.SweepResult`: `axes`, `result`, `value`
+        With the attributes of `analyses.sweep.solve.SweepResult`: `axes`, `result`, `value`
         (axis 1, axis 2, ..., results).
 
     Raises
@@ -50,7 +50,7 @@ class SweepAnalysis(Analysis):
     """
 
     name = "sweep"
-    result_type = "analyses.sweep.result.SweepResult"
+    result_type = "analyses.sweep.solve.SweepResult"
     fills_file = True
     arguments = (options.DESIGN,)
     parameters = (
@@ -75,8 +75,7 @@ class SweepAnalysis(Analysis):
         from suspension_cli.analyses import model_choice, sweeping
         from suspension_cli.analyses.check import warnings
         from suspension_cli.analyses.sweep import model_error
-        from suspension_cli.analyses.sweep import result as results
-        from suspension_cli.analyses.sweep.solve import ParameterSweep
+        from suspension_cli.analyses.sweep.solve import ParameterSweep, complete, describe
         from suspension_cli.linear import eigenmodes, named_results, signals
         from suspension_cli.models import registry
 
@@ -121,8 +120,8 @@ class SweepAnalysis(Analysis):
             self,
             job,
             choice,
-            results.describe(job, model),
-            lambda part: results.complete(part, job),
+            describe(job, model),
+            lambda part: complete(part, job),
         )
         found: SweepResult = result.data
         for reason, count in found.failures.items():
@@ -177,7 +176,7 @@ class SweepAnalysis(Analysis):
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw lines over one parameter, maps over two."""
-        from suspension_cli.analyses.sweep import crossing_shapes, crossings, picture
+        from suspension_cli.analyses.sweep import crossings, picture
         from suspension_cli.drawing.style import name_neglected
         from suspension_cli.files.hdf5 import open_results
 
@@ -188,7 +187,7 @@ class SweepAnalysis(Analysis):
         if stored is not None:
             with open_results(stored) as file:
                 found = crossings.find_crossings(file["sweep"], result.data)
-            shapes = crossing_shapes.solve_shapes(
+            shapes = crossings.solve_shapes(
                 result.source, result.data.axes[0].name, result.choice.level, found
             )
         stages = [stage.name for stage in result.design.stage]
@@ -199,7 +198,7 @@ class SweepAnalysis(Analysis):
 def axes(vary: list[str]) -> tuple[Axis, ...]:
     """Parse the axes of `--vary`."""
     from suspension_cli.grids import parse_grid
-    from suspension_cli.studies.axes import Axis, distinct
+    from suspension_cli.studies.job import Axis, distinct
 
     example = "write for example --vary stage.test.wires.s=1e-3:0.05:50:log"
     if not vary:

@@ -4,24 +4,17 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.analyses.sweep.solve import ParameterSweep
 from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes
-from suspension_cli.linear.eigenmodes import Modes
-from suspension_cli.linear.mode_pairing import body_overlap, pair_by_overlap
 from suspension_cli.linear.named_results import Mode
-from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models.base import Model
-from suspension_cli.models.choice import Several, Systems
-from suspension_cli.studies.axes import ends_and_middle
+from suspension_cli.models.choice import Several, Systems, pair_bodies
+from suspension_cli.studies.job import ends_and_middle
 from suspension_cli.studies.variants import overridden
-
-if TYPE_CHECKING:
-    from jaxtyping import Int
 
 POINTS = 9
 """Largest number of points at which models are compared."""
@@ -77,7 +70,9 @@ def _changes(
     """
     old, new = systems(simple), systems(refined)
     modes, partners = (eigenmodes.solve(system.constant) for system in (old, new))
-    here, there = _numbers(job.nominal, modes, old), _numbers(job.nominal, partners, new)
+    here, there = (
+        pair_bodies(job.nominal, one, system) for one, system in ((modes, old), (partners, new))
+    )
     items = tuple(
         Mode(one.text, int(here[one.number])) if isinstance(one, Mode) else one
         for one in job.results
@@ -91,10 +86,3 @@ def _changes(
         (min(change, float(direct[one.number])) if isinstance(one, Mode) else change, text)
         for one, (change, text) in zip(job.results, found, strict=True)
     ]
-
-
-def _numbers(base: Modes, found: Modes, system: LinearSystem) -> Int[np.ndarray, " mode"]:
-    """Modes of one design that those of another become."""
-    count = 6 * len(system.body)
-    mass = system.mass[6 : 6 + count, 6 : 6 + count]
-    return pair_by_overlap(body_overlap(base.shape, found.shape, mass))

@@ -13,9 +13,8 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator
 
-from suspension_cli.analyses.sweep.crossing_shapes import Shapes, Strip
-from suspension_cli.analyses.sweep.crossings import Crossing
-from suspension_cli.analyses.sweep.result import SweepResult
+from suspension_cli.analyses.sweep.crossings import Crossing, Shapes, Strip
+from suspension_cli.analyses.sweep.solve import SweepResult
 from suspension_cli.conventions import DOFS
 from suspension_cli.drawing import labels, panels, scales
 from suspension_cli.drawing.canvas import full_canvas
@@ -30,7 +29,7 @@ from suspension_cli.drawing.style import (
     single_line,
     stage_colours,
 )
-from suspension_cli.studies.axes import Axis
+from suspension_cli.studies.job import Axis
 
 if TYPE_CHECKING:
     from jaxtyping import Float

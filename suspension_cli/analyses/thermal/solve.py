@@ -232,12 +232,8 @@ def compute_dissipation(
     The keys of the result are the name of a source and its temperature (K). `temperature` is that
     of dampers and of the support's loss, K.
     """
-    result: dict[tuple[str, float], Array] = {}
+    result: dict[tuple[str, float], Array] = here.dissipated(motion)
     block = here.block
-    whole = np.concatenate([np.zeros((6, motion.shape[1])), motion])
-    for term in here.terms:
-        for key, lost in term.dissipated(whole).items():
-            result[key] = result.get(key, 0.0) + lost
     for cause, matrix, factor in (
         ("damping", block.damping, here.omega),
         ("support", block.loss, 1.0),
@@ -246,28 +242,6 @@ def compute_dissipation(
             power = factor * quadratic_form(matrix, motion)
             result[cause, temperature] = result.get((cause, temperature), 0.0) + power
     return result
-
-
-def compute_from_susceptibility(
-    model: LinearSystem,
-    frequency: Float[np.ndarray, " frequency"],
-    row: Float[np.ndarray, " coordinate"],
-    temperature: float,
-) -> Float[np.ndarray, " frequency"]:
-    """Thermal noise from the susceptibility, -(4 k T / omega) Im(r . Z^-1 r), unit^2/Hz.
-
-    For checks of `solve`: it loses the digits of a high Q, and has one temperature (K) for all
-    parts.
-    """
-    omega = 2 * np.pi * np.asarray(frequency, dtype=float)
-    total, pencil = np.zeros(len(omega)), Pencil.of(model)
-    there = pencil.at(omega)
-    for block in pencil.blocks:
-        force = row[block.keep]
-        if force.any():
-            found = block.at(there).respond(force[None], np.zeros((6, 1)), force[:, None])
-            total += np.imag(found[0, 0])
-    return -4 * BOLTZMANN * temperature / omega * total
 
 
 def parse_motion(

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.tolerance.solve import RandomBuilds
-    from suspension_cli.analyses.tolerance.statistics import Summary
+    from suspension_cli.analyses.tolerance.summary import Summary
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.eigenmodes import Modes
 
@@ -37,7 +37,7 @@ class ToleranceAnalysis(Analysis):
     Returns
     -------
     Result
-        With the attributes of `analyses.tolerance.statistics.Summary`: `mean`, `spread`,
+        With the attributes of `analyses.tolerance.summary.Summary`: `mean`, `spread`,
         `quantiles` of mode frequencies in Hz, `static` (displacements in m and rotations in rad
         of the stages), `yields`, `joint`, `indices`, ...
 
@@ -116,9 +116,9 @@ class ToleranceAnalysis(Analysis):
     def solve(self, run: Run) -> Result:
         """Compute all builds, then their statistics."""
         from suspension_cli.analyses import model_choice, sweeping
-        from suspension_cli.analyses.tolerance import model_error, quantities, summary
-        from suspension_cli.analyses.tolerance.solve import RandomBuilds
-        from suspension_cli.analyses.xcouple.request import parse_request
+        from suspension_cli.analyses.tolerance import quantities, summary
+        from suspension_cli.analyses.tolerance.solve import RandomBuilds, build_change
+        from suspension_cli.analyses.xcouple.solve import parse_request
         from suspension_cli.design.derive import mirror
         from suspension_cli.files.declared import pack
         from suspension_cli.models import registry
@@ -143,7 +143,7 @@ class ToleranceAnalysis(Analysis):
             source,
             setting["fidelity"],
             (registry.STRING, registry.BEAM),
-            model_error.build_change(job),
+            build_change(job),
             setting["tolerance"],
         )
         model_choice.stable_system(source, choice, setting["allow_unstable"], run.log, bends=True)

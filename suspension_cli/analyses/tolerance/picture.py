@@ -12,8 +12,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from suspension_cli.analyses.tolerance.quantities import COUPLING
-from suspension_cli.analyses.tolerance.statistics import QUANTILES, Summary, strongest
-from suspension_cli.design.path_units import DISPLAYED
+from suspension_cli.analyses.tolerance.statistics import QUANTILES, Yield, strongest
+from suspension_cli.analyses.tolerance.summary import Summary
+from suspension_cli.design.paths import DISPLAYED
 from suspension_cli.drawing import curves, panels
 from suspension_cli.drawing.panels import ITEM, Across, Line, Panel, Rule
 from suspension_cli.drawing.style import PALE, PALETTE, single_line
@@ -21,6 +22,9 @@ from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
     from jaxtyping import Int
+
+    Limit = tuple[float, float, bool]
+    """Least and largest value, and whether of the magnitude."""
 
 MET, MISSED, CAUSE = PALETTE[0], PALETTE[1], PALETTE[2]
 NAMES = 1.72
@@ -50,65 +54,57 @@ def draw(summary: Summary, title: str) -> Figure:
     first = replace(first, key=KEY, remarks=[*first.remarks, "in brackets: 95 % confidence"])
     heading = f"{min(summary.good, summary.independent):,} random builds"
     if summary.joint is not None:
-        low, high = 100 * summary.joint.low, 100 * summary.joint.high
-        met = f"{100 * summary.joint.fraction:.3g} % ({low:.3g} to {high:.3g})"
-        heading = f"{met} of {heading.replace('random ', '')} meet all limits"
+        heading = f"{summary.joint.percent} of {heading.replace('random ', '')} meet all limits"
     return panels.draw(heading, title, [first, *rest])
 
 
 def _requirements(summary: Summary) -> list[Panel]:
     """Make panels of quantities with requirements, and of the coupling."""
     required, shown = summary.required, []
-    numbers = list(dict.fromkeys(summary.required_place))
-    for number in numbers:
-        if required.name[number] == COUPLING:
+    pairs = [*zip(summary.job.requirements, summary.yields, strict=True)]
+
+    def of(name: str) -> tuple[list[Limit], list[str]]:
+        own = [(item, met) for item, met in pairs if item.quantity.name == name]
+        limits = [(item.low, item.high, item.magnitude) for item, _ in own]
+        return limits, [_describe(summary, met) for _, met in own]
+
+    for number, name in enumerate(required.name):
+        if name == COUPLING:
             continue
         unit, per = DISPLAYED.get(required.unit[number], (required.unit[number], 1.0))
-        limits, lines = [], []
-        for n, place in enumerate(summary.required_place):
-            if place == number:
-                low, high, magnitude = summary.limits[n]
-                limits.append((per * low, per * high, magnitude))
-                lines.append(_describe(summary, n))
-        label = required.name[number] + (f" ({unit})" if unit != "1" else " (ratio)")
+        limits, lines = of(name)
+        limits = [(per * low, per * high, magnitude) for low, high, magnitude in limits]
+        label = name + (f" ({unit})" if unit != "1" else " (ratio)")
         shown.append(_histogram(per * required.sample[:, number], limits, label, lines))
-    own = [n for n, place in enumerate(summary.required_place) if required.name[place] == COUPLING]
-    low, high = (100 * end for end in summary.under_interval)
-    limits, lines = [summary.limits[n] for n in own], [_describe(summary, n) for n in own]
-    marks = []
-    if not own:
+    limits, lines = of(COUPLING)
+    marks: list[Limit] = []
+    if not limits:
         # without requirements this limit is one, else it is for comparison
-        (marks if numbers else limits).append((-np.inf, summary.limit, True))
-        lines.append(
-            ("for comparison: " if numbers else "")
-            + f"{100 * summary.under:.3g} % ({low:.3g} to {high:.3g}):"
-            f" {COUPLING} < {summary.limit:g} at {summary.frequency:g} Hz"
-        )
+        (marks if pairs else limits).append((-np.inf, summary.limit, True))
+        under = replace(summary.under, name=f"{COUPLING} < {summary.limit:g}")
+        lines.append(("for comparison: " if pairs else "") + _describe(summary, under))
     label = f"|{single_line(summary.ratio, 52)}| ({curves.unit_of_ratio(summary.ratio)})"
-    ratio = summary.ratio_sorted
+    ratio = summary.coupling.sample[:, 0]
     return [*shown, _histogram(ratio, limits, label, lines, marks, logarithmic=True)]
 
 
-def _describe(summary: Summary, number: int) -> str:
-    one = summary.yields[number]
-    return (
-        f"{100 * one.fraction:.3g} % ({100 * one.low:.3g} to {100 * one.high:.3g}): {one.name}"
-        + (f" at {summary.frequency:g} Hz" if one.name.startswith(COUPLING) else "")
-    )
+def _describe(summary: Summary, one: Yield) -> str:
+    where = f" at {summary.frequency:g} Hz" if one.name.startswith(COUPLING) else ""
+    return f"{one.percent}: {one.name}{where}"
 
 
 def _histogram(
     values: Array,
-    limits: Sequence[tuple[float, float, bool]],
+    limits: Sequence[Limit],
     label: str,
     lines: Sequence[str],
-    marks: Sequence[tuple[float, float, bool]] = (),
+    marks: Sequence[Limit] = (),
     *,
     logarithmic: bool = False,
 ) -> Panel:
     """Make the panel of the distribution of a quantity, with builds beyond limits on top.
 
-    Limits are least and largest value, and whether of the magnitude; `marks` are no requirements.
+    `marks` are limits that are no requirements.
     """
     shown = values[np.isfinite(values) & ((values > 0) | (not logarithmic))]
     met = np.ones(len(shown), dtype=bool)
@@ -175,12 +171,13 @@ def _causes(summary: Summary) -> list[Panel]:
     """Make the panel of the coupling's significant rank correlations or Sobol indices."""
     if summary.indices is not None:
         return [_indices(summary)]
-    every = strongest(summary.signed_rank, len(summary.factor), summary.significant)
+    rank = summary.signed.rank[0]
+    every = strongest(rank, len(rank), summary.significant)
     top = every[:MAX_BARS]
     if not top:
         return []
     left_out = len(every) - len(top)
-    size = abs(summary.signed_rank[top[-1]]) if left_out else summary.significant
+    size = abs(rank[top[-1]]) if left_out else summary.significant
     rest = f"{left_out} more are significant" if left_out else "no other is significant"
     texts = (
         "Deviations that the coupling depends on most, with their sign",
@@ -188,7 +185,7 @@ def _causes(summary: Summary) -> list[Panel]:
     )
 
     def paint(axes: Axes, rows: Int[np.ndarray, " row"]) -> None:
-        axes.barh(rows, summary.signed_rank[top], color=CAUSE, height=0.6)
+        axes.barh(rows, rank[top], color=CAUSE, height=0.6)
 
     return [_rows([summary.factor[n] for n in top], texts, "rank correlation (−1 to 1)", paint)]
 
@@ -211,7 +208,7 @@ def _indices(summary: Summary) -> Panel:
         "Tolerances that cause the spread of the coupling",
         "green: alone; grey: with others, and its standard error",
     )
-    names = [summary.group[n] for n in top]
+    names = [summary.job.groups[n] for n in top]
     return _rows(names, texts, "Sobol index (fraction of variance)", paint)
 
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.design.faults import suggest
-from suspension_cli.design.path_units import DISPLAYED
+from suspension_cli.design.paths import DISPLAYED
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.linear import named_results
@@ -68,6 +68,10 @@ class Quantity:
         """Read the values in builds; magnitudes if complex, NaN where a build failed."""
         values = group[self.column][(rows, *self.place)]
         return np.abs(values) if np.iscomplexobj(values) else values
+
+
+RATIO = Quantity(COUPLING, "1", "ratio", (-1,))
+"""The cross-coupling."""
 
 
 @dataclass(frozen=True)
@@ -162,7 +166,7 @@ class Names:
         if text.endswith(" static z"):
             text = f"{text[:-1]}height"
         if text == COUPLING:
-            return Quantity(COUPLING, "1", "ratio", (-1,))
+            return RATIO
         if text in plain:
             return plain[text]
         if "/" in text:

@@ -11,14 +11,14 @@ from suspension_cli.analyses.analysis import Document, as_number, plain
 from suspension_cli.analyses.tolerance.statistics import (
     QUANTILES,
     Spread,
-    Summary,
     Yield,
     leading,
     strongest,
 )
-from suspension_cli.design.path_units import DISPLAYED
+from suspension_cli.analyses.tolerance.summary import Summary
+from suspension_cli.design.paths import DISPLAYED
 from suspension_cli.scene.arrays import Array
-from suspension_cli.studies.natural_steps import STEPS
+from suspension_cli.studies.parameters import STEPS
 
 NEGLIGIBLE = 1e-7
 """Standard deviation of statics (m or rad) below which they are not printed."""
@@ -27,28 +27,26 @@ LOW, MEDIAN, HIGH = (QUANTILES.index(level) for level in (0.05, 0.5, 0.95))
 
 def document(summary: Summary) -> Document:
     """Return the JSON document but for its head."""
-    frequencies = _columns(summary.mean, summary.mean_error, summary.spread, summary.quantiles)
     modes = [
         {"label": label, "nominal_hz": as_number(summary.nominal[n])}
-        | {f"{key}_hz": plain(value[n]) for key, value in frequencies.items()}
-        | {"leading": leading(summary.mode_rank[n], summary.factor)}
+        | {f"{key}_hz": plain(value[n]) for key, value in _columns(summary.modes).items()}
+        | {"leading": leading(summary.modes.rank[n], summary.factor)}
         for n, label in enumerate(summary.label)
     ]
     coupling = {
         "ratio": summary.ratio,
         "frequency_hz": summary.frequency,
         "limit": summary.limit,
-        "fraction_under_limit": as_number(summary.under),
-        "fraction_under_limit_interval": plain(summary.under_interval),
-        "quantiles": plain(summary.ratio_quantiles),
-        "leading": leading(summary.ratio_rank, summary.factor),
-        "leading_signed": leading(summary.signed_rank, summary.factor),
+        "fraction_under_limit": as_number(summary.under.fraction),
+        "fraction_under_limit_interval": plain((summary.under.low, summary.under.high)),
+        "quantiles": plain(summary.coupling.quantiles[0]),
+        "leading": leading(summary.coupling.rank[0], summary.factor),
+        "leading_signed": leading(summary.signed.rank[0], summary.factor),
     }
     static = summary.static
-    columns = _columns(static.mean, static.error, static.deviation, static.quantiles)
     statics = [
         {"quantity": name, "unit": static.unit[n]}
-        | {key: plain(value[n]) for key, value in columns.items()}
+        | {key: plain(value[n]) for key, value in _columns(static).items()}
         | {"leading": leading(static.rank[n], summary.factor)}
         for n, name in enumerate(static.name)
     ]
@@ -56,8 +54,8 @@ def document(summary: Summary) -> Document:
         "builds": summary.builds,
         "good": summary.good,
         "failures": summary.failures,
-        "seed": summary.seed,
-        "sampling": summary.sampling,
+        "seed": summary.job.seed,
+        "sampling": summary.job.method,
         "independent": summary.independent,
         "levels": list(QUANTILES),
         "significant_correlation": as_number(summary.significant),
@@ -68,14 +66,15 @@ def document(summary: Summary) -> Document:
         "all_requirements": None if summary.joint is None else _yield(summary.joint),
     }
     if summary.indices is not None:
-        found["sobol_indices"] = {"tolerances": list(summary.group)} | {
+        found["sobol_indices"] = {"tolerances": list(summary.job.groups)} | {
             "results": list(summary.indexed),
             **{name: plain(values) for name, values in vars(summary.indices).items()},
         }
     return found
 
 
-def _columns(*values: Array) -> dict[str, Array]:
+def _columns(one: Spread) -> dict[str, Array]:
+    values = one.mean, one.error, one.deviation, one.quantiles
     return dict(zip(("mean", "mean_error", "std", "quantiles"), values, strict=True))
 
 
@@ -114,7 +113,7 @@ def _modes(summary: Summary) -> str:
     for n, label in enumerate(summary.label):
         nominal, quantiles = summary.nominal[n], summary.quantiles[n]
         spread = 100 * summary.spread[n] / nominal if nominal else None
-        what = _causes(summary, summary.mode_rank[n], summary.mode_slope[n], "Hz", 2)
+        what = _causes(summary, summary.modes, n, "Hz", 2)
         rows.append((nominal, quantiles[LOW], quantiles[HIGH], spread, label, what))
     columns = dict.fromkeys(("nominal\nHz", "5 %\nHz", "95 %\nHz"), "#.5g")
     columns |= {"std\n%": ".2f", "mode": "", "depends most on (rank correlation, change)": ""}
@@ -124,15 +123,15 @@ def _modes(summary: Summary) -> str:
 def _coupling(summary: Summary) -> Iterator[str]:
     yield (
         f"|{summary.ratio}| at {summary.frequency:g} Hz: median"
-        f" {summary.ratio_quantiles[MEDIAN]:.3g}, 95 % below"
-        f" {summary.ratio_quantiles[HIGH]:.3g}"
+        f" {summary.coupling.quantiles[0, MEDIAN]:.3g}, 95 % below"
+        f" {summary.coupling.quantiles[0, HIGH]:.3g}"
     )
-    low, high = (100 * end for end in summary.under_interval)
+    under = summary.under
     yield (
-        f"{100 * summary.under:.4g} % of builds lie below {summary.limit:g} (95 % confidence:"
-        f" {low:.3g} to {high:.3g} %)"
+        f"{100 * under.fraction:.4g} % of builds lie below {summary.limit:g} (95 % confidence:"
+        f" {100 * under.low:.3g} to {100 * under.high:.3g} %)"
     )
-    what = _causes(summary, summary.signed_rank, summary.signed_slope, "", 5)
+    what = _causes(summary, summary.signed, 0, "", 5)
     yield f"depends most on: {what or 'no number significantly'}"
 
 
@@ -141,7 +140,7 @@ def _statics(summary: Summary) -> Iterator[str]:
     for n, name in enumerate(static.name):
         if static.deviation[n] > NEGLIGIBLE:
             unit, per = DISPLAYED[static.unit[n]]
-            what = _causes(summary, static.rank[n], per * static.slope[n], unit, 1)
+            what = _causes(summary, static, n, unit, 1, per)
             values = (
                 static.mean[n],
                 static.error[n],
@@ -162,18 +161,23 @@ def _required_causes(required: Spread, summary: Summary) -> Iterator[str]:
         unit, per = DISPLAYED.get(required.unit[n], (required.unit[n], 1.0))
         end = "" if unit == "1" else unit
         if name not in (*summary.label, "coupling"):
-            what = _causes(summary, required.rank[n], per * required.slope[n], end, 3)
+            what = _causes(summary, required, n, end, 3, per)
             yield f"  {name} depends most on: {what or 'no number significantly'}"
 
 
-def _causes(summary: Summary, rank: Array, slope: Array, unit: str, count: int) -> str:
-    """List numbers with the strongest significant correlations, and the change by each."""
-    found = []
+def _causes(
+    summary: Summary, results: Spread, number: int, unit: str, count: int, per: float = 1.0
+) -> str:
+    """List numbers with the strongest significant correlations, and the change by each.
+
+    `unit` is `per` SI units.
+    """
+    found, rank = [], results.rank[number]
     for n in strongest(rank, count, summary.significant):
-        own = summary.factor_unit[n]
-        step, name = (0.01, "%") if own == "1" else STEPS.get(own, (1.0, own))
-        change = f"{slope[n] * step:+.3g} {unit}".rstrip()
-        found.append(f"{summary.factor[n]} {rank[n]:+.2f} ({change} per {name})")
+        own = summary.job.factors[n]
+        step, name = (0.01, "%") if own.unit == "1" else STEPS.get(own.unit, (1.0, own.unit))
+        change = f"{per * results.slope[number, n] * step:+.3g} {unit}".rstrip()
+        found.append(f"{own.label} {rank[n]:+.2f} ({change} per {name})")
     return ", ".join(found)
 
 
@@ -193,7 +197,7 @@ def _indices(summary: Summary) -> Iterator[str]:
                 summary.indices.total_error[n, place],
                 float(first[n]),
                 summary.indices.first_error[n, place],
-                summary.group[n],
+                summary.job.groups[n],
             )
             for n in np.argsort(-total, kind="stable")
             if total[n] > max(0.005, 2 * summary.indices.total_error[n, place])

@@ -5,6 +5,7 @@ Each nominal mode is paired with the mode of the build whose shape overlaps it m
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
@@ -19,6 +20,8 @@ from suspension_cli.linear import batch_modes, eigenmodes, signals
 from suspension_cli.linear.mode_pairing import pair_by_overlap
 from suspension_cli.linear.named_results import Ratio
 from suspension_cli.models import registry, string
+from suspension_cli.models.base import Model
+from suspension_cli.models.choice import Frequencies, Systems, compare_builds, pair_bodies
 from suspension_cli.models.surroundings import surrounded
 from suspension_cli.scene.arrays import Array, Index
 from suspension_cli.studies import builds, sampling
@@ -28,6 +31,13 @@ from suspension_cli.studies.sample_points import RANDOM, SamplePoints
 
 if TYPE_CHECKING:
     from jaxtyping import Float, Int
+
+    from suspension_cli.models.choice import Comparison
+
+SEARCHED = 1000
+"""First builds from which the extreme ones are taken."""
+EXTREME = 15
+"""Number of builds with the largest deviations, at which models are compared."""
 
 
 @lru_cache(maxsize=8)
@@ -204,3 +214,47 @@ def follow_modes(
     for n in np.flatnonzero(clash).tolist():
         choice[n] = pair_by_overlap(overlap[n])
     return np.take_along_axis(values, choice, axis=-1)
+
+
+def build_change(job: RandomBuilds) -> Comparison:
+    """The change of the results of random builds, as `model_choice.for_builds` takes it.
+
+    Frequencies, couplings and statics of the nominal and of extreme builds are compared. The effect
+    of wire mass on frequencies is estimated for the nominal build.
+    """
+    systems = Systems(job.design)
+    deviations = _extremes(replace(job, method=RANDOM, with_indices=False))
+    named = job.nominal
+
+    def solve(model: Model) -> list[tuple[str, np.ndarray]]:
+        one = replace(job, level=model.name)
+        found = one.compute_with(deviations)
+        values = [
+            ("the cross-coupling", found["ratio"]),
+            ("static displacements", found["static"][..., :3]),
+            ("static rotations", found["static"][..., 3:]),
+            *((ratio.text, found["response"][:, n]) for n, ratio in enumerate(job.ratios)),
+        ]
+        if not model.has_wire_mass:
+            places = pair_bodies(named, one.nominal, systems(model))
+            values += zip(named.label, found["frequency"].T[places], strict=True)
+        return values
+
+    compared = compare_builds(solve)
+
+    def change(simple: Model, refined: Model) -> tuple[float, str]:
+        found = compared(simple, refined)
+        if refined.has_wire_mass and math.isfinite(found[0]):
+            found = max(found, Frequencies().change(systems(simple), systems(refined)))
+        return found
+
+    return change
+
+
+def _extremes(job: RandomBuilds) -> Float[np.ndarray, "build factor"]:
+    """Deviations of the nominal build, 0, and of the most extreme ones."""
+    every = job.deviations(0, min(SEARCHED, job.count))
+    scale = every.std(0)
+    size = ((every / np.where(scale > 0, scale, 1.0)) ** 2).sum(1)
+    most = np.argsort(-size, kind="stable")[:EXTREME]
+    return np.concatenate([np.zeros_like(every[:1]), every[most]])

@@ -1,21 +1,22 @@
-"""Statistics of builds: quantiles, yields, rank correlations."""
+"""Statistics of builds: quantiles, yields, rank correlations, Sobol indices."""
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.studies.sobol_indices import SobolIndices
-
 if TYPE_CHECKING:
-    from jaxtyping import Complex, Float
+    from jaxtyping import Bool, Complex, Float, Int
 
 QUANTILES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
 """Quantiles that are reported."""
 RANKED = 20_000
 """Number of first builds for rank correlations, whose error is then below 0.01."""
+LEVEL = 0.95
+"""Probability that an interval contains the true value."""
 SIGNIFICANT = 3.0
 """Least significant correlation, in standard deviations 1/sqrt(N) of N uncorrelated builds."""
 
@@ -36,7 +37,7 @@ class Yield:
     def percent(self) -> str:
         """Fraction and interval as text."""
         low, high = 100 * self.low, 100 * self.high
-        return f"{100 * self.fraction:.4g} % (95 % confidence: {low:.3g} to {high:.3g} %)"
+        return f"{100 * self.fraction:.3g} % ({low:.3g} to {high:.3g})"
 
 
 @dataclass(frozen=True)
@@ -66,99 +67,6 @@ class Spread:
     rank: Float[np.ndarray, "result factor"]
     slope: Float[np.ndarray, "result factor"]
     sample: Float[np.ndarray, "build result"]
-
-
-@dataclass(frozen=True)
-class Summary:
-    """Statistics of random builds.
-
-    Attributes
-    ----------
-    builds, good
-        Number of builds, and of those with an equilibrium on taut wires.
-    independent
-        Number of first builds in the statistics: all, or two blocks of those for Sobol indices.
-    failures
-        Number of builds by reason of failure.
-    label, nominal
-        Labels and frequencies (Hz) of the nominal modes.
-    mean, mean_error, spread, quantiles
-        Mean of each frequency, its standard error, standard deviation, and quantiles at
-        `QUANTILES`, Hz.
-    mode_rank, mode_slope
-        Rank correlation of each frequency with each deviation, and its change, Hz per unit.
-    sample
-        Frequencies of some builds over nominal less 1, for figures.
-    ratio, frequency, limit
-        Name of the cross-coupling, ``test.x / test.z``, its frequency in Hz, and its limit.
-    under, under_interval
-        Fraction of good builds with |ratio| below the limit, and its 95 % confidence interval.
-    ratio_quantiles, ratio_sorted
-        Quantiles of |ratio|, and ascending values of some good builds.
-    factor, factor_unit
-        Numbers that vary, and units of their deviations.
-    ratio_rank
-        Rank correlation of |ratio| with the absolute value of each deviation.
-    signed_rank, signed_slope
-        Rank correlation of the `signed` ratio with each deviation, and its change per unit of that
-        (least squares).
-    ranked
-        Number of builds in the correlations.
-    static, required
-        Displacements (m) and rotations (rad) of the stages, and quantities with requirements.
-    limits, required_place
-        Of each requirement: least value, largest value and whether of the magnitude; and the number
-        of its quantity in `required`.
-    yields, joint
-        Of each requirement, and of all together.
-    sampling
-        ``random`` or ``sobol``.
-    group, indexed, indices
-        Names of tolerances and of results with Sobol indices, and these.
-    """
-
-    builds: int
-    good: int
-    independent: int
-    failures: dict[str, int]
-    label: tuple[str, ...]
-    nominal: Float[np.ndarray, " mode"]
-    mean: Float[np.ndarray, " mode"]
-    mean_error: Float[np.ndarray, " mode"]
-    spread: Float[np.ndarray, " mode"]
-    quantiles: Float[np.ndarray, "mode quantile"]
-    frequency: float
-    limit: float
-    under: float
-    under_interval: tuple[float, float]
-    ratio_quantiles: Float[np.ndarray, " quantile"]
-    ratio_sorted: Float[np.ndarray, " sorted"]
-    factor: tuple[str, ...]
-    factor_unit: tuple[str, ...]
-    ratio_rank: Float[np.ndarray, " factors"]
-    signed_rank: Float[np.ndarray, " factors"]
-    signed_slope: Float[np.ndarray, " factors"]
-    mode_rank: Float[np.ndarray, "mode factors"]
-    mode_slope: Float[np.ndarray, "mode factors"]
-    ranked: int
-    sample: Float[np.ndarray, "build mode"]
-    static: Spread
-    required: Spread
-    limits: tuple[tuple[float, float, bool], ...]
-    required_place: tuple[int, ...]
-    yields: tuple[Yield, ...]
-    joint: Yield | None
-    ratio: str
-    seed: int
-    sampling: str
-    group: tuple[str, ...] = ()
-    indexed: tuple[str, ...] = ()
-    indices: SobolIndices | None = None
-
-    @property
-    def significant(self) -> float:
-        """Least significant rank correlation, 3/sqrt(N) of N builds."""
-        return SIGNIFICANT / np.sqrt(self.ranked) if self.ranked else np.inf
 
 
 def rank_correlation(
@@ -228,3 +136,114 @@ def strongest(
     """Numbers of the strongest correlations above a least size, strongest first."""
     order = np.argsort(-np.abs(correlation), kind="stable")[:count]
     return [int(n) for n in order if abs(correlation[n]) > least]
+
+
+def wilson_interval(count: int, builds: int) -> tuple[float, float]:
+    """Estimate the confidence interval of a fraction: `count` of so many independent builds.
+
+    After Wilson, J. Am. Stat. Assoc. 22, 209 (1927).
+
+    >>> [round(end, 4) for end in wilson_interval(0, 100)]
+    [0.0, 0.037]
+    """
+    from scipy.stats import binomtest
+
+    if builds == 0:
+        return np.nan, np.nan
+    found = binomtest(count, builds).proportion_ci(LEVEL, method="wilson")
+    return float(found.low), float(found.high)
+
+
+def replicate_interval(
+    met: Bool[np.ndarray, " build"], replicate: Int[np.ndarray, " build"]
+) -> tuple[float, float]:
+    """Estimate the confidence interval of a fraction from independent replicates.
+
+    Student's t of the replicates' fractions; where all are 0 or 1, the wider interval of
+    independent builds.
+    """
+    from scipy.stats import sem, t
+
+    count, builds = int(met.sum()), len(met)
+    parts = _means(met.astype(float), replicate)
+    if len(parts) < 2 or count in (0, builds):
+        return wilson_interval(count, builds)
+    low, high = t.interval(LEVEL, len(parts) - 1, count / builds, sem(parts))
+    return max(float(low), 0.0), min(float(high), 1.0)
+
+
+def standard_error(
+    values: Float[np.ndarray, " build"], replicate: Int[np.ndarray, " build"] | None = None
+) -> float:
+    """Estimate the standard error of a mean of independent values or replicates; NaN of one."""
+    parts = values if replicate is None else _means(values, replicate)
+    return float(parts.std(ddof=1) / np.sqrt(len(parts))) if len(parts) > 1 else np.nan
+
+
+def _means(
+    values: Float[np.ndarray, " build"], replicate: Int[np.ndarray, " build"]
+) -> Float[np.ndarray, " replicate"]:
+    """Compute the mean of the values of each replicate."""
+    return np.array([values[replicate == number].mean() for number in np.unique(replicate)])
+
+
+@dataclass(frozen=True)
+class SobolIndices:
+    """Sobol indices of results with respect to groups of numbers; NaN where a result does not vary.
+
+    Attributes
+    ----------
+    first
+        Fraction of the variance that each group causes alone.
+    total
+        Fraction that it causes alone or together with others.
+    first_error, total_error
+        Standard errors.
+    """
+
+    first: Float[np.ndarray, "group result"]
+    total: Float[np.ndarray, "group result"]
+    first_error: Float[np.ndarray, "group result"]
+    total_error: Float[np.ndarray, "group result"]
+
+
+def sobol_indices(
+    values: Float[np.ndarray, "group+2 sample result"], replicate: Int[np.ndarray, " sample"]
+) -> SobolIndices:
+    """Estimate Sobol indices from the results by block, see `sample_points.SamplePoints`.
+
+    V_i = <f(B) (f(A_B^i) - f(A))> (Saltelli et al., Comput. Phys. Commun. 181, 259 (2010), table 2
+    b) and V_Ti = <(f(A) - f(A_B^i))^2>/2 (Jansen, Comput. Phys. Commun. 117, 35 (1999)), over the
+    variance of f in A and B; f less its mean, which only reduces the scatter. Rows in which one of
+    the three failed (NaN) are left out. Errors are from the scatter of the replicates.
+
+    >>> a, b = np.random.default_rng(1).random((2, 4096, 1))
+    >>> found = sobol_indices(np.stack([a, b, b]), np.arange(4096) // 512)
+    >>> found.first.round(1), found.total.round(1)
+    (array([[1.]]), array([[1.]]))
+    """
+    first, total = _estimate(values)
+    parts = np.array(
+        [_estimate(values[:, replicate == number]) for number in np.unique(replicate)]
+    )  # replicate, first or total, group, result
+    with np.errstate(all="ignore"):
+        first_error, total_error = parts.std(0, ddof=1) / np.sqrt(len(parts))
+    return SobolIndices(first, total, first_error, total_error)
+
+
+def _estimate(
+    values: Float[np.ndarray, "group+2 sample result"],
+) -> tuple[Float[np.ndarray, "group result"], Float[np.ndarray, "group result"]]:
+    """Estimate first-order and total indices."""
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # means of nothing
+        plain = values[:2].reshape(-1, values.shape[-1])
+        variance, scale = np.nanvar(plain, axis=0), np.nanmax(np.abs(plain), axis=0, initial=0.0)
+        # what rounding leaves is no variance
+        variance = np.where(variance > (1e-12 * scale) ** 2, variance, np.nan)
+        a, b, *mixed = values - np.nanmean(plain, axis=0)
+        first, total = (
+            np.array([np.nanmean(product(part), axis=0) for part in mixed]) / variance
+            for product in (lambda part: b * (part - a), lambda part: (a - part) ** 2 / 2)
+        )
+    return first, total

@@ -1,37 +1,40 @@
-"""What a results file of random builds holds, and the statistics of its builds."""
+"""Statistics of random builds, and what their results file holds."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
 
 from suspension_cli.analyses.sweep.solve import count_failures
 from suspension_cli.analyses.tolerance.quantities import (
+    RATIO,
     STATIC,
     STATIC_UNITS,
     Quantity,
-    Requirement,
     parse,
 )
 from suspension_cli.analyses.tolerance.solve import RandomBuilds
 from suspension_cli.analyses.tolerance.statistics import (
     QUANTILES,
     RANKED,
+    SIGNIFICANT,
+    SobolIndices,
     Spread,
-    Summary,
     Yield,
-    rank_correlation,
+    replicate_interval,
     signed,
     slopes,
+    sobol_indices,
+    standard_error,
     unit_ranks,
+    wilson_interval,
 )
 from suspension_cli.analyses.xcouple.solve import CouplingRequest
 from suspension_cli.conventions import FRAME, GROUND, SUPPORT
-from suspension_cli.design.reader import parse as parse_design
 from suspension_cli.files.declared import (
     ATTRIBUTE,
     Contents,
@@ -45,20 +48,118 @@ from suspension_cli.files.hdf5 import Stored, read_contents, write_contents
 from suspension_cli.linear import signals
 from suspension_cli.linear.named_results import Ratio
 from suspension_cli.studies import builds
-from suspension_cli.studies.confidence import (
-    replicate_interval,
-    standard_error,
-    wilson_interval,
-)
-from suspension_cli.studies.sample_points import SOBOL, SamplePoints
-from suspension_cli.studies.sobol_indices import SobolIndices, sobol_indices
+from suspension_cli.studies.job import parse as parse_design
+from suspension_cli.studies.sample_points import SOBOL
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
 
 STATICS = in_unit("{static_unit}")
 MAX_POINTS = 4000
-"""Most builds, and points of the cumulative curve, in figures."""
+"""Most builds in figures."""
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Statistics of random builds.
+
+    Attributes
+    ----------
+    job
+        The builds: numbers that vary, tolerances, requirements, sampling.
+    limit
+        Limit on the cross-coupling.
+    good
+        Number of builds with an equilibrium on taut wires.
+    failures
+        Number of builds by reason of failure.
+    modes, static, required
+        Frequencies in Hz, displacements (m) and rotations (rad) of the stages, and quantities with
+        requirements.
+    coupling
+        Magnitude of the ratio; its rank correlations are those with magnitudes of deviations.
+    signed
+        Real part of the ratio, see `statistics.signed`.
+    ranked
+        Number of builds in the correlations.
+    under
+        Fraction of good builds with a coupling below the limit.
+    yields, joint
+        Of each requirement, and of all together.
+    indices
+        Sobol indices of the groups of the job for each of `indexed`.
+    """
+
+    job: RandomBuilds
+    limit: float
+    good: int
+    failures: dict[str, int]
+    modes: Spread
+    static: Spread
+    required: Spread
+    coupling: Spread
+    signed: Spread
+    ranked: int
+    under: Yield
+    yields: tuple[Yield, ...]
+    joint: Yield | None
+    indexed: tuple[str, ...] = ()
+    indices: SobolIndices | None = None
+
+    @property
+    def builds(self) -> int:
+        """Number of builds."""
+        return self.job.count
+
+    @property
+    def independent(self) -> int:
+        """Number of first builds in the statistics: all, or two blocks of those for indices."""
+        return self.job.points.independent
+
+    @property
+    def factor(self) -> tuple[str, ...]:
+        """Numbers that vary."""
+        return tuple(one.label for one in self.job.factors)
+
+    @property
+    def label(self) -> tuple[str, ...]:
+        """Labels of the nominal modes."""
+        return tuple(self.job.nominal.label)
+
+    @property
+    def nominal(self) -> Float[np.ndarray, " mode"]:
+        """Frequencies of the nominal modes, Hz."""
+        return self.job.nominal.frequency
+
+    @property
+    def mean(self) -> Float[np.ndarray, " mode"]:
+        """Mean of each mode frequency, Hz."""
+        return self.modes.mean
+
+    @property
+    def spread(self) -> Float[np.ndarray, " mode"]:
+        """Standard deviation of each mode frequency, Hz."""
+        return self.modes.deviation
+
+    @property
+    def quantiles(self) -> Float[np.ndarray, "mode quantile"]:
+        """Quantiles of each mode frequency at `QUANTILES`, Hz."""
+        return self.modes.quantiles
+
+    @property
+    def ratio(self) -> str:
+        """Name of the cross-coupling, ``test.x / test.z``."""
+        return f"{self.job.question.over.text} / {self.job.question.under.text}"
+
+    @property
+    def frequency(self) -> float:
+        """Frequency of the cross-coupling, Hz."""
+        return self.job.question.frequency[-1]
+
+    @property
+    def significant(self) -> float:
+        """Least significant rank correlation, 3/sqrt(N) of N builds."""
+        return SIGNIFICANT / np.sqrt(self.ranked) if self.ranked else np.inf
 
 
 @dataclass(frozen=True)
@@ -202,9 +303,9 @@ def complete(path: Path, job: RandomBuilds, limit: float) -> None:
 def indexed(job: RandomBuilds) -> tuple[Quantity, ...]:
     """Quantities with Sobol indices: modes, coupling, statics and those required."""
     names = job.names
-    coupling = names.parse("coupling", "", {})
     required = [item.quantity for item in job.requirements]
-    return tuple(dict.fromkeys((*names.every_mode(), coupling, *names.every_static(), *required)))
+    every = (*names.every_mode(), RATIO, *names.every_static(), *required)
+    return tuple(dict.fromkeys(every))
 
 
 def load(group: Stored, text: str, level: str) -> Summary:
@@ -241,102 +342,39 @@ def summarise_group(
 
     Rank correlations and slopes are those of the first `ranked` builds.
     """
-    points, nominal = job.points, job.nominal
-    status = group["status"][:]
-    rows = slice(0, points.independent)
-    view = _View(group, job, rows, ranked)
-    kept = view.kept
-    modes = view.spread(job.names.every_mode())
-    static = view.spread(job.names.every_static())
-    required = tuple(dict.fromkeys(item.quantity for item in job.requirements))
-    with np.errstate(all="ignore"):
-        sample = np.where(nominal.frequency > 0, modes.sample / nominal.frequency - 1, 0.0)
-    coupling = job.names.parse("coupling", "", {})
-    whole = coupling.read(group, rows)
-    magnitude = whole[view.good]
-    ordered = np.sort(magnitude)
-    met = magnitude < limit
-    thinned = (
-        np.unique(
-            np.linspace(0, len(ordered) - 1, min(MAX_POINTS, len(ordered))).round().astype(int)
-        )
-        if len(ordered)
-        else np.zeros(0, dtype=int)
-    )
-    absolute, size = whole[: len(kept)][kept][:, None], np.abs(view.deviations)
-    with_sign = signed(group["ratio"][: len(kept), -1][kept])[:, None]
-    yields, joint = _yields(group, job.requirements, points)
-    names = indexed(job) if job.with_indices else ()
-    return Summary(
-        builds=len(status),
-        good=int((status == builds.GOOD).sum()),
-        independent=points.independent,
-        failures=count_failures(status),
-        label=tuple(nominal.label),
-        nominal=nominal.frequency,
-        mean=modes.mean,
-        mean_error=modes.error,
-        spread=modes.deviation,
-        quantiles=modes.quantiles,
-        frequency=job.question.frequency[-1],
-        limit=limit,
-        under=float((ordered < limit).mean()) if len(ordered) else np.nan,
-        under_interval=_interval(met, points, np.flatnonzero(view.good)),
-        ratio_quantiles=np.quantile(ordered, QUANTILES)
-        if len(ordered)
-        else np.full(len(QUANTILES), np.nan),
-        ratio_sorted=ordered[thinned],
-        factor=tuple(f.label for f in job.factors),
-        factor_unit=tuple(f.unit for f in job.factors),
-        ratio_rank=rank_correlation(absolute, size)[0],
-        signed_rank=(unit_ranks(with_sign).T @ view.ranks)[0],
-        signed_slope=slopes(with_sign, view.deviations)[0],
-        mode_rank=modes.rank,
-        mode_slope=modes.slope,
-        ranked=int(kept.sum()),
-        sample=sample,
-        static=static,
-        required=view.spread(required),
-        limits=tuple((item.low, item.high, item.magnitude) for item in job.requirements),
-        required_place=tuple(required.index(item.quantity) for item in job.requirements),
-        yields=yields,
-        joint=joint,
-        ratio=f"{job.question.over.text} / {job.question.under.text}",
-        seed=job.seed,
-        sampling=job.method,
-        group=job.groups if job.with_indices else (),
-        indexed=tuple(one.name for one in names),
-        indices=_indices(group, points, names) if names else None,
-    )
+    points, names = job.points, job.names
+    status, rows = group["status"][:], slice(0, job.points.independent)
+    good = status[rows] == builds.GOOD
+    kept = good[:ranked]
+    deviations = job.deviations(0, len(kept))[kept]
+    sizes = np.abs(deviations)
+    ranks, size_ranks = unit_ranks(deviations), unit_ranks(sizes)
 
+    def read(one: Quantity) -> Float[np.ndarray, " build"]:
+        return one.read(group, rows)
 
-class _View:
-    """Independent builds of a group, and deviations of those with rank correlations."""
-
-    def __init__(self, group: Stored, job: RandomBuilds, rows: slice, ranked: int) -> None:
-        self.group, self.rows, self.points = group, rows, job.points
-        self.good = group["status"][rows] == builds.GOOD
-        self.kept = self.good[:ranked]
-        self.deviations = job.deviations(0, len(self.kept))[self.kept]
-        self.ranks = unit_ranks(self.deviations)
-
-    def spread(self, quantities: tuple[Quantity, ...]) -> Spread:
-        """Compute the distributions of some quantities."""
-        statistics, sample, ranked = [], [], []
-        replicate = self.points.replicate(np.flatnonzero(self.good))
+    def spread(
+        quantities: tuple[Quantity, ...], column: Any = read, *, size: bool = False
+    ) -> Spread:
+        statistics, sample, correlated = [], [], []
+        replicate = points.replicate(np.flatnonzero(good)) if points.method == SOBOL else None
         for one in quantities:
-            column = one.read(self.group, self.rows)
-            values = column[self.good]
-            error = standard_error(values, replicate if self.points.method == SOBOL else None)
+            own = column(one)
+            values = own[good]
             statistics.append(
-                (values.mean(), error, values.std(), *np.quantile(values, QUANTILES))
+                (
+                    values.mean(),
+                    standard_error(values, replicate),
+                    values.std(),
+                    *np.quantile(values, QUANTILES),
+                )
                 if len(values)
                 else (np.nan,) * (3 + len(QUANTILES))
             )
             sample.append(values[:MAX_POINTS])
-            ranked.append(column[: len(self.kept)][self.kept])
+            correlated.append(own[: len(kept)][kept])
         table = np.array(statistics).reshape(-1, 3 + len(QUANTILES))
-        results = np.array(ranked).reshape(len(ranked), int(self.kept.sum())).T
+        results = np.array(correlated).reshape(len(correlated), int(kept.sum())).T
         return Spread(
             name=tuple(one.name for one in quantities),
             unit=tuple(one.unit for one in quantities),
@@ -344,42 +382,54 @@ class _View:
             error=table[:, 1],
             deviation=table[:, 2],
             quantiles=table[:, 3:],
-            rank=unit_ranks(results).T @ self.ranks,
-            slope=slopes(results, self.deviations),
+            rank=unit_ranks(results).T @ (size_ranks if size else ranks),
+            slope=slopes(results, sizes if size else deviations),
             sample=np.array(sample).T if sample else np.zeros((0, 0)),
         )
 
+    def fraction(
+        name: str, met: Bool[np.ndarray, " build"], build: Int[np.ndarray, " build"]
+    ) -> Yield:
+        if points.method == SOBOL:
+            interval = replicate_interval(met, points.replicate(build))
+        else:
+            interval = wilson_interval(int(met.sum()), len(met))
+        return Yield(name, float(met.mean()) if len(met) else np.nan, *interval)
 
-def _yields(
-    group: Stored, requirements: tuple[Requirement, ...], points: SamplePoints
-) -> tuple[tuple[Yield, ...], Yield | None]:
-    """Estimate the yields of each requirement and of all together."""
-    rows = slice(0, points.independent)
-    every = np.ones(points.independent, dtype=bool)
-    found = []
-    for item in requirements:
-        met = item.is_met(item.quantity.read(group, rows))
-        every &= met
-        found.append(_yield_of(item.shown, met, points))
-    return tuple(found), _yield_of("all together", every, points) if found else None
+    def with_sign(_: Quantity) -> Float[np.ndarray, " build"]:
+        ratio = group["ratio"][rows, -1]
+        result = np.full(len(ratio), np.nan)
+        result[good] = signed(ratio[good])
+        return result
+
+    every = np.arange(len(good))
+    met = [(item.shown, item.is_met(read(item.quantity))) for item in job.requirements]
+    yields = tuple(fraction(name, one, every) for name, one in met)
+    together = np.all([one for _, one in met], axis=0) if met else None
+    below = read(RATIO)[good] < limit
+    shares = indexed(job) if job.with_indices else ()
+    return Summary(
+        job=job,
+        limit=limit,
+        good=int((status == builds.GOOD).sum()),
+        failures=count_failures(status),
+        modes=spread(names.every_mode()),
+        static=spread(names.every_static()),
+        required=spread(tuple(dict.fromkeys(item.quantity for item in job.requirements))),
+        coupling=spread((RATIO,), size=True),
+        signed=spread((RATIO,), with_sign),
+        ranked=int(kept.sum()),
+        under=fraction("", below, np.flatnonzero(good)),
+        yields=yields,
+        joint=None if together is None else fraction("all together", together, every),
+        indexed=tuple(one.name for one in shares),
+        indices=_indices(group, job, shares) if shares else None,
+    )
 
 
-def _yield_of(name: str, met: Bool[np.ndarray, " build"], points: SamplePoints) -> Yield:
-    interval = _interval(met, points, np.arange(len(met)))
-    return Yield(name, float(met.mean()), *interval)
-
-
-def _interval(
-    met: Bool[np.ndarray, " build"], points: SamplePoints, build: Int[np.ndarray, " build"]
-) -> tuple[float, float]:
-    """Estimate the confidence interval of the fraction `met` of builds given by number."""
-    if points.method == SOBOL:
-        return replicate_interval(met, points.replicate(build))
-    return wilson_interval(int(met.sum()), len(met))
-
-
-def _indices(group: Stored, points: SamplePoints, quantities: tuple[Quantity, ...]) -> SobolIndices:
+def _indices(group: Stored, job: RandomBuilds, quantities: tuple[Quantity, ...]) -> SobolIndices:
     """Estimate the Sobol indices of quantities, one at a time."""
+    points = job.points
     replicate = points.replicate(np.arange(points.rows))
     found = [
         sobol_indices(one.read(group).reshape(points.blocks, points.rows, 1), replicate)

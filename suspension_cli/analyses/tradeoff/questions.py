@@ -17,8 +17,7 @@ from suspension_cli.analyses.modes import wire_modes
 from suspension_cli.analyses.sweep.solve import ParameterSweep
 from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.analyses.xcouple.command import axes
-from suspension_cli.analyses.xcouple.request import parse_request
-from suspension_cli.analyses.xcouple.solve import ROUNDING, Sweep
+from suspension_cli.analyses.xcouple.solve import ROUNDING, Sweep, parse_request
 from suspension_cli.design.derive import mirror
 from suspension_cli.design.reader import Source
 from suspension_cli.errors import InputError
@@ -29,9 +28,8 @@ from suspension_cli.linear.named_results import Mode
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.models.base import Model
-from suspension_cli.models.choice import away_from_modes, spectrum_change
-from suspension_cli.studies.axes import Axis
-from suspension_cli.studies.relative_change import relative_change
+from suspension_cli.models.choice import away_from_modes, relative_change, spectrum_change
+from suspension_cli.studies.job import Axis
 
 if TYPE_CHECKING:
     from jaxtyping import Inexact

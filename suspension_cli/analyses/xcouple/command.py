@@ -17,12 +17,11 @@ from suspension_cli.errors import InputError, format_value
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.xcouple.result import Coupling
-    from suspension_cli.analyses.xcouple.solve import CouplingRequest
+    from suspension_cli.analyses.xcouple.solve import Coupling, CouplingRequest
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.response import Response
     from suspension_cli.models.choice import Transfer
-    from suspension_cli.studies.axes import Axis
+    from suspension_cli.studies.job import Axis
 
 DEFAULT_GRID = {"k": "0.6:1.4:41"}
 FACTOR_GRID = "0.9:1.1:41"
@@ -41,7 +40,7 @@ class CouplingAnalysis(Analysis):
     Returns
     -------
     Result
-        With the attributes of `analyses.xcouple.file.Coupling`: `axes`, `ratio` (axis 1, axis 2,
+        With the attributes of `analyses.xcouple.solve.Coupling`: `axes`, `ratio` (axis 1, axis 2,
         ..., f), complex.
 
     Raises
@@ -59,7 +58,7 @@ class CouplingAnalysis(Analysis):
     """
 
     name = "xcouple"
-    result_type = "analyses.xcouple.result.Coupling"
+    result_type = "analyses.xcouple.solve.Coupling"
     fills_file = True
     arguments = (options.DESIGN,)
     parameters = (
@@ -103,7 +102,7 @@ class CouplingAnalysis(Analysis):
 
     def solve(self, run: Run) -> Result:
         """Compute the coupling of all builds, or the matrix of one design."""
-        from suspension_cli.analyses.xcouple.request import parse_request
+        from suspension_cli.analyses.xcouple.solve import parse_request
         from suspension_cli.design.derive import mirror
         from suspension_cli.linear import signals
         from suspension_cli.models import registry
@@ -117,26 +116,24 @@ class CouplingAnalysis(Analysis):
 
     def _sweep(self, run: Run, requested: CouplingRequest) -> Result:
         from suspension_cli.analyses import model_choice, sweeping
-        from suspension_cli.analyses.xcouple import model_error
-        from suspension_cli.analyses.xcouple import result as results
-        from suspension_cli.analyses.xcouple.solve import Sweep
+        from suspension_cli.analyses.xcouple import solve
         from suspension_cli.models import registry
 
         setting = run.setting
         over = axes(setting["sweep"], run.design.analysis.get("xcouple", {}))
         unstable = setting["allow_unstable"]
-        job = Sweep(run.source.text, over, requested, unstable)
+        job = solve.Sweep(run.source.text, over, requested, unstable)
         job.check()
         choice = model_choice.for_builds(
             run.source,
             setting["fidelity"],
             registry.SCENE_MODELS,
-            model_error.coupling_change(job),
+            solve.coupling_change(job),
             setting["tolerance"],
         )
         model_choice.stable_system(run.source, choice, unstable, run.log, bends=True)
         job = dataclasses.replace(job, level=choice.level)
-        result = sweeping.fill(run, self, job, choice, results.describe(job))
+        result = sweeping.fill(run, self, job, choice, solve.describe(job))
         found: Coupling = result.data
         failed = found.failures.items()
         if failed:
@@ -271,10 +268,10 @@ class MatrixAnalysis(Analysis):
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw the table."""
-        from suspension_cli.analyses.xcouple import matrix_picture
+        from suspension_cli.analyses.xcouple import picture
         from suspension_cli.drawing.style import name_neglected
 
-        drawn = matrix_picture.draw(result.data, result.subtitle)
+        drawn = picture.draw_matrix(result.data, result.subtitle)
         return {"": name_neglected(drawn, result.choice)}
 
 
@@ -298,7 +295,7 @@ def axes(text: str, table: Document) -> tuple[Axis, ...]:
     from suspension_cli.analyses.xcouple.solve import PARAMETERS, UNITS
     from suspension_cli.design.faults import suggest
     from suspension_cli.grids import parse_grid
-    from suspension_cli.studies.axes import Axis, distinct
+    from suspension_cli.studies.job import Axis, distinct
 
     result = []
     for part in re.split(r",(?!\s*[-+.\d])", text):  # numbers are further values of a list

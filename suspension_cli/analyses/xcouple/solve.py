@@ -6,30 +6,43 @@ motion for vertical motion of the support. It is computed on grids of any number
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.sweep.solve import blank_values, divide
+from suspension_cli.analyses.analysis import Settings
+from suspension_cli.analyses.sweep.solve import blank_values, count_failures, divide
+from suspension_cli.design.faults import suggest
 from suspension_cli.design.imperfections import swept
 from suspension_cli.equilibrium import hanging
 from suspension_cli.equilibrium.nominal import expand
-from suspension_cli.errors import InputError
+from suspension_cli.errors import InputError, format_value
+from suspension_cli.files.declared import ATTRIBUTE, AXES, Contents, in_unit, pack_fields
+from suspension_cli.grids import parse_frequencies
+from suspension_cli.linear import signals
 from suspension_cli.linear.signals import Signal
+from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
+from suspension_cli.models.base import Model
+from suspension_cli.models.choice import compare_builds
 from suspension_cli.scene.scene import Scene
 from suspension_cli.studies import builds, variants
-from suspension_cli.studies.axes import Product
 from suspension_cli.studies.builds import Builds, Column, ColumnValues
+from suspension_cli.studies.job import Axis, Product, ends_and_middle
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
+    from jaxtyping import Complex, Float, Int
+
+    from suspension_cli.models.choice import Comparison
 
 PARAMETERS = swept()
 """Imperfection and axis of each short name of a swept parameter; others are dotted paths."""
 
 UNITS = {name: item.unit for name, (item, _) in PARAMETERS.items()}
+
+FREQUENCIES = 12
+"""Number of frequencies at which models are compared."""
 
 ROUNDING = 1e-17
 """Ratio below which rounding dominates: rounded coordinates of attachments couple some 1e-19."""
@@ -60,6 +73,37 @@ class CouplingRequest:
     over: Signal
     under: Signal
     frequency: tuple[float, ...]
+
+
+def parse_request(model: LinearSystem, setting: Settings, mirror: str) -> CouplingRequest:
+    """Interpret the options of a cross-coupling: imperfect wire and body, signals, frequencies.
+
+    Any `model` of the design knows the names of wires and bodies; `mirror` is the default body.
+
+    Raises `InputError` if an option names no wire, stage or signal.
+    """
+    known, labels = signals.bodies_with_signals(model), list(model.wire)
+    wire = setting.get("wire") or next(
+        (label for label in labels if label.startswith(f"{mirror}.")), None
+    )
+    if wire is not None and wire not in labels:
+        raise InputError.of("--wire", "names no wire", suggest(wire, labels), format_value(wire))
+    body = setting.get("body") or (mirror if wire is None else wire.rsplit(".", 1)[0])
+    if body not in model.body:
+        close = suggest(body, list(model.body))
+        raise InputError.of("--body", "names no stage", close, format_value(body))
+    observed, _, point = (setting["observe"] or f"{mirror}@0,0,-0.001").partition("@")
+    at = f"@{point}" if point else ""
+    over, under = (name if setting[name[2:]] else "--observe" for name in ("--over", "--under"))
+    return CouplingRequest(
+        wire=-1 if wire is None else labels.index(wire),
+        body=model.body.index(body) + 1,
+        hold=setting.get("hold", ""),
+        input=signals.parse_input(setting["input"], known),
+        over=signals.parse_output(setting["over"] or f"{observed}.x{at}", known, over),
+        under=signals.parse_output(setting["under"] or f"{observed}.z{at}", known, under),
+        frequency=tuple(parse_frequencies(setting["frequency"])),
+    )
 
 
 @dataclass(frozen=True)
@@ -177,3 +221,73 @@ def couplings(found: Builds, question: CouplingRequest) -> ColumnValues:
         "status": found.status,
         "slack_wire": found.wire,
     }
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """Cross-coupling over imperfections.
+
+    Attributes
+    ----------
+    frequency
+        Hz.
+    ratio
+        Motion `over` per motion `under`; NaN where a build failed.
+    status
+        See `builds.STATUS`.
+    wire, hold
+        Label of the imperfect wire, and what is kept when it changes.
+    """
+
+    axes: tuple[Axis, ...] = field(metadata=AXES)
+    frequency: Float[np.ndarray, " frequency"] = field(metadata=in_unit("Hz"))
+    ratio: Complex[np.ndarray, "*axes frequency"]
+    status: Int[np.ndarray, "*axes"]
+    wire: str
+    hold: str
+    input: str
+    over: str
+    under: str
+    status_meaning: tuple[str, ...] = field(default=builds.STATUS, metadata=ATTRIBUTE)
+
+    @property
+    def failures(self) -> dict[str, int]:
+        """Number of failed builds by reason."""
+        return count_failures(self.status)
+
+
+def describe(job: Sweep) -> Contents:
+    """Return what a results file has besides the columns: axes, frequencies, wire and signals."""
+    question = job.question
+    return pack_fields(
+        Coupling,
+        {
+            "axes": job.axes,
+            "frequency": np.array(question.frequency),
+            "wire": job.wire_label,
+            "hold": question.hold,
+            **{name: getattr(question, name).text for name in ("input", "over", "under")},
+            "status_meaning": builds.STATUS,
+        },
+    )
+
+
+def coupling_change(job: Sweep) -> Comparison:
+    """The change of a sweep's couplings, as `model_choice.for_builds` takes it.
+
+    Couplings are compared at the corners and middles of the swept space. Only their sizes are: a
+    sweep at one frequency has no axis along which a shifted resonance would show. A resonance that
+    is met only between the compared builds is not seen; the estimate then holds at the frequencies
+    compared.
+    """
+    frequency = job.question.frequency
+    count = min(FREQUENCIES, len(frequency))
+    some = np.unique(np.linspace(0, len(frequency) - 1, count).astype(int))
+    question = replace(job.question, frequency=tuple(frequency[n] for n in some))
+    sample = replace(job, axes=ends_and_middle(job.axes), question=question)
+
+    def solve(model: Model) -> list[tuple[str, np.ndarray]]:
+        found = replace(sample, level=model.name).compute(0, sample.count)
+        return [("couplings", found["ratio"])]
+
+    return compare_builds(solve)

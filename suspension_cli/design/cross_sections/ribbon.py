@@ -6,7 +6,8 @@ import math
 from typing import Annotated, ClassVar
 
 from suspension_cli.design.cross_sections.shape import CrossSection
-from suspension_cli.design.units import Table, WireSize, doc
+from suspension_cli.design.tables import Table, doc
+from suspension_cli.design.units import WireSize
 
 
 class Ribbon(Table, CrossSection, frozen=True):

@@ -11,10 +11,9 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
-from suspension_cli.design import units
+from suspension_cli.design import demand, units
 from suspension_cli.design.losses.mechanism import Mechanism
-from suspension_cli.design.rules import ascending, same_length
-from suspension_cli.design.units import Problems, Table, doc, key
+from suspension_cli.design.tables import Problems, Table, doc, key
 
 if TYPE_CHECKING:
     from suspension_cli.design.cross_sections.shape import CrossSection, Frequencies, Spectrum
@@ -30,7 +29,7 @@ class LossTable(Table, frozen=True):
         "loss angle in rad at each of the frequencies", min_length=1, max_length=10000
     )
 
-    rules = (same_length("angle", "frequency"), ascending("frequency"))
+    rules = (demand.same_length("angle", "frequency"), demand.ascending("frequency"))
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from suspension_cli.design.units import Problems, Table, extend_table
+from suspension_cli.design.tables import Problems, Table, extend_table
 
 if TYPE_CHECKING:
     from suspension_cli.design.cross_sections.shape import CrossSection, Frequencies, Spectrum
@@ -79,18 +79,13 @@ class Mechanism:
         raise NotImplementedError
 
     def stretching(self, shape: CrossSection, omega: Frequencies) -> Spectrum:
-        """Loss angle of stretching; 0 unless `uniform`."""
+        """Loss angle of stretching, and by default of twisting; 0 unless `uniform`."""
         import numpy as np
 
         del shape
         return np.zeros(np.shape(omega))
 
-    def twisting(self, shape: CrossSection, omega: Frequencies) -> Spectrum:
-        """Loss angle of twisting; 0 unless `uniform`."""
-        import numpy as np
-
-        del shape
-        return np.zeros(np.shape(omega))
+    twisting = stretching
 
     def coefficient(self, area: float) -> tuple[float, float] | None:
         """(p, q) of a bending angle proportional to a^2, with a = p - q T at the tension T (N).

@@ -7,7 +7,7 @@ from typing import Any
 from suspension_cli.design.losses.bulk import Bulk
 from suspension_cli.design.losses.mechanism import Mechanism
 from suspension_cli.design.losses.thermoelastic import Thermoelastic
-from suspension_cli.design.units import Table
+from suspension_cli.design.tables import Table
 
 MECHANISMS: tuple[type[Mechanism], ...] = (Bulk, Thermoelastic)
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 from suspension_cli.design.losses.mechanism import Mechanism
-from suspension_cli.design.units import Problems, Table, doc
+from suspension_cli.design.tables import Problems, Table, doc
 
 if TYPE_CHECKING:
     from suspension_cli.design.cross_sections.shape import CrossSection, Frequencies, Spectrum

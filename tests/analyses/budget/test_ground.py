@@ -157,19 +157,24 @@ FAULTS = {
     "unit of rotation": ("f,roll (um)\n1,1\n", '"roll .um.", whose unit .* give it in rad'),
     "unit of frequency": ("f (1/day),x\n1,1\n", '"f .1/day.", whose unit .* give it in Hz'),
     "text": ("1,2\n2,three\n", 'line 2: "three" is not a number'),
-    "descending": ("2,1\n1,1\n", "line 2 = 1.0: frequency is not above that of the line before"),
-    "twice": ("1,1\n1,1\n", "line 2 = 1.0: frequency is not above"),
-    "negative": ("f,x\n1,1\n2,-3e-9\n", "line 3 = -3e-09: has a negative value"),
+    "descending": ("2,1\n1,1\n", "line 2: the frequency 1 follows 2; sort by ascending"),
+    "twice": ("1,1\n1,1\n", "line 2: the frequency 1 is given twice"),
+    "negative": ("f,x\n1,1\n2,-3e-9\n", "line 3: the x -3e-09 is below 0; give amplitude spectral"),
     "ragged": ("1,2\n2\n", "line 2: has 1 columns, but line 1 has 2"),
-    "infinite": ("1,2\n2,inf\n", "line 2: contains something that is no finite number"),
-    "zero": ("0,2\n2,1\n", "line 1 = 0.0: has no positive frequency"),
+    "infinite": ("1,2\n2,inf\n", 'line 2: column "2" holds inf, which is not a number'),
+    "zero": ("0,2\n2,1\n", "line 1: the frequency 0 is below 1e-09; give frequencies in Hz"),
     "empty": ("# nothing\n", "has no numbers"),
     "one column": ("1\n2\n", "has one column"),
     "unnamed": ("1,2,3\n", "has 3 columns without headings"),
-    "angular": ("omega [rad/s],x\n1,2\n", "has frequencies in rad/s; give them in Hz"),
     "same name": ("f,x,x\n1,2,3\n", "has two columns of one name"),
     "coordinate": ("f,x,pich\n1,2,3\n", '"pich": names no motion .*did you mean'),
 }
+
+
+@pytest.mark.parametrize(("unit", "hertz"), [("f (mHz)", 1e-3), ("omega [rad/s]", 0.5 / np.pi)])
+def test_units_of_frequencies(unit, hertz, tmp_path):
+    found = table.read(Path(csv(tmp_path, f"{unit},x\n1,2\n3,4\n")), "m")
+    assert np.allclose(found.frequency, [hertz, 3 * hertz], rtol=1e-15)
 
 
 @pytest.mark.parametrize("kind", FAULTS)

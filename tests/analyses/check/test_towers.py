@@ -60,7 +60,7 @@ def test_working_point_and_its_thermal_shift():
     ],
 )
 def test_a_warning_says_what_and_what_to_do(settings, says):
-    lines = [item.line for item in solve.solve(source(*settings)).warnings]
+    lines = [item.line("") for item in solve.solve(source(*settings)).warnings]
     assert any(says in line for line in lines), lines
 
 
@@ -69,7 +69,7 @@ def test_tipping_is_a_finding():
     text = GOOD.replace("frequency = 0.06", "stiffness = 600.0")
     found = solve.solve(reader.Source(reader.parse(text), text, "t.toml"))
     assert found.stable is False
-    assert any("tips over: its load of 3943.62 N is above" in w.line for w in found.warnings)
+    assert any("tips over: its load of 3943.62 N is above" in w.line("") for w in found.warnings)
     assert "inverted_pendulums" in found.document() and "filters" in found.document()
     assert found.document()["inverted_pendulums"][0]["frequency_hz"] is None
     assert "tips over at" in str(found)

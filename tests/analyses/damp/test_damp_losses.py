@@ -14,7 +14,7 @@ from suspension_cli.design.reader import read
 from suspension_cli.linear import response
 from suspension_cli.models import registry
 from tests.analyses.damp.test_control import loop, plant
-from tests.support import plants, scenes
+from tests.support import plants, scenes, terms
 from tests.support.paths import CONFIGS
 
 GRID = np.array([0.3, 0.6, 1.37, 3.3, 10.0, 36.174, 51.816])
@@ -100,7 +100,7 @@ def smallest(closed, s):
     dynamic = (model.stiffness + s * model.damping + s**2 * model.mass).astype(complex)
     for term in model.terms:
         at = np.ix_(term.columns, term.columns)
-        dynamic[at] += term.at(np.array([s.imag])).complete[0]
+        dynamic[at] += terms.stiffness(term, s.imag)
     for one, pushed, sensed in zip(closed.loops, closed.pushed, closed.sensed, strict=True):
         dynamic = dynamic + control.evaluate_filter(one, np.array(s / (2j * np.pi))) * np.outer(
             pushed, sensed

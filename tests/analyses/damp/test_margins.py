@@ -14,7 +14,7 @@ import suspension_cli as sus
 from suspension_cli.analyses.damp import closed_loop_poles, control, margins
 from suspension_cli.analyses.damp import solve as damp
 from suspension_cli.design.reader import read
-from suspension_cli.linear.constant_loss import with_constant_loss
+from suspension_cli.linear.statespace import with_constant_loss
 from suspension_cli.models import registry
 from tests.support import plants
 from tests.support.commandline import run, written

@@ -181,7 +181,7 @@ MODE, NUMBER = (
 )
 BAD = {
     "empty": ({}, "is empty"),
-    "no modes": ({"parameter": [NUMBER]}, "mode: missing"),
+    "no modes": ({"parameter": [NUMBER]}, "none of mode, transfer_function, experiment"),
     "a design": ({"stage": []}, "is a design (it has [[stage]]), not a file of measurements"),
     "a label and a direction": (
         {"mode": [MODE | {"dof": ["z"]}], "parameter": [NUMBER]},

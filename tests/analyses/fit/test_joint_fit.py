@@ -212,7 +212,7 @@ def test_the_command(tmp_path):
 
 ONE = {"design": str(CASES[0]), "mode": [{"frequency": 11.3, "uncertainty": 0.1}]}
 BAD = {
-    "both forms": ({"mode": ONE["mode"]}, "mode: conflicts with [[experiment]]"),
+    "both forms": ({"mode": ONE["mode"]}, "mode: conflicts with experiment"),
     "names twice": (
         {"experiment": [ONE, ONE]},
         "experiment.2.name: table1-case1 is also that of an earlier one",

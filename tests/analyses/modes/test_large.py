@@ -13,6 +13,7 @@ from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import damped, eigenmodes
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
+from tests.support import terms
 from tests.support.large_tower import large_tower
 
 
@@ -45,7 +46,7 @@ def _least_singular_value(model: LinearSystem, s: complex) -> float:
     dynamic = model.stiffness + s * model.damping + s**2 * model.mass
     for term in model.terms:
         at = np.ix_(term.columns, term.columns)
-        dynamic[at] += term.at(np.array([s.imag])).complete[0]
+        dynamic[at] += terms.stiffness(term, s.imag)
     scale = np.sqrt(np.abs(s**2 * model.mass.diagonal()) + model.stiffness.diagonal())[6:]
     return float(np.linalg.svd(dynamic[6:, 6:] / np.outer(scale, scale), compute_uv=False)[-1])
 

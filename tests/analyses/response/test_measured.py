@@ -14,7 +14,7 @@ import suspension_cli as sus
 from suspension_cli.analyses.response import measured
 from suspension_cli.design.measured import Measured, Transducer, TransferFunction
 from suspension_cli.errors import PendsusWarning
-from suspension_cli.measurements import prediction
+from suspension_cli.measurements import transfer_function
 from suspension_cli.measurements.transfer_function import MeasuredResponse
 from tests.support.commandline import run, strict_json
 from tests.support.paths import ROOT
@@ -66,12 +66,12 @@ def test_prediction_of_readings(design):
         name="coil", signal="upper.force_x", gain=1e-3, mix={"upper.torque_yaw": 0.02}
     )
     tables = Measured(transfer_function=[tf], sensor=[osem], actuator=[coil])
-    assert prediction.signals_of(tables) == (given.input, given.output)
+    assert transfer_function.signals_of(tables) == (given.input, given.output)
     h, f = given.value, given.frequency
     total = h[:, 0, 0] + 0.02 * h[:, 0, 1] + 0.05 * (h[:, 1, 0] + 0.02 * h[:, 1, 1])
     expected = -2e-3 * np.exp(-2j * np.pi * f * 3e-3) * total
-    assert np.allclose(prediction.predict(tables, tf, f, h), expected, rtol=1e-13)
-    batch = prediction.predict(tables, tf, f, np.stack([h, 2 * h]))
+    assert np.allclose(transfer_function.predict(tables, tf, f, h), expected, rtol=1e-13)
+    batch = transfer_function.predict(tables, tf, f, np.stack([h, 2 * h]))
     assert np.allclose(batch, [expected, 2 * expected], rtol=1e-13)
 
 

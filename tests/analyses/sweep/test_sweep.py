@@ -128,6 +128,36 @@ def test_batches_of_designs_are_those_designs(case):
     assert sorted(seen) == [0, 1, 2]
 
 
+def test_springs_of_a_batch_are_those_of_each_design():
+    """Loss and damping of springs and losses of blades, which designs of a batch share."""
+    raw = tomllib.loads((CONFIGS / "husman2000" / "table2.toml").read_text())
+    k = [1.0, 1.0, 1.0, 0.01, 0.01, 0.01]
+    raw["stage"][-1]["spring"] = [{"stiffness": k, "damping": [0.0] * 6, "loss_angle": 0.01}]
+    name = raw["stage"][-1]["name"]
+    blades = next(stage["name"] for stage in raw["stage"] if "blades" in stage)
+    grid = {
+        f"stage.{name}.spring.1.loss_angle": [0.01, 0.01, 0.5, 0.01, 0.01],
+        f"stage.{name}.spring.1.damping.1": [0.0, 0.0, 0.0, 1.0, 0.0],
+        f"stage.{name}.spring.1.stiffness.1": [1.0, 1.5, 1.0, 1.0, 1.0],
+        f"stage.{blades}.blades.loss_angle": [0.0, 0.0, 0.0, 0.0, 0.1],
+    }
+    grid, text = {path: np.array(column) for path, column in grid.items()}, reader.write_toml(raw)
+    batches = list(variants.balanced(text, grid, "string"))
+    assert sorted(len(here) for _, here in batches) == [1, 1, 1, 2]
+    for found, here in batches:
+        for n, point in enumerate(here.tolist()):
+            values = {path: column[point] for path, column in grid.items()}
+            alone = registry.STRING.system(variants.overridden(text, values)).constant
+            own = found.model.select(np.array([n])).constant
+            for matrix in ("stiffness", "damping", "lossy"):
+                one, other = (
+                    model.basis @ getattr(model, matrix) @ model.basis.T for model in (own, alone)
+                )
+                np.testing.assert_allclose(
+                    np.squeeze(one), other, rtol=0, atol=1e-9 * np.abs(other).max()
+                )
+
+
 @pytest.mark.parametrize("level", ["force", "string", "beam"])
 def test_dampers_and_a_support_that_gives_way_are_those_of_each_design(level):
     """Designs that share them are one batch; a response on a resonance shows who has which, and

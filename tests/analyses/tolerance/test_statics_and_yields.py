@@ -221,7 +221,7 @@ def test_bad_options_are_refused(options, problem, tmp_path):
 @pytest.mark.parametrize(
     ("table", "problem"),
     [
-        ({"band": [2, 1]}, "tolerance.require.1.band = [2.0, 1.0]: is reversed"),
+        ({"band": [2, 1]}, "tolerance.require.1.band = [2.0, 1.0]: is not in ascending order"),
         ({"below": -1}, "tolerance.require.1.below = -1"),
         ({}, "tolerance.require.1: none of band, below, above; give exactly one"),
         ({"below": 1, "above": 2}, "tolerance.require.1: below and above are both given"),

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 from suspension_cli.analyses import model_choice
-from suspension_cli.analyses.xcouple import model_error
-from suspension_cli.analyses.xcouple.solve import CouplingRequest, Sweep
+from suspension_cli.analyses.xcouple.solve import CouplingRequest, Sweep, coupling_change
 from suspension_cli.design import reader
 from suspension_cli.design.reader import Source
 from suspension_cli.linear import signals
 from suspension_cli.models import registry
-from suspension_cli.studies.axes import Axis
+from suspension_cli.models.choice import ONE_MODEL_ONLY
+from suspension_cli.studies.job import Axis
 from tests.support import scenes
 from tests.support.commandline import run
 from tests.support.paths import CONFIGS
@@ -38,7 +38,7 @@ def job(text, body):
 
 def choice_for(requested, wanted="auto", tolerance=1e-3):
     source = Source(reader.parse(requested.text), requested.text, "")
-    change = model_error.coupling_change(requested)
+    change = coupling_change(requested)
     return model_choice.for_builds(source, wanted, registry.SCENE_MODELS, change, tolerance)
 
 
@@ -125,9 +125,9 @@ def test_builds_that_hang_on_strings_alone(tmp_path):
     done = run(*words, "--fidelity", "string")
     found = json.loads(done.stdout)
     assert found["estimated_error"] is None
-    assert model_error.ONE_MODEL_ONLY in found["error_unknown"]
+    assert ONE_MODEL_ONLY in found["error_unknown"]
     with h5py.File(tmp_path / "rod-xcouple.h5") as results:
-        assert model_error.ONE_MODEL_ONLY in results.attrs["fidelity_reason"]
+        assert ONE_MODEL_ONLY in results.attrs["fidelity_reason"]
     assert registry.by_name(json.loads(run(*words).stdout)["fidelity"]).bends_wires
 
 

@@ -13,7 +13,7 @@ from suspension_cli.grids import parse_grid
 from suspension_cli.linear import eigenmodes, signals
 from suspension_cli.models import string as string_model
 from suspension_cli.studies import builds
-from suspension_cli.studies.axes import Axis
+from suspension_cli.studies.job import Axis
 from tests.support.commandline import run, strict_json
 from tests.support.couplings import (
     ACROSS,

@@ -21,7 +21,7 @@ from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import response, signals
 from suspension_cli.models import registry
 from suspension_cli.studies import builds
-from suspension_cli.studies.axes import Axis
+from suspension_cli.studies.job import Axis
 from tests.analyses.xcouple.test_xcouple_builds import FAILING, perturbed, random_builds
 from tests.support import finite_elements, lossy, scenes
 from tests.support.commandline import assert_refused, edited, run, strict_json, written

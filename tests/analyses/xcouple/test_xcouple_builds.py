@@ -18,7 +18,7 @@ from suspension_cli.linear import eigenmodes, response
 from suspension_cli.models import string as string_model
 from suspension_cli.models.surroundings import surrounded
 from suspension_cli.studies import builds
-from suspension_cli.studies.axes import Axis
+from suspension_cli.studies.job import Axis
 from tests.support import scenes
 from tests.support.commandline import edited, run, strict_json, written
 from tests.support.couplings import (

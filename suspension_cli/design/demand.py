@@ -1,28 +1,21 @@
-"""Rules of tables: declared beside each table, applied to a whole document at once.
+"""Rules among the keys of a table: what it must give, and what its numbers must fulfil.
 
-The functions make the rules that several tables share, for `Table.rules`; remedies follow from
-units and descriptions of the keys. `find_faults` walks a document and adds path and value.
+A table declares them beside its keys: ``rules = (demand.exactly_one("k", "radius"), ...)``.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import cache, wraps
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import wraps
 from itertools import pairwise
-from typing import Any, Concatenate, ParamSpec, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, Concatenate, ParamSpec
 
-from msgspec import Meta, Struct
+from suspension_cli.design.tables import Problems, Rule, Table, declared, given
 
-from suspension_cli.design import faults
-from suspension_cli.design.faults import fault_of, step
-from suspension_cli.design.units import Problems, Raw, Table
-from suspension_cli.errors import Fault, InputError
-
-T = TypeVar("T", bound=Table)
-Rule = Callable[[Any], Problems]
-"""Yields key, problem and remedy of what is wrong with a table."""
 P = ParamSpec("P")
+LEAST_MASS = 1e-9
+"""Smallest mass, kg, or moment of inertia, kg m^2, other than 0."""
 
 
 def rule(check: Callable[Concatenate[Any, P], Problems]) -> Callable[P, Rule]:
@@ -33,84 +26,6 @@ def rule(check: Callable[Concatenate[Any, P], Problems]) -> Callable[P, Rule]:
         return lambda table: check(table, *args, **keywords)
 
     return declare
-
-
-LEAST_MASS = 1e-9
-"""Smallest mass, kg, or moment of inertia, kg m^2, other than 0."""
-
-
-def convert(raw: Raw, kind: type[T]) -> T:
-    """Convert a parsed TOML document to a type; raises `InputError` with all faults of it."""
-    document = faults.convert(raw, kind)
-    if found := [*find_faults(document)]:
-        raise InputError(found)
-    return document
-
-
-def find_faults(document: Struct) -> Iterator[Fault]:
-    """Find what breaks the rules of any table of a document."""
-    for path, table in tables(document):
-        for key, problem, remedy in table.faults():
-            yield fault_of(table, path, key, problem, remedy)
-
-
-def tables(node: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """List a table and all tables in it, each behind its key path."""
-    if isinstance(node, Struct):
-        yield path, node
-        for key, _ in keys_with(type(node), "tables"):
-            if value := getattr(node, key):
-                yield from tables(value, f"{path}.{key}" if path else key)
-    elif isinstance(node, dict):
-        for key, value in node.items():
-            if isinstance(value, Struct):
-                yield from tables(value, step(path, key))
-    elif isinstance(node, list) and isinstance(node[0], Struct):
-        names = [getattr(value, "name", None) for value in node]
-        for number, value in enumerate(node):
-            named = value if names.count(names[number]) == 1 else None
-            yield from tables(value, step(path, number, named))
-
-
-@cache
-def declared(kind: type[Table]) -> dict[str, dict[str, Any]]:
-    """Facts of the keys of a kind of table, from their types.
-
-    Those that `units` declares (``unit``, ``plausible``, ``names``), kinds of ``tables`` below the
-    key, and whether these are ``listed``, behind names or numbers.
-    """
-    hints = get_type_hints(kind, include_extras=True)
-    return {key: _facts(hints[key]) for key in kind.__struct_fields__}
-
-
-def _facts(hint: Any) -> dict[str, Any]:
-    if isinstance(hint, type) and issubclass(hint, Table):
-        return {"tables": (hint,)}
-    found: dict[str, Any] = {}
-    metadata = getattr(hint, "__metadata__", ())
-    for inner in get_args(hint)[: 1 if metadata else None]:
-        below = _facts(inner)
-        tables = found.get("tables", ()) + below.get("tables", ())
-        found = below | found | ({"tables": tables} if tables else {})
-    if get_origin(hint) in (list, dict) and "tables" in found:
-        found["listed"] = True
-    for meta in metadata:
-        if isinstance(meta, Meta):
-            found |= ({"description": meta.description} if meta.description else {}) | (
-                meta.extra or {}
-            )
-    return found
-
-
-@cache
-def keys_with(kind: type[Table], fact: str) -> tuple[tuple[str, Any], ...]:
-    """Keys of a kind of table that declare a fact, with it."""
-    return tuple((key, facts[fact]) for key, facts in declared(kind).items() if fact in facts)
-
-
-def given(table: object, *keys: str) -> list[str]:
-    """List those of some keys that a table gives."""
-    return [key for key in keys if getattr(table, key) not in (None, [])]
 
 
 def _give(table: Table, keys: Iterable[str]) -> str:
@@ -127,10 +42,13 @@ def any_of(table: Table, *keys: str, count: str = "one") -> Problems:
 
 
 @rule
-def exactly_one(table: Table, *keys: str) -> Problems:
-    """Demand exactly one of some keys."""
-    yield from any_of(*keys, count="exactly one")(table)
-    yield from at_most_one(*keys)(table)
+def exactly_one(
+    table: Table, *keys: str, when: Callable[[Any], bool] = lambda table: True
+) -> Problems:
+    """Demand exactly one of some keys, `when` that applies."""
+    if when(table):
+        yield from any_of(*keys, count="exactly one")(table)
+        yield from at_most_one(*keys)(table)
 
 
 @rule
@@ -160,10 +78,11 @@ def excludes(table: object, key: str, *others: str, problem: str = "") -> Proble
 
 
 @rule
-def needs(table: Table, key: str, other: str) -> Problems:
-    """Refuse a key, unless neutral, without another one."""
-    if getattr(table, key) and getattr(table, other) is None:
-        remedy = f"give {_give(table, [other])} too, or remove it"
+def needs(table: Table, key: str, other: str, unless: str = "", remedy: str = "") -> Problems:
+    """Refuse a key, unless neutral or beside a third one, without another one."""
+    alone = getattr(table, key) and not getattr(table, other)
+    if alone and not (unless and getattr(table, unless)):
+        remedy = remedy or f"give {_give(table, [other])} too, or remove it"
         yield key, f"has no effect without {other}", remedy
 
 
@@ -176,7 +95,7 @@ def by_kind(
     yield from required(*needed)(table)
     every = dict.fromkeys(key for both in keys.values() for key in (*both[0], *both[1]))
     for key in every:
-        if key not in (*needed, *others) and getattr(table, key) not in (None, []):
+        if key not in (*needed, *others) and getattr(table, key) not in (None, [], {}):
             kinds = [value for value, both in keys.items() if key in (*both[0], *both[1])]
             listed = " or ".join(f'"{value}"' for value in kinds if value is not None)
             problem = f"goes with {kind} = {listed}" if listed else f"conflicts with {kind}"
@@ -211,11 +130,22 @@ def unique(table: object, key: str) -> Problems:
 
 
 @rule
+def nonzero(table: object, key: str) -> Problems:
+    """Refuse a factor of 0."""
+    if getattr(table, key) == 0:
+        yield key, "must not be zero", "give the factor"
+
+
+@rule
 def ascending(table: object, key: str) -> Problems:
     """Demand that the numbers of a list rise."""
     for n, (low, high) in enumerate(pairwise(getattr(table, key) or ()), 2):
         if high <= low:
-            yield key, f"is not in ascending order (see number {n})", "sort the table by it"
+            yield (
+                key,
+                f"is not in ascending order (see number {n})",
+                "sort them, each once",
+            )
             return
 
 
@@ -227,14 +157,21 @@ def same_length(table: object, key: str, other: str) -> Problems:
         yield key, f"has {count} values for {wanted} of {other}", "give one for each"
 
 
+@rule
+def ordered(table: Any, low: str, high: str, remedy: str = "exchange them") -> Problems:
+    """Demand that a number is below another, if both are given."""
+    below, limit = getattr(table, low), getattr(table, high)
+    if below is not None and limit is not None and below >= limit:
+        yield low, f"is not below {high} = {limit:g}", remedy
+
+
 def bounded(table: Any) -> Problems:
     """Demand that the bounds `lower` and `upper` of a number are in order, with `start` inside."""
-    low = -math.inf if table.lower is None else table.lower
-    high = math.inf if table.upper is None else table.upper
+    reversed_bounds = [*ordered("lower", "upper")(table)]
+    yield from reversed_bounds
     start = getattr(table, "start", None)
-    if low >= high:
-        yield "lower", f"is not below the upper bound {high:g}", "exchange them"
-    elif start is not None and not low <= start <= high:
+    numbers = [one for one in (table.lower, start, table.upper) if one is not None]
+    if start is not None and not reversed_bounds and numbers != sorted(numbers):
         yield "start", "lies outside the bounds", "start within them"
 
 
@@ -248,7 +185,8 @@ def is_symmetric(matrix: list[list[float]], tolerance: float = 0.0) -> bool:
 def symmetric(table: object, *keys: str, tolerance: float = 0.0) -> Problems:
     """Demand that matrices are numbers of a diagonal, or rows that are symmetric."""
     for key in keys:
-        matrix: list[Any] = getattr(table, key) or []
+        matrix: Any = getattr(table, key)
+        matrix = matrix if isinstance(matrix, list) else []
         rows = [isinstance(row, list) for row in matrix]
         if any(rows) and not all(rows):
             count = {3: "three", 6: "six"}[len(rows)]
@@ -259,9 +197,10 @@ def symmetric(table: object, *keys: str, tolerance: float = 0.0) -> Problems:
 
 
 @rule
-def not_tiny(table: object, key: str, unit: str) -> Problems:
+def not_tiny(table: Table, *keys: str) -> Problems:
     """Refuse masses or moments of inertia that are almost but not 0."""
-    value = getattr(table, key)
-    if any(0 < one < LEAST_MASS for one in (value if isinstance(value, list) else [value])):
-        remedy = f"give 0, or at least {LEAST_MASS:g} {unit}"
-        yield key, "is too small for its motion to be computed", remedy
+    for key in keys:
+        value = getattr(table, key)
+        if any(0 < one < LEAST_MASS for one in (value if isinstance(value, list) else [value])):
+            remedy = f"give 0, or at least {LEAST_MASS:g} {declared(type(table))[key]['unit']}"
+            yield key, "is too small for its motion to be computed", remedy
