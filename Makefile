@@ -9,7 +9,7 @@ BENCH_READY := $(VENV)/bench-ready
 
 
 # What `make all` makes; a new result is one more word here and a section in results/README.md.
-RESULTS := tables fig3 fig4 fig5 fig6 modulus inference support blades thermal stability auto tradeoff optimise
+RESULTS := tables fig3 fig4 fig5 fig6 modulus inference support blades thermal stability auto tradeoff optimise validation
 
 # Python keeps what it compiles, whatever the shell says: tests and commands start in half the time.
 unexport PYTHONDONTWRITEBYTECODE
@@ -71,6 +71,9 @@ auto: $(READY)   ## what auto leaves out, and what that costs, on random suspens
 
 modulus: $(READY) ## Young's modulus from the measured frequencies of Table I
 	$(BIN)/python -m tools.youngs_modulus
+
+validation: $(READY) ## suspensions that were built, held against numbers of others
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tools.validation
 
 optimise: $(READY) ## from vertical wires to a triple all of whose modes can be damped
 	$(BIN)/python -m tools.optimise

@@ -28,6 +28,7 @@ __all__ = [
     "examples",
     "export",
     "fit",
+    "import_sumcon",
     "info",
     "load",
     "modes",

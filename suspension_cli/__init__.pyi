@@ -287,6 +287,7 @@ def fit(
     materials.steel302.youngs_modulus: 1.66e+11 +- 2.8e+09
     stage.test.body.inertia.2: 0.118 +- 0.0039
     """
+import_sumcon = api.import_sumcon
 info = api.info
 load = api.load
 

@@ -13,6 +13,7 @@ import html
 import shutil
 import tempfile
 import tomllib
+import warnings
 import weakref
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -33,7 +34,7 @@ from suspension_cli.design import paths, reader
 from suspension_cli.design.bodies import body_mass
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.reader import Source
-from suspension_cli.errors import InputError
+from suspension_cli.errors import InputError, PendsusWarning
 
 Grid = str | float | Sequence[float] | np.ndarray
 """Numbers: ``"0.1:100:2000:log"``, one number, or an array."""
@@ -284,6 +285,56 @@ def examples() -> list[str]:
     True
     """
     return reader.examples()
+
+
+def import_sumcon(
+    file: PathLike, *, name: str = "", tables: PathLike | None = None, bending_points: bool = False
+) -> Design:
+    """Convert a save of SUMCON, KAGRA's modeller of suspensions, into a design.
+
+    What the design has otherwise than the save is given as Python warnings.
+
+    Parameters
+    ----------
+    file : path
+        The save (``.m``).
+    name : str
+        Name of the design; default the stem of the file.
+    tables : path
+        Folder of the stiffness tables of heat links; default the folder ``HeatLink`` near the save.
+    bending_points : bool
+        End wires at SUMCON's hinges instead of at their clamps.
+
+    Raises
+    ------
+    InputError
+        If the file is no save, is damaged, or gives no valid design.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> text = '''
+    ... save$bdn = {{True, "g"}, {False, "TM"}}
+    ... save$mass = {{0, {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}},
+    ...   {20., {{0.15, 0, 0}, {0, 0.12, 0}, {0, 0, 0.11}}}}
+    ... save$mat = {{"Steel", 7.8, 206, 0.3, 3., -4, ""}}
+    ... save$wire = {{1, {0, 0, 0}, 2, {0, 0.004, 0}, 1, 0.5, 0.001, 0, 0.001, 196.2,
+    ...   {0, -1, 0}, {0, 1, 0}, "g-TM-1", 323000., 0.0156}}
+    ... '''
+    >>> written = open("save.m", "w").write(text)
+    >>> sus.import_sumcon("save.m")
+    <Design save: TM>
+    """
+    from suspension_cli.design.sumcon import convert as sumcon
+
+    path = Path(convert.path(file, "file"))
+    folder = None if tables is None else Path(convert.path(tables, "tables"))
+    with python_names():
+        own = name or reader.make_name(path.stem)
+        found = sumcon.read(path, own, tables=folder, bending_points=bending_points)
+    for note in found.notes:
+        warnings.warn(f"{path}: {note}", PendsusWarning, stacklevel=2)
+    return Design(**vars(found.source()))
 
 
 def load(file: PathLike) -> Result:

@@ -14,6 +14,7 @@ OTHERS = {
     "draw": "Draw a design to scale, from the side and from the front.",
     "report": "Write one HTML file of a design with all its analyses.",
     "new": "Start a design from a template or an example.",
+    "import": "Convert a save of SUMCON (KAGRA's modeller) into a design.",
     "schema": "Print the JSON Schema of the design file.",
     "plot": "Redraw the pictures of results files, alone or together.",
 }
@@ -21,8 +22,8 @@ OTHERS = {
 COMMANDS = (*ANALYSES, *OTHERS)
 """Names of all commands."""
 _PURPOSES = {
-    "Design, as in pendsus new triple my.toml": "new check draw sweep sensitivity optimise info"
-    " schema",
+    "Design, as in pendsus new triple my.toml": "new import check draw sweep sensitivity optimise"
+    " info schema",
     "Analyse, as in pendsus response my.toml --output test.x": "modes response thermal budget damp"
     " compare tradeoff",
     "Build and measure, as in pendsus fit my.toml measured.toml": "tolerance xcouple fit",

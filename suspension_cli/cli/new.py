@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import click
 
 from suspension_cli.cli import terminal
@@ -28,12 +30,8 @@ def command(
 
     Example: pendsus new quad my.toml
     """
-    import re
-    from pathlib import Path
-
     from suspension_cli.design import reader
-    from suspension_cli.errors import Fault, InputError, format_value
-    from suspension_cli.files.atomic import write_bytes
+    from suspension_cli.errors import InputError, format_value
 
     if listing:
         terminal.put("\n".join(reader.examples()))
@@ -46,20 +44,37 @@ def command(
         problem, remedy = "is a kind of design, beside --from", "give one of both, then a file"
         raise InputError.of("new", problem, remedy, format_value(words[0]))
     kind, file = (words[0], words[1:]) if example is None else (example.rpartition("/")[2], words)
-    if name is None:
-        stem = Path(file[0]).stem if file else kind
-        name = re.sub(r"[^A-Za-z0-9._-]+", "-", stem).strip("-._")[:100] or kind
-    elif not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{,99}", name):
-        remedy = "give letters, digits, . _ and -"
-        raise InputError.of("--name", "is no name of a design", remedy, format_value(name))
+    name = design_name(name, Path(file[0]).stem if file else kind, kind)
     text = reader.template(kind, name) if example is None else reader.example_text(example, name)
     reader.parse(text)
     if not file:
         click.echo(text, nl=False)
         return
-    path = Path(file[0])
+    write_new(Path(file[0]), text, force=force)
+    terminal.tell(f"wrote {file[0]}; next: pendsus modes {file[0]}")
+
+
+def design_name(given: str | None, stem: str, default: str) -> str:
+    """Check the name that is given for a design, or make one from the stem of a file."""
+    import re
+
+    from suspension_cli.design import reader
+    from suspension_cli.errors import InputError, format_value
+
+    if given is None:
+        return reader.make_name(stem, default)
+    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{,99}", given):
+        remedy = "give letters, digits, . _ and -"
+        raise InputError.of("--name", "is no name of a design", remedy, format_value(given))
+    return given
+
+
+def write_new(path: Path, text: str, *, force: bool) -> None:
+    """Write a file that does not exist yet, unless `force`; raises `InputError`."""
+    from suspension_cli.errors import Fault, InputError
+    from suspension_cli.files.atomic import write_bytes
+
     if path.exists() and not force:
         problem, remedy = "exists already", "name another file, or give --force"
         raise InputError([Fault("", problem, remedy)], str(path))
     write_bytes(path, text.encode(), key="")
-    terminal.tell(f"wrote {path}; next: pendsus modes {path}")

@@ -367,6 +367,11 @@ def template(kind: str, name: str) -> str:
     return path.read_text(encoding="utf-8").replace('name = "NAME"', f'name = "{name}"', 1)
 
 
+def make_name(stem: str, default: str = "imported") -> str:
+    """Make a name of a design from the stem of a file."""
+    return re.sub(r"[^A-Za-z0-9._-]+", "-", stem).strip("-._")[:100] or default
+
+
 def examples() -> list[str]:
     """List the designs that come with the program, by name."""
     files = EXAMPLES.rglob("*.toml")

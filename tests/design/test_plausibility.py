@@ -29,7 +29,9 @@ from tests.support.commandline import (
 from tests.support.paths import CONFIGS
 
 SHIPPED = sorted(
-    path.relative_to(CONFIGS).with_suffix("").as_posix() for path in CONFIGS.rglob("*.toml")
+    path.relative_to(CONFIGS).with_suffix("").as_posix()
+    for path in CONFIGS.rglob("*.toml")
+    if path.parent.name != "built"  # converted as they are, also what is hardly believed
 ) + [f"new/{kind}" for kind in KINDS]
 G = 9.81
 

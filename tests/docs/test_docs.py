@@ -282,8 +282,8 @@ def named(cell: str) -> list[str]:
 
 
 def laid_out(folder, monkeypatch):
-    """Run in a folder that has the designs that we ship."""
-    for name in ("configs", "goals", "measured"):
+    """Run in a folder that has the designs that we ship, and the data of tests."""
+    for name in ("configs", "goals", "measured", "tests"):
         if not (folder / name).exists():
             (folder / name).symlink_to(ROOT / name)
     monkeypatch.chdir(folder)

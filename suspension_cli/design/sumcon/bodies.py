@@ -1,0 +1,314 @@
+"""Bodies of a save: what they hang from, what they carry, where they are, and symmetric sets."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.design.sumcon.save import Tables
+from suspension_cli.design.sumcon.toml import plain, word
+from suspension_cli.errors import InputError
+
+GRAVITY = 9.81
+LONGEST_BENDS = 0.45
+"""Fraction of a wire that its bends may take for hinges; the string model refuses half."""
+
+
+@dataclass(frozen=True)
+class Wire:
+    """A wire in our axes; m, N, kg.
+
+    Attributes
+    ----------
+    bend
+        Distance of its ends from the clamps if these are at SUMCON's hinges, else 0.
+    spring
+        Row of its vertical spring, if any.
+    """
+
+    upper: int
+    top: np.ndarray
+    lower: int
+    bottom: np.ndarray
+    material: int
+    natural: float
+    diameter: float
+    end_length: float
+    end_diameter: float
+    tension: float
+    hinges: tuple[np.ndarray, np.ndarray]
+    name: str
+    k: float
+    torsion: float
+    spring: list[Any] | None = None
+    bend: float = 0.0
+
+    @property
+    def elastic(self) -> tuple[float, ...]:
+        """What wires of a set have in common."""
+        one = (self.material, self.natural, self.diameter, self.end_length, self.end_diameter)
+        spring = self.spring or [0.0] * 9
+        return (*one, self.k, self.torsion, *(spring[n] for n in (2, 3, 5, 8)))
+
+
+@dataclass
+class Body:
+    """A body, and where it hangs or stands.
+
+    Attributes
+    ----------
+    load
+        Mass of this body and all below, kg.
+    length
+        Loaded length of its wires, m.
+    offset, place
+        COM from the COM of the body above (or the ground) and from the suspension point, m.
+    set_keys
+        Keys of a symmetric set of wires; None where the wires are single.
+    blades_for
+        The wire on the keystone, if the body is a filter.
+    """
+
+    number: int
+    name: str
+    ground: bool
+    mass: float
+    inertia: np.ndarray
+    above: Body | None = None
+    wires: list[Wire] = field(default_factory=list)
+    legs: list[Any] | None = None
+    below: list[Body] = field(default_factory=list)
+    load: float = 0.0
+    length: float = 0.0
+    offset: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    place: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    set_keys: dict[str, Any] | None = None
+    blades_for: Wire | None = None
+
+    @property
+    def share(self) -> float:
+        """Weight on each of the wires, N."""
+        return self.load * GRAVITY / max(len(self.wires), 1)
+
+    @property
+    def is_balanced(self) -> bool:
+        """Whether this body and all below it hang from symmetric sets."""
+        held = self.set_keys is not None or self.legs is not None
+        return held and all(body.is_balanced for body in self.below)
+
+
+def turned(point: Sequence[float]) -> np.ndarray:
+    """Turn a vector from SUMCON's axes into ours; below 1e-12 m it is rounding."""
+    own = np.array([point[2], point[0], point[1]])
+    return np.where(abs(own) < 1e-12, 0.0, own)
+
+
+def turned_matrix(rows: Sequence[Sequence[float]] | np.ndarray) -> np.ndarray:
+    """Turn the axes of a 3x3 or 6x6 matrix."""
+    order = [n + block for block in range(0, len(rows), 3) for n in (2, 0, 1)]
+    return np.array(rows, dtype=float)[np.ix_(order, order)]
+
+
+def read_bodies(tables: Tables, bending_points: bool, notes: list[str]) -> list[Body]:
+    """List the bodies of a save with their places; `order` lists those that are not ground."""
+    bodies: list[Body] = []
+    for row, (mass, inertia, *_) in zip(tables["bdn"], tables["mass"], strict=False):
+        own = word(row[1], "body")
+        if own.lower() in ("support", "ground") or own in [body.name for body in bodies]:
+            own = f"{own}-{len(bodies) + 1}"
+        if own != row[1] and not row[0]:
+            notes.append(f"body {plain(row[1])} is {own} here")
+        bodies.append(Body(len(bodies), own, row[0], mass, turned_matrix(inertia)))
+    springs = {row[0]: row for row in tables["vspr"]}
+    for n, row in enumerate(tables["wire"]):
+        upper, top, lower, bottom, *numbers, first, second, name, k, torsion = row[:15]
+        hinges, spring = (turned(first), turned(second)), springs.get(n)
+        own: Any = (*numbers, hinges, plain(name), k, torsion, spring)
+        wire = Wire(upper, turned(top), lower, turned(bottom), *own)
+        if wire.tension <= 0 or wire.natural <= 0 or wire.k <= 0:
+            problem = f"has no tension, length or k ({wire.name})"
+            raise InputError.of("save$wire", problem, "correct it in SUMCON")
+        if spring and (spring[1] != 1 or max(map(abs, spring[6][::2])) > 1e-9):
+            notes.append(f"spring {plain(spring[7])} moves the upper end along z alone")
+        bodies[lower].wires.append(wire)
+    for body in bodies:
+        _hang(body, bodies, tables, notes)
+    _set_places(bodies, tables, bending_points, notes)
+    return bodies
+
+
+def order(bodies: list[Body]) -> list[Body]:
+    """List the bodies that are not ground below what they hang from; raises `InputError`."""
+    found: list[Body] = []
+    waiting = [body for body in bodies if body.ground][::-1]
+    while waiting:
+        body = waiting.pop()
+        found += [] if body.ground else [body]
+        waiting += body.below[::-1]
+    held = {body.number for body in found}
+    loose = [body.name for body in bodies if not body.ground and body.number not in held]
+    if loose or not found:
+        problem = f"does not hold {', '.join(loose[:5]) or 'any body'}"
+        raise InputError.of("save$wire", problem, "hang every body from the ground")
+    return found
+
+
+def _hang(body: Body, bodies: list[Body], tables: Tables, notes: list[str]) -> None:
+    """Find what a body stands on, or hangs from by most of its tension."""
+    wires, body.wires = body.wires, []
+    legs = [row for row in tables["IP"] if row[1] == body.number]
+    tension = {wire.upper: 0.0 for wire in wires}
+    for wire in wires:
+        tension[wire.upper] += wire.tension
+    if legs and not body.ground:
+        body.legs, body.above = legs[0], bodies[legs[0][0]]
+        notes += [f"inverted pendulum {plain(row[5])} is left out" for row in legs[1:]]
+    elif wires and not body.ground:
+        body.above = bodies[max(tension, key=lambda n: tension[n])]
+        body.wires = [wire for wire in wires if wire.upper == body.above.number]
+    kept = {id(wire) for wire in body.wires}
+    for wire in wires:
+        if id(wire) not in kept:
+            notes.append(f"wire {wire.name} is left out: {body.name} is held by another body")
+    if body.above is not None:
+        body.above.below.append(body)
+
+
+def _set_places(bodies: list[Body], tables: Tables, bending_points: bool, notes: list[str]) -> None:
+    grounds, hanging = [body for body in bodies if body.ground], order(bodies)
+    if len(tables["initpos"]) >= len(bodies):
+        for body in grounds[1:]:
+            at, start = (tables["initpos"][one.number] for one in (body, grounds[0]))
+            body.place = turned([a - b for a, b in zip(at, start, strict=False)])
+            if body.below:
+                notes.append(f"{body.name} (ground) does not move alone: it is the support here")
+    for body in hanging[::-1]:
+        body.load = body.mass + sum(one.load for one in body.below)
+        modulus = [tables["mat"][wire.material][2] * 1e9 for wire in body.wires]
+        longest = 0.0 if bending_points else LONGEST_BENDS
+        pairs = zip(body.wires, modulus, strict=True)
+        body.wires = [_at_hinges(wire, e, body.share, longest) for wire, e in pairs]
+    for body in hanging:
+        assert body.above is not None
+        start = body.above.place if body.above.ground else np.zeros(3)
+        if body.legs is not None:
+            body.offset = np.array([0.0, 0.0, body.legs[6]])
+        else:
+            _set_length(body, start)
+        body.place = body.offset + (body.above.place - start)
+    for body in hanging[::-1]:
+        if not all(one.is_balanced for one in body.below):
+            body.set_keys = None
+    for body in hanging:
+        above = body.above
+        if body.set_keys is not None and len(body.wires) == 1 and above and not above.ground:
+            wire = body.wires[0]
+            above.blades_for = above.blades_for or (wire if wire.spring else None)
+
+
+def _at_hinges(wire: Wire, modulus: float, share: float, longest: float) -> Wire:
+    """The wire, with its ends at SUMCON's hinges if its bends take more than a fraction of it."""
+    bends = [
+        math.sqrt(modulus * math.pi / 64 / tension) * wire.end_diameter**2
+        for tension in (wire.tension, max(share, 1e-9))
+    ]
+    if 2 * max(bends) <= longest * wire.natural or 2 * bends[0] >= wire.natural:
+        return wire
+    top, bottom = wire.top + bends[0] * wire.hinges[0], wire.bottom + bends[0] * wire.hinges[1]
+    natural = wire.natural - 2 * bends[0]
+    return replace(wire, top=top, bottom=bottom, natural=natural, bend=bends[0])
+
+
+def _set_length(body: Body, start: np.ndarray) -> None:
+    """Set the loaded length of the wires, their keys as a set, and the offset of the body.
+
+    `start` is the place of a ground from the suspension point, else 0.
+    """
+    tops = [wire.top + start for wire in body.wires]
+    body.set_keys = symmetric(tops, [wire.bottom for wire in body.wires])
+    if any(not np.allclose(wire.elastic, body.wires[0].elastic, 1e-6) for wire in body.wires):
+        body.set_keys = None
+    first = body.wires[0]
+    across = math.dist(tops[0][:2], first.bottom[:2]) if body.set_keys is not None else 0.0
+    body.length, upright = first.natural, 1.0
+    for _ in range(100):  # the stretch changes the angle, each time by less
+        upright = math.sqrt(max(1 - (across / body.length) ** 2, 1e-6))
+        body.length = first.natural + body.share / (upright * first.k)
+    gaps = [top - wire.bottom for top, wire in zip(tops, body.wires, strict=True)]
+    body.offset = np.mean(gaps, axis=0) - [0.0, 0.0, body.length * upright]
+    if body.set_keys is not None:
+        body.offset[:2] = 0.0
+
+
+def symmetric(tops: Sequence[np.ndarray], bottoms: Sequence[np.ndarray]) -> dict[str, Any] | None:
+    """Keys of a symmetric set of wires with these ends; None if they are not symmetric."""
+
+    def same(values: Sequence[complex] | np.ndarray, value: complex) -> bool:
+        return bool(np.allclose(values, value, rtol=1e-6, atol=1e-9))
+
+    count = len(tops)
+    upper, lower = (np.array([complex(*point[:2]) for point in own]) for own in (tops, bottoms))
+    if not all(same([point[2] for point in own], own[0][2]) for own in (tops, bottoms)):
+        return None
+    heights = {"d": bottoms[0][2], "d_upper": -tops[0][2]}
+    keys = {key: float(value) for key, value in heights.items() if value}
+    if count == 1:
+        return keys if same([*upper, *lower], 0.0) else None
+    corners = {(round(np.sign(z.real)), round(np.sign(z.imag))) for z in np.round(upper, 12)}
+    alike = [np.abs(np.real(own)) + 1j * np.abs(np.imag(own)) for own in (upper, lower)]
+    a, b = (own[0] for own in alike)
+    straight = same(alike[0], a) and same(alike[1], b)
+    crossed = any(
+        u.real * w.real < 0 or u.imag * w.imag < 0 for u, w in zip(upper, lower, strict=True)
+    )
+    if straight and not crossed and min(a.imag, b.imag) > 0 and len(corners) == count:
+        across = {"t1": float(a.imag), "t2": float(b.imag)}
+        if count == 2 and max(a.real, b.real) < 1e-9:
+            return across | keys
+        if count == 4 and min(a.real, b.real) > 0:
+            along = {"s": float(a.real)}
+            if not same([a.real], b.real):
+                along = {"s_upper": float(a.real), "s_lower": float(b.real)}
+            return along | across | keys
+    if min(abs(upper)) < 1e-9 or min(abs(lower)) < 1e-9:
+        return None
+    even = same((upper / upper[0]) ** count, 1.0)
+    distinct = len(set(np.round(np.angle(upper / upper[0]) % (math.tau - 1e-6), 3))) == count
+    ratio = lower / upper
+    if not (even and distinct and same(ratio, abs(ratio[0]))):
+        return None
+    ring = {"ring": float(abs(upper[0]))}
+    if not same(ratio, 1.0):
+        ring = {"ring_upper": float(abs(upper[0])), "ring_lower": float(abs(lower[0]))}
+    phase, twelfth = min(np.angle(upper) % math.tau), math.pi / 12
+    phase = (
+        round(phase / twelfth) * twelfth if abs(math.remainder(phase, twelfth)) < 1e-9 else phase
+    )
+    return ring | ({"phase": float(phase)} if phase else {}) | keys
+
+
+def hinge_notes(body: Body) -> Iterator[str]:
+    """Say where hinges are not those of SUMCON, or wires are too stiff for hinges."""
+    share = body.share
+    for same in {(wire.tension, wire.bend, wire.natural): wire for wire in body.wires}.values():
+        names = names_of([wire for wire in body.wires if wire.tension == same.tension])
+        part = 2 * same.bend / (same.natural + 2 * same.bend)
+        if part > LONGEST_BENDS:
+            yield (
+                f"wire {names}: its bends take {part:.0%} of it, so its ends are its bending"
+                f" points, {same.bend:.3g} m from the clamps"
+            )
+        elif abs(same.tension / share - 1) > 0.01:
+            yield (
+                f"wire {names}: SUMCON puts its hinges for {same.tension:.4g} N, it carries about"
+                f" {share:.4g} N"
+            )
+
+
+def names_of(wires: list[Wire]) -> str:
+    """First and last name of wires."""
+    return wires[0].name + (f" to {wires[-1].name}" if len(wires) > 1 else "")
