@@ -190,6 +190,8 @@ def export(
     inputs: Names = (),
     outputs: Names = (),
     loss: bool = False,
+    band: str = '0.1:100',
+    accuracy: float = 0.01,
     allow_unstable: bool = False,
     fidelity: str = 'auto',
     tolerance: float = 0.001,
@@ -207,7 +209,11 @@ def export(
     outputs : str or sequence of str
         An output. Default: the six motions of the first stage and of the mirror.
     loss : bool
-        Include loss angles, as viscous damping of each mode.
+        Include losses and the mass of wires, with the right Q and the right isolation.
+    band : str
+        Band in which losses are right, Hz.
+    accuracy : float
+        Largest relative error of responses off resonance with losses; of Q twice that.
     allow_unstable : bool
         Continue with motion that grows (an unstable equilibrium, active elements).
     fidelity : {"auto", "closed-form", "force", "string", "beam", "violin"}

@@ -128,10 +128,11 @@ def _dissipation(
             lost += np.imag(own.stiffness) @ np.abs(own.form @ x) ** 2
     if "within" not in model.prepared:
         model.prepared["within"] = [term.within(np.arange(model.size)) for term in model.terms]
-    for term, own in zip(model.terms, model.prepared["within"], strict=True):
-        lost += sum(term.at(omega).dissipated(own, x).values())
+    restricted: list[Any] = model.prepared["within"]
+    for term, ends in zip(model.terms, restricted, strict=True):
+        lost += sum(term.at(omega).dissipated(ends, x).values())
         if not is_damper(term):
-            elastic += sum(_with_unit_loss(term, omega).dissipated(own, x).values()) / UNIT
+            elastic += sum(_with_unit_loss(term, omega).dissipated(ends, x).values()) / UNIT
     return lost if model.active else np.maximum(lost, 0.0), elastic
 
 

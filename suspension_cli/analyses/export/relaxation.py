@@ -38,7 +38,7 @@ from suspension_cli.scene.composition import Fibre
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float
 
-    from suspension_cli.scene.arrays import Array
+    from suspension_cli.scene.arrays import Array, Index
 
 ABOVE = 1.5
 """Wire modes are kept up to this multiple of the highest frequency of the band; beyond, one stands
@@ -150,7 +150,7 @@ class _ReducedWire:
 def _reduce(strand: TautWire, part: str, highest: float) -> _ReducedWire:
     """Reduce a wire to the motion of its ends and its modes up to a frequency, rad/s."""
     size = len(strand.static[part])
-    inertia, modes, others = np.zeros((size, size)), [], []
+    inertia, modes, others, first = np.zeros((size, size)), [], [], 0.0
     lossless = replace(strand, lossy=False)
 
     def stiffness(wire: TautWire, omega: list[float]) -> Complex[np.ndarray, "frequency end end"]:
@@ -311,7 +311,7 @@ def _lossless(model: LinearSystem) -> Stretching | None:
 
 
 def _combinations(
-    driven: Float[np.ndarray, "wire coordinate"], groups: list[Array]
+    driven: Float[np.ndarray, "wire coordinate"], groups: list[Index]
 ) -> Iterator[tuple[Float[np.ndarray, " wire"], Float[np.ndarray, " coordinate"]]]:
     """Combine equal modes of equal wires, so that each is driven by one group of coordinates."""
     for columns in groups:
@@ -398,7 +398,7 @@ def _followers(
     elements: list[Lossy],
     strength: Float[np.ndarray, "element rate"],
     rates: Float[np.ndarray, " rate"],
-    groups: list[Array],
+    groups: list[Index],
 ) -> tuple[Float[np.ndarray, "follower coordinate"], Float[np.ndarray, " follower"]]:
     """Deformations that relax, of all elements together: no more than coordinates per rate."""
     rows, own_rates = [np.zeros((0, elements[0].rows.shape[1]))], [np.zeros(0)]
@@ -438,14 +438,14 @@ def _deformations(
     return (vectors[:, some] * np.sqrt(values[some])).T * scale
 
 
-def _groups(model: LinearSystem) -> list[Array]:
+def _groups(model: LinearSystem) -> list[Index]:
     """Groups of coordinates that do not couple, each with the support's that drive it."""
     drive = model.allowed[:, :6]
     return [np.append(np.flatnonzero(drive[block].any(0)), block) for block in model.blocks]
 
 
 def _framed(
-    matrix: Float[np.ndarray, "coordinate coordinate"], groups: list[Array]
+    matrix: Float[np.ndarray, "coordinate coordinate"], groups: list[Index]
 ) -> Float[np.ndarray, "coordinate coordinate"]:
     """A symmetric matrix with exact zeros between groups that do not couple."""
     together = np.zeros(matrix.shape, dtype=bool)

@@ -10,7 +10,7 @@ import numpy as np
 
 from suspension_cli.analyses.export.relaxation import relax
 from suspension_cli.design.schema import Design
-from suspension_cli.linear import damped, eigenmodes, statespace
+from suspension_cli.linear import damped, statespace
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.elimination import connected_groups
 from suspension_cli.linear.signals import Signal
@@ -143,7 +143,7 @@ def build_lossy(
     Of the densities of relaxation rates it takes the first with which responses off resonance have
     errors up to `accuracy` and Q up to twice that, in the band (Hz); or the best.
     """
-    modes = damped.solve(model, eigenmodes.solve(model.constant))
+    modes = damped.solve(model)
     frequency = np.geomspace(*band, statespace.GRID)
     best: tuple[float, Exported] | None = None
     for density in DENSITIES:
