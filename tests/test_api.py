@@ -249,7 +249,7 @@ def test_messages_name_arguments(call, message, tmp_path, monkeypatch):
 
 
 def test_warnings_name_arguments_and_the_line_of_the_caller():
-    with pytest.warns(sus.PendsusWarning, match=r"loss=True gives correct Q") as caught:
+    with pytest.warns(sus.PendsusWarning, match=r"loss=True gives Q too") as caught:
         sus.export(sus.read(DOUBLE))
     assert caught[0].filename == __file__
 

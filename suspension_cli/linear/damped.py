@@ -125,7 +125,7 @@ def _linear_roots(
     stiffness = turn.T @ (np.sign(light)[:, None] * turn)
     c, w = basis @ damping @ basis.T, np.sqrt(np.abs(squared))
     own = np.arange(m)
-    c[own, own] += np.maximum(w * loss - c[own, own], 0.0)
+    c[own, own] += np.where(loss > 0, np.maximum(w * loss - c[own, own], 0.0), 0.0)
     moving = np.flatnonzero(w)
     rows, e = w[moving, None] * np.eye(m)[moving], len(stiffness)
     follow = -np.linalg.solve(c[m:, m:], np.concatenate([c[m:, :m], stiffness], axis=1))  # of e'

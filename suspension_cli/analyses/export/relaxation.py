@@ -57,11 +57,11 @@ STABLE = 0.3
 """Largest share of the stiffness of a mode that is taken back at rest."""
 OFF = 0.05
 """Weight of a frequency that is off by a width of the mode, over that of a width that is wrong."""
-SHIFTED = 10.0
+SHIFTED = 30.0
 """The same of a relative shift of its frequency."""
-EVERYWHERE = 1.0
+EVERYWHERE = 2.0
 """Weight of a stiffness of a mode that is wrong, over that of a width that is wrong."""
-BETWEEN = 0.03
+BETWEEN = 0.1
 """Weight of a loss angle between modes."""
 POINTS = 16
 """Frequencies of the band at which the stiffness of an element must be right."""

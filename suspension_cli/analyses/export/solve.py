@@ -96,6 +96,8 @@ AGREEMENT = (0.01, 0.1)
 NARROW = 0.07
 """Width, relative to its frequency, up to which a resonance or a zero does not interrupt a band: a
 slight shift of either is a large error there."""
+GAIN = 0.8
+"""Least improvement of the errors for which more rates are taken."""
 APART = 1e-3
 """Relative distance from a mode, or its width, within which its pole is looked for."""
 TOLERANCE = 1e-9
@@ -155,8 +157,9 @@ def build_lossy(
         q_error, worst = _error_of_q(system, modes, band), float(error.max())
         made = Exported(system, form, good, accuracy, worst, band, q_error=q_error)
         share = max(worst, q_error / 2) / accuracy
-        if best is None or share < best[0]:
-            best = share, made
+        if best is not None and share > GAIN * best[0]:
+            break
+        best = share, made
         if share <= 1:
             break
     assert best is not None
