@@ -9,7 +9,7 @@ BENCH_READY := $(VENV)/bench-ready
 
 
 # What `make all` makes; a new result is one more word here and a section in results/README.md.
-RESULTS := tables fig3 fig4 fig5 fig6 modulus inference support blades thermal stability auto tradeoff optimise validation
+RESULTS := tables fig3 fig4 fig5 fig6 modulus inference support blades thermal stability tradeoff optimise validation
 
 # Python keeps what it compiles, whatever the shell says: tests and commands start in half the time.
 unexport PYTHONDONTWRITEBYTECODE
@@ -65,9 +65,6 @@ stability: $(READY) ## where methods fail, and that ours does not
 
 tradeoff: $(READY) ## speed against accuracy of every model, and of methods for a response (two minutes)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tools.tradeoff
-
-auto: $(READY)   ## what auto leaves out, and what that costs, on random suspensions
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tools.auto
 
 modulus: $(READY) ## Young's modulus from the measured frequencies of Table I
 	$(BIN)/python -m tools.youngs_modulus

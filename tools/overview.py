@@ -1,7 +1,7 @@
 """Copy the tables of results/*.md into results/README.md.
 
 They stand between `<!-- table: NAME.md -->` and `<!-- end -->`. The last step of `make all`;
-`tests/cli/test_results.py` fails if a table differs from that of its file.
+`tests/docs/test_results.py` fails if a table differs from that of its file.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ import pytest
 from suspension_cli.design import reader
 from suspension_cli.drawing.style import house_style
 from tests.support.legible import assert_legible, said
-from tools import auto, figure3, figure4, figure5, figure6, tradeoff
+from tools import figure3, figure4, figure5, figure6, tradeoff
 
 
 def test_figure_3_has_the_printed_axes_and_both_limits():
@@ -55,28 +55,6 @@ def test_figure_6_orders_its_colours_and_names_its_largest_ratios():
         assert len({line.get_color() for line in drawn}) == 5
         assert all(line.get_ydata().min() < 0.02 for line in drawn)
     assert_legible(figure)
-
-
-def test_auto_counts_what_is_within_the_tolerance():
-    rng = np.random.default_rng(1)
-    found = [
-        auto.Trial("common", n, quantity, 1e-2, level, error, cost, cost / 2)
-        for n, quantity in enumerate(auto.QUANTITIES * 5)
-        for level, error in (("beam", 3e-3), ("violin", 0.0), ("string", 2e-2 if n == 1 else 1e-3))
-        for cost in [float(10 ** rng.uniform(-1, 0.5))]
-    ]
-    figure = auto.draw(found)
-    words = said(figure)
-    assert "auto kept the requested tolerance in 29 of 30 random suspensions" in words
-    errors, models, _ = figure.axes
-    assert (errors.get_xlabel(), errors.get_ylabel()) == (
-        "requested tolerance",
-        "error of the result",
-    )
-    assert len(models.patches) == len(auto.QUANTITIES) * len(auto.LEVELS)
-    assert words.count("33") == 3 * len(auto.QUANTITIES)
-    assert_legible(figure)
-    assert "| **all** | 30 | 1 | 2 |" in auto.report(found)
 
 
 def test_methods_for_a_response():
