@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy import linalg
 
-from suspension_cli.linear import elimination
+from suspension_cli import elimination
 from suspension_cli.linear.signals import Signal, linear_form
 from suspension_cli.linear.statespace import StateSpace
 from suspension_cli.linear.system import LinearSystem
