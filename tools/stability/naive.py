@@ -32,7 +32,7 @@ def condense(model: LinearSystem) -> tuple[Any, Any, Any]:
     massless[:6] = False
     kept, eliminated = np.flatnonzero(~massless)[6:], np.flatnonzero(massless)
     columns = np.concatenate([np.arange(6), kept])
-    full = model.stiffness if model.lossy is None else model.lossy
+    full = model.complete
     stiffness = full[np.ix_(kept, columns)]
     if len(eliminated):
         stiffness = stiffness - full[np.ix_(kept, eliminated)] @ np.linalg.solve(
