@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from suspension_cli.equilibrium import bending_wires, solve
+from suspension_cli.equilibrium import clamps, solve
 from suspension_cli.equilibrium.newton import factorise
 from suspension_cli.models import registry
 from suspension_cli.scene.pose import Pose, displace, layout, nominal_pose
@@ -53,13 +53,13 @@ def test_equilibria_are_those_of_single_designs(kind, seed):
     scene, members, design = batch_of(rng, kind)
     numbering = layout(scene)
     if kind == "bending":
-        _, found = bending_wires.solve_bending(scene, numbering)
+        _, found = clamps.solve_bending(scene, numbering)
     else:
         found = solve.solve(scene, numbering)
     for n, member in enumerate(members):
         if kind == "bending":
             one = registry.BEAM.completed(member, design)
-            _, expected = bending_wires.solve_bending(one, numbering)
+            _, expected = clamps.solve_bending(one, numbering)
         else:
             expected = solve.solve(member, numbering)
         assert expected.converged == found.converged[n]
