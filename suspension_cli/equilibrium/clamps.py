@@ -1,9 +1,10 @@
 """Wires that bend: their clamps, and their equilibrium.
 
-Of some wires the design gives the effective bending points instead of the clamps. A wire whose far end is displaced sideways acts on its clamp with a shear force V and a moment M, as
-if hinged at u = M / V from there (sqrt(EI / T) for a long uniform wire; Gonzalez and Saulson, J.
-Acoust. Soc. Am. 96, 207 (1994)). So the clamps lie u beyond the bending points, in line with the
-wire, and the forces that carry the weight do not change. For a ribbon u is that of its soft plane.
+Of some wires the design gives the effective bending points instead of the clamps. A wire whose far
+end is displaced sideways acts on its clamp with a shear force V and a moment M, as if hinged at u =
+M / V from there (sqrt(EI / T) for a long uniform wire; Gonzalez and Saulson, J. Acoust. Soc. Am.
+96, 207 (1994)). So the clamps lie u beyond the bending points, in line with the wire, and the
+forces that carry the weight do not change. For a ribbon u is that of its soft plane.
 
 Tension, length and direction of a wire are those of the nominal suspension: imperfections do not
 move its clamps. Where the design gives natural lengths, they are those of strings without torsion

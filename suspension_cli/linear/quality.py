@@ -169,7 +169,7 @@ def _wire_energies(
     result = []
     for part in PARTS:
         # omega dF/domega = 2 omega^2 dF/d(omega^2)
-        slope, motion = np.imag(moving.stiffness(part)) / STEP, ends[part]
+        slope, motion = np.imag(moving[part].stiffness) / STEP, ends[part]
         pushed = np.einsum("abm,bwm->awm", slope, motion)
         result.append(-np.real(motion.conj() * pushed).sum((0, 1)) / (2 * omega**2))
     return np.array(result)

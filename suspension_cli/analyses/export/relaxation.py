@@ -154,7 +154,7 @@ def _reduce(strand: TautWire, part: str, highest: float) -> _ReducedWire:
     lossless = replace(strand, lossy=False)
 
     def stiffness(wire: TautWire, omega: list[float]) -> Complex[np.ndarray, "frequency end end"]:
-        return np.moveaxis(wire.at(np.array(omega)).stiffness(part), -1, 0)
+        return np.moveaxis(wire.at(np.array(omega))[part].stiffness, -1, 0)
 
     if strand.massive:
         first, *_ = found = lossless.held_resonances(part, highest)
@@ -216,8 +216,8 @@ def _section_loss(
         to_own = np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, -2 / length, 1.0]])
 
     def own_loss(omega: Array) -> Float[np.ndarray, "own own frequency"]:
-        here = still.at(omega)
-        return np.imag(here.change(part) if len(to_own) != len(to_own.T) else here.stiffness(part))
+        here = still.at(omega)[part]
+        return np.imag(here.change if len(to_own) != len(to_own.T) else here.stiffness)
 
     def trace(omega: Array) -> Array:
         return np.trace(own_loss(omega)) * np.ones(len(omega))
