@@ -288,10 +288,11 @@ def tolerance(report: Composition) -> Iterator[str]:
             f"have a coupling |{html.text(one.ratio)}| below {html.number(one.limit)} at"
             f" {html.number(one.frequency)} Hz"
         )
+    low, high = found.interval
     yield report.pictures(
         result,
         f"Of {one.good:,} random builds, {100 * found.fraction:.3g} % (95 % confidence:"
-        f" {100 * found.low:.3g} to {100 * found.high:.3g} %) {what}.",
+        f" {100 * low:.3g} to {100 * high:.3g} %) {what}.",
     )
 
 

@@ -120,7 +120,6 @@ class ToleranceAnalysis(Analysis):
         from suspension_cli.analyses.tolerance.solve import RandomBuilds, build_change
         from suspension_cli.analyses.xcouple.solve import parse_request
         from suspension_cli.design.derive import mirror
-        from suspension_cli.files.declared import pack
         from suspension_cli.models import registry
 
         setting, source = run.setting, run.source
@@ -130,15 +129,12 @@ class ToleranceAnalysis(Analysis):
             setting["seed"],
             parse_request(registry.STRING.system(run.design), setting, mirror(run.design)),
             setting["allow_unstable"],
+            requirements=quantities.requirements(run.design, setting["require"]),
             method=setting["sampling"],
             with_indices=setting["sobol_indices"],
         )
         job = _of_possible_count(job, run.log)
-        options_given = tuple(setting["require"])
-        known = quantities.requirements(run.design, options_given, job.names, lenient=True)
-        job = job.requiring(known)
         job.check()
-        run.log.detail(f"{len(job.factors)} numbers of the design vary between builds")
         choice = model_choice.for_builds(
             source,
             setting["fidelity"],
@@ -147,21 +143,23 @@ class ToleranceAnalysis(Analysis):
             setting["tolerance"],
         )
         model_choice.stable_system(source, choice, setting["allow_unstable"], run.log, bends=True)
-        job = dataclasses.replace(job, level=choice.level)
-        job = job.requiring(quantities.requirements(run.design, options_given, job.names))
-        limit = setting["limit"]
+        job, limit = dataclasses.replace(job, level=choice.level), setting["limit"]
+        run.log.detail(
+            f"{len(job.factors)} numbers of the design vary between builds; {len(job.required)}"
+            " requirements"
+        )
         result = sweeping.fill(
             run,
             self,
             job,
             choice,
-            pack(summary.record(job, limit)),
+            summary.describe(job, limit),
             lambda part: summary.complete(part, job, limit),
         )
         found: Summary = result.data
         for reason, count in found.failures.items():
             run.log.warn(
-                f"{count} of {found.builds} builds failed: {reason}; they meet no requirement"
+                f"{count} of {job.count} builds failed: {reason}; they meet no requirement"
             )
         return result
 
@@ -169,11 +167,10 @@ class ToleranceAnalysis(Analysis):
         self, design: Design, modes: Modes, stages: tuple[str, ...], known: tuple[str, ...]
     ) -> Iterator[Callable[[], object]]:
         """Parse the quantities of requirements."""
-        from suspension_cli.analyses.tolerance.quantities import Names
+        from suspension_cli.analyses.tolerance import quantities
 
-        names = Names(modes, stages, known)
-        for n, item in enumerate(design.tolerance.require if design.tolerance else (), 1):
-            yield partial(names.parse, item.quantity, f"tolerance.require.{n}.quantity", {})
+        for one in quantities.requirements(design, ()):
+            yield partial(quantities.find, one.quantity, one.key, modes, stages, known)
 
     def document(self, result: Result) -> Document:
         """Return statistics of modes, coupling and statics, and yields."""

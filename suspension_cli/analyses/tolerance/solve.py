@@ -13,7 +13,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.analyses.sweep.solve import evaluate_ratio
-from suspension_cli.analyses.tolerance.quantities import Names, Requirement
+from suspension_cli.analyses.tolerance.quantities import (
+    RATIO,
+    Quantity,
+    Requirement,
+    each,
+    find,
+    of_modes,
+    of_stages,
+)
 from suspension_cli.analyses.xcouple.solve import CouplingRequest, couplings, quotient_unit
 from suspension_cli.files.declared import common_unit
 from suspension_cli.linear import batch_modes, eigenmodes, signals
@@ -70,7 +78,7 @@ class RandomBuilds(Job):
     level
         Name of a model that supports imperfect builds.
     requirements
-        Their named responses are also computed.
+        The responses that they name are also computed.
     method
         Sampling, see `studies.sample_points`.
     with_indices
@@ -119,11 +127,33 @@ class RandomBuilds(Job):
         """Numbers of the design that vary between builds."""
         return sampling.factors(self.design, self.scene)
 
-    @property
+    @cached_property
     def ratios(self) -> tuple[Ratio, ...]:
         """Named responses and couplings that requirements limit."""
-        found = [item.quantity.ratio for item in self.requirements]
+        named = [one for one in self.requirements if "/" in one.quantity]
+        found = [one.ratio for one in each(self.find, named)]
         return tuple(dict.fromkeys(ratio for ratio in found if ratio is not None))
+
+    @cached_property
+    def required(self) -> tuple[Quantity, ...]:
+        """Quantity of each requirement; raises `InputError` if the model has none of that name."""
+        return tuple(
+            replace(one, place=(self.ratios.index(one.ratio),)) if one.ratio else one
+            for one in each(self.find, self.requirements)
+        )
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Quantities whose statistics are computed, each once."""
+        stages = of_stages(self.scene.bodies.name)
+        return tuple(dict.fromkeys((*of_modes(self.nominal), RATIO, *stages, *self.required)))
+
+    def find(self, requirement: Requirement) -> Quantity:
+        """Find the quantity of a requirement; that of a response has no place yet."""
+        known = signals.bodies_with_signals(registry.STRING.system(self.design))
+        return find(
+            requirement.quantity, requirement.key, self.nominal, self.scene.bodies.name, known
+        )
 
     @cached_property
     def groups(self) -> tuple[str, ...]:
@@ -142,16 +172,6 @@ class RandomBuilds(Job):
     def nominal(self) -> eigenmodes.Modes:
         """Modes without random deviations, but with the design's own perturbations."""
         return _solve_nominal(self.text, self.level)[0]
-
-    @cached_property
-    def names(self) -> Names:
-        """Possible names of quantities."""
-        known = signals.bodies_with_signals(registry.STRING.system(self.design))
-        return Names(self.nominal, self.scene.bodies.name, known)
-
-    def requiring(self, requirements: tuple[Requirement, ...]) -> RandomBuilds:
-        """Return the job with requirements."""
-        return replace(self, requirements=requirements)
 
     def check(self) -> None:
         """Raise `InputError` if there is no table of tolerances, or a signal is invalid."""

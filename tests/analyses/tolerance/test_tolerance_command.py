@@ -334,6 +334,7 @@ def test_changes_are_per_step_of_the_unit(unit, change):
     """A factor by one per cent; a number of another unit never by 0.01 of it, called a per cent."""
     factor = SimpleNamespace(label="test n", unit=unit)
     summary = SimpleNamespace(job=SimpleNamespace(factors=(factor,)), significant=0.1)
-    results = SimpleNamespace(rank=np.array([[1.0]]), slope=np.array([[2.0]]))
-    found = report._causes(summary, results, 0, "Hz", 1)  # pyright: ignore
+    quantity = SimpleNamespace(displayed=("Hz", 1.0))
+    results = SimpleNamespace(quantity=quantity, rank=np.array([1.0]), slope=np.array([2.0]))
+    found = report._causes(summary, results, 1)  # pyright: ignore
     assert found == f"test n +1.00 ({change})"
