@@ -68,7 +68,7 @@ def _panel(one: Budget, looks: dict[str, tuple[str, LineLook]]) -> Panel:
 
 def write_message(one: Budget) -> str:
     """Describe a panel in one sentence: RMS, its main cause, requirement."""
-    square, rms = one.square[:, 0], one.rms[0]
+    square, rms = one.mean_square[0], one.rms[0]
     if np.isfinite(rms) and rms > 0:
         by = int(square.argmax())
         part = 100 * square[by] / square.sum()

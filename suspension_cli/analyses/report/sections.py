@@ -258,7 +258,7 @@ def budget(report: Composition) -> Iterator[str]:
     yield report.answer(result)
     words = [
         f"{html.text(one.output)} moves by {html.number(float(one.rms[0]))} {one.unit} RMS,"
-        f" mostly due to {html.text(one.cause[int(one.square[:, 0].argmax())])}"
+        f" mostly due to {html.text(one.cause[int(one.mean_square[0].argmax())])}"
         for one in result.data
     ]
     low, high = result.data[0].frequency[[0, -1]]

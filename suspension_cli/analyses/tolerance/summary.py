@@ -359,7 +359,11 @@ def complete(path: Path, job: RandomBuilds, limit: float) -> None:
         attributes = {}
         if found.joint is not None:
             table["yield"] = ("requirement", "1", [one.fraction for one in found.yields])
-            table["yield_interval"] = ("requirement interval", "1", [one.interval for one in found.yields])
+            table["yield_interval"] = (
+                "requirement interval",
+                "1",
+                [one.interval for one in found.yields],
+            )
             attributes["yield_of_all"] = found.joint.fraction
             attributes["yield_of_all_interval"] = found.joint.interval
         for name, values in found.indices.items():
