@@ -237,9 +237,6 @@ def parse_outputs(model: LinearSystem, texts: Sequence[str], arm: float) -> list
 
     Raises `InputError` if there is an arm and none is along x, or one is along y or z.
     """
-    if not arm >= 0:
-        remedy = "give it in m, e.g. 4000"
-        raise InputError([Fault("--arm", "must be a length", remedy, format_value(arm))])
     found = [parse_motion(model, text, compute_arm_tilt(arm)) for text in texts]
     along = [DOFS[signal.dof] for signal in found]
     for signal, dof in zip(found, along, strict=True):

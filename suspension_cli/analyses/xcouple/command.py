@@ -166,17 +166,13 @@ class CouplingAnalysis(Analysis):
         """Return the largest coupling and where it is."""
         import numpy as np
 
-        from suspension_cli.analyses.xcouple.solve import UNITS
-
         answer: Coupling = result.data
         size = np.abs(answer.ratio)
         if not np.isfinite(size).any():
             return f"{result.choice.line}\nno build has an equilibrium on taut wires"
         where = np.unravel_index(int(np.nanargmax(size)), size.shape)
         at = ", ".join(
-            f"{axis.name} = {axis.values[n]:.6g} {UNITS.get(axis.name, '')}".removesuffix(
-                " 1"
-            ).strip()
+            f"{axis.name} = {axis.values[n]:.6g} {axis.unit}".removesuffix(" 1")
             for axis, n in zip(answer.axes, where[:-1], strict=True)
         )
         kept = answer.hold.replace("-", " ")
@@ -292,7 +288,7 @@ def _limit(design: Design) -> float:
 
 def axes(text: str, table: Document) -> tuple[Axis, ...]:
     """Parse the axes of `--sweep`; missing grids come from the design's table or the defaults."""
-    from suspension_cli.analyses.xcouple.solve import PARAMETERS, UNITS
+    from suspension_cli.analyses.xcouple.solve import PARAMETERS
     from suspension_cli.design.faults import suggest
     from suspension_cli.grids import parse_grid
     from suspension_cli.studies.job import Axis, distinct
@@ -307,7 +303,7 @@ def axes(text: str, table: Document) -> tuple[Axis, ...]:
         if "." in name and not equals:
             problem, remedy = f"{name} has no grid", f"write {name}=start:stop:count"
             raise InputError.of("--sweep", problem, remedy, format_value(text))
-        factor = UNITS.get(name) == "1"
+        factor = name in PARAMETERS and PARAMETERS[name][0].relative
         default = DEFAULT_GRID.get(name, FACTOR_GRID if factor else OTHER_GRID)
         given = values or _grid_text(table.get(name, default))
         lowest = 1 / LARGEST if factor else -LARGEST

@@ -39,8 +39,6 @@ if TYPE_CHECKING:
 PARAMETERS = swept()
 """Imperfection and axis of each short name of a swept parameter; others are dotted paths."""
 
-UNITS = {name: item.unit for name, (item, _) in PARAMETERS.items()}
-
 FREQUENCIES = 12
 """Number of frequencies at which models are compared."""
 
