@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
 
     from suspension_cli.analyses.budget.solve import Budget, Requirement
     from suspension_cli.analyses.budget.spectrum import Spectrum
-    from suspension_cli.design.schema import Design
     from suspension_cli.linear.system import LinearSystem
     from suspension_cli.models.registry import Choice
     from suspension_cli.scene.arrays import Array
@@ -158,12 +157,6 @@ class BudgetAnalysis(Analysis):
         if setting["arm"]:
             extra["tilt_rad"] = thermal.compute_arm_tilt(setting["arm"])
         return Result(self, run.source, choice, found, extra, command=run.command)
-
-    def parse_names(
-        self, design: Design, stages: tuple[str, ...], known: tuple[str, ...]
-    ) -> Iterator[Callable[[], object]]:
-        """Return nothing: `damp` parses the signals of the loops."""
-        return iter(())
 
     def document(self, result: Result) -> Document:
         """Return the budget of the first output flat, and those of the others."""

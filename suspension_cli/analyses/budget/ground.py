@@ -90,13 +90,11 @@ def _split(text: str, option: str) -> tuple[list[str], str]:
 def _read(text: str, option: str, folder: Path, every: Sequence[str]) -> dict[str, Spectrum]:
     """Read ``x,y=SOURCE``; a column without a coordinate is for those given, or `every` one."""
     wanted, source = _split(text, option)
-    if option == "--ground" and source.lower() in SHIPPED:
-        source = source.lower()
-        found = (
-            dict.fromkeys(TRANSLATIONS, _peterson(source))
-            if source in PETERSON
-            else spectrum.read(FOLDER / f"{source.replace('bsc', 'isi')}.csv", "m")
-        )
+    found: dict[str, Spectrum]
+    if option == "--ground" and source.lower() in PETERSON:
+        found = dict.fromkeys(TRANSLATIONS, _peterson(source.lower()))
+    elif option == "--ground" and source.lower() in SHIPPED:
+        found = spectrum.read(FOLDER / f"{source.lower().replace('bsc', 'isi')}.csv", "m")
     else:
         unit = "rad" if wanted and not {*wanted} & {*TRANSLATIONS} else "m"
         path = find(source, folder, option, SHIPPED if option == "--ground" else ())
@@ -113,7 +111,8 @@ def _read(text: str, option: str, folder: Path, every: Sequence[str]) -> dict[st
         problem = f"has no {lacking[0]}: it gives {', '.join(found)}"
         remedy = "give a CSV file with this column, in rad/sqrt(Hz) for rotations"
         raise InputError.of(option, problem, remedy, format_value(text))
-    return {dof: replace(found[dof], name=source) for dof in wanted or found}
+    name = source.lower() if source.lower() in SHIPPED else source
+    return {dof: replace(found[dof], name=name) for dof in wanted or found}
 
 
 def _peterson(name: str) -> Spectrum:

@@ -203,30 +203,22 @@ class ToleranceAnalysis(Analysis):
 def _of_possible_count(job: RandomBuilds, log: Log) -> RandomBuilds:
     """Limit a job to the builds that its sampling can use, and report their number."""
     from suspension_cli.studies import sample_points
+    from suspension_cli.studies.sample_points import RANDOM, REPLICATES
 
     groups = len(job.groups) if job.with_indices else 0
+    if job.method == RANDOM and not groups:
+        return job
     count = sample_points.largest_count(job.count, job.method, groups)
     if not count:
-        least = sample_points.smallest_count(groups)
-        what = (
-            f"--sobol-indices of {groups} tolerances ({groups} + 2 sets of builds)"
-            if groups
-            else "--sampling sobol"
-        )
-        problem, remedy = f"is too few for {what}", f"give at least {least}"
+        what = f"--sobol-indices of {groups} tolerances ({groups} + 2 sets of builds)"
+        problem = f"is too few for {what if groups else '--sampling sobol'}"
+        remedy = f"give at least {sample_points.smallest_count(groups)}"
         raise InputError.of("--builds", problem, remedy, str(job.count))
     job = dataclasses.replace(job, count=count)
-    rows, replicates = job.points.rows, sample_points.REPLICATES
+    sets = f"Sobol sampling: {REPLICATES} x {job.points.rows // REPLICATES:,}"
     if groups:
-        log.say(
-            f"Sobol indices of {groups} tolerances: ({groups} + 2) x {rows:,} ="
-            f" {count:,} builds, as the size of each of the {groups + 2} sets is a power of two"
-        )
-    elif job.method == sample_points.SOBOL:
-        log.say(
-            f"Sobol sampling: {replicates} x {rows // replicates:,} = {count:,} builds, as the"
-            f" length of each of the {replicates} sequences is a power of two"
-        )
+        sets = f"Sobol indices of {groups} tolerances: ({groups} + 2) x {job.points.rows:,}"
+    log.say(f"{sets} = {count:,} builds, as the size of each set is a power of two")
     return job
 
 

@@ -59,8 +59,8 @@ def _requirements(summary: Summary) -> list[Panel]:
     """Make panels of quantities with requirements, and of the coupling."""
     job = summary.job
     limits: dict[str, list[tuple[Requirement, Yield]]] = {COUPLING: []}
-    for quantity, *both in zip(job.required, job.requirements, summary.yields, strict=True):
-        limits.setdefault(quantity.name, []).append(tuple(both))
+    for quantity, limit, met in zip(job.required, job.requirements, summary.yields, strict=True):
+        limits.setdefault(quantity.name, []).append((limit, met))
     if not limits[COUPLING]:
         share = replace(summary.under, name=f"{COUPLING} < {summary.limit:g}")
         if job.requirements:
@@ -146,45 +146,38 @@ def _rows(
 
 def _causes(summary: Summary) -> list[Panel]:
     """Make the panel of the coupling's significant rank correlations or Sobol indices."""
-    if summary.coupling.sobol is not None:
-        return [_indices(summary)]
-    rank = summary.signed.rank
-    every = strongest(rank, len(rank), summary.significant)
-    top = every[:MAX_BARS]
-    if not top:
-        return []
-    left_out = len(every) - len(top)
-    size = abs(rank[top[-1]]) if left_out else summary.significant
-    rest = f"{left_out} more are significant" if left_out else "no other is significant"
-    texts = (
-        "Deviations that the coupling depends on most, with their sign",
-        f"{rest} (below {size:.2g} in size)",
-    )
+    found, rank = summary.coupling.sobol, summary.signed.rank
+    # values, errors, colour, thickness
+    bars: list[tuple[Array, Array | None, str, float]]
+    if found is not None:
+        total, first, error = map(np.nan_to_num, (found.total, found.first, found.total_error))
+        bars = [(total, error, PALE, 0.7), (np.maximum(first, 0.0), None, CAUSE, 0.35)]
+        top = strongest(np.maximum(total, 0.0), MAX_BARS, 0.005)
+        names, label = [*summary.job.groups], "Sobol index (fraction of variance)"
+        texts = [
+            "Tolerances that cause the spread of the coupling",
+            "green: alone; grey: with others, and its standard error",
+        ]
+    else:
+        bars = [(rank, None, CAUSE, 0.6)]
+        every = strongest(rank, len(rank), summary.significant)
+        top, more = every[:MAX_BARS], len(every) - MAX_BARS
+        if not top:
+            return []
+        size = abs(rank[top[-1]]) if more > 0 else summary.significant
+        rest = f"{more} more are significant" if more > 0 else "no other is significant"
+        names, label = [one.label for one in summary.job.factors], "rank correlation (−1 to 1)"
+        texts = [
+            "Deviations that the coupling depends on most, with their sign",
+            f"{rest} (below {size:.2g} in size)",
+        ]
 
     def paint(axes: Axes, rows: Int[np.ndarray, " row"]) -> None:
-        axes.barh(rows, rank[top], color=CAUSE, height=0.6)
+        for values, errors, colour, thick in bars:
+            shown = None if errors is None else errors[top]
+            axes.barh(rows, values[top], thick, xerr=shown, color=colour, error_kw={"lw": 0.6})
 
-    names = [summary.job.factors[n].label for n in top]
-    return [_rows(names, texts, "rank correlation (−1 to 1)", paint)]
-
-
-def _indices(summary: Summary) -> Panel:
-    """Make the panel of the total and first-order Sobol indices of the coupling."""
-    found = summary.coupling.sobol
-    assert found is not None
-    total, first, error = map(np.nan_to_num, (found.total, found.first, found.total_error))
-    top = strongest(np.maximum(total, 0.0), MAX_BARS, 0.005)
-
-    def paint(axes: Axes, rows: Int[np.ndarray, " row"]) -> None:
-        axes.barh(rows, total[top], xerr=error[top], color=PALE, height=0.7, error_kw={"lw": 0.6})
-        axes.barh(rows, np.maximum(first[top], 0.0), color=CAUSE, height=0.35)
-
-    texts = (
-        "Tolerances that cause the spread of the coupling",
-        "green: alone; grey: with others, and its standard error",
-    )
-    names = [summary.job.groups[n] for n in top]
-    return _rows(names, texts, "Sobol index (fraction of variance)", paint)
+    return [_rows([names[n] for n in top], texts, label, paint)]
 
 
 def _frequencies(summary: Summary) -> list[Panel]:
@@ -224,7 +217,7 @@ def _spreads(
         texts.append(f"{len(rest)} others: {rest.max():.2g} {unit} or less between 5 and 95 %")
 
     def paint(axes: Axes, rows: Int[np.ndarray, " row"]) -> None:
-        low, q1, middle, q3, high = quantiles[np.ix_(top, edges)].T
+        low, q1, middle, q3, high = quantiles[top][:, edges].T
         axes.hlines(rows, low, high, color=MET, linewidth=1.0)
         axes.hlines(rows, q1, q3, color=MET, linewidth=4.0)
         axes.plot(middle, rows, "|", color="white", markersize=6)

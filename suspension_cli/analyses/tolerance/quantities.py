@@ -150,18 +150,12 @@ def requirements(design: Design, options: Sequence[str]) -> tuple[Requirement, .
 
     Raises `InputError` with the faults of all; the names of quantities are not looked up.
     """
-    given = design.tolerance.require if design.tolerance else []
-    found = [
-        Requirement(
-            one.quantity,
-            *(one.band or (one.above or -math.inf, one.below or math.inf)),
-            one.band is None,
-            f"tolerance.require.{n}.quantity",
-        )
-        for n, one in enumerate(given, 1)
-    ]
-    found += each(parse, options)
-    return tuple(dict.fromkeys(found))
+    found = []
+    for n, one in enumerate(design.tolerance.require if design.tolerance else (), 1):
+        low, high = one.band or (one.above or -math.inf, one.below or math.inf)
+        key = f"tolerance.require.{n}.quantity"
+        found.append(Requirement(one.quantity, low, high, one.band is None, key))
+    return tuple(dict.fromkeys((*found, *each(parse, options))))
 
 
 def each(parse: Callable[[Given], Parsed], items: Iterable[Given]) -> list[Parsed]:
@@ -192,7 +186,7 @@ def parse(text: str) -> Requirement:
         numbers = [float(word) for word in words]
     except ValueError:
         raise refused("has a limit that is no number") from None
-    if not all(map(math.isfinite, numbers)):
+    if not np.isfinite(numbers).all():
         raise refused("has a limit that is not finite")
     if sign == "in":
         low, high = numbers
