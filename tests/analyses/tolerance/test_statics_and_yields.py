@@ -132,6 +132,8 @@ def test_yields(tmp_path):
     assert pitches["std"] == pytest.approx(static[:, 2, 4].std())
     assert "|test static pitch| < 50 mrad" in reported.stdout
     assert "all together" in reported.stdout
+    assert "% of builds lie below 0.001" in reported.stdout
+    assert {path.name for path in tmp_path.glob("triple*")} == {FILE, FILE[:-3] + ".png"}
     # only what is significant is printed
     least = answer["significant_correlation"]
     assert least == pytest.approx(3 / np.sqrt(150))
