@@ -32,7 +32,7 @@ from suspension_cli.linear.response import Response
 from suspension_cli.studies.job import Axis
 
 if TYPE_CHECKING:
-    from jaxtyping import Float, Inexact, Int
+    from jaxtyping import Float, Inexact
 
 MOST_CURVES = 9
 """Curves at most; more values of the second axis are thinned out evenly."""
@@ -96,12 +96,6 @@ def _conditions(coupling: Coupling) -> list[str]:
     return lines
 
 
-def _shown(axis: Axis) -> Int[np.ndarray, " curve"]:
-    """Numbers of the values of the second axis that have curves."""
-    count = len(axis.values)
-    return np.unique(np.linspace(0, count - 1, min(MOST_CURVES, count)).round().astype(int))
-
-
 def _name_worst(coupling: Coupling) -> str:
     """Name the build and the frequency with the largest ratio."""
     size = np.abs(coupling.ratio)
@@ -141,7 +135,8 @@ def _lines_over_axes(coupling: Coupling) -> list[Line]:
         second = coupling.axes[1]
         values = np.array(second.values)
         span = float(np.ptp(values)) or 1.0
-        for n in _shown(second):
+        shown = np.linspace(0, len(values) - 1, min(MOST_CURVES, len(values)))
+        for n in np.unique(shown.round().astype(int)):
             place = 0.88 * (values[n] - values.min()) / span  # the rest is too pale
             colour = to_hex(matplotlib.colormaps[COLOURS](place))
             columns.append((ratio[:, n], _format_value(second, int(n)), colour))
