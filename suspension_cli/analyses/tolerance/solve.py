@@ -22,7 +22,12 @@ from suspension_cli.analyses.tolerance.quantities import (
     of_modes,
     of_stages,
 )
-from suspension_cli.analyses.xcouple.solve import CouplingRequest, couplings, quotient_unit
+from suspension_cli.analyses.xcouple.solve import (
+    OUTCOME,
+    CouplingRequest,
+    couplings,
+    quotient_unit,
+)
 from suspension_cli.files.declared import common_unit
 from suspension_cli.linear import batch_modes, eigenmodes, signals
 from suspension_cli.linear.mode_pairing import pair_bodies, pair_by_overlap
@@ -117,9 +122,7 @@ class RandomBuilds(Job):
             Column("ratio", "c16", (len(self.question.frequency),), ratio, ("coupling_frequency",)),
             Column("static", "f8", (bodies, 6), "{static_unit}", ("stage", "static_dof")),
             *((response,) if named else ()),
-            Column("residual", "f8", (), "1"),
-            Column("status", "u1", (), "1"),
-            Column("slack_wire", "i2", (), "1"),
+            *OUTCOME,
         )
 
     @cached_property
@@ -150,10 +153,13 @@ class RandomBuilds(Job):
 
     def find(self, requirement: Requirement) -> Quantity:
         """Find the quantity of a requirement; that of a response has no place yet."""
-        known = signals.bodies_with_signals(registry.STRING.system(self.design))
-        return find(
-            requirement.quantity, requirement.key, self.nominal, self.scene.bodies.name, known
-        )
+        name, key = requirement.quantity, requirement.key
+        return find(name, key, self.nominal, self.scene.bodies.name, self.signalling)
+
+    @cached_property
+    def signalling(self) -> tuple[str, ...]:
+        """Bodies with signals."""
+        return signals.bodies_with_signals(registry.STRING.system(self.design))
 
     @cached_property
     def groups(self) -> tuple[str, ...]:
@@ -194,7 +200,7 @@ class RandomBuilds(Job):
         )
         with np.errstate(all="ignore"):
             omega_squared = follow_modes(found, *_solve_nominal(self.text, self.level)[1:])
-            ratio = couplings(found, self.question)["ratio"]
+            coupled = couplings(found, self.question)
             response = [evaluate_ratio(found, one) for one in self.ratios]
             squared = omega_squared if self.allow_unstable else np.maximum(omega_squared, 0.0)
             frequency = np.sqrt(squared) / (2 * np.pi)
@@ -203,12 +209,10 @@ class RandomBuilds(Job):
         static = np.where(failed[:, None, None], np.nan, found.static)
         return {
             "frequency": frequency,
-            "ratio": ratio,
+            "ratio": coupled["ratio"],
             "static": static,
             **({"response": np.stack(response, axis=-1)} if response else {}),
-            "residual": found.residual,
-            "status": found.status,
-            "slack_wire": found.wire,
+            **{column.name: coupled[column.name] for column in OUTCOME},
         }
 
 

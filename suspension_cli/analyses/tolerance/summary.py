@@ -200,14 +200,13 @@ def summarise(group: Stored, job: RandomBuilds, limit: float, ranked: int = RANK
     good = status[rows] == builds.GOOD
     kept = np.flatnonzero(good[:ranked])
     deviations = job.deviations(0, min(ranked, len(good)))[kept]
-    causes = {False: (deviations, unit_ranks(deviations))}
-    causes[True] = (np.abs(deviations), unit_ranks(np.abs(deviations)))
+    signed, sizes = ((some, unit_ranks(some)) for some in (deviations, np.abs(deviations)))
     replicate = None if points.method == RANDOM else points.replicate(np.flatnonzero(good))
 
     def describe(quantity: Quantity) -> Spread:
         every = quantity.read(group, rows)
-        values, (sizes, ranks) = every[good], causes[quantity == RATIO]
-        own = every[kept][:, None]
+        values, own = every[good], every[kept][:, None]
+        moved, ranks = sizes if quantity == RATIO else signed
         known = len(values) > 0
         return Spread(
             quantity=quantity,
@@ -216,7 +215,7 @@ def summarise(group: Stored, job: RandomBuilds, limit: float, ranked: int = RANK
             deviation=values.std() if known else np.nan,
             quantiles=np.quantile(values, QUANTILES) if known else np.full(len(QUANTILES), np.nan),
             rank=unit_ranks(own)[:, 0] @ ranks,
-            slope=slopes(own, sizes)[0],
+            slope=slopes(own, moved)[0],
             sample=values[:MAX_POINTS],
             sobol=indices(quantity) if job.with_indices and not quantity.signed else None,
         )
@@ -235,9 +234,9 @@ def summarise(group: Stored, job: RandomBuilds, limit: float, ranked: int = RANK
         )
         return Yield(name, float(met.mean()) if len(met) else np.nan, found)
 
-    required = zip(job.requirements, job.required, strict=True)
-    met = {one.describe(own): one.is_met(own.read(group, rows)) for one, own in required}
-    every = np.arange(len(good))
+    every, required = np.arange(len(good)), zip(job.requirements, job.required, strict=True)
+    met = [(one.describe(own), one.is_met(own.read(group, rows))) for one, own in required]
+    together = np.all([one for _, one in met], axis=0) if met else None
     spreads = {one: describe(one) for one in (*job.quantities, SIGNED)}
     return Summary(
         job=job,
@@ -251,8 +250,8 @@ def summarise(group: Stored, job: RandomBuilds, limit: float, ranked: int = RANK
         signed=spreads[SIGNED],
         ranked=len(kept),
         under=fraction("", RATIO.read(group, rows)[good] < limit, np.flatnonzero(good)),
-        yields=tuple(fraction(name, one, every) for name, one in met.items()),
-        joint=fraction("all together", np.all([*met.values()], axis=0), every) if met else None,
+        yields=tuple(fraction(name, one, every) for name, one in met),
+        joint=None if together is None else fraction("all together", together, every),
     )
 
 
