@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from suspension_cli.analyses.tolerance.quantities import COUPLING, Requirement
-from suspension_cli.analyses.tolerance.statistics import QUANTILES, Yield, strongest
+from suspension_cli.analyses.tolerance.statistics import QUANTILES, strongest
 from suspension_cli.analyses.tolerance.summary import Spread, Summary
 from suspension_cli.design.paths import DISPLAYED
 from suspension_cli.drawing import curves, panels
@@ -22,6 +22,7 @@ from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
     from jaxtyping import Int
+    from matplotlib.typing import LineStyleType
 
 MET, MISSED, CAUSE = PALETTE[0], PALETTE[1], PALETTE[2]
 NAMES = 1.72
@@ -58,43 +59,52 @@ def draw(summary: Summary, title: str) -> Figure:
 def _requirements(summary: Summary) -> list[Panel]:
     """Make panels of quantities with requirements, and of the coupling."""
     job = summary.job
-    limits: dict[str, list[tuple[Requirement, Yield]]] = {COUPLING: []}
+    limits: dict[str, list[Requirement]] = {COUPLING: []}
+    lines: dict[str, list[str]] = {COUPLING: []}
     for quantity, limit, met in zip(job.required, job.requirements, summary.yields, strict=True):
-        limits.setdefault(quantity.name, []).append((limit, met))
-    if not limits[COUPLING]:
-        share = replace(summary.under, name=f"{COUPLING} < {summary.limit:g}")
+        limits.setdefault(quantity.name, []).append(limit)
+        lines.setdefault(quantity.name, []).append(f"{met.percent}: {met.name}")
+    marks: list[float] = []
+    if not limits[COUPLING]:  # without requirements the limit is one, else for comparison
+        under = f"{summary.under.percent}: {COUPLING} < {summary.limit:g}"
+        lines[COUPLING].append(f"for comparison: {under}" if job.requirements else under)
+        own = Requirement(COUPLING, -np.inf, summary.limit, magnitude=True)
         if job.requirements:
-            share = replace(share, name=f"{share.name}, for comparison,")
-        limits[COUPLING].append((Requirement(COUPLING, -np.inf, summary.limit, True), share))
+            marks.append(summary.limit)
+        else:
+            limits[COUPLING].append(own)
     shown = []
-    for one in (*summary.required, summary.coupling):
+    for one in summary.required:
         if one.name != COUPLING:
-            unit = one.quantity.displayed[0] or "ratio"
-            shown.append(_histogram(one, limits[one.name], f"{one.name} ({unit})"))
+            label = f"{one.name} ({one.quantity.displayed[0] or 'ratio'})"
+            shown.append(_histogram(one, limits[one.name], label, lines[one.name]))
     label = f"|{single_line(summary.ratio, 52)}| ({curves.unit_of_ratio(summary.ratio)})"
-    at = f" at {summary.frequency:g} Hz"
-    return [*shown, _histogram(summary.coupling, limits[COUPLING], label, at, logarithmic=True)]
+    told = [f"{line} at {summary.frequency:g} Hz" for line in lines[COUPLING]]
+    return [*shown, _histogram(summary.coupling, limits[COUPLING], label, told, marks)]
 
 
 def _histogram(
     one: Spread,
-    limits: Sequence[tuple[Requirement, Yield]],
+    limits: Sequence[Requirement],
     label: str,
-    at: str = "",
-    *,
-    logarithmic: bool = False,
+    lines: Sequence[str],
+    marks: Sequence[float] = (),
 ) -> Panel:
-    """Make the panel of the distribution of a quantity, with builds beyond limits on top."""
-    per, values = one.quantity.displayed[1], one.sample
+    """Make the panel of the distribution of a quantity, with builds beyond limits on top.
+
+    `marks` are limits that are no requirements. The coupling is drawn on a logarithmic axis.
+    """
+    logarithmic, per, values = one.name == COUPLING, one.quantity.displayed[1], one.sample
     values = values[np.isfinite(values) & ((values > 0) | (not logarithmic))]
     met, shown = np.ones(len(values), dtype=bool), per * values
     ends: set[float] = set()
-    for limit, _ in limits:
+    for limit in limits:
         met &= limit.is_met(values)
         ends |= {limit.low, limit.high}
         if limit.magnitude and (values < 0).any():
             ends |= {-limit.low, -limit.high}
-    places = sorted(per * end for end in ends if np.isfinite(end))
+    places: dict[float, LineStyleType] = dict.fromkeys(marks, (0, (1, 2)))
+    places |= {per * end: "--" for end in sorted(ends) if np.isfinite(end)}
 
     def paint(axes: Axes) -> None:
         axes.yaxis.set_major_locator(MaxNLocator(3, min_n_ticks=2))
@@ -113,13 +123,15 @@ def _histogram(
             linewidth=0,
         )
 
-    title, *more = [f"{share.percent}: {share.name}{at}" for _, share in limits]
     return Panel(
         "builds (%)",
         height=0.95,
-        title=title,
-        remarks=more,
-        rules=[Rule(end, f"limit {end:.4g}", True, dashes="--", is_named=False) for end in places],
+        title=lines[0],
+        remarks=lines[1:],
+        rules=[
+            Rule(end, f"limit {end:.4g}", True, dashes=dashes, is_named=False)
+            for end, dashes in places.items()
+        ],
         across=Across(label, "log" if logarithmic else "linear"),
         paint=paint,
     )
