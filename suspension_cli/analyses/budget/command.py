@@ -243,19 +243,13 @@ def _document(one: Budget) -> Document:
 
 def _describe_requirement(found: Requirement) -> str:
     """Describe in one line whether a requirement is met, with its margin."""
-    name = escape_unprintable(Path(found.name).name)
-    if found.met:
-        size = f"{found.margin:.3g}" if math.isfinite(found.margin) else "infinite"
-        return f"requirement {name}: met, smallest margin {size} at {found.at:.4g} Hz"
+    text = f"requirement {escape_unprintable(Path(found.name).name)}: {found.outcome}"
     spans = [
         f"{low:.4g} Hz" if low == high else f"{low:.4g} to {high:.4g} Hz"
         for low, high in found.exceeded
     ]
     more = f" and {len(spans) - 3} more" if len(spans) > 3 else ""
-    return (
-        f"requirement {name}: NOT met, exceeded by a factor of {found.excess:.3g} at"
-        f" {found.at:.4g} Hz; above it at {', '.join(spans[:3])}{more}"
-    )
+    return text + (f"; above it at {', '.join(spans[:3])}{more}" if spans else "")
 
 
 def _describe_ground(one: Budget) -> str:

@@ -79,14 +79,7 @@ def write_message(one: Budget) -> str:
         text = f"{one.output} has an infinite RMS: a resonance without loss is driven"
     else:
         text = f"{one.output}"
-    found = one.requirement
-    if found is None:
-        return text
-    if found.met:
-        margin = f", smallest margin {found.margin:.3g}" if np.isfinite(found.margin) else ""
-        return f"{text}; the requirement is met{margin} at {found.at:.3g} Hz"
-    factor = format_raised(found.excess)
-    return f"{text}; the requirement is exceeded by a factor of {factor} at {found.at:.3g} Hz"
+    return f"{text}; the requirement is {one.requirement.outcome}" if one.requirement else text
 
 
 def _drawn(one: Budget) -> list[str]:

@@ -71,9 +71,13 @@ class Requirement:
         return self.margin >= 1
 
     @property
-    def excess(self) -> float:
-        """Largest ratio of the motion to the requirement."""
-        return 1 / self.margin if self.margin else np.inf
+    def outcome(self) -> str:
+        """Describe whether it is met, and by how much."""
+        if self.met:
+            size = f"{self.margin:.3g}" if np.isfinite(self.margin) else "infinite"
+            return f"met, smallest margin {size} at {self.at:.4g} Hz"
+        excess = 1 / self.margin if self.margin else np.inf
+        return f"NOT met, exceeded by a factor of {excess:.3g} at {self.at:.4g} Hz"
 
 
 @dataclass(frozen=True)
