@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from suspension_cli.conventions import SUPPORT
 from suspension_cli.design.derive import SetGeometry, set_geometry
+from suspension_cli.design.imperfections import perturbed, perturbed_part
+from suspension_cli.design.paths import DISPLAYED
 from suspension_cli.design.schema import Design, Stage
-from suspension_cli.drawing import imperfect
 from suspension_cli.drawing.canvas import Canvas
 from suspension_cli.drawing.geometry import free_springs
 from suspension_cli.drawing.style import (
@@ -183,10 +186,20 @@ def wires(design: Design, scene: Scene) -> Table | None:
 
 def flaws(design: Design) -> Table | None:
     """Table of the imperfections of a design; None if there are none."""
-    rows = [
-        (single_line(part, 20), quantity, value)
-        for part, quantity, value in imperfect.describe(design)
-    ]
+    rows = []
+    for item in design.perturbation:
+        part, name = perturbed_part(item)
+        for kind in perturbed(part):
+            value = getattr(item, kind.name)
+            if value is not None:
+                quantity = f"factor on {kind.quantity}" if kind.relative else kind.quantity
+                unit, per = ("", 1.0) if kind.relative else DISPLAYED[kind.unit]
+                numbers = [f"{per * one:.4g}" for one in np.atleast_1d(value)]
+                text = f"({', '.join(numbers)})" if len(numbers) > 1 else numbers[0]
+                text = f"{text} {unit}".rstrip().replace("-", "−")
+                rows.append((single_line(name, 20), quantity, text))
+        if item.wire is not None and item.hold == "natural-length":
+            rows.append((item.wire, "unstretched length", "as designed, not trimmed"))
     title = "Imperfections (offsets and rotations along and about x, y, z)"
     return _first_rows(title, ("part", "imperfection", "value"), (1.35, 4.0, 2.2), rows)
 

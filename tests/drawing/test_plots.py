@@ -12,7 +12,7 @@ from PIL import Image
 
 import suspension_cli as sus
 from suspension_cli.analyses.modes import picture as modes
-from suspension_cli.drawing import bodies, draw, labels, style, tables
+from suspension_cli.drawing import draw, geometry, labels, style, tables
 from suspension_cli.equilibrium.nominal import expand
 from tests.support.pictures import DESIGNS, FIVE, SINGLE, TREE, TRIPLE, made, solved
 
@@ -151,7 +151,7 @@ def test_the_label_of_a_wire_cuts_no_body():
     (text,) = [one for one in figure.findobj(Text) if one.get_text() == label]
     extents = text.get_window_extent(figure.canvas.get_renderer())
     _, (low, high) = view.transData.inverted().transform(extents).T
-    half = [one.half[2] for one in bodies.outlines(design, scene)]
+    half = [one.half[2] for one in geometry.outlines(design, scene)]
     centre = scene.bodies.position[1:, 2]
     assert centre[stage] + half[stage] < low < high < centre[stage - 1] - half[stage - 1]
 

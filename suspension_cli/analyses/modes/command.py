@@ -225,14 +225,14 @@ class ModesAnalysis(Analysis):
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw every mode, and where wires have mass the Q of all."""
-        from suspension_cli.analyses.modes import picture, quality_picture
+        from suspension_cli.analyses.modes import picture
         from suspension_cli.equilibrium.nominal import expand
 
         modes, design = result.data, result.design
         pages = picture.draw_pages(modes, design, expand(design), result.subtitle)
         figures = {f"-{n}" if n > 1 else "": page.figure for n, page in enumerate(pages, 1)}
         if modes.wire:
-            figures["-wires"] = quality_picture.draw(modes, design, result.subtitle)
+            figures["-wires"] = picture.draw_quality(modes, design, result.subtitle)
         return figures
 
     def animations(self, result: Result, setting: Settings) -> Iterator[tuple[str, bytes]]:
