@@ -40,7 +40,7 @@ def find_changes(before: str, after: str) -> list[Change]:
     """
     documents = [tomllib.loads(text) for text in (before, after)]
     names = [{stage["name"] for stage in one.get("stage", ())} for one in documents]
-    first, second = (_with_whole_stages(one, names[0] & names[1]) for one in documents)
+    first, second = (_flatten(document, names[0] ^ names[1]) for document in documents)
     return [
         Change(path, _format(path, first.get(path)), _format(path, second.get(path)))
         for path in dict.fromkeys((*first, *second))
@@ -48,28 +48,27 @@ def find_changes(before: str, after: str) -> list[Change]:
     ]
 
 
-def _with_whole_stages(document: Document, common: set[str]) -> dict[str, object]:
-    """Collect values by dotted path, but only names of stages that the other design lacks."""
-    alone = [s["name"] for s in document.get("stage", ()) if s["name"] not in common]
-    shared = [s for s in document.get("stage", ()) if s["name"] in common]
-    values = dict(_values(document | {"stage": shared}))
-    return values | {f"stage.{name}": "a stage" for name in alone}
+def _flatten(document: Document, alone: set[str]) -> dict[str, object]:
+    """Collect values by dotted path; stages that are `alone` are one value."""
+    kept = {key: value for key, value in document.items() if key not in OTHER_TABLES}
+    values = dict(_values(kept))
+    whole = {
+        path: f"stage.{name}"
+        for path in values
+        for name in alone
+        if path.startswith(f"stage.{name}.")
+    }
+    return {whole.get(path, path): "a stage" if path in whole else values[path] for path in values}
 
 
-def _values(document: Document, path: str = "") -> Iterator[tuple[str, object]]:
+def _values(value: object, path: str = "") -> Iterator[tuple[str, object]]:
     """List dotted paths and values; tables in lists by name or number."""
-    for key, value in document.items():
-        if path or key not in OTHER_TABLES:
-            yield from _below(f"{path}.{key}" if path else key, value)
-
-
-def _below(path: str, value: object) -> Iterator[tuple[str, object]]:
     if isinstance(value, dict):
-        yield from _values(value, path)
+        for key, item in value.items():
+            yield from _values(item, f"{path}.{key}".strip("."))
     elif isinstance(value, list) and any(isinstance(item, dict) for item in value):
         for n, item in enumerate(value, 1):
-            name = item.get("name", n) if isinstance(item, dict) else n
-            yield from _below(f"{path}.{name}", item)
+            yield from _values(item, f"{path}.{item.get('name', n)}")
     else:
         yield path, value
 
