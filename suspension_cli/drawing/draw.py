@@ -73,7 +73,7 @@ def draw(design: Design, scene: Scene, tabulate: bool = True) -> Figure:
         shown, factor = exaggerate(sketch)
         low, high = _bounds(sketch, shown)
         inner = style.PAGE_WIDTH - 2 * MARGIN
-        listed = [table.stretched(inner) for table in tables.listed(design, scene) if tabulate]
+        listed = tables.listed(design, scene) if tabulate else []
         key = tables.key(scene) if tabulate else []
         below = FOOT + sum(table.height + 0.1 for table in listed) + KEY * len(key) + 0.1
         names = 0.42 + 0.068 * min(max(len(name) for name in scene.bodies.name), 18)
@@ -105,7 +105,7 @@ def draw(design: Design, scene: Scene, tabulate: bool = True) -> Figure:
         colours = tuple(style.stage_colours(scene.bodies.name).values())
         top = below - FOOT
         for n, table in enumerate(listed):
-            tables.write(canvas, MARGIN, top, table, () if n else colours)
+            tables.write(canvas, MARGIN, top, inner, table, () if n else colours)
             top -= table.height + 0.1
         for n, line in enumerate(key):
             canvas.text(MARGIN, top - n * KEY, line, fontsize=tables.SIZE, color=NOTE, va="top")
