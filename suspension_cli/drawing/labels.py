@@ -16,7 +16,7 @@ from matplotlib.text import Text
 from scipy.optimize import isotonic_regression
 
 from suspension_cli.drawing.curves import find_peaks, find_slopes
-from suspension_cli.drawing.style import INK, NOTE, RC, shorten, single_line
+from suspension_cli.drawing.style import INK, NOTE, RC, format_raised, shorten, single_line
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
@@ -147,7 +147,7 @@ def label_peaks(axes: Axes, peaks: Sequence[tuple[float, float, str]], unit: str
     if not chosen:
         return
     box, inch = axes.get_window_extent(), axes.figure.dpi
-    texts = {peak: f"{format_frequency(peak[0])}{peak[2]}" for peak in chosen}
+    texts = {peak: f"{format_raised(peak[0], 3)}{peak[2]}" for peak in chosen}
     wide = (widest([*texts.values()]) + 0.1) * inch
     chosen = chosen[: max(1, int(box.width / wide))]
     while True:  # without the least important, until no label is far from its peak
@@ -158,7 +158,7 @@ def label_peaks(axes: Axes, peaks: Sequence[tuple[float, float, str]], unit: str
             break
         chosen.pop()
     foot = 1 + LIFT * inch / box.height
-    texts[shown[-1]] = f"{format_frequency(shown[-1][0])}{unit}{shown[-1][2]}"
+    texts[shown[-1]] = f"{format_raised(shown[-1][0], 3)}{unit}{shown[-1][2]}"
     look = {"transform": axes.transAxes, "color": NOTE}
     for peak, place, x in zip(shown, places, raw, strict=True):
         middle = place / box.width
@@ -166,11 +166,6 @@ def label_peaks(axes: Axes, peaks: Sequence[tuple[float, float, str]], unit: str
         top = (axes.transData.transform(peak[:2])[1] - box.y0) / box.height
         across, up = [x / box.width] * 2 + [middle], [min(top + 0.01, 1.0), 1.0, foot]
         axes.add_line(Line2D(across, up, linewidth=0.4, zorder=1, clip_on=False, **look))
-
-
-def format_frequency(value: float) -> str:
-    """Write a frequency with three digits, ``1280``."""
-    return f"{float(f'{value:.3g}'):.7g}"
 
 
 def label_slopes(

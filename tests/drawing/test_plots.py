@@ -199,13 +199,6 @@ def test_numbers_and_texts():
 # files
 
 
-def test_save_writes_a_png(tmp_path):
-    path = tmp_path / "a.png"
-    path.write_text("old")
-    style.save(style.new_figure(1, 1), path)
-    assert path.read_bytes().startswith(b"\x89PNG") and os.listdir(tmp_path) == ["a.png"]
-
-
 def test_a_png_has_the_pixels_of_the_canvas():
     figure = style.new_figure(4.6, 1.3)  # 4.6 x 180 is 827.99...
     style.write_text(figure, 0.1, 0.1, "text", colour="#0072b2")
@@ -231,13 +224,3 @@ def test_save_leaves_nothing_behind_when_it_fails(tmp_path, monkeypatch):
     with pytest.raises(OSError, match="No space left"):
         style.save(figure, path)
     assert path.read_text() == "old" and os.listdir(tmp_path) == ["a.png"]
-
-
-def test_save_passes_on_what_the_folder_says(tmp_path):
-    figure = style.new_figure(1, 1)
-    with pytest.raises(FileNotFoundError):
-        style.save(figure, tmp_path / "none" / "a.png")
-    (tmp_path / "a.png").mkdir()
-    with pytest.raises(OSError, match=r"a\.png"):
-        style.save(figure, tmp_path / "a.png")
-    assert os.listdir(tmp_path) == ["a.png"]

@@ -42,22 +42,6 @@ def test_outline_of_an_inertia_that_no_box_has_is_grown_to_be_seen():
     assert found.half[0] == 0.01 and (found.half[1:] > 0.5).all()
 
 
-def test_section_is_a_circle_across_the_axis_and_a_rectangle_along_it():
-    found = geometry.Outline(np.array([0.2, 0.1, 0.1]), 0)
-    circle, rectangle = found.section(0), found.section(1)
-    assert np.hypot(circle[:, 1], circle[:, 2]) == pytest.approx(0.1)
-    assert len(rectangle) == 5 and np.ptp(rectangle, axis=0) == pytest.approx([0.4, 0.0, 0.2])
-    assert (rectangle[0] == rectangle[-1]).all()
-
-
-def test_nearest_point_of_a_body():
-    cylinder = geometry.Outline(np.array([0.2, 0.1, 0.1]), 0)
-    assert cylinder.nearest([0.5, 0.3, 0.4]) == pytest.approx([0.2, 0.06, 0.08])
-    assert geometry.Outline(np.array([0.2, 0.1, 0.1])).nearest([0.1, 0.3, -0.4]) == pytest.approx(
-        [0.1, 0.1, -0.1]
-    )
-
-
 # geometry
 
 
@@ -138,16 +122,6 @@ def test_positive_pitch_takes_the_top_of_a_body_to_positive_x():
     turned = rotation_matrix([0, angle, 0]) @ (half * [1, 0, 1])
     assert corner == pytest.approx(scene.bodies.position[1] + pose.shift[1] + turned)
     assert corner[0] > half[0]
-
-
-def test_views():
-    point = [0.1, 0.2, 0.3]
-    assert geometry.SIDE.see(point) == pytest.approx([0.1, 0.3])
-    assert geometry.FACE.at((5.0, 1.0), 10.0).see(point) == pytest.approx([7.0, 4.0])
-    design, scene = made(SINGLE)
-    assert geometry.from_above(scene, geometry.outlines(design, scene)).see(point) == pytest.approx(
-        [0.2, 0.2]
-    )
 
 
 def test_each_motion_is_seen_from_where_it_shows():
