@@ -41,9 +41,9 @@ RIGHT = 1.15
 """Width of the dimensions right of the face view, in."""
 FOOT = 0.55
 """Height of the horizontal axes, in."""
-SUPPORT = 0.03
+SUPPORT = 0.025
 """Thickness of the support over the size of the suspension."""
-TICK = 0.36
+TICK = 0.27
 """Least distance between ticks, in."""
 KEY = 0.12
 """Height of a line of the key, in."""
@@ -240,5 +240,5 @@ def _axes(figure: Figure, plan: Plan, low: Array, high: Array) -> None:
 def _ticks(low: float, high: float, scale: float) -> list[float]:
     """Round values between two bounds, m, at least `TICK` apart at a scale in in/m."""
     count = max(int(scale * (high - low) / TICK), 1)
-    values = MaxNLocator(count, steps=[1, 2, 5, 10]).tick_values(low, high)
+    values = MaxNLocator(count, steps=[1, 2, 5, 10], min_n_ticks=1).tick_values(low, high)
     return [float(value) for value in values if low - 1e-9 <= value <= high + 1e-9]

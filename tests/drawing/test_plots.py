@@ -6,7 +6,6 @@ import os
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
-from matplotlib.figure import Figure
 from matplotlib.text import Text
 from PIL import Image
 
@@ -14,33 +13,11 @@ import suspension_cli as sus
 from suspension_cli.analyses.modes import picture as modes
 from suspension_cli.drawing import draw, geometry, labels, style, tables
 from suspension_cli.equilibrium.nominal import expand
+from tests.support.legible import assert_legible
+from tests.support.legible import said as texts
 from tests.support.pictures import DESIGNS, FIVE, SINGLE, TREE, TRIPLE, made, solved
 
 pytestmark = pytest.mark.usefixtures("full_resolution")
-
-
-def texts(figure: Figure) -> list[str]:
-    return [text.get_text() for axes in figure.axes for text in axes.texts] + [
-        text.get_text() for text in figure.texts
-    ]
-
-
-def assert_legible(figure: Figure) -> None:
-    """No text leaves the figure or runs into another one."""
-    renderer = figure.canvas.get_renderer()
-    found = [*figure.texts, *(text for axes in figure.axes for text in axes.texts)]
-    boxes = np.array([text.get_window_extent(renderer).extents for text in found])
-    assert (
-        boxes.min() >= 0
-        and boxes[:, 2].max() <= figure.bbox.width
-        and boxes[:, 3].max() <= figure.bbox.height
-    )
-    low, high = (
-        np.maximum(boxes[:, None, :2], boxes[None, :, :2]),
-        np.minimum(boxes[:, None, 2:], boxes[None, :, 2:]),
-    )
-    over = np.triu((high - low > 0.02 * figure.dpi).all(-1), 1)
-    assert [(found[i].get_text(), found[j].get_text()) for i, j in np.argwhere(over)] == []
 
 
 # pictures
