@@ -64,7 +64,7 @@ def drawing(report: Composition) -> Iterator[str]:
     )
     if design.perturbation:
         names = dict.fromkeys(perturbed_part(item)[1] for item in design.perturbation)
-        caption += f" Imperfections of {html.text(', '.join(names))} are drawn larger."
+        caption += f" With imperfections of {html.text(', '.join(names))}."
     yield html.picture(figure, caption, f"Drawing of {design.design.name} to scale")
     report.list(report.command("draw"))
 
