@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.damp.solve import LocalControl
-    from suspension_cli.design.schema import Design, Loop
+    from suspension_cli.design.schema import Design
+    from suspension_cli.linear.poles import Poles
 
 
 LOOPS = option(
@@ -165,19 +166,17 @@ class DampAnalysis(Analysis):
     def document(self, result: Result) -> Document:
         """Return poles, margins and sensor noise."""
         answer: LocalControl = result.data
-        closed = answer.closed
-        poles = []
-        for f, q, growth, p, state in zip(
-            closed.frequency, closed.q, closed.growth_rate, closed.value, closed.state, strict=True
-        ):
-            pole = {
-                "frequency_hz": float(f),
+        poles = [
+            {
+                "frequency_hz": float(frequency),
                 "q": None if growth else as_number(q),
                 "real_per_s": float(p.real),
                 "imag_per_s": float(p.imag),
                 "state": state,
             }
-            poles.append(pole | ({"growth_rate_per_s": float(growth)} if growth else {}))
+            | ({"growth_rate_per_s": float(growth)} if growth else {})
+            for frequency, q, growth, p, state in _rows(answer.closed)
+        ]
         margins = None
         if answer.margin is not None:
             gains = ("gain_up_db", "gain_down_db")
@@ -210,11 +209,9 @@ class DampAnalysis(Analysis):
         """Return tables of poles and margins."""
         answer: LocalControl = result.data
         lines = [] if answer.stable else [f"UNSTABLE: {answer.growth}", ""]
-        rows, closed = [], answer.closed
-        for frequency, q, rate, state in zip(
-            closed.frequency, closed.q, closed.growth_rate, closed.state, strict=True
-        ):
-            size = "grows" if rate else "undamped" if q == float("inf") else q
+        rows = []
+        for frequency, q, rate, _, state in _rows(answer.closed):
+            size = "grows" if rate else "undamped" if q == math.inf else q
             rows.append((frequency, size, state + (f", {rate:.4g} 1/s" if rate else "")))
         columns = {"closed-loop pole\nHz": "#.5g", "Q": ".4g", "largest in": ""}
         lines += [result.choice.line, "", tables.render(columns, rows), ""]
@@ -254,6 +251,11 @@ class DampAnalysis(Analysis):
         return {"": picture.draw(result.data, result.subtitle, gains, chosen)}
 
 
+def _rows(poles: Poles) -> Iterator[tuple[float, float, float, complex, str]]:
+    """Iterate over frequency (Hz), Q, growth rate (1/s), value (rad/s) and state of poles."""
+    return zip(poles.frequency, poles.q, poles.growth_rate, poles.value, poles.state, strict=True)
+
+
 def _chosen(names: Sequence[str], known: Sequence[str]) -> list[int]:
     """Numbers of the loops that --loop names."""
     from suspension_cli.design.faults import suggest
@@ -284,26 +286,25 @@ def _all_at_once(answer: LocalControl) -> list[str]:
 
 def write_foton(design: Design) -> str:
     """Write the filters of all loops, one design string per loop, with comments."""
+    from suspension_cli.design.foton import format_filter
+
     lines = [
         f"# filters of {design.design.name}, plane n (roots in Hz)",
         "# actuator (N or N m) = - filter * sensor (m or rad)",
     ]
     for loop in design.control.loop if design.control is not None else ():
-        lines += ["", *_describe_filter(loop)]
+        lines += [
+            "",
+            f"# {loop.name}: {loop.sensor} -> {loop.actuator}, reference {loop.reference}",
+        ]
+        if loop.damper is not None:
+            lines.append("# a velocity damper: add poles above the band before use in Foton")
+        if loop.sensor_response is not None:
+            lines.append(f"# not included: response of the sensor {loop.sensor_response}")
+        if loop.delay:
+            lines.append(f"# not included: delay of {loop.delay:g} s")
+        lines.append(format_filter(loop.controller))
     return "\n".join(lines) + "\n"
-
-
-def _describe_filter(loop: Loop) -> list[str]:
-    from suspension_cli.design.foton import format_filter
-
-    lines = [f"# {loop.name}: {loop.sensor} -> {loop.actuator}, reference {loop.reference}"]
-    if loop.damper is not None:
-        lines.append("# a velocity damper: add poles above the band before use in Foton")
-    if loop.sensor_response is not None:
-        lines.append(f"# not included: response of the sensor {loop.sensor_response}")
-    if loop.delay:
-        lines.append(f"# not included: delay of {loop.delay:g} s")
-    return [*lines, format_filter(loop.controller)]
 
 
 ANALYSIS = DampAnalysis()

@@ -130,16 +130,8 @@ def evaluate_filter(
     loop: Loop, frequency: Inexact[np.ndarray, "*frequency"] | complex
 ) -> Complex[np.ndarray, "*frequency"]:
     """Evaluate H of a loop (filter, sensor, delay) at frequencies in Hz; N/m or N m/rad."""
-    f = 1j * np.asarray(frequency)
-    if loop.damper is not None and loop.is_velocity_damper:
-        return loop.damper * 2 * np.pi * f
-    made = loop.controller_and_sensor
-    result = np.full(f.shape, complex(made.gain))
-    for zero in made.zeros:
-        result = result * (f + zero)
-    for pole in made.poles:
-        result = result / (f + pole)
-    return result * np.exp(-2 * np.pi * loop.delay * f) if loop.delay else result
+    f = np.asarray(frequency)
+    return loop.controller_and_sensor.at(f) * np.exp(-2j * np.pi * loop.delay * f)
 
 
 def evaluate_noise(
@@ -166,8 +158,6 @@ class ClosedLoopResponse:
 
     Attributes
     ----------
-    frequency
-        Hz.
     value
         Outputs over external inputs.
     noise, actuator_noise
@@ -175,7 +165,6 @@ class ClosedLoopResponse:
         m/sqrt(Hz) or rad/sqrt(Hz).
     """
 
-    frequency: Float[np.ndarray, " frequency"]
     value: Complex[np.ndarray, "frequency output input"]
     noise: Float[np.ndarray, "frequency output loop"]
     actuator_noise: Float[np.ndarray, "frequency output loop"]
@@ -218,7 +207,7 @@ def solve_responses(
     densities = np.array(noises).reshape(count, len(frequency)).T
     noise = np.abs(pushed * h[:, None]) * densities[:, None]
     actuator_noise = np.abs(pushed) * np.array([loop.actuator_noise for loop in plant.loops])
-    return ClosedLoopResponse(frequency, value, noise, actuator_noise)
+    return ClosedLoopResponse(value, noise, actuator_noise)
 
 
 def compute_loop_gains(

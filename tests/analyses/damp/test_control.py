@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from suspension_cli.analyses.damp import closed_loop_poles, control
-from suspension_cli.analyses.damp.control_statespace import build_closed_loop
+from suspension_cli.analyses.damp.closed_loop_poles import build_closed_loop
 from suspension_cli.conventions import DOFS
 from suspension_cli.design.derive import com_positions
 from suspension_cli.design.schema import expand_roots

@@ -8,7 +8,7 @@ import pytest
 from matplotlib.text import Text
 
 import suspension_cli as sus
-from suspension_cli.analyses.damp import control, control_statespace
+from suspension_cli.analyses.damp import closed_loop_poles, control
 from suspension_cli.design import foton
 from suspension_cli.files.hdf5 import open_results
 from suspension_cli.linear import poles
@@ -138,7 +138,7 @@ def test_results_are_those_of_the_library(done):
     gains = control.compute_loop_gains(closed, loaded.frequency)
     np.testing.assert_array_equal(loaded.gain, gains)
     np.testing.assert_array_equal(loaded.noise, answer.noise[:, 0])
-    system = control_statespace.build_closed_loop(closed, inputs, outputs)
+    system = closed_loop_poles.build_closed_loop(closed, inputs, outputs)
     np.testing.assert_allclose(
         loaded.impulse, poles.impulse(system, loaded.time)[:, 0, 0], rtol=1e-12, atol=1e-18
     )
