@@ -217,20 +217,15 @@ class DampAnalysis(Analysis):
         lines += [result.choice.line, "", tables.render(columns, rows), ""]
         if answer.margin is None:
             return "\n".join([*lines, "  An unstable closed loop has no margins."])
-        rows = []
-        for loop, m in zip(answer.loop, answer.margin, strict=True):
-            limits = ((m.gain_up, m.gain_up_db), (m.gain_down, m.gain_down_db))
-            gains = [
-                f"x {gain:.3g} ({size:.1f} dB)" for gain, size in limits if 0 < gain < math.inf
-            ]
-            places = (m.gain_up_frequency, m.gain_down_frequency)
-            where = [f"{place:.3g}" for place in places if not math.isnan(place)]
-            phase = m.phase if m.phase < math.inf else "gain below 1"
-            gain = " and ".join(gains) or "without limit"
-            delay = 1e3 * m.delay if m.delay < math.inf else "none"
-            rows.append(
-                (loop, phase, m.phase_frequency, gain, " and ".join(where), delay, m.distance)
+        rows = [
+            (
+                *(loop, m.phase if m.phase < math.inf else "gain below 1", m.phase_frequency),
+                " and ".join(map(_factor, m.gains)) or "without limit",
+                " and ".join(f"{place:.3g}" for place in m.gain_frequencies),
+                *(1e3 * m.delay if m.delay < math.inf else "none", m.distance),
             )
+            for loop, m in zip(answer.loop, answer.margin, strict=True)
+        ]
         columns = {
             "loop": "",
             "phase margin\ndegrees": ".1f",
@@ -240,7 +235,21 @@ class DampAnalysis(Analysis):
             "delay margin\nms": ".3g",
             "smallest |1+L|": ".3g",
         }
-        return "\n".join([*lines, tables.render(columns, rows), *_all_at_once(answer)])
+        lines.append(tables.render(columns, rows))
+        peak = answer.sensitivity
+        if peak is not None and len(answer.loop) > 1:
+            gains = f"above {_factor(peak.gain_down)}"
+            if peak.gain_up < math.inf:
+                up = f"x {peak.gain_up:.3g} (+{20 * math.log10(peak.gain_up):.1f} dB)"
+                gains = f"from {_factor(peak.gain_down)} to {up}"
+            lines += [
+                "",
+                "  All loops at once: largest singular value of the sensitivity"
+                f" {peak.size:.4g} at {peak.frequency:.4g} Hz;",
+                f"  stable if each gain changes by any factor {gains},"
+                f" or each phase by less than {peak.phase:.0f} degrees.",
+            ]
+        return "\n".join(lines)
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw poles, impulse response, sensor noise, loop gains and their Nichols chart."""
@@ -267,21 +276,8 @@ def _chosen(names: Sequence[str], known: Sequence[str]) -> list[int]:
     return [n for n, name in enumerate(known) if name in names]
 
 
-def _all_at_once(answer: LocalControl) -> list[str]:
-    peak = answer.sensitivity
-    if peak is None or len(answer.loop) < 2:
-        return []
-    down = f"x {peak.gain_down:.3g} ({20 * math.log10(peak.gain_down):.1f} dB)"
-    gains = f"above {down}"
-    if peak.gain_up < math.inf:
-        gains = f"from {down} to x {peak.gain_up:.3g} (+{20 * math.log10(peak.gain_up):.1f} dB)"
-    return [
-        "",
-        f"  All loops at once: largest singular value of the sensitivity {peak.size:.4g} at"
-        f" {peak.frequency:.4g} Hz;",
-        f"  stable if each gain changes by any factor {gains}, or each phase by less than"
-        f" {peak.phase:.0f} degrees.",
-    ]
+def _factor(gain: float) -> str:
+    return f"x {gain:.3g} ({20 * math.log10(gain):.1f} dB)"
 
 
 def write_foton(design: Design) -> str:

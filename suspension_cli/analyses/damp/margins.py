@@ -97,6 +97,17 @@ class Margins:
     delay_frequency: float = field(default=np.nan, metadata=in_unit("Hz"))
 
     @property
+    def gains(self) -> list[float]:
+        """Gain margins that are limits."""
+        return [gain for gain in (self.gain_up, self.gain_down) if 0 < gain < np.inf]
+
+    @property
+    def gain_frequencies(self) -> list[float]:
+        """Frequencies of these, Hz."""
+        places = (self.gain_up_frequency, self.gain_down_frequency)
+        return [place for place in places if not np.isnan(place)]
+
+    @property
     def gain_up_db(self) -> float:
         """Upper gain margin, dB."""
         return float(20 * np.log10(self.gain_up))

@@ -239,6 +239,6 @@ def _margins(
         near = gain[np.abs(frequency - where).argmin()]
         side = np.sign(np.angle(-near)) or 1.0
         at, angle = [where], [float(side * margin.phase - 180)]
-    gains = [-20 * np.log10(x) for x in (margin.gain_up, margin.gain_down) if 0 < x < np.inf]
+    gains = [-20 * np.log10(gain) for gain in margin.gains]
     phases = [*curves.wrap(np.array(angle), NICHOLS), *[-180.0] * len(gains)]
     return at, angle, (phases, [0.0] * len(angle) + gains)
