@@ -85,7 +85,7 @@ class Check(Report):
         return result
 
     def __str__(self) -> str:
-        from suspension_cli.analyses.check.columns import list_rows, render
+        from suspension_cli.analyses.check.columns import render
 
         loads, count = self.statics, len(self.warnings)
         verdict = "good" if not count else f"{count} warning{'s' * (count > 1)}"
@@ -95,7 +95,7 @@ class Check(Report):
         ]
         for parts in (loads.wires, loads.blades, loads.legs, loads.filters):
             if parts:
-                lines.append(render(type(parts[0]), _merge_equal(list_rows(parts))))
+                lines.append(render(parts, _merge_equal))
         lines += _link_tables(loads.links)
         if self.weights is not None and self.weights.line:
             lines.append(f"  {self.weights.line}")

@@ -69,22 +69,9 @@ def test_zeros_and_poles_written_are_numbers(tmp_path):
     """Where losses couple y to roll by roundings alone one zero would be at infinity, and the worst
     error NaN."""
     file = plants.CONFIGS / "husman2000" / "triple-vertical.toml"
-    answer = strict_json(
-        run(
-            "export",
-            file,
-            "--loss",
-            "--format",
-            "zpk",
-            "--json",
-            "--out",
-            tmp_path,
-            "--input",
-            "support.roll",
-            "--output",
-            "upper.y",
-        ).stdout
-    )
+    signal = ("--input", "support.roll", "--output", "upper.y")
+    options = ("--loss", "--format", "zpk", "--json", "--out", tmp_path, *signal)
+    answer = strict_json(run("export", file, *options).stdout)
     assert answer["worst_error"] is not None
 
 
