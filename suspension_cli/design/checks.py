@@ -18,7 +18,7 @@ from suspension_cli.design.faults import fault_of, suggest
 from suspension_cli.design.filters import SUFFIX
 from suspension_cli.design.inverted_pendulum import leg_count
 from suspension_cli.design.links import Damper, Link, Strands
-from suspension_cli.design.losses.registry import MECHANISMS
+from suspension_cli.design.losses import MECHANISMS
 from suspension_cli.design.schema import Design, Spring, Stage
 from suspension_cli.design.tables import keys_with
 from suspension_cli.design.wires import Clamp, Profile, Wire, WireSet, is_ring

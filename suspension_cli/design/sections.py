@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from suspension_cli.design.cross_sections.round import Round
-from suspension_cli.design.cross_sections.shape import CrossSection
+from suspension_cli.design.cross_sections import CrossSection, Round
 from suspension_cli.design.wires import Profile, Wire, WireSection, WireSet, cross_sections
 
 STEPS = 16

@@ -10,11 +10,9 @@ import numpy as np
 
 from suspension_cli.conventions import AVOGADRO
 from suspension_cli.design import materials
-from suspension_cli.design.cross_sections.round import Round
+from suspension_cli.design.cross_sections import Round
 from suspension_cli.design.derive import blade_material, gravity_strength, is_ring
-from suspension_cli.design.losses.bulk import Bulk
-from suspension_cli.design.losses.mechanism import Mechanism
-from suspension_cli.design.losses.registry import mechanisms_of
+from suspension_cli.design.losses import Bulk, Mechanism, mechanisms_of
 from suspension_cli.design.schema import Design, Material, Spring
 from suspension_cli.design.sections import Stretch, stretches
 from suspension_cli.design.wires import Blade, BladeSet, Clamp, EndTemperatures, Wire, WireSet

@@ -13,11 +13,9 @@ from scipy import integrate
 
 from suspension_cli.conventions import AVOGADRO
 from suspension_cli.design import materials
-from suspension_cli.design.cross_sections.ribbon import rectangle_torsion
-from suspension_cli.design.cross_sections.round import Round
+from suspension_cli.design.cross_sections import Round, rectangle_torsion
 from suspension_cli.design.derive import blade_loss, wire_loss, wire_stiffness
-from suspension_cli.design.losses.bulk import Bulk
-from suspension_cli.design.losses.thermoelastic import Thermoelastic
+from suspension_cli.design.losses import Bulk, Thermoelastic
 from suspension_cli.design.reader import convert, read
 from suspension_cli.design.sections import Stretch, stretches
 from suspension_cli.equilibrium.nominal import expand

@@ -9,7 +9,7 @@ from typing import Any
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design import materials
 from suspension_cli.design.derive import blade_material
-from suspension_cli.design.losses.registry import mechanisms_of
+from suspension_cli.design.losses import mechanisms_of
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.wires import AnyWire, Blade, BladeSet
 from suspension_cli.models import registry
