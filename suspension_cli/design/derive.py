@@ -111,22 +111,33 @@ class SetGeometry:
     is_ring: bool = False
 
     @property
+    def ends(self) -> list[tuple[tuple[float, float], tuple[float, float]]]:
+        """x and y (m) of the upper and of the lower end of each wire."""
+        if not self.is_ring:
+            return [
+                ((x * self.s_upper, y * self.t1), (x * self.s_lower, y * self.t2))
+                for x, y in wire_signs(self.count)
+            ]
+        turns = (inverted_pendulum.direction(self.phase, n, self.count) for n in range(self.count))
+        upper, lower = self.ring_upper, self.ring_lower
+        return [((upper * x, upper * y), (lower * x, lower * y)) for x, y in turns]
+
+    @property
     def height_squared(self) -> float:
         """Square of the vertical span of a wire, m^2; not positive if the wire is too short."""
         if self.is_ring:
             return self.length**2 - (self.ring_upper - self.ring_lower) ** 2
         return self.length**2 - (self.t2 - self.t1) ** 2 - (self.s_lower - self.s_upper) ** 2
 
-    def ring_ends(self, number: int) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Compute x and y (m) of the upper and of the lower end of a wire of a ring, from 0."""
-        x, y = inverted_pendulum.direction(self.phase, number, self.count)
-        upper, lower = self.ring_upper, self.ring_lower
-        return (upper * x, upper * y), (lower * x, lower * y)
-
     @property
     def height(self) -> Any:
         """Vertical span of a wire in m."""
         return math.sqrt(self.height_squared)
+
+
+def wire_signs(count: int) -> list[tuple[int, int]]:
+    """List the signs of x and y of the wires of a symmetric set, by number."""
+    return {1: [(0, 0)], 2: [(0, 1), (0, -1)], 4: [(1, 1), (1, -1), (-1, 1), (-1, -1)]}[count]
 
 
 def set_geometry(wires: WireSet) -> SetGeometry:

@@ -289,16 +289,12 @@ def _wires_of(design: Design, stage: Stage, offset: Array) -> Iterator[Row]:
             }
         return
     shape, same = set_geometry(table), _elastic(design, table, table.l)
-    signs = wire_signs(shape.count) if not shape.is_ring else []
-    ends = [
-        ((x * shape.s_upper, y * shape.t1), (x * shape.s_lower, y * shape.t2)) for x, y in signs
-    ]
-    for number, (upper, lower) in enumerate(ends or map(shape.ring_ends, range(shape.count))):
+    for number, (upper, lower) in enumerate(shape.ends):
         span = np.array([lower[0] - upper[0], lower[1] - upper[1], -shape.height])
         blade = -1
         if stage.blades is not None:
             shared = stage.blades.count < shape.count
-            blade = number if not shared else int(stage.blades.count == 2 and signs[number][1] < 0)
+            blade = number if not shared else int(stage.blades.count == 2 and upper[1] < 0)
         yield same | {
             "upper_point": (*upper, -shape.d_upper),
             "lower_point": (*lower, shape.d),
@@ -317,11 +313,6 @@ def _elastic(design: Design, table: WireSet | Wire, length: float) -> Row:
         "loss": wire_loss(design, table, length),
         "mass": wire_mass_moments(design, table, length),
     }
-
-
-def wire_signs(count: int) -> list[tuple[int, int]]:
-    """List the signs of x and y of the wires of a symmetric set, by number."""
-    return {1: [(0, 0)], 2: [(0, 1), (0, -1)], 4: [(1, 1), (1, -1), (-1, 1), (-1, -1)]}[count]
 
 
 def _weights(

@@ -11,15 +11,23 @@ import numpy as np
 from suspension_cli.conventions import AVOGADRO
 from suspension_cli.design import materials
 from suspension_cli.design.cross_sections import Round
-from suspension_cli.design.derive import blade_material, gravity_strength, is_ring
+from suspension_cli.design.derive import blade_material, gravity_strength, wire_signs
 from suspension_cli.design.losses import Bulk, Mechanism, mechanisms_of
 from suspension_cli.design.schema import Design, Material, Spring
 from suspension_cli.design.sections import Stretch, stretches
-from suspension_cli.design.wires import Blade, BladeSet, Clamp, EndTemperatures, Wire, WireSet
+from suspension_cli.design.wires import (
+    Blade,
+    BladeSet,
+    Clamp,
+    EndTemperatures,
+    Wire,
+    WireSet,
+    is_ring,
+)
 from suspension_cli.rotations import rotation_matrix
 from suspension_cli.scene.arrays import Array, gather
 from suspension_cli.scene.composition import BladeLoss, Fibre, Fibres, Gas, Section
-from suspension_cli.scene.expand import list_wires, wire_signs
+from suspension_cli.scene.expand import list_wires
 from suspension_cli.scene.links import link_loss, of_stage
 from suspension_cli.scene.scene import Wires
 
