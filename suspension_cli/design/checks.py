@@ -13,7 +13,7 @@ from itertools import pairwise
 
 from suspension_cli.conventions import ANALYSES, DOFS, FRAME, GROUND, SUPPORT
 from suspension_cli.design import faults, materials, units
-from suspension_cli.design.derive import com_positions, set_geometry, spring_loss
+from suspension_cli.design.derive import com_positions, part_loss, set_geometry
 from suspension_cli.design.faults import fault_of, suggest
 from suspension_cli.design.filters import SUFFIX
 from suspension_cli.design.inverted_pendulum import leg_count
@@ -286,7 +286,7 @@ def find_active(
             yield part, fault_of(part, path, "damping", problem, "make it positive")
         if isinstance(part, Damper):
             continue
-        angle = spring_loss(design, part) if isinstance(part, Spring) else part.loss_angle
+        angle = part_loss(design, part) if isinstance(part, Spring) else part.loss_angle
         problem = _negative(part.stiffness)
         if angle and problem:
             problem = f"is that of a stiffness that {problem}, so it drives the motion"

@@ -12,9 +12,10 @@ import msgspec
 from suspension_cli.conventions import SUPPORT
 from suspension_cli.design import inverted_pendulum, materials
 from suspension_cli.design.filters import SUFFIX, keystone_inertia
+from suspension_cli.design.links import Link
 from suspension_cli.design.schema import Body, Design, Spring, Stage
 from suspension_cli.design.sections import Stretch, given_sections, stretches, thinnest
-from suspension_cli.design.wires import Blade, BladeGeometry, BladeSet, Wire, WireSet, is_ring
+from suspension_cli.design.wires import AnyBlade, BladeGeometry, Wire, WireSet, is_ring
 
 
 def wire_stiffness(design: Design, wire: WireSet | Wire, length: float) -> float:
@@ -43,9 +44,7 @@ def _modulus(design: Design, material: str) -> float:
     return modulus
 
 
-def blade_stiffness(
-    design: Design, blade: BladeSet | Blade, stage_mass: float, count: int
-) -> float:
+def blade_stiffness(design: Design, blade: AnyBlade, stage_mass: float, count: int) -> float:
     """Compute the vertical stiffness of one blade at its tip in N/m.
 
     Given; or (2 pi f)^2 m / count for an uncoupled frequency f of the stage's mass m on `count`
@@ -219,24 +218,11 @@ def wire_loss(design: Design, wire: WireSet | Wire, length: float) -> float:
     return sum(map(operator.mul, compliances, angles)) / sum(compliances)
 
 
-def blade_material(blade: BladeSet | Blade) -> str | None:
-    """Name of the material of a blade, if the design gives it."""
-    return blade.material if blade.geometry is None else blade.geometry.material
-
-
-def blade_loss(design: Design, blade: BladeSet | Blade) -> float:
-    """Look up the loss angle of a blade, rad: its own, or that of its material in the design."""
-    if blade.loss_angle is not None:
-        return blade.loss_angle
-    material = blade_material(blade)
-    return 0.0 if material is None else materials.constant_angle(design, material)
-
-
-def spring_loss(design: Design, spring: Spring) -> float:
-    """Look up the loss angle of a spring, rad: its own, or that of its material in the design."""
-    if spring.loss_angle is not None:
-        return spring.loss_angle
-    return 0.0 if spring.material is None else materials.constant_angle(design, spring.material)
+def part_loss(design: Design, part: AnyBlade | Spring | Link) -> float:
+    """Look up the loss angle of a part, rad: its own, or that of its material in the design."""
+    if part.loss_angle is not None:
+        return part.loss_angle
+    return 0.0 if part.made_of is None else materials.constant_angle(design, part.made_of)
 
 
 def gravity_strength(design: Design) -> Any:

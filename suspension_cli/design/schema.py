@@ -132,6 +132,11 @@ class Spring(Table, frozen=True):
 
     rules = (demand.symmetric("stiffness", "damping"), demand.needs("thickness", "material"))
 
+    @property
+    def made_of(self) -> str | None:
+        """Name of its material, if the design gives it."""
+        return self.material
+
 
 Viscous = Annotated[float, doc("viscous damping in N s/m or N m s/rad", ge=0, le=1e12)]
 

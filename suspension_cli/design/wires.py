@@ -343,6 +343,11 @@ class AnyBlade(Table, frozen=True):
         demand.not_tiny("tip_mass"),
     )
 
+    @property
+    def made_of(self) -> str | None:
+        """Name of its material, if the design gives it."""
+        return self.material if self.geometry is None else self.geometry.material
+
 
 class BladeSet(AnyBlade, frozen=True):
     """Cantilever blades on the body above (or the support) that carry a symmetric set of wires."""

@@ -18,11 +18,11 @@ from suspension_cli.conventions import DOFS
 from suspension_cli.design.bodies import body_inertia, body_mass
 from suspension_cli.design.derive import (
     Keystone,
-    blade_loss,
     blade_stiffness,
     gives_natural_lengths,
     gravity_field,
     gravity_strength,
+    part_loss,
     set_geometry,
     wire_loss,
     wire_mass_moments,
@@ -215,12 +215,6 @@ def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fau
     return scene, faults
 
 
-def list_wires(design: Design) -> tuple[list[Row], list[Row]]:
-    """List the wires and the blades of all stages."""
-    found = Members.of(design)
-    return [*chain.from_iterable(found.wires)], [*chain.from_iterable(found.blades)]
-
-
 def _between(rows: list[Row], places: Places) -> list[Row]:
     """Springs with their points in the frame of the upper body."""
     return [
@@ -257,7 +251,7 @@ def _list_stage(design: Design, places: Places, n: int, first: int) -> tuple[lis
             "tip": tip,
             "stiffness": stiffness,
             "tip_mass": table.tip_mass,
-            "loss": blade_loss(design, table),
+            "loss": part_loss(design, table),
             "given": math.nan if table.load is None else table.load,
         }
         blades.append(blade)

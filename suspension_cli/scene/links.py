@@ -1,4 +1,23 @@
-"""Springs of a scene: `[[stage.spring]]`, `[[link]]` and `[[damper]]`, one member each."""
+"""Springs of a scene: `[[stage.spring]]`, `[[link]]` and `[[damper]]`, one member each.
+
+**Eddy currents.** The magnet is a dipole m along an axis. The field of the currents is small beside
+its own: the velocity is far below 2 / (mu_0 sigma t), and the conductor thinner than its skin
+depth. A velocity v along the axis induces in the conductor, at the distance rho from the axis and z
+along it, the electric field
+
+    E_phi = v dA_phi/dz = -(3 mu_0 m / 4 pi) v rho z / (rho^2 + z^2)^(5/2),
+
+whose currents dissipate the power c v^2, the integral of sigma E^2:
+
+    plate from z = g to g + t:       c = mu_0^2 m^2 sigma / (64 pi) (1/g^3 - 1/(g + t)^3)
+    tube from radius a to a + t:     c = 15 mu_0^2 m^2 sigma / 1024 (1/a^3 - 1/(a + t)^3)
+
+For t << a the second is 45 mu_0^2 m^2 sigma t / (1024 a^4), known from a magnet that falls through
+a pipe (wall thickness: Donoso, Ladera and Martin, Eur. J. Phys. 30, 855 (2009)). For motion across
+the axis, along the plate, c is half as large: the drag on a dipole over a thin sheet from Maxwell's
+receding images at low velocity (Saslow, Am. J. Phys. 60, 693 (1992)); the sheets of a thick plate
+add up, as their currents are parallel to it.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +27,10 @@ import numpy as np
 
 from suspension_cli.conventions import DOFS, GROUND
 from suspension_cli.design import materials
-from suspension_cli.design.derive import gravity_strength, spring_loss
+from suspension_cli.design.derive import gravity_strength, part_loss
 from suspension_cli.design.links import Damper, Link, Strands
 from suspension_cli.design.schema import Design, Stage
-from suspension_cli.scene import eddy_current, strands
+from suspension_cli.scene import strands
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.places import Places
 from suspension_cli.scene.scene import Spectrum
@@ -21,6 +40,9 @@ if TYPE_CHECKING:
 
     from suspension_cli.design.units import Matrix6
     from suspension_cli.scene.towers import Row
+
+MU_0 = 4e-7 * np.pi
+"""Magnetic constant, H/m."""
 
 
 def of_stage(design: Design, stage: Stage) -> list[Row]:
@@ -32,7 +54,7 @@ def of_stage(design: Design, stage: Stage) -> list[Row]:
             "stiffness": matrix(spring.stiffness),
             "damping": matrix(spring.damping),
             "preload": spring.preload,
-            "loss": spring_loss(design, spring),
+            "loss": part_loss(design, spring),
         }
         for number, spring in enumerate(stage.spring, 1)
     ]
@@ -58,7 +80,7 @@ def of_links(design: Design, places: Places) -> list[Row]:
             "stiffness": k,
             "damping": matrix(link.damping),
             "preload": np.array(link.preload) if first > second else -np.array(link.preload),
-            "loss": link_loss(design, link) if spectrum is None else 0.0,
+            "loss": part_loss(design, link) if spectrum is None else 0.0,
             "spectrum": spectrum,
         }
         rows.append(row | _ends(link, places))
@@ -94,8 +116,8 @@ def damper_matrix(damper: Damper) -> Inexact[np.ndarray, "6 6"]:
     moment = magnet.moment
     if moment is None:
         assert magnet.remanence is not None and magnet.volume is not None
-        moment = magnet.remanence * magnet.volume / eddy_current.MU_0
-    return magnet.count * eddy_current.damping_matrix(
+        moment = magnet.remanence * magnet.volume / MU_0
+    return magnet.count * eddy_damping(
         magnet.shape,
         "xyz".index(magnet.axis),
         moment,
@@ -103,6 +125,40 @@ def damper_matrix(damper: Damper) -> Inexact[np.ndarray, "6 6"]:
         magnet.thickness,
         magnet.gap,
     )
+
+
+def axial_eddy_damping(
+    shape: str, moment: float, conductivity: float, thickness: float, gap: float
+) -> float:
+    """Damping (N s/m) of motion along the dipole's axis.
+
+    Parameters
+    ----------
+    shape : {"plate", "tube"}
+    moment
+        A m^2.
+    conductivity
+        S/m.
+    thickness, gap
+        Thickness of the plate or the tube's wall; distance to the plate, or inner radius, m.
+
+    Examples
+    --------
+    >>> round(axial_eddy_damping("plate", 1.0, 5.8e7, 5e-3, 10e-3), 3)
+    0.321
+    """
+    depth = 1 / gap**3 - 1 / (gap + thickness) ** 3
+    strength = MU_0**2 * moment**2 * conductivity * depth
+    return strength / (64 * np.pi) if shape == "plate" else 15 * strength / 1024
+
+
+def eddy_damping(
+    shape: str, axis: int, moment: float, conductivity: float, thickness: float, gap: float
+) -> Inexact[np.ndarray, "6 6"]:
+    """Damping (6, 6) at the magnet along the dipole's axis and, by a plate, across it, N s/m."""
+    along = axial_eddy_damping(shape, moment, conductivity, thickness, gap)
+    across = along / 2 if shape == "plate" else 0.0 * along
+    return np.diag([along if n == axis else across for n in range(3)] + [0.0 * along] * 3)
 
 
 def link_stiffness(
@@ -118,15 +174,6 @@ def link_stiffness(
     if link.table is None:
         return matrix(link.stiffness)
     return np.diag(link.table.factor * np.array(_static(link)))
-
-
-def link_loss(design: Design, link: Link) -> float:
-    """Constant loss angle of a link, rad: its own, or that of the material of its strands."""
-    if link.loss_angle is not None:
-        return link.loss_angle
-    if link.strands is None:
-        return 0.0
-    return materials.constant_angle(design, link.strands.material)
 
 
 def link_curve(link: Link, first: Array, second: Array) -> strands.Curve:

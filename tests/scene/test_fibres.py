@@ -14,7 +14,7 @@ from scipy import integrate
 from suspension_cli.conventions import AVOGADRO
 from suspension_cli.design import materials
 from suspension_cli.design.cross_sections import Round, rectangle_torsion
-from suspension_cli.design.derive import blade_loss, wire_loss, wire_stiffness
+from suspension_cli.design.derive import part_loss, wire_loss, wire_stiffness
 from suspension_cli.design.losses import Bulk, Thermoelastic
 from suspension_cli.design.reader import convert, read
 from suspension_cli.design.sections import Stretch, stretches
@@ -329,7 +329,7 @@ BLADES = ("stage", 0, "blades")
 
 def blade_of(**table: Any) -> Any:
     design = made({BLADES: {"count": 2, "stiffness": 1e3} | table})
-    return compose(design).blade[0], blade_loss(design, design.stage[0].blades)
+    return compose(design).blade[0], part_loss(design, design.stage[0].blades)
 
 
 def test_losses_of_blades():

@@ -8,7 +8,6 @@ from typing import Any
 
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design import materials
-from suspension_cli.design.derive import blade_material
 from suspension_cli.design.losses import mechanisms_of
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.wires import AnyWire, Blade, BladeSet
@@ -90,7 +89,7 @@ def _wire(design: Design, wire: AnyWire, level: str) -> Lossless | None:
 
 
 def _blade(design: Design, blade: BladeSet | Blade, level: str) -> Lossless | None:
-    found = _part(design, level, [blade_material(blade)], blade.loss_angle)
+    found = _part(design, level, [blade.made_of], blade.loss_angle)
     thick = blade.thickness is not None or blade.geometry is not None
     return found if found is None or thick else replace(found, bending=())
 

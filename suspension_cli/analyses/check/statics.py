@@ -13,7 +13,7 @@ from suspension_cli.analyses.check import towers
 from suspension_cli.analyses.check.columns import Column
 from suspension_cli.analyses.check.towers import FilterLoad, LegLoad
 from suspension_cli.design import materials
-from suspension_cli.design.derive import blade_material, gravity_strength, wire_line_densities
+from suspension_cli.design.derive import gravity_strength, wire_line_densities
 from suspension_cli.design.schema import Body, Design, Stage
 from suspension_cli.design.sections import given_sections, thinnest
 from suspension_cli.design.wires import Blade, BladeSet, Profile, Wire, WireSet
@@ -320,7 +320,7 @@ def _blade_load(
         stress=stress,
         strength=strength,
         fraction=None if stress is None or strength is None else stress / strength,
-        material=blade_material(table) or "",
+        material=table.made_of or "",
     )
 
 
