@@ -63,24 +63,6 @@ def gives_natural_lengths(design: Design) -> bool:
     return any(wire.natural_length is not None for stage in design.stage for wire in stage.wire)
 
 
-def solves_pose(design: Design) -> bool:
-    """Whether the pose of a design is solved for instead of given.
-
-    True for given natural lengths of wires or loads of blades or filters, and for gravity other
-    than a uniform pull along -z.
-    """
-    loaded = [
-        part.load
-        for stage in design.stage
-        for part in (*stage.blade_tables, *([stage.filter] if stage.filter else []))
-    ]
-    return (
-        gives_natural_lengths(design)
-        or any(load is not None for load in loaded)
-        or gravity_field(design) is not None
-    )
-
-
 def cantilever_stiffness(blade: BladeGeometry, youngs_modulus: float) -> float:
     """Compute the vertical stiffness of a cantilever blade from its geometry, N/m.
 
@@ -338,8 +320,3 @@ def drop_keystones(design: Design) -> Design:
     if len(stages) == len(design.stage):
         return design
     return msgspec.structs.replace(design, stage=stages)
-
-
-def filter_of(design: Design, keystone: Keystone) -> Stage:
-    """Find the stage with the filter of a keystone."""
-    return next(stage for stage in design.stage if stage.name == keystone.blades_of)

@@ -132,26 +132,18 @@ def tops(legs: InvertedPendulum) -> list[tuple[float, float, float]]:
     return found
 
 
-TWENTY_FOURTHS = 24
-"""Angles within rounding of n/24 of a quarter turn are taken as exactly that."""
-
-
 def direction(phase: float, number: int, count: int) -> tuple[float, float]:
     """Cosine and sine of the angle of one of `count` points evenly spaced on a circle.
 
-    Point 0 is at the angle `phase` (rad).
+    Point 0 is at the angle `phase` (rad). Phases within rounding of a simple fraction of a quarter
+    turn are taken as exactly that, so that mirror images are exact.
     """
-    quarters = Fraction(4 * number, count)
-    turns = phase / (math.pi / 2)
-    nearest = Fraction(round(turns * TWENTY_FOURTHS), TWENTY_FOURTHS)
-    if abs(turns - nearest) < 1e-9:
-        exact = nearest + quarters
-        whole = round(exact)
-        rest = float(exact - whole) * math.pi / 2
-    else:
-        whole, rest = 0, phase + float(quarters) * math.pi / 2
+    given = Fraction(phase / (math.pi / 2))
+    simple = given.limit_denominator(24)
+    turns = (simple if abs(simple - given) < 1e-9 else given) + Fraction(4 * number, count)
+    rest = float(turns - round(turns)) * math.pi / 2
     x, y = math.cos(rest), math.sin(rest)
-    for _ in range(whole % 4):
+    for _ in range(round(turns) % 4):
         x, y = -y, x
     return x, y
 

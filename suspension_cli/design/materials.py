@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
@@ -36,7 +37,7 @@ def resolve(design: Design, name: str) -> Material:
     return msgspec.structs.replace(base, **given | {"loss": MaterialLoss(**loss | own_loss)})
 
 
-def _given(table: Material | MaterialLoss) -> dict[str, object]:
+def _given(table: Material | MaterialLoss) -> dict[str, Any]:
     """Values that a table gives."""
     values = msgspec.structs.asdict(table)
     return {key: value for key, value in values.items() if value not in (None, "")}

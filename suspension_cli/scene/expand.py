@@ -32,14 +32,12 @@ from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.wires import Wire, WireSet
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.scene import links, stack, tensions, towers
-from suspension_cli.scene.arrays import Array, Index, gather_each, topology
+from suspension_cli.scene.arrays import Array, Index, Row, gather, topology
 from suspension_cli.scene.places import Places
 from suspension_cli.scene.scene import Bars, Blades, Bodies, Field, Scene, Springs, Wires
 
 if TYPE_CHECKING:
     from jaxtyping import Float
-
-    from suspension_cli.scene.towers import Row
 
 
 @dataclass(frozen=True)
@@ -151,10 +149,10 @@ def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fau
     gravity, field, count = gravity_strength(design), gravity_field(design), len(each)
     wire_rows = [[*chain.from_iterable(own.wires)] for own in each]
     blade_rows = [[*chain.from_iterable(own.blades)] for own in each]
-    wires, blades = gather_each(Wires, wire_rows), gather_each(Blades, blade_rows)
-    struts = gather_each(Wires, [members.struts for members in each])
-    bars = gather_each(Bars, [members.bars for members in each])
-    joining = gather_each(Springs, [members.joining for members in each])
+    wires, blades = gather(Wires, wire_rows), gather(Blades, blade_rows)
+    struts = gather(Wires, [members.struts for members in each])
+    bars = gather(Bars, [members.bars for members in each])
+    joining = gather(Springs, [members.joining for members in each])
     bodies = Bodies(
         name=tuple(stage.name for stage in design.stage),
         mass=np.array([[body_mass(stage.body) for stage in own.design.stage] for own in each]),
@@ -206,9 +204,9 @@ def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fau
         bodies=bodies,
         wires=replace(wires, tension=np.where(natural, wires.tension, tension)),
         blades=replace(blades, load=_blade_loads(gravity, wires, blades, tension, given)),
-        springs=gather_each(Springs, springs),
+        springs=gather(Springs, springs),
         struts=replace(struts, tension=-thrust),
-        bars=gather_each(Bars, coupling),
+        bars=gather(Bars, coupling),
         field=field and Field(*map(np.array, field)),
         solves_pose=gives_natural_lengths(design),
     )

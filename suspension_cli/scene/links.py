@@ -31,7 +31,7 @@ from suspension_cli.design.derive import gravity_strength, part_loss
 from suspension_cli.design.links import Damper, Link, Strands
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.scene import strands
-from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.arrays import Array, Row
 from suspension_cli.scene.places import Places
 from suspension_cli.scene.scene import Spectrum
 
@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from jaxtyping import Inexact
 
     from suspension_cli.design.units import Matrix6
-    from suspension_cli.scene.towers import Row
 
 MU_0 = 4e-7 * np.pi
 """Magnetic constant, H/m."""

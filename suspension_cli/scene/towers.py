@@ -8,23 +8,20 @@ of `elements.lean`) bends the foot; the tilt of the stage less that lean bends t
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.design.derive import Keystone, filter_of
+from suspension_cli.design.derive import Keystone
 from suspension_cli.design.filters import filter_statics
 from suspension_cli.design.inverted_pendulum import LegStatics, leg_inertia, leg_statics, tops
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.errors import Fault
-from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.arrays import Array, Row
 from suspension_cli.scene.places import Places
 
 if TYPE_CHECKING:
     from jaxtyping import Float
-
-    Row = dict[str, Any]
-    """A member of a part, for `arrays.gather`."""
 
 
 def legs(design: Design, places: Places) -> tuple[list[Row], list[Row]]:
@@ -96,7 +93,7 @@ def filter_blades(
     the keystone. `hung` is the weight in the load (N) without preloads. The vertical force of the
     blades is the given load, if any.
     """
-    table = filter_of(design, keystone).filter
+    table = next(one.filter for one in design.stage if one.name == keystone.blades_of)
     assert table is not None
     numbers = filter_statics(table, -load[2], hung, gravity)
     lateral, tilt = table.lateral_stiffness, table.tilt_stiffness

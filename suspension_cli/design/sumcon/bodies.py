@@ -272,7 +272,7 @@ def symmetric(tops: Sequence[np.ndarray], bottoms: Sequence[np.ndarray]) -> dict
             continue
         made = [[*upper, top, *lower, bottom] for upper, lower in set_geometry(wires).ends]
         same = np.isclose(given[:, None], made, rtol=1e-6, atol=1e-9).all(-1)
-        if same.any(0).all() and same.any(1).all():
+        if same.any(0).all() and same.any(-1).all():
             return own
     return None
 
