@@ -162,7 +162,8 @@ def _walk(node: Schema, value: object, path: str) -> Iterator[Fault]:
 def _free(value: object) -> Schema:
     """Schema of what a value of a free type must be, so that it can be written to a file again."""
     forms = {dict: "object", list: "array", float: "number", int: "number"}
-    return {"type": forms[type(value)]} if type(value) in forms else {}
+    ordinary = {"description": "an ordinary number, or leave it out"}
+    return {"type": forms[type(value)]} | ordinary if type(value) in forms else {}
 
 
 def _member(node: Schema, value: Any) -> Schema:

@@ -29,7 +29,7 @@ def resolve(design: Design, name: str) -> Material:
     own = design.materials.get(name, Material())
     base = BUILT_IN.get(name, Material())
     given, loss = _given(own), _given(base.loss or MaterialLoss())
-    own_loss = _given(own.loss or MaterialLoss())
+    own_loss: dict[str, Any] = _given(own.loss or MaterialLoss())
     if own.loss_angle is not None:
         own_loss = {"angle": own.loss_angle} | own_loss
     if {"angle", "table"} & own_loss.keys():

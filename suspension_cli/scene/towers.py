@@ -14,7 +14,13 @@ import numpy as np
 
 from suspension_cli.design.derive import Keystone
 from suspension_cli.design.filters import filter_statics
-from suspension_cli.design.inverted_pendulum import LegStatics, leg_inertia, leg_statics, tops
+from suspension_cli.design.inverted_pendulum import (
+    ROUND_ROD,
+    InvertedPendulum,
+    leg_inertia,
+    leg_statics,
+    tops,
+)
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.errors import Fault
 from suspension_cli.scene.arrays import Array, Row
@@ -33,7 +39,7 @@ def legs(design: Design, places: Places) -> tuple[list[Row], list[Row]]:
         for number, top in enumerate(tops(table) if table else [], 1):
             assert table is not None
             label, span = f"{stage.name}.leg{number}", np.array([0.0, 0.0, table.length])
-            foot, inertia = places.offset[n] + top - span, leg_inertia(table)
+            foot = places.offset[n] + top - span
             strut = {
                 "upper": above,
                 "lower": n,
@@ -45,8 +51,7 @@ def legs(design: Design, places: Places) -> tuple[list[Row], list[Row]]:
             }
             struts.append({"label": label} | strut)
             if table.leg_mass or table.counterweight is not None:
-                numbers = (inertia.foot, inertia.coupling, inertia.top)
-                bar = {"body": (above, n), "point": (foot, top), "inertia": numbers}
+                bar = {"body": (above, n), "point": (foot, top), "inertia": leg_inertia(table)}
                 bars.append({"label": label} | bar)
     return struts, bars
 
@@ -62,7 +67,7 @@ def flexures(stage: Stage, load: Array, hung: float, gravity: float) -> list[Row
         return []
     numbers = leg_statics(table, -load[2], hung, gravity)
     own = {
-        "stiffness": flexure_matrix(table.length, numbers),
+        "stiffness": flexure_matrix(table, numbers.flexure),
         "loss": numbers.loss,
         "leg": table.length,
     }
@@ -72,15 +77,17 @@ def flexures(stage: Stage, load: Array, hung: float, gravity: float) -> list[Row
     ]
 
 
-def flexure_matrix(length: float, numbers: LegStatics) -> Float[np.ndarray, "6 6"]:
-    """Stiffness of the flexures of one leg against the strain of its spring.
+def flexure_matrix(legs: InvertedPendulum, flexure: float) -> Float[np.ndarray, "6 6"]:
+    """Stiffness of the flexures of one leg, `flexure` (N m/rad) at its foot, against its strain.
 
     k |g|^2 / (2 L^2) + k_t (phi - lean)^2 / 2, with the lean (-g_y, g_x) / L.
     """
-    foot, top = numbers.flexure / length**2, numbers.top / length**2
-    result = np.diag([foot + top, foot + top, 0.0, numbers.top, numbers.top, numbers.yaw])
-    result[0, 4] = result[4, 0] = -numbers.top / length
-    result[1, 3] = result[3, 1] = numbers.top / length
+    length, tilt = legs.length, legs.top_stiffness
+    across = (flexure + tilt) / length**2
+    yaw = flexure / ROUND_ROD if legs.yaw_stiffness is None else legs.yaw_stiffness
+    result = np.diag([across, across, 0.0, tilt, tilt, yaw])
+    result[0, 4] = result[4, 0] = -tilt / length
+    result[1, 3] = result[3, 1] = tilt / length
     return result
 
 
