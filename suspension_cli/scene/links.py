@@ -29,7 +29,7 @@ from suspension_cli.conventions import DOFS, GROUND
 from suspension_cli.design import materials
 from suspension_cli.design.derive import gravity_strength, part_loss
 from suspension_cli.design.links import Damper, Link, Strands
-from suspension_cli.design.schema import Design, Stage
+from suspension_cli.design.schema import Design
 from suspension_cli.scene import strands
 from suspension_cli.scene.arrays import Array, Row
 from suspension_cli.scene.places import Places
@@ -44,18 +44,29 @@ MU_0 = 4e-7 * np.pi
 """Magnetic constant, H/m."""
 
 
-def of_stage(design: Design, stage: Stage) -> list[Row]:
-    """List the springs of a stage to the body above it."""
+def of_stages(design: Design, places: Places) -> list[Row]:
+    """List the springs of all stages to the bodies above them."""
     return [
         {
             "label": f"{stage.name}.spring{number}",
+            "upper": places.parent[n],
+            "lower": n,
             "lower_point": np.array(spring.at),
             "stiffness": matrix(spring.stiffness),
             "damping": matrix(spring.damping),
-            "preload": spring.preload,
+            "preload": np.array(spring.preload),
             "loss": part_loss(design, spring),
         }
+        for n, stage in enumerate(design.stage, 1)
         for number, spring in enumerate(stage.spring, 1)
+    ]
+
+
+def between(rows: list[Row], places: Places) -> list[Row]:
+    """Add to springs their points in the frame of the upper body."""
+    return [
+        row | {"upper_point": row["lower_point"] + places.between(row["upper"], row["lower"])}
+        for row in rows
     ]
 
 
