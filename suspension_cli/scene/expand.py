@@ -169,7 +169,7 @@ def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fau
     faults: dict[int, list[Fault]] = {}
     for n, own in enumerate(each):
         loaded, coupling, wrong = _loaded_springs(own, loads[n], gravity)
-        spring_rows.append(own.springs + loaded)
+        spring_rows.append(loaded + own.springs)
         bar_rows.append(own.bars + coupling)
         if wrong:
             faults[n] = wrong
