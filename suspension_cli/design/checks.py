@@ -311,11 +311,11 @@ def _negative(given: units.Matrix6 | None) -> str:
         return ""
     matrix = np.array(given, dtype=float)
     matrix = np.diag(matrix) if matrix.ndim == 1 else matrix
-    if (matrix.diagonal() < 0).any():
-        return f"is negative along {DOFS[int(matrix.diagonal().argmin())]}"
-    scale = np.sqrt(np.where(matrix.diagonal() > 0, matrix.diagonal(), np.abs(matrix).max() or 1.0))
-    least = np.linalg.eigvalsh(matrix / np.outer(scale, scale))[0]
-    return "has a negative eigenvalue" if least < -ROUNDING else ""
+    size = np.abs(matrix.diagonal())
+    scale = np.sqrt(np.where(size > 0, size, np.abs(matrix).max() or 1.0))
+    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    axis = DOFS[int(np.abs(vectors[:, 0]).argmax())]
+    return f"is negative along {axis}" if values[0] < -ROUNDING else ""
 
 
 def _check_strands(design: Design, link: Link, given: Strands, path: str) -> Iterator[Fault]:

@@ -31,7 +31,7 @@ from suspension_cli.design.derive import (
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.wires import Wire, WireSet
 from suspension_cli.errors import Fault, InputError
-from suspension_cli.scene import links, stack, tensions, towers
+from suspension_cli.scene import links, stack, tensions
 from suspension_cli.scene.arrays import Array, Index, Row, gather, topology
 from suspension_cli.scene.places import Places
 from suspension_cli.scene.scene import Bars, Blades, Bodies, Field, Scene, Springs, Wires
@@ -81,7 +81,7 @@ class Members:
                 own = _list_stage(design, places, n, first)
             wires.append(own[0])
             blades.append(own[1])
-        struts, bars = towers.legs(design, places)
+        struts, bars = links.legs(design, places)
         springs = links.of_stages(design, places) + links.of_links(design, places)
         springs = links.between(springs + links.of_dampers(design, places), places)
         return Members(design, places, wires, blades, struts, bars, springs)
@@ -325,9 +325,9 @@ def _loaded_springs(
     design, places = own.design, own.places
     for n, stage in enumerate(design.stage, 1):
         load, hung, above = loads[n, 0], -loads[n, 1, 2], places.parent[n]
-        rows = towers.flexures(stage, load, hung, gravity)
+        rows = links.flexures(stage, load, hung, gravity)
         if isinstance(stage, Keystone):
-            row, coupling, wrong = towers.filter_blades(design, stage, load, hung, gravity)
+            row, coupling, wrong = links.filter_blades(design, stage, load, hung, gravity)
             rows.append(row)
             faults += wrong
             between = {"body": (above, n), "point": (places.offset[n], np.zeros(3))}
