@@ -138,31 +138,6 @@ def test_in_the_order_of_the_scene(config):
             assert direction @ span > 0
 
 
-def test_order_in_a_tree():
-    """Blades of a set, blades with names, wires that hang on them."""
-    rich = edited(
-        RAW["rich"],
-        {
-            ("stage", 0, "wire", 1, "material"): "wire",
-            ("stage", 0, "wire", 1, "radius"): 1e-4,
-            ("stage", 2, "wires", "material"): "wire",
-        },
-    )
-    rich["stage"][2]["wires"]["radius"] = 1e-4
-    design = convert(rich)
-    scene, found = expand(design), compose(design)
-    assert tuple(fibre.label for fibre in found.wire) == scene.wires.label
-    assert tuple(blade.label for blade in found.blade) == scene.blades.label
-    series = np.array(
-        [
-            1 / sum(section.length / section.stretching for section in fibre.sections)
-            for fibre in found.wire
-        ]
-    )
-    # E A over the natural length, where that is given; those with a k of their own too
-    np.testing.assert_allclose(series, (scene.drawn or scene).wires.stiffness, rtol=1e-12)
-
-
 THICK = (
     {"length": 0.01, "radius": 4e-4},
     {"length": 0.005, "radius": [4e-4, 1.25e-4]},
@@ -376,6 +351,7 @@ def test_losses_of_materials():
         {"loss": {"table": {"frequency": [1.0, 10.0], "angle": [1e-9, 1e-8]}}}
     )
     np.testing.assert_array_equal(tabled.table, [[1.0, 10.0], [1e-9, 1e-8]])
+    assert [own.name for own in resolved({}, "steel302")[0]] == ["thermoelastic"]
     assert (tabled.angle, tabled.surface_depth, string) == (0.0, 0.0, 0.0)
 
 

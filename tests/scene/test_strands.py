@@ -132,13 +132,3 @@ def test_eddy_currents_dissipate_the_power_of_the_damper() -> None:
     matrix = links.eddy_damping("plate", 2, m, sigma, 1e-7, g)
     saslow = 3 * mu * m**2 / (32 * np.pi * g**4) * mu * sigma * 1e-7 / 4
     assert np.diag(matrix)[:2] == pytest.approx(saslow, rel=1e-4)
-
-
-def test_drag_along_a_sheet_from_its_stream_function() -> None:
-    """In Fourier space a sheet dissipates |curl E|^2 / k^2: twice as much along the axis.
-
-    Per wave vector k the dipole's field B_z = mu_0 m k exp(-k h) / 2 changes by v k_x or v k.
-    """
-    along, _ = quad(lambda k: (k * k * np.exp(-k)) ** 2 / k**2 * 2 * np.pi * k, 0, np.inf)
-    across, _ = quad(lambda k: (k * k * np.exp(-k)) ** 2 / k**2 * np.pi * k, 0, np.inf)
-    assert across == pytest.approx(along / 2)
