@@ -140,7 +140,8 @@ def carry(
         tension[..., free], left_over = least_energy(
             wrenches[..., free, :], left_over, strain[..., free], given
         )
-        mean = tension.mean(-1, keepdims=True)
-        even = np.ptp(tension, -1, keepdims=True) <= ROUNDING * np.abs(mean)
-        tension = np.where(even, mean, tension)  # those of a symmetric set are equal
+        # those of a symmetric set are equal, and so are exact
+        equal = (load[..., 2] / direction[..., 2].sum(-1))[..., None]
+        even = np.abs(tension - equal).max(-1, keepdims=True) <= ROUNDING * np.abs(equal)
+        tension = np.where(even, equal, tension)
     return tension, left_over
