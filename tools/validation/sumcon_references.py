@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from suspension_cli.design.sumcon import convert
-from suspension_cli.design.sumcon.mathematica import read_list
-from suspension_cli.design.sumcon.toml import table
+from suspension_cli.design.sumcon.convert import table
+from suspension_cli.design.sumcon.save import read_list
 from suspension_cli.errors import InputError
 from suspension_cli.files.atomic import write_bytes
 from tools.tables import ROOT

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design import materials
-from suspension_cli.design.derive import blade_material
-from suspension_cli.design.losses.registry import mechanisms_of
+from suspension_cli.design.losses import mechanisms_of
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.wires import AnyWire
 from suspension_cli.models import registry
@@ -79,7 +78,7 @@ def _blades(design: Design, stage: Stage, level: str) -> Iterator[Lossless | Non
     """List the blades of a stage without bulk loss, None for each of the others."""
     for blade in stage.blade_tables:
         name = f"{stage.name}.{getattr(blade, 'name', 'blades')}"
-        found = _part(design, level, name, blade_material(blade), own=blade.loss_angle)
+        found = _part(design, level, name, blade.made_of, own=blade.loss_angle)
         thick = blade.thickness is not None or blade.geometry is not None
         yield found if found is None or thick else replace(found, bending=())
 

@@ -13,7 +13,7 @@ from suspension_cli.analyses.check import towers
 from suspension_cli.analyses.check.columns import Column
 from suspension_cli.analyses.check.towers import FilterLoad, LegLoad
 from suspension_cli.design import materials
-from suspension_cli.design.derive import blade_material, gravity_strength, wire_line_densities
+from suspension_cli.design.derive import gravity_strength, wire_line_densities
 from suspension_cli.design.schema import Body, Design, Stage
 from suspension_cli.design.sections import given_sections, thinnest
 from suspension_cli.design.wires import Blade, BladeSet, Profile, Wire, WireSet
@@ -345,7 +345,7 @@ def _blade_loads(design: Design, scene: Scene, balanced: Equilibrium) -> Iterato
         if shape is not None:
             stress = 6 * load * shape.length / (shape.base_width * shape.thickness**2)
             stresses = [(stress, shape.material)]
-        stressed = _largest_stress(design, stresses, blade_material(table))
+        stressed = _largest_stress(design, stresses, table.made_of)
         yield BladeLoad(label=label, load=load, sag=load / k, **stressed)
 
 
