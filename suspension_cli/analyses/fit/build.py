@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.fit.problem import Experiment, Problem
+from suspension_cli.analyses.fit.experiment import Experiment
+from suspension_cli.analyses.fit.problem import Problem
 from suspension_cli.design import paths, reader
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.measured import Free, Measured
@@ -80,7 +81,7 @@ def build(texts: Sequence[str], measured: Measured, files: Sequence[str], level:
     rows = [measured.shares(n) for n in range(len(free))]
     shared = np.array(rows, dtype=bool).reshape(len(free), len(texts))
     start = _start(texts, measured, shared, level)
-    _, low, high, _, _, scale = Problem([], free, shared, start).unknowns
+    _, _, low, high, _, _, scale = Problem([], free, shared, start).unknowns
     for n in np.flatnonzero((start < low) | (start > high))[:1]:
         bounds = f"{low[n]:g} to {high[n]:g}"
         problem = f"the design's value {start[n]:g} lies outside the bounds {bounds}"
@@ -88,7 +89,7 @@ def build(texts: Sequence[str], measured: Measured, files: Sequence[str], level:
         raise InputError([Fault(f"parameter.{n + 1}", problem, remedy)])
     experiments = [
         Experiment(
-            text, modes, [item.name for item, here in zip(free, own, strict=True) if here],
+            text, modes, tuple(item.name for item, here in zip(free, own, strict=True) if here),
             start[own], scale[own], measured.where(n), file, level,
         )
         for n, (text, modes, own, file) in enumerate(
@@ -141,7 +142,7 @@ def _check_starts(
     bad: dict[Fault, None] = {}
     for experiment, own in zip(experiments, shared.T, strict=True):
         try:
-            experiment.design(experiment.start)
+            reader.convert(experiment.document(experiment.start))
         except InputError as error:
             numbers = zip(np.flatnonzero(own), experiment.free, experiment.start, strict=True)
             for (n, name, x), fault in itertools.product(numbers, error.faults):

@@ -108,6 +108,13 @@ class Channels:
         sensors, actuators = self.names(0), self.names(1)
         return tuple((sensors.index(f.output), actuators.index(f.input)) for f in self.function)
 
+    def by_function(self, grids: list[np.ndarray]) -> list[np.ndarray]:
+        """Select the functions from readings (... frequency sensor actuator) on each grid."""
+        found: dict[int, np.ndarray] = {}
+        for whole, (_, own) in zip(grids, self.grids, strict=True):
+            found |= {n: whole[(..., *self.pairs[n])] for n in own}
+        return [found[n] for n in range(len(found))]
+
     def with_transducer(self, side: int, name: str, **change: object) -> Channels:
         """Replace properties of a sensor or an actuator."""
         both = [dict(items) for items in self.transducer]

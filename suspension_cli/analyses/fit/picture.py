@@ -174,13 +174,13 @@ def format_with_sigma(value: float, sigma: float) -> str:
     return (f"({both}){tail}" if tail else both).replace("-", "−")
 
 
-def draw_responses(found: ResponseFit, title: str, units: Sequence[str] = ()) -> Figure:
-    """Draw magnitudes (in `units`: ``m/V``) measured, before and after the fit, and residuals."""
+def draw_responses(found: ResponseFit, title: str) -> Figure:
+    """Draw magnitudes measured, before and after the fit, and residuals."""
     ratio = found.chi_squared / np.maximum(found.points, 1)
     order = np.argsort(-ratio, kind="stable")[:SHOWN]
     shown = []
     for n in order:
-        unit = f" ({units[n]})" if len(units) else ""
+        unit = f" ({found.unit[n]})" if found.unit[n] else ""
         shown += _function(found, int(n), float(ratio[n]), f"|reading / drive|{unit}")
     left = len(found.function) - len(order)
     which = f", the {len(order)} of {len(found.function)} that fit worst" if left else ""

@@ -219,14 +219,10 @@ def search(problem: Problem, z: Array, peaks: list[list[Peak]]) -> Array:
                 label=one.labels[peak.mode],
             )
             for peak in matched
-            if peak.mode not in problem.stiff  # frequencies of their own
         ]
         how = {"loss": "soft_l1", "steps": 30, "tolerance": 1e-4}  # a peak may be of another mode
         z[parts[0]] = problem.of_modes(modes).minimise(z[parts[0]], **how)[0]
         matched = assign(problem, z, peaks)
-    hz = one.frequencies(z[parts[0]])
     for peak in matched:
         z[parts[2]][problem.damped == peak.mode] = np.clip(np.log(peak.damping), np.log(1e-8), -0.1)
-        stiffening = (peak.frequency / hz[peak.mode]) ** 2 - 1
-        z[parts[3]][problem.stiff == peak.mode] = np.clip(stiffening, -0.5, 0.9)
     return z

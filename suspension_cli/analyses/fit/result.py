@@ -51,7 +51,7 @@ class SingleChange:
 
 @dataclass(frozen=True)
 class StiffenedMode:
-    """A mode that is stiffer than the design explains: relative excess of its frequency, and Q."""
+    """A mode that is stiffer and more lossy than the fit: excess of its frequency, measured Q."""
 
     label: str
     excess: float
@@ -82,8 +82,8 @@ class ResponseFit:
 
     Attributes
     ----------
-    function, input, output
-        Names of the functions and of their channels.
+    function, input, output, unit
+        Names of the functions and of their channels, and units of their values.
     of
         Function of each point.
     frequency, uncertainty, measured, before, after
@@ -99,11 +99,9 @@ class ResponseFit:
     corrections
         Wrong channels.
     stiffened
-        Modes stiffer than the design explains.
+        In a misfit, modes where something may rub.
     changes
         Single changes that explain most, best first.
-    sentences
-        Determined and undetermined parameters.
     least
         A parameter that is known least; "" if none is free.
     candidates
@@ -113,6 +111,7 @@ class ResponseFit:
     function: tuple[str, ...]
     input: tuple[str, ...] = field(metadata=along("function"))
     output: tuple[str, ...] = field(metadata=along("function"))
+    unit: tuple[str, ...] = field(metadata=along("function"))
     of: Int[np.ndarray, " number"]
     frequency: Float[np.ndarray, " number"] = field(metadata=in_unit("Hz"))
     uncertainty: Float[np.ndarray, " number"] = field(metadata=in_unit(SI))
@@ -131,7 +130,6 @@ class ResponseFit:
     corrections: tuple[Correction, ...] = ()
     stiffened: tuple[StiffenedMode, ...] = ()
     changes: tuple[SingleChange, ...] = ()
-    sentences: tuple[str, ...] = ()
     least: str = ""
     candidates: tuple[Candidate, ...] = ()
 
@@ -188,6 +186,8 @@ class Fit:
         Designs after and before the fit as TOML.
     ends
         chi^2 at the end of each search, ascending; the first is that of this fit.
+    determined
+        Sentences on what the data determine without priors, and what not.
     exchange
         In a misfit, two labels that fit better exchanged.
     measurements
@@ -225,6 +225,7 @@ class Fit:
     design: tuple[str, ...] = field(metadata=along("experiment", name="fitted_design"))
     design_before: tuple[str, ...] = field(metadata=along("experiment", name="design"))
     ends: Float[np.ndarray, " search"]
+    determined: tuple[str, ...] = ()
     exchange: Exchange | None = None
     measurements: str = ""
     title: str = ""

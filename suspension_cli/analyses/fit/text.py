@@ -15,8 +15,6 @@ from suspension_cli.analyses.fit.result import SAME, Fit, ResponseFit
 from suspension_cli.errors import escape_unprintable
 from suspension_cli.version import __version__
 
-LARGEST = 6
-"""Parameters of a combination that are printed."""
 NUISANCES = 12
 """Most properties of channels that are printed: those farthest from their priors."""
 FUNCTIONS = 8
@@ -99,17 +97,13 @@ def report(found: Fit) -> str:
         same = int((found.ends <= (1 + SAME) * found.ends[0]).sum())
         rest = f", the next best at {found.ends[same]:.4g}" if same < len(found.ends) else ""
         ends.append(f"{same} of {len(found.ends)} searches ended there{rest}")
-    if found.responses is None:
-        parts += [ends, _combinations(found)]
-    else:
-        said = found.responses.sentences
-        parts += [
-            *([text] for text in _response_tables(found.responses)),
-            _explanations(found, found.responses),
-            ["What these data say, without the priors:", *said] if said else [],
-            _next(found, found.responses),
-            ends,
-        ]
+    said = ["What these data say, without the priors:", *found.determined]
+    parts += [said] if found.determined else []
+    if found.responses is not None:
+        tables_ = [[text] for text in _response_tables(found.responses)]
+        parts[3:3] = [*tables_, _explanations(found, found.responses)]
+        parts.append(_next(found, found.responses))
+    parts.append(ends)
     return "\n\n".join("\n".join(lines) for lines in parts if lines)
 
 
@@ -141,22 +135,6 @@ def _modes(found: Fit) -> str:
         found.measured, found.uncertainty, *modelled, found.residual, found.modes, strict=True
     )
     return tables.render(columns, rows)
-
-
-def _combinations(found: Fit) -> list[str]:
-    """Uncertainties of combinations of parameters."""
-    lines = ["uncertainties of combinations of relative changes, from the modes without priors:"]
-    for value, row in zip(found.singular, found.direction, strict=True):
-        pairs = sorted(zip(row, found.parameters, strict=True), key=lambda item: -abs(item[0]))
-        parts = " ".join(
-            f"{part:+.2f} {name}" for part, name in pairs[:LARGEST] if abs(part) >= 0.05
-        )
-        known = value > 1e-9 * found.singular[0]
-        lines.append(f"  {f'{100 / value:.2g} %' if known else 'undetermined'}: {parts}")
-    left = len(found.name) - len(found.singular)
-    if left > 0:
-        lines.append(f"  {left} more are not determined, as there are more parameters than modes")
-    return lines
 
 
 def _response_tables(found: ResponseFit) -> list[str]:
@@ -304,6 +282,7 @@ def document(found: Fit, files: Sequence[str | None]) -> Document:
         "exchange": exchange,
         "singular_values": found.singular.tolist(),
         "directions": found.direction.tolist(),
+        "determined": list(found.determined),
     } | (_response_document(found.responses) if found.responses is not None else {})
 
 
@@ -328,7 +307,6 @@ def _response_document(found: ResponseFit) -> Document:
         "too_stiff_and_lossy": table(found.stiffened, "label excess q"),
         "chi_squared_before": plain(found.chi_squared_before),
         "single_changes": table(found.changes, "name start change chi_squared"),
-        "determined": list(found.sentences),
         "least_known": found.least or None,
         "measure_next": table(found.candidates, "input output band_hz=band sigma"),
     }

@@ -217,6 +217,6 @@ def alternatives(problem: Problem, z: Array) -> list[Correction]:
     """Rate changes of a sign and exchanges of two channels by chi^2 at z, best first."""
     rated = []
     for one in _changes(problem.channels, SIGN, EXCHANGE):
-        residual = replace(problem, channels=one.apply(problem.channels)).residual(z)
-        rated.append(replace(one, chi_squared=float(residual @ residual)))
+        changed = replace(problem, channels=one.apply(problem.channels))
+        rated.append(replace(one, chi_squared=changed.chi_squared(z)))
     return sorted(rated, key=lambda one: one.chi_squared)
