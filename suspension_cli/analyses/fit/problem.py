@@ -15,16 +15,17 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from suspension_cli.analyses.fit.channels import GAIN, Channels
+from suspension_cli.analyses import readings
 from suspension_cli.analyses.fit.experiment import Experiment
 from suspension_cli.design.measured import Free, Mode
 from suspension_cli.errors import InputError
+from suspension_cli.measurements.transfer_function import GAIN, Channels
 from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array
-from suspension_cli.studies.response_matrix import LOSSES, Responses
+from suspension_cli.studies.response_matrix import LOSSES, Plant, Responses
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Complex, Float, Int
+    from jaxtyping import Bool, Complex, Float, Inexact, Int
 
 DAMPING = 1e-3
 """Prior median of the added damping 1/Q of a mode."""
@@ -62,9 +63,9 @@ class Problem:
         Whether a parameter belongs to an experiment.
     base
         Starting values of the parameters.
-    channels
-        Sensors, actuators and measured functions of the one design; none if only modes were
-        measured.
+    channels, signals
+        Sensors, actuators and measured functions of the one design, and its signals in them; none
+        if only modes were measured.
     damped
         Nominal modes with an added damping.
     """
@@ -74,6 +75,7 @@ class Problem:
     shared: Bool[np.ndarray, "parameter experiment"]
     base: Array
     channels: Channels = field(default_factory=Channels)
+    signals: readings.Signals = ((), ())
     damped: Int[np.ndarray, " damped"] = field(default_factory=lambda: np.zeros(0, dtype=int))
 
     @property
@@ -125,7 +127,11 @@ class Problem:
         """Solve for the responses of all signals on each grid."""
         grids = [grid for grid, _ in self.channels.grids]
         x, one = z[self.parts[0]], self.experiment[0]
-        return one.respond(x, self.channels.signal, grids, self.damping(z)) if grids else []
+        return one.respond(x, self.signals, grids, self.damping(z)) if grids else []
+
+    def residues(self, plant: Plant) -> Inexact[np.ndarray, "function mode"]:
+        """Compute the residues of the measured functions (`readings.residues`)."""
+        return readings.residues(self.channels, self.signals, plant.system, plant.modes)
 
     def damping(self, z: Array) -> Float[np.ndarray, " mode"]:
         """Added damping 1/Q of each mode of the plant."""

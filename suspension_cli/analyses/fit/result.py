@@ -51,7 +51,7 @@ class SingleChange:
 
 @dataclass(frozen=True)
 class StiffenedMode:
-    """A mode that is stiffer and more lossy than the fit: excess of its frequency, measured Q."""
+    """A mode stiffer than in the design and lossy: relative excess of its frequency, and Q."""
 
     label: str
     excess: float

@@ -24,11 +24,11 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
+from suspension_cli.analyses import readings
 from suspension_cli.analyses.analysis import Progress
-from suspension_cli.analyses.fit import channels, findings, resonances, wrong_channels
+from suspension_cli.analyses.fit import findings, resonances, wrong_channels
 from suspension_cli.analyses.fit.build import build, default_parameters
 from suspension_cli.analyses.fit.problem import Problem
-from suspension_cli.analyses.fit.resonances import Peak
 from suspension_cli.analyses.fit.result import (
     SAME,
     Exchange,
@@ -39,10 +39,13 @@ from suspension_cli.analyses.fit.result import (
     is_unlikely,
 )
 from suspension_cli.analyses.fit.wrong_channels import Correction
+from suspension_cli.conventions import GROUND
 from suspension_cli.design import reader
 from suspension_cli.design.measured import Measured
 from suspension_cli.errors import Fault, InputError
-from suspension_cli.measurements.transfer_function import MeasuredResponse
+from suspension_cli.linear import signals
+from suspension_cli.measurements.resonances import Peak, find_peaks
+from suspension_cli.measurements.transfer_function import Channels, MeasuredResponse
 from suspension_cli.models import registry
 from suspension_cli.studies import parameters
 
@@ -55,8 +58,8 @@ BETTER = 0.5
 """Fraction of chi^2 below which a change of channels is made after a fit."""
 LOSSY = 3.0
 """Added damping of a mode over the lower quartile of all from which something may rub."""
-STIFF = 0.003
-"""Least relative excess of its measured over its fitted frequency."""
+STIFF = 0.01
+"""Least relative excess of its measured frequency over that of the design."""
 ROUNDS = 3
 """Most corrections, and most restarts from single changes, after a fit."""
 MAX_DRAWS = 100
@@ -115,7 +118,7 @@ class Solution:
         z = [known.get(name, first) for name, first in zip(names, start, strict=True)]
         return replace(self, problem=problem, z=np.array(z))
 
-    def corrected(self, corrections: Sequence[Correction], made: channels.Channels) -> Solution:
+    def corrected(self, corrections: Sequence[Correction], made: Channels) -> Solution:
         """Change the channels."""
         found = self.carry(replace(self.problem, channels=made))
         return replace(found, corrections=tuple(corrections))
@@ -176,12 +179,17 @@ def solve(
     problem = build(texts, measured, files or [""] * len(texts), level)
     if functions:
         plant = problem.experiment[0].nominal
-        made = channels.build(measured, functions, plant.system)
+        made = Channels.of(measured, functions)
+        # motions of the ground beside the support are not fitted
+        known = [name for name in signals.bodies_with_signals(plant.system) if name != GROUND]
+        problem = replace(
+            problem, channels=made, signals=readings.parse(made, measured, tuple(known))
+        )
         every, hz = np.concatenate([f.frequency for f in functions]), plant.modes.frequency
         inside = (hz > every.min() / BEYOND) & (hz < every.max() * BEYOND)
-        seen = (resonances.residues(plant, made) != 0).any(0)
-        problem = replace(problem, channels=made, damped=np.flatnonzero(inside & seen))
-    peaks = [resonances.find_peaks(item) for item in functions]
+        seen = (problem.residues(plant) != 0).any(0)
+        problem = replace(problem, damped=np.flatnonzero(inside & seen))
+    peaks = [[peak for peak in find_peaks(item) if peak.sigma >= 0] for item in functions]
     ends, started = list[Solution](), time.monotonic()
     for x in _starts(problem, starts, seed):
         z = np.concatenate([x, problem.unknowns.start[problem.count :]])
@@ -453,14 +461,13 @@ def _responses(
 
 
 def _rubbing(found: Solution, matched: Sequence[resonances.Resonance]) -> tuple[StiffenedMode, ...]:
-    """List modes that are both stiffer and far more lossy than a fitted design has them."""
-    problem = found.problem
+    """List modes that are stiffer than in the design and far more lossy than others."""
+    problem, one = found.problem, found.problem.experiment[0]
     added = dict(zip(problem.damped.tolist(), np.exp(found.z[problem.parts[2]]), strict=True))
-    frequency = problem.experiment[0].frequencies(found.z[: problem.count])
     least = LOSSY * np.quantile([added.get(peak.mode, 0.0) for peak in matched] or [np.inf], 0.25)
-    return tuple(
-        StiffenedMode(problem.experiment[0].labels[peak.mode], float(excess), 1 / peak.damping)
-        for peak in matched
-        if (excess := peak.frequency / frequency[peak.mode] - 1) > STIFF
-        and added.get(peak.mode, 0.0) > least
-    )
+    frequency, modes = one.nominal.modes.frequency, []
+    for peak in matched:
+        excess = float(peak.frequency / frequency[peak.mode] - 1)
+        if excess > STIFF and added.get(peak.mode, 0.0) > least:
+            modes.append(StiffenedMode(one.labels[peak.mode], excess, 1 / peak.damping))
+    return tuple(modes)

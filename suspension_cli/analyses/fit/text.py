@@ -9,10 +9,10 @@ import numpy as np
 
 from suspension_cli.analyses import tables
 from suspension_cli.analyses.analysis import Document, plain, table
-from suspension_cli.analyses.fit.channels import TABLES
 from suspension_cli.analyses.fit.findings import change_unit, short
 from suspension_cli.analyses.fit.result import SAME, Fit, ResponseFit
 from suspension_cli.errors import escape_unprintable
+from suspension_cli.measurements.transfer_function import TABLES
 from suspension_cli.version import __version__
 
 NUISANCES = 12
@@ -83,8 +83,9 @@ def corrections(found: ResponseFit) -> list[str]:
             for mode in found.stiffened
         )
         lines.append(
-            "RUBBING? these modes are both stiffer and more lossy than any parameter of the design"
-            f" explains: {parts}; look for a wire, a cable or a stop that touches"
+            "RUBBING? these modes are stiffer than in the design and far more lossy than others:"
+            f" {parts}; look for a wire, a cable or a stop that touches, before you trust the"
+            " fitted parameters"
         )
     return lines
 

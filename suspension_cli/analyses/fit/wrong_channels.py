@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.fit.channels import TABLES, Channels
 from suspension_cli.analyses.fit.problem import Problem
+from suspension_cli.measurements.transfer_function import TABLES, Channels
 
 if TYPE_CHECKING:
     from suspension_cli.scene.arrays import Array

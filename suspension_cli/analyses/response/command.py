@@ -308,7 +308,8 @@ def _request(
     if items:
         from suspension_cli.analyses.response import measured
 
-        measured.check_signals(items, bodies)
+        for item in items:
+            measured.parse(item, bodies)
         inputs, outputs = measured.signals(items, inputs, outputs)
     wanted = Transfer(
         [signals.parse_input(text, bodies) for text in inputs or ("support.x",)],
