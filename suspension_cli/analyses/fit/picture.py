@@ -72,7 +72,7 @@ def draw(found: Fit, title: str) -> Figure:
     ]
     if found.name:
         with np.errstate(invalid="ignore", divide="ignore"):
-            moved = (found.value - found.start) / (found.scale * found.sigma)
+            moved = (found.value - found.start) / found.sigma
         names = [single_line(_name(found, n), LONGEST) for n in range(len(found.name))]
         label, texts = (
             "(fitted − start) / uncertainty",
@@ -155,7 +155,7 @@ def _rows(
 def _number(found: Fit, n: int) -> str:
     """Write a fitted number with its standard deviation."""
     unit, factor = displayed_unit(found.name[n], float(found.value[n]))
-    text = format_with_sigma(factor * found.value[n], factor * found.scale * found.sigma[n])
+    text = format_with_sigma(factor * found.value[n], factor * found.sigma[n])
     return f"{text} {unit.replace('^2', '²')}".strip()
 
 

@@ -148,7 +148,13 @@ class ResponseFit:
     @property
     def chi_squared(self) -> Float[np.ndarray, " function"]:
         """chi^2 of each function after the fit."""
-        off = np.abs((self.after - self.measured) / self.uncertainty) ** 2
+        return self.chi_squared_of(self.after)
+
+    def chi_squared_of(
+        self, values: Complex[np.ndarray, " number"]
+    ) -> Float[np.ndarray, " function"]:
+        """chi^2 of each function with these values."""
+        off = np.abs((values - self.measured) / self.uncertainty) ** 2
         return np.bincount(self.of, off, len(self.function)).astype(float)
 
     @property
@@ -167,10 +173,12 @@ class Fit:
         Names of the experiments; that of the design if there is one.
     name, shared
         Dotted paths of the fitted parameters, and the experiments to which each belongs.
-    start, value, sigma
-        Values before and after the fit, and standard deviations (infinite where not determined,
-        NaN at a bound), SI. `sigma` and `covariance` follow from the given uncertainties; in a
-        misfit, multiply them by `scale` and by its square.
+    start, value, sigma, covariance
+        Values before and after the fit, standard deviations (infinite where not determined, NaN at
+        a bound) and covariance, SI; in a misfit larger than the given uncertainties imply.
+    scale
+        Factor on `sigma` in a misfit, the root of chi^2 per degree of freedom (Birge, Phys. Rev.
+        40, 207 (1932)), else 1.
     prior, prior_sigma
         Priors and their standard deviations, infinite where there is none.
     of, label
@@ -203,14 +211,13 @@ class Fit:
     shared: Bool[np.ndarray, "parameter experiment"]
     start: Float[np.ndarray, " parameter"] = field(metadata=in_unit("{parameter_unit}"))
     value: Float[np.ndarray, " parameter"] = field(metadata=in_unit("{parameter_unit}"))
-    sigma: Float[np.ndarray, " parameter"] = field(
-        metadata=in_unit("{parameter_unit}", name="unscaled_sigma")
-    )
+    sigma: Float[np.ndarray, " parameter"] = field(metadata=in_unit("{parameter_unit}"))
     prior: Float[np.ndarray, " parameter"] = field(metadata=in_unit("{parameter_unit}"))
     prior_sigma: Float[np.ndarray, " parameter"] = field(metadata=in_unit("{parameter_unit}"))
     covariance: Float[np.ndarray, "parameter other_parameter"] = field(
-        metadata=in_unit("{parameter_unit} {other_unit}", name="unscaled_covariance")
+        metadata=in_unit("{parameter_unit} {other_unit}")
     )
+    scale: float = field(metadata=in_unit("", name="sigma_scale"))
     at_bound: Bool[np.ndarray, " parameter"]
     of: Int[np.ndarray, " mode"]
     label: tuple[str, ...] = field(metadata=along("mode"))
@@ -248,18 +255,6 @@ class Fit:
     def other_unit(self) -> tuple[str, ...]:
         """SI unit of each column of the covariance."""
         return self.parameter_unit
-
-    @property
-    @derived("{parameter_unit}", name="sigma")
-    def scaled_sigma(self) -> Float[np.ndarray, " parameter"]:
-        """Standard deviations, larger in a misfit."""
-        return self.scale * self.sigma
-
-    @property
-    @derived("{parameter_unit} {other_unit}", name="covariance")
-    def scaled_covariance(self) -> Float[np.ndarray, "parameter other_parameter"]:
-        """Covariance, larger in a misfit."""
-        return self.scale**2 * self.covariance
 
     @property
     @derived()
@@ -302,15 +297,6 @@ class Fit:
         """Parameters and channels beyond `FAR` standard deviations of their priors, worst first."""
         far = [item for item in self.pulls if abs(item[1]) > FAR]
         return sorted(far, key=lambda item: -abs(item[1]))
-
-    @property
-    @derived(name="sigma_scale")
-    def scale(self) -> float:
-        """Factor on `sigma` (Birge, Phys. Rev. 40, 207 (1932)).
-
-        The root of chi^2 per degree of freedom if that is unlikely, else 1.
-        """
-        return float(np.sqrt(self.chi_squared / self.freedom)) if self.unlikely else 1.0
 
     @property
     @derived()

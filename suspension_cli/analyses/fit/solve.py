@@ -376,6 +376,9 @@ def _collect(found: Solution, slope: Array, measured: Measured, ends: Array) -> 
         np.where(hz > 0, hz, np.nan)
         for hz in (problem.predict_modes(x)[0] for x in (problem.base, value))
     )
+    freedom = len(slope) - int((~np.isnan(np.diag(spread))).sum())
+    unlikely = is_unlikely(found.chi_squared, freedom)
+    scale = float(np.sqrt(found.chi_squared / freedom)) if unlikely else 1.0
     relative = np.where(value != 0, np.abs(value), 1.0)
     data = findings.data_rows(problem, slope) * relative
     _, singular, direction = np.linalg.svd(data, full_matrices=False)
@@ -391,10 +394,11 @@ def _collect(found: Solution, slope: Array, measured: Measured, ends: Array) -> 
         shared=problem.shared,
         start=problem.base,
         value=value,
-        sigma=np.sqrt(np.diag(spread)[:p]),
+        sigma=scale * np.sqrt(np.diag(spread)[:p]),
         prior=problem.unknowns.prior[:p],
         prior_sigma=problem.unknowns.sigma[:p],
-        covariance=spread[:p, :p],
+        covariance=scale**2 * spread[:p, :p],
+        scale=scale,
         at_bound=np.isnan(np.diag(spread)[:p]),
         of=np.repeat(np.arange(len(every)), [len(names) for names in labels]),
         label=tuple(name for names in labels for name in names),
@@ -403,7 +407,7 @@ def _collect(found: Solution, slope: Array, measured: Measured, ends: Array) -> 
         before=before,
         after=after,
         chi_squared=found.chi_squared,
-        freedom=len(slope) - int((~np.isnan(np.diag(spread))).sum()),
+        freedom=freedom,
         singular=singular,
         direction=direction,
         design=tuple(
