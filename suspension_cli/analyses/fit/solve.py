@@ -27,8 +27,7 @@ import numpy as np
 from suspension_cli.analyses import readings
 from suspension_cli.analyses.analysis import Progress
 from suspension_cli.analyses.fit import findings, resonances, wrong_channels
-from suspension_cli.analyses.fit.build import build, default_parameters
-from suspension_cli.analyses.fit.problem import Problem
+from suspension_cli.analyses.fit.problem import Problem, build, default_parameters
 from suspension_cli.analyses.fit.result import (
     SAME,
     Exchange,
