@@ -116,7 +116,8 @@ class ResponseAnalysis(Analysis):
         from suspension_cli.analyses.check import warnings
         from suspension_cli.analyses.response import closed_loop, peaks
         from suspension_cli.analyses.response.closed_loop import ClosedTransfer
-        from suspension_cli.linear import response
+        from suspension_cli.linear import eigenmodes
+        from suspension_cli.linear.response import Response, units
 
         setting, items = run.setting, _measured(run.setting)
         request = partial(_request, setting=setting, items=items, design=run.design)
@@ -126,21 +127,26 @@ class ResponseAnalysis(Analysis):
         model = model_choice.stable_system(run.source, choice, allowed, run.log, model, bends=True)
         wanted = request(model)
         warnings.warn_of_tables(run.design, wanted.frequency, run.log)
-        solve = resonances = closed = None
+        closed, solve = None, partial(wanted.values, model)
         if isinstance(wanted, ClosedTransfer):
             poles = closed_loop.find_stable_poles(
                 run.design, model, choice.model, unstable, run.log
             )
-            found, solve = closed_loop.solve(wanted, model), partial(wanted.values, model)
-            resonances = poles.frequency
-            closed = wanted, poles
+            resonances, closed = poles.frequency, (wanted, poles)
         else:
-            found = response.solve(model, wanted.frequency, wanted.inputs, wanted.outputs)
+            resonances = eigenmodes.solve(model.constant).frequency
+        found = Response(
+            wanted.frequency,
+            tuple(signal.text for signal in wanted.inputs),
+            tuple(signal.text for signal in wanted.outputs),
+            units(wanted.inputs, wanted.outputs),
+            solve(wanted.frequency),
+            closed_loop=closed is not None,
+        )
         if items:
             found = _compared(model, items, found, closed, run.log)
             return Result(self, run.source, choice, found, command=run.command)
-        largest = peaks.find_peaks(model, found, wanted.inputs, wanted.outputs, solve, resonances)
-        found = replace(found, largest=largest)
+        found = replace(found, largest=peaks.find_peaks(found, solve, resonances))
         return Result(self, run.source, choice, found, command=run.command, linear_system=model)
 
     def document(self, result: Result) -> Document:
@@ -318,9 +324,11 @@ def _request(
     )
     if not setting["closed_loop"]:
         return wanted
-    from suspension_cli.analyses.response import closed_loop
+    from suspension_cli.analyses.damp import control
+    from suspension_cli.analyses.response.closed_loop import ClosedTransfer
 
-    return closed_loop.close(wanted, design, model)
+    control.build_plant(design, model)  # raises if there are no loops
+    return ClosedTransfer(**vars(wanted), design=design)
 
 
 def _frequencies(setting: Settings, items: Sequence[Item]) -> Array:
