@@ -50,15 +50,6 @@ class SingleChange:
 
 
 @dataclass(frozen=True)
-class StiffenedMode:
-    """A mode stiffer than in the design and lossy: relative excess of its frequency, and Q."""
-
-    label: str
-    excess: float
-    q: float
-
-
-@dataclass(frozen=True)
 class Candidate:
     """A measurement (input and output signals, band in Hz) that would determine a parameter better.
 
@@ -98,8 +89,6 @@ class ResponseFit:
         chi^2 of the design as given, with the properties of channels fitted.
     corrections
         Wrong channels.
-    stiffened
-        In a misfit, modes where something may rub.
     changes
         Single changes that explain most, best first.
     least
@@ -128,7 +117,6 @@ class ResponseFit:
     )
     chi_squared_before: float = float("nan")
     corrections: tuple[Correction, ...] = ()
-    stiffened: tuple[StiffenedMode, ...] = ()
     changes: tuple[SingleChange, ...] = ()
     least: str = ""
     candidates: tuple[Candidate, ...] = ()

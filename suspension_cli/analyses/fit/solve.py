@@ -34,7 +34,6 @@ from suspension_cli.analyses.fit.result import (
     Fit,
     ResponseFit,
     SingleChange,
-    StiffenedMode,
     is_unlikely,
 )
 from suspension_cli.analyses.fit.wrong_channels import Correction
@@ -55,10 +54,6 @@ BEYOND = 1.5
 """Factor by which the band of modes with added damping exceeds the measured one."""
 BETTER = 0.5
 """Fraction of chi^2 below which a change of channels is made after a fit."""
-LOSSY = 3.0
-"""Added damping of a mode over the lower quartile of all from which something may rub."""
-STIFF = 0.01
-"""Least relative excess of its measured frequency over that of the design."""
 ROUNDS = 3
 """Most corrections, and most restarts from single changes, after a fit."""
 MAX_DRAWS = 100
@@ -458,19 +453,5 @@ def _responses(
             for peak in matched
         ]).reshape(-1, 6),
         corrections=tuple(corrections),
-        stiffened=_rubbing(found, matched) if found.misfit else (),
         **extra,
     )  # fmt: skip
-
-
-def _rubbing(found: Solution, matched: Sequence[resonances.Resonance]) -> tuple[StiffenedMode, ...]:
-    """List modes that are stiffer than in the design and far more lossy than others."""
-    problem, one = found.problem, found.problem.experiment[0]
-    added = dict(zip(problem.damped.tolist(), np.exp(found.z[problem.parts[2]]), strict=True))
-    least = LOSSY * np.quantile([added.get(peak.mode, 0.0) for peak in matched] or [np.inf], 0.25)
-    frequency, modes = one.nominal.modes.frequency, []
-    for peak in matched:
-        excess = float(peak.frequency / frequency[peak.mode] - 1)
-        if excess > STIFF and added.get(peak.mode, 0.0) > least:
-            modes.append(StiffenedMode(one.labels[peak.mode], excess, 1 / peak.damping))
-    return tuple(modes)

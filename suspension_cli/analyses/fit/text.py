@@ -62,23 +62,12 @@ def _remedy(found: Fit) -> str:
 
 
 def corrections(found: ResponseFit) -> list[str]:
-    """Describe channels and modes that no geometry explains, with their effect on chi^2."""
-    lines = [
+    """Describe wrong channels, which no geometry explains, with their effect on chi^2."""
+    return [
         f"{'CHANNEL: ' if one.known else ''}{one.text}; the fit includes this (without this chi^2"
         f" is {one.chi_squared:.4g})"
         for one in found.corrections
     ]
-    if found.stiffened:
-        parts = ", ".join(
-            f"{mode.label} (frequency +{100 * mode.excess:.2g} %, Q {mode.q:.3g})"
-            for mode in found.stiffened
-        )
-        lines.append(
-            "RUBBING? these modes are stiffer than in the design and far more lossy than others:"
-            f" {parts}; look for a wire, a cable or a stop that touches, before you trust the"
-            " fitted parameters"
-        )
-    return lines
 
 
 def report(found: Fit) -> str:
@@ -286,7 +275,6 @@ def _response_document(found: ResponseFit) -> Document:
             for name, row in zip(found.mode, found.resonance, strict=True)
         ],
         "wrong_channels": wrong,
-        "too_stiff_and_lossy": table(found.stiffened, "label excess q"),
         "chi_squared_before": plain(found.chi_squared_before),
         "single_changes": table(found.changes, "name start change chi_squared"),
         "least_known": found.least or None,

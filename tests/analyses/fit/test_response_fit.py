@@ -1,5 +1,5 @@
-"""Fits of transfer functions: derivatives, the truth within its region, wrong channels, rubbing
-wires, what is determined, what to measure next, and the command on files of data."""
+"""Fits of transfer functions: derivatives, the truth within its region, wrong channels,
+what is determined, what to measure next, and the command on files of data."""
 
 from __future__ import annotations
 
@@ -177,23 +177,6 @@ def test_only_a_sum_is_known():
         DOUBLE, {}, free, np.random.default_rng(0), stage="test", dofs=("z",), frequency=GRID
     )
     assert "c70steel.youngs_modulus" in "; ".join(made.fit().determined)
-
-
-def test_a_rubbing_wire():
-    """A stop touches the upper mass: its modes are too stiff and too lossy at once, and named."""
-    upper, test = DOUBLE.split('[[stage]]\nname = "test"')
-    contact = "[[stage.spring]]\nstiffness = [30.0, 0.0, 0.0, 0.0, 0.1, 0.0]\n"
-    contact += "damping = [0.4, 0.0, 0.0, 0.0, 0.004, 0.0]\n\n"
-    built = sus.parse(f'{upper}{contact}[[stage]]\nname = "test"{test}')
-    functions = measure(built, ("x", "pitch"), np.geomspace(0.2, 30.0, 240))
-    free = [
-        Free(name="stage.upper.wires.d", prior=2e-3, uncertainty=1e-3),
-        Free(name="stage.upper.wires.l", prior=0.3, uncertainty=1e-3),
-        Free(name="stage.test.wires.l", prior=0.28, uncertainty=1e-3),
-    ]
-    found = fit.solve([DOUBLE], Measured(parameter=free), (), functions, explain=False)
-    assert found.misfit and "RUBBING" in "\n".join(text.corrections(found.responses))
-    assert "test pitch" in [one.label for one in found.responses.stiffened]
 
 
 def test_delays_and_mixing_are_fitted():
