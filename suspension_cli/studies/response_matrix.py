@@ -123,24 +123,20 @@ class Plant:
 
         None for a number that cannot change alone.
         """
-        new = [name for name in names if name not in self._changes]
-        if new:
-            numbers = [Parameter(name, value_of(self.design, name)) for name in new]
-            size, bodies = self.system.size, len(self.system.body) + 1
-            shape = np.zeros(4 * size**2 + 9 * bodies)
-            around = derivatives.differentiate(
-                self.design, numbers, self.level, _flat_matrices, nominal=shape
-            )
-            for name, row, good in zip(new, around.central, around.balanced, strict=True):
-                mass, stiffness, damping, loss = row[: 4 * size**2].reshape(4, size, size)
-                turn = row[4 * size**2 :].reshape(-1, 3, 3)
-                own = Matrices(mass, stiffness, damping, loss, turn)
-                self._changes[name] = own if good else None
-        return [self._changes[name] for name in names]
-
-    @cached_property
-    def _changes(self) -> dict[str, Matrices | None]:
-        return {}
+        if not names:
+            return []
+        numbers = [Parameter(name, value_of(self.design, name)) for name in names]
+        size, bodies = self.system.size, len(self.system.body) + 1
+        shape = np.zeros(4 * size**2 + 9 * bodies)
+        around = derivatives.differentiate(
+            self.design, numbers, self.level, _flat_matrices, nominal=shape
+        )
+        found: list[Matrices | None] = []
+        for row, good in zip(around.central, around.balanced, strict=True):
+            parts = row[: 4 * size**2].reshape(4, size, size)
+            turn = row[4 * size**2 :].reshape(-1, 3, 3)
+            found.append(Matrices(*parts, turn) if good else None)
+        return found
 
     def respond(
         self,
