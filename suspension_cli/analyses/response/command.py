@@ -115,7 +115,9 @@ class ResponseAnalysis(Analysis):
         from suspension_cli.linear.response import units
 
         setting = run.setting
-        items = measured.read_files(setting["measured"] or (), setting["inputs"], setting["outputs"])
+        items = measured.read_files(
+            setting["measured"] or (), setting["inputs"], setting["outputs"]
+        )
         request = partial(_request, setting=setting, items=items, design=run.design)
         unstable = setting["allow_unstable"]
         choice, model = model_choice.choose(run.source, setting["fidelity"], request)
