@@ -195,9 +195,20 @@ class Channels:
     def weights(
         self, side: int, frequency: np.ndarray
     ) -> Complex[np.ndarray, "frequency channel _"]:
-        """Weights of the signals in each sensor or actuator."""
-        items = self.transducer[side].values()
-        return np.stack([channel_weights(item, self.signal[side], frequency) for item in items], 1)
+        """Weights of the signals in each sensor or actuator, at frequencies in Hz.
+
+        >>> osem = Transducer(name="osem", signal="upper.x", gain=2.0, mix={"upper.y": 0.01})
+        >>> channels = Channels(({"osem": osem}, {}), (("upper.x", "upper.y"), ()))
+        >>> channels.weights(0, np.ones(1)).real.tolist()
+        [[[2.0, 0.02]]]
+        """
+        size = (len(frequency), len(self.transducer[side]), len(self.signal[side]))
+        result = np.zeros(size, dtype=complex)
+        for n, item in enumerate(self.transducer[side].values()):
+            factor = item.gain * np.exp(-2j * np.pi * np.asarray(frequency) * item.delay)
+            for name, amount in ((item.signal, 1.0), *item.mix.items()):
+                result[:, n, self.signal[side].index(name)] += factor * amount
+        return result
 
     def combine(
         self, response: Complex[np.ndarray, "*more frequency output input"], frequency: np.ndarray
@@ -227,34 +238,3 @@ class Channels:
 def find_transducer(name: str, among: Sequence[Transducer]) -> Transducer:
     """Find a transducer by name; a signal of the design is its own, of gain 1."""
     return next((one for one in among if one.name == name), Transducer(name="signal", signal=name))
-
-
-def channel_weights(
-    transducer: Transducer,
-    signals: Sequence[str],
-    frequency: Sequence[float] | Float[np.ndarray, " frequency"],
-) -> Complex[np.ndarray, "frequency signal"]:
-    """Compute the factor of each signal in a channel.
-
-    Parameters
-    ----------
-    signals
-        At least those of the transducer.
-    frequency : (f,) array
-        Hz.
-
-    Returns
-    -------
-    (f, len(signals)) complex array
-
-    Examples
-    --------
-    >>> osem = Transducer(name="osem", signal="upper.x", gain=2.0, mix={"upper.y": 0.01})
-    >>> channel_weights(osem, ["upper.x", "upper.y"], [1.0]).real.tolist()
-    [[2.0, 0.02]]
-    """
-    amount = np.zeros(len(signals))
-    for name, value in ((transducer.signal, 1.0), *transducer.mix.items()):
-        amount[signals.index(name)] += value
-    turn = np.exp(-2j * np.pi * np.asarray(frequency, dtype=float) * transducer.delay)
-    return transducer.gain * turn[:, None] * amount

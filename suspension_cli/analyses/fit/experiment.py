@@ -189,15 +189,15 @@ class Experiment:
         cost = np.hstack([cost, spare])
         rows, columns = linear_sum_assignment(cost)
         lost = np.flatnonzero(cost[rows, columns] == FORBIDDEN)
-        if len(lost):
-            raise InputError([self._unassigned(int(lost[0]), len(frequency))])
-        return columns
-
-    def _unassigned(self, n: int, count: int) -> Fault:
-        allowed = self.mode[n].dof
-        if allowed is None:
-            problem = f"the design has only {count} modes, fewer than were measured"
-            return Fault(f"{self.where}mode", problem, "remove measurements of other modes")
-        problem = "no unassigned mode moves mainly in these degrees of freedom"
-        remedy = f"list modes with pendsus modes --fidelity {self.level}"
-        return Fault(f"{self.where}mode.{n + 1}.dof", problem, remedy, format_value(allowed))
+        if not len(lost):
+            return columns
+        directions = self.mode[lost[0]].dof
+        if directions is None:
+            problem = f"the design has only {len(frequency)} modes, fewer than were measured"
+            fault = Fault(f"{self.where}mode", problem, "remove measurements of other modes")
+        else:
+            problem = "no unassigned mode moves mainly in these degrees of freedom"
+            remedy = f"list modes with pendsus modes --fidelity {self.level}"
+            where = f"{self.where}mode.{lost[0] + 1}.dof"
+            fault = Fault(where, problem, remedy, format_value(directions))
+        raise InputError([fault])

@@ -34,8 +34,6 @@ TOGETHER = 0.2
 combination is determined."""
 POWERS = np.array([1.0, -1.0, 2.0, -2.0, 0.5, -0.5, 4.0, -4.0])
 """Exponents in a product of which only the product is determined."""
-COMBINED = 8
-"""Parameters that are searched for combinations of three."""
 GAIN = 0.05
 """Relative calibration error of a candidate measurement."""
 PER_BAND = 24
@@ -158,33 +156,29 @@ def combinations(
     set of int
         All members.
     """
-    lines: list[str] = []
-    taken: set[int] = set()
-    for size in (2, 3):
-        left = [n for n in np.flatnonzero(uncertain) if n not in taken]
-        if size == 3:
-            left = sorted(left, key=lambda n: -spread[n, n] / value[n] ** 2)[:COMBINED]
-        found = []
-        for group in itertools.combinations(left, size):
-            some, summed = list(group), all(lengths[n] for n in group)
-            if not summed and (value[some] <= 0).any():
-                continue
-            unit = np.ones(size) if summed else value[some]
-            own = spread[np.ix_(some, some)] / np.outer(unit, unit)
-            axis = np.linalg.eigh(own)[1][:, 0]
-            simple = POWERS[: 2 if summed else len(POWERS)]
-            off = np.abs((axis / (axis[0] or 1.0))[:, None] / simple - 1)
-            weight = simple[off.argmin(1)]
-            error = float(np.sqrt(max(weight @ own @ weight, 0.0)))
-            relative = error / float(np.abs(weight).max() * np.sqrt(np.diag(own)).min())
-            if relative < TOGETHER:
-                terms = [*zip(weight.tolist(), (names[n] for n in group), strict=True)]
-                line = _describe_sum(terms, error) if summed else _describe_product(terms, error)
-                found.append((relative, {*group}, line))
-        for _, group, line in sorted(found, key=lambda item: item[0]):
-            if not taken & group:
-                taken |= group
-                lines.append(line)
+    found = []
+    left = np.flatnonzero(uncertain).tolist()
+    for some in itertools.chain(*(itertools.combinations(left, size) for size in (2, 3))):
+        group, summed = [*some], all(lengths[n] for n in some)
+        if not summed and (value[group] <= 0).any():
+            continue
+        unit = np.ones(len(group)) if summed else value[group]
+        own = spread[np.ix_(group, group)] / np.outer(unit, unit)
+        axis = np.linalg.eigh(own)[1][:, 0]
+        simple = POWERS[: 2 if summed else len(POWERS)]
+        off = np.abs((axis / (axis[0] or 1.0))[:, None] / simple - 1)
+        weight = simple[off.argmin(1)]
+        error = float(np.sqrt(max(weight @ own @ weight, 0.0)))
+        relative = error / float(np.abs(weight).max() * np.sqrt(np.diag(own)).min())
+        if relative < TOGETHER:
+            terms = [*zip(weight.tolist(), (names[n] for n in group), strict=True)]
+            line = _describe_sum(terms, error) if summed else _describe_product(terms, error)
+            found.append((len(group), relative, {*group}, line))
+    lines, taken = list[str](), set[int]()
+    for _, _, members, line in sorted(found, key=lambda item: item[:2]):
+        if not taken & members:
+            taken |= members
+            lines.append(line)
     return lines, taken
 
 
