@@ -133,9 +133,9 @@ class Plant:
         )
         found: list[Matrices | None] = []
         for row, good in zip(around.central, around.balanced, strict=True):
-            parts = row[: 4 * size**2].reshape(4, size, size)
+            mass, stiffness, damping, loss = row[: 4 * size**2].reshape(4, size, size)
             turn = row[4 * size**2 :].reshape(-1, 3, 3)
-            found.append(Matrices(*parts, turn) if good else None)
+            found.append(Matrices(mass, stiffness, damping, loss, turn) if good else None)
         return found
 
     def respond(
