@@ -80,7 +80,7 @@ class Dtt:
         Parameters
         ----------
         into, out
-            Names of the channels; None if the other (or the file) determines it.
+            Names of the channels; None or "" if the other (or the file) determines it.
 
         Raises
         ------
@@ -107,7 +107,7 @@ class Dtt:
             raise InputError.of("", problem, "measure a transfer function, or export it")
         for n, (key, name) in enumerate((("input_channel", into), ("output_channel", out))):
             known = sorted({pair[n] for pair in pairs})
-            if name is not None and name not in known:
+            if name and name not in known:
                 role = ("input", "output")[n]
                 problem = f"is the {role} of no transfer function in the file"
                 raise InputError.of(key, problem, suggest(name, known), format_value(name))

@@ -90,15 +90,11 @@ def read_bare(path: str | Path, *, input: str = "", output: str = "") -> list[Me
             problem = "is a results file of pendsus, not a measurement"
             remedy = "compare it with pendsus compare DESIGN FILE"
             raise InputError.of("", problem, remedy)
-        if isinstance(source, Dtt):
-            parts = {pair: source.columns(*pair) for pair in source.transfer} or {
-                ("", ""): source.columns(None, None)
-            }  # raises the fault
-        else:
-            parts = {("", ""): source}
+        pairs = [*source.transfer] if isinstance(source, Dtt) else []
         found = []
-        for (into, out), part in parts.items():
-            name = f"{path.stem}: {out} / {into}" if len(parts) > 1 else path.stem
+        for into, out in pairs or [("", "")]:
+            part = source if isinstance(source, Columns) else source.columns(into, out)
+            name = f"{path.stem}: {out} / {into}" if len(pairs) > 1 else path.stem
             ends, values = (input or into, output or out), _values(part, table)
             unit = unit_of_value(table, Measured())
             found.append(MeasuredResponse(name, *ends, *values, unit, str(path)))

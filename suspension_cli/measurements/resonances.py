@@ -25,6 +25,8 @@ WINDOW = 0.06
 """Relative half width of the band around a peak that its fit uses; less beside another peak."""
 POINTS = 7
 """Fewest frequencies of a fit."""
+EXACT = 1e-9
+"""Least uncertainty over the largest value that a fit uses."""
 ASSUMED = 1e-3
 """Relative uncertainty of values whose uncertainty is not known."""
 
@@ -56,32 +58,35 @@ def find_peaks(item: MeasuredResponse) -> list[Peak]:
     """
     from scipy import signal
 
-    size = np.abs(item.value)
-    sigma = np.where(item.uncertainty > 0, item.uncertainty, ASSUMED * size)
-    size = np.maximum(size, sigma)
+    known = ~np.isinf(item.uncertainty)
+    frequency, value, sigma = item.frequency[known], item.value[known], item.uncertainty[known]
+    sigma = np.where(sigma > 0, sigma, ASSUMED * np.abs(value))
+    size = np.maximum(np.abs(value), sigma)
     if not (size > 0).all():
         return []
     places, about = signal.find_peaks(np.log(size), prominence=PROMINENCE)
     noise = sigma[places] / size[places]
     noise = noise * np.hypot(1.0, np.minimum(np.exp(about["prominences"]), 0.3 / noise))
-    tops = np.asarray(item.frequency)[places[about["prominences"] > NOISE * noise]]
+    tops = frequency[places[about["prominences"] > NOISE * noise]]
     found = []
     for n, at in enumerate(tops.tolist()):
         apart = np.abs(np.log(np.delete(tops, n) / at)).min(initial=2 * WINDOW)
-        found.append(_fit_peak(item, sigma, at, apart / 2) or Peak(at, np.nan, np.nan, np.nan))
+        with np.errstate(divide="ignore"):
+            distance = np.abs(np.log(frequency / at))
+        near = distance <= max(apart / 2, np.sort(distance)[min(POINTS, len(distance)) - 1])
+        peak = _fit_peak(frequency[near], value[near], sigma[near], at)
+        found.append(peak or Peak(at, np.nan, np.nan, np.nan))
     return found
 
 
-def _fit_peak(item: MeasuredResponse, sigma: np.ndarray, at: float, wide: float) -> Peak | None:
-    """Fit one resonance to a band around a frequency; None if there is none."""
-    distance = np.abs(np.log(item.frequency / at))
-    near = distance <= max(wide, np.sort(distance)[min(POINTS, len(distance)) - 1])
-    w2 = (np.asarray(item.frequency)[near] / at) ** 2  # in units of the frequency of the peak
-    if len(w2) < POINTS:
+def _fit_peak(
+    frequency: np.ndarray, value: np.ndarray, sigma: np.ndarray, at: float
+) -> Peak | None:
+    """Fit one resonance to values around a peak; None if there is none."""
+    w, scale = frequency / at, np.abs(value).max()  # in units of the frequency of the peak
+    if len(w) < POINTS or scale == 0:
         return None
-    w, h, sigma = np.sqrt(w2), item.value[near], sigma[near]
-    scale = np.abs(h).max()
-    h, sigma, s = h / scale, sigma / scale, w2 - 1
+    h, sigma, w2, s = value / scale, np.maximum(sigma / scale, EXACT), w**2, w**2 - 1
     numerator = np.stack([np.ones_like(s), s, s**2], 1).astype(complex)
     columns = np.hstack([h[:, None], (1j * w * h)[:, None], -numerator, -1j * numerator])
     denominator = np.ones(len(w))
