@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.fit.problem import Problem, stack_parts
+from suspension_cli.analyses.fit.problem import TYPICAL, Problem, stack_parts
 from suspension_cli.analyses.fit.result import Candidate, Fit
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.linear import signals
@@ -26,7 +26,8 @@ UNDETERMINED = 1e-10
 WEAK = 10.0
 """Factor on the typical changes of parameters, to weaken their priors."""
 KNOWN = 0.3
-"""Standard deviation over the typical change below which a parameter is determined by the data."""
+"""Standard deviation over that of the prior, or over the value if there is none, below which a
+parameter is determined by the data."""
 UNKNOWN = 0.8
 """The same ratio above which the data do not determine a parameter."""
 TOGETHER = 0.2
@@ -111,7 +112,9 @@ def short(name: str) -> str:
 
 def describe(problem: Problem, slope: Array, fitted: Fit) -> tuple[str, ...]:
     """Say which parameters the data determine without priors, one statement per line."""
-    p, scale = problem.count, problem.unknowns.scale[: problem.count]
+    p, free = problem.count, np.isinf(fitted.prior_sigma)
+    # of parameters without prior: the value itself
+    scale = problem.unknowns.scale[:p] * np.where(free, 1 / TYPICAL, 1.0)
     rows = data_rows(problem, slope) * scale
     spread = np.linalg.inv(rows.T @ rows + np.eye(p) / WEAK**2)
     sigma = np.sqrt(np.diag(spread))

@@ -37,6 +37,8 @@ DAMPING_SIGMA = 2.5
 """Standard deviation of its logarithm: a factor of 12 either way."""
 STEP = 1e-4
 """Relative step of differences for parameters that change only frequency-dependent losses."""
+TYPICAL = 0.1
+"""Typical change of a parameter without prior, relative to its value."""
 CONVERGED = 1e-9
 """Relative change of chi^2, unknowns and gradient at which a search ends."""
 
@@ -288,8 +290,8 @@ def stack_parts(rows: Array) -> Array:
 
 
 def typical_change(value: Array) -> Array:
-    """Typical change of parameters without prior: a tenth of the value."""
-    return np.where(value != 0, 0.1 * np.abs(value), 1e-3)
+    """Typical change of parameters without prior."""
+    return np.where(value != 0, TYPICAL * np.abs(value), 1e-3)
 
 
 def default_parameters(text: str, level: str = registry.STRING.name) -> list[Free]:
