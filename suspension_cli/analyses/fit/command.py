@@ -261,11 +261,10 @@ def _choose_models(wanted: str, sources: Sequence[Source], measured: Measured) -
     def request(system: LinearSystem, labels: set[str | None]) -> Several:
         """Request the modes of these labels, or all if a mode has no label."""
         found = eigenmodes.solve(system.constant)
-        every = tuple(
-            named_results.Mode(name, n) for n, name in enumerate(named_results.labels(found))
-        )
-        some = tuple(mode for mode in every if mode.text in labels)
-        return Several(every if None in labels or not some else some, found)
+        names = enumerate(named_results.labels(found))
+        every = [named_results.Mode(name, n) for n, name in names]
+        some = [mode for mode in every if None in labels or mode.text in labels]
+        return Several(tuple(some or every), found)
 
     found = []
     for source, modes in zip(sources, measured.modes, strict=True):
