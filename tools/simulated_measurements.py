@@ -17,7 +17,7 @@ from suspension_cli.design import measured, reader
 from suspension_cli.design.measured import Measured
 from suspension_cli.files.atomic import write_bytes
 from suspension_cli.linear import response, signals
-from suspension_cli.measurements import transfer_function
+from suspension_cli.measurements.transfer_function import Channels, MeasuredResponse
 from suspension_cli.models.registry import BEAM
 from tools.tables import ROOT
 
@@ -41,15 +41,17 @@ def simulate(data: Measured, number: int, frequency: Any, seed: int) -> tuple[An
     model = BEAM.system(design)
     tables = with_true_gains(data)
     known = signals.bodies_with_signals(model)
-    into, out = transfer_function.signals_of(tables)
+    table = tables.transfer_function[number]
+    one = MeasuredResponse("", table.input, table.output, *4 * (frequency,))
+    channels = Channels.of(tables, [one])
+    out, into = channels.signal
     value = response.solve(
         model,
         frequency,
         [signals.parse_input(name, known) for name in into],
         [signals.parse_output(name, known) for name in out],
     ).value
-    table = tables.transfer_function[number]
-    exact = transfer_function.predict(tables, table, frequency, value)
+    exact = channels.combine(value, frequency)[:, 0, 0]
     noise = NOISE[table.output]
     coherence = np.abs(exact) ** 2 / (np.abs(exact) ** 2 + noise**2)
     random = np.random.default_rng(seed)

@@ -59,12 +59,12 @@ def fitted_responses():
     noise = 1e-2 * np.exp(1j * np.arange(60.0) ** 2)
     nothing = np.empty(0)
     found = ResponseFit(
-        ("x", "pitch"), ("coil-x", "coil-pitch"), ("osem-x", "osem-pitch"),
+        ("x", "pitch"), ("coil-x", "coil-pitch"), ("osem-x", "osem-pitch"), ("m/V", "rad/V"),
         np.repeat([0, 1], 60), np.tile(frequency, 2), np.full(120, 1e-2),
         np.tile(after + noise, 2), np.tile(before, 2), np.tile(after, 2),
         (), nothing, nothing, nothing, (), np.empty((0, 6)),
     )  # fmt: skip
-    return draw_responses(found, "Made up · beam model", ["m/V", "rad/V"])
+    return draw_responses(found, "Made up · beam model")
 
 
 def measured():

@@ -203,21 +203,19 @@ def curves_of(result: Result) -> dict[Quantity, tuple[Curve, str]]:
 def _calibrated(tables: Measured, path: Path) -> list[MeasuredResponse]:
     """Read transfer functions, converted from readings and drives to signals of the design."""
     from suspension_cli.measurements.read import read_all
-    from suspension_cli.measurements.transfer_function import channel_weights, find_transducer
+    from suspension_cli.measurements.transfer_function import Channels
 
     found = []
     for one in read_all(tables, path):
-        ends = {}
-        for name, among in ((one.output, tables.sensor), (one.input, tables.actuator)):
-            end = find_transducer(name, among)
+        channels = Channels.of(tables, [one])
+        for end in (item for side in channels.transducer for item in side.values()):
             if end.mix:
                 problem = "has a mix, so it reads several signals of the design at once"
                 remedy = "compare it with pendsus response DESIGN --measured FILE"
-                raise InputError([Fault("", problem, remedy, format_value(name))], str(path))
-            ends[end.signal] = channel_weights(end, [end.signal], one.frequency)[:, 0]
-        (output, sensed), (into, driven) = ends.items()
-        factor = sensed * driven
-        value, uncertainty = one.value / factor, one.uncertainty / abs(factor)
+                raise InputError([Fault("", problem, remedy, format_value(end.name))], str(path))
+        sensed, driven = (channels.weights(side, one.frequency)[:, 0, 0] for side in (0, 1))
+        output, into = (names[0] for names in channels.signal)
+        value, uncertainty = one.value / (sensed * driven), one.uncertainty / abs(sensed * driven)
         found.append(replace(one, input=into, output=output, value=value, uncertainty=uncertainty))
     return found
 

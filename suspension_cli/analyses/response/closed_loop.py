@@ -10,8 +10,6 @@ import numpy as np
 from suspension_cli.analyses.damp import closed_loop_poles, control
 from suspension_cli.analyses.damp import solve as damp
 from suspension_cli.errors import Fault, InputError
-from suspension_cli.linear import response
-from suspension_cli.linear.response import Response
 from suspension_cli.models import registry
 from suspension_cli.models.choice import Transfer
 
@@ -38,28 +36,6 @@ class ClosedTransfer(Transfer):
         """Solve for the responses (f, o, i) at frequencies (f,) in Hz."""
         plant, at = control.build_plant(self.design, model), np.asarray(frequency)
         return control.solve_responses(plant, at, self.inputs, self.outputs).value
-
-
-def close(request: Transfer, design: Design, model: LinearSystem) -> ClosedTransfer:
-    """Close the loops of a design around a request.
-
-    Raises `InputError` if the design has no loops.
-    """
-    control.build_plant(design, model)
-    return ClosedTransfer(**vars(request), design=design)
-
-
-def solve(request: ClosedTransfer, model: LinearSystem) -> Response:
-    """Solve for closed-loop responses of a model."""
-    return Response(
-        request.frequency,
-        tuple(s.text for s in request.inputs),
-        tuple(s.text for s in request.outputs),
-        response.units(request.inputs, request.outputs),
-        request.values(model, request.frequency),
-        len(model.blocks),
-        closed_loop=True,
-    )
 
 
 def find_stable_poles(
