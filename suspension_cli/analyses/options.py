@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -76,22 +75,6 @@ def frequencies(
 def argument(name: str, **how: Any) -> click.Argument:
     """Declare an argument of an analysis, as `click.argument` does."""
     return click.Argument([name], **how)
-
-
-def context(
-    name: str, parameters: Sequence[click.Parameter], given: dict[str, Any]
-) -> click.Context:
-    """Context of a command that is run with the values `given` and other defaults.
-
-    Raises `click.BadParameter` if a parameter does not take its value.
-    """
-    result = click.Command(name, params=list(parameters)).make_context(name, [])
-    for param in parameters:
-        value = given.get(str(param.name), result.params[str(param.name)])
-        if value != result.params[str(param.name)]:
-            result.set_parameter_source(str(param.name), click.core.ParameterSource.COMMANDLINE)
-            result.params[str(param.name)] = param.type_cast_value(result, value)
-    return result
 
 
 def _demand_folder(_ctx: click.Context, _param: click.Parameter, value: str | None) -> str | None:
@@ -330,26 +313,6 @@ SWEEP = (
 """Options of the computation of a sweep."""
 WRITING = (OVERRIDES, OUT, NAME, FIDELITY, AS_JSON, CSV, PLOT, FORMAT, QUIET, VERBOSE)
 """Options of every analysis that writes a results file and a picture."""
-INFO = (
-    option(
-        "--input",
-        default="support.x",
-        show_default=True,
-        metavar="SIGNAL",
-        help="Input of the response.",
-    ),
-    option(
-        "--output",
-        "output",
-        metavar="SIGNAL",
-        help="Output of the response and of the thermal noise.  [default: x of the mirror]",
-    ),
-    frequencies("0.1:100:2000", "Frequencies of the response and the noise, Hz."),
-    ACCURACY,
-    OVERRIDES,
-    AS_JSON_ONLY,
-)
-"""Options of `pendsus info`."""
 REPORT = (
     option(
         "--sections",

@@ -1,190 +1,235 @@
-"""Settings of a command: its options, and defaults from the design's `[analysis]` tables."""
+"""Settings of a command: values of its options, from three places.
+
+What is given, on the command line or as arguments of the Python function, has precedence over the
+design's `[analysis]` table, and this over the defaults. Values of Python and of tables become those
+of options in one way, see `convert`.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+import math
+import os
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from suspension_cli.analyses import options
+from suspension_cli.errors import InputError, format_value
 
 if TYPE_CHECKING:
-    from suspension_cli.analyses.analysis import Analysis, Settings
+    from suspension_cli.analyses.analysis import Analysis
     from suspension_cli.design.reader import Source
-    from suspension_cli.errors import Fault
 
+Value = Any
+"""A value before it is checked."""
+Settings = dict[str, Value]
+"""Values of parameters by name; each parameter has its own type."""
 
-NOT_IN_TABLES = ("overrides", "out", "stem", "as_json", "as_csv", "quiet", "verbose", "help")
+NOT_IN_TABLES = ("overrides", "out", "stem", "as_json", "as_csv", "quiet", "verbose")
 """Options that `[analysis]` tables do not set."""
+GRID = "GRID"
+"""What help calls the value of an option that takes numbers as `grids.parse_grid` does."""
 
 
-def prepared(
-    ctx: click.Context,
-    file: str | Source,
-    overrides: tuple[str, ...],
-    extra: tuple[str, ...] = (),
-) -> tuple[Source, Settings]:
-    """Read a design, unless it is given, and settings with defaults from its `[analysis]` table."""
-    from suspension_cli.design.reader import read
+def defaults(analysis: Analysis, given: Settings) -> Settings:
+    """Settings of an analysis that another one runs: its defaults and those `given`."""
+    return default_values(analysis.parameters) | given
 
-    source = read(file, overrides) if isinstance(file, str) else file
-    source = named(source, ctx.params.get("stem"), ctx.params.get("overrides", ()))
-    check_tables(source.design.analysis, source.file)
-    table = source.design.analysis.get(str(ctx.command.name), {})
-    return source, with_analysis_table(ctx, table, source.file, extra)
+
+def default_values(parameters: Sequence[click.Parameter]) -> Settings:
+    """Default values of options."""
+    return (
+        click.Command("", params=list(parameters))
+        .make_context("", [], resilient_parsing=True)
+        .params
+    )
+
+
+def merge(analysis: Analysis, source: Source, given: Settings) -> Settings:
+    """Settings of an analysis of a design: those `given`, else those of its table, else defaults.
+
+    Raises `InputError` with the faults of all `[analysis]` tables.
+    """
+    return defaults(analysis, from_tables(source).get(analysis.name, {}) | given)
+
+
+def from_tables(source: Source) -> dict[str, Settings]:
+    """Convert the `[analysis]` tables of all commands.
+
+    Keys that are no options may be parameters to sweep, with their grids: imperfections and dotted
+    paths. Raises `InputError` if a table has another key, or a value that its option does not take.
+    """
+    from suspension_cli.analyses import registry
+    from suspension_cli.design.faults import step
+    from suspension_cli.errors import Fault, suggest
+    from suspension_cli.grids import parse_grid
+
+    result: dict[str, Settings] = {}
+    faults = []
+    for name, table in source.design.analysis.items():
+        analysis, found = registry.get(name), result.setdefault(name, {})
+        swept = analysis.swept_names()
+        known = {_key(p): p for p in analysis.parameters if p.name not in NOT_IN_TABLES}
+        for key, value in table.items():
+            try:
+                if key in swept or (swept and "." in key):
+                    parse_grid(grid(value, key), key)
+                elif key in known:
+                    param = known[key]
+                    found[str(param.name)] = convert(name, param, value, in_file=True)
+                else:
+                    problem = "no option of this command"
+                    raise InputError.of(key, problem, suggest(key, [*known, *swept]))
+            except InputError as error:
+                where, own = step(f"analysis.{name}", key), format_value(value)
+                for fault in error.faults:
+                    problem = fault.problem.replace("True or False", "true or false")
+                    faults.append(Fault(where, problem, fault.remedy, own))
+    if faults:
+        raise InputError(faults, source.file)
+    return result
+
+
+def _key(option: click.Parameter) -> str:
+    """Key of an option in tables: its long name."""
+    longest = max(option.opts, key=len).lstrip("-").replace("-", "_")
+    return "plot" if option.name == "plot" else longest
+
+
+def from_arguments(
+    command: str, parameters: Sequence[click.Parameter], arguments: Settings
+) -> Settings:
+    """Convert arguments of a Python function; one at its default value counts as not given."""
+    default, given = default_values(parameters), {}
+    for param in parameters:
+        name = str(param.name)
+        if name in arguments and (arguments[name] is not None or default[name] is not None):
+            value = convert(command, param, arguments[name])
+            if value != default[name]:
+                given[name] = value
+    return given
+
+
+def convert(command: str, param: click.Parameter, value: Value, *, in_file: bool = False) -> Value:
+    """Convert a value of Python, or of a table `in_file`, to that of an option.
+
+    Texts in files may be those of the command line. Raises `InputError` with the name of the option
+    if the value is of the wrong kind or out of bounds.
+    """
+    name, metavar, several = str(param.name), str(param.metavar), is_multiple(param)
+    remedy = f"see pendsus {command} --help"
+    texts = None
+    if in_file and not isinstance(param.type, click.types.BoolParamType) and is_text(value):
+        texts = (value,) if isinstance(value, str) else tuple(value)
+    elif metavar == GRID:
+        texts = (grid(value, name),)
+    elif several or not isinstance(value, str):
+        if "=GRID" in metavar:
+            texts = grids(value, name)
+        elif several or metavar.endswith(",..."):
+            texts = items(value, name)
+    if texts is None:
+        found = _single(param.type, name, value, remedy)
+    else:
+        found = texts if several else ",".join(texts) or None
+    try:
+        return param.type_cast_value(click.Context(click.Command(command)), found)
+    except click.BadParameter as error:
+        raise InputError.of(name, error.message.rstrip("."), remedy) from None
+
+
+def is_multiple(param: click.Parameter) -> bool:
+    """Whether an option may be repeated."""
+    return isinstance(param, click.Option) and param.multiple
+
+
+def is_text(value: Value) -> bool:
+    """Whether a value is a text, or a list of texts."""
+    return isinstance(value, str) or (
+        isinstance(value, list) and all(isinstance(one, str) for one in value)
+    )
+
+
+def _single(kind: click.ParamType, name: str, value: Value, remedy: str) -> Value:
+    """Convert one flag, number (also of numpy, or as text) or text."""
+    import numpy as np
+
+    if isinstance(kind, click.types.BoolParamType):
+        wanted = "must be True or False"
+        if isinstance(value, (bool, int, np.bool_)):
+            return bool(value)
+    elif isinstance(kind, (click.types.IntParamType, click.types.FloatParamType)):
+        whole = isinstance(kind, click.types.IntParamType)
+        wanted = "must be a whole number" if whole else "must be a number"
+        try:
+            if not np.ndim(value) and not isinstance(value, (bool, np.bool_)):
+                number = int(value) if whole and isinstance(value, (str, int)) else float(value)
+                if not whole or number == math.floor(number):
+                    return int(number) if whole else number
+        except (TypeError, ValueError, OverflowError):
+            pass
+    elif isinstance(value, str):
+        return value
+    elif isinstance(kind, click.Choice):
+        wanted = f"is not one of {', '.join(map(repr, kind.choices))}"
+    else:
+        wanted = "must be a text"
+    raise InputError.of(name, wanted, remedy, shown(value))
+
+
+def grid(values: Value, name: str) -> str:
+    """Write a grid as its text; every number keeps all its digits."""
+    import numpy as np
+
+    if isinstance(values, (str, bool)):
+        return str(values)
+    if isinstance(values, (Iterator, range)):
+        values = list(values)
+    wanted, remedy = "must be real numbers", 'give numbers, or a text such as "1:10:50"'
+    try:
+        if values is None or isinstance(values, (bytes, Mapping, set)) or np.iscomplexobj(values):
+            raise TypeError
+        numbers = [float(value) for value in np.ravel(values)]
+    except (TypeError, ValueError):
+        raise InputError.of(name, wanted, remedy, shown(values)) from None
+    if not numbers:
+        raise InputError.of(name, "is empty", remedy)
+    return ",".join(map(repr, numbers))
+
+
+def grids(values: Value, name: str) -> tuple[str, ...]:
+    """Write a dictionary of names and grids as ``NAME=GRID`` texts."""
+    if not isinstance(values, Mapping):
+        remedy = f'write for example {name}={{"stage.test.wires.d": [1e-3, 2e-3]}}'
+        raise InputError.of(name, "must be a dictionary", remedy, shown(values))
+    return tuple(f"{key}={grid(own, f'{name} {key}')}" for key, own in values.items())
+
+
+def items(values: Value, name: str) -> tuple[str, ...]:
+    """Convert one text or path, or several, to a tuple of texts; numbers of modes to texts."""
+    if isinstance(values, (str, os.PathLike, int)):
+        return (str(values),)
+    try:
+        if isinstance(values, bytes):
+            raise TypeError
+        return tuple(map(str, values))
+    except TypeError:
+        remedy = "leave it out for its default" if values is None else "give a text or a list"
+        raise InputError.of(name, "must be texts", remedy, shown(values)) from None
+
+
+def shown(value: Value) -> str:
+    """Write a value of any type in one short line."""
+    if isinstance(value, (str, Path)):
+        return format_value(str(value))
+    return format_value(" ".join(repr(value).split())).strip('"')
 
 
 def named(source: Source, stem: str | None, overrides: tuple[str, ...]) -> Source:
     """Return a source whose files are named after `--name`, or the design and its overrides."""
     return dataclasses.replace(source, given_stem=stem, overrides=overrides)
-
-
-def defaults(analysis: Analysis, given: Settings) -> Settings:
-    """Settings of an analysis that another one runs: its defaults and those `given`."""
-    command = click.Command(analysis.name, params=list(analysis.parameters))
-    return command.make_context(analysis.name, []).params | given
-
-
-def of_design(
-    name: str,
-    parameters: Sequence[click.Parameter],
-    extra: tuple[str, ...],
-    source: Source,
-    given: Settings,
-) -> Settings:
-    """Settings: those `given`, else those of the design's table `name`, else defaults.
-
-    A given value that is the default of its option counts as not given. `extra` as of
-    `with_analysis_table`.
-    """
-    context = options.context(name, parameters, given)
-    context.params["as_json"] = True  # nothing is printed
-    table = source.design.analysis.get(name, {})
-    return with_analysis_table(context, table, source.file, extra)
-
-
-def with_analysis_table(
-    ctx: click.Context, table: Settings, file: str, extra: tuple[str, ...] = ()
-) -> Settings:
-    """Settings of a command, with defaults from the design's `[analysis.COMMAND]` table.
-
-    The command line has precedence. Keys in `extra` are parameters to sweep, with their grids.
-
-    Raises `InputError` if the table has a key that is no option of the command, or a value that the
-    option does not take.
-    """
-    from suspension_cli.design.faults import step, suggest
-    from suspension_cli.errors import Fault, InputError, format_value
-
-    params = {
-        _long_name(p): p
-        for p in ctx.command.params
-        if isinstance(p, click.Option) and p.name not in NOT_IN_TABLES
-    }
-    result, faults = dict(ctx.params), []
-    for key, value in table.items():
-        # an imperfection or a dotted path: the grid that it is swept over
-        if key in extra or (extra and "." in key):
-            faults += _grid_faults(step(f"analysis.{ctx.command.name}", key), value)
-            continue
-        where = step(f"analysis.{ctx.command.name}", key)
-        param = params.get(key)
-        if param is None or param.name is None:
-            faults.append(
-                Fault(
-                    where,
-                    "no option of this command",
-                    suggest(key, [*params, *extra]),
-                    format_value(value),
-                )
-            )
-            continue
-        if ctx.get_parameter_source(param.name) is click.core.ParameterSource.COMMANDLINE:
-            continue
-        try:
-            result[param.name] = param.type_cast_value(ctx, _as_typed(param, value))
-        except click.BadParameter as error:
-            faults.append(
-                Fault(
-                    where,
-                    error.message.rstrip("."),
-                    f"see pendsus {ctx.command.name} --help",
-                    format_value(value),
-                )
-            )
-    if faults:
-        raise InputError(faults, file)
-    return result
-
-
-def _grid_faults(key: str, value: object) -> list[Fault]:
-    """Find faults of a grid in an `[analysis]` table."""
-    from suspension_cli.errors import Fault, InputError, format_value
-    from suspension_cli.grids import parse_grid
-
-    try:
-        parse_grid(",".join(map(str, value)) if isinstance(value, list) else str(value), key)
-    except InputError as error:
-        return [
-            Fault(key, fault.problem, fault.remedy, format_value(value)) for fault in error.faults
-        ]
-    return []
-
-
-def check_tables(tables: dict[str, Settings], file: str) -> None:
-    """Check the `[analysis]` tables of all commands.
-
-    Raises `InputError` with the faults of every table.
-    """
-    from suspension_cli.analyses import registry
-    from suspension_cli.errors import InputError
-
-    faults = []
-    for name, table in tables.items():
-        if name == "info":
-            parameters, extra = options.INFO, ()
-        else:
-            analysis = registry.get(name)
-            parameters, extra = analysis.parameters, analysis.swept_names()
-        bare = click.Command(name, params=list(parameters))
-        try:
-            with_analysis_table(click.Context(bare), table, file, extra)
-        except InputError as error:
-            faults += error.faults
-    if faults:
-        raise InputError(faults, file)
-
-
-def _as_typed(option: click.Option, value: object) -> bool | str | list[str]:
-    """Convert a value of an `[analysis]` table to the form of the command line."""
-    if option.is_flag:
-        if not isinstance(value, bool):
-            raise click.BadParameter("must be true or false")
-        return value
-    if isinstance(value, dict) and "=GRID" in str(option.metavar):
-        parts = ((k, v if isinstance(v, list) else [v]) for k, v in value.items())
-        value = ",".join(f"{key}={','.join(map(str, own))}" for key, own in parts)
-    items = value if isinstance(value, list) else [value]
-    if any(isinstance(item, (bool, dict, list)) for item in items):
-        raise click.BadParameter("must be a string or a number")
-    texts = [str(item) for item in items]
-    return texts if option.multiple or option.nargs != 1 else ",".join(texts)
-
-
-def _long_name(option: click.Option) -> str:
-    return (
-        max(option.opts, key=len).lstrip("-").replace("-", "_") if option.name != "plot" else "plot"
-    )
-
-
-def command_line(argv: list[str]) -> str:
-    """Quote a command line for a shell, with escapes for bytes that are not text."""
-    import shlex
-
-    return shlex.join(["pendsus", *argv[1:]]).encode("utf-8", "backslashreplace").decode("utf-8")
 
 
 def folder(path: str) -> Path:
@@ -197,3 +242,10 @@ def folder(path: str) -> Path:
     with writing_to(path):
         Path(path).mkdir(parents=True, exist_ok=True)
     return Path(path)
+
+
+def command_line(argv: list[str]) -> str:
+    """Quote a command line for a shell, with escapes for bytes that are not text."""
+    import shlex
+
+    return shlex.join(["pendsus", *argv[1:]]).encode("utf-8", "backslashreplace").decode("utf-8")

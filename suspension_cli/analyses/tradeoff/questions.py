@@ -164,9 +164,7 @@ class Coupling(Question):
     def __init__(self, source: Source) -> None:
         super().__init__(source)
         analysis = analyses.get("xcouple")
-        setting = settings.of_design(
-            "xcouple", analysis.parameters, analysis.swept_names(), source, {}
-        )
+        setting = settings.merge(analysis, source, {})
         asked = parse_request(registry.STRING.system(self.design), setting, self.mirror)
         asked = replace(asked, frequency=asked.frequency[:1])
         self.job = Sweep(source.text, axes("k,offset", {}), asked)
