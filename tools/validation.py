@@ -65,7 +65,7 @@ below, modes and responses without damping are held against the mass and stiffne
 SUMCON itself derived from them. Nothing is fitted. `string` with hinges is SUMCON's model of a wire
 and has to agree; `beam` bends wires exactly, and differs where SUMCON's hinges, which take the thin
 end of a wire as endless, are too simple. Responses are those from the suspension point and from
-actuators, at 31 frequencies from 0.02 to 20 Hz. Designs are in `configs/built/`, SUMCON's numbers in
+actuators, at 31 frequencies from 0.02 to 20 Hz. Designs are in `configs/built/`, its numbers in
 `measured/sumcon/`, each with its source.
 """
 MODELS = ("string", "beam")

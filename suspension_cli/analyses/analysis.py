@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from suspension_cli.analyses.options import Input
+from suspension_cli.analyses.options import ENDINGS, RESULTS_ENDINGS, Input
 from suspension_cli.errors import (
     Fault,
     InputError,
@@ -47,8 +47,6 @@ Progress = Callable[[int, int, float], None]
 """Called with (points done, points in all, points per second)."""
 
 
-OTHER_ENDINGS = (".gif", ".jpg", ".json", ".mat", ".npz", ".pdf", ".png", ".svg", ".toml", ".xlsx")
-"""Endings of paths to which no result is saved as HDF5."""
 PACKAGE = os.path.join(Path(__file__).parents[1], "")
 """Folder of the package."""
 
@@ -492,7 +490,7 @@ class Analysis(ABC):
             from suspension_cli.analyses import csv_files
 
             csv_files.write(result, path)
-        elif path.suffix.lower() in OTHER_ENDINGS:
+        elif path.suffix.lower() in set(ENDINGS) - set(RESULTS_ENDINGS):
             remedy = "end it in .h5 or .csv; pictures: plot().savefig(...), JSON: document()"
             problem = "ends like a file of another kind"
             raise InputError.of("--out", problem, remedy, str(path))

@@ -70,7 +70,6 @@ class InfoAnalysis(Analysis):
         options.option(
             "--input",
             default="support.x",
-            show_default=True,
             metavar="SIGNAL",
             help="Input of the response.",
         ),
