@@ -9,7 +9,7 @@ BENCH_READY := $(VENV)/bench-ready
 
 
 # What `make all` makes; a new result is one more word here and a section in results/README.md.
-RESULTS := tables fig3 fig4 fig5 fig6 modulus inference thermal stability tradeoff optimise validation
+RESULTS := tables fig3 fig4 fig5 fig6 modulus thermal stability tradeoff optimise validation
 
 # Python keeps what it compiles, whatever the shell says: tests and commands start in half the time.
 unexport PYTHONDONTWRITEBYTECODE
@@ -72,9 +72,6 @@ optimise: $(READY) ## from vertical wires to a triple all of whose modes can be 
 simulated: $(READY) ## simulated measurements of imperfect triples (measured/triple/, measured/diagnosis/)
 	$(BIN)/python -m tools.simulated_measurements
 	$(BIN)/python -m tools.simulated_diagnosis
-
-inference: $(READY) ## what the paper does not print of Tables I and II
-	$(BIN)/python -m tools.inference
 
 test: $(READY)   ## run the tests
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile
