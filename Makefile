@@ -70,8 +70,7 @@ optimise: $(READY) ## from vertical wires to a triple all of whose modes can be 
 	$(BIN)/python -m tools.optimise
 
 simulated: $(READY) ## simulated measurements of imperfect triples (measured/triple/, measured/diagnosis/)
-	$(BIN)/python -m tools.simulated_measurements
-	$(BIN)/python -m tools.simulated_diagnosis
+	$(BIN)/python -m tools.simulated
 
 test: $(READY)   ## run the tests
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile
