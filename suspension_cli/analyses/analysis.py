@@ -487,9 +487,9 @@ class Analysis(ABC):
 
         stored = result.stored_file()
         if path.suffix.lower() == ".csv":
-            from suspension_cli.analyses import csv_files
+            from suspension_cli.analyses import labelled
 
-            csv_files.write(result, path)
+            labelled.write_csv(result, path)
         elif path.suffix.lower() in set(ENDINGS) - set(RESULTS_ENDINGS):
             remedy = "end it in .h5 or .csv; pictures: plot().savefig(...), JSON: document()"
             problem = "ends like a file of another kind"

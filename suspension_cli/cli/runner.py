@@ -77,7 +77,7 @@ def run(analysis: Analysis, ctx: click.Context) -> None:
 
 def write(run: Run, result: Result, voice: terminal.Voice) -> None:
     """Write the files of a result: HDF5, CSV and pictures."""
-    from suspension_cli.analyses import csv_files
+    from suspension_cli.analyses import labelled
     from suspension_cli.files.atomic import write_bytes
     from suspension_cli.files.existing import replacing
 
@@ -87,7 +87,7 @@ def write(run: Run, result: Result, voice: terminal.Voice) -> None:
         with replacing(path, result.source.text, voice.say):
             analysis.save(path, result)
     others = analysis.others(result, path)
-    others += csv_files.write(result, path) if setting.get("as_csv") else []
+    others += labelled.write_csv(result, path) if setting.get("as_csv") else []
     for other in others:
         voice.say(f"wrote {other}")
     pictures = setting.get("plot", False)
