@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.analyses import options, registry, settings
+from suspension_cli.analyses import arguments, options, registry, settings
 from suspension_cli.analyses import python_functions as convert
 from suspension_cli.analyses.analysis import Analysis, Log, Result, Run, Settings
 from suspension_cli.analyses.check.solve import Check
@@ -192,7 +192,7 @@ def read(file: PathLike, overrides: Names = ()) -> Design:
     <Design mine: upper, test>
     """
     with python_names(set="overrides"):
-        source = reader.read(convert.path(file, "file"), settings.items(overrides, "overrides"))
+        source = reader.read(convert.path(file, "file"), arguments.items(overrides, "overrides"))
     return Design(**vars(source))
 
 
@@ -448,7 +448,7 @@ def animate(result: Result, mode: int | str, path: PathLike) -> Path:
 
     remedy = "give a result of sus.modes"
     if not isinstance(result, Result):
-        raise InputError.of("result", "is no result", remedy, settings.shown(result))
+        raise InputError.of("result", "is no result", remedy, arguments.shown(result))
     if result.analysis.name != "modes":
         raise InputError.of("result", "has no modes that move", remedy, result.analysis.name)
     path = convert.path(path, "path")
@@ -456,7 +456,7 @@ def animate(result: Result, mode: int | str, path: PathLike) -> Path:
         numbers = animation.parse(result.data, str(mode), "mode")
         if len(numbers) > 1:
             problem, remedy = "names several modes", "give one number, and a file for each"
-            raise InputError.of("mode", problem, remedy, settings.shown(mode))
+            raise InputError.of("mode", problem, remedy, arguments.shown(mode))
         number = numbers[0]
         scene = expand(result.design)
         moving = animation.animate(result.data, number, result.design, scene)
@@ -494,7 +494,7 @@ def python_control(result: Result) -> Any:
 
     remedy = "give a result of sus.export"
     if not isinstance(result, Result):
-        raise InputError.of("result", "is no result", remedy, settings.shown(result))
+        raise InputError.of("result", "is no result", remedy, arguments.shown(result))
     if result.analysis.name != "export" or result.data.zpk is not None:
         raise InputError.of("result", "has no state space", remedy, result.analysis.name)
     return file.python_control(result.data)
@@ -552,11 +552,11 @@ def report(
     from suspension_cli.analyses.report.solve import compose
     from suspension_cli.files.atomic import write_bytes
 
-    chosen = settings.items(sections, "sections")
+    chosen = arguments.items(sections, "sections")
     given, path = locals(), Path(convert.path(path, "path"))
     with python_names(options.REPORT):
-        setting = settings.default_values(options.REPORT)
-        setting |= settings.from_arguments("report", options.REPORT, given)
+        setting = arguments.default_values(options.REPORT)
+        setting |= arguments.from_arguments("report", options.REPORT, given)
         request = Request(**setting | {"sections": chosen, "folder": path.parent})
         write_bytes(path, compose(_design(design), request, Log()).encode(), key="path")
     return path
@@ -580,20 +580,20 @@ def _function(name: str) -> Callable[..., Result]:
     return call
 
 
-def _run(analysis: Analysis, arguments: Settings) -> Result:
+def _run(analysis: Analysis, named: Settings) -> Result:
     """Run an analysis with the arguments of its function."""
     name = analysis.name
-    folder = arguments.get("folder")
+    folder = named.get("folder")
     folder = folder if folder is None else convert.path(folder, "folder")
     files = {}
     for one in analysis.inputs:
         own = one.name.lstrip("*")
-        value = arguments[own]
+        value = named[own]
         if one.kind == "Design" and not (one.optional and value is None):
             value = _design(value)
         files[own] = convert.path(value, own) if one.kind == "PathLike" else value
     with python_names(analysis.parameters):
-        given = settings.from_arguments(name, analysis.parameters, arguments)
+        given = arguments.from_arguments(name, analysis.parameters, named)
     if given.get("resume") and folder is None:
         remedy = "name the folder of the interrupted run"
         raise InputError.of("folder", "is missing, but resume is given", remedy)

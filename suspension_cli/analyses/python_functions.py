@@ -12,12 +12,12 @@ import os
 import re
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import click
 
 from suspension_cli.analyses import options
-from suspension_cli.analyses.settings import (
+from suspension_cli.analyses.arguments import (
     GRID,
     Value,
     default_values,
@@ -27,8 +27,15 @@ from suspension_cli.analyses.settings import (
 from suspension_cli.design.reader import Source
 from suspension_cli.errors import Fault, InputError, PendsusError
 
-if TYPE_CHECKING:
-    from suspension_cli.analyses.analysis import Analysis, Result
+
+class Declared(Protocol):
+    """What an analysis declares of its function, see `analysis.Analysis`."""
+
+    name: ClassVar[str]
+    inputs: ClassVar[tuple[options.Input, ...]]
+    parameters: ClassVar[tuple[click.Parameter, ...]]
+    fills_file: ClassVar[bool]
+
 
 PATHS = ("FILE", "[COORDINATES=]FILE", "[SIGNAL=]FILE")
 """What help calls the value of an option that takes names of files."""
@@ -79,7 +86,7 @@ class Argument(NamedTuple):
         return f"{self.name} : {self.words}{optional}\n{self.about}"
 
 
-def arguments(analysis: Analysis) -> list[Argument]:
+def arguments(analysis: Declared) -> list[Argument]:
     """List the arguments of the function of an analysis."""
     default = default_values(analysis.parameters)
     found = [_of_input(one, keyword=False) for one in analysis.inputs]
@@ -128,7 +135,7 @@ def _filled(text: str) -> str:
     return textwrap.fill(text, 95, initial_indent=4 * " ", subsequent_indent=4 * " ")
 
 
-def describe(function: Callable[..., Result], analysis: Analysis) -> None:
+def describe(function: Callable[..., Any], analysis: Declared) -> None:
     """Give the function of an analysis its name, signature and docstring."""
     listed = arguments(analysis)
     signature = inspect.Signature([one.parameter for one in listed], return_annotation="Result")
