@@ -727,8 +727,8 @@ def tolerance(
     -------
     Result
         With the attributes of `analyses.tolerance.summary.Summary`: `mean`, `spread`,
-        `quantiles` of mode frequencies in Hz, `static` (displacements in m and rotations in rad
-        of the stages), `yields`, `joint`, `indices`, ...
+        `quantiles` of mode frequencies in Hz; `modes`, `coupling`, `static` and `required`, whose
+        items have a `name`, `mean`, `deviation`, `quantiles`, ...; `yields`, `joint`, `indices`.
 
     Raises
     ------

@@ -155,6 +155,3 @@ def _set_limits(
                 fault = Fault(option, problem, "give limits above 0", format_value(given[0]))
                 raise InputError([fault])
             (one.set_xlim if option == "--x" else one.set_ylim)(*(given or ()))
-            if given and axis.get_scale() == "log" and 2 < given[1] / given[0] < 30:
-                axis.set_major_formatter("{x:g}")
-                axis.set_minor_formatter(lambda x, _: f"{x:g}" if f"{x:e}"[0] in "25" else "")

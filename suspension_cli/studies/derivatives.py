@@ -179,22 +179,19 @@ def mode_matrix(
     """Compute R of builds with the modes of a design; `massive` if its wires have mass."""
     model, shape, count = found.model, modes.shape, len(found.status)
     squared = np.maximum(modes.omega_squared, 0.0)
-    own = model.stretched
-    soft = np.real(model.stiffness if own is None else own.soft)[..., 6:, 6:] @ shape.T
-    form = np.zeros((count, 0, shape.shape[1])) if own is None else own.form[..., 6:]
+    soft = np.real(model.soft)[..., 6:, 6:] @ shape.T
+    form = model.elongation[..., 6:] + np.zeros((count, 1, 1))
     long = form @ shape.T
-    stiff = np.zeros(0) if own is None else np.real(own.stiffness)
-    stiff = stiff[..., None] + np.zeros_like(long)
+    stiff = np.real(model.k)[..., None] + np.zeros_like(long)
     step = max(ELEMENTS // (count * model.size**2), 1)
     for start in range(0, len(shape) if massive else 0, step):
         some = slice(start, start + step)
         omega = np.sqrt(squared[some])
         build = np.repeat(np.arange(count), len(omega))
-        now = model.select(build).at(np.tile(omega, count)).stretched
-        assert now is not None
+        now = model.select(build).at(np.tile(omega, count))
         own_soft = np.real(now.soft[:, 6:, 6:]).reshape(count, len(omega), *2 * shape.shape[1:])
         soft[..., some] = np.einsum("pkxy,ky->pxk", own_soft, shape[some])
-        k = np.real(now.stiffness).reshape(count, len(omega), -1)
+        k = np.real(now.k).reshape(count, len(omega), -1)
         stiff[..., some] = k.swapaxes(1, 2)
     force = soft - squared * (model.mass[..., 6:, 6:] @ shape.T)
     pull = stiff * long
@@ -287,7 +284,7 @@ def _batches(designs: Sequence[Design], level: str) -> Iterator[tuple[list[int],
 def _digest(found: Builds) -> Int[np.ndarray, " build"]:
     """Compute a number for each build that differs if any of its matrices does."""
     model = found.model
-    parts = [model.mass, model.stiffness, model.damping, model.lossy, model.orientation]
+    parts = [model.mass, model.complete, model.damping, model.orientation]
     count = len(found.status)
     each = [
         np.broadcast_to(part, (count, *part.shape[-3 if part is model.orientation else -2 :])) + 0.0

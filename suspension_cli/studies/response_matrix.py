@@ -68,10 +68,9 @@ class Matrices:
 def _flat_matrices(found: Builds) -> Float[np.ndarray, "build element"]:
     """All elements of the matrices of builds that `Matrices` differentiates."""
     model, count, size = found.model, len(found.status), found.model.size
-    loss = np.zeros((size, size)) if model.lossy is None else np.imag(model.lossy)
     parts = [
         np.broadcast_to(part, (count, size, size)).reshape(count, -1)
-        for part in (model.mass, model.stiffness, model.damping, loss)
+        for part in (model.mass, model.stiffness, model.damping, model.loss)
     ]
     assert model.orientation is not None
     return np.hstack([*parts, model.orientation.reshape(count, -1)])
@@ -184,13 +183,8 @@ class Plant:
             rates = np.sqrt(np.clip(squared, 0.0, None)) * damping
             system = replace(system, damping=system.damping + (forces.T * rates) @ forces)
         if stiffening is not None and stiffening.any():
-            added, own = (forces.T * (squared * stiffening)) @ forces, system.stretched
-            system = replace(
-                system,
-                stiffness=system.stiffness + added,
-                lossy=None if system.lossy is None else system.lossy + added,
-                stretched=None if own is None else replace(own, soft=own.soft + added),
-            )
+            added = (forces.T * (squared * stiffening)) @ forces
+            system = replace(system, soft=system.soft + added)
         return system
 
 

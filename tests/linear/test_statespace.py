@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -87,7 +85,7 @@ def error_of(system, model, frequency, inputs, outputs):
 def test_it_is_the_direct_response(name):
     model = MODELS[name]
     inputs, outputs = ends(model)
-    low, high = statespace.mode_range(model)
+    low, high = export.mode_range(model)
     rng = np.random.default_rng(11)
     frequency = np.exp(rng.uniform(np.log(low / 100), np.log(high * 100), 6))
     beyond, error = error_of(
@@ -108,7 +106,7 @@ def test_the_band_is_true(name):
     """At frequencies other than those that it was measured at; from below the modes to 100 times
     the highest for the main responses."""
     model = MODELS[name]
-    low, high = statespace.mode_range(model)
+    low, high = export.mode_range(model)
     rng = np.random.default_rng(12)
     for into, out in (
         ("support.x", "x"),
@@ -153,7 +151,7 @@ def test_zero_pole_gain(name):
     assert made.tolerance == 1e-3
     assert made.worst < 1e-6
     assert made.band == pytest.approx(
-        (statespace.mode_range(model)[0] / 100, statespace.mode_range(model)[1] * 100)
+        (export.mode_range(model)[0] / 100, export.mode_range(model)[1] * 100)
     )
     frequency = np.exp(np.random.default_rng(13).uniform(*np.log(made.band), 10))
     compared = responses_mp.compare(model, frequency, inputs, outputs)
@@ -205,7 +203,7 @@ def test_loss_becomes_the_damping_of_each_mode(kind, level):
 
 
 def test_without_loss_it_is_exact_again():
-    model = dataclasses.replace(plants.model("quadruple", "force", loss=True), lossy=None)
+    model = plants.model("quadruple", "force", loss=True).lossless
     inputs, outputs = plants.drives(model, "support.x"), plants.motions(model, "test.x")
     assert export.build(model, inputs, outputs).worst < 1e-9
 

@@ -15,7 +15,6 @@ from suspension_cli.analyses.fit.findings import short
 from suspension_cli.analyses.fit.result import Fit, ResponseFit
 from suspension_cli.design.paths import displayed_unit
 from suspension_cli.drawing import labels, panels
-from suspension_cli.drawing.canvas import TextLook
 from suspension_cli.drawing.panels import ITEM, Across, Line, Panel, Rule
 from suspension_cli.drawing.style import (
     NOTE,
@@ -141,8 +140,7 @@ def _rows(
         axes.xaxis.set_major_formatter(lambda x, _: format_raised(x, 6))
         place = blended_transform_factory(axes.transAxes, axes.transData)
         for row, text in enumerate(beside):
-            look = TextLook(va="center", fontsize=labels.SMALL)
-            axes.text(1.03, row, text, transform=place, **look)
+            axes.text(1.03, row, text, transform=place, va="center", fontsize=labels.SMALL)
 
     return Panel(
         height=max(ITEM * len(names) + 0.1, 0.5), rows=names, title=title, paint=paint,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.damp import control
+from suspension_cli.analyses.damp import closed_loop_poles, control
 from suspension_cli.analyses.damp import solve as damp
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.linear import response
@@ -70,7 +70,7 @@ def find_stable_poles(
     Raises `InputError` if a pole grows and that is not allowed.
     """
     massless = registry.BEAM.system(design) if kind.has_wire_mass else model
-    found = damp.find_poles(design, massless).closed
+    found = closed_loop_poles.find(control.build_plant(design, massless))
     if not found.stable:
         where, remedy = damp.describe_growth(found)
         if not allow_unstable:

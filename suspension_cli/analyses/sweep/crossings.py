@@ -12,8 +12,7 @@ from suspension_cli.analyses.sweep.solve import SweepResult
 from suspension_cli.design import reader
 from suspension_cli.drawing import geometry
 from suspension_cli.drawing.canvas import Canvas
-from suspension_cli.drawing.geometry import FACE, SIDE, View
-from suspension_cli.drawing.parts import Sketch
+from suspension_cli.drawing.geometry import FACE, SIDE, Sketch, View
 from suspension_cli.drawing.style import NOTE, single_line
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.files.hdf5 import Stored
