@@ -52,10 +52,9 @@ def check_design(design: Design, sound: Collection[Stage] = ()) -> list[Fault]:
     found += _check_links(design, placed=not wrong)
     if not found:
         found += _check_active(design, known)
-    commands = [*ANALYSES, "info"]
     for command in design.analysis:
-        if command not in commands:
-            key, remedy = f"analysis.{format_key(command)}", suggest(command, commands)
+        if command not in ANALYSES:
+            key, remedy = f"analysis.{format_key(command)}", suggest(command, [*ANALYSES])
             found.append(Fault(key, "unknown command", remedy))
     return found
 

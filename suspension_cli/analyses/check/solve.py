@@ -146,7 +146,7 @@ def solve(source: Source) -> Check:
     from suspension_cli.models import registry
 
     design = source.design
-    settings.check_tables(design.analysis, source.file)
+    settings.from_tables(source)
     found = plausibility.find_implausible(design)
     try:
         choice, loads = registry.choose(design), statics.solve(design)

@@ -87,13 +87,11 @@ class DampAnalysis(Analysis):
             "--duration",
             type=click.FloatRange(1e-3, 1e6),
             default=60.0,
-            show_default=True,
             help="Length of the impulse response, s.",
         ),
         option(
             "--frequency",
             default="0.1:100:2000",
-            show_default=True,
             metavar="GRID",
             help="Frequencies of loop gains and noise, Hz.",
         ),

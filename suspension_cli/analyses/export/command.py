@@ -55,7 +55,6 @@ class ExportAnalysis(Analysis):
             "--format",
             type=click.Choice(FORMATS),
             default="mat",
-            show_default=True,
             help="mat: MATLAB; zpk: zeros, poles, gain; control: python-control.",
         ),
         options.signals(
@@ -73,7 +72,6 @@ class ExportAnalysis(Analysis):
         option(
             "--band",
             default="0.1:100",
-            show_default=True,
             metavar="FROM:TO",
             help="Band in which losses are right, Hz.",
         ),
@@ -81,7 +79,6 @@ class ExportAnalysis(Analysis):
             "--accuracy",
             type=click.FloatRange(1e-4, 0.5),
             default=0.01,
-            show_default=True,
             help="Largest relative error of responses off resonance with losses; of Q twice that.",
         ),
         options.ALLOW_UNSTABLE,

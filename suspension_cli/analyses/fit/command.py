@@ -78,7 +78,6 @@ class FitAnalysis(Analysis):
             "--starts",
             type=click.IntRange(1, 100_000),
             default=1,
-            show_default=True,
             help=(
                 "Number of searches, of which the best is kept. All but the first start from random"
                 " numbers."
@@ -88,7 +87,6 @@ class FitAnalysis(Analysis):
             "--seed",
             type=click.IntRange(0, 2**64 - 1),
             default=1,
-            show_default=True,
             help="Seed of the random numbers.",
         ),
         option(
@@ -100,7 +98,6 @@ class FitAnalysis(Analysis):
         option(
             "--explain/--no-explain",
             default=True,
-            show_default=True,
             help=(
                 "With transfer functions, also rank single changes of the design, and measurements"
                 " to make next."

@@ -39,7 +39,6 @@ SCALE = option(
     "--scale",
     type=click.Choice(["db", "absolute"]),
     default="db",
-    show_default=True,
     help="Magnitude axis of the plot.",
     group=options.FILES,
 )

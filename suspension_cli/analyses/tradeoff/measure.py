@@ -158,7 +158,7 @@ def _spectrum(source: Source, quantity: str, words: str, low: float, high: float
 def _coupling(source: Source) -> Question:
     """Cross-coupling of imperfect builds: wire, signals and frequency of `pendsus xcouple`."""
     analysis = analyses.get("xcouple")
-    setting = settings.of_design("xcouple", analysis.parameters, analysis.swept_names(), source, {})
+    setting = settings.merge(analysis, source, {})
     asked = parse_request(registry.STRING.system(source.design), setting, mirror(source.design))
     asked = replace(asked, frequency=asked.frequency[:1])
     job = Sweep(source.text, axes("k,offset", {}), asked)

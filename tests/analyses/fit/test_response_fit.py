@@ -127,7 +127,7 @@ def test_peaks_of_one_function():
 
 def test_the_truth_lies_in_the_95_percent_region_and_wrong_channels_are_found():
     """4 builds with resonances up to tens of per cent off, each with a sensor or an actuator that
-    is inverted or scaled: `python -m tools.asbuilt_trials` does 200 with all 36 functions."""
+    is inverted or scaled; docs/fit.md has 200 with all 36 functions."""
     distances = []
     for seed in range(4):
         given, true = plane(seed)
