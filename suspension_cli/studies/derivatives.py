@@ -5,19 +5,20 @@
 All neighbours of a design are solved as batches. Near a resonance of high quality a response is not
 smooth over a step, but its inverse is; the one that bends less is differentiated.
 
-Modes may cross or be degenerate, but the matrix of their shapes s in the design itself,
+Modes may cross or be degenerate, but with the orthonormal shapes s_j of the design itself and those
+x_i of a neighbour (`batch_modes.Spectrum.shape`) the matrix
 
-    R_jk = s_j (K(omega_k) - omega_k^2 M) s_k,
+    R_jk = sum over i of (s_j x_i) omega_i^2 (x_i s_k),
 
-is smooth, and its diagonal changes as omega_k^2 does (Rayleigh), also with massless coordinates and
-wire mass. The eigenvalues of its change among modes of one frequency are the derivatives of the
-modes that split off (Lancaster, Numer. Math. 6, 377 (1964)). Stiff parts that resist the shapes s
-are relaxed: else h^2 would count times the ratio of their stiffness to that of a mode.
+over the modes i near j, is smooth, and its diagonal changes as omega_j^2 does. The eigenvalues of
+its change among modes of one frequency are the derivatives of the modes that split off (Lancaster,
+Numer. Math. 6, 377 (1964)). With wire mass omega_i^2 are those with the stiffness
+at the frequency of mode j, and the length of s_j counts the kinetic energy of bodies alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -27,9 +28,11 @@ from suspension_cli.design.paths import unit_of
 from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
+from suspension_cli.linear import batch_modes
 from suspension_cli.linear.batch_modes import DEGENERATE
 from suspension_cli.linear.eigenmodes import Modes
-from suspension_cli.linear.mode_pairing import pair_by_shape
+from suspension_cli.linear.mode_pairing import pair_by_overlap, pair_by_shape
+from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import builds, variants
@@ -39,17 +42,15 @@ from suspension_cli.studies.parameters import Parameter, natural_step, shifted, 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Inexact, Int
 
-STEP = 7e-5
+STEP = 5e-5
 """Step, relative to a number or to the size of a change that matters. Truncation errors go with its
 square, rounding errors (of 1e-11 at most) with its inverse."""
-TOGETHER = 128
-"""Designs that are in memory at once."""
-ELEMENTS = 1 << 21
-"""Elements of matrices at frequencies that are in memory at once."""
-RANGE = 10.0
-"""Ratio of omega^2 up to which modes are relaxed together; its square makes another mode stiff."""
 SIZES = {"N": 1.0, "N m": 1e-3, "N/m": 1.0, "N m/rad": 1e-3, "kg": 1e-3, "kg m^2": 1e-5}
 """Changes that matter of numbers that are 0, by unit, per newton that hangs; 1 SI for others."""
+
+RANGE = 1.5
+"""Ratio of omega^2 up to which modes may turn into each other over a step; much stiffer ones would
+multiply its square by theirs."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ class Differences:
     balanced
         Whether both neighbours have an equilibrium; if not, the number cannot change alone.
     matters
-        Whether the number changes any matrix of the model or any result.
+        Whether the number changes any result.
     """
 
     step: Float[np.ndarray, " number"]
@@ -78,35 +79,20 @@ class Differences:
             return (self.above - self.below) / (2 * self.step[:, None])
 
     @property
-    def of_responses(self) -> Inexact[np.ndarray, "number result"]:
-        """Derivatives of complex responses, which may be near a resonance."""
-        middle = np.broadcast_to(self.nominal, self.above.shape)
-        sides = np.array([self.above, middle, self.below])
+    def of_magnitudes(self) -> Float[np.ndarray, "number result"]:
+        """Derivatives of the magnitudes of complex responses, which may be near a resonance.
+
+        A zero grows with either sign.
+        """
+        value = self.nominal
+        sides = np.array([self.above, np.broadcast_to(value, self.above.shape), self.below])
         with np.errstate(all="ignore"):
             inverse = 1 / sides
-            smooth = _bend(sides) <= _bend(inverse)
+            smooth = (_bend(sides) <= _bend(inverse)) | (value == 0)
             along = (inverse[0] - inverse[2]) / (2 * self.step[:, None])
-            return np.where(smooth | (self.nominal == 0), self.central, -(self.nominal**2) * along)
-
-    @property
-    def of_magnitudes(self) -> Float[np.ndarray, "number result"]:
-        """Derivatives of the magnitudes of complex responses; a zero grows with either sign."""
-        rate, value = self.of_responses, self.nominal
-        with np.errstate(all="ignore"):
+            rate = np.where(smooth, self.central, -(value**2) * along)
             along = np.real(np.conj(value) * rate) / np.abs(value)
         return np.where(value == 0, np.abs(rate), along)
-
-
-def neighbours(
-    design: Design, numbers: Sequence[Parameter], relative: float = STEP
-) -> tuple[Float[np.ndarray, " number"], list[Design]]:
-    """Choose the steps of numbers; move each up, then down, with those that change with it."""
-    step = np.array([relative / STEP * _step(design, item) for item in numbers])
-    return step, [
-        _moved(design, item, sign * h)
-        for item, h in zip(numbers, step, strict=True)
-        for sign in (1, -1)
-    ]
 
 
 def _bend(sides: Inexact[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
@@ -115,17 +101,24 @@ def _bend(sides: Inexact[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
     return np.nan_to_num(np.abs((above - nominal) - (nominal - below)) / np.abs(above - below))
 
 
-def _nothing(found: Builds) -> Float[np.ndarray, "build 0"]:
-    return np.zeros((len(found.status), 0))
+def flat_matrices(found: Builds) -> Float[np.ndarray, "build element"]:
+    """All elements of mass, stiffness, damping, loss and rotations of bodies, one after another."""
+    model, count, size = found.model, len(found.status), found.model.size
+    loss = np.zeros((size, size)) if model.lossy is None else np.imag(model.lossy)
+    parts = [
+        np.broadcast_to(part, (count, size, size)).reshape(count, -1)
+        for part in (model.mass, model.stiffness, model.damping, loss)
+    ]
+    assert model.orientation is not None
+    return np.hstack([*parts, model.orientation.reshape(count, -1)])
 
 
 def differentiate(
     design: Design,
     numbers: Sequence[Parameter],
     level: str,
-    evaluate: Callable[[Builds], Inexact[np.ndarray, "build result"]] = _nothing,
+    evaluate: Callable[[Builds], Inexact[np.ndarray, "build result"]] = flat_matrices,
     *,
-    relative: float = STEP,
     nominal: Array | None = None,
 ) -> Differences:
     """Evaluate a design and its neighbours in some numbers.
@@ -135,23 +128,23 @@ def differentiate(
     level
         Name of a model that supports builds.
     evaluate
-        Results of builds, in the named coordinates; none by default.
-    relative
-        Step, see `STEP`.
+        Results of builds, in the named coordinates; all elements of their matrices by default.
     nominal
         Results of the design itself, if known.
 
     Raises `InputError` if the design has no equilibrium, or a wire is slack in it.
     """
-    step, designs = neighbours(design, numbers, relative)
+    step = np.array([_step(design, item) for item in numbers])
+    designs = [
+        shifted(design, item.name, sign * h)
+        for item, h in zip(numbers, step, strict=True)
+        for sign in (1, -1)
+    ]
     rows: list[Array | None] = [None] * len(designs) + [nominal]
-    designs += [design] if nominal is None else []
-    matrices: list[int | None] = [None] * len(rows)
-    for places, found in _batches(designs, level):
+    for places, found in variants.solved(designs + [design] * (nominal is None), level):
         good = np.flatnonzero(found.status == builds.GOOD)
-        if len(good):
-            for n, row, own in zip(good, evaluate(found)[good], _digest(found)[good], strict=True):
-                rows[places[n]], matrices[places[n]] = row, own
+        for n, row in zip(good, evaluate(found)[good] if len(good) else (), strict=True):
+            rows[places[n]] = row
     nominal = rows.pop()
     if nominal is None:
         registry.by_name(level).system(design)  # raises the fault of the design
@@ -161,78 +154,52 @@ def differentiate(
     nothing = np.full(nominal.shape, np.nan)
     filled = np.array([nothing if row is None else row for row in rows])
     above, below = filled.reshape(len(numbers), 2, nominal.size).swapaxes(0, 1)
-    pairs = list(zip(matrices[:-1:2], matrices[1:-1:2], strict=True))
-    return Differences(
-        step,
-        nominal,
-        above,
-        below,
-        balanced=np.array([None not in pair for pair in pairs], dtype=bool),
-        matters=np.array([one != other for one, other in pairs], dtype=bool)
-        | ((above != below) & ~(np.isnan(above) & np.isnan(below))).any(1),
-    )
+    differs = (above != below) & ~(np.isnan(above) & np.isnan(below))
+    balanced = np.array([row is not None for row in rows], dtype=bool).reshape(-1, 2)
+    return Differences(step, nominal, above, below, balanced[:, 0] & balanced[:, 1], differs.any(1))
 
 
 def mode_matrix(
-    found: Builds, modes: Modes, *, massive: bool
+    found: Builds, modes: Modes, shape: Float[np.ndarray, "mode coordinate"], *, massive: bool
 ) -> Float[np.ndarray, "build mode mode"]:
-    """Compute R of builds with the modes of a design; `massive` if its wires have mass."""
-    model, shape, count = found.model, modes.shape, len(found.status)
-    squared = np.maximum(modes.omega_squared, 0.0)
-    own = model.stretched
-    soft = np.real(model.stiffness if own is None else own.soft)[..., 6:, 6:] @ shape.T
-    form = np.zeros((count, 0, shape.shape[1])) if own is None else own.form[..., 6:]
-    long = form @ shape.T
-    stiff = np.zeros(0) if own is None else np.real(own.stiffness)
-    stiff = stiff[..., None] + np.zeros_like(long)
-    step = max(ELEMENTS // (count * model.size**2), 1)
-    for start in range(0, len(shape) if massive else 0, step):
-        some = slice(start, start + step)
-        omega = np.sqrt(squared[some])
-        build = np.repeat(np.arange(count), len(omega))
-        now = model.select(build).at(np.tile(omega, count)).stretched
-        assert now is not None
-        own_soft = np.real(now.soft[:, 6:, 6:]).reshape(count, len(omega), *2 * shape.shape[1:])
-        soft[..., some] = np.einsum("pkxy,ky->pxk", own_soft, shape[some])
-        k = np.real(now.stiffness).reshape(count, len(omega), -1)
-        stiff[..., some] = k.swapaxes(1, 2)
-    force = soft - squared * (model.mass[..., 6:, 6:] @ shape.T)
-    pull = stiff * long
-    result = shape @ force + long.swapaxes(1, 2) @ pull
-    force = force + form.swapaxes(1, 2) @ pull
-    for own, soft in _ranges(modes.omega_squared):
-        result[:, own, own] -= _relaxation(found, modes.shape[soft], force[..., own])
+    """Compute R of builds with the modes of a design, which have these `shape` s.
+
+    `massive` if its wires have mass.
+    """
+    squared, count = modes.omega_squared, len(found.status)
+    near = np.abs(squared[:, None]) <= RANGE * np.abs(squared)
+    near &= near.T
+
+    def evaluate(model: LinearSystem, some: Int[np.ndarray, " some"]) -> Array:
+        solved = batch_modes.solve(model)
+        overlap = shape @ solved.shape.swapaxes(1, 2)
+        partner = np.array([pair_by_overlap(own**2) for own in overlap])
+        part = np.take_along_axis(overlap, partner[:, None], 2)[:, some] * near[some]
+        own = np.take_along_axis(solved.omega_squared, partner, 1)
+        return (part * own[:, None]) @ part.swapaxes(1, 2)
+
+    if not massive:
+        return evaluate(found.model, np.arange(len(squared)))
+    result = np.zeros((count, len(squared), len(squared)))
+    for some in _degenerate(squared):
+        omega = np.sqrt(max(squared[some].mean(), 0.0))
+        result[:, some[:, None], some] = evaluate(found.model.at(np.full(count, omega)), some)
     return result
 
 
-def _ranges(squared: Float[np.ndarray, " mode"]) -> Iterator[tuple[slice, slice]]:
-    """Divide modes into ranges of frequency, each with the modes that are not much stiffer."""
-    start = 0
-    while start < len(squared):
-        positive = squared[start:][squared[start:] > 0]
-        least = positive[0] if len(positive) else 1.0
-        end = int(np.searchsorted(squared, RANGE * least))
-        yield slice(start, end), slice(0, int(np.searchsorted(squared, RANGE**2 * least)))
-        start = end
+def mass_weighted(modes: Modes, model: LinearSystem) -> Float[np.ndarray, "mode coordinate"]:
+    """Shapes L^T x of modes x of a system with the mass matrix M = L L^T of its bodies."""
+    mass = (model.basis @ model.mass @ model.basis.T)[6:, 6:]
+    heavy = np.flatnonzero(mass.diagonal())
+    result = np.zeros_like(modes.shape)
+    result[:, heavy] = modes.shape[:, heavy] @ np.linalg.cholesky(mass[np.ix_(heavy, heavy)])
+    return result
 
 
-def _relaxation(
-    found: Builds,
-    soft: Float[np.ndarray, "soft coordinate"],
-    force: Float[np.ndarray, "build coordinate mode"],
-) -> Float[np.ndarray, "build mode mode"]:
-    """Work of forces on builds that deform in all ways but those of their soft modes."""
-    stiffness = found.model.stiffness[:, 6:, 6:]
-    held = found.model.mass[..., 6:, 6:] @ soft.T + np.zeros((len(stiffness), 1, 1))
-    size = np.sqrt(np.abs(np.einsum("pxx->px", stiffness)))[..., None]
-    size[size == 0] = 1.0
-    held = held / size
-    held = held / np.sqrt((held**2).sum(1, keepdims=True))
-    none = np.zeros((len(stiffness), len(soft), len(soft)))
-    scaled = stiffness / (size * size.swapaxes(1, 2))
-    matrix = np.block([[scaled, held], [held.swapaxes(1, 2), none]])
-    right = np.pad(force / size, ((0, 0), (0, len(soft)), (0, 0)))
-    return right.swapaxes(1, 2) @ np.linalg.solve(matrix, right)
+def _degenerate(squared: Float[np.ndarray, " mode"]) -> list[Int[np.ndarray, " _"]]:
+    """Numbers of the modes of each frequency; omega^2 is ascending."""
+    close = np.diff(squared) <= DEGENERATE * np.abs(squared[1:])
+    return np.split(np.arange(len(squared)), np.flatnonzero(~close) + 1)
 
 
 def frequency_rates(
@@ -240,9 +207,8 @@ def frequency_rates(
 ) -> Float[np.ndarray, " mode"]:
     """Differentiate mode frequencies, Hz, from the derivative of R; NaN if rigid or unstable."""
     squared = modes.omega_squared
-    close = np.diff(squared) <= DEGENERATE * np.abs(squared[1:])
     rates = np.full(len(squared), np.nan)
-    for group in np.split(np.arange(len(squared)), np.flatnonzero(~close) + 1):
+    for group in _degenerate(squared):
         part = change[np.ix_(group, group)]
         if np.isfinite(part).all():
             values, vectors = np.linalg.eigh((part + part.T) / 2)
@@ -267,31 +233,3 @@ def _typical_size(design: Design, name: str) -> float:
     siblings = np.array(value_of(design, head) if last.isdigit() else 0.0, dtype=float)
     weight = float(expand(design).weight)
     return float(np.abs(siblings).max()) or SIZES.get(unit_of(name), 1 / weight) * weight
-
-
-def _moved(design: Design, item: Parameter, step: float) -> Design:
-    """Add a step times its rate to each of the numbers that change together."""
-    for name, rate in item.rates.items():
-        design = shifted(design, name, rate * step)
-    return design
-
-
-def _batches(designs: Sequence[Design], level: str) -> Iterator[tuple[list[int], Builds]]:
-    """Balance designs in batches of one topology, with their places."""
-    for start in range(0, len(designs), TOGETHER):
-        for places, scene, one in variants.alike(designs[start : start + TOGETHER], level):
-            found = builds.balance(scene, one, level=level, allow_unstable=True)
-            yield [start + place for place in places], found
-
-
-def _digest(found: Builds) -> Int[np.ndarray, " build"]:
-    """Compute a number for each build that differs if any of its matrices does."""
-    model = found.model
-    parts = [model.mass, model.stiffness, model.damping, model.lossy, model.orientation]
-    count = len(found.status)
-    each = [
-        np.broadcast_to(part, (count, *part.shape[-3 if part is model.orientation else -2 :])) + 0.0
-        for part in parts
-        if part is not None
-    ]
-    return np.array([hash(tuple(part[n].tobytes() for part in each)) for n in range(count)])
