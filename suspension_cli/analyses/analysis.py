@@ -361,8 +361,8 @@ class Analysis(ABC):
     name : str
         Of the HDF5 group and, unless `command_name` differs, of the command and the function.
     result_type : str
-        Path of the class, from the package on, whose fields declare what is stored. Where
-        `Result.data` is a list, its `of` combines the items and its `each` lists them.
+        Path of the class, from the package on, whose fields declare what is stored. If they have
+        fields of each output (`declared.EACH`), `Result.data` is a list.
     arguments, parameters : tuple
         Click's arguments and options; the latter are arguments of the Python function too.
     inputs : tuple
@@ -421,8 +421,7 @@ class Analysis(ABC):
         """Return the arrays and attributes that are stored for a result."""
         from suspension_cli.files.declared import pack
 
-        data: Any = result.data
-        return pack(self.record_type().of(data) if isinstance(data, list) else data)
+        return pack(result.data)
 
     def fill(self, file: h5py.File, result: Result) -> None:
         """Write the result into a group of the open results file."""
@@ -432,11 +431,12 @@ class Analysis(ABC):
 
     def load(self, file: h5py.File) -> object:
         """Read `Result.data` from an open results file."""
-        from suspension_cli.files.declared import unpack
+        from suspension_cli.files.declared import items, unpack, unpack_list
         from suspension_cli.files.hdf5 import read_contents
 
-        record = unpack(self.record_type(), read_contents(file[self.name]))
-        return record.each() if hasattr(record, "each") else record
+        kind, contents = self.record_type(), read_contents(file[self.name])
+        is_list = any(item.each for item in items(kind))
+        return unpack_list(kind, contents) if is_list else unpack(kind, contents)
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw the pictures: the end of each file name (before its ending), and the figure."""
@@ -558,9 +558,14 @@ def describe_mirrors(setting: Settings) -> Document:
     return {"mirrors": setting["mirrors"]} if setting["mirrors"] != 1 else {}
 
 
-def name_mirrors(result: Result) -> str:
-    """End of the title of a result of several mirrors: ``", 4 mirrors"``."""
-    return f", {result.extra['mirrors']:g} mirrors" if "mirrors" in result.extra else ""
+def name_mirrors(result: Result, tilt: float = 0.0) -> str:
+    """End of the title of a result of several mirrors, ``", 4 mirrors"``, and along a tilted beam.
+
+    The beam rises by an angle in rad.
+    """
+    along = f" along a beam that rises by {1e6 * tilt:.3g} urad" if tilt else ""
+    mirrors = f", {result.extra['mirrors']:g} mirrors" if "mirrors" in result.extra else ""
+    return along + mirrors
 
 
 def only_one(values: list[Document], name: str) -> Document:

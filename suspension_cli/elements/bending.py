@@ -39,7 +39,7 @@ from suspension_cli.elements.configuration import (
 )
 from suspension_cli.elements.derivatives import Derivatives, Terms
 from suspension_cli.elements.element import Element
-from suspension_cli.elements.resistances import resistance, with_planes
+from suspension_cli.elements.resting import resistance_of_wires, with_planes
 from suspension_cli.elements.vectors import (
     Matrix,
     Scalar,
@@ -77,7 +77,7 @@ def with_bending(
         builds_last(np.broadcast_to(value, (*batch, len(wires.label))), 1, batch)
         for value in (length, tension, wires.torsion)
     )
-    bend, twist = resistance(fibres.wire, *numbers)
+    bend, twist = resistance_of_wires(fibres.wire, *numbers)
     assert scene.flex is not None
     flex = replace(scene.flex, bend=batch_first(bend, batch), twist=batch_first(twist, batch))
     return replace(scene, flex=flex)

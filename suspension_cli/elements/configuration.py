@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from suspension_cli.elements.resistances import resistance, wire_resistance
+from suspension_cli.elements.resting import resistance_of_wires, wire_resistance
 from suspension_cli.elements.vectors import Matrix, Scalar, Vector, dot, product, times
 from suspension_cli.rotations import turn_by
 from suspension_cli.scene.arrays import change_arrays, inner_axes
@@ -343,7 +343,7 @@ class Configuration:
         # a slack wire bends as one without tension
         tension = np.where(tension > 0, tension, 0.0)
         torsion = np.broadcast_to(wires.torsion, length.shape)
-        bend, twist = resistance(fibres.wire, length, tension, torsion)
+        bend, twist = resistance_of_wires(fibres.wire, length, tension, torsion)
         return replace(flex, bend=bend, twist=twist)
 
     def displaced(self, step: Inexact[np.ndarray, "coordinate build"]) -> Configuration:

@@ -79,7 +79,7 @@ class TautWire:
 
     def resting(self, part: str) -> Inexact[np.ndarray, "end end frequency"]:
         """Static stiffness (c, c, f) of one part, without loss, for f tensions and lengths."""
-        return self._at_rest.stiffness(part)
+        return self._at_rest[part].stiffness
 
     @cached_property
     def _at_rest(self) -> WireAtFrequencies:
@@ -91,8 +91,8 @@ class TautWire:
         self, omega: Float[np.ndarray, " frequency"], parts: tuple[str, ...] = PARTS
     ) -> Int[np.ndarray, " frequency"]:
         """Count resonances (f,) below each omega (rad/s) with clamped ends, in the given parts."""
-        lossless = replace(self, lossy=False)
-        return lossless.at(np.asarray(omega, dtype=float)).resonances_below(parts)
+        there = replace(self, lossy=False).at(np.asarray(omega, dtype=float))
+        return sum((there[part].resonances_below() for part in parts), np.zeros(1, dtype=int))
 
     def held_resonances(self, part: str, omega: float) -> Float[np.ndarray, " resonance"]:
         """Resonances (rad/s) of one part with clamped ends, up to the second above omega.
@@ -112,6 +112,25 @@ class TautWire:
         return high
 
 
+@dataclass(frozen=True)
+class WireAtFrequencies:
+    """A wire at given frequencies (rad/s); its parts by name."""
+
+    strand: TautWire
+    omega: Inexact[np.ndarray, " frequency"]
+
+    def __getitem__(self, part: str) -> PartAtFrequencies:
+        """One of `PARTS`; both planes of a round wire are one."""
+        name = "bend-1" if part == "bend-2" and self.strand.round else part
+        if name not in self._parts:
+            self._parts[name] = PartAtFrequencies(self.strand, self.omega, PARTS.index(name))
+        return self._parts[name]
+
+    @cached_property
+    def _parts(self) -> dict[str, PartAtFrequencies]:
+        return {}
+
+
 class SectionNumbers(NamedTuple):
     """EI, EA or GJ, inertia per length, and half the length of the sections of a wire."""
 
@@ -121,37 +140,49 @@ class SectionNumbers(NamedTuple):
 
 
 @dataclass(frozen=True)
-class WireAtFrequencies:
-    """A wire at given frequencies.
+class PartAtFrequencies:
+    """One part of the motion of a wire at given frequencies.
 
     Attributes
     ----------
     strand : TautWire
     omega
         rad/s.
+    number
+        Of the part in `PARTS`; for bending also that of the plane, as in `Section.rigidity`.
     """
 
     strand: TautWire
     omega: Inexact[np.ndarray, " frequency"]
+    number: int
 
-    def stiffness(self, part: str) -> Inexact[np.ndarray, "end end *frequency"]:
-        """Dynamic stiffness (c, c, f) of one part, N/m, N and N m."""
-        part = self._twin(part)
-        if part not in self._known_stiffness:
-            self._known_stiffness[part] = self._even_odd(part)
-        return self._known_stiffness[part]
+    @property
+    def bends(self) -> bool:
+        """Whether this is bending in a plane."""
+        return self.number < 2
 
-    def _even_odd(self, part: str) -> Inexact[np.ndarray, "end end *frequency"]:
-        sections = self.strand.fibre.sections
-        length = sum(section.length for section in sections)
-        pull = sum(self._tension(section) * section.length for section in sections)
+    @property
+    def name(self) -> str:
+        """Name of the part."""
+        return PARTS[self.number]
+
+    @property
+    def sections(self) -> tuple[Section, ...]:
+        """Sections of the wire."""
+        return self.strand.fibre.sections
+
+    @cached_property
+    def stiffness(self) -> Inexact[np.ndarray, "end end *frequency"]:
+        """Dynamic stiffness (c, c, f), N/m, N and N m."""
+        length = sum(section.length for section in self.sections)
+        pull = sum(self._tension(section) * section.length for section in self.sections)
         # phi = 2 W_a / L, d = T_a - phi
-        if _is_bending(part) and self.strand.massive and len(sections) == 1:
-            *even, pp, pd, dd = (own[0] for own in self._uniform_beams(part))
+        if self.bends and self.strand.massive and len(self.sections) == 1:
+            *even, pp, pd, dd = (own[0] for own in self._uniform_beams)
             odd = (pp + pull - 2 * pd + dd) * (2 / length) ** 2, (pd - dd) * (2 / length), dd
             return _symmetric(4, beam.ELEMENT_PLACES, [*even, *odd])
-        own = self._joined(part).stiffness
-        if not _is_bending(part):
+        own = self._joined.stiffness
+        if not self.bends:
             between, upper, lower = own
             odd = upper + lower + 4 * between
             return np.array([[upper + lower, lower - upper], [lower - upper, odd]])
@@ -164,55 +195,51 @@ class WireAtFrequencies:
             half[2] *= 2 / length
         return result
 
-    def change(self, part: str) -> Inexact[np.ndarray, "*elements"]:
-        """F(omega) - F(0) of one part, with F(0) without loss and inertia.
+    @cached_property
+    def change(self) -> Inexact[np.ndarray, "*elements"]:
+        """F(omega) - F(0), with F(0) without loss and inertia.
 
         Of bending on (W, T_s, phi, d), or without mass on (T_s, d) (see `elements.beam`); of
         twisting as springs between the ends and from either end to the ground; of stretching F
         itself, as such springs.
         """
-        own, strand = self._joined(self._twin(part)).stiffness, self.strand
-        if part == "stretch":
+        own, sections = self._joined.stiffness, self.sections
+        if self.name == "stretch":
             return own
-        whole, sections = own.copy(), strand.fibre.sections
-        if part == "twist":
-            whole[0] -= 1 / sum(own.length / _twisting(own, strand.tension) for own in sections)
+        whole, tension = own.copy(), self.strand.tension
+        if self.name == "twist":
+            whole[0] -= 1 / sum(own.length / _twisting(own, tension) for own in sections)
             return whole
         lengths = self._stack(section.length for section in sections)
-        rigidity = np.array([section.rigidity[_plane(part)] for section in sections])
+        rigidity = np.array([section.rigidity[self.number] for section in sections])
         rigidity = rigidity.reshape(-1, *(1,) * (lengths.ndim - 1))
-        still = resting.slope_stiffness(rigidity, strand.tension, lengths).stiffness
+        still = resting.slope_stiffness(rigidity, tension, lengths).stiffness
         if len(whole) == 2:
             return whole - still
         whole[1::2, 1::2] -= still
         whole[2, 2] += sum(section.tension_offset * section.length for section in sections)
         return whole
 
-    def resonances_below(self, parts: tuple[str, ...]) -> Int[np.ndarray, " frequency"]:
+    def resonances_below(self) -> Int[np.ndarray, " frequency"]:
         """Count resonances (f,) below each frequency with clamped ends.
 
         Those of the sections, and those that joining them adds (see `elements.joined_sections`).
         """
-        total = np.zeros(np.shape(self.omega), dtype=int)
         if not self.strand.massive:
-            return total
-        for part in parts:
-            own = self._twin(part)
-            if _is_bending(part):
-                below = beam.resonances_below(self._bends[own][0])
-            else:
-                below = rod.resonances_below(*self._section_numbers(part), self.omega)
-            total = total + below.sum(0) + self._joined(own).negative
-        return total
+            return np.zeros(np.shape(self.omega), dtype=int)
+        if self.bends:
+            below = beam.resonances_below(self._waves)
+        else:
+            below = rod.resonances_below(*self._numbers, self.omega)
+        return below.sum(0) + self._joined.negative
 
     def dissipated(
-        self, part: str, motion: Inexact[np.ndarray, "end motion frequency"]
+        self, motion: Inexact[np.ndarray, "end motion frequency"]
     ) -> dict[str, Float[np.ndarray, "motion frequency"]]:
         """Dissipation x^H Im(F) x of motions x of the ends, by cause.
 
         Parameters
         ----------
-        part : str
         motion
             Of r motions, m and rad.
 
@@ -222,31 +249,31 @@ class WireAtFrequencies:
             N m: ``stretching`` or ``torsion``; or ``bending-upper`` and ``bending-lower``, split at
             the middle of the wire; and ``gas``.
         """
-        if not _is_bending(part):
-            lost, drag = self._material_and_gas(part, motion)
-            result = {"stretching" if part == "stretch" else "torsion": lost.sum(0)}
+        if not self.bends:
+            lost, drag = self._material_and_gas(motion)
+            result = {"stretching" if self.name == "stretch" else "torsion": lost.sum(0)}
             return result if drag is None else result | {"gas": drag.sum(0)}
-        return self._halves._bending_dissipation(part, motion)
+        return self._with_sections(_cut_in_middle(self.sections))._bending_dissipation(motion)
 
     def _bending_dissipation(
-        self, part: str, motion: Inexact[np.ndarray, "end motion frequency"]
+        self, motion: Inexact[np.ndarray, "end motion frequency"]
     ) -> dict[str, Float[np.ndarray, "motion frequency"]]:
         """By cause, each section at the temperature of its end of the wire."""
-        fibre, result, top = self.strand.fibre, {}, 0.0
+        temperature, top = self.strand.fibre.temperature, 0.0
         names = ("bending-upper", "bending-lower")
         result = {name: np.zeros(motion.shape[1:]) for name in names}
-        losses, drag = self._material_and_gas(part, motion)
+        losses, drag = self._material_and_gas(motion)
         if drag is not None:
             result["gas"] = drag.sum(0)
-        middle = sum(section.length for section in fibre.sections) / 2
-        for section, lost in zip(fibre.sections, losses, strict=True):
+        middle = sum(section.length for section in self.sections) / 2
+        for section, lost in zip(self.sections, losses, strict=True):
             end = int(top + section.length / 2 > middle)
             top += section.length
-            angle = self._loss_angle(section, part, sum(fibre.temperature) / 2)
+            angle = self._loss_angle(section, sum(temperature) / 2)
             per_angle = lost / np.where(angle == 0, 1.0, angle)
-            rest = self._loss_angle(section, part, fibre.temperature[end])
+            rest = self._loss_angle(section, temperature[end])
             causes = loss.bending_causes(
-                section, _plane(part), np.real(self.omega), fibre.temperature[end]
+                section, self.number, np.real(self.omega), temperature[end]
             )
             for cause, own in causes.items():
                 result[cause] = result.get(cause, 0.0) + own * per_angle
@@ -255,7 +282,7 @@ class WireAtFrequencies:
         return result
 
     def _material_and_gas(
-        self, part: str, motion: Inexact[np.ndarray, "end motion frequency"]
+        self, motion: Inexact[np.ndarray, "end motion frequency"]
     ) -> tuple[
         Float[np.ndarray, "section motion frequency"],
         Float[np.ndarray, "section motion frequency"] | None,
@@ -265,36 +292,46 @@ class WireAtFrequencies:
         In proportion to that of either alone: exact to first order in the losses, except within the
         width of a resonance of the clamped wire.
         """
-        total = self._section_losses(part, motion)
+        total = self._section_losses(motion)
         if self.strand.surrounded is None or not self.strand.massive:
             return total, None
-        material, drag = (own._section_losses(part, motion) for own in self._alone)
+        alone = replace(self, strand=replace(self.strand, surrounded=None))
+        elastic = self._with_sections(replace(section, losses=()) for section in self.sections)
+        material, drag = (own._section_losses(motion) for own in (alone, elastic))
         both = material + drag
         drag = total * drag / np.where(both == 0, 1.0, both)
         return total - drag, drag
 
+    def _with_sections(self, sections: Iterable[Section]) -> PartAtFrequencies:
+        """The same part of a wire of other sections."""
+        fibre = replace(self.strand.fibre, sections=tuple(sections))
+        return replace(self, strand=replace(self.strand, fibre=fibre))
+
     def _section_losses(
-        self, part: str, motion: Inexact[np.ndarray, "end motion frequency"]
+        self, motion: Inexact[np.ndarray, "end motion frequency"]
     ) -> Float[np.ndarray, "section motion frequency"]:
         """Dissipation x^H Im(F) x of every section: the power its ends take in and do not return.
 
         The imaginary parts keep their digits however small the loss, as in a complex step: on the
         chord and the slopes relative to it nothing cancels.
         """
-        joints, places = self._joints(self._twin(part)), ((0, 0), (1, 1), (2, 2))
-        if _is_bending(part):
-            length = sum(section.length for section in self.strand.fibre.sections)
+        places = ((0, 0), (1, 1), (2, 2))
+        if self.bends:
+            length = sum(section.length for section in self.sections)
             chord = np.array(motion)
             chord[2] *= 2 / length
             chord[3] -= chord[2]
-            elements, places = self._uniform_beams(self._twin(part)), beam.ELEMENT_PLACES
+            elements, places = self._uniform_beams, beam.ELEMENT_PLACES
             if not self.strand.massive:
                 chord, places = chord[1::2], ((0, 0), (1, 1))
+            # without the stiffness of the whole, unless that is known
+            whole = "_joined" in vars(self)
+            joints = (self._joined if whole else self._join_beams(motions_only=True)).motions
             moved = joined_sections.section_motions(joints, chord).swapaxes(0, 1)
         else:
-            ends = np.tensordot(joined_sections.ENDS[1], motion, 1)
+            ends, joints = np.tensordot(joined_sections.ENDS[1], motion, 1), self._joined.motions
             upper, lower = joined_sections.section_motions(joints, ends).swapaxes(0, 1)
-            elements, moved = self._springs(part), (lower - upper, upper, lower)
+            elements, moved = self._springs, (lower - upper, upper, lower)
         total = np.zeros(moved[0].shape)
         for (i, j), value in zip(places, elements, strict=True):
             product = np.real(np.conj(moved[i]) * moved[j])
@@ -302,65 +339,12 @@ class WireAtFrequencies:
         return np.maximum(total, 0.0)
 
     @cached_property
-    def _halves(self) -> WireAtFrequencies:
-        """The wire with the section in its middle cut there, so that each section has one end."""
-        fibre = self.strand.fibre
-        left, sections = sum(section.length for section in fibre.sections) / 2, []
-        for section in fibre.sections:
-            if EQUAL_WITHIN * section.length < left < (1 - EQUAL_WITHIN) * section.length:
-                sections.append(replace(section, length=left))
-                section = replace(section, length=section.length - left)
-                left = 0.0
-            left -= section.length
-            sections.append(section)
-        return replace(self.strand, fibre=replace(fibre, sections=tuple(sections))).at(self.omega)
+    def _joined(self) -> Joined:
+        """All sections together."""
+        return self._join_beams() if self.bends else joined_sections.join_rods(self._springs)
 
-    @cached_property
-    def _alone(self) -> tuple[WireAtFrequencies, WireAtFrequencies]:
-        """The wire without the gas, and in it without losses of its own."""
-        fibre = self.strand.fibre
-        elastic = tuple(replace(section, losses=()) for section in fibre.sections)
-        return (
-            replace(self.strand, surrounded=None).at(self.omega),
-            replace(self.strand, fibre=replace(fibre, sections=elastic)).at(self.omega),
-        )
-
-    def _twin(self, part: str) -> str:
-        """Return the part whose results apply: both planes of a round wire are equal."""
-        return "bend-1" if part == "bend-2" and self.strand.round else part
-
-    @cached_property
-    def _known_stiffness(self) -> dict[str, Inexact[np.ndarray, "end end *frequency"]]:
-        return {}
-
-    @cached_property
-    def _known_joints(self) -> dict[str, list[tuple[np.ndarray, ...]]]:
-        return {}
-
-    @cached_property
-    def _known_joined(self) -> dict[str, Joined]:
-        return {}
-
-    @cached_property
-    def _known_numbers(self) -> dict[str, SectionNumbers]:
-        return {}
-
-    def _joined(self, part: str) -> Joined:
-        if part not in self._known_joined:
-            join = self._joined_beams if _is_bending(part) else self._joined_rods
-            self._known_joined[part] = join(part)
-        return self._known_joined[part]
-
-    def _joints(self, part: str) -> list[tuple[np.ndarray, ...]]:
-        """Motion of the sections per motion of the whole."""
-        if part not in self._known_joints:
-            some = _is_bending(part) and part not in self._known_joined
-            joined = self._joined_beams(part, motions_only=True) if some else self._joined(part)
-            self._known_joints[part] = joined.motions
-        return self._known_joints[part]
-
-    def _joined_beams(self, part: str, *, motions_only: bool = False) -> Joined:
-        sections, elements = self.strand.fibre.sections, self._uniform_beams(part)
+    def _join_beams(self, *, motions_only: bool = False) -> Joined:
+        sections, elements = self.sections, self._uniform_beams
         places = beam.ELEMENT_PLACES if self.strand.massive else ((0, 0), (1, 1))
         parts = _symmetric(places[-1][0] + 1, places, elements)
         if len(sections) == 1:
@@ -369,54 +353,37 @@ class WireAtFrequencies:
         tensions = self._stack(self._tension(section) for section in sections)
         return joined_sections.join(parts, tensions, lengths, motions_only=motions_only)
 
-    def _uniform_beams(self, part: str) -> list[Inexact[np.ndarray, "*section"]]:
+    @cached_property
+    def _uniform_beams(self) -> list[Inexact[np.ndarray, "*section"]]:
         """Stiffness of each section, see `beam.stiffness`; without mass, on T_s and on d."""
+        rigidity, _, half = self._numbers
         if self.strand.massive:
-            waves, rigidity, _ = self._bends[part]
-            return beam.stiffness(rigidity, waves)
-        rigidity, _, half = self._section_numbers(part)
+            return beam.stiffness(rigidity, self._waves)
         return resting.uniform_stiffness(rigidity, self.strand.tension, half)
 
-    def _joined_rods(self, part: str) -> Joined:
-        return joined_sections.join_rods(self._springs(part))
-
-    def _springs(self, part: str) -> Inexact[np.ndarray, "3 section *frequency"]:
+    @cached_property
+    def _springs(self) -> Inexact[np.ndarray, "3 section *frequency"]:
         """Springs between the ends of each section, and from either end to the ground."""
-        even, odd = rod.stiffness(*self._section_numbers(part), self.omega)
+        even, odd = rod.stiffness(*self._numbers, self.omega)
         between = (odd - even) / 4
         # where losses damp a wave before it reaches the other end
         between = np.where(between == 0, joined_sections.EPS * np.abs(odd), between)
         return np.array([between, even / 2, even / 2])
 
     @cached_property
-    def _bends(
-        self,
-    ) -> dict[
-        str,
-        tuple[
-            beam.Waves,
-            Inexact[np.ndarray, "section *#frequency"],
-            Inexact[np.ndarray, "section *#frequency"],
-        ],
-    ]:
-        """Waves, EI and mass per length of the sections, by plane."""
-        result = {}
-        tension = self._stack(self._tension(section) for section in self.strand.fibre.sections)
-        for part in ("bend-1",) if self.strand.round else ("bend-1", "bend-2"):
-            rigidity, mass, half = self._section_numbers(part)
-            waves = beam.waves(rigidity, tension, mass, half, self.omega)
-            result[part] = waves, rigidity, mass
-        return result
+    def _waves(self) -> beam.Waves:
+        """Waves of the sections."""
+        rigidity, mass, half = self._numbers
+        tension = self._stack(self._tension(section) for section in self.sections)
+        return beam.waves(rigidity, tension, mass, half, self.omega)
 
-    def _section_numbers(self, part: str) -> SectionNumbers:
-        if part not in self._known_numbers:
-            sections = self.strand.fibre.sections
-            self._known_numbers[part] = SectionNumbers(
-                self._stack(self._rigidity(section, part) for section in sections),
-                self._stack(self._inertia(section, part) for section in sections),
-                self._stack(section.length / 2 for section in sections),
-            )
-        return self._known_numbers[part]
+    @cached_property
+    def _numbers(self) -> SectionNumbers:
+        return SectionNumbers(
+            self._stack(map(self._rigidity, self.sections)),
+            self._stack(map(self._inertia, self.sections)),
+            self._stack(section.length / 2 for section in self.sections),
+        )
 
     def _stack(
         self, values: Iterable[Inexact[np.ndarray, "*#frequency"] | complex]
@@ -433,52 +400,51 @@ class WireAtFrequencies:
         """Tension in the middle of a section, N, which the weight of a wire with mass changes."""
         return self.strand.tension + (section.tension_offset if self.strand.massive else 0.0)
 
-    def _rigidity(self, section: Section, part: str) -> Inexact[np.ndarray, " frequency"] | complex:
+    def _rigidity(self, section: Section) -> Inexact[np.ndarray, " frequency"] | complex:
         """EI, EA or GJ times 1 + i phi; for twisting also T I_p/A."""
         factor = 1.0
         if self.strand.lossy:
             temperature = sum(self.strand.fibre.temperature) / 2
-            factor = 1 + 1j * self._loss_angle(section, part, temperature)
-        if part == "twist":
+            factor = 1 + 1j * self._loss_angle(section, temperature)
+        if self.name == "twist":
             return _twisting(section, self.strand.tension, factor)
-        return _elastic_rigidity(section, part) * factor
+        elastic = section.rigidity[self.number] if self.bends else section.stretching
+        return elastic * factor
 
     def _loss_angle(
-        self, section: Section, part: str, temperature: float
+        self, section: Section, temperature: float
     ) -> Inexact[np.ndarray, " frequency"]:
         omega = np.real(self.omega)
-        if _is_bending(part):
-            return loss.bending_angle(
-                section, _plane(part), omega, self.strand.tension, temperature
-            )
-        angle = loss.stretching_angle if part == "stretch" else loss.twisting_angle
+        if self.bends:
+            tension = self.strand.tension
+            return loss.bending_angle(section, self.number, omega, tension, temperature)
+        angle = loss.stretching_angle if self.name == "stretch" else loss.twisting_angle
         return angle(section, omega)
 
-    def _inertia(self, section: Section, part: str) -> Inexact[np.ndarray, " frequency"] | complex:
+    def _inertia(self, section: Section) -> Inexact[np.ndarray, " frequency"] | complex:
         """Mass (kg/m) or polar moment of inertia (kg m) per length, with the drag of the gas."""
         if not self.strand.massive:
             return 0.0
-        inertia, around = section.polar if part == "twist" else section.mass, self.strand.surrounded
+        around = self.strand.surrounded
+        inertia = section.polar if self.name == "twist" else section.mass
         if around is None or not self.strand.lossy:
             return inertia
-        drag = section.shape.drag(*gas.surface_drag(around))[PARTS.index(part)]
+        drag = section.shape.drag(*gas.surface_drag(around))[self.number]
         with np.errstate(divide="ignore"):
             return inertia - 1j * drag / np.where(self.omega == 0, np.inf, self.omega)
 
 
-def _is_bending(part: str) -> bool:
-    return part.startswith("bend")
-
-
-def _plane(part: str) -> int:
-    return PARTS.index(part)
-
-
-def _elastic_rigidity(section: Section, part: str) -> float:
-    """EI (N m^2), EA (N) or GJ (N m^2)."""
-    if _is_bending(part):
-        return section.rigidity[_plane(part)]
-    return section.stretching if part == "stretch" else section.twisting
+def _cut_in_middle(sections: tuple[Section, ...]) -> list[Section]:
+    """Cut the section in the middle of a wire there, so that each section is near one end."""
+    left, result = sum(section.length for section in sections) / 2, []
+    for section in sections:
+        if EQUAL_WITHIN * section.length < left < (1 - EQUAL_WITHIN) * section.length:
+            result.append(replace(section, length=left))
+            section = replace(section, length=section.length - left)
+            left = 0.0
+        left -= section.length
+        result.append(section)
+    return result
 
 
 def _twisting(

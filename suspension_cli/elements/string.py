@@ -124,13 +124,6 @@ def predicted_tension(
     return wires.tension + wires.stiffness * longer
 
 
-def add_stretching(now: Configuration, derivatives: Derivatives) -> None:
-    """Add the tangent stiffness against stretching of wires alone."""
-    if now.arrays.wires.label:
-        e = now.wires.direction
-        derivatives.add(now.wires, Terms(s=outer(now.arrays.wires.stiffness * e, e)))
-
-
 def add_loss(now: Configuration, derivatives: Derivatives) -> None:
     """Add the imaginary part of the stiffness against stretching of wires."""
     wires = now.arrays.wires

@@ -1,9 +1,10 @@
-"""Clamps of wires of which the design gives the effective bending points.
+"""Wires that bend: their clamps, and their equilibrium.
 
-A wire whose far end is displaced sideways acts on its clamp with a shear force V and a moment M, as
-if hinged at u = M / V from there (sqrt(EI / T) for a long uniform wire; Gonzalez and Saulson, J.
-Acoust. Soc. Am. 96, 207 (1994)). So the clamps lie u beyond the bending points, in line with the
-wire, and the forces that carry the weight do not change. For a ribbon u is that of its soft plane.
+Of some wires the design gives the effective bending points instead of the clamps. A wire whose far
+end is displaced sideways acts on its clamp with a shear force V and a moment M, as if hinged at u =
+M / V from there (sqrt(EI / T) for a long uniform wire; Gonzalez and Saulson, J. Acoust. Soc. Am.
+96, 207 (1994)). So the clamps lie u beyond the bending points, in line with the wire, and the
+forces that carry the weight do not change. For a ribbon u is that of its soft plane.
 
 Tension, length and direction of a wire are those of the nominal suspension: imperfections do not
 move its clamps. Where the design gives natural lengths, they are those of strings without torsion
@@ -21,13 +22,16 @@ import numpy as np
 
 from suspension_cli.design.derive import gives_natural_lengths
 from suspension_cli.design.schema import Design
-from suspension_cli.elements.resistances import principal_planes, with_planes
-from suspension_cli.elements.resting import hinge_distances
+from suspension_cli.elements.bending import with_bending
+from suspension_cli.elements.resting import hinge_distances, principal_planes, with_planes
+from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.hanging import HangingWires, hang, lengthened
 from suspension_cli.equilibrium.nominal import expand_nominal
+from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.errors import InputError
 from suspension_cli.scene import fibres as fibres_of
 from suspension_cli.scene.composition import Fibres, Section
+from suspension_cli.scene.pose import Layout
 from suspension_cli.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -37,6 +41,52 @@ ITERATIONS = 4
 """Iterations of the distance u from clamp to hinge; each reduces the change by u / l."""
 ALONG_X = 1e-6
 """Squared sine of the angle to x below which the first plane of a wire is that of y."""
+
+
+def solve_bending(scene: Scene, numbering: Layout) -> tuple[Scene, Equilibrium]:
+    """Find the equilibrium of a scene whose wires bend.
+
+    Parameters
+    ----------
+    scene : Scene
+        With `fibres`, and at most one batch axis.
+
+    Returns
+    -------
+    scene : Scene
+        With wires between their clamps, and `flex` at the tensions and lengths in equilibrium.
+    found : Equilibrium
+        Not necessarily converged: see `Equilibrium.demand`.
+    """
+    scene, hanging = to_clamps(scene)
+    drawn = scene.drawn and _with_bending(scene.drawn, hanging)
+    scene = replace(_with_bending(scene, hanging), drawn=drawn)
+    found = equilibrium.solve(scene, numbering, start=hanging and hanging.found.pose)
+    if scene.batch and hanging is not None:
+        found = _without_unknown_clamps(found, hanging)
+    if found.bend is not None:
+        assert scene.flex is not None and found.twist is not None
+        flex = replace(scene.flex, bend=found.bend, twist=found.twist)
+        scene = replace(scene, flex=flex)
+    return scene, found
+
+
+def _without_unknown_clamps(found: Equilibrium, hanging: HangingWires) -> Equilibrium:
+    """Report the strings that define the clamps, where these strings have no equilibrium."""
+    unknown = np.asarray(np.isnan(hanging.tension).any(-1))
+    strings = hanging.found
+    return replace(
+        found,
+        residual=np.where(unknown, strings.residual, found.residual),
+        tension=np.where(unknown[..., None], strings.tension, found.tension),
+    )
+
+
+def _with_bending(scene: Scene, hanging: HangingWires | None) -> Scene:
+    """Fill the bending stiffness of wires, at nominal tensions or those of hanging wires."""
+    if hanging is None:
+        return with_bending(scene)
+    return with_bending(scene, hanging.tension, hanging.length)
 
 
 def to_clamps(scene: Scene) -> tuple[Scene, HangingWires | None]:

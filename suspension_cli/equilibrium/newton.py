@@ -19,8 +19,8 @@ import numpy as np
 
 from suspension_cli.elements import string
 from suspension_cli.elements.configuration import Configuration, SceneArrays
+from suspension_cli.elimination import Factors, by_body
 from suspension_cli.equilibrium.energy import derivatives
-from suspension_cli.equilibrium.factors import Factors
 from suspension_cli.equilibrium.free_rotations import free_rotations, single_point_stages
 from suspension_cli.equilibrium.residual_scale import (
     ROUNDINGS,
@@ -46,6 +46,9 @@ SHORT = 1e-8
 NEAR = 1e-6
 """Residual (relative to the weight) below which factors are used again: a step then changes the
 stiffness by so little that the next residual is some 1e3 times smaller."""
+HELD = 1e-14
+"""Pivot over the stiffness of its coordinate below which it is a rounding error: the coordinate has
+no stiffness of its own, and is held."""
 CAP = 0.3
 """Longest step in rad, and in units of the largest lever arm."""
 BUILDS, NUMBERS = 512, 1 << 22
@@ -90,6 +93,7 @@ class Found:
     now: Configuration
     residual: Float[np.ndarray, " build"]
     rounding: Float[np.ndarray, " build"]
+    pivot: Float[np.ndarray, " build"]
     steps: Int[np.ndarray, " build"]
 
 
@@ -102,6 +106,7 @@ def search(scene: Scene, rows: slice, wanted: Search) -> Found:
     moving = [np.array(getattr(now, name)) for name in MOVING]
     begin = _State.at(now, wanted, rows)
     residual, steps = begin.residual.copy(), np.zeros(count, dtype=int)
+    pivot = np.full(count, np.nan)
     left = np.arange(count)
     if wanted.accept_nominal and (residual <= BALANCED).any():
         as_drawn = (residual <= BALANCED) & _is_as_drawn(scene, rows, now, begin.gradient)
@@ -116,6 +121,7 @@ def search(scene: Scene, rows: slice, wanted: Search) -> Found:
             for whole, name in zip(moving, MOVING, strict=True):
                 whole[..., which] = getattr(state.now, name)[..., done]
             residual[which], steps[which] = state.residual[done], state.steps
+            pivot[which] = state.least_pivot[done]
             near = ~done & (state.residual < NEAR) & (not state.is_near and state.steps > 1)
             # a few builds cost as much time in two groups as in one full step more
             if 2 * near.sum() > len(near):
@@ -124,7 +130,7 @@ def search(scene: Scene, rows: slice, wanted: Search) -> Found:
             state = state.select(np.flatnonzero(~done))
     now = Configuration(arrays, *moving)
     rounding = np.where(steps > 0, _rounding(now, begin.scale), 0.0)
-    return Found(now, residual, rounding, steps)
+    return Found(now, residual, rounding, pivot, steps)
 
 
 MOVING = ("shift", "turn", "deflection")
@@ -180,6 +186,12 @@ class _State:
             state.factors = state._nominal_factors(arrays.scene.drawn, rows)
         return state
 
+    @property
+    def least_pivot(self) -> Float[np.ndarray, " build"]:
+        """Least pivot of the tangent stiffness with which the last step was taken."""
+        least = np.nan if self.factors is None else self.factors.least
+        return np.broadcast_to(least, self.residual.shape)
+
     def _nominal_factors(self, drawn: Scene, rows: slice) -> Factors:
         """Factors of the nominal design, with which all builds take their first step."""
         first = slice(rows.start, rows.start + 1)
@@ -203,7 +215,8 @@ class _State:
         again = self.is_near and not self.is_slow
         if self.factors is None or (self.steps and not again):
             self.factors = self._factorise()
-        step = -self.factors.solve(self.gradient)
+        order, step = self.factors.pattern.order, np.empty_like(self.gradient)
+        step[order] = self.factors.solve(-self.gradient[order, None])[:, 0]
         if self.stages:
             step = self._without_free_rotations(step)
         step /= np.maximum(np.abs(step / self.unit).max(0) / CAP, 1.0)
@@ -233,7 +246,7 @@ class _State:
                 matrix = matrix + stiff * load[:, None] * load
                 moved = (load != 0).any(-1)
                 linked = linked | (moved[:, None] & moved)
-        return Factors(matrix, linked)
+        return factorise(matrix, linked)
 
     def _free_rotations(
         self,
@@ -249,6 +262,19 @@ class _State:
         for free, load in self._free_rotations():
             step = step - free * (load * step).sum(0)
         return step
+
+
+def factorise(
+    matrix: Float[np.ndarray, "moving moving build"], linked: Bool[np.ndarray, "moving moving"]
+) -> Factors:
+    """Factors of tangent stiffnesses, of which the lower triangles are used.
+
+    Coordinates are eliminated from the last to the first, tips of blades and lower bodies before
+    those above, so that the factors stay as sparse as the tree of bodies. A stable equilibrium has
+    positive pivots alone.
+    """
+    pattern = by_body(np.arange(len(linked)), linked)
+    return pattern.factor(matrix[pattern.row, pattern.column], HELD)
 
 
 def _is_as_drawn(

@@ -16,9 +16,8 @@ import numpy as np
 from suspension_cli.elements import string
 from suspension_cli.elements.configuration import Configuration, SceneArrays, batch_first
 from suspension_cli.equilibrium.energy import derivatives, gradient_and_stiffness
-from suspension_cli.equilibrium.factors import Factors
 from suspension_cli.equilibrium.free_rotations import free_rotations, single_point_stages
-from suspension_cli.equilibrium.newton import Found, Search, chunks, search
+from suspension_cli.equilibrium.newton import Found, Search, chunks, factorise, search
 from suspension_cli.equilibrium.residual_scale import residual_scale
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.scene.arrays import inner_axes
@@ -43,12 +42,12 @@ CORRECTIONS = 4
 NEUTRAL = 1e-13
 """Stiffness, relative to that with all other coordinates fixed, below which a motion is neutral
 within rounding, not unstable."""
-CLEAR = 1e-9
+CLEAR = 1e-6
 """Least pivot of the tangent stiffness, over its diagonal element, above which a pose is stable;
-below it free rotations and rounding need a closer look."""
+below it the last step, free rotations and rounding need a closer look."""
 PARTS_OF_POSE = inner_axes(Pose)
 """Arrays of a pose, and their axes beyond the batch."""
-ARRAYS = ("residual", "rounding", "tension", "pivot", "stiffness", "soft", "form", "bend", "twist")
+ARRAYS = ("residual", "rounding", "tension", "pivot", "soft", "form", "bend", "twist")
 """Arrays of an equilibrium beside its pose; the last two may be None."""
 
 
@@ -69,11 +68,10 @@ class Equilibrium:
     tension
         N.
     pivot
-        Least pivot of the tangent stiffness, over its diagonal element.
-    stiffness
-        Tangent stiffness in this pose, N/m, N and N m.
+        Least pivot of the tangent stiffness before the last step, over its diagonal element; NaN if
+        no step was taken.
     soft
-        That if wires kept their lengths.
+        Tangent stiffness in this pose if wires kept their lengths, N/m, N and N m.
     form
         Elongation of each wire per coordinate.
     bend, twist
@@ -86,7 +84,6 @@ class Equilibrium:
     iterations: int
     tension: Inexact[np.ndarray, "*batch wire"]
     pivot: Float[np.ndarray, "*batch"]
-    stiffness: Inexact[np.ndarray, "*batch coordinate coordinate"]
     soft: Inexact[np.ndarray, "*batch coordinate coordinate"]
     form: Inexact[np.ndarray, "*batch wire coordinate"]
     bend: Inexact[np.ndarray, "*batch wire 2 3"] | None = None
@@ -241,10 +238,11 @@ def _is_stable(scene: Scene, numbering: Layout, found: Equilibrium) -> Bool[np.n
 def _has_no_soft_direction(
     scene: Scene, numbering: Layout, found: Equilibrium
 ) -> Bool[np.ndarray, "*batch"]:
-    now = Configuration.of(SceneArrays.of(scene, numbering), found.pose, scene.batch)
-    root, size = np.sqrt(residual_scale(now.arrays)), numbering.size
-    stiffness = found.stiffness.reshape(-1, size, size)[:, 6:, 6:]
-    scaled = np.nan_to_num(np.moveaxis(stiffness, 0, -1)) / (root[:, None] * root)
+    arrays = replace(SceneArrays.of(scene, numbering), follows=True)
+    now = Configuration.of(arrays, found.pose, scene.batch)
+    root = np.sqrt(residual_scale(arrays))
+    stiffness = np.moveaxis(derivatives(now).symmetric(), 0, -1)[6:, 6:]
+    scaled = np.nan_to_num(stiffness) / (root[:, None] * root)
     own = np.abs(np.einsum("iip->ip", scaled))
     stages = single_point_stages(scene)
     if stages:
@@ -252,7 +250,7 @@ def _has_no_soft_direction(
         free = free / np.sqrt(np.maximum((free**2).sum((0, 1)), 1.0))
         scaled = scaled + own.max(0) * np.einsum("irp,jrp->ijp", free, free)
     np.einsum("iip->ip", scaled)[:] += NEUTRAL * own
-    factors = Factors(scaled, np.ones(scaled.shape[:2], dtype=bool))
+    factors = factorise(scaled, np.ones(scaled.shape[:2], dtype=bool))
     return (factors.least > 0).reshape(scene.batch)
 
 
@@ -299,18 +297,14 @@ def _newton(
     """
     wanted = Search(numbering, pose, target, limit, accept_nominal)
     count, size, wires = math.prod(scene.batch), numbering.size, len(scene.wires.label)
-    stiffness, soft = (np.empty((size, size, count)) for _ in range(2))  # builds last, as summed
-    form, pivot, parts = np.empty((size, wires, count)), np.empty(count), []
+    # builds last, as summed
+    soft, form, parts = np.empty((size, size, count)), np.empty((size, wires, count)), []
     for rows in _chunks(scene, numbering):
         found = search(scene, rows, wanted)
-        made = derivatives(found.now, stretching=False)
-        made.symmetric(soft[..., rows])
-        string.add_stretching(found.now, made)
-        made.finish().symmetric(stiffness[..., rows])
-        pivot[rows] = Factors(made.hessian[6:-1, 6:-1], made.linked[6:-1, 6:-1]).least
+        derivatives(found.now, stretching=False).symmetric(soft[..., rows])
         form[..., rows] = string.elongations(found.now)
         parts.append(_arrays_of(found))
-    whole = {"stiffness": stiffness.T, "soft": soft.T, "form": form.T, "pivot": pivot}
+    whole = {"soft": soft.T, "form": form.T}
     for name, first in parts[0].items():
         whole[name] = first if len(parts) == 1 else np.concatenate([part[name] for part in parts])
     arrays = {
@@ -329,5 +323,5 @@ def _arrays_of(found: Found) -> dict[str, np.ndarray]:
         flex = {name: getattr(now.flex, name) for name in ("bend", "twist")}
         arrays |= {name: value for name, value in flex.items() if value is not None}
     arrays = {name: batch_first(value, batch) for name, value in arrays.items()}
-    names = ("residual", "rounding", "steps")
+    names = ("residual", "rounding", "pivot", "steps")
     return arrays | {name: getattr(found, name) for name in names}

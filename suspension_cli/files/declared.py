@@ -14,6 +14,9 @@ texts alone are attributes. A record in a field is a group, whose dimensions may
 record around it; a tuple of records is a group of columns if these hold numbers and texts alone,
 and numbered groups if they hold arrays.
 
+A list of records of one class is stored as one: fields marked `EACH` have the values of all records
+along the dimension `OUTPUT`, the second one of arrays; others are the same in all.
+
 Braces in a unit name a field with units: ``in_unit("{unit}/Hz^0.5")``. Units are such that pint
 reads them; of texts they are `TEXT`, of numbers with units of their own `SI`.
 """
@@ -41,6 +44,10 @@ ATTRIBUTE: Metadata = {"attribute": True}
 """Of texts in a tuple that are no dimension."""
 AXES: Metadata = {"axes": True}
 """Of a tuple of records with name, values and unit: scales of the dimensions ``*axes``."""
+EACH: Metadata = {"each": True}
+"""Of a field that differs between the records of a list."""
+OUTPUT = "output"
+"""Dimension of a list of records."""
 TEXT = "name"
 """Unit of texts."""
 SI = "SI"
@@ -64,11 +71,13 @@ def scale_of(dim: str) -> Metadata:
     return in_unit("", dim, dim)
 
 
-def derived(unit: str = "", along: str = "", name: str = "") -> Callable[[Function], Function]:
+def derived(
+    unit: str = "", along: str = "", name: str = "", *, each: bool = False
+) -> Callable[[Function], Function]:
     """Mark the function of a property that is stored though it follows from the fields."""
 
     def mark(function: Function) -> Function:
-        vars(function)["declared"] = in_unit(unit, along, name)
+        vars(function)["declared"] = in_unit(unit, along, name) | {"each": each}
         return function
 
     return mark
@@ -146,6 +155,11 @@ class _Item:
     metadata: Mapping[str, Any]
 
     @property
+    def each(self) -> bool:
+        """Whether it differs between the records of a list."""
+        return bool(self.metadata.get("each"))
+
+    @property
     def is_scale(self) -> bool:
         return self.dims == (self.key,) and self.form == "array"
 
@@ -211,16 +225,25 @@ def _item(
     dims = metadata.get("dims") or getattr(kind, "dims", ())
     if not dims and kind == tuple[str, ...] and "attribute" not in metadata:
         dims = (name,)
+    if metadata.get("each"):
+        dims = (*dims[:1], OUTPUT, *dims[1:])
+        kind = kind if isinstance(kind, _Array) else tuple[kind, ...]
     key, given = metadata.get("key") or name, metadata.get("unit", "")
     optional = annotation.endswith(" | None")
     return _Item(name, key, kind, dims, given, optional, derived, metadata)
 
 
 def pack(record: Any) -> Contents:
-    """Return all that a record declares."""
-    contents = Contents()
-    _Packing(contents, "", {}, {}).add(record)
-    return contents
+    """Return all that a record declares, or a list of records of one class."""
+    records = record if isinstance(record, list) else [record]
+    given = {}
+    for item in items(type(records[0])):
+        value = getattr(records[0], item.name)
+        if item.each:
+            values = [getattr(one, item.name) for one in records]
+            value = np.stack(values, axis=1) if isinstance(item.type, _Array) else tuple(values)
+        given[item.name] = value
+    return pack_fields(type(records[0]), given)
 
 
 def pack_fields(kind: type, given: Mapping[str, Any]) -> Contents:
@@ -350,6 +373,21 @@ def unpack(kind: type[Record], contents: Contents) -> Record:
     return _Unpacking(contents, "", {}).record(kind)
 
 
+def unpack_list(kind: type[Record], contents: Contents) -> list[Record]:
+    """Return the list of records that contents hold; raises as `unpack` does."""
+    fields, found = _Unpacking(contents, "", {}).fields(kind), []
+    for n in range(len(fields[OUTPUT])):
+        given = dict(fields)
+        for item in items(kind):
+            value = fields.get(item.name)
+            if item.each and isinstance(value, np.ndarray):
+                given[item.name] = value[:, n]
+            elif item.each and not item.derived:
+                given[item.name] = value[n] if value and n < len(value) else None
+        found.append(kind(**given))
+    return found
+
+
 @dataclasses.dataclass
 class _Unpacking:
     """Reads records from contents: `sizes` has the length of each dimension."""
@@ -359,7 +397,10 @@ class _Unpacking:
     sizes: dict[str, int]
 
     def record(self, kind: Any) -> Any:
-        found = {}
+        return kind(**self.fields(kind))
+
+    def fields(self, kind: Any) -> dict[str, Any]:
+        found: dict[str, Any] = {}
         for item in items(kind):
             self.sizes.pop(item.key if item.is_scale else "", None)
         for item in items(kind):
@@ -374,7 +415,7 @@ class _Unpacking:
                 found[item.name] = None
             else:
                 found[item.name] = getattr(self, f"_get_{item.form}")(item)
-        return kind(**found)
+        return found
 
     def _inside(self, item: _Item, number: str = "") -> _Unpacking:
         if item.metadata.get("inline"):

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.linear.elimination import by_body, solve_each
+from suspension_cli.elimination import by_body, solve_each
 from suspension_cli.linear.pencil import Pencil
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Index
@@ -66,11 +66,11 @@ class Spectrum:
 
 def solve(model: LinearSystem) -> Spectrum:
     """Solve for the undamped modes of a system, or of a batch with one axis."""
-    if model.stiffness.ndim == 2:
+    if not model.batch:
         return _solve_blocks(model, model.blocks)
-    count, size = len(model.stiffness), model.size
-    mass = np.broadcast_to(model.mass, model.stiffness.shape)
-    nonzero = np.packbits((mass != 0) | (model.stiffness != 0), axis=-1).reshape(count, -1)
+    (count,), size = model.batch, model.size
+    nonzero = np.broadcast_to((model.mass != 0) | (model.stiffness != 0), (count, size, size))
+    nonzero = np.packbits(nonzero, axis=-1).reshape(count, -1)
     groups: dict[bytes, list[int]] = {}  # systems of one pattern have the same blocks
     for n, row in enumerate(nonzero):
         groups.setdefault(row.tobytes(), []).append(n)
@@ -94,9 +94,8 @@ def solve(model: LinearSystem) -> Spectrum:
 def _select(model: LinearSystem, members: Index) -> LinearSystem:
     """Undamped systems of some builds."""
     undamped = np.zeros((model.size, model.size))
-    mass = np.broadcast_to(model.mass, model.stiffness.shape)[members]
-    chosen = model.select(members)
-    return replace(chosen, mass=mass, damping=undamped, lossy=None, terms=())
+    mass = np.broadcast_to(model.mass, (*model.batch, *undamped.shape))
+    return replace(model, mass=mass, damping=undamped, terms=()).select(members).lossless
 
 
 def _solve_blocks(model: LinearSystem, blocks: tuple[Index, ...]) -> Spectrum:
@@ -185,13 +184,10 @@ def _split_stiffness(
     QR decomposition of the elongations times sqrt(k) leaves no more rows than needed, as tensions
     of redundant wires are indefinite where these are nearly rigid.
     """
-    stretched, whole = model.stretched, model.stiffness
-    at = (..., block[:, None], block)
-    if stretched is None or stretched.form.ndim != whole.ndim:
-        return whole[at], np.zeros((*whole.shape[:-2], 0, len(block)))
-    form = stretched.form[..., block] * np.sqrt(np.real(stretched.stiffness))[..., None]
+    form = model.elongation[..., block] * np.sqrt(np.real(model.k))[..., None]
+    form = np.broadcast_to(form, (*model.batch, *form.shape[-2:]))
     rows: Any = np.linalg.qr(form, mode="r")
-    return np.real(stretched.soft)[at], rows
+    return np.real(model.soft)[..., block[:, None], block], rows
 
 
 def ascending(values: Float[np.ndarray, "*build mode"]) -> Int[np.ndarray, "*build mode"]:
@@ -234,10 +230,11 @@ def grows(model: LinearSystem) -> Bool[np.ndarray, " build"]:
 
     The small c, `RIGID` times the sum of K/M, covers the rounding error of a rigid mode.
     """
-    mass = np.broadcast_to(model.mass, model.stiffness.shape)
-    own, inert = (np.abs(np.einsum("pnn->pn", part)[:, 6:]) for part in (model.stiffness, mass))
+    shape = *model.batch, model.size, model.size
+    stiffness, mass = (np.broadcast_to(part, shape) for part in (model.stiffness, model.mass))
+    own, inert = (np.abs(np.einsum("pnn->pn", part)[:, 6:]) for part in (stiffness, mass))
     scale = np.where(inert > 0, own / np.where(inert > 0, inert, 1.0), 0.0).sum(1)
-    shifted = (model.stiffness + RIGID * scale[:, None, None] * mass)[:, 6:, 6:]
+    shifted = (stiffness + RIGID * scale[:, None, None] * mass)[:, 6:, 6:]
     owner = Pencil(model).owner[6:]
     pattern = by_body(owner, (shifted != 0).any(0))
     with np.errstate(all="ignore"):

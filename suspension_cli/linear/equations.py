@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.linear import elimination
+from suspension_cli import elimination
 from suspension_cli.linear.frequency_terms import multiply_real
 
 if TYPE_CHECKING:

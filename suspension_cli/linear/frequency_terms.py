@@ -14,7 +14,7 @@ x^H Im(f A) x in a motion x, by cause: sums of squares, in which nothing cancels
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -76,7 +76,7 @@ class WireTerm:
 
     @cached_property
     def resisted(self) -> dict[str, list[Float[np.ndarray, "*build wire column"]]]:
-        """Motions of the wires, by part, that `WireAtFrequencies.change` resists.
+        """Motions of the wires, by part, that `PartAtFrequencies.change` resists.
 
         The first of stretching is the elongation, which the tension covers.
         """
@@ -241,14 +241,6 @@ class EvaluatedWires:
 
     term: WireTerm
     moving: WireAtFrequencies
-    _known: dict[str, Any] = field(default_factory=dict)
-
-    def _change(self, part: str) -> Inexact[np.ndarray, "_ *_ frequency"]:
-        """See `WireAtFrequencies.change`; blocks share it."""
-        part = "bend-1" if part == "bend-2" and self.term.strand.round else part
-        if part not in self._known:
-            self._known[part] = self.moving.change(part)
-        return self._known[part]
 
     def functions(
         self, which: Int[np.ndarray, " function"]
@@ -256,14 +248,14 @@ class EvaluatedWires:
         """Select functions f_n by number."""
         result = []
         for part, i, j in (self.term.places[n] for n in which):
-            change = self._change(part)
+            change = self.moving[part].change
             result.append(change[i, j] if part.startswith("bend") else change[i])
         return result
 
     @property
     def compliance(self) -> Inexact[np.ndarray, "*wire frequency"]:
         """1/k(omega) between the ends of a wire, m/N."""
-        return 1 / self._change("stretch")[0]
+        return 1 / self.moving["stretch"].change[0]
 
     @property
     def stiffness(self) -> Complex[np.ndarray, "build column column"]:
@@ -271,7 +263,7 @@ class EvaluatedWires:
         rows, forces = [], []
         for part, motions in self.term.resisted.items():
             # (..., wire, build) to (build, wire)
-            change = np.swapaxes(self._change(part), -1, -2)[..., None]
+            change = np.swapaxes(self.moving[part].change, -1, -2)[..., None]
             for i, one in enumerate(motions):
                 if not part.startswith("bend"):
                     if part == "twist" or i:
@@ -304,7 +296,7 @@ class EvaluatedWires:
         result: dict[tuple[str, float], Float[np.ndarray, " frequency"]] = {}
         for part, (rows, count) in ends.items():
             moved = multiply_real(rows, motion)
-            for cause, value in self.moving.dissipated(part, moved).items():
+            for cause, value in self.moving[part].dissipated(moved).items():
                 key = (f"{self.term.stage}.{cause}", temperatures.get(cause, (upper + lower) / 2))
                 result[key] = result.get(key, 0.0) + count @ value
         return result

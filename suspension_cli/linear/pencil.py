@@ -31,7 +31,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from suspension_cli.conventions import DOFS, FRAME
-from suspension_cli.linear.elimination import connected_groups, solve_each
+from suspension_cli.elimination import connected_groups, solve_each
 from suspension_cli.linear.equations import ROUNDING, Equations, Part, rounding, sizes
 from suspension_cli.linear.frequency_terms import (
     EvaluatedTerm,
@@ -127,8 +127,7 @@ class Block:
     @cached_property
     def loss(self) -> Float[np.ndarray, "own own"]:
         """Im K with the stretching of wires whose stiffness is constant."""
-        lossy, at = self.pencil.model.lossy, np.ix_(self.keep, self.keep)
-        return np.zeros((len(self.keep),) * 2) if lossy is None else np.imag(lossy[at])
+        return self.pencil.model.loss[np.ix_(self.keep, self.keep)]
 
     @cached_property
     def damping(self) -> Float[np.ndarray, "own own"]:
@@ -147,7 +146,7 @@ class Block:
     @cached_property
     def rows(self) -> Rows:
         """Elongations of the wires that move with these coordinates."""
-        model, stretched = self.pencil.model, self.pencil.model.stretched
+        model = self.pencil.model
         form, kinds = np.zeros((1, 0, model.size)), []
         c, term = np.zeros((1, 0)), np.zeros(0, dtype=int)
         for n, (_, own) in enumerate(self.terms):
@@ -156,8 +155,8 @@ class Block:
                 term = np.append(term, np.full(form.shape[1] - len(term), n))
                 kinds.append(np.flatnonzero(term == n))
                 c = np.zeros((1, len(term)))
-        if stretched is not None and not any(isinstance(own, WireTerm) for own in model.terms):
-            form, c = as_builds(stretched.form), 1 / as_builds(self.pencil.stiff, 1)
+        if not any(isinstance(own, WireTerm) for own in model.terms):
+            form, c = as_builds(model.elongation), 1 / as_builds(model.k, 1)
             term, kind = np.full(form.shape[1], -1), [k.tobytes() for k in c.T]
             kinds = [np.flatnonzero([k == one for k in kind]) for one in dict.fromkeys(kind)]
         form = form[..., self._columns] * self._kept
@@ -411,7 +410,7 @@ class Pencil:
     @cached_property
     def many(self) -> bool:
         """Whether there are many builds."""
-        return np.ndim(self.soft) > 2
+        return np.ndim(self.model.soft) > 2
 
     @staticmethod
     def of(model: LinearSystem) -> Pencil:
@@ -451,17 +450,9 @@ class Pencil:
         return [Block(self, group, coupled[group, :6].any(0)) for group in groups]
 
     @cached_property
-    def soft(self) -> Inexact[np.ndarray, "coordinate coordinate"]:
-        """K without the stretching of wires; complex if lossy."""
-        model = self.model
-        full = model.stiffness if model.lossy is None else model.lossy
-        soft = full if model.stretched is None else model.stretched.soft
-        return np.real(soft) if model.lossy is None else soft
-
-    @cached_property
     def matrices(self) -> list[Inexact[np.ndarray, "#build coordinate coordinate"]]:
         """Re K and Im K without the stretching of wires, C and M; of many builds K and nothing."""
-        soft = as_builds(self.soft)
+        soft = as_builds(self.model.soft)
         split = np.isrealobj(soft) or self.many
         parts = [soft, np.zeros((1, *soft.shape[1:]))] if split else [np.real(soft), np.imag(soft)]
         return [*parts, as_builds(self.model.damping), as_builds(self.model.mass)]
@@ -470,14 +461,6 @@ class Pencil:
     def used(self) -> list[Bool[np.ndarray, "coordinate coordinate"]]:
         """Elements of `matrices` that are not 0 in all builds."""
         return [(matrix != 0).any(0) for matrix in self.matrices]
-
-    @cached_property
-    def stiff(self) -> Inexact[np.ndarray, " wire"]:
-        """Constant stiffness k of wires, N/m."""
-        if self.model.stretched is None:
-            return np.zeros(0)
-        k = self.model.stretched.stiffness
-        return np.real(k) if self.model.lossy is None else k
 
     @cached_property
     def owner(self) -> Int[np.ndarray, " coordinate"]:
@@ -501,12 +484,11 @@ class Pencil:
         What one wire exerts, an equal one may cancel, so equal wires are taken together.
         """
         model, matrices = self.model, [matrix[0] for matrix in self.matrices]
-        form = np.zeros((0, model.size)) if model.stretched is None else model.stretched.form
         if self.many:
-            moved = (form != 0).any(0).astype(float)
+            moved = (as_builds(model.elongation) != 0).any(0).astype(float)
             return np.logical_or.reduce([model.allowed & (moved.T @ moved > 0), *self.used])
-        for k in dict.fromkeys(self.stiff.tolist()):
-            some = form[self.stiff == k]
+        for k in dict.fromkeys(model.k.tolist()):
+            some = model.elongation[model.k == k]
             matrices.append(np.where(model.allowed, some.T @ some, 0.0))
         result = np.any([np.abs(m) > rounding(m, self.place) for m in matrices], axis=0)
         for term, weights in zip(model.terms, self.weights, strict=True):

@@ -121,11 +121,9 @@ def _dissipation(
 ) -> tuple[Float[np.ndarray, " mode"], Float[np.ndarray, " mode"]]:
     """Compute the dissipation x^H Im(Z) x, and twice the energy in lossy elements."""
     lost, elastic = omega * quadratic_form(model.damping, x), np.zeros(len(omega))
-    if model.lossy is not None:
-        own = model.stretched
-        lost += quadratic_form(np.imag(model.lossy if own is None else own.soft), x)
-        if own is not None:
-            lost += np.imag(own.stiffness) @ np.abs(own.form @ x) ** 2
+    if model.is_lossy:
+        lost += quadratic_form(np.imag(model.soft), x)
+        lost += np.imag(model.k) @ np.abs(model.elongation @ x) ** 2
     if "within" not in model.prepared:
         model.prepared["within"] = [term.within(np.arange(model.size)) for term in model.terms]
     restricted: list[Any] = model.prepared["within"]
@@ -171,7 +169,7 @@ def _wire_energies(
     result = []
     for part in PARTS:
         # omega dF/domega = 2 omega^2 dF/d(omega^2)
-        slope, motion = np.imag(moving.stiffness(part)) / STEP, ends[part]
+        slope, motion = np.imag(moving[part].stiffness) / STEP, ends[part]
         pushed = np.einsum("abm,bwm->awm", slope, motion)
         result.append(-np.real(motion.conj() * pushed).sum((0, 1)) / (2 * omega**2))
     return np.array(result)

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from suspension_cli.elimination import as_slice
 from suspension_cli.errors import InputError
 from suspension_cli.files.declared import NOT_STORED, along, in_unit
 from suspension_cli.linear import signals
-from suspension_cli.linear.elimination import as_slice
 from suspension_cli.linear.pencil import Block, Pencil
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem

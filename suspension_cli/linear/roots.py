@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.linear.elimination import dense, solve_each
+from suspension_cli.elimination import dense, solve_each
 from suspension_cli.linear.equations import Part
 from suspension_cli.linear.pencil import Block, Loss, Pencil
 

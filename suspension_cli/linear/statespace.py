@@ -291,7 +291,7 @@ def _equivalent_damping(model: LinearSystem) -> Float[np.ndarray, "coordinate co
 
     With modes v of unit modal mass, C = sum over modes of omega / Q (M v) (M v)^T.
     """
-    if model.lossy is None:
+    if not model.is_lossy:
         return np.zeros(model.mass.shape)
     squared, per_q, momentum = _undamped_modes(replace(model, damping=0 * model.damping))
     return (momentum * np.sqrt(np.maximum(squared, 0.0)) * per_q) @ momentum.T
@@ -327,12 +327,8 @@ def with_constant_loss(model: LinearSystem) -> LinearSystem:
     relative[:, :6] = 0.0 if model.rigid is None else -model.rigid
     relative[:6, :6] = 0.0
     loss = relative.T @ ((momentum * (squared * per_q)) @ momentum.T) @ relative
-    loss = 0.5j * (loss + loss.T)
-    stretched = model.stretched
-    if stretched is not None:
-        stretched = replace(stretched, soft=np.real(stretched.soft) + loss)
-    lossy = model.stiffness + loss if per_q.any() else None
-    return replace(model, terms=(), lossy=lossy, stretched=stretched)
+    plain = model.lossless
+    return replace(plain, soft=plain.soft + 0.5j * (loss + loss.T)) if per_q.any() else plain
 
 
 class TransferMatrix(Protocol):

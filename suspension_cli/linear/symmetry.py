@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.conventions import PARITY_X, PARITY_Y
-from suspension_cli.linear.elimination import connected_groups
+from suspension_cli.elimination import connected_groups
 from suspension_cli.scene.arrays import frames, inner_axes, signed
 from suspension_cli.scene.pose import Layout
 from suspension_cli.scene.scene import Scene

@@ -2,8 +2,9 @@
 
 An elongation e = a . x of a wire stores k (a . x)^2 / 2, so a stiffness is a soft part plus a sum
 of k a a^T. In one double the sum of k and of a blade's stiffness 1e10 times smaller keeps six
-digits of the latter, and eliminating the blade's tip squares that loss. In responses (`pencil`) and
-modes (`batch_modes`) k enters as a compliance, to which that of a blade is added.
+digits of the latter, and eliminating the blade's tip squares that loss. So a system keeps soft
+part, elongations and k. In responses (`pencil`) and modes (`batch_modes`) k enters as a compliance,
+to which that of a blade is added.
 """
 
 from __future__ import annotations
@@ -15,12 +16,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.conventions import DOFS
-from suspension_cli.linear.elimination import connected_groups
+from suspension_cli.elimination import connected_groups
 from suspension_cli.linear.frequency_terms import EvaluatedWires, Term
 from suspension_cli.scene.arrays import Index
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Complex, Float, Inexact, Int
+    from jaxtyping import Bool, Float, Inexact, Int
 
 
 @dataclass(frozen=True)
@@ -51,33 +52,6 @@ class Ground:
 
 
 @dataclass(frozen=True)
-class Stretching:
-    """Elongations and stiffnesses of wires, of one design or many builds.
-
-    Attributes
-    ----------
-    form
-        Elongation of each wire per coordinate.
-    stiffness
-        N/m; complex if lossy.
-    soft
-        The stiffness without the stretching; complex if lossy.
-    """
-
-    form: Float[np.ndarray, "*batch wire coordinate"]
-    stiffness: Inexact[np.ndarray, "*#batch wire"]
-    soft: Inexact[np.ndarray, "*batch coordinate coordinate"]
-
-    def whole(
-        self, allowed: Bool[np.ndarray, "coordinate coordinate"]
-    ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
-        """The stiffness, exactly symmetric; that of the stretching where it is allowed."""
-        pulled = np.swapaxes(self.form, -1, -2) * self.stiffness[..., None, :]
-        stretching = np.where(allowed, pulled @ self.form, 0.0)
-        return self.soft + (stretching + np.swapaxes(stretching, -1, -2)) / 2
-
-
-@dataclass(frozen=True)
 class LinearSystem:
     """Linear equations of motion M x'' + C x' + K x = f, the support's coordinates included.
 
@@ -95,12 +69,14 @@ class LinearSystem:
         The named coordinates (rows) in terms of the system's own (columns).
     massless
         Whether each coordinate has no inertia (blade tips without tip mass).
-    mass, stiffness, damping
+    mass, damping
         SI; exactly symmetric; exactly 0 where a symmetry forbids a coupling.
-    lossy
-        The stiffness with loss angles, k (1 + i phi); None if nothing is lossy.
-    stretched
-        The stiffness in two parts, one from the stretching of wires; None if not known.
+    soft
+        The stiffness if wires kept their lengths, likewise; complex, k (1 + i phi), if lossy.
+    elongation
+        Elongation of each wire per coordinate; none where the stretching is part of `soft`.
+    k
+        Stiffness of each wire against stretching, N/m; complex if lossy.
     orientation
         Rotation of each body (support first) from its nominal orientation; None if none is rotated.
     residual
@@ -130,10 +106,10 @@ class LinearSystem:
     basis: Float[np.ndarray, "coordinate coordinate"]
     massless: Bool[np.ndarray, " coordinate"]
     mass: Inexact[np.ndarray, "*#batch coordinate coordinate"]
-    stiffness: Inexact[np.ndarray, "*#batch coordinate coordinate"]
     damping: Inexact[np.ndarray, "*#batch coordinate coordinate"]
-    lossy: Complex[np.ndarray, "*#batch coordinate coordinate"] | None = None
-    stretched: Stretching | None = None
+    soft: Inexact[np.ndarray, "*#batch coordinate coordinate"]
+    elongation: Inexact[np.ndarray, "*#batch wire coordinate"]
+    k: Inexact[np.ndarray, "*#batch wire"]
     orientation: Inexact[np.ndarray, "*#batch _ 3 3"] | None = None
     residual: float = 0.0
     wire: tuple[str, ...] = ()
@@ -181,22 +157,16 @@ class LinearSystem:
         def change(matrix: np.ndarray) -> np.ndarray:
             return from_new.T @ matrix @ from_new
 
-        lossy, own, allowed = self.lossy, self.stretched, self.within_symmetry
-        if lossy is None and np.iscomplexobj(stiffness):
-            lossy = self.stiffness
-        if own is not None:
-            added = np.real(stiffness) if lossy is None else stiffness
-            own = replace(own, form=own.form @ from_new, soft=change(own.soft) + added)
+        allowed = self.within_symmetry
         if allowed is not None:
             reach = (from_new != 0).astype(float)
             allowed = reach.T @ allowed @ reach > 0
         return replace(
             self,
             mass=change(self.mass) + mass,
-            stiffness=change(self.stiffness) + np.real(stiffness),
             damping=change(self.damping) + damping,
-            lossy=None if lossy is None else change(lossy) + stiffness,
-            stretched=own,
+            soft=change(self.soft) + stiffness,
+            elongation=self.elongation @ from_new,
             terms=tuple(term.spread(from_new) for term in self.terms),
             within_symmetry=allowed,
         )
@@ -214,16 +184,13 @@ class LinearSystem:
         def take(array: Any, axes: int = 2) -> Any:
             return array if array is None or np.ndim(array) == axes else array[which]
 
-        own = self.stretched
-        if own is not None:
-            own = Stretching(take(own.form), take(own.stiffness, 1), take(own.soft))
         return replace(
             self,
             mass=take(self.mass),
-            stiffness=take(self.stiffness),
             damping=take(self.damping),
-            lossy=take(self.lossy),
-            stretched=own,
+            soft=take(self.soft),
+            elongation=take(self.elongation),
+            k=take(self.k, 1),
             orientation=take(self.orientation, 3),
             terms=tuple(term.select(which) for term in self.terms),
             rigid=take(self.rigid),
@@ -237,32 +204,60 @@ class LinearSystem:
         """
         if not self.terms:
             return self
-        own, count = self.stretched, len(omega)
-        soft = self.complete if own is None else own.soft
-        dynamic = np.empty((self.size, self.size, count), dtype=complex)  # builds last in memory
-        dynamic[...] = np.moveaxis(np.atleast_3d(soft.T).T, 0, -1)
-        if own is not None:
-            stiffness = np.empty((count, own.form.shape[-2]), dtype=complex)
-            stiffness[...] = own.stiffness
-            own = replace(own, soft=np.moveaxis(dynamic, -1, 0), stiffness=stiffness)
+        count = len(omega)
+        soft = np.empty((self.size, self.size, count), dtype=complex)  # builds last in memory
+        soft[...] = np.moveaxis(np.atleast_3d(self.soft.T).T, 0, -1)
+        k = np.empty((count, self.k.shape[-1]), dtype=complex)
+        k[...] = self.k
         for term in self.terms:
             here = term.at(omega)
             at = term.columns[:, None], term.columns
-            dynamic[at] += self.allowed[at][..., None] * np.moveaxis(here.stiffness, 0, -1)
-            if own is not None and isinstance(here, EvaluatedWires):
-                own.stiffness[:, here.term.number] = np.atleast_2d(1 / here.compliance).T
-        return replace(self, terms=(), lossy=np.moveaxis(dynamic, -1, 0), stretched=own)
+            soft[at] += self.allowed[at][..., None] * np.moveaxis(here.stiffness, 0, -1)
+            if isinstance(here, EvaluatedWires):
+                k[:, here.term.number] = np.atleast_2d(1 / here.compliance).T
+        return replace(self, terms=(), soft=np.moveaxis(soft, -1, 0), k=k)
 
     @property
     def size(self) -> int:
         """Number N of coordinates."""
         return len(self.coordinate)
 
-    @property
+    @cached_property
+    def stiffness(self) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
+        """Whole static stiffness without loss, exactly symmetric, without the terms."""
+        return self._sum(np.real(self.soft), np.real(self.k))
+
+    @cached_property
     def complete(self) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
         """Whole stiffness, complex if lossy, without the terms."""
-        static = self.stiffness if self.lossy is None else self.lossy
-        return static if self.stretched is None else self.stretched.whole(self.allowed)
+        return self._sum(self.soft, self.k) if self.is_lossy else self.stiffness
+
+    @property
+    def is_lossy(self) -> bool:
+        """Whether the stiffness without the terms has loss angles."""
+        return np.iscomplexobj(self.soft) or np.iscomplexobj(self.k)
+
+    @property
+    def loss(self) -> Float[np.ndarray, "*batch coordinate coordinate"]:
+        """Imaginary part of the whole stiffness without the terms."""
+        return np.imag(self.complete)
+
+    @property
+    def lossless(self) -> LinearSystem:
+        """System without loss angles and without terms in frequency; dampers act."""
+        return replace(self, terms=(), soft=np.real(self.soft), k=np.real(self.k))
+
+    def _sum(
+        self,
+        soft: Inexact[np.ndarray, "*#batch coordinate coordinate"],
+        k: Inexact[np.ndarray, "*#batch wire"],
+    ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
+        """Add the stretching of wires, where it is allowed, to the soft stiffness."""
+        if not k.shape[-1]:
+            return soft
+        pulled = np.swapaxes(self.elongation, -1, -2) * k[..., None, :]
+        stretching = np.where(self.allowed, pulled @ self.elongation, 0.0)
+        return soft + (stretching + np.swapaxes(stretching, -1, -2)) / 2
 
     @property
     def allowed(self) -> Bool[np.ndarray, "coordinate coordinate"]:
@@ -273,7 +268,7 @@ class LinearSystem:
     @property
     def batch(self) -> tuple[int, ...]:
         """Shape of the batch axes."""
-        return np.broadcast_shapes(self.mass.shape[:-2], self.stiffness.shape[:-2])
+        return np.broadcast_shapes(self.mass.shape[:-2], self.soft.shape[:-2])
 
     def index(self, body: str, dof: str) -> int:
         """Return the number of a coordinate of a body."""
@@ -294,12 +289,7 @@ class LinearSystem:
         for term in self.terms:
             coupled[np.ix_(term.columns, term.columns)] |= term.compact.any(0)
         coupled &= self.allowed
-        for matrix in (
-            self.mass,
-            self.stiffness,
-            self.damping,
-            *(() if self.lossy is None else (self.lossy,)),
-        ):
+        for matrix in (self.mass, self.stiffness, self.damping, self.complete):
             coupled |= (matrix != 0).reshape(-1, self.size, self.size).any(0)
         # without the support; a damper may sense one body and push another
         return tuple(group + 6 for group in connected_groups(coupled[6:, 6:]))

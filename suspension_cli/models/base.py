@@ -100,5 +100,4 @@ class Model(ABC):
         """Suspensions of designs of one `batch_key` as one linear model, designs as first axis."""
         (design,) = designs
         model = self.suspension(design)
-        lossy = None if model.lossy is None else model.lossy[None]
-        return replace(model, mass=model.mass[None], stiffness=model.stiffness[None], lossy=lossy)
+        return replace(model, mass=model.mass[None], soft=model.soft[None])

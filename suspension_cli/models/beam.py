@@ -16,7 +16,7 @@ from suspension_cli.design.schema import Design
 from suspension_cli.elements import string
 from suspension_cli.elements.dynamic_wire import EQUAL_WITHIN, TautWire, fit_to_equilibrium
 from suspension_cli.elements.gas import body_damping
-from suspension_cli.equilibrium import bending_wires, clamps
+from suspension_cli.equilibrium import clamps
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.linear.frequency_terms import Term, WireTerm
 from suspension_cli.linear.symmetry import Symmetry, find_symmetry, no_symmetry
@@ -46,7 +46,7 @@ def linear_model(
     Raises `InputError` if a scene without batch axes has no equilibrium, or a slack wire in it.
     """
     numbering = layout(scene)
-    scene, balanced = bending_wires.solve_bending(scene, numbering)
+    scene, balanced = clamps.solve_bending(scene, numbering)
     if not scene.batch:
         balanced.demand(scene)
     adapted = find_symmetry(scene, numbering) if split else no_symmetry(numbering)

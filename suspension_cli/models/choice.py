@@ -324,7 +324,7 @@ def shifts(simple: LinearSystem, refined: LinearSystem) -> tuple[Modes, Float[np
     """
     new = eigenmodes.solve(refined.constant)
     changes = np.zeros(len(new.omega_squared))
-    if simple.stiffness is not refined.stiffness:
+    if simple.soft is not refined.soft:
         old = eigenmodes.solve(simple.constant)
         a, b = old.omega_squared[pair_bodies(new, old, refined)], new.omega_squared
         changes = np.where(b > 0, np.abs(np.sqrt(np.abs(a) / np.where(b > 0, b, 1.0)) - 1), 0.0)
@@ -350,7 +350,7 @@ def _shifts_by_wire_mass(found: Modes, model: LinearSystem) -> Float[np.ndarray,
         strand = term.strand
         there = replace(strand, lossy=False).at(omega)
         for part, moved in ends.items():
-            added = there.stiffness(part) - strand.resting(part)
+            added = there[part].stiffness - strand.resting(part)
             change += np.einsum("iwm,ijm,jwm->m", moved, added, moved)
     result = np.zeros(len(good))
     result[good] = np.where(

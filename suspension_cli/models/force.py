@@ -230,15 +230,17 @@ def assembled(
     for n, value in enumerate(masses, 6):
         mass[..., n, n] = value
     rigid = rigid_motion(size, np.array([positions[body] for body in bodies]))
+    soft = stiffness if lossy is None else stiffness + 1j * np.imag(lossy)
     return LinearSystem(
         body=bodies[1:],
         coordinate=tuple(f"{body}.{dof}" for body in bodies for dof in DOFS),
         basis=np.eye(size),
         massless=np.zeros(size, dtype=bool),
         mass=mass,
-        stiffness=stiffness,
         damping=np.zeros((size, size)),
-        lossy=lossy,
+        soft=soft,
+        elongation=np.zeros((0, size)),
+        k=np.zeros(0),
         rigid=rigid,
     )
 

@@ -21,7 +21,7 @@ from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium, solve
 from suspension_cli.equilibrium.tree import chain_tops
 from suspension_cli.linear.symmetry import Symmetry, find_symmetry, no_symmetry
-from suspension_cli.linear.system import Ground, LinearSystem, Stretching
+from suspension_cli.linear.system import Ground, LinearSystem
 from suspension_cli.models.base import BENDING, MASS, Model
 from suspension_cli.models.loss_terms import spring_terms
 from suspension_cli.rotations import rigid_motion
@@ -74,19 +74,11 @@ def linear_model(
         light[scene.wires.blade[scene.wires.blade >= 0]] = False
     for number in np.flatnonzero(light):
         tips[numbering.blade[number][scene.blades.axes[number]]] = True
-    soft, form = adapted.apply(balanced.soft), adapted.forms(balanced.form)
-    stretched = Stretching(form, np.broadcast_to(scene.wires.stiffness, form.shape[:-1]), soft)
-    if scene.batch:
-        stiffness = adapted.apply(balanced.stiffness)
-    else:
-        stiffness = stretched.whole(adapted.allowed)
-    lossy = None
+    soft, elongation = adapted.apply(balanced.soft), adapted.forms(balanced.form)
+    k = np.broadcast_to(scene.wires.stiffness, elongation.shape[:-1])
     if any(np.any(getattr(part, "loss", 0.0)) for part in scene.parts.values()):
-        soft_loss = adapted.apply(loss_matrix(scene, numbering, pose))
-        loss = Stretching(form, stretched.stiffness * scene.wires.loss, soft_loss)
-        k = stretched.stiffness + 1j * loss.stiffness
-        stretched = Stretching(form, k, soft + 1j * soft_loss)
-        lossy = stiffness + 1j * loss.whole(adapted.allowed)
+        soft = soft + 1j * adapted.apply(loss_matrix(scene, numbering, pose))
+        k = k * (1 + 1j * scene.wires.loss)
     terms, of_ground = spring_terms(scene, numbering, pose, adapted, tables=True)
     is_turned = np.abs(pose.turn).max() > 1e-13  # not only by a rounding error of Newton's method
     model = LinearSystem(
@@ -95,10 +87,10 @@ def linear_model(
         basis=adapted.basis,
         massless=adapted.adapt_flags(tips),
         mass=adapted.apply(mass_matrix(scene, numbering, pose, wire_inertia=wire_inertia)),
-        stiffness=stiffness,
         damping=adapted.apply(damping_matrix(scene, numbering, pose)),
-        lossy=lossy,
-        stretched=stretched,
+        soft=soft,
+        elongation=elongation,
+        k=k,
         orientation=pose.rotation if is_turned else None,
         residual=float(np.max(balanced.residual)),
         wire=scene.wires.label,
@@ -157,18 +149,13 @@ def _on_ground(
     whole = stiffness + 1j * loss if loss.any() else stiffness
     columns, resisted = whole[..., :6].copy(), damping[..., :6].copy()
     columns[..., :6, :], resisted[..., :6, :] = 0.0, 0.0
-    lossy, stretched = model.lossy, model.stretched
-    assert stretched is not None
-    stretched = replace(stretched, soft=without_ground(stretched.soft, whole))
-    if lossy is not None:
-        lost = without_ground(np.imag(lossy), loss)
-        lossy = without_ground(np.real(lossy), stiffness) + 1j * lost
+    soft = without_ground(np.real(model.soft), stiffness)
+    if np.iscomplexobj(model.soft):
+        soft = soft + 1j * without_ground(np.imag(model.soft), loss)
     return replace(
         model,
-        stiffness=without_ground(model.stiffness, stiffness),
         damping=without_ground(model.damping, damping),
-        lossy=lossy,
-        stretched=stretched,
+        soft=soft,
         ground=Ground(columns, resisted, terms),
     )
 

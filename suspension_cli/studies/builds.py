@@ -13,9 +13,9 @@ import numpy as np
 
 from suspension_cli.conventions import PARITY_X, PARITY_Y
 from suspension_cli.design.schema import Design
+from suspension_cli.elimination import solve_each
 from suspension_cli.equilibrium.solve import CLEAR, Equilibrium
 from suspension_cli.linear import batch_modes
-from suspension_cli.linear.elimination import solve_each
 from suspension_cli.linear.poles import ROUNDING
 from suspension_cli.linear.response import transfer_builds
 from suspension_cli.linear.signals import Signal, linear_form
@@ -166,10 +166,7 @@ def _unstable(
     if unclear.all():
         return batch_modes.grows(model)
     if unclear.any():
-        mass = np.broadcast_to(model.mass, model.stiffness.shape)[unclear]
-        unclear[unclear] = batch_modes.grows(
-            replace(model, stiffness=model.stiffness[unclear], mass=mass)
-        )
+        unclear[unclear] = batch_modes.grows(model.select(np.flatnonzero(unclear)))
     return unclear
 
 
@@ -184,8 +181,7 @@ def mark_driven(status: Int[np.ndarray, " build"], model: LinearSystem) -> None:
         return
     from scipy.linalg import eig
 
-    loss = np.zeros((1, 1)) if model.lossy is None else np.imag(model.lossy)
-    whole = np.broadcast_arrays(model.mass, model.damping, model.stiffness, loss)
+    whole = np.broadcast_arrays(model.mass, model.damping, model.stiffness, model.loss)
     light = model.massless[6:] & ~whole[1][..., 6:, 6:].any((0, -1))
     for n in np.flatnonzero(status == GOOD):
         *own, loss = (matrix[n, 6:, 6:] for matrix in whole)

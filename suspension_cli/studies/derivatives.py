@@ -104,10 +104,9 @@ def _bend(sides: Inexact[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
 def flat_matrices(found: Builds) -> Float[np.ndarray, "build element"]:
     """All elements of mass, stiffness, damping, loss and rotations of bodies, one after another."""
     model, count, size = found.model, len(found.status), found.model.size
-    loss = np.zeros((size, size)) if model.lossy is None else np.imag(model.lossy)
     parts = [
         np.broadcast_to(part, (count, size, size)).reshape(count, -1)
-        for part in (model.mass, model.stiffness, model.damping, loss)
+        for part in (model.mass, model.stiffness, model.damping, model.loss)
     ]
     assert model.orientation is not None
     return np.hstack([*parts, model.orientation.reshape(count, -1)])

@@ -169,13 +169,8 @@ class Plant:
             rates = np.sqrt(np.clip(squared, 0.0, None)) * damping
             system = replace(system, damping=system.damping + (forces.T * rates) @ forces)
         if stiffening is not None and stiffening.any():
-            added, own = (forces.T * (squared * stiffening)) @ forces, system.stretched
-            system = replace(
-                system,
-                stiffness=system.stiffness + added,
-                lossy=None if system.lossy is None else system.lossy + added,
-                stretched=None if own is None else replace(own, soft=own.soft + added),
-            )
+            added = (forces.T * (squared * stiffening)) @ forces
+            system = replace(system, soft=system.soft + added)
         return system
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from suspension_cli.elements import bending, string
-from suspension_cli.elements.resistances import principal_planes
+from suspension_cli.elements.resting import principal_planes
 from suspension_cli.equilibrium import energy
 from suspension_cli.rotations import rotation_matrix
 from suspension_cli.scene.pose import Pose, nominal_pose

@@ -49,7 +49,7 @@ def integrals(strand, drag, omega):
 
 
 def dissipated(strand, omega, motions=MOTIONS):
-    found = strand.at(np.array([omega])).dissipated("bend-1", (SPLIT @ motions.T)[..., None])
+    found = strand.at(np.array([omega]))["bend-1"].dissipated((SPLIT @ motions.T)[..., None])
     return {cause: value[:, 0] for cause, value in found.items()}
 
 

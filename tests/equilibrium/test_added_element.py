@@ -13,7 +13,7 @@ from suspension_cli.elements.configuration import Attached, Ends
 from suspension_cli.elements.derivatives import Terms
 from suspension_cli.elements.element import Element
 from suspension_cli.elements.vectors import dot, outer, plus_unit, unit
-from suspension_cli.equilibrium import bending_wires
+from suspension_cli.equilibrium import clamps
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.energy import energy, gradient_and_stiffness
 from suspension_cli.linear.response import solve
@@ -138,7 +138,7 @@ def test_builds_of_a_batch_are_those_of_single_designs(model):
     for n, member in enumerate(members):
         single = model.of_scene(member, design)
         _, one = (
-            bending_wires.solve_bending(member, layout(member))
+            clamps.solve_bending(member, layout(member))
             if model.bends_wires
             else (member, equilibrium.solve(member, layout(member)))
         )

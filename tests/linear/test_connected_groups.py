@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.sparse.csgraph import connected_components
 
-from suspension_cli.linear.elimination import connected_groups
+from suspension_cli.elimination import connected_groups
 
 
 @pytest.mark.parametrize("density", [0.0, 0.02, 0.05, 1.0])

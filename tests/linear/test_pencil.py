@@ -6,7 +6,6 @@ counts as 1 m) 1e-14 of that. Rounding the model's numbers changes the smallest 
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -91,7 +90,7 @@ def test_static(name, level):
 
 def test_nothing_lossy_is_real():
     """Without loss nothing is computed in complex numbers, so no imaginary part is left."""
-    model = replace(system("quadruple", "string"), lossy=None)
+    model = system("quadruple", "string").lossless
     omega = np.array([0.1, 10.0, 1000.0])
     found, _ = response.transfer(
         model, omega, np.eye(6, model.size), [False] * 6, np.eye(model.size)

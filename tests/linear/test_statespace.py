@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -205,7 +203,7 @@ def test_loss_becomes_the_damping_of_each_mode(kind, level):
 
 
 def test_without_loss_it_is_exact_again():
-    model = dataclasses.replace(plants.model("quadruple", "force", loss=True), lossy=None)
+    model = plants.model("quadruple", "force", loss=True).lossless
     inputs, outputs = plants.drives(model, "support.x"), plants.motions(model, "test.x")
     assert export.build(model, inputs, outputs).worst < 1e-9
 

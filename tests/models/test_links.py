@@ -216,7 +216,7 @@ def test_ground_with_losses_and_dampers() -> None:
     omega = 2 * np.pi * frequency[:, None, None]
     ground = model.ground
     assert ground is not None and np.iscomplexobj(ground.stiffness)
-    z = model.lossy + 1j * omega * model.damping - omega**2 * model.mass
+    z = model.complete + 1j * omega * model.damping - omega**2 * model.mass
     g = ground.stiffness + 1j * omega * ground.damping
     rows = np.array([signals.linear_form(s, model) for s in outputs])
     for n, column in enumerate([g[:, 6:, 0], g[:, 6:, 3], z[:, 6:, 1]]):

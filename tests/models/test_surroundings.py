@@ -188,7 +188,7 @@ def test_a_damper_by_hand(level):
 
 def dense(model, frequency, inputs, outputs):
     """All coordinates at once by LAPACK, tips and structure included."""
-    stiffness = model.stiffness if model.lossy is None else model.lossy
+    stiffness = model.complete
     result = []
     for w in 2 * np.pi * frequency:
         whole = stiffness + 1j * w * model.damping - w**2 * model.mass

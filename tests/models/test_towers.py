@@ -213,7 +213,8 @@ def test_imperfect_builds_in_a_batch_are_those_solved_alone():
     for n, one in enumerate(built):
         alone = equilibrium.solve(one, numbering)
         np.testing.assert_allclose(batch.pose.shift[n], alone.pose.shift, atol=1e-12)
-        assert scaled_error(batch.stiffness[n], alone.stiffness) < 1e-11
+        assert scaled_error(batch.soft[n], alone.soft) < 1e-11
+        np.testing.assert_allclose(batch.form[n], alone.form, atol=1e-11)
 
 
 # ---------------------------------------------------------------- one inverted pendulum alone

@@ -246,7 +246,7 @@ def test_loss_of_springs_is_that_of_their_material():
     constant = single(wires, spring=[spring | {"loss_angle": 3e-3}])
     named = single(wires, spring=[spring | {"material": "tape"}])
     named["materials"] = {"tape": {"youngs_modulus": 1e9, "loss_angle": 3e-3}}
-    both = [registry.STRING.system(scenes.design_of(one)).lossy for one in (constant, named)]
+    both = [registry.STRING.system(scenes.design_of(one)).complete for one in (constant, named)]
     assert np.array_equal(*both)
 
 

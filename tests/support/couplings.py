@@ -108,6 +108,8 @@ def _exact(build: dict[str, float], wire: int, hold: str) -> float:
     )
 
 
-def balanced(values: dict[str, Any], requested: CouplingRequest, design: Design) -> builds.Builds:
+def balanced(
+    values: dict[str, Any], requested: CouplingRequest, design: Design, level: str = "string"
+) -> builds.Builds:
     """Builds of a batch in equilibrium."""
-    return builds.balance(coupling.impose(expand(design), values, requested), design)
+    return builds.balance(coupling.impose(expand(design), values, requested), design, level=level)

@@ -27,10 +27,7 @@ def solve(model: LinearSystem, omega: float, moves: Any, forces: Any) -> Any:
     wide, w = np.clongdouble, np.longdouble(omega)
     owner = np.array([name.split(".")[0] for name in model.coordinate])
     own = np.array([model.body.index(n) + 1 if n in model.body else 0 for n in owner])
-    full = model.stiffness if model.lossy is None else model.lossy
-    if model.stretched is not None:
-        full = model.stretched.soft if model.lossy is not None else model.stretched.soft.real
-    whole = completed(full, own, model) - w**2 * model.mass.astype(wide)
+    whole = completed(model.soft, own, model) - w**2 * model.mass.astype(wide)
     whole += 1j * w * completed(model.damping, own, model)
     rows, compliance = [np.zeros((0, model.size), dtype=wide)], []
     for term in model.terms:
@@ -43,10 +40,9 @@ def solve(model: LinearSystem, omega: float, moves: Any, forces: Any) -> Any:
         if isinstance(term, WireTerm):
             rows.append(completed(2 * term.forms["stretch"][:, 1], None, model))
             compliance += [there.compliance.astype(wide).reshape(-1)[0]] * len(rows[-1])
-    if model.stretched is not None and not compliance:
-        k = model.stretched.stiffness
-        rows.append(completed(model.stretched.form, None, model))
-        compliance = list(1 / (k if model.lossy is not None else k.real).astype(wide))
+    if not compliance:
+        rows.append(completed(model.elongation, None, model))
+        compliance = list(1 / model.k.astype(wide))
     stretch = np.concatenate(rows)
     equations = np.block([[whole[6:], stretch[:, 6:].T], [stretch, -np.diag(compliance)]])
     if not compliance:

@@ -157,13 +157,7 @@ _KEPT: dict[int, Any] = {}
 
 def _low(matrix: Any, model: LinearSystem, part: Any) -> Any:
     """What is missing from the sum of the stretching of wires and all else, rounded to doubles."""
-    if model.stretched is None:
-        return None
-    soft, form, k = (
-        part(model.stretched.soft),
-        model.stretched.form,
-        part(model.stretched.stiffness),
-    )
+    soft, form, k = part(model.soft), model.elongation, part(model.k)
     result = np.zeros(matrix.shape)
     for i, j in zip(*np.nonzero(matrix), strict=True):
         exact = MP.mpf(float(soft[i, j])) - MP.mpf(float(matrix[i, j]))
@@ -177,7 +171,7 @@ def _matrices(model: LinearSystem) -> Any:
     """Stiffness, its imaginary part, damping and mass in 50 digits; computed once a model (which
     is kept, so that its id stays its own)."""
     if id(model) not in _KEPT:
-        full = model.stiffness if model.lossy is None else model.lossy
+        full = model.complete
         mass = [[MP.mpf(float(value)) if value else MP.zero for value in row] for row in model.mass]
         stiffness, loss = (
             completed(matrix, model, _low(matrix, model, part))
@@ -230,7 +224,7 @@ def _at(
         abs(np.array([[complex(v) for v in row] for row in part]))
         for part in (whole, [row[k:] for row in solved])
     )
-    full = model.stiffness if model.lossy is None else model.lossy
+    full = model.complete
     size = abs(full.real) + abs(full.imag) + omega * abs(model.damping) + omega**2 * abs(model.mass)
     moved = y.T @ size[6:] @ x + abs(rows) @ x
     return exact, error, moved / np.where(exact == 0, 1.0, abs(exact))

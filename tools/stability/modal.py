@@ -149,7 +149,12 @@ def _detuned(model: LinearSystem, difference: float, angle: float) -> LinearSyst
     direction = np.zeros(model.size)
     direction[x], direction[y] = np.cos(angle), np.sin(angle)
     stiffness += difference * stiffness[x, x] * np.outer(direction, direction)
-    return replace(model, stiffness=stiffness, stretched=None)
+    return _with_stiffness(model, stiffness)
+
+
+def _with_stiffness(model: LinearSystem, stiffness: Any) -> LinearSystem:
+    """Replace the stiffness, that of the wires included."""
+    return replace(model, soft=stiffness, elongation=model.elongation[:0], k=model.k[:0])
 
 
 def _shipped_fractions(model: LinearSystem) -> Any:
@@ -170,7 +175,7 @@ def _sensitivity_to_rounding(model: LinearSystem, fractions: Any) -> float:
     for _ in range(8):
         noise = np.triu(rng.choice([-1.0, 0.0, 1.0], model.stiffness.shape)) * np.finfo(float).eps
         factor = 1 + noise + np.triu(noise, 1).T
-        found.append(fractions(replace(model, stiffness=model.stiffness * factor, stretched=None)))
+        found.append(fractions(_with_stiffness(model, model.stiffness * factor)))
     return float(np.ptp(np.array(found), axis=0).max())
 
 
@@ -231,7 +236,7 @@ def _exact_q(model: LinearSystem, block: Any) -> float:
     m = mpmath.mp.clone()
     m.dps = 60
     mass = [m.mpf(float(v)) for v in np.diag(model.mass)[block]]
-    k = [[m.mpc(complex(v)) for v in line] for line in model.lossy[np.ix_(block, block)]]
+    k = [[m.mpc(complex(v)) for v in line] for line in model.complete[np.ix_(block, block)]]
     a, d, b2 = k[0][0] / mass[0], k[1][1] / mass[1], k[0][1] * k[1][0] / (mass[0] * mass[1])
     root = m.sqrt((a - d) ** 2 + 4 * b2)
     lowest = min(((a + d + root) / 2, (a + d - root) / 2), key=lambda v: m.re(v))
@@ -241,7 +246,7 @@ def _exact_q(model: LinearSystem, block: Any) -> float:
 
 def _width(model: LinearSystem, block: Any) -> float:
     """Q from the half-power width of |H|^2 about the resonance of the lossless eigenvalues."""
-    mass, stiffness = model.mass[np.ix_(block, block)], model.lossy[np.ix_(block, block)]
+    mass, stiffness = model.mass[np.ix_(block, block)], model.complete[np.ix_(block, block)]
     centre = np.sqrt(np.linalg.eigvals(np.linalg.solve(mass, stiffness.real)).real.min())
     low, high = 1e-18, 1e-1
     for _ in range(200):

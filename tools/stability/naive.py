@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy import linalg
 
-from suspension_cli.linear import elimination
+from suspension_cli import elimination
 from suspension_cli.linear.signals import Signal, linear_form
 from suspension_cli.linear.statespace import StateSpace
 from suspension_cli.linear.system import LinearSystem
@@ -32,7 +32,7 @@ def condense(model: LinearSystem) -> tuple[Any, Any, Any]:
     massless[:6] = False
     kept, eliminated = np.flatnonzero(~massless)[6:], np.flatnonzero(massless)
     columns = np.concatenate([np.arange(6), kept])
-    full = model.stiffness if model.lossy is None else model.lossy
+    full = model.complete
     stiffness = full[np.ix_(kept, columns)]
     if len(eliminated):
         stiffness = stiffness - full[np.ix_(kept, eliminated)] @ np.linalg.solve(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,16 +21,19 @@ from suspension_cli.analyses.analysis import (
 )
 from suspension_cli.analyses.options import option
 from suspension_cli.conventions import DOFS, SUPPORT
-from suspension_cli.errors import Fault, InputError, escape_unprintable, format_value
+from suspension_cli.errors import (
+    InputError,
+    attribute_faults_to,
+    escape_unprintable,
+    format_value,
+)
 from suspension_cli.grids import decade_points, parse_frequencies
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.budget.ground import Motion
     from suspension_cli.analyses.budget.solve import Budget, Requirement
-    from suspension_cli.analyses.budget.table import Table
-    from suspension_cli.design.schema import Design
+    from suspension_cli.analyses.budget.spectrum import Spectrum
     from suspension_cli.linear.system import LinearSystem
     from suspension_cli.models.registry import Choice
     from suspension_cli.scene.arrays import Array
@@ -74,7 +77,7 @@ class BudgetAnalysis(Analysis):
     """
 
     name = "budget"
-    result_type = "analyses.budget.solve.Budgets"
+    result_type = "analyses.budget.solve.Budget"
     arguments = (options.DESIGN,)
     parameters = (
         options.signals("output", options.MOTIONS, "x, pitch and yaw of the mirror"),
@@ -131,15 +134,15 @@ class BudgetAnalysis(Analysis):
         choice, model, warm = _model(run, grid, outputs, notes)
         parsed = thermal.parse_outputs(model, outputs, setting["arm"])
         heavy = choice.model.has_wire_mass
-        light = registry.BEAM.system(design) if heavy else model
-        poles = noise.find_stable_poles(design, light)
+        poles = noise.find_stable_poles(design, registry.BEAM.system(design) if heavy else model)
         if heavy:
             poles = np.append(poles, noise.find_wire_modes(model, float(grid[-1])))
         temperature = design.constants.temperature if warm else None
         plant = noise.build_plant(design, model)
         noises = noise.Noises(plant, parsed, motions, temperature, setting["mirrors"])
         if not noises.cause:
-            raise _error("--ground", "leaves no cause of motion", "give a ground, or loss angles")
+            problem, remedy = "leaves no cause of motion", "give a ground, or loss angles"
+            raise InputError.of("--ground", problem, remedy)
         for note in notes:
             run.log.warn(note)
         added = ":" in setting["frequency"]
@@ -155,49 +158,44 @@ class BudgetAnalysis(Analysis):
             extra["tilt_rad"] = thermal.compute_arm_tilt(setting["arm"])
         return Result(self, run.source, choice, found, extra, command=run.command)
 
-    def parse_names(
-        self, design: Design, stages: tuple[str, ...], known: tuple[str, ...]
-    ) -> Iterator[Callable[[], object]]:
-        """Return nothing: `damp` parses the signals of the loops."""
-        return iter(())
-
     def document(self, result: Result) -> Document:
         """Return the budget of the first output flat, and those of the others."""
-        budgets: list[Budget] = result.data
-        first, *others = [_document(one) for one in budgets]
-        head = {"frequency_hz": budgets[0].frequency.tolist()}
-        ground = {"ground": _sources(budgets[0])}
-        return head | first | {"other_outputs": others} | ground | result.extra
+        first, *others = [_document(one) for one in result.data]
+        one: Budget = result.data[0]
+        head = {"frequency_hz": one.frequency.tolist()}
+        return head | first | {"other_outputs": others, "ground": _sources(one)} | result.extra
 
     def text(self, result: Result) -> str:
         """Return a table per output: RMS and amplitude spectral densities by cause."""
-        first = result.data[0]
-        ground = describe_ground(_sources(first), float(first.frequency[-1]))
-        lines = [result.choice.line, f"ground: {ground}"]
+        frequency = result.data[0].frequency
+        shown = decade_points(frequency)
+        low, high = frequency[0], frequency[-1]
+        span = f"{low:.4g}" + (f" to {high:.4g}" if high > low else "")
+        lines = [result.choice.line, f"ground: {_describe_ground(result.data[0])}"]
         for one in result.data:
-            low, high = one.frequency[0], one.frequency[-1]
-            shown = decade_points(one.frequency)
-            span = f"{low:.4g}" + (f" to {high:.4g}" if high > low else "")
             tilt = result.extra.get("tilt_rad", 0.0) * (one.output.partition("@")[0][-2:] == ".x")
-            along = f" along a beam that rises by {1e6 * tilt:.3g} urad" if tilt else ""
-            lines += ["", f"{one.output}{along}{name_mirrors(result)}, {span} Hz"]
+            lines += ["", f"{one.output}{name_mirrors(result, tilt)}, {span} Hz"]
             columns = {"cause": "", f"RMS\n{one.unit}": ".3e"}
             columns[f"RMS velocity\n{one.unit}/s"] = ".3e"
-            columns |= {f"{one.frequency[n]:.4g} Hz\n{one.unit}/sqrt(Hz)": ".3e" for n in shown}
-            rows: list[tuple[float | str | None, ...]] = [
-                ("all", _rms(one.rms[0]), _rms(one.rms_velocity[0]), *one.amplitude[shown])
+            columns |= {f"{at:.4g} Hz\n{one.unit}/sqrt(Hz)": ".3e" for at in frequency[shown]}
+            parts = [("all", one.rms[0], one.rms_velocity[0], one.amplitude)]
+            squares = zip(one.mean_square[0], one.mean_square_velocity[0], strict=True)
+            parts += [
+                (name, square**0.5, velocity**0.5, part)
+                for (name, part), (square, velocity) in zip(one.parts.items(), squares, strict=True)
             ]
-            order = sorted(range(len(one.cause)), key=lambda n: -one.density[n].max())
-            for n in order:
-                if one.density[n].any():
-                    squares = [_rms(s[n, 0] ** 0.5) for s in (one.square, one.square_velocity)]
-                    rows.append((one.cause[n], *squares, *one.density[n, shown] ** 0.5))
+            parts.sort(key=lambda part: -part[3].max())
+            rows = [
+                (name, *("infinite" if math.isinf(size) else size for size in sizes), *part[shown])
+                for name, *sizes, part in parts
+                if part.any()
+            ]
             lines.append(tables.render(columns, rows))
-            none = [one.cause[n] for n in order if not one.density[n].any()]
+            none = [name for name, _, _, part in parts if not part.any()]
             if none:
                 lines.append(f"  no contribution of {', '.join(none)}")
             if one.requirement is not None:
-                lines.append(f"  {describe_requirement(one.requirement)}")
+                lines.append(f"  {_describe_requirement(one.requirement)}")
         return "\n".join(lines)
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
@@ -205,25 +203,20 @@ class BudgetAnalysis(Analysis):
         from suspension_cli.analyses.budget import picture
         from suspension_cli.drawing.style import name_neglected
 
-        return {
-            "": name_neglected(
-                picture.draw(result.data, result.subtitle + name_mirrors(result)), result.choice
-            )
-        }
+        drawn = picture.draw(result.data, result.subtitle + name_mirrors(result))
+        return {"": name_neglected(drawn, result.choice)}
 
 
 def _sources(one: Budget) -> dict[str, str]:
+    """Names of models and files by coordinate of the support."""
     pairs = zip(one.cause, one.source, strict=True)
     return {cause.partition(".")[2]: source for cause, source in pairs if source}
 
 
-def _rms(value: float) -> float | str:
-    return "infinite" if value == math.inf else float(value)
-
-
 def _document(one: Budget) -> Document:
     """Return one output as JSON, without its frequencies."""
-    pairs = [*zip(one.cause, one.square, one.square_velocity, strict=True)]
+    squares = zip(one.cause, one.mean_square[0], one.mean_square_velocity[0], strict=True)
+    rms = [(name, as_number(x**0.5), as_number(v**0.5)) for name, x, v in squares]
     result: Document = {
         "output": one.output,
         "unit": f"{one.unit}/sqrt(Hz)",
@@ -231,13 +224,13 @@ def _document(one: Budget) -> Document:
         "contributions": {name: part.tolist() for name, part in one.parts.items()},
         "rms": as_number(one.rms[0]),
         "rms_velocity": as_number(one.rms_velocity[0]),
-        "rms_by_cause": {name: as_number(square[0] ** 0.5) for name, square, _ in pairs},
-        "rms_velocity_by_cause": {name: as_number(square[0] ** 0.5) for name, _, square in pairs},
+        "rms_by_cause": {name: value for name, value, _ in rms},
+        "rms_velocity_by_cause": {name: value for name, _, value in rms},
         "cumulative_rms": plain(one.rms),
         "cumulative_rms_velocity": plain(one.rms_velocity),
     }
-    if one.requirement is not None:
-        found = one.requirement
+    found = one.requirement
+    if found is not None:
         result["requirement"] = {
             "file": found.name,
             "met": found.met,
@@ -248,88 +241,86 @@ def _document(one: Budget) -> Document:
     return result
 
 
-def describe_requirement(found: Requirement) -> str:
+def _describe_requirement(found: Requirement) -> str:
     """Describe in one line whether a requirement is met, with its margin."""
-    name = escape_unprintable(Path(found.name).name)
-    if found.met:
-        size = f"{found.margin:.3g}" if math.isfinite(found.margin) else "infinite"
-        return f"requirement {name}: met, smallest margin {size} at {found.at:.4g} Hz"
+    text = f"requirement {escape_unprintable(Path(found.name).name)}: {found.outcome}"
     spans = [
         f"{low:.4g} Hz" if low == high else f"{low:.4g} to {high:.4g} Hz"
         for low, high in found.exceeded
     ]
     more = f" and {len(spans) - 3} more" if len(spans) > 3 else ""
-    return (
-        f"requirement {name}: NOT met, exceeded by a factor of {found.excess:.3g} at"
-        f" {found.at:.4g} Hz; above it at {', '.join(spans[:3])}{more}"
-    )
+    return text + (f"; above it at {', '.join(spans[:3])}{more}" if spans else "")
 
 
-def describe_ground(names: dict[str, str], highest: float) -> str:
-    """Describe the motion of the support up to a frequency in Hz."""
+def _describe_ground(one: Budget) -> str:
+    """Describe the motion of the support, and where it is not that of its models."""
     sources: dict[str, list[str]] = {}
-    for dof, name in names.items():
+    for dof, name in _sources(one).items():
         sources.setdefault(name, []).append(dof)
     text = "; ".join(
         f"{escape_unprintable(name)} along {', '.join(dofs)}" for name, dofs in sources.items()
     )
-    if highest > HIGHEST and any(name in source for name in PETERSON for source in sources):
+    if one.frequency[-1] > HIGHEST and any(name in text for name in PETERSON):
         text += f" (known to {HIGHEST:g} Hz; above, with its acceleration at {HIGHEST:g} Hz)"
     return text or "none"
 
 
-def _ground(setting: Settings, folder: Path) -> tuple[dict[str, Motion], Array, list[str]]:
+def _ground(setting: Settings, folder: Path) -> tuple[dict[str, Spectrum], Array, list[str]]:
     """Return the motions of the support, the grid within their ranges, and warnings."""
     import numpy as np
 
     from suspension_cli.analyses.budget import ground
 
-    notes: list[str] = []
     motions = ground.parse(setting["ground"], setting["isolation"], folder)
-    frequency = parse_frequencies(setting["frequency"])
-    grid = np.unique(np.array(frequency))
-    low = max([motion.low for motion in motions.values()], default=0.0)
-    high = min([motion.high for motion in motions.values()], default=math.inf)
-    name = next((m.name for m in motions.values() if m.low > grid[0] or m.high < grid[-1]), "")
-    if name:
-        within = grid[(grid >= low) & (grid <= high)]
-        if not len(within):
-            problem = f"has no frequency from {low:g} to {high:g} Hz, where the ground is known"
-            remedy = "move it, or give a table of the ground there"
-            raise _error("--frequency", problem, remedy, setting["frequency"])
-        ends = [end for end in (low, high) if grid[0] < end < grid[-1]]
-        grid = np.union1d(within, ends) if ":" in setting["frequency"] else within
-        notes.append(
-            f"frequencies are cut to {grid[0]:.4g} to {grid[-1]:.4g} Hz, the range of {name}"
-        )
-    return motions, grid, notes
+    grid = np.unique(parse_frequencies(setting["frequency"]))
+    low = max((one.frequency[0] for one in motions.values()), default=0.0)
+    high = min((one.frequency[-1] for one in motions.values()), default=math.inf)
+    within = grid[(grid >= low) & (grid <= high)]
+    if len(within) == len(grid):
+        return motions, grid, []
+    if not len(within):
+        problem = f"has no frequency from {low:g} to {high:g} Hz, where the ground is known"
+        remedy = "move it, or give a table of the ground there"
+        raise InputError.of("--frequency", problem, remedy, format_value(setting["frequency"]))
+    if ":" in setting["frequency"]:
+        within = np.union1d(within, [end for end in (low, high) if grid[0] < end < grid[-1]])
+    cause = next(
+        one.name
+        for one in motions.values()
+        if one.frequency[0] > grid[0] or one.frequency[-1] < grid[-1]
+    )
+    span = f"{within[0]:.4g} to {within[-1]:.4g} Hz"
+    return motions, within, [f"frequencies are cut to {span}, the range of {cause}"]
 
 
 def _requirements(
     setting: Settings, outputs: Sequence[str], folder: Path, grid: Array
-) -> dict[int, Table]:
-    from suspension_cli.analyses.budget import ground, solve, table
+) -> dict[int, Spectrum]:
+    """Read the required spectra by number of the output."""
+    from suspension_cli.analyses.budget import ground, spectrum
 
-    result: dict[int, Table] = {}
+    result: dict[int, Spectrum] = {}
     for text in setting["requirements"]:
-        name, equals, source = text.rpartition("=")
-        if equals and name.strip() not in outputs:
-            remedy = f"give one of {', '.join(outputs)}, or add --output {name.strip()}"
-            raise _error("--requirement", "names no output", remedy, text)
-        number = outputs.index(name.strip()) if equals else 0
+        name, equals, source = (part.strip() for part in text.rpartition("="))
+        if equals and name not in outputs:
+            remedy = f"give one of {', '.join(outputs)}, or add --output {name}"
+            raise InputError.of("--requirement", "names no output", remedy, format_value(text))
+        number = outputs.index(name) if equals else 0
         unit = "rad" if outputs[number].partition("@")[0].endswith(DOFS[3:]) else "m"
-        path = ground.find(source.strip(), folder, "--requirement")
-        found = table.read(path, unit, setting["arm"])
-        if len(found.column) != 1:
-            problem = f"has {len(found.column)} columns of values instead of one"
-            remedy = "write two columns, frequency and asd, and a file per output"
-            raise InputError([Fault("", problem, remedy)], found.file)
-        if not solve.overlaps(grid, found):
-            problem = (
-                f"is from {found.frequency[0]:g} to {found.frequency[-1]:g} Hz, outside"
-                f" {grid[0]:g} to {grid[-1]:g} Hz of the budget"
-            )
-            raise InputError([Fault("", problem, "move --frequency there")], found.file)
+        path = ground.find(source, folder, "--requirement")
+        with attribute_faults_to(str(path)):
+            [found, *others] = spectrum.read(path, unit, setting["arm"]).values()
+            if others:
+                problem = f"has {1 + len(others)} columns of values instead of one"
+                remedy = "write two columns, frequency and asd, and a file per output"
+                raise InputError.of("", problem, remedy)
+            first, last = found.frequency[[0, -1]]
+            if first > grid[-1] or last < grid[0]:
+                problem = (
+                    f"is from {first:g} to {last:g} Hz, outside {grid[0]:g} to {grid[-1]:g} Hz of"
+                    " the budget"
+                )
+                raise InputError.of("", problem, "move --frequency there")
         result[number] = found
     return result
 
@@ -345,38 +336,28 @@ def _model(
     from suspension_cli.models import registry
     from suspension_cli.models.choice import Transfer
 
-    source, setting = run.source, run.setting
-    wanted = setting["fidelity"]
+    source, wanted, arm = run.source, run.setting["fidelity"], run.setting["arm"]
     try:
-        choice, model = thermal.choose(source, wanted, grid, outputs, setting["arm"])
+        choice, model = thermal.choose(source, wanted, grid, outputs, arm)
         warm = True
+        lossless = find_lossless(run.design, choice.level)
+        notes += [f"{run.name}: {line}" for line in describe_lossless(lossless, choice.level)]
     except InputError as error:
         warm = False
 
         def request(system: LinearSystem) -> Transfer:
             known = signals.bodies_with_signals(system)
             inputs = [signals.parse_input(f"{SUPPORT}.{dof}", known) for dof in "xz"]
-            return Transfer(inputs, thermal.parse_outputs(system, outputs, setting["arm"]), grid)
+            return Transfer(inputs, thermal.parse_outputs(system, outputs, arm), grid)
 
         choice, model = model_choice.choose(source, wanted, request)
-        fault = error.faults[0]
-        why = (
-            f"the {choice.level} model does not know where along a wire its loss acts"
-            if wanted != registry.AUTO
-            else fault.problem
-        )
+        why = error.faults[0].problem
+        if wanted != registry.AUTO:
+            why = f"the {choice.level} model does not know where along a wire its loss acts"
         notes.append(f"{run.name}: thermal noise is left out, as {why}")
     controlled = run.design.control is not None
     model = model_choice.stable_system(source, choice, controlled, run.log, model, bends=True)
-    if warm:
-        lossless = find_lossless(run.design, choice.level)
-        for line in describe_lossless(lossless, choice.level):
-            notes.append(f"{run.name}: {line}")
     return choice, model, warm
-
-
-def _error(key: str, problem: str, remedy: str, value: str | None = None) -> Exception:
-    return InputError([Fault(key, problem, remedy, value and format_value(value))])
 
 
 ANALYSIS = BudgetAnalysis()

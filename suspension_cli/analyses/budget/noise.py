@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.budget.ground import Motion
+from suspension_cli.analyses.budget.spectrum import Spectrum
 from suspension_cli.analyses.damp import closed_loop_poles, control
 from suspension_cli.analyses.damp import solve as damp
 from suspension_cli.analyses.damp.control import Plant
@@ -42,7 +42,7 @@ class Noises:
 
     plant: Plant
     output: list[Signal]
-    motion: dict[str, Motion]
+    motion: dict[str, Spectrum]
     temperature: float | None
     mirrors: float = 1.0
 
@@ -74,7 +74,7 @@ class Noises:
         value, count = found.value[..., : len(self.motion)], len(self.motion)
         if beside:  # the ground under the support and beside it moves as one
             value = value + found.value[..., count:]
-        ground = [motion.density(frequency) for motion in self.motion.values()]
+        ground = [motion.at(frequency) for motion in self.motion.values()]
         moved = np.abs(value) * np.array(ground).reshape(-1, len(frequency)).T[:, None]
         sensing = [n for n, loop in enumerate(plant.loops) if loop.sensor_noise]
         pushing = [n for n, loop in enumerate(plant.loops) if loop.actuator_noise]

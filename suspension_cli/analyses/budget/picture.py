@@ -68,7 +68,7 @@ def _panel(one: Budget, looks: dict[str, tuple[str, LineLook]]) -> Panel:
 
 def write_message(one: Budget) -> str:
     """Describe a panel in one sentence: RMS, its main cause, requirement."""
-    square, rms = one.square[:, 0], one.rms[0]
+    square, rms = one.mean_square[0], one.rms[0]
     if np.isfinite(rms) and rms > 0:
         by = int(square.argmax())
         part = 100 * square[by] / square.sum()
@@ -79,14 +79,7 @@ def write_message(one: Budget) -> str:
         text = f"{one.output} has an infinite RMS: a resonance without loss is driven"
     else:
         text = f"{one.output}"
-    found = one.requirement
-    if found is None:
-        return text
-    if found.met:
-        margin = f", smallest margin {found.margin:.3g}" if np.isfinite(found.margin) else ""
-        return f"{text}; the requirement is met{margin} at {found.at:.3g} Hz"
-    factor = format_raised(found.excess)
-    return f"{text}; the requirement is exceeded by a factor of {factor} at {found.at:.3g} Hz"
+    return f"{text}; the requirement is {one.requirement.outcome}" if one.requirement else text
 
 
 def _drawn(one: Budget) -> list[str]:

@@ -11,37 +11,32 @@ where the estimated error of an interval exceeds `ACCURACY` of the integral abov
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.budget import table
 from suspension_cli.analyses.budget.noise import Noises
-from suspension_cli.analyses.budget.table import Table
-from suspension_cli.errors import Fault, InputError
-from suspension_cli.files.declared import along, derived, in_unit
+from suspension_cli.analyses.budget.spectrum import Spectrum
+from suspension_cli.files.declared import EACH, along, derived, in_unit
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Complex, Float
+    from jaxtyping import Complex, Float
 
 ACCURACY = 3e-5
 """Largest estimated error of an interval over the integral from its lower end up."""
 NARROWEST = 1e-13
-"""Relative width at which intervals are not halved any more: enough for a Q of about 1e11."""
-FRACTIONS = (0.5, 0.45, 0.56, 0.41)
-"""Points that divide an interval, tried in turn where the motion is infinite."""
+"""Relative width at which intervals are not divided any more: enough for a Q of about 1e11."""
+FRACTION = 0.47
+"""Where an interval is divided: not in the middle, which may be a pole without loss."""
 EQUAL = 1e-6
 """Logarithm of a ratio below which two values are equal."""
 DISTINCT = 1e-12
-"""Relative distance below which two frequencies are one."""
+"""Relative distance from the points of a grid below which no points are added."""
 ROUNDS = 60
-"""Most halvings of an interval."""
-STEEP = 1e6
-"""Rise of a power spectral density, within a millionth of a frequency, at a pole without loss."""
+"""Most divisions of an interval."""
 RANGE = 0.05
 """Relative distance from a resonance up to which points are placed around it."""
 STEP = 1.0
@@ -76,9 +71,13 @@ class Requirement:
         return self.margin >= 1
 
     @property
-    def excess(self) -> float:
-        """Largest ratio of the motion to the requirement."""
-        return 1 / self.margin if self.margin else np.inf
+    def outcome(self) -> str:
+        """Describe whether it is met, and by how much."""
+        if self.met:
+            size = f"{self.margin:.3g}" if np.isfinite(self.margin) else "infinite"
+            return f"met, smallest margin {size} at {self.at:.4g} Hz"
+        excess = 1 / self.margin if self.margin else np.inf
+        return f"NOT met, exceeded by a factor of {excess:.3g} at {self.at:.4g} Hz"
 
 
 @dataclass(frozen=True)
@@ -87,142 +86,64 @@ class Budget:
 
     Attributes
     ----------
-    frequency : (f,) array
+    frequency
         Hz, ascending.
-    output, unit : str
+    output, unit
         Observed motion, and m or rad.
-    cause : tuple of str
+    cause
         ``ground.x``, ``sensor.LOOP``, ``actuator.LOOP``, ``thermal``.
-    source : tuple of str
+    source
         Name of the model or file of each cause; "" for those in the design.
-    density : (c, f) array
-        One-sided power spectral density by cause, unit^2/Hz.
-    square, square_velocity : (c, f) arrays
-        Mean squares from each frequency up by cause, unit^2 and (unit/s)^2; infinite where a
-        resonance without loss is driven.
-    """
-
-    frequency: Float[np.ndarray, " frequency"]
-    output: str
-    unit: str
-    cause: tuple[str, ...]
-    source: tuple[str, ...]
-    density: Float[np.ndarray, "cause frequency"]
-    square: Float[np.ndarray, "cause frequency"]
-    square_velocity: Float[np.ndarray, "cause frequency"]
-    requirement: Requirement | None = None
-
-    @property
-    def amplitude(self) -> Float[np.ndarray, " frequency"]:
-        """Amplitude spectral density (f,) of the sum, unit/sqrt(Hz)."""
-        return np.sqrt(self.density.sum(0))
-
-    @property
-    def parts(self) -> dict[str, Float[np.ndarray, " frequency"]]:
-        """Amplitude spectral density (f,) by cause, unit/sqrt(Hz)."""
-        return {name: np.sqrt(row) for name, row in zip(self.cause, self.density, strict=True)}
-
-    @property
-    def rms(self) -> Float[np.ndarray, " frequency"]:
-        """RMS (f,) of the motion from each frequency up."""
-        return np.sqrt(self.square.sum(0))
-
-    @property
-    def rms_velocity(self) -> Float[np.ndarray, " frequency"]:
-        """RMS (f,) of the velocity from each frequency up, unit/s."""
-        return np.sqrt(self.square_velocity.sum(0))
-
-
-@dataclass(frozen=True)
-class Budgets:
-    """Several motions by cause, as they are stored.
-
-    Attributes
-    ----------
-    source, requirement
-        As in `Budget`.
     contribution
-        Amplitude spectral density by cause.
+        One-sided amplitude spectral density by cause.
     mean_square, mean_square_velocity
-        Mean squares of motion and velocity from each frequency up.
+        Mean squares from each frequency up by cause; infinite where a resonance without loss is
+        driven.
     """
 
     frequency: Float[np.ndarray, " frequency"] = field(metadata=in_unit("Hz"))
-    output: tuple[str, ...]
-    unit: tuple[str, ...] = field(metadata=along("output"))
+    output: str = field(metadata=EACH)
+    unit: str = field(metadata=EACH)
     cause: tuple[str, ...]
     source: tuple[str, ...] = field(metadata=along("cause"))
-    contribution: Float[np.ndarray, "frequency output cause"] = field(
-        metadata=in_unit("{unit}/Hz^0.5")
+    contribution: Float[np.ndarray, "frequency cause"] = field(
+        metadata=in_unit("{unit}/Hz^0.5") | EACH
     )
-    mean_square: Float[np.ndarray, "frequency output cause"] = field(metadata=in_unit("{unit}^2"))
-    mean_square_velocity: Float[np.ndarray, "frequency output cause"] = field(
-        metadata=in_unit("{unit}^2/s^2")
+    mean_square: Float[np.ndarray, "frequency cause"] = field(metadata=in_unit("{unit}^2") | EACH)
+    mean_square_velocity: Float[np.ndarray, "frequency cause"] = field(
+        metadata=in_unit("{unit}^2/s^2") | EACH
     )
-    requirement: tuple[Requirement | None, ...]
+    requirement: Requirement | None = field(default=None, metadata=EACH)
 
     @property
-    @derived("{unit}/Hz^0.5")
-    def amplitude(self) -> Float[np.ndarray, "frequency output"]:
+    @derived("{unit}/Hz^0.5", each=True)
+    def amplitude(self) -> Float[np.ndarray, " frequency"]:
         """Amplitude spectral density of the sum."""
         return np.sqrt((self.contribution**2).sum(-1))
 
     @property
-    @derived("{unit}")
-    def rms(self) -> Float[np.ndarray, "frequency output"]:
+    @derived("{unit}", each=True)
+    def rms(self) -> Float[np.ndarray, " frequency"]:
         """RMS of the motion from each frequency up."""
         return np.sqrt(self.mean_square.sum(-1))
 
     @property
-    @derived("{unit}/s")
-    def rms_velocity(self) -> Float[np.ndarray, "frequency output"]:
+    @derived("{unit}/s", each=True)
+    def rms_velocity(self) -> Float[np.ndarray, " frequency"]:
         """RMS of the velocity from each frequency up."""
         return np.sqrt(self.mean_square_velocity.sum(-1))
 
-    @staticmethod
-    def of(budgets: list[Budget]) -> Budgets:
-        """Combine the budgets of several motions at the same frequencies."""
-        first = budgets[0]
-
-        def stacked(name: str) -> Float[np.ndarray, "frequency output cause"]:
-            return np.stack([getattr(one, name).T for one in budgets], axis=1)
-
-        return Budgets(
-            first.frequency,
-            tuple(one.output for one in budgets),
-            tuple(one.unit for one in budgets),
-            first.cause,
-            first.source,
-            np.sqrt(stacked("density")),
-            stacked("square"),
-            stacked("square_velocity"),
-            tuple(one.requirement for one in budgets),
-        )
-
-    def each(self) -> list[Budget]:
-        """List the budget of each motion."""
-        names = itertools.zip_longest(self.output, self.unit, self.requirement)
-        return [
-            Budget(
-                self.frequency,
-                output,
-                unit,
-                self.cause,
-                self.source,
-                self.contribution[:, n].T ** 2,
-                self.mean_square[:, n].T,
-                self.mean_square_velocity[:, n].T,
-                requirement,
-            )
-            for n, (output, unit, requirement) in enumerate(names)
-        ]
+    @property
+    def parts(self) -> dict[str, Float[np.ndarray, " frequency"]]:
+        """Amplitude spectral density by cause."""
+        return dict(zip(self.cause, self.contribution.T, strict=True))
 
 
 def solve(
     noises: Noises,
     grid: Float[np.ndarray, " frequency"],
     resonance: Complex[np.ndarray, " pole"],
-    requirements: dict[int, Table],
+    requirements: dict[int, Spectrum],
     *,
     added: bool,
 ) -> list[Budget]:
@@ -240,16 +161,11 @@ def solve(
         Whether the spectra include the added points.
     """
     decades = 10.0 ** np.arange(np.ceil(np.log10(grid[0])), np.log10(grid[-1]))
-    corners = [motion.corner for motion in noises.motion.values()]
-    corners += [required.frequency for required in requirements.values()]
-    seeds = [points_around(resonance), decades, *corners]
-    frequency, density, unresolved = refine(noises.density, _join(grid, np.concatenate(seeds)))
+    corners = [one.frequency for one in (*noises.motion.values(), *requirements.values())]
+    seeds = np.concatenate([points_around(resonance), decades, *corners])
+    frequency, density = refine(noises.density, _join(grid, seeds))
     square = integrate_down(frequency, density)
     velocity = integrate_down(frequency, density * (2 * np.pi * frequency) ** 2)
-    for at in unresolved:
-        driven = _is_singular(frequency, density, at)
-        for whole in (square, velocity):
-            whole[driven[..., None] & (frequency <= at)] = np.inf
     if len(grid) == 1:
         square, velocity = np.full_like(square, np.nan), np.full_like(velocity, np.nan)
     shown = slice(None) if added else np.isin(frequency, grid)
@@ -264,9 +180,9 @@ def solve(
             signal.unit,
             noises.cause,
             noises.source,
-            density[n][:, shown],
-            square[n][:, shown],
-            velocity[n][:, shown],
+            np.sqrt(density[n][:, shown]).T,
+            square[n][:, shown].T,
+            velocity[n][:, shown].T,
             met.get(n),
         )
         for n, signal in enumerate(noises.output)
@@ -276,23 +192,11 @@ def solve(
 def _join(
     grid: Float[np.ndarray, " frequency"], more: Float[np.ndarray, " point"]
 ) -> Float[np.ndarray, " joined"]:
-    """Join a grid and further points within it that are `DISTINCT` from others."""
-    points = np.unique(more[(more > grid[0]) & (more < grid[-1])])
-    points = points[np.diff(points, prepend=-np.inf) > DISTINCT * points]
+    """Join a grid and further points within it that are `DISTINCT` from it."""
+    points = more[(more > grid[0]) & (more < grid[-1])]
     after = np.searchsorted(grid, points)
     nearest = np.minimum(points - grid[after - 1], grid[after] - points)
     return np.union1d(grid, points[nearest > DISTINCT * points])
-
-
-def _is_singular(
-    frequency: Float[np.ndarray, " frequency"],
-    density: Float[np.ndarray, "output cause frequency"],
-    at: float,
-) -> Bool[np.ndarray, "output cause"]:
-    """Whether densities (o, c, f) rise towards a frequency as at a pole without loss: (o, c)."""
-    beside = np.searchsorted(frequency, at * (1 - 1e-6))
-    near = density[..., np.searchsorted(frequency, at)]
-    return near > STEEP * density[..., max(beside - 1, 0)]
 
 
 def points_around(resonance: Complex[np.ndarray, " pole"]) -> Float[np.ndarray, " point"]:
@@ -311,130 +215,92 @@ def points_around(resonance: Complex[np.ndarray, " pole"]) -> Float[np.ndarray, 
 
 def refine(
     density: Callable[[Array], Array], grid: Float[np.ndarray, " given"]
-) -> tuple[
-    Float[np.ndarray, " frequency"],
-    Float[np.ndarray, "output cause frequency"],
-    Float[np.ndarray, " unresolved"],
-]:
-    """Add points to a grid until the integrals over spectra are accurate.
+) -> tuple[Float[np.ndarray, " frequency"], Float[np.ndarray, "output cause frequency"]]:
+    """Add points to a grid until the integrals over spectra, and of velocity, are accurate.
 
-    Parameters
-    ----------
-    density : callable
-        Power spectral densities (o, c, f) at frequencies (f,), Hz.
-    grid : (f,) array
-        Ascending, Hz.
-
-    Returns
-    -------
-    frequency, density : arrays
-        On the refined grid.
-    unresolved : (n,) array
-        Frequencies at which the integral does not converge.
+    `density` computes power spectral densities (o, c, f) at frequencies (f,) in Hz. Returns the
+    refined grid and the densities there.
     """
-    value, narrow = density(grid), np.zeros(0, dtype=bool)
+    value = density(grid)
     for _ in range(ROUNDS):
-        low, high = grid[:-1], grid[1:]
         total = value.sum(1)
         weighted = np.stack([total, total * (2 * np.pi * grid) ** 2])
-        area = _areas(low, high, weighted[..., :-1], weighted[..., 1:])
+        area = _areas(grid, weighted)
         above = np.cumsum(area[..., ::-1], axis=-1)[..., ::-1]
         # two intervals taken as one have four times the error
-        pair = _areas(grid[:-2], grid[2:], weighted[..., :-2], weighted[..., 2:])
-        error = np.abs(pair - area[..., :-1] - area[..., 1:]) / 3
+        error = np.abs(_areas(grid, weighted, 2) - area[..., :-1] - area[..., 1:]) / 3
         around = np.zeros_like(area)
-        if error.size:
-            around[..., :-1] = error
-            around[..., 1:] = np.maximum(around[..., 1:], error)
-        rough = (around > ACCURACY * above).any((0, 1))
-        narrow = rough & (high - low <= NARROWEST * high)
-        at = np.flatnonzero(rough & ~narrow)
+        around[..., :-1] = error
+        around[..., 1:] = np.maximum(around[..., 1:], error)
+        low, width = grid[:-1], np.diff(grid)
+        rough = (around > ACCURACY * above).any((0, 1)) & (width > NARROWEST * grid[1:])
+        at = np.flatnonzero(rough)
         if not len(at):
             break
-        middle, new = _bisect(density, low[at], high[at])
-        value = np.insert(value, at + 1, new, axis=-1)
+        middle = low[at] + FRACTION * width[at]
+        value = np.insert(value, at + 1, density(middle), axis=-1)
         grid = np.insert(grid, at + 1, middle)
-    # beside a pole without loss even the narrowest intervals matter
-    return grid, value, grid[: len(narrow)][narrow]
-
-
-def _bisect(
-    density: Callable[[Array], Array],
-    low: Float[np.ndarray, " interval"],
-    high: Float[np.ndarray, " interval"],
-) -> tuple[Float[np.ndarray, " interval"], Float[np.ndarray, "output cause interval"]]:
-    """Divide intervals; return the points and densities, beside poles without loss."""
-    for fraction in FRACTIONS:
-        middle = low + (high - low) * fraction
-        try:
-            return middle, density(middle)
-        except InputError:
-            continue
-    problem = "contains a resonance without loss, where the motion is infinite"
-    remedy = "give the design a loss_angle or damping"
-    raise InputError([Fault("--frequency", problem, remedy, f"{float(low[0])!r}")])
+    return grid, value
 
 
 def integrate_down(
     frequency: Float[np.ndarray, " frequency"], value: Float[np.ndarray, "*batch frequency"]
 ) -> Float[np.ndarray, "*batch frequency"]:
-    """Integrate (..., f) from the highest frequency down to each one; power laws are exact."""
-    area = _areas(frequency[:-1], frequency[1:], value[..., :-1], value[..., 1:])
+    """Integrate (..., f) from the highest frequency down to each one; power laws are exact.
+
+    Infinite from a pole without loss down, beside which even the narrowest intervals matter.
+    """
+    area = _areas(frequency, value)
+    above = np.cumsum(area[..., ::-1], axis=-1)[..., ::-1]
+    narrow = np.diff(frequency) <= NARROWEST * frequency[1:]
+    area = np.where(narrow & (area > ACCURACY * above), np.inf, area)
     result = np.zeros_like(value)
     result[..., :-1] = np.cumsum(area[..., ::-1], axis=-1)[..., ::-1]
     return result
 
 
 def _areas(
-    low: Float[np.ndarray, " interval"],
-    high: Float[np.ndarray, " interval"],
-    first: Float[np.ndarray, "*batch interval"],
-    last: Float[np.ndarray, "*batch interval"],
+    frequency: Float[np.ndarray, " frequency"],
+    value: Float[np.ndarray, "*batch frequency"],
+    step: int = 1,
 ) -> Float[np.ndarray, "*batch interval"]:
-    """Integrate over intervals, given the values at their ends.
+    """Integrate from each frequency to that `step` places on.
 
     S is a power law, so the integral of f S over ln f is the width in ln f times the logarithmic
     mean of f S, (b - a) / ln(b / a). Next to a 0, S is linear.
     """
-    a, b, width = low * first, high * last, np.log(high / low)
+    first, last, low = value[..., :-step], value[..., step:], frequency[:-step]
+    a, b, width = low * first, frequency[step:] * last, frequency[step:] - low
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.log(b / a)
-        power = width * np.where(np.abs(ratio) > EQUAL, (b - a) / ratio, (a + b) / 2)
-    return np.where((first > 0) & (last > 0), power, (first + last) / 2 * (high - low))
+        mean = np.where(np.abs(ratio) > EQUAL, (b - a) / ratio, (a + b) / 2)
+    power = np.log1p(width / low) * mean
+    return np.where((first > 0) & (last > 0), power, (first + last) / 2 * width)
 
 
 def compare(
     frequency: Float[np.ndarray, " frequency"],
     total: Float[np.ndarray, " frequency"],
-    required: Table,
+    required: Spectrum,
     unit: str,
 ) -> Requirement | None:
-    """Compare an amplitude spectral density (f,) with a table; None if they do not overlap."""
-    [limit] = required.column.values()
-    both = (frequency >= required.frequency[0]) & (frequency <= required.frequency[-1])
-    if not both.any():
+    """Compare an amplitude spectral density (f,) with a required one; None if none is known."""
+    known = (frequency >= required.frequency[0]) & (frequency <= required.frequency[-1])
+    if not known.any():
         return None
-    where = frequency[both]
+    where = frequency[known]
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = table.interpolate(where, required.frequency, limit) / total[both]
+        ratio = required.at(where) / total[known]
     ratio = np.where(np.isnan(ratio), np.inf, ratio)
     least = int(ratio.argmin())
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], ratio < 1, [False]]).astype(int)))
-    exceeded = tuple(
-        (float(where[start]), float(where[end - 1]))
-        for start, end in zip(edges[::2], edges[1::2], strict=True)
-    )
+    edges = np.flatnonzero(np.diff(ratio < 1, prepend=False, append=False))
+    spans = where[edges.reshape(-1, 2) - [0, 1]]
     return Requirement(
-        required.file,
+        required.name,
         required.frequency,
-        limit,
+        required.value,
         float(ratio[least]),
         float(where[least]),
-        exceeded,
+        tuple(map(tuple, spans.tolist())),
         unit,
     )
-
-
-def overlaps(grid: Float[np.ndarray, " frequency"], required: Table) -> bool:
-    """Whether a table overlaps the range of a grid."""
-    return bool(required.frequency[0] <= grid[-1] and required.frequency[-1] >= grid[0])

@@ -17,8 +17,8 @@ import numpy as np
 from suspension_cli.analyses.damp import control_statespace
 from suspension_cli.analyses.damp.control import Plant
 from suspension_cli.conventions import DOFS
+from suspension_cli.elimination import connected_groups
 from suspension_cli.linear import poles, quality, roots, signals
-from suspension_cli.linear.elimination import connected_groups
 from suspension_cli.linear.pencil import Pencil
 from suspension_cli.linear.poles import Poles
 from suspension_cli.linear.roots import ClosedBlock, Feedback, Roots

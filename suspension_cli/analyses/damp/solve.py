@@ -220,7 +220,7 @@ def find_corner_frequencies(plant: Plant, closed: Poles) -> Float[np.ndarray, " 
 
 def _static_gains(plant: Plant, lowest: float) -> Float[np.ndarray, " loop"]:
     """Loop gains far below the lowest pole and zero (Hz), without loss angles; inf if not real."""
-    lossless = replace(plant, model=replace(plant.model, terms=(), lossy=None))
+    lossless = replace(plant, model=plant.model.lossless)
     found = control.compute_loop_gains(lossless, np.array([STILL * lowest]))[0]
     real, imag = np.real(found), np.imag(found)
     return np.where(np.abs(imag) <= REAL * np.abs(real), real, np.inf)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -125,9 +124,9 @@ class ExportAnalysis(Analysis):
             band, accuracy = _band(setting["band"]), setting["accuracy"]
             made = export.build_lossy(model, inputs, outputs, band, accuracy, zpk=zpk)
         else:
-            lossless = dataclasses.replace(with_constant_loss(model), lossy=None)
+            lossless = with_constant_loss(model).lossless
             made = export.build(lossless, inputs, outputs, zpk=zpk)
-            if lossless.stiffness is not model.stiffness or model.lossy is not None or model.terms:
+            if model.is_lossy or model.terms:
                 run.log.warn("exported without damping: accurate off resonance; --loss gives Q too")
         made = export.compare_with_complete(made, run.design, inputs, outputs)
         extra = {"format": setting["format"]}

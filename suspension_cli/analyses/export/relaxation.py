@@ -32,7 +32,7 @@ from suspension_cli.elements.dynamic_wire import TautWire
 from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.frequency_terms import LossTerm
-from suspension_cli.linear.system import LinearSystem, Stretching
+from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.composition import Fibre
 
 if TYPE_CHECKING:
@@ -154,7 +154,7 @@ def _reduce(strand: TautWire, part: str, highest: float) -> _ReducedWire:
     lossless = replace(strand, lossy=False)
 
     def stiffness(wire: TautWire, omega: list[float]) -> Complex[np.ndarray, "frequency end end"]:
-        return np.moveaxis(wire.at(np.array(omega)).stiffness(part), -1, 0)
+        return np.moveaxis(wire.at(np.array(omega))[part].stiffness, -1, 0)
 
     if strand.massive:
         first, *_ = found = lossless.held_resonances(part, highest)
@@ -216,8 +216,8 @@ def _section_loss(
         to_own = np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, -2 / length, 1.0]])
 
     def own_loss(omega: Array) -> Float[np.ndarray, "own own frequency"]:
-        here = still.at(omega)
-        return np.imag(here.change(part) if len(to_own) != len(to_own.T) else here.stiffness(part))
+        here = still.at(omega)[part]
+        return np.imag(here.change if len(to_own) != len(to_own.T) else here.stiffness)
 
     def trace(omega: Array) -> Array:
         return np.trace(own_loss(omega)) * np.ones(len(omega))
@@ -254,8 +254,8 @@ def _with_wire_modes(model: LinearSystem, highest: float) -> tuple[LinearSystem,
     groups, size = _groups(model), model.size
     mass, damping = np.zeros((size, size)), np.zeros((size, size))
     elements: list[Lossy] = []
-    if model.lossy is not None:
-        elements.append(Lossy(_deformations(np.imag(model.lossy)), np.ones_like))
+    if model.is_lossy:
+        elements.append(Lossy(_deformations(model.loss), np.ones_like))
     driven: list[Float[np.ndarray, " coordinate"]] = []  # motions that drive wire modes
     about: list[tuple[float, float, str]] = []  # frequency, drag and stage of each
     wires: list[tuple[Array, _ReducedWire, Array, int]] = []
@@ -289,7 +289,7 @@ def _with_wire_modes(model: LinearSystem, highest: float) -> tuple[LinearSystem,
     unit = np.diag(np.ones(len(drives)))
     names = [f"{WIRE}-{n}.{stage}" for n, (_, _, stage) in enumerate(about, 1)]
     system = _widened(
-        replace(model, terms=(), lossy=None, ground=None, stretched=_lossless(model)),
+        replace(model.lossless, ground=None),
         names,
         np.block([[mass, drives.T], [drives, unit]]),
         np.diag(np.append(np.zeros(size), omega**2)),
@@ -300,14 +300,6 @@ def _with_wire_modes(model: LinearSystem, highest: float) -> tuple[LinearSystem,
         for one in elements
     ]
     return system, padded
-
-
-def _lossless(model: LinearSystem) -> Stretching | None:
-    """The stretching of wires without loss."""
-    own = model.stretched
-    if own is None:
-        return None
-    return replace(own, stiffness=np.real(own.stiffness), soft=np.real(own.soft))
 
 
 def _combinations(

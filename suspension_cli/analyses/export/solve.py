@@ -10,9 +10,9 @@ import numpy as np
 
 from suspension_cli.analyses.export.relaxation import relax
 from suspension_cli.design.schema import Design
+from suspension_cli.elimination import connected_groups
 from suspension_cli.linear import damped, statespace
 from suspension_cli.linear.eigenmodes import Modes
-from suspension_cli.linear.elimination import connected_groups
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry

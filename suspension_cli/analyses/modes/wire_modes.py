@@ -24,7 +24,7 @@ from suspension_cli.linear.frequency_terms import WireTerm
 from suspension_cli.linear.mode_count import Progress, silent
 from suspension_cli.linear.pencil import Block, Pencil
 from suspension_cli.linear.roots import Roots
-from suspension_cli.linear.system import LinearSystem, Stretching
+from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.composition import Fibre
 
@@ -288,8 +288,8 @@ def cut_all(model: LinearSystem, fraction: float = CUTS[0]) -> tuple[LinearSyste
         for k in range(PER_WIRE)
     ]
     size = model.size + len(names)
-    soft = np.zeros((size, size), dtype=Pencil.of(model).soft.dtype)
-    soft[: model.size, : model.size] = Pencil.of(model).soft
+    soft = np.zeros((size, size), dtype=model.soft.dtype)
+    soft[: model.size, : model.size] = model.soft
     pieces, start = [], model.size
     for term in whole:
         upper, lower = _cut(term, fraction, start, size)
@@ -308,10 +308,10 @@ def cut_all(model: LinearSystem, fraction: float = CUTS[0]) -> tuple[LinearSyste
         np.eye(size),
         np.append(model.massless, np.ones(len(names), dtype=bool)),
         padded(model.mass),
-        np.real(soft),
         padded(model.damping),
-        None if model.lossy is None else soft,
-        Stretching(np.zeros((0, size)), np.zeros(0), soft),
+        soft,
+        np.zeros((0, size)),
+        np.zeros(0),
         terms=(*pieces, *(term.spread(np.eye(model.size, size)) for term in others)),
         active=model.active,
     )

@@ -258,7 +258,7 @@ def budget(report: Composition) -> Iterator[str]:
     yield report.answer(result)
     words = [
         f"{html.text(one.output)} moves by {html.number(float(one.rms[0]))} {one.unit} RMS,"
-        f" mostly due to {html.text(one.cause[int(one.square[:, 0].argmax())])}"
+        f" mostly due to {html.text(one.cause[int(one.mean_square[0].argmax())])}"
         for one in result.data
     ]
     low, high = result.data[0].frequency[[0, -1]]
@@ -288,10 +288,11 @@ def tolerance(report: Composition) -> Iterator[str]:
             f"have a coupling |{html.text(one.ratio)}| below {html.number(one.limit)} at"
             f" {html.number(one.frequency)} Hz"
         )
+    low, high = found.interval
     yield report.pictures(
         result,
         f"Of {one.good:,} random builds, {100 * found.fraction:.3g} % (95 % confidence:"
-        f" {100 * found.low:.3g} to {100 * found.high:.3g} %) {what}.",
+        f" {100 * low:.3g} to {100 * high:.3g} %) {what}.",
     )
 
 

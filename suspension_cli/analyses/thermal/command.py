@@ -59,7 +59,7 @@ class ThermalAnalysis(Analysis):
     """
 
     name = "thermal"
-    result_type = "analyses.thermal.solve.Noises"
+    result_type = "analyses.thermal.solve.Thermal"
     arguments = (options.DESIGN,)
     parameters = (
         options.signals("output", options.MOTIONS, "x of the mirror"),
@@ -97,14 +97,15 @@ class ThermalAnalysis(Analysis):
                 raise InputError([Fault("--output", problem, remedy, format_value(signal.text))])
         noises = thermal.solve(model, frequency, motions, run.design.constants.temperature)
         for noise in noises:
-            if not noise.source:
+            if not noise.contribution.any():
                 problem = "nothing that moves with it dissipates, so it has no thermal noise"
                 remedy = (
                     "give the materials of its wires a loss (--set materials.NAME.loss_angle=1e-4),"
                     " or blades a loss_angle, [gas] or [stage.damping]"
                 )
                 raise InputError([Fault("--output", problem, remedy, format_value(noise.output))])
-        noises = [replace(one, density=setting["mirrors"] * one.density) for one in noises]
+        root = setting["mirrors"] ** 0.5
+        noises = [replace(one, contribution=root * one.contribution) for one in noises]
         lossless = find_lossless(run.design, choice.level)
         for line in describe_lossless(lossless, choice.level):
             run.log.warn(f"{run.name}: {line}")
@@ -133,8 +134,7 @@ class ThermalAnalysis(Analysis):
         """Return the noise at a few frequencies, and its leading causes there."""
         lines = [result.choice.line]
         for noise in result.data:
-            along = f" along a beam that rises by {1e6 * noise.tilt:.3g} urad" if noise.tilt else ""
-            lines.append(f"{noise.output}{along}{name_mirrors(result)}: thermal noise")
+            lines.append(f"{noise.output}{name_mirrors(result, noise.tilt)}: thermal noise")
             rows = []
             for n in decade_points(noise.frequency):
                 power = noise.density[:, n]

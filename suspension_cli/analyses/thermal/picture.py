@@ -87,8 +87,8 @@ def _sum_groups(
     """Sum sources by group; beyond `LINES` lines, the smallest groups become one."""
     square: dict[str, Float[np.ndarray, " frequency"]] = {}
     for source, density in zip(noise.source, noise.density, strict=True):
-        name = group(source)
-        square[name] = square.get(name, 0.0) + density
+        if density.any():
+            square[group(source)] = square.get(group(source), 0.0) + density
     if len(square) > LINES - 1:
         total = noise.density.sum(0)
         total = np.where(total > 0, total, 1.0)
@@ -116,12 +116,6 @@ def _panel(
 def refine(result: Result) -> list[Thermal]:
     """Add the frequencies that resolve resonances of bodies and wires to thermal noises."""
     noises: list[Thermal] = result.data
-    names = list(dict.fromkeys(name for noise in noises for name in noise.source))
-
-    def amplitudes(noises: list[Thermal]) -> Float[np.ndarray, "frequency motion source"]:
-        nothing = np.zeros(len(noises[0].frequency))
-        parts = [[noise.parts.get(name, nothing) for name in names] for noise in noises]
-        return np.moveaxis(np.array(parts), -1, 0)
 
     def build() -> tuple[Solve, Array]:
         model = result.choice.model.system(result.design)
@@ -129,14 +123,17 @@ def refine(result: Result) -> list[Thermal]:
         warmth = result.design.constants.temperature
         modes = eigenmodes.solve(model.constant).frequency
         root = result.extra.get("mirrors", 1.0) ** 0.5
-        return (lambda at: root * amplitudes(thermal.solve(model, at, motions, warmth))), modes
 
-    frequency, value = add_from_model(build, noises[0].frequency, amplitudes(noises), sums=True)
+        def solve(at: Array) -> Float[np.ndarray, "frequency motion source"]:
+            parts = [noise.parts for noise in thermal.solve(model, at, motions, warmth)]
+            every = [[own.get(name, 0 * at) for name in noises[0].source] for own in parts]
+            return root * np.moveaxis(np.array(every), -1, 0)
+
+        return solve, modes
+
+    value = np.stack([noise.contribution for noise in noises], axis=1)
+    frequency, value = add_from_model(build, noises[0].frequency, value, sums=True)
     return [
-        replace(
-            noise,
-            frequency=frequency,
-            density=np.stack([value[:, n, names.index(name)] ** 2 for name in noise.source]),
-        )
+        replace(noise, frequency=frequency, contribution=value[:, n])
         for n, noise in enumerate(noises)
     ]

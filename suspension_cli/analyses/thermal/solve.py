@@ -29,7 +29,7 @@ import numpy as np
 from suspension_cli.analyses import model_choice
 from suspension_cli.conventions import BOLTZMANN, DOFS
 from suspension_cli.errors import Fault, InputError, format_value
-from suspension_cli.files.declared import along, derived, in_unit
+from suspension_cli.files.declared import EACH, derived, in_unit
 from suspension_cli.linear import signals
 from suspension_cli.linear.frequency_terms import quadratic_form
 from suspension_cli.linear.pencil import EvaluatedBlock, Pencil
@@ -63,84 +63,39 @@ class Thermal:
         Hz.
     unit
         Of the motion: m or rad.
-    source
-        Sources of dissipation: ``test.bending-upper`` and so on, the strongest (over all
-        frequencies) first.
-    density
-        One-sided power spectral density by source, unit^2/Hz.
     tilt
         Angle (rad) by which the observed direction rises above x.
+    source
+        Sources of dissipation: ``test.bending-upper`` and so on, the strongest (over all
+        frequencies) first; of several motions, those of the first one come first.
+    contribution
+        One-sided amplitude spectral density by source, 0 where a source does not contribute.
     """
 
-    frequency: Float[np.ndarray, " frequency"]
-    output: str
-    unit: str
+    frequency: Float[np.ndarray, " frequency"] = field(metadata=in_unit("Hz"))
+    output: str = field(metadata=EACH)
+    unit: str = field(metadata=EACH)
+    tilt: float = field(metadata=in_unit("rad") | EACH)
     source: tuple[str, ...]
-    density: Float[np.ndarray, "source frequency"]
-    tilt: float = 0.0
+    contribution: Float[np.ndarray, "frequency source"] = field(
+        metadata=in_unit("{unit}/Hz^0.5") | EACH
+    )
 
     @property
+    @derived("{unit}/Hz^0.5", each=True)
     def amplitude(self) -> Float[np.ndarray, " frequency"]:
         """Amplitude spectral density of the sum, unit/sqrt(Hz)."""
-        return np.sqrt(self.density.sum(0))
+        return np.sqrt((self.contribution**2).sum(-1))
+
+    @property
+    def density(self) -> Float[np.ndarray, "source frequency"]:
+        """One-sided power spectral density by source, unit^2/Hz."""
+        return self.contribution.T**2
 
     @property
     def parts(self) -> dict[str, Float[np.ndarray, " frequency"]]:
         """Amplitude spectral density by source, unit/sqrt(Hz)."""
-        return {name: np.sqrt(row) for name, row in zip(self.source, self.density, strict=True)}
-
-
-@dataclass(frozen=True)
-class Noises:
-    """Thermal noise of several motions, as it is stored.
-
-    Attributes
-    ----------
-    tilt
-        As in `Thermal`.
-    contribution
-        Amplitude spectral density by source, 0 where a source does not contribute.
-    """
-
-    frequency: Float[np.ndarray, " frequency"] = field(metadata=in_unit("Hz"))
-    output: tuple[str, ...]
-    source: tuple[str, ...]
-    unit: tuple[str, ...] = field(metadata=along("output"))
-    tilt: tuple[float, ...] = field(metadata=in_unit("rad", "output"))
-    contribution: Float[np.ndarray, "frequency output source"] = field(
-        metadata=in_unit("{unit}/Hz^0.5")
-    )
-
-    @property
-    @derived("{unit}/Hz^0.5")
-    def amplitude(self) -> Float[np.ndarray, "frequency output"]:
-        """Amplitude spectral density of the sum."""
-        return np.sqrt((self.contribution**2).sum(-1))
-
-    @staticmethod
-    def of(noises: list[Thermal]) -> Noises:
-        """Combine the noises of several motions at the same frequencies."""
-        source = tuple(dict.fromkeys(name for noise in noises for name in noise.source))
-        parts = np.zeros((len(noises[0].frequency), len(noises), len(source)))
-        for n, noise in enumerate(noises):
-            parts[:, n, [source.index(name) for name in noise.source]] = np.sqrt(noise.density).T
-        names, units, tilts = zip(
-            *((one.output, one.unit, one.tilt) for one in noises), strict=True
-        )
-        return Noises(noises[0].frequency, names, source, units, tilts, parts)
-
-    def each(self) -> list[Thermal]:
-        """List the noise of each motion."""
-        found = []
-        for n, (output, unit, tilt) in enumerate(
-            zip(self.output, self.unit, self.tilt, strict=True)
-        ):
-            parts = zip(self.source, self.contribution[:, n].T, strict=True)
-            densities = {name: part**2 for name, part in parts if part.any()}
-            order = sort_sources(densities)
-            density = np.array([densities[name] for name in order])
-            found.append(Thermal(self.frequency, output, unit, tuple(order), density, tilt))
-        return found
+        return dict(zip(self.source, self.contribution.T, strict=True))
 
 
 def solve(
@@ -151,8 +106,9 @@ def solve(
 ) -> list[Thermal]:
     """Compute the thermal noise of motions at frequencies in Hz, above 0.
 
-    Only sources that contribute are listed; without loss there are none. The support is at rest.
-    `temperature` (K) is that of dampers and of the support's loss; other sources have their own.
+    Only sources that contribute to one of them are listed; without loss there are none. The support
+    is at rest. `temperature` (K) is that of dampers and of the support's loss; other sources have
+    their own.
     Raises `InputError` at a resonance without loss, and if a part gives power back (a spring or
     damper whose matrix is not positive).
 
@@ -165,17 +121,21 @@ def solve(
     """
     frequency = np.asarray(frequency, dtype=float)
     rows = np.array([signals.linear_form(signal, model) for signal in outputs])
-    found = []
-    for signal, powers in zip(
-        outputs, compute_densities(model, frequency, rows, temperature), strict=True
-    ):
+    found = compute_densities(model, frequency, rows, temperature)
+    names: list[str] = []
+    for powers in found:
         _check_powers(powers, frequency)
-        order = sort_sources(powers)
-        density = np.array([powers[name] for name in order]).reshape(-1, len(frequency)).clip(0)
-        found.append(
-            Thermal(frequency, signal.text, signal.unit, tuple(order), density, signal.tilt)
-        )
-    return found
+        # the mean logarithm, strongest first
+        order = sorted(powers, key=lambda name: -np.log(powers[name].clip(1e-300)).mean())
+        names += [name for name in order if name not in names]
+    parts = np.zeros((len(outputs), len(frequency), len(names)))
+    for own, powers in zip(parts, found, strict=True):
+        for name, power in powers.items():
+            own[:, names.index(name)] = np.sqrt(power.clip(0))
+    return [
+        Thermal(frequency, signal.text, signal.unit, signal.tilt, tuple(names), own)
+        for signal, own in zip(outputs, parts, strict=True)
+    ]
 
 
 @dataclass(frozen=True)
@@ -229,11 +189,6 @@ def compute_densities(
     return [{name: power for name, power in one.items() if power.any()} for one in found]
 
 
-def sort_sources(densities: dict[str, Float[np.ndarray, " frequency"]]) -> list[str]:
-    """Sort sources by the mean logarithm of their densities, the strongest first."""
-    return sorted(densities, key=lambda name: -float(np.log(densities[name].clip(1e-300)).mean()))
-
-
 def _check_powers(
     powers: dict[str, Float[np.ndarray, " frequency"]], frequency: Float[np.ndarray, " frequency"]
 ) -> None:
@@ -282,9 +237,6 @@ def parse_outputs(model: LinearSystem, texts: Sequence[str], arm: float) -> list
 
     Raises `InputError` if there is an arm and none is along x, or one is along y or z.
     """
-    if not arm >= 0:
-        remedy = "give it in m, e.g. 4000"
-        raise InputError([Fault("--arm", "must be a length", remedy, format_value(arm))])
     found = [parse_motion(model, text, compute_arm_tilt(arm)) for text in texts]
     along = [DOFS[signal.dof] for signal in found]
     for signal, dof in zip(found, along, strict=True):

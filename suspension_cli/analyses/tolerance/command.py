@@ -38,8 +38,8 @@ class ToleranceAnalysis(Analysis):
     -------
     Result
         With the attributes of `analyses.tolerance.summary.Summary`: `mean`, `spread`,
-        `quantiles` of mode frequencies in Hz, `static` (displacements in m and rotations in rad
-        of the stages), `yields`, `joint`, `indices`, ...
+        `quantiles` of mode frequencies in Hz; `modes`, `coupling`, `static` and `required`, whose
+        items have a `name`, `mean`, `deviation`, `quantiles`, ...; `yields`, `joint`, `indices`.
 
     Raises
     ------
@@ -120,7 +120,6 @@ class ToleranceAnalysis(Analysis):
         from suspension_cli.analyses.tolerance.solve import RandomBuilds, build_change
         from suspension_cli.analyses.xcouple.solve import parse_request
         from suspension_cli.design.derive import mirror
-        from suspension_cli.files.declared import pack
         from suspension_cli.models import registry
 
         setting, source = run.setting, run.source
@@ -130,15 +129,12 @@ class ToleranceAnalysis(Analysis):
             setting["seed"],
             parse_request(registry.STRING.system(run.design), setting, mirror(run.design)),
             setting["allow_unstable"],
+            requirements=quantities.requirements(run.design, setting["require"]),
             method=setting["sampling"],
             with_indices=setting["sobol_indices"],
         )
         job = _of_possible_count(job, run.log)
-        options_given = tuple(setting["require"])
-        known = quantities.requirements(run.design, options_given, job.names, lenient=True)
-        job = job.requiring(known)
         job.check()
-        run.log.detail(f"{len(job.factors)} numbers of the design vary between builds")
         choice = model_choice.for_builds(
             source,
             setting["fidelity"],
@@ -147,21 +143,23 @@ class ToleranceAnalysis(Analysis):
             setting["tolerance"],
         )
         model_choice.stable_system(source, choice, setting["allow_unstable"], run.log, bends=True)
-        job = dataclasses.replace(job, level=choice.level)
-        job = job.requiring(quantities.requirements(run.design, options_given, job.names))
-        limit = setting["limit"]
+        job, limit = dataclasses.replace(job, level=choice.level), setting["limit"]
+        run.log.detail(
+            f"{len(job.factors)} numbers of the design vary between builds; {len(job.required)}"
+            " requirements"
+        )
         result = sweeping.fill(
             run,
             self,
             job,
             choice,
-            pack(summary.record(job, limit)),
+            summary.describe(job, limit),
             lambda part: summary.complete(part, job, limit),
         )
         found: Summary = result.data
         for reason, count in found.failures.items():
             run.log.warn(
-                f"{count} of {found.builds} builds failed: {reason}; they meet no requirement"
+                f"{count} of {job.count} builds failed: {reason}; they meet no requirement"
             )
         return result
 
@@ -169,11 +167,10 @@ class ToleranceAnalysis(Analysis):
         self, design: Design, modes: Modes, stages: tuple[str, ...], known: tuple[str, ...]
     ) -> Iterator[Callable[[], object]]:
         """Parse the quantities of requirements."""
-        from suspension_cli.analyses.tolerance.quantities import Names
+        from suspension_cli.analyses.tolerance import quantities
 
-        names = Names(modes, stages, known)
-        for n, item in enumerate(design.tolerance.require if design.tolerance else (), 1):
-            yield partial(names.parse, item.quantity, f"tolerance.require.{n}.quantity", {})
+        for one in quantities.requirements(design, ()):
+            yield partial(quantities.find, one.quantity, one.key, modes, stages, known)
 
     def document(self, result: Result) -> Document:
         """Return statistics of modes, coupling and statics, and yields."""
@@ -206,30 +203,22 @@ class ToleranceAnalysis(Analysis):
 def _of_possible_count(job: RandomBuilds, log: Log) -> RandomBuilds:
     """Limit a job to the builds that its sampling can use, and report their number."""
     from suspension_cli.studies import sample_points
+    from suspension_cli.studies.sample_points import RANDOM, REPLICATES
 
     groups = len(job.groups) if job.with_indices else 0
+    if job.method == RANDOM and not groups:
+        return job
     count = sample_points.largest_count(job.count, job.method, groups)
     if not count:
-        least = sample_points.smallest_count(groups)
-        what = (
-            f"--sobol-indices of {groups} tolerances ({groups} + 2 sets of builds)"
-            if groups
-            else "--sampling sobol"
-        )
-        problem, remedy = f"is too few for {what}", f"give at least {least}"
+        what = f"--sobol-indices of {groups} tolerances ({groups} + 2 sets of builds)"
+        problem = f"is too few for {what if groups else '--sampling sobol'}"
+        remedy = f"give at least {sample_points.smallest_count(groups)}"
         raise InputError.of("--builds", problem, remedy, str(job.count))
     job = dataclasses.replace(job, count=count)
-    rows, replicates = job.points.rows, sample_points.REPLICATES
+    sets = f"Sobol sampling: {REPLICATES} x {job.points.rows // REPLICATES:,}"
     if groups:
-        log.say(
-            f"Sobol indices of {groups} tolerances: ({groups} + 2) x {rows:,} ="
-            f" {count:,} builds, as the size of each of the {groups + 2} sets is a power of two"
-        )
-    elif job.method == sample_points.SOBOL:
-        log.say(
-            f"Sobol sampling: {replicates} x {rows // replicates:,} = {count:,} builds, as the"
-            f" length of each of the {replicates} sequences is a power of two"
-        )
+        sets = f"Sobol indices of {groups} tolerances: ({groups} + 2) x {job.points.rows:,}"
+    log.say(f"{sets} = {count:,} builds, as the size of each set is a power of two")
     return job
 
 

@@ -10,30 +10,32 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.paths import DISPLAYED
 from suspension_cli.design.schema import Design
-from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.errors import InputError, format_value, join_errors
 from suspension_cli.linear import named_results
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.named_results import Mode, Ratio
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Float
+    from jaxtyping import Bool, Complex, Float
 
     from suspension_cli.files.hdf5 import Stored
 
+Given = TypeVar("Given")
+Parsed = TypeVar("Parsed")
+
 COUPLING = "coupling"
 """Name of the cross-coupling of the analysis."""
-STATIC = ("x", "y", "height", "roll", "pitch", "yaw")
-"""Coordinates of the static pose of a body."""
-STATIC_UNITS = ("m", "m", "m", "rad", "rad", "rad")
-"""Names of static displacements and rotations, in the order of a body's coordinates."""
+STATIC = {"x": "m", "y": "m", "height": "m", "roll": "rad", "pitch": "rad", "yaw": "rad"}
+"""Units of the static displacements and rotations of a body, in the order of its coordinates."""
 SYNTAX = "write 'QUANTITY in LEAST:LARGEST', 'QUANTITY < LIMIT' or 'QUANTITY > LIMIT', in SI units"
 
 
@@ -49,6 +51,8 @@ class Quantity:
         Dataset with the values, and their place in a row.
     ratio
         Of a named response or coupling.
+    signed
+        Whether a complex result is taken with its sign (see `with_sign`) instead of its magnitude.
     """
 
     name: str
@@ -56,22 +60,41 @@ class Quantity:
     column: str
     place: tuple[int, ...]
     ratio: Ratio | None = None
+    signed: bool = False
 
     @property
-    def shown(self) -> tuple[str, float]:
-        """Printed unit, and the factor from SI to it."""
-        if self.column != "static":
-            return self.unit, 1
-        return DISPLAYED.get(self.unit, (self.unit, 1.0))
+    def displayed(self) -> tuple[str, float]:
+        """Unit in which values are shown, "" for ratios, and the factor from SI to it."""
+        name, factor = DISPLAYED.get(self.unit, (self.unit, 1.0))
+        return ("" if name == "1" else name), factor
 
-    def read(self, group: Stored, rows: slice = slice(None)) -> Float[np.ndarray, " build"]:
-        """Read the values in builds; magnitudes if complex, NaN where a build failed."""
-        values = group[self.column][(rows, *self.place)]
+    def read(self, group: Stored, builds: slice = slice(None)) -> Float[np.ndarray, " build"]:
+        """Read the values in builds; NaN where a build failed."""
+        values = group[self.column][(builds, *self.place)]
+        if self.signed:
+            return with_sign(values)
         return np.abs(values) if np.iscomplexobj(values) else values
 
 
 RATIO = Quantity(COUPLING, "1", "ratio", (-1,))
 """The cross-coupling."""
+SIGNED = Quantity("coupling with its sign", "1", "ratio", (-1,), signed=True)
+"""The same with its sign."""
+
+
+def with_sign(ratio: Complex[np.ndarray, " build"]) -> Float[np.ndarray, " build"]:
+    """Parts of complex numbers along the phase in which they vary most; NaN of NaN.
+
+    Small imperfections add up with their signs, which magnitudes hide. Real ratios are unchanged.
+
+    >>> with_sign(np.array([2.0, -1.0, 0.5]) * (1 + 0j))
+    array([ 2. , -1. ,  0.5])
+    """
+    known = ratio[np.isfinite(ratio)]
+    if not len(known):
+        return np.full(len(ratio), np.nan)
+    phase = np.angle(((known - known.mean()) ** 2).sum()) / 2
+    return (ratio * np.exp(-1j * phase)).real
 
 
 @dataclass(frozen=True)
@@ -80,39 +103,39 @@ class Requirement:
 
     Attributes
     ----------
+    quantity
+        Its name.
     low, high
         Least and largest value, SI; infinite without limit.
     magnitude
         Whether the limit is on the magnitude, which must not equal it.
+    key
+        Key or option that gave it, for error messages.
     """
 
-    quantity: Quantity
+    quantity: str
     low: float
     high: float
     magnitude: bool
+    key: str = field(default="--require", compare=False)
 
     @property
     def text(self) -> str:
         """Text for ``--require``, exact to the last digit."""
-        name, low, high = self.quantity.name, self.low, self.high
+        low, high = self.low, self.high
         if not self.magnitude:
-            return f"{name} in {low!r}:{high!r}"
-        return f"{name} < {high!r}" if high < math.inf else f"{name} > {low!r}"
+            return f"{self.quantity} in {low!r}:{high!r}"
+        return f"{self.quantity} " + (f"< {high!r}" if high < math.inf else f"> {low!r}")
 
-    @property
-    def shown(self) -> str:
-        """Text to print, in usual units."""
-        unit, per = self.quantity.shown
-        low, high, name = self.low * per, self.high * per, self.quantity.name
-        end = f" {unit}" if unit != "1" else ""
+    def describe(self, quantity: Quantity) -> str:
+        """Describe it in usual units, with the unique name of its quantity."""
+        unit, per = quantity.displayed
+        low, high = self.low * per, self.high * per
         if not self.magnitude:
-            return f"{name} in {low:g} to {high:g}{end}"
-        sign, limit = ("<", high) if high < math.inf else (">", low)
-        return (
-            f"|{name}| {sign} {limit:g}{end}"
-            if self.quantity.column == "static"
-            else (f"{name} {sign} {limit:g}{end}")
-        )
+            return f"{quantity.name} in {low:g} to {high:g} {unit}".rstrip()
+        name = f"|{quantity.name}|" if quantity.column == "static" else quantity.name
+        limit = f"< {high:g}" if high < math.inf else f"> {low:g}"
+        return f"{name} {limit} {unit}".rstrip()
 
     def is_met(self, values: Float[np.ndarray, " build"]) -> Bool[np.ndarray, " build"]:
         """Whether builds with these values meet it; failed builds (NaN) do not."""
@@ -122,127 +145,100 @@ class Requirement:
         return (values >= self.low) & (values <= self.high)
 
 
-@dataclass(frozen=True)
-class Names:
-    """Names that quantities of a design may have.
-
-    Attributes
-    ----------
-    modes
-        Nominal modes.
-    known
-        Bodies with signals.
-    """
-
-    modes: Modes
-    stages: tuple[str, ...]
-    known: tuple[str, ...]
-
-    def every_mode(self) -> tuple[Quantity, ...]:
-        """List the frequencies of all modes."""
-        names = named_results.labels(self.modes)
-        return tuple(Quantity(name, "Hz", "frequency", (n,)) for n, name in enumerate(names))
-
-    def every_static(self) -> tuple[Quantity, ...]:
-        """List all static displacements and rotations."""
-        return tuple(
-            Quantity(f"{stage} static {name}", "m" if i < 3 else "rad", "static", (n, i))
-            for n, stage in enumerate(self.stages)
-            for i, name in enumerate(STATIC)
-        )
-
-    def parse(self, text: str, key: str, ratios: dict[Ratio, int]) -> Quantity:
-        """Parse the name of a quantity.
-
-        Parameters
-        ----------
-        key
-            Key or option to name in error messages.
-        ratios
-            Places of named responses; new ones are added.
-        """
-        text = " ".join(text.split())
-        plain = {item.name: item for item in self.every_static()}
-        if text.endswith(" static z"):
-            text = f"{text[:-1]}height"
-        if text == COUPLING:
-            return RATIO
-        if text in plain:
-            return plain[text]
-        if "/" in text:
-            [ratio] = named_results.parse([text], self.modes, self.known, key)
-            assert isinstance(ratio, Ratio)
-            place = ratios.setdefault(ratio, len(ratios))
-            return Quantity(ratio.text, ratio.unit, "response", (place,), ratio)
-        labels = named_results.labels(self.modes)
-        if text.isdigit() or text in (*labels, *self.modes.label):
-            [mode] = named_results.parse([text], self.modes, (), key)
-            assert isinstance(mode, Mode)
-            return Quantity(mode.text, "Hz", "frequency", (mode.number,))
-        close = suggest(text, [*labels, COUPLING, *plain])
-        remedy = (
-            close
-            if close.startswith("did you mean")
-            else "give a mode's label (pendsus modes lists them), coupling, STAGE static"
-            f" {'|'.join(STATIC)}, or a response OUTPUT/INPUT:FREQUENCY"
-        )
-        raise InputError.of(key, "is no quantity of builds", remedy, format_value(text))
-
-
-def requirements(
-    design: Design, options: tuple[str, ...], names: Names, *, lenient: bool = False
-) -> tuple[Requirement, ...]:
+def requirements(design: Design, options: Sequence[str]) -> tuple[Requirement, ...]:
     """Parse the requirements of a design and of ``--require``.
 
-    If `lenient`, those with faults are left out: another model may have a mode of that label. Else
-    raises `InputError` with the faults of all.
+    Raises `InputError` with the faults of all; the names of quantities are not looked up.
     """
-    ratios: dict[Ratio, int] = {}
-    found: list[Requirement] = []
-    faults: list[Fault] = []
-    given = design.tolerance.require if design.tolerance else []
-    for n, item in enumerate((*given, *options), 1):
+    found = []
+    for n, one in enumerate(design.tolerance.require if design.tolerance else (), 1):
+        low, high = one.band or (one.above or -math.inf, one.below or math.inf)
+        key = f"tolerance.require.{n}.quantity"
+        found.append(Requirement(one.quantity, low, high, one.band is None, key))
+    return tuple(dict.fromkeys((*found, *each(parse, options))))
+
+
+def each(parse: Callable[[Given], Parsed], items: Iterable[Given]) -> list[Parsed]:
+    """Parse items; raises `InputError` with the faults of all."""
+    found, errors = [], []
+    for item in items:
         try:
-            if isinstance(item, str):
-                found.append(parse(item, names, ratios))
-                continue
-            quantity = names.parse(item.quantity, f"tolerance.require.{n}.quantity", ratios)
-            low, high = item.band or (item.above or -math.inf, item.below or math.inf)
-            found.append(Requirement(quantity, low, high, item.band is None))
+            found.append(parse(item))
         except InputError as error:
-            faults += error.faults
-    if faults and not lenient:
-        raise InputError(faults)
-    return tuple(dict.fromkeys(found))
+            errors.append(error)
+    if errors:
+        raise join_errors(errors)
+    return found
 
 
-def parse(
-    text: str, names: Names, ratios: dict[Ratio, int], option: str = "--require"
-) -> Requirement:
+def parse(text: str) -> Requirement:
     """Parse one requirement as ``--require`` takes it."""
 
     def refused(problem: str, remedy: str = SYNTAX) -> InputError:
-        return InputError.of(option, problem, remedy, format_value(text))
+        return InputError.of("--require", problem, remedy, format_value(text))
 
-    band = re.fullmatch(r"\s*(.+?)\s+in\s+([^:\s]+)\s*:\s*([^:\s]+)\s*", text)
-    bound = re.fullmatch(r"\s*([^<>]+?)\s*([<>])\s*([^\s<>]+)\s*", text)
-    found = band or bound
+    found = re.fullmatch(r"\s*(.+?)\s+(in)\s+([^:\s]+)\s*:\s*([^:\s]+)\s*", text)
+    found = found or re.fullmatch(r"\s*([^<>]+?)\s*([<>])\s*([^\s<>]+)\s*", text)
     if found is None:
         raise refused("is no requirement")
+    name, sign, *words = found.groups()
     try:
-        numbers = [float(word) for word in (found.groups()[1:] if band else [found[3]])]
+        numbers = [float(word) for word in words]
     except ValueError:
         raise refused("has a limit that is no number") from None
-    if not all(map(math.isfinite, numbers)):
+    if not np.isfinite(numbers).all():
         raise refused("has a limit that is not finite")
-    if band:
+    if sign == "in":
         low, high = numbers
         if not low < high:
             raise refused("is a reversed or empty band", "give LEAST:LARGEST")
-    else:
-        [limit] = numbers
-        if not limit > 0:
-            problem = "limits a magnitude to a value that is not positive"
-            raise refused(problem, "give a positive limit")
-        low, high = (-math.inf, limit) if found[2] == "<" else (limit, math.inf)
-    return Requirement(names.parse(found[1], option, ratios), low, high, not band)
+        return Requirement(name, low, high, magnitude=False)
+    [limit] = numbers
+    if not limit > 0:
+        problem = "limits a magnitude to a value that is not positive"
+        raise refused(problem, "give a positive limit")
+    low, high = (-math.inf, limit) if sign == "<" else (limit, math.inf)
+    return Requirement(name, low, high, magnitude=True)
+
+
+def of_modes(modes: Modes) -> list[Quantity]:
+    """List the frequencies of all modes."""
+    names = named_results.labels(modes)
+    return [Quantity(name, "Hz", "frequency", (n,)) for n, name in enumerate(names)]
+
+
+def of_stages(stages: Sequence[str]) -> list[Quantity]:
+    """List all static displacements and rotations."""
+    return [
+        Quantity(f"{stage} static {name}", unit, "static", (n, i))
+        for n, stage in enumerate(stages)
+        for i, (name, unit) in enumerate(STATIC.items())
+    ]
+
+
+def find(
+    name: str, key: str, modes: Modes, stages: Sequence[str], known: tuple[str, ...]
+) -> Quantity:
+    """Find a quantity by name; that of a response has no place yet.
+
+    `modes` are the nominal ones, `known` the bodies with signals, and `key` is the key or option to
+    name in error messages.
+    """
+    name = " ".join(name.split())
+    if name.endswith(" static z"):
+        name = f"{name[:-1]}height"
+    every = {one.name: one for one in (*of_modes(modes), RATIO, *of_stages(stages))}
+    if name in every:
+        return every[name]
+    if "/" in name or name.isdigit() or name in modes.label:
+        [found] = named_results.parse([name], modes, known if "/" in name else (), key)
+        if isinstance(found, Mode):
+            return every[found.text]
+        return Quantity(found.text, found.unit, "response", (), found)
+    remedy = suggest(name, [*every])
+    if not remedy.startswith("did you mean"):
+        remedy = (
+            "give a mode's label (pendsus modes lists them), coupling, STAGE static"
+            f" {'|'.join(STATIC)}, or a response OUTPUT/INPUT:FREQUENCY"
+        )
+    raise InputError.of(key, "is no quantity of builds", remedy, format_value(name))

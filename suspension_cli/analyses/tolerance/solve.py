@@ -13,8 +13,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.analyses.sweep.solve import evaluate_ratio
-from suspension_cli.analyses.tolerance.quantities import Names, Requirement
-from suspension_cli.analyses.xcouple.solve import CouplingRequest, couplings, quotient_unit
+from suspension_cli.analyses.tolerance.quantities import (
+    RATIO,
+    Quantity,
+    Requirement,
+    each,
+    find,
+    of_modes,
+    of_stages,
+)
+from suspension_cli.analyses.xcouple.solve import (
+    OUTCOME,
+    CouplingRequest,
+    couplings,
+    quotient_unit,
+)
 from suspension_cli.files.declared import common_unit
 from suspension_cli.linear import batch_modes, eigenmodes, signals
 from suspension_cli.linear.mode_pairing import pair_bodies, pair_by_overlap
@@ -70,7 +83,7 @@ class RandomBuilds(Job):
     level
         Name of a model that supports imperfect builds.
     requirements
-        Their named responses are also computed.
+        The responses that they name are also computed.
     method
         Sampling, see `studies.sample_points`.
     with_indices
@@ -109,9 +122,7 @@ class RandomBuilds(Job):
             Column("ratio", "c16", (len(self.question.frequency),), ratio, ("coupling_frequency",)),
             Column("static", "f8", (bodies, 6), "{static_unit}", ("stage", "static_dof")),
             *((response,) if named else ()),
-            Column("residual", "f8", (), "1"),
-            Column("status", "u1", (), "1"),
-            Column("slack_wire", "i2", (), "1"),
+            *OUTCOME,
         )
 
     @cached_property
@@ -119,11 +130,36 @@ class RandomBuilds(Job):
         """Numbers of the design that vary between builds."""
         return sampling.factors(self.design, self.scene)
 
-    @property
+    @cached_property
     def ratios(self) -> tuple[Ratio, ...]:
         """Named responses and couplings that requirements limit."""
-        found = [item.quantity.ratio for item in self.requirements]
+        named = [one for one in self.requirements if "/" in one.quantity]
+        found = [one.ratio for one in each(self.find, named)]
         return tuple(dict.fromkeys(ratio for ratio in found if ratio is not None))
+
+    @cached_property
+    def required(self) -> tuple[Quantity, ...]:
+        """Quantity of each requirement; raises `InputError` if the model has none of that name."""
+        return tuple(
+            replace(one, place=(self.ratios.index(one.ratio),)) if one.ratio else one
+            for one in each(self.find, self.requirements)
+        )
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Quantities whose statistics are computed, each once."""
+        stages = of_stages(self.scene.bodies.name)
+        return tuple(dict.fromkeys((*of_modes(self.nominal), RATIO, *stages, *self.required)))
+
+    def find(self, requirement: Requirement) -> Quantity:
+        """Find the quantity of a requirement; that of a response has no place yet."""
+        name, key = requirement.quantity, requirement.key
+        return find(name, key, self.nominal, self.scene.bodies.name, self.signalling)
+
+    @cached_property
+    def signalling(self) -> tuple[str, ...]:
+        """Bodies with signals."""
+        return signals.bodies_with_signals(registry.STRING.system(self.design))
 
     @cached_property
     def groups(self) -> tuple[str, ...]:
@@ -142,16 +178,6 @@ class RandomBuilds(Job):
     def nominal(self) -> eigenmodes.Modes:
         """Modes without random deviations, but with the design's own perturbations."""
         return _solve_nominal(self.text, self.level)[0]
-
-    @cached_property
-    def names(self) -> Names:
-        """Possible names of quantities."""
-        known = signals.bodies_with_signals(registry.STRING.system(self.design))
-        return Names(self.nominal, self.scene.bodies.name, known)
-
-    def requiring(self, requirements: tuple[Requirement, ...]) -> RandomBuilds:
-        """Return the job with requirements."""
-        return replace(self, requirements=requirements)
 
     def check(self) -> None:
         """Raise `InputError` if there is no table of tolerances, or a signal is invalid."""
@@ -174,7 +200,7 @@ class RandomBuilds(Job):
         )
         with np.errstate(all="ignore"):
             omega_squared = follow_modes(found, *_solve_nominal(self.text, self.level)[1:])
-            ratio = couplings(found, self.question)["ratio"]
+            coupled = couplings(found, self.question)
             response = [evaluate_ratio(found, one) for one in self.ratios]
             squared = omega_squared if self.allow_unstable else np.maximum(omega_squared, 0.0)
             frequency = np.sqrt(squared) / (2 * np.pi)
@@ -183,12 +209,10 @@ class RandomBuilds(Job):
         static = np.where(failed[:, None, None], np.nan, found.static)
         return {
             "frequency": frequency,
-            "ratio": ratio,
+            "ratio": coupled["ratio"],
             "static": static,
             **({"response": np.stack(response, axis=-1)} if response else {}),
-            "residual": found.residual,
-            "status": found.status,
-            "slack_wire": found.wire,
+            **{column.name: coupled[column.name] for column in OUTCOME},
         }
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Complex, Float, Int
+    from jaxtyping import Bool, Float, Int
 
 QUANTILES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
 """Quantiles that are reported."""
@@ -23,61 +23,20 @@ SIGNIFICANT = 3.0
 
 @dataclass(frozen=True)
 class Yield:
-    """Fraction of builds that meet a requirement, or all; failed builds do not.
+    """Fraction of builds that meet a requirement, or all, and its 95 % confidence interval.
 
-    `low` and `high` are the ends of the 95 % confidence interval.
+    Failed builds do not meet it.
     """
 
     name: str
     fraction: float
-    low: float
-    high: float
+    interval: tuple[float, float]
 
     @property
     def percent(self) -> str:
         """Fraction and interval as text."""
-        low, high = 100 * self.low, 100 * self.high
-        return f"{100 * self.fraction:.3g} % ({low:.3g} to {high:.3g})"
-
-
-@dataclass(frozen=True)
-class Spread:
-    """Distribution of results over the builds.
-
-    Attributes
-    ----------
-    mean, error, deviation
-        Mean, its standard error, and standard deviation.
-    quantiles
-        At `QUANTILES`.
-    rank
-        Rank correlations with the deviations of numbers.
-    slope
-        Change per unit of each deviation (least squares).
-    sample
-        Values of some builds, for figures.
-    """
-
-    name: tuple[str, ...]
-    unit: tuple[str, ...]
-    mean: Float[np.ndarray, " result"]
-    error: Float[np.ndarray, " result"]
-    deviation: Float[np.ndarray, " result"]
-    quantiles: Float[np.ndarray, "result quantile"]
-    rank: Float[np.ndarray, "result factor"]
-    slope: Float[np.ndarray, "result factor"]
-    sample: Float[np.ndarray, "build result"]
-
-
-def rank_correlation(
-    a: Float[np.ndarray, "build first"], b: Float[np.ndarray, "build second"]
-) -> Float[np.ndarray, "first second"]:
-    """Spearman's rank correlations of the columns of a and b; 0 for a constant column.
-
-    >>> rank_correlation(np.array([[1.0], [2.0], [4.0]]), np.array([[3.0], [2.0], [0.0]]))
-    array([[-1.]])
-    """
-    return unit_ranks(a).T @ unit_ranks(b)
+        low, high = self.interval
+        return f"{100 * self.fraction:.3g} % ({100 * low:.3g} to {100 * high:.3g})"
 
 
 def unit_ranks(values: Float[np.ndarray, "build column"]) -> Float[np.ndarray, "build column"]:
@@ -94,20 +53,6 @@ def unit_ranks(values: Float[np.ndarray, "build column"]) -> Float[np.ndarray, "
     return apart / np.where(size > 0, size, 1.0)
 
 
-def signed(ratio: Complex[np.ndarray, " build"]) -> Float[np.ndarray, " build"]:
-    """Parts of complex numbers along the phase in which they vary most.
-
-    Small imperfections add up with their signs, which magnitudes hide. Real ratios are unchanged.
-
-    >>> signed(np.array([2.0, -1.0, 0.5]) * (1 + 0j))
-    array([ 2. , -1. ,  0.5])
-    """
-    if not len(ratio):
-        return np.zeros(0)
-    phase = np.angle(((ratio - ratio.mean()) ** 2).sum()) / 2
-    return (ratio * np.exp(-1j * phase)).real
-
-
 def slopes(
     a: Float[np.ndarray, "build first"], b: Float[np.ndarray, "build second"]
 ) -> Float[np.ndarray, "first second"]:
@@ -121,13 +66,6 @@ def slopes(
     apart = b - b.mean(0)
     square = (apart**2).sum(0)
     return (a - a.mean(0)).T @ apart / np.where(square > 0, square, 1.0)
-
-
-def leading(
-    correlation: Float[np.ndarray, " factors"], names: tuple[str, ...], count: int = 5
-) -> list[tuple[str, float]]:
-    """List names and values of the strongest correlations, strongest first."""
-    return [(names[n], float(correlation[n])) for n in strongest(correlation, count)]
 
 
 def strongest(
@@ -201,14 +139,14 @@ class SobolIndices:
         Standard errors.
     """
 
-    first: Float[np.ndarray, "group result"]
-    total: Float[np.ndarray, "group result"]
-    first_error: Float[np.ndarray, "group result"]
-    total_error: Float[np.ndarray, "group result"]
+    first: Float[np.ndarray, "group ..."]
+    total: Float[np.ndarray, "group ..."]
+    first_error: Float[np.ndarray, "group ..."]
+    total_error: Float[np.ndarray, "group ..."]
 
 
 def sobol_indices(
-    values: Float[np.ndarray, "group+2 sample result"], replicate: Int[np.ndarray, " sample"]
+    values: Float[np.ndarray, "group+2 sample ..."], replicate: Int[np.ndarray, " sample"]
 ) -> SobolIndices:
     """Estimate Sobol indices from the results by block, see `sample_points.SamplePoints`.
 
@@ -222,28 +160,22 @@ def sobol_indices(
     >>> found.first.round(1), found.total.round(1)
     (array([[1.]]), array([[1.]]))
     """
-    first, total = _estimate(values)
-    parts = np.array(
-        [_estimate(values[:, replicate == number]) for number in np.unique(replicate)]
-    )  # replicate, first or total, group, result
-    with np.errstate(all="ignore"):
-        first_error, total_error = parts.std(0, ddof=1) / np.sqrt(len(parts))
-    return SobolIndices(first, total, first_error, total_error)
+    parts = [values, *(values[:, replicate == number] for number in np.unique(replicate))]
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # means of nothing
+        (first, total), *scattered = map(_estimate, parts)
+        errors = np.std(scattered, axis=0, ddof=1) / np.sqrt(len(scattered))
+    return SobolIndices(first, total, *errors)
 
 
 def _estimate(
-    values: Float[np.ndarray, "group+2 sample result"],
-) -> tuple[Float[np.ndarray, "group result"], Float[np.ndarray, "group result"]]:
+    values: Float[np.ndarray, "group+2 sample ..."],
+) -> tuple[Float[np.ndarray, "group ..."], Float[np.ndarray, "group ..."]]:
     """Estimate first-order and total indices."""
-    with np.errstate(all="ignore"), warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # means of nothing
-        plain = values[:2].reshape(-1, values.shape[-1])
-        variance, scale = np.nanvar(plain, axis=0), np.nanmax(np.abs(plain), axis=0, initial=0.0)
-        # what rounding leaves is no variance
-        variance = np.where(variance > (1e-12 * scale) ** 2, variance, np.nan)
-        a, b, *mixed = values - np.nanmean(plain, axis=0)
-        first, total = (
-            np.array([np.nanmean(product(part), axis=0) for part in mixed]) / variance
-            for product in (lambda part: b * (part - a), lambda part: (a - part) ** 2 / 2)
-        )
-    return first, total
+    variance, scale = np.nanvar(values[:2], axis=(0, 1)), np.nanmax(np.abs(values[:2]), (0, 1))
+    # what rounding leaves is no variance
+    variance = np.where(variance > (1e-12 * scale) ** 2, variance, np.nan)
+    values = values - np.nanmean(values[:2], axis=(0, 1))
+    a, b, mixed = values[0], values[1], values[2:]
+    first = np.nanmean(b * (mixed - a), axis=1) / variance
+    return first, np.nanmean((a - mixed) ** 2 / 2, axis=1) / variance

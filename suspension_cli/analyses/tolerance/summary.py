@@ -1,32 +1,25 @@
-"""Statistics of random builds, and what their results file holds."""
+"""Statistics of random builds, and what their results file holds besides the builds."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import h5py
 import numpy as np
+from numpy.typing import ArrayLike
 
 from suspension_cli.analyses.sweep.solve import count_failures
-from suspension_cli.analyses.tolerance.quantities import (
-    RATIO,
-    STATIC,
-    STATIC_UNITS,
-    Quantity,
-    parse,
-)
+from suspension_cli.analyses.tolerance.quantities import RATIO, SIGNED, STATIC, Quantity, parse
 from suspension_cli.analyses.tolerance.solve import RandomBuilds
 from suspension_cli.analyses.tolerance.statistics import (
     QUANTILES,
     RANKED,
     SIGNIFICANT,
     SobolIndices,
-    Spread,
     Yield,
     replicate_interval,
-    signed,
     slopes,
     sobol_indices,
     standard_error,
@@ -37,26 +30,70 @@ from suspension_cli.analyses.xcouple.solve import CouplingRequest
 from suspension_cli.conventions import FRAME, GROUND, SUPPORT
 from suspension_cli.files.declared import (
     ATTRIBUTE,
+    TEXT,
     Contents,
-    along,
-    derived,
+    Variable,
     in_unit,
     pack,
     unpack,
 )
 from suspension_cli.files.hdf5 import Stored, read_contents, write_contents
 from suspension_cli.linear import signals
-from suspension_cli.linear.named_results import Ratio
 from suspension_cli.studies import builds
 from suspension_cli.studies.job import parse as parse_design
-from suspension_cli.studies.sample_points import SOBOL
+from suspension_cli.studies.sample_points import RANDOM
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
 
-STATICS = in_unit("{static_unit}")
 MAX_POINTS = 4000
 """Most builds in figures."""
+
+
+Table = dict[str, tuple[str, str, ArrayLike]]
+"""Dimensions, unit and values of arrays by path."""
+
+
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """Distribution of one quantity over the builds, in SI units; Hz for modes.
+
+    Attributes
+    ----------
+    mean, error, deviation
+        Mean, its standard error, and standard deviation.
+    quantiles
+        At `QUANTILES`.
+    rank
+        Rank correlations with the deviations of numbers; of the coupling without sign, with their
+        magnitudes.
+    slope
+        Change per unit of each deviation (least squares).
+    sample
+        Values of some builds, for figures.
+    sobol
+        Sobol indices, if requested, of the groups of the job.
+    """
+
+    quantity: Quantity
+    mean: float
+    error: float
+    deviation: float
+    quantiles: Float[np.ndarray, " quantile"]
+    rank: Float[np.ndarray, " factor"]
+    slope: Float[np.ndarray, " factor"]
+    sample: Float[np.ndarray, " build"]
+    sobol: SobolIndices | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the quantity."""
+        return self.quantity.name
+
+    @property
+    def unit(self) -> str:
+        """Unit of the quantity."""
+        return self.quantity.unit
 
 
 @dataclass(frozen=True)
@@ -73,53 +110,37 @@ class Summary:
         Number of builds with an equilibrium on taut wires.
     failures
         Number of builds by reason of failure.
-    modes, static, required
-        Frequencies in Hz, displacements (m) and rotations (rad) of the stages, and quantities with
-        requirements.
-    coupling
-        Magnitude of the ratio; its rank correlations are those with magnitudes of deviations.
+    modes, coupling, static, required
+        Distributions of frequencies in Hz, of the magnitude of the cross-coupling, of displacements
+        (m) and rotations (rad) of the stages, and of quantities with requirements.
     signed
-        Real part of the ratio, see `statistics.signed`.
+        That of the coupling with its sign.
     ranked
         Number of builds in the correlations.
     under
         Fraction of good builds with a coupling below the limit.
     yields, joint
         Of each requirement, and of all together.
-    indices
-        Sobol indices of the groups of the job for each of `indexed`.
     """
 
     job: RandomBuilds
     limit: float
     good: int
     failures: dict[str, int]
-    modes: Spread
-    static: Spread
-    required: Spread
+    modes: list[Spread]
     coupling: Spread
+    static: list[Spread]
+    required: list[Spread]
     signed: Spread
     ranked: int
     under: Yield
     yields: tuple[Yield, ...]
     joint: Yield | None
-    indexed: tuple[str, ...] = ()
-    indices: SobolIndices | None = None
-
-    @property
-    def builds(self) -> int:
-        """Number of builds."""
-        return self.job.count
 
     @property
     def independent(self) -> int:
         """Number of first builds in the statistics: all, or two blocks of those for indices."""
         return self.job.points.independent
-
-    @property
-    def factor(self) -> tuple[str, ...]:
-        """Numbers that vary."""
-        return tuple(one.label for one in self.job.factors)
 
     @property
     def label(self) -> tuple[str, ...]:
@@ -134,17 +155,24 @@ class Summary:
     @property
     def mean(self) -> Float[np.ndarray, " mode"]:
         """Mean of each mode frequency, Hz."""
-        return self.modes.mean
+        return np.array([one.mean for one in self.modes])
 
     @property
     def spread(self) -> Float[np.ndarray, " mode"]:
         """Standard deviation of each mode frequency, Hz."""
-        return self.modes.deviation
+        return np.array([one.deviation for one in self.modes])
 
     @property
     def quantiles(self) -> Float[np.ndarray, "mode quantile"]:
         """Quantiles of each mode frequency at `QUANTILES`, Hz."""
-        return self.modes.quantiles
+        return np.array([one.quantiles for one in self.modes])
+
+    @property
+    def indices(self) -> dict[str, Float[np.ndarray, "group result"]]:
+        """Sobol indices of `job.quantities` and their errors, by name; empty if not requested."""
+        results = dict.fromkeys((*self.modes, self.coupling, *self.static, *self.required))
+        found = [vars(one.sobol) for one in results if one.sobol is not None]
+        return {name: np.array([one[name] for one in found]).T for name in (found or [{}])[0]}
 
     @property
     def ratio(self) -> str:
@@ -162,31 +190,79 @@ class Summary:
         return SIGNIFICANT / np.sqrt(self.ranked) if self.ranked else np.inf
 
 
-@dataclass(frozen=True)
-class Recorded:
-    """What a results file has besides the builds; statistics are None until all builds are done.
+def summarise(group: Stored, job: RandomBuilds, limit: float, ranked: int = RANKED) -> Summary:
+    """Compute the statistics of the builds in a group of a file, one quantity at a time.
 
-    Attributes
-    ----------
-    factor, factor_unit, factor_group
-        Numbers that vary, their units, and the tolerances that they belong to.
-    seed
-        As text, since not every HDF5 tool can read seeds up to 2^64 - 1 as numbers.
-    static_mean, static_mean_error, static_std, static_quantiles
-        Mean, its standard error, standard deviation and quantiles of the static pose.
-    yields, yield_interval, yield_of_all, yield_of_all_interval
-        Fraction of builds that meet each requirement, or all, and confidence intervals.
-    group, result, sobol
-        Tolerances and results with Sobol indices, and these.
+    Rank correlations and slopes are those of the first `ranked` builds.
+    """
+    points, rows = job.points, slice(0, job.points.independent)
+    status = group["status"][:]
+    good = status[rows] == builds.GOOD
+    kept = np.flatnonzero(good[:ranked])
+    deviations = job.deviations(0, min(ranked, len(good)))[kept]
+    signed, sizes = ((some, unit_ranks(some)) for some in (deviations, np.abs(deviations)))
+    replicate = None if points.method == RANDOM else points.replicate(np.flatnonzero(good))
+
+    def describe(quantity: Quantity) -> Spread:
+        every = quantity.read(group, rows)
+        values, own = every[good], every[kept][:, None]
+        moved, ranks = sizes if quantity == RATIO else signed
+        known = len(values) > 0
+        return Spread(
+            quantity=quantity,
+            mean=values.mean() if known else np.nan,
+            error=standard_error(values, replicate),
+            deviation=values.std() if known else np.nan,
+            quantiles=np.quantile(values, QUANTILES) if known else np.full(len(QUANTILES), np.nan),
+            rank=unit_ranks(own)[:, 0] @ ranks,
+            slope=slopes(own, moved)[0],
+            sample=values[:MAX_POINTS],
+            sobol=indices(quantity) if job.with_indices and not quantity.signed else None,
+        )
+
+    def indices(quantity: Quantity) -> SobolIndices:
+        values = quantity.read(group).reshape(points.blocks, points.rows)
+        return sobol_indices(values, points.replicate(np.arange(points.rows)))
+
+    def fraction(
+        name: str, met: Bool[np.ndarray, " build"], of: Int[np.ndarray, " build"]
+    ) -> Yield:
+        found = (
+            wilson_interval(int(met.sum()), len(met))
+            if points.method == RANDOM
+            else replicate_interval(met, points.replicate(of))
+        )
+        return Yield(name, float(met.mean()) if len(met) else np.nan, found)
+
+    every, required = np.arange(len(good)), zip(job.requirements, job.required, strict=True)
+    met = [(one.describe(own), one.is_met(own.read(group, rows))) for one, own in required]
+    together = np.all([one for _, one in met], axis=0) if met else None
+    spreads = {one: describe(one) for one in (*job.quantities, SIGNED)}
+    return Summary(
+        job=job,
+        limit=limit,
+        good=int((status == builds.GOOD).sum()),
+        failures=count_failures(status),
+        modes=[own for one, own in spreads.items() if one.column == "frequency"],
+        coupling=spreads[RATIO],
+        static=[own for one, own in spreads.items() if one.column == "static"],
+        required=[spreads[one] for one in dict.fromkeys(job.required)],
+        signed=spreads[SIGNED],
+        ranked=len(kept),
+        under=fraction("", RATIO.read(group, rows)[good] < limit, np.flatnonzero(good)),
+        yields=tuple(fraction(name, one, every) for name, one in met),
+        joint=None if together is None else fraction("all together", together, every),
+    )
+
+
+@dataclass(frozen=True)
+class Request:
+    """What a results file has of the options, from which its job is made again.
+
+    The seed is a text, since not every HDF5 tool can read seeds up to 2^64 - 1 as numbers.
     """
 
-    mode_label: tuple[str, ...] = field(metadata=along("mode"))
-    nominal_frequency: Float[np.ndarray, " mode"] = field(metadata=in_unit("Hz"))
-    factor: tuple[str, ...]
-    factor_unit: tuple[str, ...] = field(metadata=along("factor"))
-    factor_group: tuple[str, ...] = field(metadata=along("factor"))
     coupling_frequency: Float[np.ndarray, " coupling_frequency"] = field(metadata=in_unit("Hz"))
-    stage: tuple[str, ...]
     input: str
     over: str
     under: str
@@ -194,250 +270,108 @@ class Recorded:
     limit: float
     sampling: str
     sobol_indices: bool
-    response_name: tuple[str, ...] | None = None
-    response_unit: tuple[str, ...] | None = field(default=None, metadata=along("response_name"))
     requirement: tuple[str, ...] | None = None
-    group: tuple[str, ...] | None = None
-    result: tuple[str, ...] | None = None
-    static_mean: Float[np.ndarray, "stage static_dof"] | None = field(
-        default=None, metadata=STATICS
-    )
-    static_mean_error: Float[np.ndarray, "stage static_dof"] | None = field(
-        default=None, metadata=STATICS
-    )
-    static_std: Float[np.ndarray, "stage static_dof"] | None = field(default=None, metadata=STATICS)
-    static_quantiles: Float[np.ndarray, "stage static_dof quantile"] | None = field(
-        default=None, metadata=STATICS
-    )
-    yields: tuple[float, ...] | None = field(
-        default=None, metadata=in_unit("1", "requirement", "yield")
-    )
-    yield_interval: tuple[tuple[float, float], ...] | None = field(
-        default=None, metadata=in_unit("1", "requirement interval")
-    )
-    yield_of_all: float | None = None
-    yield_of_all_interval: tuple[float, float] | None = None
-    sobol: SobolIndices | None = None
     status_meaning: tuple[str, ...] = field(default=builds.STATUS, metadata=ATTRIBUTE)
 
-    @property
-    @derived()
-    def static_dof(self) -> tuple[str, ...]:
-        """Coordinates of the static pose."""
-        return STATIC
-
-    @property
-    @derived(along="static_dof")
-    def static_unit(self) -> tuple[str, ...]:
-        """Unit of each coordinate of the static pose."""
-        return STATIC_UNITS
-
-    @property
-    @derived()
-    def interval(self) -> tuple[str, ...]:
-        """Ends of a confidence interval."""
-        return "low", "high"
-
-    @property
-    @derived()
-    def quantile(self) -> Float[np.ndarray, " quantile"]:
-        """Fractions of the builds."""
-        return np.array(QUANTILES)
+    def job(self, count: int, text: str, level: str) -> RandomBuilds:
+        """Make the job of so many builds of a design, in the model of that name."""
+        known = (SUPPORT, *(stage.name for stage in parse_design(text).stage), FRAME, GROUND)
+        drive, over, under = (
+            signals.parse(getattr(self, name), name, known) for name in ("input", "over", "under")
+        )
+        frequency = tuple(self.coupling_frequency.tolist())
+        return RandomBuilds(
+            text,
+            count,
+            int(self.seed),
+            CouplingRequest(0, 1, "", drive, over, under, frequency),
+            level=level,
+            requirements=tuple(map(parse, self.requirement or ())),
+            method=self.sampling,
+            with_indices=self.sobol_indices,
+        )
 
 
-def record(job: RandomBuilds, limit: float) -> Recorded:
-    """Return the names and numbers that vary."""
-    question, factors = job.question, job.factors
-    return Recorded(
-        mode_label=tuple(job.nominal.label),
-        nominal_frequency=job.nominal.frequency,
-        factor=tuple(one.label for one in factors),
-        factor_unit=tuple(one.unit for one in factors),
-        factor_group=tuple(one.group for one in factors),
-        coupling_frequency=np.array(question.frequency),
-        stage=tuple(job.scene.bodies.name),
-        input=question.input.text,
-        over=question.over.text,
-        under=question.under.text,
-        seed=str(job.seed),
-        limit=limit,
-        sampling=job.method,
-        sobol_indices=job.with_indices,
-        response_name=tuple(one.text for one in job.ratios) or None,
-        response_unit=tuple(one.unit for one in job.ratios) or None,
-        requirement=tuple(item.text for item in job.requirements) or None,
-        group=tuple(job.groups) if job.with_indices else None,
-        result=tuple(one.name for one in indexed(job)) if job.with_indices else None,
+def load(group: Stored, text: str, level: str) -> Summary:
+    """Compute the statistics of a group, given its design and the name of its model."""
+    known = unpack(Request, read_contents(group))
+    return summarise(group, known.job(len(group["status"]), text, level), known.limit)
+
+
+def describe(job: RandomBuilds, limit: float) -> Contents:
+    """Return what a file has besides the builds: options, and names and numbers that vary."""
+    question, nominal, factors = job.question, job.nominal, job.factors
+    request = Request(
+        np.array(question.frequency),
+        question.input.text,
+        question.over.text,
+        question.under.text,
+        str(job.seed),
+        limit,
+        job.method,
+        job.with_indices,
+        tuple(one.text for one in job.requirements) or None,
     )
+    table: Table = {
+        "mode": ("mode", "1", np.arange(1, len(nominal.label) + 1)),
+        "mode_label": ("mode", TEXT, nominal.label),
+        "nominal_frequency": ("mode", "Hz", nominal.frequency),
+        "factor": ("factor", TEXT, [one.label for one in factors]),
+        "factor_unit": ("factor", TEXT, [one.unit for one in factors]),
+        "factor_group": ("factor", TEXT, [one.group for one in factors]),
+        "stage": ("stage", TEXT, job.scene.bodies.name),
+        "static_dof": ("static_dof", TEXT, [*STATIC]),
+        "static_unit": ("static_dof", TEXT, [*STATIC.values()]),
+        "interval": ("interval", TEXT, ["low", "high"]),
+        "quantile": ("quantile", "1", QUANTILES),
+    }
+    if job.ratios:
+        table["response_name"] = ("response_name", TEXT, [one.text for one in job.ratios])
+        table["response_unit"] = ("response_name", TEXT, [one.unit for one in job.ratios])
+    if job.with_indices:
+        table["group"] = ("group", TEXT, job.groups)
+        table["result"] = ("result", TEXT, [one.name for one in job.quantities])
+    known = pack(request)
+    return Contents(known.variables | _arrays(table), known.attributes)
 
 
 def complete(path: Path, job: RandomBuilds, limit: float) -> None:
     """Write the statistics into a file with all builds."""
     with h5py.File(path, "r+", locking=False) as file:
         group: Stored = file["tolerance"]
-        found = summarise_group(group, job, limit, ranked=0)
-        known = record(job, limit)
-        shape, static = (len(known.stage), len(STATIC)), found.static
-        joint = found.joint
-        whole = replace(
-            known,
-            static_mean=static.mean.reshape(shape),
-            static_mean_error=static.error.reshape(shape),
-            static_std=static.deviation.reshape(shape),
-            static_quantiles=static.quantiles.reshape(*shape, -1),
-            sobol=found.indices,
-        )
-        if joint is not None:
-            whole = replace(
-                whole,
-                yields=tuple(one.fraction for one in found.yields),
-                yield_interval=tuple((one.low, one.high) for one in found.yields),
-                yield_of_all=joint.fraction,
-                yield_of_all_interval=(joint.low, joint.high),
+        found, shape = summarise(group, job, limit, ranked=0), (-1, len(STATIC))
+
+        def static(name: str) -> np.ndarray:
+            values = np.array([getattr(one, name) for one in found.static])
+            return values.reshape(*shape, *values.shape[1:])
+
+        table: Table = {
+            "static_mean": ("stage static_dof", "{static_unit}", static("mean")),
+            "static_mean_error": ("stage static_dof", "{static_unit}", static("error")),
+            "static_std": ("stage static_dof", "{static_unit}", static("deviation")),
+            "static_quantiles": (
+                "stage static_dof quantile",
+                "{static_unit}",
+                static("quantiles"),
+            ),
+        }
+        attributes = {}
+        if found.joint is not None:
+            table["yield"] = ("requirement", "1", [one.fraction for one in found.yields])
+            table["yield_interval"] = (
+                "requirement interval",
+                "1",
+                [one.interval for one in found.yields],
             )
-        contents = pack(whole)
-        new = {path: one for path, one in contents.variables.items() if path not in group}
-        write_contents(group, Contents(new, contents.attributes))
+            attributes["yield_of_all"] = found.joint.fraction
+            attributes["yield_of_all_interval"] = found.joint.interval
+        for name, values in found.indices.items():
+            table[f"sobol/{name}"] = ("group result", "1", values)
+        write_contents(group, Contents(_arrays(table), attributes))
 
 
-def indexed(job: RandomBuilds) -> tuple[Quantity, ...]:
-    """Quantities with Sobol indices: modes, coupling, statics and those required."""
-    names = job.names
-    required = [item.quantity for item in job.requirements]
-    every = (*names.every_mode(), RATIO, *names.every_static(), *required)
-    return tuple(dict.fromkeys(every))
-
-
-def load(group: Stored, text: str, level: str) -> Summary:
-    """Compute the statistics of a group, given its design and the name of its model."""
-    known = unpack(Recorded, read_contents(group))
-    return summarise_group(group, reconstruct_job(group, known, text, level), known.limit)
-
-
-def reconstruct_job(group: Stored, recorded: Recorded, text: str, level: str) -> RandomBuilds:
-    """Reconstruct the job of a group."""
-    known = (SUPPORT, *(stage.name for stage in parse_design(text).stage), FRAME, GROUND)
-    drive, over, under = (
-        signals.parse(getattr(recorded, name), name, known) for name in ("input", "over", "under")
-    )
-    frequency = tuple(recorded.coupling_frequency.tolist())
-    job = RandomBuilds(
-        text,
-        len(group["status"]),
-        int(recorded.seed),
-        CouplingRequest(0, 1, "", drive, over, under, frequency),
-        level=level,
-        method=recorded.sampling,
-        with_indices=recorded.sobol_indices,
-    )
-    ratios: dict[Ratio, int] = {}
-    texts = recorded.requirement or ()
-    return job.requiring(tuple(parse(text, job.names, ratios) for text in texts))
-
-
-def summarise_group(
-    group: Stored, job: RandomBuilds, limit: float, ranked: int = RANKED
-) -> Summary:
-    """Compute the statistics of a group, one column of results at a time.
-
-    Rank correlations and slopes are those of the first `ranked` builds.
-    """
-    points, names = job.points, job.names
-    status, rows = group["status"][:], slice(0, job.points.independent)
-    good = status[rows] == builds.GOOD
-    kept = good[:ranked]
-    deviations = job.deviations(0, len(kept))[kept]
-    sizes = np.abs(deviations)
-    ranks, size_ranks = unit_ranks(deviations), unit_ranks(sizes)
-
-    def read(one: Quantity) -> Float[np.ndarray, " build"]:
-        return one.read(group, rows)
-
-    def spread(
-        quantities: tuple[Quantity, ...], column: Any = read, *, size: bool = False
-    ) -> Spread:
-        statistics, sample, correlated = [], [], []
-        replicate = points.replicate(np.flatnonzero(good)) if points.method == SOBOL else None
-        for one in quantities:
-            own = column(one)
-            values = own[good]
-            statistics.append(
-                (
-                    values.mean(),
-                    standard_error(values, replicate),
-                    values.std(),
-                    *np.quantile(values, QUANTILES),
-                )
-                if len(values)
-                else (np.nan,) * (3 + len(QUANTILES))
-            )
-            sample.append(values[:MAX_POINTS])
-            correlated.append(own[: len(kept)][kept])
-        table = np.array(statistics).reshape(-1, 3 + len(QUANTILES))
-        results = np.array(correlated).reshape(len(correlated), int(kept.sum())).T
-        return Spread(
-            name=tuple(one.name for one in quantities),
-            unit=tuple(one.unit for one in quantities),
-            mean=table[:, 0],
-            error=table[:, 1],
-            deviation=table[:, 2],
-            quantiles=table[:, 3:],
-            rank=unit_ranks(results).T @ (size_ranks if size else ranks),
-            slope=slopes(results, sizes if size else deviations),
-            sample=np.array(sample).T if sample else np.zeros((0, 0)),
-        )
-
-    def fraction(
-        name: str, met: Bool[np.ndarray, " build"], build: Int[np.ndarray, " build"]
-    ) -> Yield:
-        if points.method == SOBOL:
-            interval = replicate_interval(met, points.replicate(build))
-        else:
-            interval = wilson_interval(int(met.sum()), len(met))
-        return Yield(name, float(met.mean()) if len(met) else np.nan, *interval)
-
-    def with_sign(_: Quantity) -> Float[np.ndarray, " build"]:
-        ratio = group["ratio"][rows, -1]
-        result = np.full(len(ratio), np.nan)
-        result[good] = signed(ratio[good])
-        return result
-
-    every = np.arange(len(good))
-    met = [(item.shown, item.is_met(read(item.quantity))) for item in job.requirements]
-    yields = tuple(fraction(name, one, every) for name, one in met)
-    together = np.all([one for _, one in met], axis=0) if met else None
-    below = read(RATIO)[good] < limit
-    shares = indexed(job) if job.with_indices else ()
-    return Summary(
-        job=job,
-        limit=limit,
-        good=int((status == builds.GOOD).sum()),
-        failures=count_failures(status),
-        modes=spread(names.every_mode()),
-        static=spread(names.every_static()),
-        required=spread(tuple(dict.fromkeys(item.quantity for item in job.requirements))),
-        coupling=spread((RATIO,), size=True),
-        signed=spread((RATIO,), with_sign),
-        ranked=int(kept.sum()),
-        under=fraction("", below, np.flatnonzero(good)),
-        yields=yields,
-        joint=None if together is None else fraction("all together", together, every),
-        indexed=tuple(one.name for one in shares),
-        indices=_indices(group, job, shares) if shares else None,
-    )
-
-
-def _indices(group: Stored, job: RandomBuilds, quantities: tuple[Quantity, ...]) -> SobolIndices:
-    """Estimate the Sobol indices of quantities, one at a time."""
-    points = job.points
-    replicate = points.replicate(np.arange(points.rows))
-    found = [
-        sobol_indices(one.read(group).reshape(points.blocks, points.rows, 1), replicate)
-        for one in quantities
-    ]
-    return SobolIndices(
-        *(
-            np.concatenate([getattr(one, name) for one in found], axis=-1)
-            for name in SobolIndices.__dataclass_fields__
-        )
-    )
+def _arrays(table: Table) -> dict[str, Variable]:
+    return {
+        path: Variable(tuple(dims.split()), np.asarray(values), unit)
+        for path, (dims, unit, values) in table.items()
+    }

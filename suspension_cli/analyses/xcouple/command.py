@@ -11,7 +11,7 @@ import click
 from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, plain
 from suspension_cli.analyses.options import option
-from suspension_cli.conventions import DOFS
+from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.errors import InputError, format_value
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from suspension_cli.analyses.xcouple.solve import Coupling, CouplingRequest
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.response import Response
-    from suspension_cli.models.choice import Transfer
+    from suspension_cli.linear.system import LinearSystem
     from suspension_cli.studies.job import Axis
 
 DEFAULT_GRID = {"k": "0.6:1.4:41"}
@@ -102,26 +102,17 @@ class CouplingAnalysis(Analysis):
 
     def solve(self, run: Run) -> Result:
         """Compute the coupling of all builds, or the matrix of one design."""
-        from suspension_cli.analyses.xcouple.solve import parse_request
-        from suspension_cli.design.derive import mirror
-        from suspension_cli.linear import signals
-        from suspension_cli.models import registry
-
-        setting = run.setting
-        strings = registry.STRING.system(run.design)
-        requested = parse_request(strings, setting, mirror(run.design))
-        if setting["matrix"]:
-            return MATRIX.of(run, signals.bodies_with_signals(strings), requested)
-        return self._sweep(run, requested)
-
-    def _sweep(self, run: Run, requested: CouplingRequest) -> Result:
         from suspension_cli.analyses import model_choice, sweeping
         from suspension_cli.analyses.xcouple import solve
+        from suspension_cli.design.derive import mirror
         from suspension_cli.models import registry
 
-        setting = run.setting
+        setting, unstable = run.setting, run.setting["allow_unstable"]
+        strings = registry.STRING.system(run.design)
+        requested = solve.parse_request(strings, setting, mirror(run.design))
+        if setting["matrix"]:
+            return MATRIX.of(run, requested)
         over = axes(setting["sweep"], run.design.analysis.get("xcouple", {}))
-        unstable = setting["allow_unstable"]
         job = solve.Sweep(run.source.text, over, requested, unstable)
         job.check()
         choice = model_choice.for_builds(
@@ -134,8 +125,7 @@ class CouplingAnalysis(Analysis):
         model_choice.stable_system(run.source, choice, unstable, run.log, bends=True)
         job = dataclasses.replace(job, level=choice.level)
         result = sweeping.fill(run, self, job, choice, solve.describe(job))
-        found: Coupling = result.data
-        failed = found.failures.items()
+        failed = result.data.failures.items()
         if failed:
             whys = "; ".join(
                 f"{count} of {job.count} builds failed: {why}" for why, count in failed
@@ -166,17 +156,13 @@ class CouplingAnalysis(Analysis):
         """Return the largest coupling and where it is."""
         import numpy as np
 
-        from suspension_cli.analyses.xcouple.solve import UNITS
-
         answer: Coupling = result.data
         size = np.abs(answer.ratio)
         if not np.isfinite(size).any():
             return f"{result.choice.line}\nno build has an equilibrium on taut wires"
         where = np.unravel_index(int(np.nanargmax(size)), size.shape)
         at = ", ".join(
-            f"{axis.name} = {axis.values[n]:.6g} {UNITS.get(axis.name, '')}".removesuffix(
-                " 1"
-            ).strip()
+            f"{axis.name} = {axis.values[n]:.6g} {axis.unit}".removesuffix(" 1")
             for axis, n in zip(answer.axes, where[:-1], strict=True)
         )
         kept = answer.hold.replace("-", " ")
@@ -218,23 +204,31 @@ class MatrixAnalysis(Analysis):
         """Refuse: the matrix is an option of `xcouple`."""
         raise NotImplementedError
 
-    def of(self, run: Run, known: tuple[str, ...], requested: CouplingRequest) -> Result:
-        """Compute the matrix of one design."""
+    def of(self, run: Run, requested: CouplingRequest) -> Result:
+        """Compute the matrix of one design, for the point that a request observes."""
         import numpy as np
 
         from suspension_cli.analyses import model_choice
-        from suspension_cli.linear import response
+        from suspension_cli.linear import response, signals
+        from suspension_cli.models.choice import Transfer
 
-        setting = run.setting
-        motions, observed = _all_motions(known, requested, setting)
-        choice, model = model_choice.choose(run.source, setting["fidelity"], lambda _: motions)
+        setting, frequency = run.setting, np.array(requested.frequency)
+        body, at, point = (setting["observe"] or requested.over.body).partition("@")
+
+        def request(system: LinearSystem) -> Transfer:
+            known = signals.bodies_with_signals(system)
+            inputs = [signals.parse_input(f"{SUPPORT}.{dof}", known) for dof in DOFS]
+            moves = [f"{body}.{dof}{(at + point) * (dof in 'xyz')}" for dof in DOFS]
+            outputs = [signals.parse_output(text, known) for text in moves]
+            return Transfer(inputs, outputs, frequency)
+
+        choice, model = model_choice.choose(run.source, setting["fidelity"], request)
         model = model_choice.stable_system(
             run.source, choice, setting["allow_unstable"], run.log, model, bends=True
         )
-        found = response.solve(
-            model, np.array(requested.frequency), motions.inputs, motions.outputs
-        )
-        extra = {"observed": observed}
+        motions = request(model)
+        found = response.solve(model, frequency, motions.inputs, motions.outputs)
+        extra = {"observed": f"{body}{at}{point}"}
         return Result(self, run.source, choice, found, extra, command=run.command)
 
     def document(self, result: Result) -> Document:
@@ -292,7 +286,7 @@ def _limit(design: Design) -> float:
 
 def axes(text: str, table: Document) -> tuple[Axis, ...]:
     """Parse the axes of `--sweep`; missing grids come from the design's table or the defaults."""
-    from suspension_cli.analyses.xcouple.solve import PARAMETERS, UNITS
+    from suspension_cli.analyses.xcouple.solve import PARAMETERS
     from suspension_cli.design.faults import suggest
     from suspension_cli.grids import parse_grid
     from suspension_cli.studies.job import Axis, distinct
@@ -307,36 +301,14 @@ def axes(text: str, table: Document) -> tuple[Axis, ...]:
         if "." in name and not equals:
             problem, remedy = f"{name} has no grid", f"write {name}=start:stop:count"
             raise InputError.of("--sweep", problem, remedy, format_value(text))
-        factor = UNITS.get(name) == "1"
+        factor = name in PARAMETERS and PARAMETERS[name][0].relative
         default = DEFAULT_GRID.get(name, FACTOR_GRID if factor else OTHER_GRID)
-        given = values or _grid_text(table.get(name, default))
+        kept = table.get(name, default)
+        given = values or (",".join(map(str, kept)) if isinstance(kept, list) else str(kept))
         lowest = 1 / LARGEST if factor else -LARGEST
         grid = parse_grid(given, f"--sweep {name}", lowest=lowest, highest=LARGEST)
         result.append(Axis(name, tuple(grid)))
     return distinct(result, "--sweep", text)
-
-
-def _grid_text(value: object) -> str:
-    """Convert a grid of the design's table to the form of the command line."""
-    return ",".join(map(str, value)) if isinstance(value, list) else str(value)
-
-
-def _all_motions(
-    known: tuple[str, ...], question: CouplingRequest, setting: Settings
-) -> tuple[Transfer, str]:
-    """The request for all motions of support and observed point, and that point."""
-    import numpy as np
-
-    from suspension_cli.linear import signals
-    from suspension_cli.models.choice import Transfer
-
-    body, _, point = (setting["observe"] or question.over.body).partition("@")
-    at = f"@{point}" if point else ""
-    inputs = [signals.parse_input(f"support.{dof}", known) for dof in DOFS]
-    outputs = [
-        signals.parse_output(f"{body}.{dof}{at if dof in 'xyz' else ''}", known) for dof in DOFS
-    ]
-    return Transfer(inputs, outputs, np.array(question.frequency)), f"{body}{at}"
 
 
 ANALYSIS = CouplingAnalysis()

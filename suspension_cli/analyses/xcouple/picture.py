@@ -12,7 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, to_hex
 from matplotlib.figure import Figure
 
-from suspension_cli.analyses.xcouple.solve import Coupling
+from suspension_cli.analyses.xcouple.solve import PARAMETERS, Coupling
+from suspension_cli.design.imperfections import AXES
+from suspension_cli.design.paths import DISPLAYED
 from suspension_cli.drawing import curves, panels
 from suspension_cli.drawing.labels import widest
 from suspension_cli.drawing.panels import Across, Line, Panel, Rule
@@ -30,21 +32,8 @@ from suspension_cli.linear.response import Response
 from suspension_cli.studies.job import Axis
 
 if TYPE_CHECKING:
-    from jaxtyping import Float, Inexact, Int
+    from jaxtyping import Float, Inexact
 
-RATIOS = {"k": "$k/k_0$ (ratio)", "mass": "$m/m_0$ (ratio)", "inertia": "$I/I_0$ (ratio)"}
-"""Labels of imperfections that are ratios to the design, 1 without imperfection."""
-LENGTHS = {
-    f"{name}{end}": f"offset of the {part} along {axis} (mm)"
-    for name, part in (
-        ("offset", "wire's upper end"),
-        ("lower_offset", "wire's lower end"),
-        ("com", "COM"),
-    )
-    for end, axis in (("", "x"), ("_y", "y"), ("_z", "z"))
-} | {"length": "change of the wire's length (mm)"}
-"""Labels of imperfections that are lengths, 0 without imperfection."""
-LABELS = RATIOS | LENGTHS
 MOST_CURVES = 9
 """Curves at most; more values of the second axis are thinned out evenly."""
 FINE = 64
@@ -72,9 +61,10 @@ def draw(coupling: Coupling, title: str, limit: float | None = None) -> Figure:
         limits = (0.0, 1.05 * most) if most > 0 else (0.0, 1.0)
         first = coupling.axes[0]
         across = Across(_label(first), "linear")
-        at, x = 1.0 if first.name in RATIOS else 0.0, np.array(first.values)
-        if first.name in LABELS and x.min() < at < x.max():
-            rules.append(Rule(at, "as designed", vertical=True))
+        if first.name in PARAMETERS:
+            at = PARAMETERS[first.name][0].neutral
+            if min(first.values) < at < max(first.values):
+                rules.append(Rule(at, "as designed", vertical=True))
     panel = Panel(
         f"coupling ({unit})",
         lines,
@@ -106,12 +96,6 @@ def _conditions(coupling: Coupling) -> list[str]:
     return lines
 
 
-def _shown(axis: Axis) -> Int[np.ndarray, " curve"]:
-    """Numbers of the values of the second axis that have curves."""
-    count = len(axis.values)
-    return np.unique(np.linspace(0, count - 1, min(MOST_CURVES, count)).round().astype(int))
-
-
 def _name_worst(coupling: Coupling) -> str:
     """Name the build and the frequency with the largest ratio."""
     size = np.abs(coupling.ratio)
@@ -119,7 +103,7 @@ def _name_worst(coupling: Coupling) -> str:
         return ""
     *place, at = np.unravel_index(int(np.nanargmax(size)), size.shape)
     values = (
-        f"{axis.name} = {_format_value(axis, int(n)).rpartition(' = ')[2]}"
+        f"{axis.name} = {_format_value(axis, int(n))}"
         for axis, n in zip(coupling.axes, place, strict=True)
     )
     where = f"{coupling.frequency[at]:.3g} Hz"
@@ -143,7 +127,7 @@ def _lines_over_axes(coupling: Coupling) -> list[Line]:
     ratio = coupling.ratio[..., 0]
     while ratio.ndim > 2:  # worst case over further axes
         ratio = np.nanmax(np.abs(ratio), axis=-1)
-    x = np.array(coupling.axes[0].values) * _scale(coupling.axes[0])
+    x = np.array(coupling.axes[0].values) * _unit(coupling.axes[0])[1]
     columns: list[tuple[Inexact[np.ndarray, " build"], str, str]] = []
     if ratio.ndim == 1:
         columns.append((ratio, "_only", PALETTE[0]))
@@ -151,7 +135,8 @@ def _lines_over_axes(coupling: Coupling) -> list[Line]:
         second = coupling.axes[1]
         values = np.array(second.values)
         span = float(np.ptp(values)) or 1.0
-        for n in _shown(second):
+        shown = np.linspace(0, len(values) - 1, min(MOST_CURVES, len(values)))
+        for n in np.unique(shown.round().astype(int)):
             place = 0.88 * (values[n] - values.min()) / span  # the rest is too pale
             colour = to_hex(matplotlib.colormaps[COLOURS](place))
             columns.append((ratio[:, n], _format_value(second, int(n)), colour))
@@ -180,28 +165,29 @@ def interpolate(
     return at, np.abs(np.interp(at, x, np.real(ratio)) + 1j * np.interp(at, x, np.imag(ratio)))
 
 
+def _unit(axis: Axis) -> tuple[str, float]:
+    """Displayed unit of an axis, and the factor to it from SI."""
+    if axis.name in PARAMETERS:
+        return DISPLAYED.get(axis.unit, ("", 1.0))
+    return axis.displayed_unit
+
+
 def _label(axis: Axis) -> str:
-    if axis.name in LABELS:
-        return LABELS[axis.name]
-    unit = axis.displayed_unit[0]
-    return single_line(axis.name, 50) + (f" ({unit})" if unit else "")
-
-
-def _scale(axis: Axis) -> float:
-    if axis.name in LABELS:
-        return 1e3 if axis.name in LENGTHS else 1.0
-    return axis.displayed_unit[1]
+    """Describe an axis, with its unit."""
+    name, (unit, _) = single_line(axis.name, 50), _unit(axis)
+    if axis.name in PARAMETERS:
+        item, number = PARAMETERS[axis.name]
+        along = f" along {AXES[number]}" if number is not None and item.vector else ""
+        name = f"factor on {item.quantity}" if item.relative else item.quantity + along
+        unit = unit or "ratio"
+    return f"{name} ({unit})" if unit else name
 
 
 def _format_value(axis: Axis, n: int) -> str:
-    """Write a value of the second axis with its unit."""
-    value = axis.values[n] * _scale(axis)
-    label = _label(axis)
-    if label.startswith("$"):
-        return f"{label} = {value:.4g}"
-    sign = "+" if min(axis.values) < 0 < value else ""
-    unit = label.rpartition(" (")[2].rstrip(")") if label.endswith(")") else ""
-    return f"{sign}{value:.4g} {unit}".strip().replace("-", "−")
+    """Write a value of an axis with its unit."""
+    unit, factor = _unit(axis)
+    sign = "+" if min(axis.values) < 0 < axis.values[n] else ""
+    return f"{sign}{axis.values[n] * factor:.4g} {unit}".rstrip().replace("-", "−")
 
 
 RANGE = 1e8

@@ -39,13 +39,18 @@ if TYPE_CHECKING:
 PARAMETERS = swept()
 """Imperfection and axis of each short name of a swept parameter; others are dotted paths."""
 
-UNITS = {name: item.unit for name, (item, _) in PARAMETERS.items()}
-
 FREQUENCIES = 12
 """Number of frequencies at which models are compared."""
 
 ROUNDING = 1e-17
 """Ratio below which rounding dominates: rounded coordinates of attachments couple some 1e-19."""
+
+OUTCOME = (
+    Column("residual", "f8", (), "1"),
+    Column("status", "u1", (), "1"),
+    Column("slack_wire", "i2", (), "1"),
+)
+"""Datasets that tell whether builds hang, see `builds.Builds`."""
 
 
 @dataclass(frozen=True)
@@ -120,15 +125,10 @@ class Sweep(Product):
     allow_unstable: bool = False
     level: str = registry.STRING.name
 
-    @property
-    def wire_label(self) -> str:
-        """Label of the imperfect wire; empty if there is none."""
-        wire = self.question.wire
-        return self.scene.wires.label[wire] if wire >= 0 else ""
-
     def check(self) -> None:
         """Raise `InputError` if no wire can be imperfect, or a path, value or signal is invalid."""
-        of_wire = [axis.name for axis in self.axes if _part(axis.name) == "wire"]
+        names = [axis.name for axis in self.axes if axis.name in PARAMETERS]
+        of_wire = [name for name in names if PARAMETERS[name][0].part == "wire"]
         if of_wire and self.question.wire < 0:
             problem = f"{of_wire[0]} changes a wire, but the mirror hangs on none"
             raise InputError.of("--wire", problem, "name a wire, or sweep mass, com or a path")
@@ -145,9 +145,7 @@ class Sweep(Product):
             Column("ratio", "c16", count, quotient_unit(ask.over, ask.under), axes),
             Column("over", "c16", count, quotient_unit(ask.over, ask.input), axes),
             Column("under", "c16", count, quotient_unit(ask.under, ask.input), axes),
-            Column("residual", "f8", (), "1"),
-            Column("status", "u1", (), "1"),
-            Column("slack_wire", "i2", (), "1"),
+            *OUTCOME,
         )
 
     def compute(self, start: int, stop: int) -> ColumnValues:
@@ -202,11 +200,6 @@ def impose(
     return scene
 
 
-def _part(name: str) -> str:
-    """Part of a swept parameter, ``wire`` or ``body``; "" for a dotted path."""
-    return PARAMETERS[name][0].part if name in PARAMETERS else ""
-
-
 def couplings(found: Builds, question: CouplingRequest) -> ColumnValues:
     """Compute the coupling (`Sweep.columns`) of balanced builds."""
     outputs = builds.transfer(
@@ -258,13 +251,13 @@ class Coupling:
 
 def describe(job: Sweep) -> Contents:
     """Return what a results file has besides the columns: axes, frequencies, wire and signals."""
-    question = job.question
+    question, wires = job.question, job.scene.wires
     return pack_fields(
         Coupling,
         {
             "axes": job.axes,
             "frequency": np.array(question.frequency),
-            "wire": job.wire_label,
+            "wire": wires.label[question.wire] if question.wire >= 0 else "",
             "hold": question.hold,
             **{name: getattr(question, name).text for name in ("input", "over", "under")},
             "status_meaning": builds.STATUS,

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from suspension_cli.analyses.budget import noise, solve
-from suspension_cli.analyses.budget.ground import Motion
 from suspension_cli.analyses.budget.noise import Noises
+from suspension_cli.analyses.budget.spectrum import Spectrum
 from suspension_cli.analyses.damp import control
 from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.conventions import BOLTZMANN
@@ -22,7 +22,7 @@ MASS, LENGTH, OWN, LOOP = 3.0, 0.7, 0.05, 1.3
 SPRING = MASS * 9.81 / LENGTH
 GRID = np.geomspace(0.05, 50, 60)
 OMEGA = 2 * np.pi * GRID
-WHITE = Motion("white", 0.0, np.inf, np.zeros(0), np.ones_like)
+WHITE = Spectrum("white", np.array([1e-6, 1e6]), np.ones(2))
 
 
 def pendulum(reference="inertial", **how):
@@ -134,7 +134,7 @@ def test_rms_of_thermal_noise_is_that_of_equipartition():
     poles = np.roots([MASS, OWN, SPRING])
     noises = Noises(closed, [x], {}, 300.0)
     [found] = solve.solve(noises, np.geomspace(1e-3, 1e3, 300), poles[:1], {}, added=False)
-    assert found.square[0, 0] == pytest.approx(BOLTZMANN * 300.0 / SPRING, rel=2e-3)
+    assert found.mean_square[0, 0] == pytest.approx(BOLTZMANN * 300.0 / SPRING, rel=2e-3)
     assert len(found.frequency) == 300
 
 

@@ -337,9 +337,8 @@ def test_pictures(file, out):
 def many(sources):
     frequency = np.geomspace(0.1, 1000, 50)
     level = np.geomspace(1, 1e-12, len(sources))
-    return thermal.Thermal(
-        frequency, "test.x", "m", tuple(sources), level[:, None] * 1e-30 / frequency**4, tilt=3e-4
-    )
+    parts = np.sqrt(level) * 1e-15 / frequency[:, None] ** 2
+    return thermal.Thermal(frequency, "test.x", "m", 3e-4, tuple(sources), parts)
 
 
 def test_what_is_drawn_and_what_is_said():

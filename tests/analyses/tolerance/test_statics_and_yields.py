@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from dataclasses import replace
 
 import h5py
 import numpy as np
@@ -14,7 +15,6 @@ from scipy.spatial.transform import Rotation
 import suspension_cli as sus
 from suspension_cli.analyses.tolerance import quantities
 from suspension_cli.analyses.tolerance.statistics import QUANTILES
-from suspension_cli.design.reader import read
 from suspension_cli.errors import InputError
 from suspension_cli.rotations import rotation_minus_identity, rotation_vector
 from tests.analyses.tolerance.test_tolerance import job_of
@@ -132,6 +132,8 @@ def test_yields(tmp_path):
     assert pitches["std"] == pytest.approx(static[:, 2, 4].std())
     assert "|test static pitch| < 50 mrad" in reported.stdout
     assert "all together" in reported.stdout
+    assert "% of builds lie below 0.001" in reported.stdout
+    assert {path.name for path in tmp_path.glob("triple*")} == {FILE, FILE[:-3] + ".png"}
     # only what is significant is printed
     least = answer["significant_correlation"]
     assert least == pytest.approx(3 / np.sqrt(150))
@@ -194,16 +196,11 @@ BAD = [
 ]
 
 
-@pytest.fixture(scope="module")
-def names():
-    """Names of the shipped triple's results."""
-    return job_of(tomllib.loads(TRIPLE.read_text())).names
-
-
 @pytest.mark.parametrize(("text", "problem"), BAD_REQUIREMENTS)
-def test_bad_requirements_on_the_command_line(text, problem, names):
+def test_bad_requirements_on_the_command_line(text, problem):
+    job = job_of(tomllib.loads(TRIPLE.read_text()))
     with pytest.raises(InputError) as refused:
-        quantities.requirements(read(TRIPLE).design, (text,), names)
+        _ = replace(job, requirements=(quantities.parse(text),)).required
     [line] = refused.value.faults
     assert problem in f"{line.problem}; {line.remedy}"
 

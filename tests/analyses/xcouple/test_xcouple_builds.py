@@ -256,8 +256,11 @@ FAILING = {
 }
 
 
+@pytest.mark.parametrize("level", ["string", "beam", "violin"])
 @pytest.mark.parametrize("kind", FAILING)
-def test_a_failed_build_does_not_touch_the_others(kind):
+def test_a_failed_build_does_not_touch_the_others(kind, level, monkeypatch):
+    # what hangs nowhere is given up early
+    monkeypatch.setattr(equilibrium, "STEPS", equilibrium.STEPS[:1])
     values, status = FAILING[kind]
     ((name, (fine, bad)),) = values.items()
     base = (
@@ -266,8 +269,8 @@ def test_a_failed_build_does_not_touch_the_others(kind):
         else FILE.read_text().replace("l = 0.28 ", "l = 0.05 ")
     )
     k = (0.9, 1.1, 1.2)
-    alone = Sweep(base, (Axis(name, (fine,)), Axis("k", k)), question())
-    both = Sweep(base, (Axis(name, (bad, fine)), Axis("k", k)), question())
+    alone = Sweep(base, (Axis(name, (fine,)), Axis("k", k)), question(), level=level)
+    both = Sweep(base, (Axis(name, (bad, fine)), Axis("k", k)), question(), level=level)
     one, two = alone.compute(0, 3), both.compute(0, 6)
     assert (two["status"][:3] == status).all()
     assert not two["status"][3:].any()
@@ -277,7 +280,7 @@ def test_a_failed_build_does_not_touch_the_others(kind):
             assert np.isnan(two[column.name][:3].real).all()
             assert np.isnan(two[column.name][:3].imag).all()
     slack = two["slack_wire"][:3]
-    if status == builds.SLACK:
+    if status == builds.SLACK and level == "string":
         found = balanced({"k": np.array(k), "length": np.full(3, bad)}, question(), FIGURE_6)
         scene = expand(FIGURE_6)
         for n in range(3):
@@ -288,7 +291,7 @@ def test_a_failed_build_does_not_touch_the_others(kind):
             assert slack[n] == found.wire[n] == np.flatnonzero(tension <= 0)[0]
             assert (slack[n] == 0) == (bad > 0)
         assert scene.wires.label[slack[0]] in ("test.1", "test.2")
-    else:
+    elif status != builds.SLACK:
         assert (slack == -1).all()
 
 

@@ -1,10 +1,11 @@
-"""Tables of spectra in text files: frequency, and a column per motion."""
+"""Amplitude spectral densities and transmissibilities as tables, and how they are read."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,7 +13,9 @@ from suspension_cli.conventions import DOFS
 from suspension_cli.errors import InputError, attribute_faults_to
 from suspension_cli.files import columns
 from suspension_cli.files.columns import PER_M, PER_RAD
-from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 UNITS = {"m": PER_M, "rad": PER_RAD, "1": {"1": 1.0, "m/m": 1.0, "rad/rad": 1.0, "%": 100.0}}
 """Units by kind of a column, without "per sqrt(Hz)"; 1 for ratios."""
@@ -20,21 +23,45 @@ PER_ROOT_HZ = r"\s*(/\s*(sqrt\s*\(?Hz\)?|rtHz|\u221aHz|Hz\^\(?(1/2|0\.5)\)?)|Hz\
 
 
 @dataclass(frozen=True)
-class Table:
-    """Columns of values, at least 0, against frequency (Hz, ascending, above 0).
+class Spectrum:
+    """Values, at least 0, at some frequencies; power laws between them.
 
-    The only column of a file without names is "".
+    Attributes
+    ----------
+    name
+        Of the model or file.
+    frequency
+        Hz, ascending, above 0.
+    value
+        m/sqrt(Hz) or rad/sqrt(Hz); 1 for transmissibilities.
     """
 
-    file: str
-    frequency: Array
-    column: dict[str, Array]
+    name: str
+    frequency: Float[np.ndarray, " point"]
+    value: Float[np.ndarray, " point"]
+
+    def at(self, frequency: Float[np.ndarray, " frequency"]) -> Float[np.ndarray, " frequency"]:
+        """Interpolate at frequencies in Hz by power laws, linearly next to a 0."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            log = np.interp(np.log(frequency), np.log(self.frequency), np.log(self.value))
+        straight = np.interp(frequency, self.frequency, self.value)
+        positive = np.interp(frequency, self.frequency, (self.value == 0).astype(float)) == 0
+        return np.where(positive, np.exp(log), straight)
+
+    def through(self, platform: Spectrum) -> Spectrum:
+        """Multiply by a transmissibility, where both are known."""
+        low = max(self.frequency[0], platform.frequency[0])
+        high = min(self.frequency[-1], platform.frequency[-1])
+        at = np.unique(np.clip(np.union1d(self.frequency, platform.frequency), low, high))
+        name = f"{self.name} x {platform.name}"
+        return Spectrum(name, at, self.at(at) * platform.at(at))
 
 
-def read(path: Path, unit: str, arm: float = 0.0) -> Table:
+def read(path: Path, unit: str, arm: float = 0.0) -> dict[str, Spectrum]:
     """Read a table: frequency, then one or more columns (format: `files.columns`).
 
-    Headings are optional for two columns, and may give units: "f (mHz)", "x (um/sqrt(Hz))".
+    Headings are optional for two columns, and may give units: "f (mHz)", "x (um/sqrt(Hz))". The
+    keys of the result are the headings in lower case; "" is the only column of a file without.
 
     Parameters
     ----------
@@ -65,8 +92,9 @@ def read(path: Path, unit: str, arm: float = 0.0) -> Table:
                 remedy = "give each column a heading of its own"
                 raise InputError.of("", "has two columns of one name", remedy, name)
             remedy = "give amplitude spectral densities, not dB: 10^(dB/20)"
-            found[name] = source.numbers(n, name or "value", 0.0, remedy=remedy) / scale
-        return Table(str(path), frequency, found)
+            values = source.numbers(n, name or "value", 0.0, remedy=remedy) / scale
+            found[name] = Spectrum(str(path), frequency, values)
+        return found
 
 
 def _split(title: str, unit: str, arm: float) -> tuple[str, float]:
@@ -76,12 +104,3 @@ def _split(title: str, unit: str, arm: float) -> tuple[str, float]:
     units = units | ({"strain": 1 / arm} if arm and unit == "m" else {})
     name, scale = columns.split_unit(title, units, "" if unit == "1" else " per sqrt(Hz)")
     return name.lower(), scale
-
-
-def interpolate(frequency: Array, at: Array, value: Array) -> Array:
-    """Interpolate a spectrum (n,) at frequencies (f,) by power laws, linearly next to a 0."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        log = np.exp(np.interp(np.log(frequency), np.log(at), np.log(value)))
-    straight = np.interp(frequency, at, value)
-    positive = np.interp(frequency, at, (value == 0).astype(float)) == 0
-    return np.where(positive, log, straight)

@@ -85,16 +85,28 @@ class Pattern:
             for steps in (later.tolist() for later in self.later)
         ]
 
-    def factor(self, elements: Inexact[np.ndarray, "element system"]) -> Factors:
-        """Eliminate systems, in place; singular parts give infinite or NaN solutions."""
-        pivots, multipliers = [], []
+    def factor(
+        self, elements: Inexact[np.ndarray, "element system"], held: float | None = None
+    ) -> Factors:
+        """Eliminate systems, in place; singular parts give infinite or NaN solutions.
+
+        Coordinates whose pivot is below the fraction `held` of their diagonal element, so that it
+        is a rounding error, are held by that.
+        """
+        pivots, multipliers, least = [], [], np.full(elements.shape[1], np.inf)
+        size = np.abs(elements[self.start[:-1]]) if held is not None else elements[:0]
+        size[size == 0] = 1.0
         for n, updated in enumerate(self.updated):
             row = elements[self.start[n] : self.start[n + 1]]
-            pivots.append(1.0 / row[0])
+            pivot = row[0]
+            if held is not None:
+                np.minimum(least, pivot / size[n], out=least)
+                pivot = np.where(np.abs(pivot) > held * size[n], pivot, size[n])
+            pivots.append(1.0 / pivot)
             multipliers.append(row[1:] * pivots[-1])
             for k, changed in enumerate(updated):
                 elements[changed] -= multipliers[-1][k] * row[1 + k :]
-        return Factors(self, pivots, multipliers)
+        return Factors(self, pivots, multipliers, least)
 
     def assemble(
         self, elements: Inexact[np.ndarray, "element system"]
@@ -188,13 +200,27 @@ class Factors:
         1/d of each step.
     multipliers
         L of the later steps coupled to each.
+    least
+        Least pivot over its diagonal element, of systems in which coordinates may be held.
     """
 
     pattern: Pattern
     pivots: list[Inexact[np.ndarray, " system"]]
     multipliers: list[Inexact[np.ndarray, "_ system"]]
+    least: Inexact[np.ndarray, " system"]
 
-    def solve(self, x: Inexact[np.ndarray, "step input system"]) -> None:
+    def select(self, which: Int[np.ndarray, " system"]) -> Factors:
+        """Select some of the systems, or the one that all share."""
+        if len(self.least) == 1:
+            return self
+        pivots, multipliers = (
+            [each[..., which] for each in part] for part in (self.pivots, self.multipliers)
+        )
+        return Factors(self.pattern, pivots, multipliers, self.least[which])
+
+    def solve(
+        self, x: Inexact[np.ndarray, "step input system"]
+    ) -> Inexact[np.ndarray, "step input system"]:
         """Solve for right-hand sides in the order of steps, in place."""
         driven, coupled = np.asarray(x.any((1, 2))), self.pattern.coupled
         for n, multipliers in enumerate(self.multipliers):
@@ -205,6 +231,7 @@ class Factors:
         for n in range(len(x) - 1, -1, -1):
             if len(self.multipliers[n]):
                 x[n] -= (self.multipliers[n][:, None] * x[coupled[n]]).sum(0)
+        return x
 
 
 def dense(

@@ -8,7 +8,7 @@ import warnings
 import numpy as np
 import pytest
 
-from suspension_cli.linear import elimination
+from suspension_cli import elimination
 
 SHAPES = {
     "chain": (-1, 0, 1, 2),
