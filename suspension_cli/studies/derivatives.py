@@ -5,20 +5,19 @@
 All neighbours of a design are solved as batches. Near a resonance of high quality a response is not
 smooth over a step, but its inverse is; the one that bends less is differentiated.
 
-Modes may cross or be degenerate, but with the orthonormal shapes s_j of the design itself and those
-x_i of a neighbour (`batch_modes.Spectrum.shape`) the matrix
+Modes may cross or be degenerate, but the matrix of their shapes s in the design itself,
 
-    R_jk = sum over i of (s_j x_i) omega_i^2 (x_i s_k),
+    R_jk = s_j (K(omega_k) - omega_k^2 M) s_k,
 
-over the modes i near j, is smooth, and its diagonal changes as omega_j^2 does. The eigenvalues of
-its change among modes of one frequency are the derivatives of the modes that split off (Lancaster,
-Numer. Math. 6, 377 (1964)). With wire mass omega_i^2 are those with the stiffness
-at the frequency of mode j, and the length of s_j counts the kinetic energy of bodies alone.
+is smooth, and its diagonal changes as omega_k^2 does (Rayleigh), also with massless coordinates and
+wire mass. The eigenvalues of its change among modes of one frequency are the derivatives of the
+modes that split off (Lancaster, Numer. Math. 6, 377 (1964)). Stiff parts that resist the shapes s
+are relaxed: else h^2 would count times the ratio of their stiffness to that of a mode.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -28,11 +27,9 @@ from suspension_cli.design.paths import unit_of
 from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
-from suspension_cli.linear import batch_modes
 from suspension_cli.linear.batch_modes import DEGENERATE
 from suspension_cli.linear.eigenmodes import Modes
-from suspension_cli.linear.mode_pairing import pair_by_overlap, pair_by_shape
-from suspension_cli.linear.system import LinearSystem
+from suspension_cli.linear.mode_pairing import pair_by_shape
 from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import builds, variants
@@ -40,17 +37,17 @@ from suspension_cli.studies.builds import Builds
 from suspension_cli.studies.parameters import Parameter, natural_step, shifted, value_of
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Float, Inexact, Int
+    from jaxtyping import Bool, Float, Inexact
 
-STEP = 5e-5
+STEP = 7e-5
 """Step, relative to a number or to the size of a change that matters. Truncation errors go with its
 square, rounding errors (of 1e-11 at most) with its inverse."""
+ELEMENTS = 1 << 21
+"""Elements of matrices at frequencies that are in memory at once."""
+RANGE = 10.0
+"""Ratio of omega^2 up to which modes are relaxed together; its square makes another mode stiff."""
 SIZES = {"N": 1.0, "N m": 1e-3, "N/m": 1.0, "N m/rad": 1e-3, "kg": 1e-3, "kg m^2": 1e-5}
 """Changes that matter of numbers that are 0, by unit, per newton that hangs; 1 SI for others."""
-
-RANGE = 1.5
-"""Ratio of omega^2 up to which modes may turn into each other over a step; much stiffer ones would
-multiply its square by theirs."""
 
 
 @dataclass(frozen=True)
@@ -159,46 +156,62 @@ def differentiate(
 
 
 def mode_matrix(
-    found: Builds, modes: Modes, shape: Float[np.ndarray, "mode coordinate"], *, massive: bool
+    found: Builds, modes: Modes, *, massive: bool
 ) -> Float[np.ndarray, "build mode mode"]:
-    """Compute R of builds with the modes of a design, which have these `shape` s.
-
-    `massive` if its wires have mass.
-    """
-    squared, count = modes.omega_squared, len(found.status)
-    near = np.abs(squared[:, None]) <= RANGE * np.abs(squared)
-    near &= near.T
-
-    def evaluate(model: LinearSystem, some: Int[np.ndarray, " some"]) -> Array:
-        solved = batch_modes.solve(model)
-        overlap = shape @ solved.shape.swapaxes(1, 2)
-        partner = np.array([pair_by_overlap(own**2) for own in overlap])
-        part = np.take_along_axis(overlap, partner[:, None], 2)[:, some] * near[some]
-        own = np.take_along_axis(solved.omega_squared, partner, 1)
-        return (part * own[:, None]) @ part.swapaxes(1, 2)
-
-    if not massive:
-        return evaluate(found.model, np.arange(len(squared)))
-    result = np.zeros((count, len(squared), len(squared)))
-    for some in _degenerate(squared):
-        omega = np.sqrt(max(squared[some].mean(), 0.0))
-        result[:, some[:, None], some] = evaluate(found.model.at(np.full(count, omega)), some)
+    """Compute R of builds with the modes of a design; `massive` if its wires have mass."""
+    model, shape, count = found.model, modes.shape, len(found.status)
+    squared = np.maximum(modes.omega_squared, 0.0)
+    soft = np.real(model.soft)[..., 6:, 6:] @ shape.T
+    form = model.elongation[..., 6:] + np.zeros((count, 1, 1))
+    long = form @ shape.T
+    stiff = np.real(model.k)[..., None] + np.zeros_like(long)
+    step = max(ELEMENTS // (count * model.size**2), 1)
+    for start in range(0, len(shape) if massive else 0, step):
+        some = slice(start, start + step)
+        omega = np.sqrt(squared[some])
+        build = np.repeat(np.arange(count), len(omega))
+        now = model.select(build).at(np.tile(omega, count))
+        own_soft = np.real(now.soft[:, 6:, 6:]).reshape(count, len(omega), *2 * shape.shape[1:])
+        soft[..., some] = np.einsum("pkxy,ky->pxk", own_soft, shape[some])
+        k = np.real(now.k).reshape(count, len(omega), -1)
+        stiff[..., some] = k.swapaxes(1, 2)
+    force = soft - squared * (model.mass[..., 6:, 6:] @ shape.T)
+    pull = stiff * long
+    result = shape @ force + long.swapaxes(1, 2) @ pull
+    force = force + form.swapaxes(1, 2) @ pull
+    for own, soft in _ranges(modes.omega_squared):
+        result[:, own, own] -= _relaxation(found, modes.shape[soft], force[..., own])
     return result
 
 
-def mass_weighted(modes: Modes, model: LinearSystem) -> Float[np.ndarray, "mode coordinate"]:
-    """Shapes L^T x of modes x of a system with the mass matrix M = L L^T of its bodies."""
-    mass = (model.basis @ model.mass @ model.basis.T)[6:, 6:]
-    heavy = np.flatnonzero(mass.diagonal())
-    result = np.zeros_like(modes.shape)
-    result[:, heavy] = modes.shape[:, heavy] @ np.linalg.cholesky(mass[np.ix_(heavy, heavy)])
-    return result
+def _ranges(squared: Float[np.ndarray, " mode"]) -> Iterator[tuple[slice, slice]]:
+    """Divide modes into ranges of frequency, each with the modes that are not much stiffer."""
+    start = 0
+    while start < len(squared):
+        positive = squared[start:][squared[start:] > 0]
+        least = positive[0] if len(positive) else 1.0
+        end = int(np.searchsorted(squared, RANGE * least))
+        yield slice(start, end), slice(0, int(np.searchsorted(squared, RANGE**2 * least)))
+        start = end
 
 
-def _degenerate(squared: Float[np.ndarray, " mode"]) -> list[Int[np.ndarray, " _"]]:
-    """Numbers of the modes of each frequency; omega^2 is ascending."""
-    close = np.diff(squared) <= DEGENERATE * np.abs(squared[1:])
-    return np.split(np.arange(len(squared)), np.flatnonzero(~close) + 1)
+def _relaxation(
+    found: Builds,
+    soft: Float[np.ndarray, "soft coordinate"],
+    force: Float[np.ndarray, "build coordinate mode"],
+) -> Float[np.ndarray, "build mode mode"]:
+    """Work of forces on builds that deform in all ways but those of their soft modes."""
+    stiffness = found.model.stiffness[:, 6:, 6:]
+    held = found.model.mass[..., 6:, 6:] @ soft.T + np.zeros((len(stiffness), 1, 1))
+    size = np.sqrt(np.abs(np.einsum("pxx->px", stiffness)))[..., None]
+    size[size == 0] = 1.0
+    held = held / size
+    held = held / np.sqrt((held**2).sum(1, keepdims=True))
+    none = np.zeros((len(stiffness), len(soft), len(soft)))
+    scaled = stiffness / (size * size.swapaxes(1, 2))
+    matrix = np.block([[scaled, held], [held.swapaxes(1, 2), none]])
+    right = np.pad(force / size, ((0, 0), (0, len(soft)), (0, 0)))
+    return right.swapaxes(1, 2) @ np.linalg.solve(matrix, right)
 
 
 def frequency_rates(
@@ -206,8 +219,9 @@ def frequency_rates(
 ) -> Float[np.ndarray, " mode"]:
     """Differentiate mode frequencies, Hz, from the derivative of R; NaN if rigid or unstable."""
     squared = modes.omega_squared
+    close = np.diff(squared) <= DEGENERATE * np.abs(squared[1:])
     rates = np.full(len(squared), np.nan)
-    for group in _degenerate(squared):
+    for group in np.split(np.arange(len(squared)), np.flatnonzero(~close) + 1):
         part = change[np.ix_(group, group)]
         if np.isfinite(part).all():
             values, vectors = np.linalg.eigh((part + part.T) / 2)

@@ -17,7 +17,7 @@ from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import derivatives, parameters
 from suspension_cli.studies.builds import Builds
-from suspension_cli.studies.derivatives import frequency_rates, mass_weighted, mode_matrix
+from suspension_cli.studies.derivatives import frequency_rates, mode_matrix
 from suspension_cli.studies.parameters import natural_step
 
 if TYPE_CHECKING:
@@ -133,10 +133,9 @@ def solve(text: str, results: tuple[Scalar, ...], level: str = registry.STRING.n
     modes = solve_modes(model)
     ratios = [item for item in results if isinstance(item, Ratio)]
     count, massive = len(modes.frequency), has_wire_mass(model)
-    shape = mass_weighted(modes, model)
 
     def evaluate(found: Builds) -> Array:
-        matrix = mode_matrix(found, modes, shape, massive=massive).reshape(-1, count**2)
+        matrix = mode_matrix(found, modes, massive=massive).reshape(-1, count**2)
         values = [evaluate_ratio(found, ratio) for ratio in ratios]
         return np.column_stack([matrix, *values, derivatives.flat_matrices(found)])
 
