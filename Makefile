@@ -9,7 +9,7 @@ BENCH_READY := $(VENV)/bench-ready
 
 
 # What `make all` makes; a new result is one more word here and a section in results/README.md.
-RESULTS := tables fig3 fig4 fig5 fig6 modulus inference support blades thermal stability tradeoff optimise validation
+RESULTS := tables fig3 fig4 fig5 fig6 modulus thermal stability tradeoff optimise validation
 
 # Python keeps what it compiles, whatever the shell says: tests and commands start in half the time.
 unexport PYTHONDONTWRITEBYTECODE
@@ -51,12 +51,6 @@ fig5: $(READY)   ## Figure 5: the triple's longitudinal transfer function
 fig6: $(READY)   ## Figure 6: cross-coupling of the fused-silica stage
 	$(BIN)/python -m tools.figure6
 
-blades: $(READY) ## what taking blades in series with angled wires costs
-	$(BIN)/python -m tools.blades
-
-support: $(READY) ## what a support that gives way does to Table I
-	$(BIN)/python -m tools.support
-
 thermal: $(READY) ## thermal noise of a triple with a fused-silica final stage
 	$(BIN)/python -m tools.thermal
 
@@ -76,11 +70,7 @@ optimise: $(READY) ## from vertical wires to a triple all of whose modes can be 
 	$(BIN)/python -m tools.optimise
 
 simulated: $(READY) ## simulated measurements of imperfect triples (measured/triple/, measured/diagnosis/)
-	$(BIN)/python -m tools.simulated_measurements
-	$(BIN)/python -m tools.simulated_diagnosis
-
-inference: $(READY) ## what the paper does not print of Tables I and II
-	$(BIN)/python -m tools.inference
+	$(BIN)/python -m tools.simulated
 
 test: $(READY)   ## run the tests
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile

@@ -294,7 +294,47 @@ def fit(
     stage.test.body.inertia.2: 0.118 +- 0.0039
     """
 import_sumcon = api.import_sumcon
-info = api.info
+
+def info(
+    design: Design | PathLike,
+    *,
+    input: str = 'support.x',
+    output: str | None = None,
+    frequency: Grid = '0.1:100:2000',
+    tolerance: float = 0.001,
+) -> Result:
+    """Compute the errors of the models of a design, and name the model that `auto` takes.
+
+    Parameters
+    ----------
+    design : Design
+        The design, or the path of its file.
+    input : str
+        Input of the response.
+    output : str, optional
+        Output of the response and of the thermal noise. Default: x of the mirror.
+    frequency : grid
+        Frequencies of the response and the noise, Hz.
+    tolerance : float
+        Largest relative error of the result that fidelity="auto" accepts.
+
+    Returns
+    -------
+    Result
+        With the attributes of `analyses.info.command.Info`: `errors`, `choices`, `first_violin`.
+
+    Raises
+    ------
+    InputError
+        If the design does not balance, or a signal does not exist.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> found = sus.info(sus.example("geo-silica-triple"), tolerance=0.01)
+    >>> [choice.level for choice in found.choices.values()]
+    ['beam', 'violin', 'violin']
+    """
 load = api.load
 
 def modes(
@@ -687,8 +727,8 @@ def tolerance(
     -------
     Result
         With the attributes of `analyses.tolerance.summary.Summary`: `mean`, `spread`,
-        `quantiles` of mode frequencies in Hz, `static` (displacements in m and rotations in rad
-        of the stages), `yields`, `joint`, `indices`, ...
+        `quantiles` of mode frequencies in Hz; `modes`, `coupling`, `static` and `required`, whose
+        items have a `name`, `mean`, `deviation`, `quantiles`, ...; `yields`, `joint`, `indices`.
 
     Raises
     ------

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import html
+import inspect
 import shutil
 import tempfile
 import tomllib
@@ -21,14 +22,12 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.analyses import arguments as convert
-from suspension_cli.analyses import options, registry, settings, signatures
+from suspension_cli.analyses import arguments, options, registry, settings
+from suspension_cli.analyses import python_functions as convert
 from suspension_cli.analyses.analysis import Analysis, Log, Result, Run, Settings
 from suspension_cli.analyses.check.solve import Check
 from suspension_cli.analyses.check.solve import solve as solve_check
-from suspension_cli.analyses.info.solve import Info
-from suspension_cli.analyses.info.solve import solve as solve_info
-from suspension_cli.analyses.python_names import python_names
+from suspension_cli.analyses.python_functions import python_names
 from suspension_cli.conventions import ANALYSES
 from suspension_cli.design import paths, reader
 from suspension_cli.design.bodies import body_mass
@@ -193,7 +192,7 @@ def read(file: PathLike, overrides: Names = ()) -> Design:
     <Design mine: upper, test>
     """
     with python_names(set="overrides"):
-        source = reader.read(convert.path(file, "file"), convert.items(overrides, "overrides"))
+        source = reader.read(convert.path(file, "file"), arguments.items(overrides, "overrides"))
     return Design(**vars(source))
 
 
@@ -386,49 +385,10 @@ def check(design: Design) -> Check:
     >>> found.stable, len(found.warnings), round(found.statics.wires[0].tension, 2)
     (True, 0, 13.75)
     """
-    with python_names("check"):
+    with python_names():
         found = solve_check(_design(design))
     found.warn(Log())
     return found
-
-
-def info(
-    design: Design,
-    *,
-    input: str = "support.x",
-    output: str | None = None,
-    frequency: Grid = "0.1:100:2000",
-    tolerance: float = 1e-3,
-) -> Info:
-    """Report which model a design needs for its modes, one response and its thermal noise.
-
-    Parameters
-    ----------
-    design : Design
-    input, output : str
-        Signals of the response. Default output: x of the mirror.
-    frequency : grid
-        Hz.
-    tolerance : float
-        Relative error that ``"auto"`` may leave.
-
-    Raises
-    ------
-    InputError
-        If the design does not balance, or a signal does not exist.
-
-    Examples
-    --------
-    >>> import suspension_cli as sus
-    >>> found = sus.info(sus.example("geo-silica-triple"), tolerance=0.01)
-    >>> [choice.level for choice in found.choices.values()]
-    ['beam', 'violin', 'violin']
-    """
-    given = convert.setting(options.INFO, locals(), "info")
-    with python_names("info", options.INFO):
-        source = _design(design)
-        setting = settings.of_design("info", options.INFO, (), source, given)
-        return solve_info(source, setting, Log(options.INFO))
 
 
 def draw(design: Design) -> Any:
@@ -488,15 +448,15 @@ def animate(result: Result, mode: int | str, path: PathLike) -> Path:
 
     remedy = "give a result of sus.modes"
     if not isinstance(result, Result):
-        raise InputError.of("result", "is no result", remedy, convert.shown(result))
+        raise InputError.of("result", "is no result", remedy, arguments.shown(result))
     if result.analysis.name != "modes":
         raise InputError.of("result", "has no modes that move", remedy, result.analysis.name)
     path = convert.path(path, "path")
-    with python_names("animate"):
+    with python_names():
         numbers = animation.parse(result.data, str(mode), "mode")
         if len(numbers) > 1:
             problem, remedy = "names several modes", "give one number, and a file for each"
-            raise InputError.of("mode", problem, remedy, convert.shown(mode))
+            raise InputError.of("mode", problem, remedy, arguments.shown(mode))
         number = numbers[0]
         scene = expand(result.design)
         moving = animation.animate(result.data, number, result.design, scene)
@@ -534,7 +494,7 @@ def python_control(result: Result) -> Any:
 
     remedy = "give a result of sus.export"
     if not isinstance(result, Result):
-        raise InputError.of("result", "is no result", remedy, convert.shown(result))
+        raise InputError.of("result", "is no result", remedy, arguments.shown(result))
     if result.analysis.name != "export" or result.data.zpk is not None:
         raise InputError.of("result", "has no state space", remedy, result.analysis.name)
     return file.python_control(result.data)
@@ -592,12 +552,11 @@ def report(
     from suspension_cli.analyses.report.solve import compose
     from suspension_cli.files.atomic import write_bytes
 
-    chosen = convert.items(sections, "sections")
-    given = locals() | {"sections": ",".join(chosen) or None}
-    given = convert.setting(options.REPORT, given, "report")
-    path = Path(convert.path(path, "path"))
-    with python_names("report", options.REPORT):
-        setting = options.context("report", options.REPORT, given).params
+    chosen = arguments.items(sections, "sections")
+    given, path = locals(), Path(convert.path(path, "path"))
+    with python_names(options.REPORT):
+        setting = arguments.default_values(options.REPORT)
+        setting |= arguments.from_arguments("report", options.REPORT, given)
         request = Request(**setting | {"sections": chosen, "folder": path.parent})
         write_bytes(path, compose(_design(design), request, Log()).encode(), key="path")
     return path
@@ -611,38 +570,30 @@ def _design(value: object) -> Source:
 def _function(name: str) -> Callable[..., Result]:
     """Make the function of an analysis from the record of its command."""
     analysis = registry.get(name)
-    record = (analysis.inputs, analysis.parameters)
-    signature = signatures.signature(*record, folder=analysis.fills_file)
 
     def call(*positional: Any, **named: Any) -> Result:
-        bound = signature.bind(*positional, **named)
+        bound = inspect.signature(call).bind(*positional, **named)
         bound.apply_defaults()
         return _run(analysis, bound.arguments)
 
-    call.__name__ = call.__qualname__ = name
-    call.__doc__ = signatures.documentation(
-        str(type(analysis).__doc__), *record, folder=analysis.fills_file
-    )
-    call.__annotations__ = {
-        each.name: each.annotation for each in signature.parameters.values()
-    } | {"return": "Result"}
-    vars(call)["__signature__"] = signature
+    convert.describe(call, analysis)
     return call
 
 
-def _run(analysis: Analysis, arguments: Settings) -> Result:
+def _run(analysis: Analysis, named: Settings) -> Result:
     """Run an analysis with the arguments of its function."""
     name = analysis.name
-    folder = arguments.get("folder")
+    folder = named.get("folder")
     folder = folder if folder is None else convert.path(folder, "folder")
     files = {}
     for one in analysis.inputs:
         own = one.name.lstrip("*")
-        value = arguments[own]
+        value = named[own]
         if one.kind == "Design" and not (one.optional and value is None):
             value = _design(value)
         files[own] = convert.path(value, own) if one.kind == "PathLike" else value
-    given = convert.setting(analysis.parameters, arguments, name)
+    with python_names(analysis.parameters):
+        given = arguments.from_arguments(name, analysis.parameters, named)
     if given.get("resume") and folder is None:
         remedy = "name the folder of the interrupted run"
         raise InputError.of("folder", "is missing, but resume is given", remedy)
@@ -650,13 +601,12 @@ def _run(analysis: Analysis, arguments: Settings) -> Result:
 
     def ask(file: Source | PathLike, overrides: tuple[str, ...] = ()) -> Run:
         design = file if isinstance(file, Source) else read(file, overrides)
-        extra = analysis.swept_names()
-        setting = settings.of_design(name, analysis.parameters, extra, design, given)
+        setting = settings.merge(analysis, design, given | {"as_json": True})
         return Run(design, setting, Log(analysis.parameters), place, f"suspension_cli.{name}()")
 
     result = None
     try:
-        with python_names(name, analysis.parameters):
+        with python_names(analysis.parameters):
             run = analysis.read(ask, analysis.files(files))[0]
             with run.faults():
                 result = analysis.solve(run)

@@ -19,7 +19,7 @@ import pytest
 
 import suspension_cli as sus
 from suspension_cli import api
-from suspension_cli.analyses import python_names, registry
+from suspension_cli.analyses import python_functions, registry
 from suspension_cli.analyses.modes import animation
 from suspension_cli.conventions import ANALYSES
 from tests.models.test_golden import assert_close
@@ -52,7 +52,7 @@ def test_examples_in_docstrings(tmp_path, monkeypatch):
     assert all(getattr(api, name) for name in ANALYSES)  # makes them
     found = doctest.testmod(api, optionflags=doctest.NORMALIZE_WHITESPACE)
     assert found.attempted > 80 and found.failed == 0
-    assert doctest.testmod(python_names).failed == 0
+    assert doctest.testmod(python_functions).failed == 0
 
 
 @pytest.mark.parametrize("name", ANALYSES)

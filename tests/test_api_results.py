@@ -9,7 +9,7 @@ import pickle
 import pytest
 
 import suspension_cli as sus
-from suspension_cli.analyses.csv_files import write as write_csv
+from suspension_cli.analyses.labelled import write_csv
 
 SINGLE = sus.template("single")
 LONGER = SINGLE.replace({"stage.test.wires.l": 1.0})

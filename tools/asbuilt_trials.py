@@ -1,17 +1,12 @@
 """Trials of `pendsus fit` on simulated transfer functions of imperfect builds.
 
-    python -m tools.asbuilt_trials --trials 200            # coverage, and wrong channels found
-    python -m tools.asbuilt_trials --quadruple             # 2 mm of d among 20 free numbers
-
 Each trial builds a double pendulum whose numbers differ from the design by draws from their priors,
-measures all 36 functions at its upper mass with noise and wrong calibrations, and (in the second
-half of the report) inverts, scales or exchanges channels. Printed are the fraction of trials with
-the true numbers in the 95 % region, and that of wrong channels that were found.
+measures functions at its upper mass with noise and wrong calibrations, and inverts, scales or
+exchanges channels.
 """
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -232,40 +227,3 @@ def is_found(corrections: Sequence[Any], kind: str, side: int, names: tuple[str,
     wanted = set(names if kind == "exchange" else names[:1])
     one = corrections[0]
     return (one.side == side and set(one.channel) == wanted) or wanted <= set(one.also.split())
-
-
-def main() -> None:
-    """Run trials and print what they found."""
-    from scipy import stats
-
-    options = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
-    options.add_argument("--trials", type=int, default=200)
-    options.add_argument("--first", type=int, default=0, help="seed of the first trial")
-    options.add_argument("--quadruple", action="store_true")
-    given_options = options.parse_args()
-    if given_options.quadruple:
-        given, true = quadruple(given_options.first)
-        found = given.fit()
-        print(f"chi^2 {found.chi_squared:.6g} for {found.freedom} degrees of freedom")
-        for n, (name, value) in enumerate(true.items()):
-            fitted, sigma = found.value[n], found.sigma[n]
-            pull = (fitted - value) / sigma
-            print(f"{name:42s} {value:.6g} {fitted:.6g} +- {sigma:.2g} ({pull:+.1f} sigma)")
-        return
-    inside = named = 0
-    for seed in range(given_options.first, given_options.first + given_options.trials):
-        given, true = double(seed)
-        random = np.random.default_rng([seed, 1])
-        letter, side = ("s", "a")[seed // 3 % 2], seed // 3 % 2
-        one, other = random.choice(DOFS, 2, replace=False)
-        wrong = (KINDS[seed % 3], side, (f"{letter}-{one}", f"{letter}-{other}"))
-        found = spoil(given, *wrong).fit()
-        assert found.responses is not None
-        inside += distance(found, true) < stats.chi2(len(true)).ppf(0.95)
-        named += is_found(found.responses.corrections, *wrong)
-    print(f"true numbers in the 95 % region: {inside} of {given_options.trials}")
-    print(f"wrong channels found: {named} of {given_options.trials}")
-
-
-if __name__ == "__main__":
-    main()

@@ -24,15 +24,22 @@ from suspension_cli import errors
 from suspension_cli.cli.commands import COMMANDS
 from suspension_cli.cli.main import main
 from suspension_cli.conventions import ANALYSES
-from suspension_cli.design import filters, inverted_pendulum, links, materials, schema, wires
-from suspension_cli.design.losses import bulk
+from suspension_cli.design import (
+    filters,
+    inverted_pendulum,
+    links,
+    losses,
+    materials,
+    schema,
+    wires,
+)
 from suspension_cli.design.units import NAMES
 
 ROOT = Path(__file__).parent.parent
 PAGES = (ROOT / "docs" / "design-file.md", ROOT / "docs" / "commands.md")
 BLOCK = re.compile(r"<!-- (keys|options|materials): ([\w-]+) -->\n.*?<!-- end -->", re.DOTALL)
 STUB = ROOT / "suspension_cli" / "__init__.pyi"
-MODULES = (schema, wires, links, inverted_pendulum, filters, bulk)
+MODULES = (schema, wires, links, inverted_pendulum, filters, losses)
 """Modules with the types of tables."""
 TYPES = {
     name: next(found for module in MODULES if (found := getattr(module, name, None)))

@@ -88,7 +88,8 @@ def framed(directions: str, extra: list[Free] | None = None) -> fit.Fit:
 
 def with_uncertainty(found: fit.Fit, n: int = 0, unit: float = 1e11, digits: int = 2) -> str:
     """Format a value with its uncertainty."""
-    return f"{found.value[n] / unit:.{digits}f} ± {found.sigma[n] / unit:.{digits}f}"
+    sigma = found.sigma[n] / found.scale  # as the uncertainties imply, in a misfit too
+    return f"{found.value[n] / unit:.{digits}f} ± {sigma / unit:.{digits}f}"
 
 
 def table(head: list[str], rows: list[list[str]]) -> list[str]:

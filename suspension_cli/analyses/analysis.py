@@ -15,13 +15,14 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from suspension_cli.analyses.options import Input
+from suspension_cli.analyses.options import ENDINGS, RESULTS_ENDINGS, Input
 from suspension_cli.errors import (
     Fault,
     InputError,
     PendsusWarning,
     attribute_faults_to,
     format_value,
+    suggest,
 )
 
 if TYPE_CHECKING:
@@ -46,8 +47,6 @@ Progress = Callable[[int, int, float], None]
 """Called with (points done, points in all, points per second)."""
 
 
-OTHER_ENDINGS = (".gif", ".jpg", ".json", ".mat", ".npz", ".pdf", ".png", ".svg", ".toml", ".xlsx")
-"""Endings of paths to which no result is saved as HDF5."""
 PACKAGE = os.path.join(Path(__file__).parents[1], "")
 """Folder of the package."""
 
@@ -72,7 +71,7 @@ class Log:
 
     def warn(self, text: str) -> None:
         """Report a warning."""
-        from suspension_cli.analyses.python_names import translate
+        from suspension_cli.analyses.python_functions import translate
 
         frame, level = sys._getframe(), 0
         while frame is not None and frame.f_code.co_filename.startswith(PACKAGE):
@@ -243,9 +242,8 @@ class Result(Report):
 
     def figures(self, **setting: object) -> dict[str, Figure]:
         """Draw all pictures: the end of each file name, and the figure; settings as of `plot`."""
-        from suspension_cli.analyses import options
-        from suspension_cli.analyses.python_names import python_names
-        from suspension_cli.design.faults import suggest
+        from suspension_cli.analyses.arguments import default_values, from_arguments
+        from suspension_cli.analyses.python_functions import python_names
 
         name, parameters = self.analysis.command_name, self.analysis.drawn_with
         known = [str(param.name) for param in parameters]
@@ -253,8 +251,9 @@ class Result(Report):
             if key not in known:
                 problem = f"is no argument of plot() of {name}"
                 raise InputError.of(key, problem, suggest(key, known))
-        with python_names("Result.plot"):
-            setting = options.context(name, parameters, setting).params
+        with python_names():
+            given = from_arguments(name, parameters, setting)
+        setting = default_values(parameters) | given
         return self.analysis.figures(self, setting)
 
     def plot(self, **setting: object) -> Figure:
@@ -286,10 +285,10 @@ class Result(Report):
         InputError
             If the file cannot be written, or the ending is that of another format.
         """
-        from suspension_cli.analyses import arguments
-        from suspension_cli.analyses.python_names import python_names
+        from suspension_cli.analyses import python_functions
+        from suspension_cli.analyses.python_functions import python_names
 
-        target = Path(arguments.path(path, "path"))
+        target = Path(python_functions.path(path, "path"))
         with python_names(out="path"):
             self.analysis.save(target, self)
 
@@ -338,7 +337,8 @@ class Result(Report):
         return self.analysis.text(self)
 
     def __repr__(self) -> str:
-        return f"<pendsus {self.analysis.name} of {self.name}, {self.model} model>"
+        model = f", {self.model} model" if self.analysis.has_model else ""
+        return f"<pendsus {self.analysis.name} of {self.name}{model}>"
 
 
 def _stamp(file: Path | None) -> tuple[int, ...]:
@@ -373,12 +373,15 @@ class Analysis(ABC):
         Whether the results file is filled while the analysis runs, and has more than `Result.data`.
     has_model : bool
         Whether results come from one model, which JSON then names with its estimated error.
+    has_file : bool
+        Whether there is a results file.
     """
 
     name: ClassVar[str]
     result_type: ClassVar[str] = ""
     fills_file: ClassVar[bool] = False
     has_model: ClassVar[bool] = True
+    has_file: ClassVar[bool] = True
     arguments: ClassVar[tuple[click.Argument, ...]] = ()
     inputs: ClassVar[tuple[Input, ...]] = (Input(),)
     parameters: ClassVar[tuple[click.Parameter, ...]] = ()
@@ -421,6 +424,9 @@ class Analysis(ABC):
         """Return the arrays and attributes that are stored for a result."""
         from suspension_cli.files.declared import pack
 
+        if not self.has_file:
+            remedy = "print it, or take document()"
+            raise InputError.of("", f"{self.name} has no results file", remedy)
         return pack(result.data)
 
     def fill(self, file: h5py.File, result: Result) -> None:
@@ -481,10 +487,10 @@ class Analysis(ABC):
 
         stored = result.stored_file()
         if path.suffix.lower() == ".csv":
-            from suspension_cli.analyses import csv_files
+            from suspension_cli.analyses import labelled
 
-            csv_files.write(result, path)
-        elif path.suffix.lower() in OTHER_ENDINGS:
+            labelled.write_csv(result, path)
+        elif path.suffix.lower() in set(ENDINGS) - set(RESULTS_ENDINGS):
             remedy = "end it in .h5 or .csv; pictures: plot().savefig(...), JSON: document()"
             problem = "ends like a file of another kind"
             raise InputError.of("--out", problem, remedy, str(path))

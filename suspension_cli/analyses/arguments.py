@@ -1,7 +1,4 @@
-"""Values of arguments of the Python functions, converted to those that options of commands take.
-
-A value of the wrong kind raises `InputError` with the name of its argument.
-"""
+"""Values of options, from Python or from `[analysis]` tables, in one way: see `convert`."""
 
 from __future__ import annotations
 
@@ -12,20 +9,67 @@ from pathlib import Path
 from typing import Any
 
 import click
-import numpy as np
 
-from suspension_cli.analyses import options
-from suspension_cli.design.reader import Source
 from suspension_cli.errors import InputError, format_value
 
 Value = Any
-"""An argument before it is checked."""
+"""A value before it is checked."""
 Settings = dict[str, Value]
-"""Arguments or values of parameters by name."""
+"""Values of parameters by name; each parameter has its own type."""
+
 GRID = "GRID"
 """What help calls the value of an option that takes numbers as `grids.parse_grid` does."""
-NUMBERS = 'give numbers, or a text such as "1:10:50"'
-"""Remedy for what is no grid."""
+
+
+def default_values(parameters: Sequence[click.Parameter]) -> Settings:
+    """Default values of options."""
+    return (
+        click.Command("", params=list(parameters))
+        .make_context("", [], resilient_parsing=True)
+        .params
+    )
+
+
+def from_arguments(
+    command: str, parameters: Sequence[click.Parameter], arguments: Settings
+) -> Settings:
+    """Convert arguments of a Python function; one at its default value counts as not given."""
+    default, given = default_values(parameters), {}
+    for param in parameters:
+        name = str(param.name)
+        if name in arguments and (arguments[name] is not None or default[name] is not None):
+            value = convert(command, param, arguments[name])
+            if value != default[name]:
+                given[name] = value
+    return given
+
+
+def convert(command: str, param: click.Parameter, value: Value, *, in_file: bool = False) -> Value:
+    """Convert a value of Python, or of a table `in_file`, to that of an option.
+
+    Texts in files may be those of the command line. Raises `InputError` with the name of the option
+    if the value is of the wrong kind or out of bounds.
+    """
+    name, metavar, several = str(param.name), str(param.metavar), is_multiple(param)
+    remedy = f"see pendsus {command} --help"
+    texts = None
+    if in_file and not isinstance(param.type, click.types.BoolParamType) and is_text(value):
+        texts = (value,) if isinstance(value, str) else tuple(value)
+    elif metavar == GRID:
+        texts = (grid(value, name),)
+    elif several or not isinstance(value, str):
+        if "=GRID" in metavar:
+            texts = grids(value, name)
+        elif several or metavar.endswith(",..."):
+            texts = items(value, name)
+    if texts is None:
+        found = _single(param.type, name, value, remedy)
+    else:
+        found = texts if several else ",".join(texts) or None
+    try:
+        return param.type_cast_value(click.Context(click.Command(command)), found)
+    except click.BadParameter as error:
+        raise InputError.of(name, error.message.rstrip("."), remedy) from None
 
 
 def is_multiple(param: click.Parameter) -> bool:
@@ -33,84 +77,57 @@ def is_multiple(param: click.Parameter) -> bool:
     return isinstance(param, click.Option) and param.multiple
 
 
-def setting(parameters: Sequence[click.Parameter], arguments: Settings, function: str) -> Settings:
-    """Convert arguments of a function to the values of its command's parameters.
-
-    Raises
-    ------
-    InputError
-        If an argument is of the wrong kind. Bounds are left to the parameters.
-    """
-    defaults = options.context(function, parameters, {}).params
-    given = {}
-    for param in parameters:
-        name = str(param.name)
-        if name in arguments:
-            value = arguments[name]
-            if isinstance(value, Mapping) and "=GRID," in str(param.metavar):
-                value = ",".join(grids(value, name))
-            optional = value is None and defaults[name] is None
-            given[name] = None if optional else _convert(param, name, value, function)
-    return given
+def is_text(value: Value) -> bool:
+    """Whether a value is a text, or a list of texts."""
+    return isinstance(value, str) or (
+        isinstance(value, list) and all(isinstance(one, str) for one in value)
+    )
 
 
-def _convert(param: click.Parameter, name: str, value: Value, function: str) -> Value:
-    kind, metavar = param.type, str(param.metavar)
-    if metavar == GRID:
-        return grid(value, name)
-    if is_multiple(param) or metavar.endswith(",..."):
-        if isinstance(value, str) and not is_multiple(param):
-            return value
-        several = grids(value, name) if "GRID" in metavar else items(value, name)
-        return several if is_multiple(param) else ",".join(several) or None
-    remedy = f"see help(sus.{function})"
+def _single(kind: click.ParamType, name: str, value: Value, remedy: str) -> Value:
+    """Convert one flag, number (also of numpy, or as text) or text."""
+    import numpy as np
+
     if isinstance(kind, click.types.BoolParamType):
-        if isinstance(value, (bool, np.bool_, int)):
+        wanted = "must be True or False"
+        if isinstance(value, (bool, int, np.bool_)):
             return bool(value)
-        if not isinstance(value, str):
-            raise InputError.of(name, "must be True or False", remedy, shown(value))
-    elif isinstance(kind, click.types.IntParamType):
-        return _number(name, value, remedy, whole=True)
-    elif isinstance(kind, click.types.FloatParamType):
-        return _number(name, value, remedy)
+    elif isinstance(kind, (click.types.IntParamType, click.types.FloatParamType)):
+        whole = isinstance(kind, click.types.IntParamType)
+        wanted = "must be a whole number" if whole else "must be a number"
+        try:
+            if not np.ndim(value) and not isinstance(value, (bool, np.bool_)):
+                number = int(value) if whole and isinstance(value, (str, int)) else float(value)
+                if not whole or number == math.floor(number):
+                    return int(number) if whole else number
+        except (TypeError, ValueError, OverflowError):
+            pass
+    elif isinstance(value, str):
+        return value
     elif isinstance(kind, click.Choice):
-        if value is None:  # which click takes for a missing value
-            known = ", ".join(map(repr, kind.choices))
-            raise InputError.of(name, f"is not one of {known}", remedy, shown(value))
-    elif not isinstance(value, str):
-        raise InputError.of(name, "must be a text", remedy, shown(value))
-    return value
-
-
-def _number(name: str, value: Value, remedy: str, *, whole: bool = False) -> float:
-    """Convert one number, also of numpy or as text."""
-    wanted = "must be a whole number" if whole else "must be a number"
-    try:
-        if np.ndim(value) or np.iscomplexobj(value):
-            raise ValueError
-        number = int(value) if whole and isinstance(value, (str, int)) else float(value)
-        if whole and number != math.floor(number):
-            raise ValueError
-    except (TypeError, ValueError, OverflowError):
-        raise InputError.of(name, wanted, remedy, shown(value)) from None
-    return int(number) if whole else number
+        wanted = f"is not one of {', '.join(map(repr, kind.choices))}"
+    else:
+        wanted = "must be a text"
+    raise InputError.of(name, wanted, remedy, shown(value))
 
 
 def grid(values: Value, name: str) -> str:
     """Write a grid as its text; every number keeps all its digits."""
-    if isinstance(values, str):
-        return values
+    import numpy as np
+
+    if isinstance(values, (str, bool)):
+        return str(values)
     if isinstance(values, (Iterator, range)):
         values = list(values)
-    wanted = "must be real numbers"
-    if values is None or isinstance(values, (bytes, Mapping, set)) or np.iscomplexobj(values):
-        raise InputError.of(name, wanted, NUMBERS, shown(values))
+    wanted, remedy = "must be real numbers", 'give numbers, or a text such as "1:10:50"'
     try:
+        if values is None or isinstance(values, (bytes, Mapping, set)) or np.iscomplexobj(values):
+            raise TypeError
         numbers = [float(value) for value in np.ravel(values)]
     except (TypeError, ValueError):
-        raise InputError.of(name, wanted, NUMBERS, shown(values)) from None
+        raise InputError.of(name, wanted, remedy, shown(values)) from None
     if not numbers:
-        raise InputError.of(name, "is empty", NUMBERS)
+        raise InputError.of(name, "is empty", remedy)
     return ",".join(map(repr, numbers))
 
 
@@ -133,30 +150,6 @@ def items(values: Value, name: str) -> tuple[str, ...]:
     except TypeError:
         remedy = "leave it out for its default" if values is None else "give a text or a list"
         raise InputError.of(name, "must be texts", remedy, shown(values)) from None
-
-
-def text(value: Value, name: str, remedy: str) -> str:
-    """Return a text; raises `InputError` for anything else."""
-    if not isinstance(value, str):
-        raise InputError.of(name, "must be a text", remedy, shown(value))
-    return value
-
-
-def path(value: Value, name: str) -> str:
-    """Return a path as text; raises `InputError` for anything else."""
-    if not isinstance(value, (str, os.PathLike)):
-        raise InputError.of(name, "must be a path", "give a text or a Path", shown(value))
-    return os.fsdecode(value)
-
-
-def design(value: Value, name: str = "design") -> Source:
-    """Return a design; raises `InputError` for anything else."""
-    if not isinstance(value, Source):
-        remedy = "give one of sus.read, sus.parse, sus.template or sus.example"
-        if isinstance(getattr(value, "source", None), Source):
-            remedy = "give the attribute source of the result"
-        raise InputError.of(name, "is no design", remedy, shown(value))
-    return value
 
 
 def shown(value: Value) -> str:

@@ -1,18 +1,29 @@
-"""Results as labelled arrays: the contents of a results file as an `xarray.Dataset`."""
+"""Results as labelled arrays in other forms than HDF5: CSV files and an `xarray.Dataset`.
+
+CSV has one row per frequency, mode or point of a grid, and one column per number. The columns
+follow from the results file: dimensions whose scale is numeric (frequency, mode, an axis of a
+sweep) make rows, those with names (output, input, coordinate) make columns.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import csv
+import io
+import itertools
+import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from suspension_cli.files.declared import SI
+import numpy as np
+
+from suspension_cli.files.atomic import write_bytes
+from suspension_cli.files.declared import SI, Contents, Variable, fill_in
 from suspension_cli.files.hdf5 import open_results, read_contents
 
 if TYPE_CHECKING:
     import xarray
-
-    from suspension_cli.files.declared import Contents
 
 
 @contextlib.contextmanager
@@ -52,3 +63,122 @@ def to_xarray(result: Any) -> xarray.Dataset:
 def _dotted(path: str) -> str:
     """A path within a group as the name of a variable."""
     return path.replace("/", ".")
+
+
+def write_csv(result: Any, path: Path) -> list[Path]:
+    """Write the CSV files of an `analysis.Result`, and return their paths.
+
+    For the results file NAME.h5 (`path`), the main results go to NAME.csv; arrays with other rows
+    get files of their own, NAME-ROWS.csv.
+    """
+    with contents_of(result) as contents:
+        found = dict(_tables(contents))
+    paths = []
+    for n, (rows, text) in enumerate(found.items()):
+        stem = f"{path.stem}-{rows}" if n else path.stem
+        target = path.with_name(f"{stem}.csv")
+        write_bytes(target, text.encode())
+        paths.append(target)
+    return paths
+
+
+def _tables(contents: Contents) -> Iterator[tuple[str, str]]:
+    """Yield the rows of each table (for the name of its file) and its text."""
+    variables = contents.variables
+    tables: dict[tuple[str, tuple[str, ...]], list[str]] = {}
+    for path, one in variables.items():
+        if one.dims == (path,) or not one.data.size:
+            continue
+        rows = tuple(dim for dim in one.dims if _is_numeric(variables.get(dim)))
+        tables.setdefault((path.rpartition("/")[0], rows or one.dims[:1]), []).append(path)
+
+    def rank(key: tuple[str, tuple[str, ...]]) -> tuple[Any, ...]:
+        home, rows = key  # the main results first: points of a sweep, not modes
+        numeric = all(_is_numeric(variables.get(row)) for row in rows)
+        return _order(home), not numeric, len(rows), -len(tables[key])
+
+    for key in sorted(tables, key=rank):
+        home, rows = key
+        paths = sorted(
+            tables[key],
+            key=lambda path: (_is_numeric(variables[path]), _name(path) != "value", _name(path)),
+        )
+        if any(_is_numeric(variables[path]) for path in paths):
+            stem = "-".join(part for part in (home, *map(_name, rows)) if part)
+            yield re.sub(r"[^A-Za-z0-9._-]+", "-", stem), _text(variables, rows, paths)
+
+
+def _order(home: str) -> list[tuple[int, str]]:
+    """Order of groups: by numbers, then names."""
+    return [(int(part) if part.isdecimal() else 0, part) for part in home.split("/") if part]
+
+
+def _name(path: str) -> str:
+    return path.rpartition("/")[2]
+
+
+def _is_numeric(one: Variable | None) -> bool:
+    return one is None or not one.is_text
+
+
+def _text(variables: dict[str, Variable], rows: tuple[str, ...], paths: list[str]) -> str:
+    """Make the table of some arrays that have the same rows."""
+    known = {dim for path in paths for dim in variables[path].dims if dim in variables}
+    scales = {dim: variables[dim].read() for dim in known}
+    heads, columns, shape = [], [], ()
+    for path in paths:
+        one = variables[path]
+        own = [dim for dim in one.dims if dim in rows]
+        others = [n for n, dim in enumerate(one.dims) if dim not in own]
+        values = one.read()
+        sizes = values.shape
+        values = values.transpose([one.dims.index(dim) for dim in own] + others)
+        if set(rows) <= set(own):
+            shape = values.shape[: len(own)]
+        wide = values.reshape(int(np.prod(values.shape[: len(own)])), -1)
+        places = itertools.product(*(range(sizes[n]) for n in others))
+        for place, column in zip(places, wide.T, strict=True):
+            where = {one.dims[n]: k for n, k in zip(others, place, strict=True)}
+            which = [str(scales[key][k] if key in scales else k + 1) for key, k in where.items()]
+            unit = _unit(variables, path, where)
+            label = _name(path) + (f" [{', '.join(which)}]" if which else "")
+            if np.iscomplexobj(column):
+                heads += [f"{label} real ({unit})", f"{label} imag ({unit})"]
+                columns += [np.real(column), np.imag(column)]
+            else:
+                heads.append(_title(label, unit))
+                columns.append(column)
+    grid = np.indices(shape).reshape(len(shape), -1)
+    first = [(row, scales[row][grid[n]]) for n, row in enumerate(rows) if row in scales]
+    titles = [_title(_name(row), variables[row].unit) for row, _ in first]
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow([*titles, *heads])
+    cells = [_plain(column) for column in (*(values for _, values in first), *columns)]
+    writer.writerows(zip(*cells, strict=True))
+    return stream.getvalue()
+
+
+def _title(name: str, unit: str) -> str:
+    return f"{name} ({unit})" if unit not in ("", "name") else name
+
+
+def _unit(variables: dict[str, Variable], path: str, place: dict[str, int]) -> str:
+    """Unit of a column, with those in its braces filled in where the column has one."""
+    text = variables[path].unit
+    for name in re.findall(r"{(\w+)}", text):
+        home = path
+        while home and f"{home.rpartition('/')[0]}/{name}".lstrip("/") not in variables:
+            home = home.rpartition("/")[0]
+        own = variables[f"{home.rpartition('/')[0]}/{name}".lstrip("/")]
+        if set(own.dims) <= set(place):
+            text = fill_in(text, name, str(own.read()[tuple(place[dim] for dim in own.dims)]))
+    return text
+
+
+def _plain(column: np.ndarray) -> list[float | str]:
+    """Numbers with all their digits, "" for NaN."""
+    return [
+        "" if isinstance(value, float) and value != value else value
+        for value in np.asarray(column).tolist()
+    ]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,13 +16,14 @@ TOLERANCE = 1e-3
 
 
 class Option(click.Option):
-    """An option with the group under which help lists it.
+    """An option with the group under which help lists it, and its default, if it has one.
 
     Options about files and messages belong to the command alone; all others are arguments of the
     Python function of the analysis too, with the default `in_python` if that differs.
     """
 
     def __init__(self, names: list[str], *, group: str, in_python: Any = None, **how: Any) -> None:
+        how.setdefault("show_default", how.get("default") not in (None, False))
         super().__init__(names, **how)
         self.group, self.in_python = group, in_python
 
@@ -70,28 +70,12 @@ def frequencies(
     about: str = "Frequencies, Hz: start:stop:count[:log|lin], a comma list or a number.",
 ) -> Option:
     """An option for a grid of frequencies."""
-    return option("--frequency", default=default, show_default=True, metavar="GRID", help=about)
+    return option("--frequency", default=default, metavar="GRID", help=about)
 
 
 def argument(name: str, **how: Any) -> click.Argument:
     """Declare an argument of an analysis, as `click.argument` does."""
     return click.Argument([name], **how)
-
-
-def context(
-    name: str, parameters: Sequence[click.Parameter], given: dict[str, Any]
-) -> click.Context:
-    """Context of a command that is run with the values `given` and other defaults.
-
-    Raises `click.BadParameter` if a parameter does not take its value.
-    """
-    result = click.Command(name, params=list(parameters)).make_context(name, [])
-    for param in parameters:
-        value = given.get(str(param.name), result.params[str(param.name)])
-        if value != result.params[str(param.name)]:
-            result.set_parameter_source(str(param.name), click.core.ParameterSource.COMMANDLINE)
-            result.params[str(param.name)] = param.type_cast_value(result, value)
-    return result
 
 
 def _demand_folder(_ctx: click.Context, _param: click.Parameter, value: str | None) -> str | None:
@@ -126,23 +110,10 @@ def _demand_stem(_ctx: click.Context, _param: click.Parameter, value: str | None
     return value
 
 
-ENDINGS = [
-    ".csv",
-    ".h5",
-    ".hdf5",
-    ".jpeg",
-    ".jpg",
-    ".json",
-    ".mat",
-    ".md",
-    ".npz",
-    ".pdf",
-    ".png",
-    ".svg",
-    ".toml",
-    ".txt",
-    ".zip",
-]
+RESULTS_ENDINGS = (".h5", ".hdf5", ".csv")
+"""Endings of paths to which results are saved."""
+ENDINGS = (*RESULTS_ENDINGS, ".gif", ".jpg", ".jpeg", ".json", ".mat", ".md", ".npz", ".pdf")
+ENDINGS += (".png", ".svg", ".toml", ".txt", ".xlsx", ".zip")
 """Endings of file names, which folders rarely have."""
 
 MOTIONS = "Output: test.x, test.pitch, test.x@0,0,0.001, ..."
@@ -159,7 +130,6 @@ BEAM = (
         "--mirrors",
         type=click.FloatRange(1e-3, 1e6),
         default=1.0,
-        show_default=True,
         metavar="COUNT",
         help=(
             "Add the powers of this many equal, independent suspensions: 4 for the difference of"
@@ -185,7 +155,6 @@ OVERRIDES = option(
 OUT = option(
     "--out",
     default="results",
-    show_default=True,
     metavar="DIR",
     callback=_demand_folder,
     help="Folder for the written files.",
@@ -236,7 +205,6 @@ FORMAT = option(
     "picture_format",
     type=click.Choice(["png", "pdf", "svg"]),
     default="png",
-    show_default=True,
     help="Format of pictures.",
     group=FILES,
 )
@@ -253,7 +221,6 @@ FIDELITY = option(
     "--fidelity",
     type=click.Choice(LEVELS),
     default=AUTO,
-    show_default=True,
     help="Model of bodies and wires; auto takes the cheapest that is accurate enough.",
     group=MODEL,
 )
@@ -261,7 +228,6 @@ ACCURACY = option(
     "--tolerance",
     type=click.FloatRange(1e-12, 1.0),
     default=TOLERANCE,
-    show_default=True,
     help="Largest relative error of the result that --fidelity auto accepts.",
     group=MODEL,
 )
@@ -285,7 +251,6 @@ COUPLING = (
     option(
         "--input",
         default="support.z",
-        show_default=True,
         metavar="SIGNAL",
         help="The input: a motion of the support, or a force.",
     ),
@@ -321,7 +286,6 @@ SWEEP = (
         "--chunk",
         type=click.IntRange(1, 1_000_000),
         default=512,
-        show_default=True,
         help="Number of builds or points computed at once.",
         group=BATCH,
     ),
@@ -330,26 +294,6 @@ SWEEP = (
 """Options of the computation of a sweep."""
 WRITING = (OVERRIDES, OUT, NAME, FIDELITY, AS_JSON, CSV, PLOT, FORMAT, QUIET, VERBOSE)
 """Options of every analysis that writes a results file and a picture."""
-INFO = (
-    option(
-        "--input",
-        default="support.x",
-        show_default=True,
-        metavar="SIGNAL",
-        help="Input of the response.",
-    ),
-    option(
-        "--output",
-        "output",
-        metavar="SIGNAL",
-        help="Output of the response and of the thermal noise.  [default: x of the mirror]",
-    ),
-    frequencies("0.1:100:2000", "Frequencies of the response and the noise, Hz."),
-    ACCURACY,
-    OVERRIDES,
-    AS_JSON_ONLY,
-)
-"""Options of `pendsus info`."""
 REPORT = (
     option(
         "--sections",
@@ -365,7 +309,6 @@ REPORT = (
         "--builds",
         type=click.IntRange(100, 1_000_000),
         default=1000,
-        show_default=True,
         help="Number of random builds, unless a results file has the tolerances of this design.",
     ),
     *BEAM,

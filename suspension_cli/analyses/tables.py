@@ -89,7 +89,7 @@ def _text(table: Table) -> str:
 
     formats = table.columns.values()
     cells = [
-        _align(head.split("\n"), column) if form else [head, *column]
+        align(head.split("\n"), column) if form else [head, *column]
         for head, form, column in zip(table.columns, formats, table.cells, strict=True)
     ]
     widths = [2 + max(map(cell_len, "\n".join(column).split("\n"))) for column in cells]
@@ -115,7 +115,7 @@ def _cell(value: float | str | None, form: str) -> str:
     return f"{value:{form}}" if value is not None and math.isfinite(value) else "-"
 
 
-def _align(heads: list[str], cells: list[str]) -> list[str]:
+def align(heads: list[str], cells: list[str]) -> list[str]:
     """Align numbers on the point, or on the right where some have exponents; words on the right."""
     if not any(re.search(r"\de[-+]", cell) for cell in cells):
         points = [re.fullmatch(r"[-+]?[\d,]+(\.?\d*)", cell) for cell in cells]

@@ -9,7 +9,6 @@ import click
 from suspension_cli.conventions import ANALYSES
 
 OTHERS = {
-    "info": "Compute the errors of all models of a design, and which one it needs.",
     "check": "Check designs and list what their wires carry.",
     "draw": "Draw a design to scale, from the side and from the front.",
     "report": "Write one HTML file of a design with all its analyses.",

@@ -67,7 +67,7 @@ def command(
     """
     from pathlib import Path
 
-    from suspension_cli.analyses import csv_files
+    from suspension_cli.analyses import labelled
     from suspension_cli.drawing.quick_import import import_matplotlib
 
     import_matplotlib()
@@ -94,7 +94,7 @@ def command(
                 _set_limits(figure, *limits)
             pictures = {end: encode(figure, picture_format) for end, figure in figures.items()}
         # first, as it refuses damaged numbers that the picture leaves out
-        written = csv_files.write(result, path) if as_csv else []
+        written = labelled.write_csv(result, path) if as_csv else []
         for end, picture in pictures.items():
             written.append(path.with_name(f"{path.stem}{end}.{picture_format}"))
             write_bytes(written[-1], picture, key="--out" if out else "")
@@ -155,6 +155,3 @@ def _set_limits(
                 fault = Fault(option, problem, "give limits above 0", format_value(given[0]))
                 raise InputError([fault])
             (one.set_xlim if option == "--x" else one.set_ylim)(*(given or ()))
-            if given and axis.get_scale() == "log" and 2 < given[1] / given[0] < 30:
-                axis.set_major_formatter("{x:g}")
-                axis.set_minor_formatter(lambda x, _: f"{x:g}" if f"{x:e}"[0] in "25" else "")

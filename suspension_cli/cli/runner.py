@@ -14,8 +14,6 @@ from suspension_cli.analyses.analysis import Analysis, Result, Run
 from suspension_cli.cli import terminal
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from suspension_cli.design.reader import Source
 
 
@@ -47,17 +45,20 @@ def command(analysis: Analysis) -> click.Command:
 
 def run(analysis: Analysis, ctx: click.Context) -> None:
     """Run an analysis with the options of its command."""
-    from suspension_cli.files.atomic import write_bytes
+    from suspension_cli.design.reader import Source, read
 
     given = ctx.params
-    voice = terminal.Voice(quiet=given["quiet"], verbose=given["verbose"])
+    voice = terminal.Voice(quiet=given.get("quiet", False), verbose=given.get("verbose", False))
+    names = (param.name for param in analysis.parameters)
+    command_line = click.core.ParameterSource.COMMANDLINE
+    typed = {n: given[n] for n in names if ctx.get_parameter_source(n) is command_line}
     files = {param.name: given[param.name] for param in analysis.arguments}
 
     def ask(file: str | Source, overrides: tuple[str, ...] = ()) -> Run:
-        source, setting = settings.prepared(
-            ctx, file, (*overrides, *given["overrides"]), analysis.swept_names()
-        )
-        return Run(source, setting, voice, Path(given["out"]), settings.command_line(sys.argv))
+        source = file if isinstance(file, Source) else read(file, (*overrides, *given["overrides"]))
+        source = settings.named(source, given.get("stem"), given["overrides"])
+        setting, folder = settings.merge(analysis, source, typed), Path(given.get("out", ""))
+        return Run(source, setting, voice, folder, settings.command_line(sys.argv))
 
     results: list[Result] = []
     runs = analysis.read(ask, files)
@@ -65,21 +66,8 @@ def run(analysis: Analysis, ctx: click.Context) -> None:
         with one.faults():
             results.append(analysis.solve(one))
     for number, (one, result) in enumerate(zip(runs, results, strict=True)):
-        path = write(result, settings.folder(given["out"]), voice, given.get("as_csv", False))
-        if one.setting.get("plot") or (
-            one.setting.get("plot", False) is None and not given["as_json"]
-        ):
-            from suspension_cli.drawing.quick_import import import_matplotlib
-
-            import_matplotlib()
-            drawn = {str(param.name): one.setting[param.name] for param in analysis.drawn_with}
-            for end, figure in result.figures(**drawn).items():
-                form = one.setting.get("picture_format", "png")
-                draw(figure, path.with_name(f"{path.stem}{end}.{form}"), voice)
-        for end, data in result.analysis.animations(result, one.setting):
-            moving = path.with_name(f"{path.stem}{end}")
-            write_bytes(moving, data)
-            voice.say(f"wrote {moving}")
+        if analysis.has_file:
+            write(one, result, voice)
         if not given["as_json"]:
             terminal.put(("\n" if number else "") + str(result))
     if given["as_json"]:
@@ -87,29 +75,35 @@ def run(analysis: Analysis, ctx: click.Context) -> None:
     ctx.exit(max(result.analysis.exit_code(result) for result in results))
 
 
-def write(result: Result, folder: Path, voice: terminal.Voice, as_csv: bool) -> Path:
-    """Write the files of a result; return the path of the results file."""
+def write(run: Run, result: Result, voice: terminal.Voice) -> None:
+    """Write the files of a result: HDF5, CSV and pictures."""
+    from suspension_cli.analyses import labelled
+    from suspension_cli.files.atomic import write_bytes
     from suspension_cli.files.existing import replacing
 
-    path = result.analysis.path(result, folder)
+    analysis, setting = result.analysis, run.setting
+    path = analysis.path(result, settings.folder(str(run.folder)))
     if result.file is None:
         with replacing(path, result.source.text, voice.say):
-            result.analysis.save(path, result)
-    others = result.analysis.others(result, path)
-    if as_csv:
-        from suspension_cli.analyses import csv_files
-
-        others += csv_files.write(result, path)
+            analysis.save(path, result)
+    others = analysis.others(result, path)
+    others += labelled.write_csv(result, path) if setting.get("as_csv") else []
     for other in others:
         voice.say(f"wrote {other}")
-    return path
+    pictures = setting.get("plot", False)
+    if pictures or (pictures is None and not setting["as_json"]):
+        from suspension_cli.drawing.quick_import import import_matplotlib
 
+        import_matplotlib()
+        from suspension_cli.drawing.style import encode
 
-def draw(figure: Figure, path: Path, voice: terminal.Voice) -> None:
-    """Write a picture."""
-    from suspension_cli.drawing.style import save
-    from suspension_cli.files.atomic import writing_to
-
-    with writing_to(path):
-        save(figure, path)
-    voice.say(f"wrote {path}")
+        drawn = {str(param.name): setting[param.name] for param in analysis.drawn_with}
+        form = setting.get("picture_format", "png")
+        for end, figure in result.figures(**drawn).items():
+            picture = path.with_name(f"{path.stem}{end}.{form}")
+            write_bytes(picture, encode(figure, form))
+            voice.say(f"wrote {picture}")
+    for end, data in analysis.animations(result, setting):
+        moving = path.with_name(f"{path.stem}{end}")
+        write_bytes(moving, data)
+        voice.say(f"wrote {moving}")

@@ -13,15 +13,15 @@ from itertools import pairwise
 
 from suspension_cli.conventions import ANALYSES, DOFS, FRAME, GROUND, SUPPORT
 from suspension_cli.design import faults, materials, units
-from suspension_cli.design.derive import com_positions, set_geometry, spring_loss
+from suspension_cli.design.derive import com_positions, part_loss, set_geometry
 from suspension_cli.design.faults import fault_of, suggest
 from suspension_cli.design.filters import SUFFIX
 from suspension_cli.design.inverted_pendulum import leg_count
 from suspension_cli.design.links import Damper, Link, Strands
-from suspension_cli.design.losses.registry import MECHANISMS
+from suspension_cli.design.losses import MECHANISMS
 from suspension_cli.design.schema import Design, Spring, Stage
 from suspension_cli.design.tables import keys_with
-from suspension_cli.design.wires import Clamp, Profile, Wire, WireSet, is_ring
+from suspension_cli.design.wires import RADII, Clamp, Profile, Wire, WireSet, is_ring
 from suspension_cli.errors import Fault, format_key
 
 BLADES_FOR_WIRES = {1: (1,), 2: (1, 2), 4: (2, 4)}
@@ -52,10 +52,9 @@ def check_design(design: Design, sound: Collection[Stage] = ()) -> list[Fault]:
     found += _check_links(design, placed=not wrong)
     if not found:
         found += _check_active(design, known)
-    commands = [*ANALYSES, "info"]
     for command in design.analysis:
-        if command not in commands:
-            key, remedy = f"analysis.{format_key(command)}", suggest(command, commands)
+        if command not in ANALYSES:
+            key, remedy = f"analysis.{format_key(command)}", suggest(command, [*ANALYSES])
             found.append(Fault(key, "unknown command", remedy))
     return found
 
@@ -138,22 +137,21 @@ def _check_suspension(stage: Stage, path: str) -> Iterator[Fault]:
 
 def _check_set(stage: Stage, wires: WireSet, path: str) -> Iterator[Fault]:
     """Check that the wires of a set exceed their horizontal span, and its number of blades."""
-    shape = set_geometry(wires)
-    (a, b), (c, d) = (shape.s_upper, shape.t1), (shape.s_lower, shape.t2)
-    if is_ring(wires):
-        (a, b), (c, d) = shape.ring_ends(0)
-    across = (c - a, d - b)
-    halves = [getattr(wires, key) for key in ("ring", "ring_upper", "ring_lower")]
-    grid = not is_ring(wires) and wires.count in BLADES_FOR_WIRES
-    placed = grid or halves[0] is not None or None not in halves[1:]
-    if placed and shape.height_squared > 1e-12 * wires.l**2:
-        yield from _check_span(wires, (*across, -shape.height), path)
-    elif placed:
-        span = math.hypot(*across)
-        problem = f"the wire is not longer than its horizontal span of {span:g} m"
-        millimetres = span > 1.0 and wires.l > 5e-4 * span
-        remedy = "give a longer wire or a smaller span" + " (did you mean mm?)" * millimetres
-        yield fault_of(wires, path, "l", problem, remedy)
+    shape, (both, *halves) = set_geometry(wires), [getattr(wires, key) for key in RADII]
+    if (
+        both is not None
+        or None not in halves
+        or (not is_ring(wires) and wires.count in BLADES_FOR_WIRES)
+    ):
+        (a, b), (c, d) = shape.ends[0]
+        if shape.height_squared > 1e-12 * wires.l**2:
+            yield from _check_span(wires, (c - a, d - b, -shape.height), path)
+        else:
+            span = math.hypot(c - a, d - b)
+            problem = f"the wire is not longer than its horizontal span of {span:g} m"
+            millimetres = span > 1.0 and wires.l > 5e-4 * span
+            remedy = "give a longer wire or a smaller span" + " (did you mean mm?)" * millimetres
+            yield fault_of(wires, path, "l", problem, remedy)
     if stage.blades is not None:
         count = wires.count
         allowed = (1, count) if is_ring(wires) else BLADES_FOR_WIRES.get(count)
@@ -287,7 +285,7 @@ def find_active(
             yield part, fault_of(part, path, "damping", problem, "make it positive")
         if isinstance(part, Damper):
             continue
-        angle = spring_loss(design, part) if isinstance(part, Spring) else part.loss_angle
+        angle = part_loss(design, part) if isinstance(part, Spring) else part.loss_angle
         problem = _negative(part.stiffness)
         if angle and problem:
             problem = f"is that of a stiffness that {problem}, so it drives the motion"
@@ -312,11 +310,11 @@ def _negative(given: units.Matrix6 | None) -> str:
         return ""
     matrix = np.array(given, dtype=float)
     matrix = np.diag(matrix) if matrix.ndim == 1 else matrix
-    if (matrix.diagonal() < 0).any():
-        return f"is negative along {DOFS[int(matrix.diagonal().argmin())]}"
-    scale = np.sqrt(np.where(matrix.diagonal() > 0, matrix.diagonal(), np.abs(matrix).max() or 1.0))
-    least = np.linalg.eigvalsh(matrix / np.outer(scale, scale))[0]
-    return "has a negative eigenvalue" if least < -ROUNDING else ""
+    size = np.abs(matrix.diagonal())
+    scale = np.sqrt(np.where(size > 0, size, np.abs(matrix).max() or 1.0))
+    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    axis = DOFS[int(np.abs(vectors[:, 0]).argmax())]
+    return f"is negative along {axis}" if values[0] < -ROUNDING else ""
 
 
 def _check_strands(design: Design, link: Link, given: Strands, path: str) -> Iterator[Fault]:

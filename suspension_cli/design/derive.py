@@ -12,9 +12,10 @@ import msgspec
 from suspension_cli.conventions import SUPPORT
 from suspension_cli.design import inverted_pendulum, materials
 from suspension_cli.design.filters import SUFFIX, keystone_inertia
+from suspension_cli.design.links import Link
 from suspension_cli.design.schema import Body, Design, Spring, Stage
 from suspension_cli.design.sections import Stretch, given_sections, stretches, thinnest
-from suspension_cli.design.wires import Blade, BladeGeometry, BladeSet, Wire, WireSet, is_ring
+from suspension_cli.design.wires import AnyBlade, BladeGeometry, Wire, WireSet, is_ring
 
 
 def wire_stiffness(design: Design, wire: WireSet | Wire, length: float) -> float:
@@ -43,9 +44,7 @@ def _modulus(design: Design, material: str) -> float:
     return modulus
 
 
-def blade_stiffness(
-    design: Design, blade: BladeSet | Blade, stage_mass: float, count: int
-) -> float:
+def blade_stiffness(design: Design, blade: AnyBlade, stage_mass: float, count: int) -> float:
     """Compute the vertical stiffness of one blade at its tip in N/m.
 
     Given; or (2 pi f)^2 m / count for an uncoupled frequency f of the stage's mass m on `count`
@@ -62,24 +61,6 @@ def blade_stiffness(
 def gives_natural_lengths(design: Design) -> bool:
     """Whether a design gives a natural length, so that its nominal pose need not balance."""
     return any(wire.natural_length is not None for stage in design.stage for wire in stage.wire)
-
-
-def solves_pose(design: Design) -> bool:
-    """Whether the pose of a design is solved for instead of given.
-
-    True for given natural lengths of wires or loads of blades or filters, and for gravity other
-    than a uniform pull along -z.
-    """
-    loaded = [
-        part.load
-        for stage in design.stage
-        for part in (*stage.blade_tables, *([stage.filter] if stage.filter else []))
-    ]
-    return (
-        gives_natural_lengths(design)
-        or any(load is not None for load in loaded)
-        or gravity_field(design) is not None
-    )
 
 
 def cantilever_stiffness(blade: BladeGeometry, youngs_modulus: float) -> float:
@@ -111,22 +92,33 @@ class SetGeometry:
     is_ring: bool = False
 
     @property
+    def ends(self) -> list[tuple[tuple[float, float], tuple[float, float]]]:
+        """x and y (m) of the upper and of the lower end of each wire."""
+        if not self.is_ring:
+            return [
+                ((x * self.s_upper, y * self.t1), (x * self.s_lower, y * self.t2))
+                for x, y in wire_signs(self.count)
+            ]
+        turns = (inverted_pendulum.direction(self.phase, n, self.count) for n in range(self.count))
+        upper, lower = self.ring_upper, self.ring_lower
+        return [((upper * x, upper * y), (lower * x, lower * y)) for x, y in turns]
+
+    @property
     def height_squared(self) -> float:
         """Square of the vertical span of a wire, m^2; not positive if the wire is too short."""
         if self.is_ring:
             return self.length**2 - (self.ring_upper - self.ring_lower) ** 2
         return self.length**2 - (self.t2 - self.t1) ** 2 - (self.s_lower - self.s_upper) ** 2
 
-    def ring_ends(self, number: int) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Compute x and y (m) of the upper and of the lower end of a wire of a ring, from 0."""
-        x, y = inverted_pendulum.direction(self.phase, number, self.count)
-        upper, lower = self.ring_upper, self.ring_lower
-        return (upper * x, upper * y), (lower * x, lower * y)
-
     @property
     def height(self) -> Any:
         """Vertical span of a wire in m."""
         return math.sqrt(self.height_squared)
+
+
+def wire_signs(count: int) -> list[tuple[int, int]]:
+    """List the signs of x and y of the wires of a symmetric set, by number."""
+    return {1: [(0, 0)], 2: [(0, 1), (0, -1)], 4: [(1, 1), (1, -1), (-1, 1), (-1, -1)]}[count]
 
 
 def set_geometry(wires: WireSet) -> SetGeometry:
@@ -208,24 +200,11 @@ def wire_loss(design: Design, wire: WireSet | Wire, length: float) -> float:
     return sum(map(operator.mul, compliances, angles)) / sum(compliances)
 
 
-def blade_material(blade: BladeSet | Blade) -> str | None:
-    """Name of the material of a blade, if the design gives it."""
-    return blade.material if blade.geometry is None else blade.geometry.material
-
-
-def blade_loss(design: Design, blade: BladeSet | Blade) -> float:
-    """Look up the loss angle of a blade, rad: its own, or that of its material in the design."""
-    if blade.loss_angle is not None:
-        return blade.loss_angle
-    material = blade_material(blade)
-    return 0.0 if material is None else materials.constant_angle(design, material)
-
-
-def spring_loss(design: Design, spring: Spring) -> float:
-    """Look up the loss angle of a spring, rad: its own, or that of its material in the design."""
-    if spring.loss_angle is not None:
-        return spring.loss_angle
-    return 0.0 if spring.material is None else materials.constant_angle(design, spring.material)
+def part_loss(design: Design, part: AnyBlade | Spring | Link) -> float:
+    """Look up the loss angle of a part, rad: its own, or that of its material in the design."""
+    if part.loss_angle is not None:
+        return part.loss_angle
+    return 0.0 if part.made_of is None else materials.constant_angle(design, part.made_of)
 
 
 def gravity_strength(design: Design) -> Any:
@@ -341,8 +320,3 @@ def drop_keystones(design: Design) -> Design:
     if len(stages) == len(design.stage):
         return design
     return msgspec.structs.replace(design, stage=stages)
-
-
-def filter_of(design: Design, keystone: Keystone) -> Stage:
-    """Find the stage with the filter of a keystone."""
-    return next(stage for stage in design.stage if stage.name == keystone.blades_of)

@@ -150,17 +150,20 @@ def _schema(kind: type) -> Schema:
 
 
 def _walk(node: Schema, value: object, path: str) -> Iterator[Fault]:
-    if "anyOf" in node:
-        node = _member(node, value)
+    node = _member(node, value) if "anyOf" in node else node or _free(value)
     if node.get("type") == "object":
         yield from _walk_table(node, value, path)
     elif node.get("type") == "array":
         yield from _walk_array(node, value, path)
-    elif "type" in node or "enum" in node:
-        if problem := _problem(node, value):
-            yield Fault(path, problem, f"give {_described(node)}", format_value(value))
-    else:
-        yield from _walk_anything(value, path)
+    elif node and (problem := _problem(node, value)):
+        yield Fault(path, problem, f"give {_described(node)}", format_value(value))
+
+
+def _free(value: object) -> Schema:
+    """Schema of what a value of a free type must be, so that it can be written to a file again."""
+    forms = {dict: "object", list: "array", float: "number", int: "number"}
+    ordinary = {"description": "an ordinary number, or leave it out"}
+    return {"type": forms[type(value)]} | ordinary if type(value) in forms else {}
 
 
 def _member(node: Schema, value: Any) -> Schema:
@@ -213,21 +216,6 @@ def _walk_array(node: Schema, value: object, path: str) -> Iterator[Fault]:
         yield from _walk(inside if kinds is None else kinds[number], item, place)
 
 
-def _walk_anything(value: object, path: str) -> Iterator[Fault]:
-    """Check that a value of a free type can be written to a file again."""
-    if isinstance(value, dict):
-        for key, item in value.items():
-            yield from _walk_anything(item, step(path, key))
-    elif isinstance(value, list):
-        for number, item in enumerate(value):
-            yield from _walk_anything(item, step(path, number))
-    elif isinstance(value, float) and not math.isfinite(value):
-        yield Fault(path, "must be finite", "give a number, or leave it out", format_value(value))
-    elif isinstance(value, int) and abs(value) >= 2**63:
-        remedy = "give a smaller one, or a number with a decimal point"
-        yield Fault(path, "is too large an integer", remedy, format_value(value))
-
-
 def _problem(node: Schema, value: Any) -> str:
     """Describe the problem of a number, a string or a flag; "" if there is none."""
     if isinstance(value, float) and not math.isfinite(value):
@@ -241,6 +229,8 @@ def _problem(node: Schema, value: Any) -> str:
     bounds = {key: node[key] for key in _BOUNDS if key in node}
     if any(not _BOUNDS[key][1](value, bound) for key, bound in bounds.items()):
         return f"must be {' and '.join(f'{_BOUNDS[key][0]} {bounds[key]:g}' for key in bounds)}"
+    if isinstance(value, int) and abs(value) >= 2**63:
+        return "is too large an integer"
     if isinstance(value, float) and 0 < abs(value) < TINY:
         return f"is too small (products of numbers below {TINY:g} lose their digits)"
     return _text_problem(node, value) if isinstance(value, str) else ""

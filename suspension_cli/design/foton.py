@@ -62,13 +62,13 @@ class Filter:
     def __mul__(self, other: Filter) -> Filter:
         return Filter(self.gain * other.gain, self.zeros + other.zeros, self.poles + other.poles)
 
-    def at(self, frequency: complex) -> complex:
-        """Evaluate the filter at one frequency, Hz."""
+    def at(self, frequency: Any) -> Any:
+        """Evaluate the filter at a frequency, or an array of frequencies, in Hz."""
         result = complex(self.gain)
         for zero in self.zeros:
-            result *= 1j * frequency + zero
+            result = result * (1j * frequency + zero)
         for pole in self.poles:
-            result /= 1j * frequency + pole
+            result = result / (1j * frequency + pole)
         return result
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Optional
 
 from suspension_cli.design import units
-from suspension_cli.design.tables import Plausible, Table, doc, extend_table, unit
+from suspension_cli.design.tables import Plausible, Table, doc, extend_table, facts
 from suspension_cli.design.units import NAMES
 
 AXES = ("x", "y", "z")
@@ -71,7 +71,7 @@ class Imperfection:
     @property
     def unit(self) -> str:
         """SI unit; ``1`` for a factor."""
-        return unit(self.kind)
+        return facts(self.kind)["unit"]
 
     @property
     def plausible(self) -> Plausible:

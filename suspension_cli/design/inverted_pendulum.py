@@ -132,26 +132,18 @@ def tops(legs: InvertedPendulum) -> list[tuple[float, float, float]]:
     return found
 
 
-TWENTY_FOURTHS = 24
-"""Angles within rounding of n/24 of a quarter turn are taken as exactly that."""
-
-
 def direction(phase: float, number: int, count: int) -> tuple[float, float]:
     """Cosine and sine of the angle of one of `count` points evenly spaced on a circle.
 
-    Point 0 is at the angle `phase` (rad).
+    Point 0 is at the angle `phase` (rad). Phases within rounding of a simple fraction of a quarter
+    turn are taken as exactly that, so that mirror images are exact.
     """
-    quarters = Fraction(4 * number, count)
-    turns = phase / (math.pi / 2)
-    nearest = Fraction(round(turns * TWENTY_FOURTHS), TWENTY_FOURTHS)
-    if abs(turns - nearest) < 1e-9:
-        exact = nearest + quarters
-        whole = round(exact)
-        rest = float(exact - whole) * math.pi / 2
-    else:
-        whole, rest = 0, phase + float(quarters) * math.pi / 2
+    given = Fraction(phase / (math.pi / 2))
+    simple = given.limit_denominator(24)
+    turns = (simple if abs(simple - given) < 1e-9 else given) + Fraction(4 * number, count)
+    rest = float(turns - round(turns)) * math.pi / 2
     x, y = math.cos(rest), math.sin(rest)
-    for _ in range(whole % 4):
+    for _ in range(round(turns) % 4):
         x, y = -y, x
     return x, y
 
@@ -166,29 +158,16 @@ def offset(legs: InvertedPendulum) -> tuple[float, float, float]:
     return (0.0, 0.0, legs.length - min(tops(legs), key=lambda top: top[2].real)[2])
 
 
-@dataclass(frozen=True)
-class LegInertia:
-    """Inertia of one leg, its counterweight included.
+def leg_inertia(legs: InvertedPendulum) -> tuple[float, float, float]:
+    """Compute the inertia of one leg, a rigid bar between its ends, counterweight included.
 
-    Attributes
-    ----------
-    foot, coupling, top
+    Returns
+    -------
+    foot, coupling, top : float
         Coefficients of the kinetic energy foot v_f^2 / 2 + coupling v_f v_t + top v_t^2 / 2, with
-        v_f and v_t the velocities of both ends, kg.
+        v_f and v_t the velocities of both ends, kg. The weight of coupling + top = m h / L rests on
+        the top.
     """
-
-    foot: float
-    coupling: float
-    top: float
-
-    @property
-    def on_top(self) -> float:
-        """Mass whose weight rests on the top, m h / L, kg."""
-        return self.coupling + self.top
-
-
-def leg_inertia(legs: InvertedPendulum) -> LegInertia:
-    """Compute the inertia of one leg as a rigid bar between its ends."""
     length = legs.length
     com = length / 2 if legs.leg_com is None else legs.leg_com
     moment = legs.leg_inertia
@@ -198,11 +177,9 @@ def leg_inertia(legs: InvertedPendulum) -> LegInertia:
     if legs.counterweight is not None:
         masses.append((legs.counterweight.mass, -legs.counterweight.below / length))
     own = moment / length**2
-    return LegInertia(
-        foot=own + sum(m * (1 - s) ** 2 for m, s in masses),
-        coupling=-own + sum(m * s * (1 - s) for m, s in masses),
-        top=own + sum(m * s**2 for m, s in masses),
-    )
+    foot = own + sum(m * (1 - s) ** 2 for m, s in masses)
+    coupling = -own + sum(m * s * (1 - s) for m, s in masses)
+    return foot, coupling, own + sum(m * s**2 for m, s in masses)
 
 
 @dataclass(frozen=True)
@@ -211,10 +188,8 @@ class LegStatics:
 
     Attributes
     ----------
-    flexure, top
-        Bending stiffness at the foot and at the top of a leg, N m/rad.
-    yaw
-        Torsional stiffness of a leg, N m/rad.
+    flexure
+        Bending stiffness at the foot of a leg, N m/rad.
     load
         Weight of the stage and of all that hangs from it, and vertical forces of preloads, N.
     critical
@@ -227,10 +202,7 @@ class LegStatics:
         Loss angle of the flexures, rad.
     """
 
-    count: int
     flexure: float
-    top: float
-    yaw: float
     load: float
     critical: float
     stiffness: float
@@ -250,9 +222,10 @@ def leg_statics(legs: InvertedPendulum, thrust: float, hung: float, gravity: flo
     hung
         That weight without these forces, N.
     """
-    count, length, inertia = len(tops(legs)), legs.length, leg_inertia(legs)
-    own = count * inertia.on_top * gravity
-    mass = (hung - own) / gravity + count * inertia.top
+    count, length = len(tops(legs)), legs.length
+    _, coupling, top = leg_inertia(legs)
+    own = count * (coupling + top) * gravity
+    mass = (hung - own) / gravity + count * top
     flexure = legs.stiffness
     if flexure is None:
         assert legs.frequency is not None
@@ -263,15 +236,5 @@ def leg_statics(legs: InvertedPendulum, thrust: float, hung: float, gravity: flo
     loss = legs.loss_angle or 0.0
     if legs.q is not None:
         loss = stiffness / elastic / legs.q if stiffness.real > 0 else 0.0
-    return LegStatics(
-        count=count,
-        flexure=flexure,
-        top=legs.top_stiffness,
-        yaw=flexure / ROUND_ROD if legs.yaw_stiffness is None else legs.yaw_stiffness,
-        load=thrust - own,
-        critical=elastic * length - own,
-        stiffness=stiffness,
-        elastic=elastic,
-        mass=mass,
-        loss=loss,
-    )
+    critical = elastic * length - own
+    return LegStatics(flexure, thrust - own, critical, stiffness, elastic, mass, loss)

@@ -156,6 +156,11 @@ class Link(BetweenBodies, frozen=True):
         demand.excludes("table", "loss_angle"),
     )
 
+    @property
+    def made_of(self) -> str | None:
+        """Name of the material of its strands, if it has any."""
+        return None if self.strands is None else self.strands.material
+
 
 class EddyCurrent(Table, frozen=True):
     """A magnet, taken as a dipole along an axis, in front of a plate or inside a tube."""

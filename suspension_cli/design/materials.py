@@ -4,35 +4,43 @@ from __future__ import annotations
 
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
-from suspension_cli.design.losses.registry import MECHANISMS
-from suspension_cli.design.schema import Design, Material, MaterialLoss
+from suspension_cli.design.losses import MaterialLoss
+from suspension_cli.design.schema import Design, Material
 
 BUILT_IN = msgspec.convert(
     tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")),
     dict[str, Material],
 )
 """Built-in materials by name; the file has their sources."""
+BULK = ("angle", "table", "surface_depth")
+"""Keys of the loss of the bulk and of what is relative to it."""
 
 
 def resolve(design: Design, name: str) -> Material:
-    """Look up a material: values of the design, then built-in ones, with all losses in `loss`."""
+    """Look up a material: values of the design, then built-in ones, with all losses in `loss`.
+
+    A surface depth is relative to the loss angle of the bulk, so the built-in depth is dropped if
+    the design gives a bulk loss.
+    """
     own = design.materials.get(name, Material())
     base = BUILT_IN.get(name, Material())
-    given = {
-        key: value for key, value in msgspec.structs.asdict(own).items() if value not in (None, "")
-    }
-    return msgspec.structs.replace(base, **given | {"loss": _loss(own, base)})
+    given, loss = _given(own), _given(base.loss or MaterialLoss())
+    own_loss: dict[str, Any] = _given(own.loss or MaterialLoss())
+    if own.loss_angle is not None:
+        own_loss = {"angle": own.loss_angle} | own_loss
+    if {"angle", "table"} & own_loss.keys():
+        loss = {key: value for key, value in loss.items() if key not in BULK}
+    return msgspec.structs.replace(base, **given | {"loss": MaterialLoss(**loss | own_loss)})
 
 
-def _loss(own: Material, base: Material) -> MaterialLoss:
-    built_in = msgspec.structs.replace(base, loss=base.loss or MaterialLoss())
-    values: dict[str, object] = {}
-    for mechanism in MECHANISMS:
-        values |= mechanism.merge(own, built_in)
-    return MaterialLoss(**values)
+def _given(table: Material | MaterialLoss) -> dict[str, Any]:
+    """Values that a table gives."""
+    values = msgspec.structs.asdict(table)
+    return {key: value for key, value in values.items() if value not in (None, "")}
 
 
 def constant_angle(design: Design, name: str) -> float:

@@ -108,6 +108,11 @@ class Transducer(Table, frozen=True):
         "standard deviations of entries of mix, which are then fitted from 0 or mix", {}
     )
 
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """Signals of the design in the channel, with those fitted from 0 (`mix_uncertainty`)."""
+        return (self.signal, *self.mix, *self.mix_uncertainty)
+
     def _check_signals(self) -> Problems:
         for name, signal in [("signal", self.signal), *(("mix", signal) for signal in self.mix)]:
             if "." not in signal:

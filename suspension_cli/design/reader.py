@@ -6,7 +6,6 @@ import contextlib
 import copy
 import functools
 import hashlib
-import math
 import os
 import re
 import tomllib
@@ -278,15 +277,16 @@ def _diameters(file: Path) -> Raw:
 
 def _stiffness(file: Path, form: str) -> Raw:
     """Frequency, real and imaginary parts per axis of a CSV file."""
+    import numpy as np
+
     remedy = "give frequency and two columns per axis: 3 columns for one axis, 13 for six"
     found = _columns(file, (3, 13), remedy)
-    frequency, *rows = [found.numbers(n, "number").tolist() for n in range(len(found.names))]
-    first, second = rows[::2], rows[1::2]
+    frequency, *rows = [found.numbers(n, "number") for n in range(len(found.names))]
+    first, second = np.array(rows[::2]), np.array(rows[1::2])
     if form == "modulus-loss":
-        pairs = [list(zip(a, b, strict=True)) for a, b in zip(first, second, strict=True)]
-        first = [[k * math.cos(phi) for k, phi in pair] for pair in pairs]
-        second = [[k * math.sin(phi) for k, phi in pair] for pair in pairs]
-    return {"frequency": frequency, "real": first, "imaginary": second}
+        first, second = first * np.cos(second), first * np.sin(second)
+    parts = {"frequency": frequency, "real": first, "imaginary": second}
+    return {key: part.tolist() for key, part in parts.items()}
 
 
 def write_toml(raw: Raw) -> str:

@@ -19,8 +19,7 @@ from suspension_cli.design.bodies import Body
 from suspension_cli.design.filters import Filter
 from suspension_cli.design.inverted_pendulum import InvertedPendulum
 from suspension_cli.design.links import Active, BetweenBodies, Damper, Link
-from suspension_cli.design.losses.mechanism import with_keys
-from suspension_cli.design.losses.registry import MECHANISMS
+from suspension_cli.design.losses import MaterialLoss
 from suspension_cli.design.tables import (
     Plausible,
     Problems,
@@ -68,10 +67,6 @@ class Constants(Table, frozen=True):
             yield "gravity", "does not point down, so that nothing hangs", remedy
 
     rules = (demand.symmetric("gravity_gradient"), _check_direction)
-
-
-class MaterialLoss(with_keys(Table, MECHANISMS)):
-    """Losses of a material, for the models in which wires bend."""
 
 
 class Material(Table, frozen=True):
@@ -136,6 +131,11 @@ class Spring(Table, frozen=True):
     active: Active = False
 
     rules = (demand.symmetric("stiffness", "damping"), demand.needs("thickness", "material"))
+
+    @property
+    def made_of(self) -> str | None:
+        """Name of its material, if the design gives it."""
+        return self.material
 
 
 Viscous = Annotated[float, doc("viscous damping in N s/m or N m s/rad", ge=0, le=1e12)]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
-from suspension_cli.design.cross_sections.round import Round
-from suspension_cli.design.cross_sections.shape import CrossSection
+from suspension_cli.design.cross_sections import CrossSection, Round
 from suspension_cli.design.wires import Profile, Wire, WireSection, WireSet, cross_sections
 
 STEPS = 16
@@ -43,11 +43,18 @@ def reduced(profile: Profile, error: float | None = None) -> list[WireSection]:
         Instead of that of the profile; 0: one section per pair of places.
     """
     wanted = profile.error if error is None else error
+    return _reduced(tuple(profile.position), tuple(profile.diameter), wanted)
+
+
+@lru_cache(maxsize=64)  # a design needs them often
+def _reduced(
+    position: tuple[float, ...], diameter: tuple[float, ...], wanted: float
+) -> list[WireSection]:
     limit = math.sqrt(wanted)
     sections: list[WireSection] = []
     length = volume = 0.0
     low, high = math.inf, 0.0
-    points = zip(profile.position, profile.diameter, strict=True)
+    points = zip(position, diameter, strict=True)
     for (top, above), (bottom, below) in pairwise(points):
         # a steep stretch is divided, so that none exceeds the limit
         parts = max(1, math.ceil(abs(math.log(below / above)) / limit)) if wanted else 1
@@ -71,7 +78,7 @@ def _section(length: float, volume: float) -> WireSection:
 def given_sections(wire: WireSet | Wire) -> Sequence[WireSection] | None:
     """Sections of a wire: given, of a fibre with necks, or of a measured profile; else None."""
     if isinstance(wire.profile, Profile):
-        return _of_profile(wire.profile, id(wire.profile))
+        return reduced(wire.profile)
     if wire.neck is None:
         return wire.sections
     neck, radius = wire.neck, wire.radius
@@ -84,19 +91,6 @@ def given_sections(wire: WireSet | Wire) -> Sequence[WireSection] | None:
         WireSection(length=neck.length, radius=[radius, neck.radius], steps=neck.steps),
         *stock,
     ]
-
-
-_PROFILES: dict[int, tuple[Profile, list[WireSection]]] = {}
-
-
-def _of_profile(profile: Profile, key: int) -> list[WireSection]:
-    """Sections of a profile, cached, as a design needs them often."""
-    known = _PROFILES.get(key)
-    if known is None or known[0] is not profile:
-        if len(_PROFILES) > 64:
-            _PROFILES.clear()
-        known = _PROFILES[key] = (profile, reduced(profile))
-    return known[1]
 
 
 def thinnest(wire: WireSet | Wire | WireSection) -> float | None:

@@ -89,16 +89,6 @@ def doc(
     return Meta(description=description or None, extra=extra or None, **bounds)
 
 
-def unit(kind: object) -> str:
-    """Read the SI unit of a type of this file; "" if it has none.
-
-    >>> unit(Annotated[float, doc("length in m", "m", ge=0)]), unit(float)
-    ('m', '')
-    """
-    found = [extra.extra for extra in getattr(kind, "__metadata__", ()) if isinstance(extra, Meta)]
-    return next((extra["unit"] for extra in found if extra and "unit" in extra), "")
-
-
 class _Key(NamedTuple):
     default: Any
     meta: Meta
@@ -178,16 +168,21 @@ def declared(kind: type[Table]) -> dict[str, dict[str, Any]]:
     names or numbers.
     """
     hints = get_type_hints(kind, include_extras=True)
-    return {key: _facts(hints[key]) for key in kind.__struct_fields__}
+    return {key: facts(hints[key]) for key in kind.__struct_fields__}
 
 
-def _facts(hint: Any) -> dict[str, Any]:
+def facts(hint: Any) -> dict[str, Any]:
+    """Facts that a type declares, and those of the types in it, see `declared`.
+
+    >>> facts(Annotated[float, doc("length in m", "m", ge=0)])
+    {'description': 'length in m', 'unit': 'm'}
+    """
     if isinstance(hint, type) and issubclass(hint, Table):
         return {"tables": (hint,)}
     found: dict[str, Any] = {}
     metadata = getattr(hint, "__metadata__", ())
     for inner in get_args(hint)[: 1 if metadata else None]:
-        below = _facts(inner)
+        below = facts(inner)
         tables = found.get("tables", ()) + below.get("tables", ())
         found = below | found | ({"tables": tables} if tables else {})
     if get_origin(hint) in (list, dict) and "tables" in found:

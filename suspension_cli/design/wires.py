@@ -5,9 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from suspension_cli.design import demand, units
-from suspension_cli.design.cross_sections.ribbon import Ribbon
-from suspension_cli.design.cross_sections.round import Round
-from suspension_cli.design.cross_sections.shape import CrossSection
+from suspension_cli.design.cross_sections import CrossSection, Ribbon, Round
 from suspension_cli.design.tables import Plausible, Problems, Table, doc, given, key
 from suspension_cli.design.units import NAMES
 
@@ -344,6 +342,11 @@ class AnyBlade(Table, frozen=True):
         demand.needs("thickness", "material", unless="geometry"),
         demand.not_tiny("tip_mass"),
     )
+
+    @property
+    def made_of(self) -> str | None:
+        """Name of its material, if the design gives it."""
+        return self.material if self.geometry is None else self.geometry.material
 
 
 class BladeSet(AnyBlade, frozen=True):

@@ -2,29 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from suspension_cli.design.derive import SetGeometry, set_geometry
 from suspension_cli.design.schema import Stage
 from suspension_cli.drawing.canvas import Canvas
-from suspension_cli.drawing.dimensions import (
-    HEAD,
-    SIZE,
-    draw_dimension,
-    draw_dot,
-    draw_extension,
-    draw_leader,
-    width_of,
-    write_note,
-)
-from suspension_cli.drawing.geometry import View, wire_ends
-from suspension_cli.drawing.labels import spread
-from suspension_cli.drawing.parts import Sketch, support_box
+from suspension_cli.drawing.geometry import Sketch, View, wire_ends
+from suspension_cli.drawing.labels import spread, text_width
+from suspension_cli.drawing.parts import support_box
 from suspension_cli.drawing.style import NOTE, PALE, length, shorten, single_line
 from suspension_cli.scene.arrays import Array
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+SIZE = 5.6
+"""Font size of dimensions, points."""
+HEAD = 0.06
+"""Length of an arrowhead, in."""
+THIN = 0.5
+"""Width of a dimension line, points."""
+BLANK = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
+"""Box behind a text, which hides what lies below."""
+ORDER = 7.0
+"""Order of dimensions on the canvas: above everything else."""
 LEAST_ROOM = 0.25
 """Free height between two bodies that is enough for one dimension line, in."""
 MOST_CLEARANCE = 0.4
@@ -32,8 +37,8 @@ MOST_CLEARANCE = 0.4
 LINE = 0.115
 """Height of a line of small text, in."""
 MANY = 12
-"""Number of bodies above which names are written into the bodies, without masses and numbers of
-wires, which the tables list."""
+"""Number of bodies above which d, d_u, masses and numbers of wires, which the tables list, are left
+out."""
 
 
 @dataclass(frozen=True)
@@ -82,21 +87,21 @@ class _Set:
 
 def draw_dimensions(canvas: Canvas, plan: Plan) -> None:
     """Draw the dimensions of symmetric sets for which there is room; a table lists them all."""
-    labels: list[tuple[Array, str]] = []
-    parents = [
-        _parent(plan.sketch, n, stage) for n, stage in enumerate(plan.sketch.design.stage, 1)
-    ]
-    for n, (stage, parent) in enumerate(zip(plan.sketch.design.stage, parents, strict=True), 1):
+    sketch, labels = plan.sketch, list[tuple[Array, str]]()
+    parents = [_parent(sketch, n, stage) for n, stage in enumerate(sketch.design.stage, 1)]
+    for n, (stage, parent) in enumerate(zip(sketch.design.stage, parents, strict=True), 1):
         if stage.wires is None or parents.count(parent) > 1:
             continue  # the lines of bodies that hang from the same one would overlap
-        here = _set(plan.sketch, stage, parent, n)
-        _separations(canvas, plan, here)
+        here = _set(sketch, set_geometry(stage.wires), parent, n)
+        if plan.face.scale * (here.top - here.bottom) >= LEAST_ROOM:
+            _separations(canvas, plan, here)
         _wire_length(canvas, plan, here)
-        labels += _heights(canvas, plan.side, here)
-    for (target, text), y in zip(
-        labels, spread([float(target[1]) for target, _ in labels], LINE), strict=True
-    ):
-        draw_leader(canvas, plan.left, y, target, text)
+        labels += _heights(canvas, plan.side, here) if len(parents) <= MANY else []
+    levels = spread([float(target[1]) for target, _ in labels], LINE)
+    for (target, text), y in zip(labels, levels, strict=True):
+        canvas.line([[plan.left + 0.02, y], [plan.left + 0.1, y], target], NOTE, 0.4, ORDER - 0.1)
+        draw_dot(canvas, target)
+        canvas.text(plan.left, y, text, fontsize=SIZE, color=NOTE, ha="right", va="center")
     _total(canvas, plan)
 
 
@@ -108,10 +113,8 @@ def _parent(sketch: Sketch, number: int, stage: Stage) -> int:
     return names.index(stage.hangs_from) + 1 if stage.hangs_from in names else 0
 
 
-def _set(sketch: Sketch, stage: Stage, parent: int, number: int) -> _Set:
-    assert stage.wires is not None
-    shape, position = set_geometry(stage.wires), sketch.scene.bodies.position
-    above, below = position[parent], position[number]
+def _set(sketch: Sketch, shape: SetGeometry, parent: int, number: int) -> _Set:
+    above, below = sketch.scene.bodies.position[[parent, number]]
     upper = sketch.outlines[parent - 1].half if parent else np.zeros(3)
     lower = sketch.outlines[number - 1].half
     top = float(above[2]) - max(shape.d_upper, float(upper[2]))
@@ -121,14 +124,14 @@ def _set(sketch: Sketch, stage: Stage, parent: int, number: int) -> _Set:
 
 def _separations(canvas: Canvas, plan: Plan, here: _Set) -> None:
     """Draw s in the side view, t1 and t2 in the face view, in the space between the bodies."""
-    shape, face, side = here.shape, plan.face, plan.side
-    room = face.scale * (here.top - here.bottom)
-    if room < LEAST_ROOM or shape.count == 1 or shape.is_ring:
+    shape = here.shape
+    if shape.count == 1 or shape.is_ring:
         return
     symbols = ("$t_1$", "$t_2$", "$t_1$ = $t_2$")
-    _pair(canvas, face, here, 1, (shape.t1, shape.t2), symbols, room)
+    _pair(canvas, plan.face, here, 1, (shape.t1, shape.t2), symbols)
     if shape.count == 4:
-        _pair(canvas, side, here, 0, (shape.s_upper, shape.s_lower), ("$s$", "$s$", "$s$"), room)
+        halves = shape.s_upper, shape.s_lower
+        _pair(canvas, plan.side, here, 0, halves, ("$s$", "$s$", "$s$"))
 
 
 def _pair(
@@ -138,49 +141,32 @@ def _pair(
     axis: int,
     halves: tuple[float, float],
     symbols: tuple[str, str, str],
-    room: float,
 ) -> None:
-    """Draw the half separations at the upper and lower ends; equal ones as one."""
+    """Draw the half separations at the upper and lower ends, from the axis; equal ones as one.
+
+    Extension lines lead to the ends of the wires; text outside avoids the wires.
+    """
     upper, lower = halves
     top, bottom = float(here.above[2]) - here.shape.d_upper, float(here.below[2]) + here.shape.d
+    room = view.scale * (here.top - here.bottom)
     inset = min(0.16, room / 3) / view.scale
-    middle = (here.top + here.bottom) / 2
     if upper == lower:
-        _across(canvas, view, here, axis, (middle, middle), (upper, upper), symbols[2])
-        return
-
-    def wire(level: float) -> float:
-        return float(np.interp(level, [bottom, top], [lower, upper]))
-
-    level = here.top - inset
-    _across(canvas, view, here, axis, (level, top), (upper, wire(level)), symbols[0])
-    if room > 2 * LEAST_ROOM or upper == 0:
-        level = here.bottom + inset
-        _across(canvas, view, here, axis, (level, bottom), (lower, wire(level)), symbols[1])
-
-
-def _across(
-    canvas: Canvas,
-    view: View,
-    here: _Set,
-    axis: int,
-    levels: tuple[float, float],
-    halves: tuple[float, float],
-    symbol: str,
-) -> None:
-    """Draw a half separation from the axis outwards.
-
-    `levels` are the heights of its dimension line and of the wires' ends (m). `halves` are the half
-    separation and that of the wires at the dimension line (m), which the text avoids.
-    """
-    half, wire = halves
-    if half == 0:
-        return
-    inner = np.array([*here.below[:2], levels[0]])
-    outer = inner + half * np.eye(3)[axis]
-    a, b, end = view.see(inner), view.see(outer), view.see(np.array([*outer[:2], levels[1]]))
-    draw_extension(canvas, end, b)
-    draw_dimension(canvas, a, b, f"{symbol} = {length(half)}", view.scale * (wire - half))
+        middle = (here.top + here.bottom) / 2
+        shown = [(middle, middle, upper, symbols[2])]
+    else:
+        shown = [(here.top - inset, top, upper, symbols[0])]
+        if room > 2 * LEAST_ROOM or upper == 0:
+            shown.append((here.bottom + inset, bottom, lower, symbols[1]))
+    for level, end, half, symbol in shown:
+        if half:
+            points = np.tile([*here.below[:2], level], (3, 1))
+            points[1:, axis] += half
+            points[2, 2] = end
+            a, b, tip = view.see(points)
+            wire = float(np.interp(level, [bottom, top], [lower, upper]))
+            _draw_extension(canvas, tip, b)
+            text = f"{symbol} = {length(half)}"
+            _draw_dimension(canvas, a, b, text, clear=view.scale * (wire - half))
 
 
 def _wire_length(canvas: Canvas, plan: Plan, here: _Set) -> None:
@@ -195,24 +181,21 @@ def _wire_length(canvas: Canvas, plan: Plan, here: _Set) -> None:
     lower = view.see(here.below + np.array([0.0, -shape.t2, shape.d]))
     span = lower - upper
     size = float(np.linalg.norm(span))
-    out = _clearance(view.scale, here) * np.array([span[1], -span[0]]) / size
+    # clear of both bodies if these are near
+    ends = zip(here.halves, (shape.t1, shape.t2), strict=True)
+    wanted = [0.17, *(view.scale * (half - t) + 0.13 for half, t in ends)]
+    clearance = max(value for value in wanted if value <= MOST_CLEARANCE)
+    out = clearance * np.array([span[1], -span[0]]) / size
     texts = [f"$l$ = {length(shape.length)}", length(shape.length)]
-    fitting = [text for text in texts if width_of(text) + 3 * HEAD < size]
-    if not fitting:
-        return
-    free_of_bodies = [text for text in fitting if width_of(text) < view.scale * (top - here.bottom)]
-    draw_extension(canvas, upper, upper + out)
-    draw_extension(canvas, lower, lower + out)
-    place = float((free - lower[1] - out[1]) / (upper[1] - lower[1] or 1.0))
-    text = (free_of_bodies or fitting)[0]
-    draw_dimension(canvas, lower + out, upper + out, text, place=place)
-
-
-def _clearance(scale: float, here: _Set) -> float:
-    """Distance of a wire from its dimension line, in: clear of both bodies if these are near."""
-    ends = zip(here.halves, (here.shape.t1, here.shape.t2), strict=True)
-    wanted = [0.17, *(scale * (half - t) + 0.13 for half, t in ends)]
-    return max(value for value in wanted if value <= MOST_CLEARANCE)
+    fitting = [text for text in texts if text_width(text, SIZE) + 3 * HEAD < size]
+    if fitting:
+        room = view.scale * (top - here.bottom)
+        free_of_bodies = [text for text in fitting if text_width(text, SIZE) < room]
+        _draw_extension(canvas, upper, upper + out)
+        _draw_extension(canvas, lower, lower + out)
+        place = float((free - lower[1] - out[1]) / (upper[1] - lower[1] or 1.0))
+        text = (free_of_bodies or fitting)[0]
+        _draw_dimension(canvas, lower + out, upper + out, text, place=place)
 
 
 def _heights(canvas: Canvas, view: View, here: _Set) -> list[tuple[Array, str]]:
@@ -228,8 +211,8 @@ def _heights(canvas: Canvas, view: View, here: _Set) -> list[tuple[Array, str]]:
         level = view.see(centre + np.array([x, 0.0, 0.0]))
         end = view.see(centre + np.array([x, 0.0, z]))
         if float(np.linalg.norm(end - level)) > 3 * HEAD:
-            draw_extension(canvas, view.see(centre), level)
-            draw_dimension(canvas, level, end, "")
+            _draw_extension(canvas, view.see(centre), level)
+            _draw_dimension(canvas, level, end, "")
             end = (level + end) / 2
         leaders.append((end, f"{symbol} = {length(value)}"))
     return leaders
@@ -239,19 +222,85 @@ def _total(canvas: Canvas, plan: Plan) -> None:
     """Draw the height from the suspension point to the lowest body."""
     sketch, view = plan.sketch, plan.face
     positions = sketch.scene.bodies.position[1:]
-    bottoms = [
-        float(position[2] - body.half[2])
-        for position, body in zip(positions, sketch.outlines, strict=True)
-    ]
+    half = np.array([body.half for body in sketch.outlines])
+    bottoms = positions[:, 2] - half[:, 2]
     lowest, box = int(np.argmin(bottoms)), support_box(sketch)
-    top, bottom = view.see(np.zeros(3)), view.see(np.array([0.0, 0.0, min(bottoms)]))
-    if float(top[1] - bottom[1]) < 4 * HEAD:
+    top, bottom = view.see([[0.0, 0.0, 0.0], [0.0, 0.0, bottoms.min()]])[:, 1]
+    if top - bottom < 4 * HEAD:
         return
-    half = np.array([0.0, float(sketch.outlines[lowest].half[1]), 0.0])
-    edges = (view.see(box[1])[0], top[1]), (view.see(positions[lowest] + half)[0], bottom[1])
-    for x, y in edges:
-        draw_extension(canvas, [x + 0.04, y], [plan.right, y])
-    draw_dimension(canvas, [plan.right, bottom[1]], [plan.right, top[1]], length(-min(bottoms)))
+    side = view.see(positions[lowest] + half[lowest] * (0, 1, 0))[0]
+    for x, y in ((view.see(box[1])[0], top), (side, bottom)):
+        _draw_extension(canvas, [x + 0.04, y], [plan.right, y])
+    _draw_dimension(canvas, [plan.right, bottom], [plan.right, top], length(-float(bottoms.min())))
+
+
+def _draw_extension(canvas: Canvas, start: ArrayLike, end: ArrayLike) -> None:
+    """Draw a thin line from the object to a little beyond its dimension line."""
+    start, end = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
+    span = float(np.linalg.norm(end - start))
+    if span > 1e-9:
+        canvas.line([start, end + 0.04 * (end - start) / span], NOTE, 0.35, ORDER - 0.1)
+
+
+def _draw_dimension(
+    canvas: Canvas,
+    a: ArrayLike,
+    b: ArrayLike,
+    text: str,
+    clear: float = 0.0,
+    place: float = 0.5,
+) -> None:
+    """Draw a dimension line from a to b (2,), in inches, with its text.
+
+    The text is in the line if there is room; else beyond b and horizontal. If there is no room for
+    arrows either, they come from outside.
+
+    Parameters
+    ----------
+    clear
+        Position, relative to b, in, at which something else crosses the line: text outside stays
+        beyond it, text inside before it.
+    place
+        Place of text inside, as a fraction of the way from a to b, where it has room.
+    """
+    a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
+    span = float(np.linalg.norm(b - a))
+    along = (b - a) / span if span > 0 else np.array([1.0, 0.0])
+    across = np.array([-along[1], along[0]])
+    outside = 0.0 if span > 2.6 * HEAD else 2.2 * HEAD
+    canvas.line([a - outside * along, b + outside * along], NOTE, THIN, ORDER)
+    for tip, sign in ((a, -1.0 if outside else 1.0), (b, 1.0 if outside else -1.0)):
+        base = tip + sign * HEAD * along
+        wings = [tip, base + 0.17 * HEAD * across, base - 0.17 * HEAD * across]
+        canvas.polygon(wings, NOTE, "none", 0.0, ORDER)
+    if not text:
+        return
+    inside, wide = span + min(clear, 0.0), text_width(text, SIZE)
+    if inside > wide + 3 * HEAD:
+        angle = (float(np.degrees(np.arctan2(along[1], along[0]))) + 89.999) % 180 - 89.999
+        end = (wide / 2 + 1.5 * HEAD) / inside
+        place = min(max(place, end), 1 - end)
+        write_note(canvas, a + place * inside * along, text, rotation=angle)
+        return
+    if abs(along[0]) > 0.5:
+        side, up = "left" if along[0] > 0 else "right", "center"
+    else:
+        side, up = "center", "bottom" if along[1] > 0 else "top"
+    write_note(canvas, b + (max(clear, outside) + 0.05) * along, text, ha=side, va=up)
+
+
+def write_note(canvas: Canvas, where: Iterable[float], text: str, **how: Any) -> None:
+    """Write text, hiding what is below it; centred on a point unless `how` says otherwise."""
+    x, y = map(float, where)
+    look = {"fontsize": SIZE, "color": NOTE, "bbox": BLANK, "ha": "center", "va": "center"}
+    canvas.text(x, y, text, **(look | how))
+
+
+def draw_dot(canvas: Canvas, where: Array, colour: str = NOTE) -> None:
+    """Draw a small dot."""
+    angle = np.linspace(0, 2 * np.pi, 13)
+    circle = 0.016 * np.column_stack([np.cos(angle), np.sin(angle)])
+    canvas.polygon(where + circle, colour, "none", 0.0, ORDER)
 
 
 def draw_axes_of_symmetry(canvas: Canvas, plan: Plan) -> None:
@@ -265,106 +314,46 @@ def draw_axes_of_symmetry(canvas: Canvas, plan: Plan) -> None:
 
 
 def write_names(canvas: Canvas, plan: Plan, colours: tuple[str, ...]) -> None:
-    """Write each body's name and mass between the views, with a line to the body in the side view.
+    """Write each body's name and mass between the views, with a line to it in the side view.
 
-    If another body obstructs that line, they are inside the body. Of many bodies only names are
-    written, inside where there is room.
+    Of many bodies only names are written.
     """
-    bodies, boxes = plan.sketch.scene.bodies, _boxes(plan)
-    names = [single_line(name, 18) for name in bodies.name]
-    many = len(boxes) > MANY
-    beside: list[int] = []
-    for n, box in enumerate(boxes):
-        x, y = box.mean(1).tolist()
-        if many and _fits(box, 1.2 * width_of(names[n]), LINE):
-            _name(canvas, names[n], (box[0, 0] + 0.05, y - LINE / 2), colours[n])
-        elif not many and _hidden(boxes, n) and _fits(box, 1.25 * width_of(bodies.name[n]), 0.9):
-            _name(canvas, names[n], (x, y - 0.23), colours[n], bodies.mass[n], "center")
-        else:
-            beside.append(n)
-    levels = [float(boxes[n][1].mean()) for n in beside]
-    for n, y in zip(beside, spread(levels, (1.1 if many else 2.1) * LINE), strict=True):
-        edge = np.array([boxes[n][0, 1], boxes[n][1].mean()])
-        canvas.line([edge, [plan.names - 0.16, y], [plan.names - 0.04, y]], colours[n], 0.5, 5)
-        draw_dot(canvas, edge, colours[n])
-        if many:
-            _name(canvas, names[n], (plan.names, y - LINE / 2), colours[n])
-        else:
-            _name(canvas, names[n], (plan.names, y + 0.01), colours[n], bodies.mass[n])
-
-
-def _name(
-    canvas: Canvas,
-    name: str,
-    where: tuple[float, float],
-    colour: str,
-    mass: float | None = None,
-    side: str = "left",
-) -> None:
-    """Write the name of a body above a point, and below its mass (kg) if it is given."""
-    x, y = where
-    canvas.text(x, y, name, fontsize=6.5, color=colour, fontweight="bold", va="bottom", ha=side)
-    if mass is not None:
-        text = f"{float(mass):.4g} kg"
-        canvas.text(x, y - 0.02, text, fontsize=SIZE, color=NOTE, va="top", ha=side)
-
-
-def _boxes(plan: Plan) -> list[Array]:
-    """Bounds (2, 2) of each body in the side view, in: ((left, right), (bottom, top))."""
-    positions = plan.sketch.scene.bodies.position[1:]
-    return [
-        plan.side.see(np.stack([position - body.half, position + body.half])).T
-        for position, body in zip(positions, plan.sketch.outlines, strict=True)
-    ]
-
-
-def _hidden(boxes: list[Array], n: int) -> bool:
-    """Whether another body lies between a body's right edge and the names."""
-    (_, right), level = boxes[n][0], boxes[n][1].mean()
-    return any(
-        m != n and box[0, 0] >= right and box[1, 0] < level < box[1, 1]
-        for m, box in enumerate(boxes)
-    )
-
-
-def _fits(box: Array, width: float, height: float) -> bool:
-    """Whether a text of a size (in) fits into a body."""
-    wide, tall = np.ptp(box, axis=1)
-    return bool(wide > width + 0.1 and tall > height)
+    bodies, outlines = plan.sketch.scene.bodies, plan.sketch.outlines
+    many = len(outlines) > MANY
+    places = zip(bodies.position[1:], outlines, strict=True)
+    edges = [plan.side.see(position + body.half * (1, 0, 0)) for position, body in places]
+    levels = spread([float(edge[1]) for edge in edges], (1.1 if many else 2.1) * LINE)
+    for n, (edge, y, colour) in enumerate(zip(edges, levels, colours, strict=True)):
+        ends = [edge, [plan.names - 0.16, y], [plan.names - 0.04, y]]
+        canvas.line(ends, colour, 0.5, 5)
+        draw_dot(canvas, edge, colour)
+        look = {"fontsize": 6.5, "color": colour, "fontweight": "bold"}
+        name = single_line(bodies.name[n], 18)
+        canvas.text(plan.names, y, name, va="center" if many else "bottom", **look)
+        if not many:
+            mass = f"{float(bodies.mass[n]):.4g} kg"
+            canvas.text(plan.names, y - 0.01, mass, fontsize=SIZE, color=NOTE, va="top")
 
 
 def write_numbers(canvas: Canvas, plan: Plan) -> None:
     """Write the numbers of wires of stages without a symmetric set, at the middle of each.
 
-    Wires that hide each other share a label. Of many bodies none is written.
+    Wires that are close together share a label. Of many bodies none is written.
     """
-    if len(plan.sketch.design.stage) > MANY:
+    sketch = plan.sketch
+    explicit = {stage.name for stage in sketch.design.stage if stage.wires is None}
+    if len(sketch.design.stage) > MANY:
         return
     for view in (plan.side, plan.face):
-        taken: list[tuple[Array, float]] = []
-        for where, text in _numbered(plan.sketch, view):
-            wide = width_of(text)
-            if all(
-                abs(where[1] - y) > LINE or abs(where[0] - x) > (wide + other) / 2 + 0.04
-                for (x, y), other in taken
-            ):
-                taken.append((where, wide))
-                write_note(canvas, where, text)
-
-
-def _numbered(sketch: Sketch, view: View) -> list[tuple[Array, str]]:
-    """Middles of these wires in a view, and the numbers of the wires there."""
-    explicit = {stage.name for stage in sketch.design.stage if stage.wires is None}
-    middle = view.see(wire_ends(sketch.scene, sketch.pose).mean(1))
-    groups: list[tuple[Array, list[str]]] = []
-    for where, label in zip(middle, sketch.scene.wires.label, strict=True):
-        stage, _, number = label.rpartition(".")
-        if stage in explicit:
-            near = [
-                members for place, members in groups if float(np.abs(place - where).max()) < 0.1
-            ]
-            if near:
-                near[0].append(number)
-            else:
-                groups.append((where, [number]))
-    return [(where, shorten(", ".join(dict.fromkeys(members)), 12)) for where, members in groups]
+        middle = view.see(wire_ends(sketch.scene, sketch.pose).mean(1))
+        groups: list[tuple[Array, list[str]]] = []
+        for where, label in zip(middle, sketch.scene.wires.label, strict=True):
+            stage, _, number = label.rpartition(".")
+            if stage in explicit:
+                near = (own for place, own in groups if (np.abs(place - where) < LINE).all())
+                own = next(near, None)
+                if own is None:
+                    groups.append((where, own := []))
+                own.append(number)
+        for where, numbers in groups:
+            write_note(canvas, where, shorten(", ".join(dict.fromkeys(numbers)), 12))

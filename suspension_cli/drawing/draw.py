@@ -1,23 +1,30 @@
-"""Drawing of a design to scale, side on and face on, with its dimensions."""
+"""Drawing of a design to scale, side on and face on, with its dimensions and imperfections."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from suspension_cli.design.schema import Design
-from suspension_cli.drawing import annotate, imperfect, panels, parts, style, tables
-from suspension_cli.drawing.annotate import Plan
-from suspension_cli.drawing.bodies import outlines
+from suspension_cli.drawing import annotate, panels, parts, style, tables
+from suspension_cli.drawing.annotate import Plan, write_note
 from suspension_cli.drawing.canvas import Canvas, full_canvas
-from suspension_cli.drawing.geometry import FACE, SIDE, View
-from suspension_cli.drawing.imperfect import Exaggerated
-from suspension_cli.drawing.parts import Look, Sketch
+from suspension_cli.drawing.geometry import (
+    FACE,
+    SIDE,
+    Sketch,
+    Stroke,
+    sketch_at_rest,
+)
+from suspension_cli.drawing.parts import Look
 from suspension_cli.drawing.style import INK, NOTE, PALE
+from suspension_cli.equilibrium import nominal
+from suspension_cli.equilibrium import solve as equilibrium
+from suspension_cli.rotations import rotation_matrix
 from suspension_cli.scene.arrays import Array
-from suspension_cli.scene.pose import nominal_pose
 from suspension_cli.scene.scene import Scene
 
 MARGIN = 0.1
@@ -34,31 +41,22 @@ RIGHT = 1.15
 """Width of the dimensions right of the face view, in."""
 FOOT = 0.55
 """Height of the horizontal axes, in."""
-SUPPORT = 0.1
-"""Thickness of the support, in."""
-TICK = 0.36
+SUPPORT = 0.025
+"""Thickness of the support over the size of the suspension."""
+TICK = 0.27
 """Least distance between ticks, in."""
 KEY = 0.12
 """Height of a line of the key, in."""
 LOWEST = 4.0
 """Height of the views that long tables leave to them, in."""
-
-
-@dataclass(frozen=True)
-class _Bounds:
-    """Bounds of the two views in m: (low, high) along x, y and z."""
-
-    x: tuple[float, float]
-    y: tuple[float, float]
-    z: tuple[float, float]
-
-    @property
-    def width(self) -> float:
-        return self.x[1] - self.x[0] + self.y[1] - self.y[0]
-
-    @property
-    def height(self) -> float:
-        return self.z[1] - self.z[0]
+LARGEST_SHIFT = 0.1
+"""Largest displacement by imperfections, as a fraction of the suspension's size."""
+LARGEST_ANGLE = 0.3
+"""Largest rotation by imperfections, rad."""
+FACTORS = tuple(m * 10.0**n for n in range(-2, 9) for m in (1, 2, 5))
+"""Factors of exaggeration; below 1 where imperfections are larger than a drawing can show."""
+NOTHING = 1e-12
+"""Displacement over the suspension's size, or rotation in rad, below which nothing is drawn."""
 
 
 def draw(design: Design, scene: Scene, tabulate: bool = True) -> Figure:
@@ -71,139 +69,158 @@ def draw(design: Design, scene: Scene, tabulate: bool = True) -> Figure:
     no imperfections or batch axes.
     """
     with style.house_style():
-        bare = Sketch(design, scene, outlines(design, scene), nominal_pose(scene), 0.0)
-        flawed = imperfect.exaggerate(bare)
-        bounds = _bounds(bare, flawed)
+        sketch = sketch_at_rest(design, scene, SUPPORT)
+        shown, factor = exaggerate(sketch)
+        low, high = _bounds(sketch, shown)
         inner = style.PAGE_WIDTH - 2 * MARGIN
-        shown = [table.stretched(inner) for table in tables.listed(design, scene) if tabulate]
+        listed = tables.listed(design, scene) if tabulate else []
         key = tables.key(scene) if tabulate else []
-        below = FOOT + sum(table.height + 0.1 for table in shown) + KEY * len(key) + 0.1
-        beside = SCALE + LEADERS + _names(scene) + LENGTHS + RIGHT
-        room = inner - beside, max(style.PAGE_HEIGHT - TOP - below, LOWEST)
-        sketch = replace(bare, thick=SUPPORT / _scale(bounds, room))
-        bounds = _bounds(sketch, flawed)
-        scale = _scale(bounds, room)
-        figure = style.new_figure(style.PAGE_WIDTH, TOP + scale * bounds.height + below)
-        name = design.design.title or design.design.name
-        panels.write_heading(figure, "Dimensions, to scale" + _remark(flawed), name)
-        plan = _plan(
-            figure, sketch, bounds, scale, MARGIN + (inner - beside - scale * bounds.width) / 2
+        below = FOOT + sum(table.height + 0.1 for table in listed) + KEY * len(key) + 0.1
+        names = 0.42 + 0.068 * min(max(len(name) for name in scene.bodies.name), 18)
+        beside = SCALE + LEADERS + names + LENGTHS + RIGHT
+        wide, deep, tall = high - low
+        room = max(style.PAGE_HEIGHT - TOP - below, LOWEST)
+        scale = min((inner - beside) / max(wide + deep, 1e-9), room / max(tall, 1e-9))
+        left = MARGIN + SCALE + LEADERS + (inner - beside - scale * (wide + deep)) / 2
+        face = left + scale * wide + names + LENGTHS
+        foot = below - scale * low[2]
+        plan = Plan(
+            sketch=sketch,
+            side=SIDE.at((left - scale * low[0], foot), scale),
+            face=FACE.at((face - scale * low[1], foot), scale),
+            left=left - 0.16,
+            right=face + scale * deep + RIGHT - 0.2,
+            names=left + scale * wide + 0.32,
         )
+        figure = style.new_figure(style.PAGE_WIDTH, TOP + scale * tall + below)
+        remark = ""
+        if factor:
+            size = f"{factor:,.6g} times larger" if factor != 1 else "to scale"
+            remark = f"; imperfections {size} (grey: without)"
+        name = design.design.title or design.design.name
+        panels.write_heading(figure, "Dimensions, to scale" + remark, name)
         canvas = full_canvas(figure)
-        _views(canvas, plan, flawed)
-        _axes(figure, plan, bounds)
+        _views(canvas, plan, shown, is_displaced=factor is not None)
+        _axes(figure, plan, low, high)
+        colours = tuple(style.stage_colours(scene.bodies.name).values())
         top = below - FOOT
-        for table in shown:
-            tables.write(canvas, MARGIN, top, table, _colours(scene) if table is shown[0] else ())
+        for n, table in enumerate(listed):
+            tables.write(canvas, MARGIN, top, inner, table, () if n else colours)
             top -= table.height + 0.1
-        for line in key:
-            canvas.text(MARGIN, top, line, fontsize=tables.SIZE, color=NOTE, va="top")
-            top -= KEY
+        for n, line in enumerate(key):
+            canvas.text(MARGIN, top - n * KEY, line, fontsize=tables.SIZE, color=NOTE, va="top")
         canvas.flush()
         return figure
 
 
-def _scale(bounds: _Bounds, room: tuple[float, float]) -> float:
-    """Choose the scale, in/m, at which the views fit into a width and height, in."""
-    return min(room[0] / max(bounds.width, 1e-9), room[1] / max(bounds.height, 1e-9))
+Strokes = dict[int, list[Stroke]]
+"""Strokes of a suspension by the axis of the view."""
 
 
-def exaggeration(design: Design, scene: Scene) -> float | None:
-    """Factor by which `draw` exaggerates imperfections; None if nothing is displaced."""
-    bare = Sketch(design, scene, outlines(design, scene), nominal_pose(scene), 0.0)
-    flawed = imperfect.exaggerate(bare)
-    return flawed.factor if flawed else None
+def exaggerate(sketch: Sketch) -> tuple[Strokes, float | None]:
+    """Displace the strokes of a sketch by its imperfections, times the factor that shows them well.
+
+    A point at n in the drawn design, at p in its equilibrium and at q in that of the imperfect one,
+    is drawn at n + f (q - p), with one factor f for all. The `sketch` is without imperfections, at
+    rest. The factor is None if nothing is displaced.
+    """
+    still = {view.normal: sketch.strokes(view.normal) for view in (SIDE, FACE)}
+    if not sketch.design.perturbation:
+        return still, None
+    scenes = sketch.scene, nominal.expand(sketch.design)
+    found = [equilibrium.solve(scene) for scene in scenes]
+    poses = [
+        one.pose if found[0].converged and found[1].converged else sketch.pose for one in found
+    ]
+    turns = dict.fromkeys(sketch.scene.bodies.name, np.zeros(3))
+    for item in sketch.design.perturbation:
+        if item.body in turns and item.rotation is not None:
+            turns[item.body] = turns[item.body] + item.rotation
+    pairs = zip(sketch.outlines, turns.values(), strict=True)
+    turned = [replace(body, turn=rotation_matrix(turn)) for body, turn in pairs]
+    before = replace(sketch, scene=scenes[0], pose=poses[0])
+    after = replace(sketch, scene=scenes[1], pose=poses[1], outlines=turned)
+    change = {
+        normal: [
+            last.points - first.points
+            for first, last in zip(before.strokes(normal), after.strokes(normal), strict=True)
+        ]
+        for normal in still
+    }
+    shift = turn = NOTHING
+    for normal, lines in still.items():
+        for line, moved in zip(lines, change[normal], strict=True):
+            shift = max(shift, float(np.abs(moved.mean(0)).max()) / sketch.size)
+            if line.kind == "body":
+                turn = max(turn, _spread(moved) / _spread(line.points))
+    if max(shift, turn) <= NOTHING:
+        return still, None
+    largest = min(LARGEST_SHIFT / shift, LARGEST_ANGLE / turn)
+    factor = max((one for one in FACTORS if one <= largest), default=FACTORS[0])
+    return {
+        normal: [
+            replace(line, points=line.points + factor * moved)
+            for line, moved in zip(lines, change[normal], strict=True)
+        ]
+        for normal, lines in still.items()
+    }, factor
 
 
-def _names(scene: Scene) -> float:
-    """Width of the bodies' names between the views, in."""
-    return 0.42 + 0.068 * min(max(len(name) for name in scene.bodies.name), 18)
+def _spread(points: Array) -> float:
+    """Largest distance of points (p, 3) from their middle along an axis."""
+    return float(np.abs(points - (points.min(0) + points.max(0)) / 2).max())
 
 
-def _remark(flawed: Exaggerated | None) -> str:
-    """Say how much imperfections are exaggerated, for the heading."""
-    if flawed is None:
-        return ""
-    size = f"{flawed.factor:,.6g} times larger" if flawed.factor != 1 else "to scale"
-    return f"; imperfections {size} (grey: without)"
+def _bounds(sketch: Sketch, shown: Strokes) -> tuple[Array, Array]:
+    """Bounds (3,), (3,) of everything that is drawn, including the support, m."""
+    strokes = [*sketch.strokes(0), *sketch.strokes(1), *shown[0], *shown[1]]
+    points = np.concatenate([*(one.points for one in strokes), parts.support_box(sketch)])
+    return points.min(0), points.max(0)
 
 
-def _bounds(sketch: Sketch, flawed: Exaggerated | None) -> _Bounds:
-    """Bounds of everything that is drawn, including the support."""
-    box = np.array(parts.support_box(sketch))
-    drawn = [sketch, *([flawed.sketch] if flawed else [])]
-    side = np.concatenate([*(one.points(SIDE) for one in drawn), SIDE.see(box)])
-    face = np.concatenate([*(one.points(FACE) for one in drawn), FACE.see(box)])
-
-    def span(values: Array) -> tuple[float, float]:
-        return float(values.min()), float(values.max())
-
-    return _Bounds(
-        span(side[:, 0]), span(face[:, 0]), span(np.concatenate([side[:, 1], face[:, 1]]))
-    )
-
-
-def _plan(figure: Figure, sketch: Sketch, bounds: _Bounds, scale: float, left: float) -> Plan:
-    """Place the views on the sheet."""
-    foot = float(figure.get_size_inches()[1]) - TOP - scale * bounds.z[1]
-    start = left + SCALE + LEADERS
-    side_end = start + scale * (bounds.x[1] - bounds.x[0])
-    face_start = side_end + _names(sketch.scene) + LENGTHS
-    return Plan(
-        sketch=sketch,
-        side=SIDE.at((start - scale * bounds.x[0], foot), scale),
-        face=FACE.at((face_start - scale * bounds.y[0], foot), scale),
-        left=start - 0.16,
-        right=face_start + scale * (bounds.y[1] - bounds.y[0]) + RIGHT - 0.2,
-        names=side_end + 0.32,
-    )
-
-
-def _colours(scene: Scene) -> tuple[str, ...]:
-    return tuple(style.stage_colours(scene.bodies.name).values())
-
-
-def _views(canvas: Canvas, plan: Plan, flawed: Exaggerated | None) -> None:
-    colours = _colours(plan.sketch.scene)
+def _views(canvas: Canvas, plan: Plan, shown: Strokes, *, is_displaced: bool) -> None:
+    """Draw the suspension in both views, and its dimensions, names and numbers."""
+    sketch, scene = plan.sketch, plan.sketch.scene
+    colours = tuple(style.stage_colours(scene.bodies.name).values())
     look = Look(colours, tuple(style.with_opacity(colour, 0.13) for colour in colours), INK, 0.9, 2)
-    count = len(colours)
-    still = Look((PALE,) * count, (style.with_opacity(PALE, 0.2),) * count, PALE, 0.9, 1)
-    sketch = flawed.sketch if flawed else plan.sketch
+    grey = (PALE,) * len(colours)
+    still = Look(grey, (style.with_opacity(PALE, 0.2),) * len(colours), PALE, 0.9, 1)
+    flawed = dict.fromkeys(item.wire for item in sketch.design.perturbation if item.wire)
     for view in (plan.side, plan.face):
-        parts.draw_support(canvas, view, plan.sketch)
-        if flawed:
-            parts.draw_suspension(canvas, view, plan.sketch, still)
-        parts.draw_suspension(canvas, view, sketch, look)
-        if flawed:
-            imperfect.draw_marks(canvas, view, flawed, look.order + 0.5)
-        centres = sketch.scene.bodies.position + sketch.pose.shift
-        for n, colour in enumerate(colours, 1):
-            parts.draw_com_mark(canvas, view.see(centres[n]), 0.042, colour)
+        parts.draw_support(canvas, view, sketch)
+        strokes = shown[view.normal]
+        if is_displaced:
+            parts.draw_suspension(canvas, view, sketch, still)
+        parts.draw_suspension(canvas, view, sketch, look, strokes)
+        wires = [view.see(one.points) for one in strokes if one.kind == "wire"]
+        for name in flawed:  # thick, with the number three quarters down
+            line = wires[scene.wires.label.index(name)]
+            canvas.line(line, INK, 2.0, look.order + 0.5)
+            write_note(canvas, 0.25 * line[0] + 0.75 * line[1], name.rpartition(".")[2])
+        for one in strokes:
+            if one.kind == "body":
+                middle = view.see(one.points[:-1].mean(0))
+                parts.draw_com_mark(canvas, middle, 0.042, colours[one.body])
     annotate.draw_axes_of_symmetry(canvas, plan)
     annotate.draw_dimensions(canvas, plan)
     annotate.write_names(canvas, plan, colours)
     annotate.write_numbers(canvas, plan)
 
 
-def _axes(figure: Figure, plan: Plan, bounds: _Bounds) -> None:
+def _axes(figure: Figure, plan: Plan, low: Array, high: Array) -> None:
     """Draw scales in m, heights at the left, x and y below, and the names of the views above."""
-    up = float(figure.get_size_inches()[1])
-    tops = [
-        position[2] + body.half[2]
-        for position, body in zip(
-            plan.sketch.scene.bodies.position[1:], plan.sketch.outlines, strict=True
-        )
-    ]
-    highest = max(0.0, float(max(tops)))
-    for view, (low, high), name in ((plan.side, bounds.x, "x"), (plan.face, bounds.y, "y")):
-        left, bottom = view.see(_point(view, low, bounds.z[0]))
-        right, top = view.see(_point(view, high, bounds.z[1]))
+    across, up = figure.get_size_inches()
+    highest = float(max(0.0, *(one.points[:, 2].max() for one in plan.sketch.strokes(1))))
+    for view in (plan.side, plan.face):
+        axis = 1 - view.normal
+        (left, bottom), (right, top) = view.see(low), view.see(high)
         axes = style.add_axes(figure, left, up - top, right - left, top - bottom)
-        axes.set(xlim=(low, high), ylim=bounds.z, facecolor="none", xlabel=f"{name} (m)", zorder=-1)
+        limits = {"xlim": (low[axis], high[axis]), "ylim": (low[2], high[2])}
+        axes.set(facecolor="none", xlabel=f"{'xy'[axis]} (m)", zorder=-1, **limits)
         axes.spines["bottom"].set_position(("outward", 8))
-        axes.set_xticks(*_ticks(low, high, TICK / view.scale))
+        axes.set_xticks(_ticks(low[axis], high[axis], view.scale))
         figure.text(
-            (left + right) / 2 / figure.get_size_inches()[0],
+            (left + right) / 2 / across,
             (top + 0.13) / up,
             view.name.upper(),
             ha="center",
@@ -211,39 +228,17 @@ def _axes(figure: Figure, plan: Plan, bounds: _Bounds) -> None:
             fontweight="bold",
         )
         if view is plan.side:
-            axes.spines["left"].set_bounds(bounds.z[0], highest)
+            axes.spines["left"].set_bounds(low[2], highest)
             axes.spines["left"].set_position(("outward", 72 * LEADERS))
-            axes.set_yticks(
-                *_ticks(
-                    bounds.z[0], highest, min(TICK / view.scale, 0.45 * (highest - bounds.z[0]))
-                )
-            )
+            axes.set_yticks(_ticks(low[2], highest, view.scale))
             axes.set_ylabel("z (m)")
         else:
             axes.spines["left"].set_visible(False)
             axes.yaxis.set_visible(False)
 
 
-def _point(view: View, across: float, up: float) -> Array:
-    point = np.zeros(3)
-    point[1 - view.normal], point[2] = across, up
-    return point
-
-
-def _ticks(low: float, high: float, least: float) -> tuple[Array, list[str]]:
-    """Round values between two bounds, at least `least` apart, m, and their labels."""
-    step = min(value for value in _round_numbers(least) if value >= least * (1 - 1e-9))
-    values = step * np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1)
-    near = min(-low, high)
-    if len(values) < 2 and near > least / 2:
-        # no room for a label at 0 between two others
-        values = max(value for value in _round_numbers(near) if value <= near) * np.array(
-            [-1.0, 1.0]
-        )
-    return values, [f"{value + 0.0:.6g}".replace("-", "−") for value in np.round(values, 12)]
-
-
-def _round_numbers(about: float) -> list[float]:
-    """1, 2 and 5 times the powers of ten around a positive number."""
-    power = int(np.floor(np.log10(about)))
-    return [factor * 10.0**n for n in (power - 1, power, power + 1) for factor in (1, 2, 5)]
+def _ticks(low: float, high: float, scale: float) -> list[float]:
+    """Round values between two bounds, m, at least `TICK` apart at a scale in in/m."""
+    count = max(int(scale * (high - low) / TICK), 1)
+    values = MaxNLocator(count, steps=[1, 2, 5, 10], min_n_ticks=1).tick_values(low, high)
+    return [float(value) for value in values if low - 1e-9 <= value <= high + 1e-9]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,7 +16,7 @@ from matplotlib.text import Text
 from scipy.optimize import isotonic_regression
 
 from suspension_cli.drawing.curves import find_peaks, find_slopes
-from suspension_cli.drawing.style import INK, NOTE, RC, shorten, single_line
+from suspension_cli.drawing.style import INK, NOTE, RC, format_raised, shorten, single_line
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
@@ -37,9 +37,9 @@ SIDES = np.array([(1, 0), (1, 1), (1, -1), (-1, 0), (-1, 1), (-1, -1), (0, 1), (
 """Directions of a label from its point (x, y), the best first."""
 REACHES = np.array([3.5, 8.0, 14.0, 22.0, 32.0, 44.0, 58.0, 75.0, 95.0])
 """Distances of a label from its point, points; from the second on a line leads to it."""
-ON_LABEL, ON_POINT, CROSSED, ON_LINE, OUTSIDE, FAR = 60.0, 25.0, 20.0, 2.0, 200.0, 0.25
-"""Cost of a place per label or point that it covers, per leader that it crosses, for covering a
-line, for leaving the frame, and per point (1/72 in) of distance."""
+ON_LABEL, ON_POINT, CROSSED, OUTSIDE, FAR = 60.0, 25.0, 20.0, 200.0, 0.25
+"""Cost of a place per label or point that it covers, for crossing leaders, for leaving the frame,
+and per point (1/72 in) of distance."""
 
 
 @cache
@@ -95,19 +95,12 @@ def label_ends(
     axes have their limits and place; `ends` are abscissas, ordinates, label and colour of each
     line, `most` the characters of a label.
     """
-    look = {"xycoords": "axes fraction", "textcoords": "offset points", "annotation_clip": False}
-    texts, leaders = [], []
-    for *_, colour in ends:
-        text = axes.annotate(
-            "", (1, 0.5), (8, 0), va="center", fontsize=SMALL, color=colour, **look
-        )  # type: ignore[arg-type]
-        line = Line2D([], [], color=colour, lw=0.6, clip_on=False, transform=axes.transAxes)
-        texts.append(text)
-        leaders.append(axes.add_line(line))
+    drawn: list[Text | Line2D] = []
 
     def place(_axes: Axes | None = None) -> None:
+        while drawn:
+            drawn.pop().remove()
         box, inch = axes.get_window_extent(), axes.figure.dpi
-        gap = 1.18 * SMALL * inch / 72
         low, high = sorted(axes.get_xlim())
         raw = []
         for abscissas, ordinates, *_ in ends:
@@ -115,25 +108,24 @@ def label_ends(
             shown = np.flatnonzero(np.isfinite(y) & (x >= low) & (x <= high))
             last = float(y[shown[-1]]) if len(shown) else np.nan
             with np.errstate(invalid="ignore", divide="ignore"):
-                at = axes.transData.transform((high, last))[1] - box.y0
-            raw.append(float(at) if np.isfinite(at) else -1.0)
-        inside = [float(np.clip(at, 0.0, box.height)) for at in raw]
-        # below the panel the order is that of the values
-        order = [at + 1e-9 * min(real, 0.0) for at, real in zip(inside, raw, strict=True)]
-        places = spread(order, gap, 0.0, box.height)
-        across = 6 * inch / 72 / box.width
-        for text, leader, at, real, end, (_x, _y, name, _colour) in zip(
-            texts, leaders, places, raw, inside, ends, strict=True
-        ):
-            outside = "↓ " if real < -1 else "↑ " if real > box.height + 1 else ""
+                at = (axes.transData.transform((high, last))[1] - box.y0) / box.height
+            raw.append(float(at) if np.isfinite(at) else -1e-2)
+        gap = 1.18 * SMALL * inch / 72 / box.height
+        # outside the panel the order is that of the values
+        places = spread([min(max(at, 1e-6 * at), 1.0) for at in raw], gap, 0.0, 1.0)
+        for at, real, (*_, name, colour) in zip(places, raw, ends, strict=True):
+            outside = "↓ " if real < -5e-3 else "↑ " if real > 1.005 else ""
             plain = name if name.startswith("$") else single_line(shorten(name, most))
-            text.set_text(outside + plain)
-            text.xy = (1, at / box.height)
-            moved = not outside and abs(at - end) > 0.3 * gap
-            leader.set_data(
-                [1, 1 + across] if moved else [],
-                [end / box.height, at / box.height] if moved else [],
+            look: Any = {"va": "center", "fontsize": SMALL, "color": colour}
+            look |= {"xycoords": "axes fraction", "textcoords": "offset points"}
+            drawn.append(
+                axes.annotate(outside + plain, (1, at), (8, 0), annotation_clip=False, **look)
             )
+            if not outside and abs(at - real) > 0.3 * gap:
+                across = 1 + 6 * inch / 72 / box.width
+                leader = Line2D([1, across], [real, at], color=colour, lw=0.6, clip_on=False)
+                leader.set_transform(axes.transAxes)
+                drawn.append(axes.add_line(leader))
 
     place()
     for event in ("xlim_changed", "ylim_changed"):
@@ -155,7 +147,7 @@ def label_peaks(axes: Axes, peaks: Sequence[tuple[float, float, str]], unit: str
     if not chosen:
         return
     box, inch = axes.get_window_extent(), axes.figure.dpi
-    texts = {peak: f"{format_frequency(peak[0])}{peak[2]}" for peak in chosen}
+    texts = {peak: f"{format_raised(peak[0], 3)}{peak[2]}" for peak in chosen}
     wide = (widest([*texts.values()]) + 0.1) * inch
     chosen = chosen[: max(1, int(box.width / wide))]
     while True:  # without the least important, until no label is far from its peak
@@ -166,7 +158,7 @@ def label_peaks(axes: Axes, peaks: Sequence[tuple[float, float, str]], unit: str
             break
         chosen.pop()
     foot = 1 + LIFT * inch / box.height
-    texts[shown[-1]] = f"{format_frequency(shown[-1][0])}{unit}{shown[-1][2]}"
+    texts[shown[-1]] = f"{format_raised(shown[-1][0], 3)}{unit}{shown[-1][2]}"
     look = {"transform": axes.transAxes, "color": NOTE}
     for peak, place, x in zip(shown, places, raw, strict=True):
         middle = place / box.width
@@ -174,11 +166,6 @@ def label_peaks(axes: Axes, peaks: Sequence[tuple[float, float, str]], unit: str
         top = (axes.transData.transform(peak[:2])[1] - box.y0) / box.height
         across, up = [x / box.width] * 2 + [middle], [min(top + 0.01, 1.0), 1.0, foot]
         axes.add_line(Line2D(across, up, linewidth=0.4, zorder=1, clip_on=False, **look))
-
-
-def format_frequency(value: float) -> str:
-    """Write a frequency with three digits, ``1280``."""
-    return f"{float(f'{value:.3g}'):.7g}"
 
 
 def label_slopes(
@@ -218,10 +205,9 @@ def label_points(
     colours: Sequence[str],
     size: float = SMALL,
     marks: Sequence[Sequence[float]] = (),
-    lines: Sequence[ArrayLike] = (),
     pad: float = 0.0,
 ) -> list[Text]:
-    """Label points, each where it covers fewest labels, points, leaders and lines.
+    """Label points, each where it covers fewest labels, points and leaders.
 
     Parameters
     ----------
@@ -231,8 +217,6 @@ def label_points(
         Points to label, and further ones to keep clear of, in data coordinates.
     size
         Font size, points.
-    lines : sequence of (k, 2) arrays
-        Curves to keep clear of if possible, in data coordinates.
     pad
         Room around each text, points.
     """
@@ -245,9 +229,9 @@ def label_points(
 
     where, frame = see(points), np.reshape(axes.get_window_extent().extents, (2, 2)) / pixel
     dots = np.unique([*where, *see([*marks])], axis=0)[:, None] + np.array([[-3.0], [3.0]])
-    covered = np.concatenate([np.zeros((0, 2)), *(_sample(see(line)) for line in lines)])
-    taken, leaders, result = np.zeros((0, 2, 2)), np.zeros((0, 2)), {}
+    labels = leaders = np.zeros((0, 2, 2))
     reach, sides = np.repeat(REACHES, len(SIDES)), np.tile(SIDES, (len(REACHES), 1))
+    result: dict[int, Text] = {}
     # from the left, so that a row of points fills from one side
     for n in np.lexsort((where[:, 1], where[:, 0])).tolist():
         half = np.array([36 * text_width(texts[n], size), 0.58 * size]) + pad
@@ -255,49 +239,28 @@ def label_points(
         boxes = (where[n] + shift)[:, None] + np.stack([-half, half])
         edge = np.clip(where[n], boxes[:, 0], boxes[:, 1])
         leads = where[n] + np.linspace(0.0, 1.0, 16)[:, None] * (edge - where[n])[:, None]
+        leads = np.stack([leads, leads], axis=2)
         other = dots[np.abs(dots.mean(1) - where[n]).max(1) > 4.0]
         cost = FAR * reach + 0.05 * np.tile(np.arange(len(SIDES)), len(REACHES))
-        cost += ON_LABEL * _overlaps(boxes, taken + np.array([[-3.0, -1.0], [3.0, 1.0]]))
-        cost += ON_POINT * _overlaps(boxes, other)
-        cost += CROSSED * _count(boxes, leaders) + ON_LINE * np.minimum(_count(boxes, covered), 4)
-        cost += CROSSED * (_crossed(leads, taken) + _crossed(leads, other)) * (reach > REACHES[0])
+        cost += ON_LABEL * _overlaps(boxes, labels) + ON_POINT * _overlaps(boxes, other)
+        crossed = _overlaps(leads, np.concatenate([labels, other])).any(1) & (reach > REACHES[0])
+        cost += CROSSED * (_overlaps(boxes, leaders) + crossed)
         cost += OUTSIDE * ((boxes[:, 0] < frame[0]) | (boxes[:, 1] > frame[1])).any(1)
         best = int(cost.argmin())
-        taken = np.concatenate([taken, boxes[best, None]])
+        labels = np.concatenate([labels, boxes[best, None] + np.array([[-3.0, -1.0], [3.0, 1.0]])])
         if reach[best] > REACHES[0]:
             leaders = np.concatenate([leaders, leads[best]])
-            ends = axes.transData.inverted().transform(leads[best, [0, -1]] * pixel)
+            ends = axes.transData.inverted().transform(leads[best, [0, -1], 0] * pixel)
             axes.plot(*ends.T, color=NOTE, lw=0.4, zorder=2, scalex=False, scaley=False)
-        text = axes.annotate(
-            str(texts[n]), tuple(points[n]), shift[best], textcoords="offset points", ha="center",
-            va="center", fontsize=size, color=colours[n], zorder=5,
-        )  # fmt: skip
+        look = {"textcoords": "offset points", "ha": "center", "va": "center", "zorder": 5}
+        look |= {"fontsize": size, "color": colours[n]}
+        text = axes.annotate(str(texts[n]), tuple(points[n]), shift[best], **look)
         text.set_path_effects([withStroke(linewidth=1.6, foreground="white")])
         result[n] = text
     return [result[n] for n in range(len(texts))]
 
 
-def _sample(line: Float[np.ndarray, "point 2"]) -> Float[np.ndarray, "sample 2"]:
-    """Points along a curve, 3 apart."""
-    line = line[np.isfinite(line).all(1)]
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
-    at = np.arange(0.0, along[-1], 3.0)[:9999]
-    return np.stack([np.interp(at, along, values) for values in line.T], axis=-1)
-
-
 def _overlaps(boxes: Array, others: Array) -> Array:
-    """Number of boxes (k, 2, 2) that each box (b, 2, 2) overlaps; each has two corners."""
-    apart = (boxes[:, None, 0] >= others[:, 1]) | (others[:, 0] >= boxes[:, None, 1])
-    return (~apart.any(-1)).sum(1)
-
-
-def _count(boxes: Array, points: Array) -> Array:
-    """Number of points (k, 2) in each box (b, 2, 2)."""
-    return ((points > boxes[:, None, 0]) & (points < boxes[:, None, 1])).all(-1).sum(1)
-
-
-def _crossed(lines: Array, boxes: Array) -> Array:
-    """Number of boxes (k, 2, 2) through which each line (b, p, 2) passes."""
-    points = lines[:, :, None]
-    inside = ((points > boxes[:, 0]) & (points < boxes[:, 1])).all(-1)
-    return np.any(inside, axis=1).sum(-1)
+    """Number of boxes (k, 2, 2) that each box (..., 2, 2) overlaps; each has two corners."""
+    apart = (boxes[..., None, 0, :] >= others[:, 1]) | (others[:, 0] >= boxes[..., None, 1, :])
+    return (~apart.any(-1)).sum(-1)

@@ -181,15 +181,18 @@ def named(line: Line) -> bool:
     return not line.name.startswith("_")
 
 
+_Words = tuple[float, str, str, Line | None]
+"""Words above a panel: distance from the left, in, text, colour, and the line of a sample."""
+
+
 @dataclass(frozen=True)
 class _Place:
-    """Place of a panel: axes (left, top, width, height), and texts with their corner, in."""
+    """Place of a panel: axes (left, top, width, height), and rows of words at their corner, in."""
 
     panel: Panel
     box: tuple[float, float, float, float]
     corner: tuple[float, float]
-    titles: list[str]
-    remarks: list[str]
+    words: list[list[_Words]]
 
 
 @contextlib.contextmanager
@@ -262,28 +265,40 @@ def draw(
 def _place_row(row: Sequence[Panel], above: float, width: float) -> list[_Place]:
     """Place panels side by side, below their texts."""
     edges = np.cumsum([0.0, *(one.width for one in row)]) * width / sum(one.width for one in row)
-    cells, rooms = [*zip(row, edges[:-1].tolist(), edges[1:].tolist(), strict=True)], []
-    for one, start, end in cells:
+    above_axes, found = 0.0, []
+    for one, start, end in zip(row, edges[:-1].tolist(), edges[1:].tolist(), strict=True):
         left, right = one.margins
         begin = start + (0.1 if one.rows or one.left else left)
-        titles, remarks = (
-            [line for text in texts for line in labels.wrap(text, end - begin - 0.05).split("\n")]
-            for texts in ([one.title] * bool(one.title), one.remarks)
-        )
-        key = place_key([line.name for line in one.samples], end - right - begin)
-        room = GAP + ROW * (len(titles) + len(remarks) + (1 + key[-1][1] if key else 0))
-        rooms.append((begin, titles, remarks, room + _beside(one)))
-    top = above + max(room for *_, room in rooms)
+        words = _words_above(one, end - begin, right)
+        room = GAP + ROW * len(words) + _beside(one)
+        above_axes = max(above_axes, room)
+        found.append((one, start + left, end - start - left - right, begin, room, words))
+    top = above + above_axes
     return [
-        _Place(
-            one,
-            (start + one.margins[0], top, end - start - sum(one.margins), one.height),
-            (begin, top - room + GAP - 0.03),
-            titles,
-            remarks,
-        )
-        for (one, start, end), (begin, titles, remarks, room) in zip(cells, rooms, strict=True)
+        _Place(one, (left, top, wide, one.height), (begin, top - room + GAP - 0.03), words)
+        for one, left, wide, begin, room, words in found
     ]
+
+
+def _words_above(panel: Panel, width: float, right: float) -> list[list[_Words]]:
+    """Rows of a title, remarks, and names of lines with samples; these end at the axes."""
+    texts = [(panel.title, INK)] * bool(panel.title) + [(text, NOTE) for text in panel.remarks]
+    rows: list[list[_Words]] = [
+        [(0.0, part, colour, None)]
+        for text, colour in texts
+        for part in labels.wrap(text, width - 0.05).split("\n")
+    ]
+    left = np.inf
+    for line in panel.samples:
+        name = single_line(line.name, 60)
+        wide = SAMPLE + 0.05 + text_width(name)
+        if left + wide > width - right:
+            rows.append([])
+            left = 0.0
+        pale = sum(to_rgb(line.colour)) > PALE_SUM
+        rows[-1].append((left, name, INK if pale else line.colour, line))
+        left += wide + APART
+    return rows
 
 
 def _beside(panel: Panel) -> float:
@@ -481,46 +496,20 @@ def _draw_rule(axes: Axes, one: Rule) -> None:
 
 def _write_above(figure: Figure, place: _Place) -> None:
     """Write title, remarks and samples of lines above axes."""
-    start, top = place.corner
-    for n, line in enumerate([*place.titles, *place.remarks]):
-        colour = INK if n < len(place.titles) else NOTE
-        write_text(figure, start, top + ROW * n, line, SMALL, colour)
-    if place.panel.samples:
-        left, bottom, wide, _ = place.box
-        wide += left - start
-        write_key(figure, place.panel.samples, start, bottom - _beside(place.panel) - 0.02, wide)
-
-
-def place_key(names: Sequence[str], width: float) -> list[tuple[float, int]]:
-    """Arrange names of lines in rows of a width: the left end (in) and row of each name."""
-    places, left, row = [], 0.0, 0
-    for name in names:
-        wide = SAMPLE + 0.05 + text_width(single_line(name, 60))
-        if left > 0 and left + wide > width:
-            left, row = 0.0, row + 1
-        places.append((left, row))
-        left += wide + APART
-    return places
-
-
-def write_key(
-    figure: Figure, lines: Sequence[Line], left: float, bottom: float, width: float
-) -> None:
-    """Write the names of lines with samples of them, from a left and lower edge, in."""
     across, up = figure.get_size_inches()
-    places = place_key([line.name for line in lines], width)
-    for line, (shift, row) in zip(lines, places, strict=True):
-        x, y = left + shift, bottom - ROW * (places[-1][1] - row) - ROW / 2
-        ends = np.array([x, x + SAMPLE / 2, x + SAMPLE]) / across
-        look: LineLook = {"linewidth": 1.2, **line.look}
-        sample = Line2D(ends, [1 - y / up] * 3, color=line.colour, markevery=[1], **look)
-        sample.set_solid_capstyle("butt")
-        figure.add_artist(sample)
-        figure.text(
-            (x + SAMPLE + 0.05) / across, 1 - y / up, single_line(line.name, 60),
-            color=INK if sum(to_rgb(line.colour)) > PALE_SUM else line.colour, fontsize=SMALL,
-            va="center_baseline",
-        )  # fmt: skip
+    for n, row in enumerate(place.words):
+        y = 1 - (place.corner[1] + ROW * (n + 0.5)) / up
+        for shift, text, colour, line in row:
+            x = place.corner[0] + shift
+            if line is not None:
+                ends = np.array([x, x + SAMPLE / 2, x + SAMPLE]) / across
+                look: LineLook = {"linewidth": 1.2, **line.look}
+                sample = Line2D(ends, [y] * 3, color=line.colour, markevery=[1], **look)
+                sample.set_solid_capstyle("butt")
+                figure.add_artist(sample)
+                x += SAMPLE + 0.05
+            look_of_text = {"color": colour, "fontsize": SMALL, "va": "center_baseline"}
+            figure.text(x / across, y, text, **look_of_text)
 
 
 def write_heading(figure: Figure, quantity: str, design: str) -> None:

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+
+import numpy as np
 
 from suspension_cli.conventions import SUPPORT
 from suspension_cli.design.derive import SetGeometry, set_geometry
+from suspension_cli.design.imperfections import perturbed, perturbed_part
+from suspension_cli.design.paths import DISPLAYED
 from suspension_cli.design.schema import Design, Stage
-from suspension_cli.drawing import imperfect
 from suspension_cli.drawing.canvas import Canvas
 from suspension_cli.drawing.geometry import free_springs
+from suspension_cli.drawing.labels import widest
 from suspension_cli.drawing.style import (
     INK,
     NOTE,
@@ -59,26 +63,16 @@ LINKS = (
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of text under headings; widths in inches, the first column left-aligned."""
+    """Rows of text under headings; the first column is left-aligned."""
 
     title: str
     heads: tuple[str, ...]
-    widths: tuple[float, ...]
     rows: list[tuple[str, ...]]
 
     @property
     def height(self) -> float:
         """Height including title and headings, in."""
         return ROW * (len(self.rows) + 2.2)
-
-    @property
-    def width(self) -> float:
-        """Width, in."""
-        return sum(self.widths)
-
-    def stretched(self, width: float) -> Table:
-        """Scale all columns to a total width, in."""
-        return replace(self, widths=tuple(width / self.width * value for value in self.widths))
 
 
 def key(scene: Scene) -> list[str]:
@@ -105,8 +99,8 @@ def stages(design: Design, scene: Scene) -> Table:
     """Table of stages: mass, the body above, and the dimensions of the symmetric set of wires."""
     tree = any(stage.hangs_from is not None for stage in design.stage)
     symbols = ("$l$", "$s$", "$t_1$", "$t_2$", "$d$", "$d_u$", "depth")
-    heads = ["stage", "mass (kg)", "wires", *(f"{symbol} (mm)" for symbol in symbols)]
-    widths = [1.35, 0.72, 0.5, 0.68, 0.92, 0.66, 0.66, 0.62, 0.66, 0.84, 1.0]
+    heads = ["stage", *["hangs from"] * tree, "mass (kg)", "wires"]
+    heads += [*(f"{symbol} (mm)" for symbol in symbols), "blades (N/m)"]
     rows = []
     for n, stage in enumerate(design.stage):
         above = stage.hangs_from or (design.stage[n - 1].name if n else SUPPORT)
@@ -120,10 +114,7 @@ def stages(design: Design, scene: Scene) -> Table:
                 _blades(scene, stage),
             )
         )
-    if tree:
-        heads.insert(1, "hangs from")
-        widths.insert(1, 1.05)
-    return Table("Stages", (*heads, "blades (N/m)"), tuple(widths), rows)
+    return Table("Stages", tuple(heads), rows)
 
 
 def _set(stage: Stage) -> tuple[str, ...]:
@@ -178,57 +169,52 @@ def wires(design: Design, scene: Scene) -> Table | None:
     )
     ends = (f"{end} {axis} (mm)" for end in ("upper", "lower") for axis in "xyz")
     heads = ("wire", *ends, "length (mm)", "tension (N)")
-    return _first_rows(title, heads, (1.35, *(0.92,) * 6, 0.9, 0.9), rows)
+    return _first_rows(title, heads, rows)
 
 
 def flaws(design: Design) -> Table | None:
     """Table of the imperfections of a design; None if there are none."""
-    rows = [
-        (single_line(part, 20), quantity, value)
-        for part, quantity, value in imperfect.describe(design)
-    ]
+    rows = []
+    for item in design.perturbation:
+        part, name = perturbed_part(item)
+        for kind in perturbed(part):
+            value = getattr(item, kind.name)
+            if value is not None:
+                quantity = f"factor on {kind.quantity}" if kind.relative else kind.quantity
+                unit, per = ("", 1.0) if kind.relative else DISPLAYED[kind.unit]
+                numbers = [f"{per * one:.4g}" for one in np.atleast_1d(value)]
+                text = f"({', '.join(numbers)})" if len(numbers) > 1 else numbers[0]
+                text = f"{text} {unit}".rstrip().replace("-", "−")
+                rows.append((single_line(name, 20), quantity, text))
+        if item.wire is not None and item.hold == "natural-length":
+            rows.append((item.wire, "unstretched length", "as designed, not trimmed"))
     title = "Imperfections (offsets and rotations along and about x, y, z)"
-    return _first_rows(title, ("part", "imperfection", "value"), (1.35, 4.0, 2.2), rows)
+    return _first_rows(title, ("part", "imperfection", "value"), rows)
 
 
-def _first_rows(
-    title: str, heads: tuple[str, ...], widths: tuple[float, ...], rows: list[tuple[str, ...]]
-) -> Table | None:
+def _first_rows(title: str, heads: tuple[str, ...], rows: list[tuple[str, ...]]) -> Table | None:
     """Table of the first rows, with their number in the title; None if there are none."""
     if len(rows) > MOST_WIRES:
         title += f"; the first {MOST_WIRES} of {len(rows)}"
-    return Table(title, heads, widths, rows[:MOST_WIRES]) if rows else None
+    return Table(title, heads, rows[:MOST_WIRES]) if rows else None
 
 
 def write(
-    canvas: Canvas, left: float, top: float, table: Table, colours: Sequence[str] = ()
+    canvas: Canvas, left: float, top: float, width: float, table: Table, colours: Sequence[str] = ()
 ) -> None:
     """Write a table on a canvas from its upper left corner, in; `colours` of the first column."""
-    canvas.text(
-        left,
-        top - 0.5 * ROW,
-        shorten(table.title, 170),
-        fontsize=SIZE,
-        fontweight="bold",
-        va="center",
-    )
-    edges = [left]
-    for width in table.widths:
-        edges.append(edges[-1] + width)
+    look = {"fontsize": SIZE, "va": "center"}
+    title = shorten(table.title, 170)
+    canvas.text(left, top - 0.5 * ROW, title, fontweight="bold", **look)
     for line in (1.0, 2.05, 2.15 + len(table.rows)):
-        canvas.line([[left, top - line * ROW], [edges[-1], top - line * ROW]], PALE, 0.6, 1)
-    for row, cells in enumerate([table.heads, *table.rows]):
+        canvas.line([[left, top - line * ROW], [left + width, top - line * ROW]], PALE, 0.6, 1)
+    lines = [table.heads, *table.rows]
+    needed = np.array([widest(column, SIZE) for column in zip(*lines, strict=True)])
+    edges = left + np.cumsum(needed + (width - needed.sum()) / len(needed))
+    for row, cells in enumerate(lines):
         y = top - ROW * (1.52 + row + (0.1 if row else 0.0))
-        for n, cell in enumerate(cells):
-            colour = NOTE if row == 0 else colours[row - 1] if n == 0 and colours else INK
-            x, side = (left + 0.03, "left") if n == 0 else (edges[n + 1] - 0.06, "right")
-            canvas.text(
-                x,
-                y,
-                cell,
-                fontsize=SIZE,
-                color=colour,
-                ha=side,
-                va="center",
-                fontweight="bold" if n == 0 and row else "normal",
-            )
+        weight = "bold" if row else "normal"
+        first = NOTE if row == 0 else colours[row - 1] if colours else INK
+        canvas.text(left + 0.03, y, cells[0], color=first, fontweight=weight, **look)
+        for edge, cell in zip(edges[1:].tolist(), cells[1:], strict=True):
+            canvas.text(edge - 0.06, y, cell, color=INK if row else NOTE, ha="right", **look)

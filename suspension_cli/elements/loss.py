@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.design.cross_sections.relaxation import FLAT, relaxation
-from suspension_cli.design.cross_sections.shape import CrossSection
+from suspension_cli.design.cross_sections import CrossSection
+from suspension_cli.design.relaxation import FLAT, relaxation
 from suspension_cli.scene.composition import BladeLoss, Section
 
 if TYPE_CHECKING:

@@ -173,10 +173,10 @@ def _blade_loads(scene: Scene, pose: Pose) -> Array:
         own = np.flatnonzero(wires.lower == body)
         wrenches = tensions.wire_wrenches(now.direction[own], now.lower_arm[own])
         along = (to_body[wires.upper[own]] @ now.direction[own][..., None])[..., 0]
-        compliance = tensions.compliance(
+        strain = tensions.strains(
             wires.stiffness[own], along, wires.blade[own], blades.axes, blades.stiffness
         )
-        tension, _ = tensions.least_energy(wrenches, -(wrenches.T @ now.tension[own]), compliance)
+        tension, _ = tensions.least_energy(wrenches, -(wrenches.T @ now.tension[own]), strain)
         for n, wire in enumerate(own):
             if wires.blade[wire] >= 0:
                 result[wires.blade[wire]] -= tension[n] * along[n]

@@ -12,36 +12,30 @@ are a proper input:
     Cs~ = Cs - Cv M^-1 Ms,    Ks~ = Ks - K M^-1 Ms.
 
 Without damping w is the velocity. Loss angles have no finite state space: the modes of each block
-get viscous damping of the same Q. `agreement_band` finds where the result agrees with the direct
-solution.
+get viscous damping of the same Q.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.conventions import FRAME
 from suspension_cli.errors import InputError
-from suspension_cli.linear import response, signals
+from suspension_cli.linear import signals
 from suspension_cli.linear.pencil import Block, Pencil
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Complex, Float, Int
-
-FAINT = 1e-6
-"""Fraction of an output's largest response below which errors are relative to it."""
+    from jaxtyping import Complex, Float, Int
 
 SOLVED = 1 << 21
 """Most numbers in the matrices that are solved at once."""
-GRID = 801
-"""Number of frequencies at which a system is compared with the direct solution."""
 
 
 @dataclass(frozen=True)
@@ -329,93 +323,3 @@ def with_constant_loss(model: LinearSystem) -> LinearSystem:
     loss = relative.T @ ((momentum * (squared * per_q)) @ momentum.T) @ relative
     plain = model.lossless
     return replace(plain, soft=plain.soft + 0.5j * (loss + loss.T)) if per_q.any() else plain
-
-
-class TransferMatrix(Protocol):
-    """A system with responses: a state space, or poles and zeros."""
-
-    def at(self, frequency: Array) -> Complex[np.ndarray, "frequency output input"]:
-        """Evaluate the responses (f, o, i) at frequencies (f,) in Hz."""
-        ...
-
-
-def agreement_band(
-    system: TransferMatrix,
-    model: LinearSystem,
-    inputs: list[Signal],
-    outputs: list[Signal],
-    tolerance: float = 1e-9,
-) -> tuple[tuple[float, float] | None, float, tuple[float, float]]:
-    """Find the frequency band in which a system agrees with the direct solution.
-
-    Parameters
-    ----------
-    system : object with ``at(frequency)``
-    tolerance
-        Largest error, as in `relative_errors`.
-
-    Returns
-    -------
-    band : tuple of float or None
-        Widest band of agreement, Hz; None if no two neighbouring frequencies agree.
-    worst : float
-        Largest error at the frequencies tried; infinite where a response is NaN.
-    tried : tuple of float
-        Lowest and highest frequency tried, Hz: 1/100 of the lowest and 100 times the highest mode.
-    """
-    lowest, highest = mode_range(model)
-    frequency = np.geomspace(lowest / 100, highest * 100, GRID)
-    error = relative_errors(system, model, frequency, inputs, outputs).max((1, 2))
-    tried = (float(frequency[0]), float(frequency[-1]))
-    return widest_band(frequency, error <= tolerance), float(error.max()), tried
-
-
-def relative_errors(
-    system: TransferMatrix,
-    model: LinearSystem,
-    frequency: Float[np.ndarray, " frequency"],
-    inputs: list[Signal],
-    outputs: list[Signal],
-) -> Float[np.ndarray, "frequency output input"]:
-    """Compute the errors of a system against the direct solution of a model.
-
-    They are relative to each response, or to `FAINT` of the output's largest response to an input
-    of the same unit (the direct solution loses digits of fainter ones too).
-    """
-    exact = response.solve(model, frequency, inputs, outputs).value
-    values = system.at(frequency)
-    size = np.abs(exact)
-    for unit in {signal.unit for signal in inputs}:
-        same_unit = [signal.unit == unit for signal in inputs]
-        size[:, :, same_unit] = np.where(
-            exact[:, :, same_unit] == 0,
-            0.0,
-            np.maximum(size[:, :, same_unit], FAINT * size[:, :, same_unit].max(-1, keepdims=True)),
-        )
-    error = np.where(
-        size > 0,
-        np.abs(values - exact) / np.where(size > 0, size, 1.0),
-        np.where(values == 0, 0.0, np.inf),
-    )
-    return np.where(np.isnan(error), np.inf, error)
-
-
-def widest_band(
-    frequency: Float[np.ndarray, " frequency"], agrees: Bool[np.ndarray, " frequency"]
-) -> tuple[float, float] | None:
-    """Find the widest band in which a system agrees; None if no two neighbouring frequencies do."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], agrees, [False]]).astype(int)))
-    starts, stops = edges[::2], edges[1::2]
-    if (stops - starts).max(initial=0) < 2:
-        return None
-    widest = int((stops - starts).argmax())
-    return float(frequency[starts[widest]]), float(frequency[stops[widest] - 1])
-
-
-def mode_range(model: LinearSystem) -> tuple[float, float]:
-    """Lowest and highest frequency of modes that are neither rigid nor unstable, Hz."""
-    from suspension_cli.linear import eigenmodes
-
-    found = eigenmodes.solve(model).omega_squared
-    positive = np.sqrt(found[found > 0]) / (2 * np.pi)
-    return (float(positive[0]), float(positive[-1])) if len(positive) else (1.0, 1.0)

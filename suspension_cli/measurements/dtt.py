@@ -4,20 +4,13 @@ A file is a LIGO_LW document. Each ``<LIGO_LW Name="Result[n]">`` (a stored trac
 has parameters `Subtype`, `f0`, `df`, `N` (frequencies), `M` (traces), `Averages`, `ChannelA` and
 ``ChannelB[m]``, and one base64 stream of single-precision numbers:
 
-======================  =======  ==============================================================
-type                    subtype  stream
-======================  =======  ==============================================================
-TransferFunction        0        M x N complex: B/A at f0 + n df
-(swept sine)            3        N frequencies (complex), then M x N complex: B/A
-                        6        N frequencies (double), then M x N complex: B/A
-                        2        M x N: coherence of B and A
-                        5, 7     N frequencies (single, double), then M x N: coherence
-Spectrum                1, 5     amplitude spectral density of A (not its square)
-(Fourier tools)         2, 6     M x N complex: cross spectrum of A and conj(B)
-                        3, 7     M x N: coherence of A and B
-======================  =======  ==============================================================
+- `TransferFunction` of swept sines: of subtype 0, M x N complex values B/A at f0 + n df; of 3 and
+  6, N frequencies and then these. Subtypes 2, 5, 7 are the same of coherence.
+- `Spectrum` of Fourier tools: of subtype 1, the amplitude spectral density of A (not its square);
+  of 2, M x N complex cross spectra of A and conj(B); of 3, M x N coherences. Subtypes 5, 6, 7 are
+  the same, after their frequencies.
 
-Spectra of subtype 4 or more begin with their frequencies. From spectra B/A is conj(P_AB)/ASD_A^2.
+From spectra B/A is conj(P_AB)/ASD_A^2.
 """
 
 from __future__ import annotations
@@ -28,10 +21,9 @@ import gzip
 import io
 import re
 import zlib
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 from xml.etree import ElementTree
 from xml.parsers import expat
 
@@ -41,52 +33,46 @@ from suspension_cli.errors import Fault, InputError, format_value, one_line, sug
 from suspension_cli.files import bounded
 from suspension_cli.files.columns import Columns
 
-if TYPE_CHECKING:
-    from jaxtyping import Float, Inexact
-
 AGAIN = "save the measurement in diaggui again"
 """Remedy for a damaged file."""
 MAX_ELEMENTS, MAX_DEPTH = 1_000_000, 50
 """Of an XML file; that of a large measurement has thousands, six deep."""
 Pair = tuple[str, str]
 """Channels (input, output)."""
-Trace = tuple[np.ndarray, np.ndarray, float | None]
-"""Frequencies, values and the number of averages."""
-_CONTENTS = {
-    "TransferFunction": dict.fromkeys((0, 3, 6), "transfer")
-    | dict.fromkeys((2, 5, 7), "coherence"),
-    "Spectrum": dict.fromkeys((1, 5), "amplitude")
-    | dict.fromkeys((2, 6), "cross")
-    | dict.fromkeys((3, 7), "coherence"),
+COMPLEX = ("transfer", "cross")
+"""Contents with complex values."""
+CONTENTS = {
+    ("TransferFunction", 0): ("transfer", "none"),
+    ("TransferFunction", 3): ("transfer", "first"),
+    ("TransferFunction", 6): ("transfer", "double"),
+    ("TransferFunction", 2): ("coherence", "none"),
+    ("TransferFunction", 5): ("coherence", "first"),
+    ("TransferFunction", 7): ("coherence", "double"),
+    ("Spectrum", 1): ("amplitude", "none"),
+    ("Spectrum", 5): ("amplitude", "first"),
+    ("Spectrum", 2): ("cross", "none"),
+    ("Spectrum", 6): ("cross", "first"),
+    ("Spectrum", 3): ("coherence", "none"),
+    ("Spectrum", 7): ("coherence", "first"),
 }
-"""Content of results by type and subtype; from subtype 3 or 4 on their frequencies come first."""
+"""Content of results by type and subtype, and where their frequencies are: nowhere, in the first
+row, or before the rows in double precision."""
+
+
+class Trace(NamedTuple):
+    """Frequencies (Hz), values, and the number of averages."""
+
+    frequency: np.ndarray
+    value: np.ndarray
+    averages: float | None
 
 
 @dataclass(frozen=True)
 class Dtt:
-    """Results of one DTT file, by channels (A, B).
+    """Transfer functions and coherences of one DTT file, by channels (input, output)."""
 
-    Attributes
-    ----------
-    transfer, cross, coherence, amplitude
-        (frequency, values, averages); `amplitude` by channel.
-    """
-
-    transfer: dict[Pair, Trace] = field(default_factory=dict)
-    cross: dict[Pair, Trace] = field(default_factory=dict)
-    coherence: dict[Pair, Trace] = field(default_factory=dict)
-    amplitude: dict[Pair, Trace] = field(default_factory=dict)
-
-    @property
-    def pairs(self) -> list[Pair]:
-        """Channels (input, output) with a transfer function in the file."""
-        both = [
-            pair
-            for a, b in self.cross
-            for pair, base in (((a, b), a), ((b, a), b))
-            if (base, "") in self.amplitude
-        ]
-        return list(dict.fromkeys([*self.transfer, *both]))
+    transfer: dict[Pair, Trace]
+    coherence: dict[Pair, Trace]
 
     def columns(self, into: str | None, out: str | None) -> Columns:
         """Return the transfer function between two channels, and its coherence.
@@ -94,7 +80,7 @@ class Dtt:
         Parameters
         ----------
         into, out
-            Names of the channels; None if the other (or the file) determines it.
+            Names of the channels; None or "" if the other (or the file) determines it.
 
         Raises
         ------
@@ -102,41 +88,26 @@ class Dtt:
             If there is none, with the channels of the file.
         """
         pair = self._pair(into, out)
-        found = self.transfer.get(pair) or self._from_spectra(pair)
-        frequency, value, averages = found
-        held = {"frequency": frequency, "value": value}
+        found = self.transfer[pair]
+        held = {"frequency": found.frequency, "value": found.value}
         coherence = self.coherence.get(pair) or self.coherence.get((pair[1], pair[0]))
-        if coherence is not None and len(coherence[1]) == len(frequency):
-            held["coherence"] = coherence[1]
+        if coherence is not None and len(coherence.value) == len(found.value):
+            held["coherence"] = coherence.value
         # an aborted sweep ends in frequencies of 0, and a spectrum says nothing there
-        order = np.argsort(frequency, kind="stable")
-        order = order[frequency[order] > 0]
+        order = np.argsort(found.frequency, kind="stable")
+        order = order[found.frequency[order] > 0]
         kept = [values[order] for values in held.values()]
         place = lambda n: f"point {order[n] + 1} of {pair[1]}/{pair[0]}"  # noqa: E731
-        return Columns([*held], kept.__getitem__, place, noun="trace", averages=averages)
-
-    def _from_spectra(self, pair: Pair) -> Trace:
-        into, out = pair
-        if pair in self.cross:
-            frequency, cross, averages = self.cross[pair]
-            cross = np.conj(cross)
-        else:
-            frequency, cross, averages = self.cross[out, into]
-        density = np.asarray(self.amplitude[into, ""][1], dtype=float)
-        if len(density) != len(cross):
-            problem = f"spectra of {into} and of {out} have {len(density)} and {len(cross)} points"
-            raise InputError.of("", problem, "export them from one measurement")
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return frequency, cross / density**2, averages
+        return Columns([*held], kept.__getitem__, place, noun="trace", averages=found.averages)
 
     def _pair(self, into: str | None, out: str | None) -> Pair:
-        pairs = self.pairs
+        pairs = [*self.transfer]
         if not pairs:
             problem = "has no transfer function and no cross spectra with their power spectra"
             raise InputError.of("", problem, "measure a transfer function, or export it")
         for n, (key, name) in enumerate((("input_channel", into), ("output_channel", out))):
             known = sorted({pair[n] for pair in pairs})
-            if name is not None and name not in known:
+            if name and name not in known:
                 role = ("input", "output")[n]
                 problem = f"is the {role} of no transfer function in the file"
                 raise InputError.of(key, problem, suggest(name, known), format_value(name))
@@ -157,15 +128,16 @@ class Dtt:
 
 
 def read(path: Path) -> Dtt:
-    """Read all transfer functions, cross spectra and coherences of a DTT file.
+    """Read all transfer functions and coherences of a DTT file, also those that spectra give.
 
     Raises `InputError` if it is not XML of DTT, or a stream is cut off.
     """
-    root = _root(path)
-    found = Dtt()
+    found: dict[str, dict[Pair, Trace]] = {
+        kind: {} for kind in ("transfer", "cross", "coherence", "amplitude")
+    }
     stored = [
         node
-        for node in root.iter("LIGO_LW")
+        for node in _root(path).iter("LIGO_LW")
         if re.fullmatch(r"(Result|Reference)\[\d+\]", node.get("Name", ""))
     ]
     if not stored:
@@ -174,55 +146,51 @@ def read(path: Path) -> Dtt:
     for node in stored:
         parameters = {one.get("Name", ""): (one.text or "").strip() for one in node.iter("Param")}
         try:
-            kind, subtype = node.get("Type", ""), int(parameters.get("Subtype", ""))
-            if content := _CONTENTS.get(kind, {}).get(subtype):
-                own_frequencies = subtype > (2 if kind == "TransferFunction" else 3)
-                _add(found, node, parameters, content, own_frequencies)
+            content = CONTENTS.get((node.get("Type", ""), int(parameters.get("Subtype", ""))))
+            if content is not None:
+                kind, place = content
+                for pair, trace in _traces(node, parameters, kind, place).items():
+                    found[kind].setdefault(pair, trace)
         except (KeyError, ValueError, binascii.Error) as error:
-            problem = f"cannot be read ({_reason(error)})"
-            fault = Fault(node.get("Name", ""), problem, AGAIN)
+            missing = f"{error} is missing" if isinstance(error, KeyError) else error
+            fault = Fault(node.get("Name", ""), f"cannot be read ({missing})", AGAIN)
             raise InputError([fault]) from None
-    return found
+    for (a, b), (frequency, cross, averages) in found["cross"].items():
+        for pair, value in (((a, b), np.conj(cross)), ((b, a), cross)):
+            density = found["amplitude"].get((pair[0], ""))
+            if density is not None and len(density.value) == len(value):
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    value = value / density.value.astype(float) ** 2
+                found["transfer"].setdefault(pair, Trace(frequency, value, averages))
+    return Dtt(found["transfer"], found["coherence"])
 
 
-def _add(
-    found: Dtt,
-    node: ElementTree.Element,
-    parameters: Mapping[str, str],
-    kind: str,
-    own_frequencies: bool,
-) -> None:
+def _traces(
+    node: ElementTree.Element, parameters: dict[str, str], kind: str, place: str
+) -> dict[Pair, Trace]:
+    """Read the traces of one result."""
     count, traces = int(parameters["N"]), int(parameters.get("M", "1"))
-    complex_values = kind in ("transfer", "cross")
-    frequency, values = _numbers(node, count, traces, own_frequencies, complex_values)
+    frequency, values = _numbers(node, count, traces, kind in COMPLEX, place)
     if frequency is None:
         frequency = float(parameters["f0"]) + np.arange(count) * float(parameters["df"])
-    first, averages = parameters["ChannelA"], float(parameters.get("Averages", 0)) or None
+    averages = float(parameters.get("Averages", 0)) or None
     is_reference = node.get("Name", "").startswith("Reference")
     suffix = f"(REF{node.get('Name', '')[10:-1]})" if is_reference else ""
-    seconds = [
-        parameters[name]
-        for name in sorted(
-            (name for name in parameters if re.fullmatch(r"ChannelB(\[\d+\])?", name)),
-            key=lambda name: int(re.sub(r"\D", "", name) or 0),
-        )
-    ]
-    if kind == "amplitude":
-        seconds = [""]
+    names = [name for name in parameters if re.fullmatch(r"ChannelB(\[\d+\])?", name)]
+    names.sort(key=lambda name: int(re.sub(r"\D", "", name) or 0))
+    seconds = [""] if kind == "amplitude" else [parameters[name] + suffix for name in names]
     if len(seconds) < traces:
         raise ValueError(f"{traces} traces, but {len(seconds)} channels B")
-    for second, row in zip(seconds, values, strict=False):
-        pair = (first + suffix, second + suffix if second else "")
-        getattr(found, kind).setdefault(pair, (frequency, row, averages))
+    first = parameters["ChannelA"] + suffix
+    return {
+        (first, second): Trace(frequency, row, averages)
+        for second, row in zip(seconds, values, strict=False)
+    }
 
 
 def _numbers(
-    node: ElementTree.Element,
-    count: int,
-    traces: int,
-    own_frequencies: bool,
-    complex_values: bool,
-) -> tuple[Float[np.ndarray, " frequency"] | None, Inexact[np.ndarray, "trace frequency"]]:
+    node: ElementTree.Element, count: int, traces: int, is_complex: bool, place: str
+) -> tuple[np.ndarray | None, np.ndarray]:
     """Frequencies (N,) or None, and values (M, N) of a stream."""
     stream = node.find("Array/Stream")
     if stream is None:
@@ -231,27 +199,20 @@ def _numbers(
     if "base64" not in encoding:
         raise ValueError(f"encoding {format_value(encoding)} is not base64")
     data = base64.b64decode("".join((stream.text or "").split()), validate=True)
-    order = ">" if "big" in encoding else "<"
-    single, double = (
-        (f"{order}c8", f"{order}c16") if complex_values else (f"{order}f4", f"{order}f8")
-    )
-    frequency: Float[np.ndarray, " frequency"] | None = None
-    number = int(node.findtext("Param[@Name='Subtype']") or 0)
-    if own_frequencies and node.get("Type") == "TransferFunction" and number in (6, 7):
-        frequency = np.frombuffer(data[: 8 * count], f"{order}f8")
+    order, frequency = ">" if "big" in encoding else "<", None
+    if place == "double":
+        frequency = np.frombuffer(data[: 8 * count], f"{order}f8").astype(float)
         data = data[8 * count :]
-        rows = traces
-    else:
-        rows = traces + own_frequencies
-    sizes = {rows * count * np.dtype(kind).itemsize: kind for kind in (single, double)}
+    rows = traces + (place == "first")
+    kinds = (f"{order}c8", f"{order}c16") if is_complex else (f"{order}f4", f"{order}f8")
+    sizes = {rows * count * np.dtype(kind).itemsize: kind for kind in kinds}
     if len(data) not in sizes or len(data) == 0:
         needed = " or ".join(map(str, sizes))
         raise ValueError(f"the stream has {len(data)} bytes, {needed} are needed")
     values = np.frombuffer(data, sizes[len(data)]).reshape(rows, count)
-    if own_frequencies and frequency is None:
-        frequency, values = values[0].real, values[1:]
-    wide = complex if complex_values else float
-    return None if frequency is None else frequency.astype(float), values.astype(wide)
+    if place == "first":
+        frequency, values = values[0].real.astype(float), values[1:]
+    return frequency, values.astype(complex if is_complex else float)
 
 
 def _root(path: Path) -> ElementTree.Element:
@@ -300,7 +261,3 @@ def _parse(data: bytes) -> ElementTree.Element:
     except (expat.ExpatError, LookupError, ValueError, AssertionError) as error:
         # of unknown and of multi-byte encodings, too
         raise InputError.of("", f"is not XML ({one_line(error)})", AGAIN) from None
-
-
-def _reason(error: Exception) -> str:
-    return f"{error} is missing" if isinstance(error, KeyError) else str(error)

@@ -7,8 +7,6 @@ chapter 9 (random errors of the gain factor of single-input, single-output syste
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,16 +25,17 @@ from suspension_cli.measurements.transfer_function import MeasuredResponse, find
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float
 
-    from suspension_cli.design.measured import Transducer
     from suspension_cli.files.hdf5 import Stored
 
     Values = Float[np.ndarray, " frequency"]
 
 LARGEST = 1e100
 """Largest value of a transfer function: squares and ratios of larger ones overflow."""
+UNITS = ("m", "rad"), ("N", "N m")
+"""Of motions along and about an axis, and of forces and torques."""
 LARGEST_PHASE = 1e4
 """In deg or rad; a larger number is hardly a phase, even unwrapped."""
-PAIRS = (("real", "imaginary"), ("magnitude", "phase"), ("value",))
+FORMS = (("value",), ("real", "imaginary"), ("magnitude", "phase"))
 """Keys of the columns that give the complex value."""
 
 
@@ -45,22 +44,24 @@ def read_all(measured: Measured, file: str | Path) -> list[MeasuredResponse]:
 
     Data files are named from the folder of `file`. Raises `InputError` with the faults of all.
     """
-    found, errors, opened = [], [], {}
+    found, errors, opened = [], [], dict[Path, Columns | Dtt]()
     for table, name in zip(measured.transfer_function, titles(measured), strict=True):
+        path = Path(file).parent / table.file
         try:
-            one = _read(table, Path(file).parent, opened)
+            with attribute_faults_to(str(path)):
+                source = opened[path] = opened.get(path) or _open(path)
+                values = _values(_columns(source, table), table)
         except InputError as error:
             errors.append(error)
             continue
-        found.append(replace(one, name=name, unit=unit_of_value(table, measured)))
+        unit = unit_of_value(table, measured)
+        found.append(MeasuredResponse(name, table.input, table.output, *values, unit, str(path)))
     if errors:
         raise errors[0] if len(errors) == 1 else join_errors(errors)
     return found
 
 
-def read_bare(
-    path: str | Path, *, input: str = "", output: str = "", **keys: Any
-) -> list[MeasuredResponse]:
+def read_bare(path: str | Path, *, input: str = "", output: str = "") -> list[MeasuredResponse]:
     """Read a file of data without a file of measurements.
 
     Parameters
@@ -70,13 +71,11 @@ def read_bare(
         HDF5 with such datasets; DTT XML.
     input, output
         Signals of the design; default for DTT: the channels.
-    **keys
-        Keys of `TransferFunction`: ``real="a"``, ``averages=20``, ``input_channel="H1:..."``.
 
     Returns
     -------
     list of MeasuredResponse
-        One of a CSV or HDF5 file; all of a DTT file, unless channels are given.
+        One of a CSV or HDF5 file; all of a DTT file.
 
     Raises
     ------
@@ -84,26 +83,22 @@ def read_bare(
         If the file is at fault, with its line or column.
     """
     path = Path(path)
-    table = TransferFunction(file=path.name, input=input, output=output, **keys)
+    table = TransferFunction(file=path.name, input=input, output=output)
     with attribute_faults_to(str(path)):
         source = _open(path)
-        if not keys and is_results_file(path):
+        if is_results_file(path):
             problem = "is a results file of pendsus, not a measurement"
             remedy = "compare it with pendsus compare DESIGN FILE"
             raise InputError.of("", problem, remedy)
-        if not isinstance(source, Dtt) or table.input_channel or table.output_channel:
-            return [_read(table, path.parent, {path: source})]
-        pairs = source.pairs or [("", "")]  # none: the fault is found below
-        return [
-            MeasuredResponse(
-                f"{path.stem}: {out} / {into}" if len(pairs) > 1 else path.stem,
-                input or into,
-                output or out,
-                *_values(source.columns(into or None, out or None), table),
-                file=str(path),
-            )
-            for into, out in pairs
-        ]
+        pairs = [*source.transfer] if isinstance(source, Dtt) else []
+        found = []
+        for into, out in pairs or [("", "")]:
+            part = source if isinstance(source, Columns) else source.columns(into, out)
+            name = f"{path.stem}: {out} / {into}" if len(pairs) > 1 else path.stem
+            ends, values = (input or into, output or out), _values(part, table)
+            unit = unit_of_value(table, Measured())
+            found.append(MeasuredResponse(name, *ends, *values, unit, str(path)))
+        return found
 
 
 def titles(measured: Measured) -> list[str]:
@@ -113,28 +108,6 @@ def titles(measured: Measured) -> list[str]:
         f"{name} {table.output}/{table.input}" if plain.count(name) > 1 else name
         for name, table in zip(plain, measured.transfer_function, strict=True)
     ]
-
-
-def _read(
-    table: TransferFunction, folder: Path, opened: dict[Path, Columns | Dtt]
-) -> MeasuredResponse:
-    path = folder / table.file
-    with attribute_faults_to(str(path)):
-        if path not in opened:
-            opened[path] = _open(path)
-        source = opened[path]
-        if isinstance(source, Dtt):
-            source = source.columns(table.input_channel, table.output_channel)
-        else:
-            _refuse_channels(table)
-        return MeasuredResponse(
-            table.name or Path(table.file).stem,
-            table.input,
-            table.output,
-            *_values(source, table),
-            unit=unit_of_value(table, Measured()),
-            file=str(path),
-        )
 
 
 def _open(path: Path) -> Columns | Dtt:
@@ -149,12 +122,16 @@ def _open(path: Path) -> Columns | Dtt:
     return columns.read(path)
 
 
-def _refuse_channels(table: TransferFunction) -> None:
+def _columns(source: Columns | Dtt, table: TransferFunction) -> Columns:
+    """Return the columns of one transfer function."""
+    if isinstance(source, Dtt):
+        return source.columns(table.input_channel, table.output_channel)
     for key in ("input_channel", "output_channel"):
         if getattr(table, key) is not None:
             remedy = "remove it, and name columns or datasets"
             problem = "is for XML of the diagnostics test tools, which this file is not"
             raise InputError.of(key, problem, remedy, getattr(table, key))
+    return source
 
 
 def read_hdf5(path: Path) -> Columns:
@@ -212,39 +189,42 @@ def _attribute(name: str, key: str, value: Stored) -> float:
     return float(values.item())
 
 
-def choose(source: Columns, table: TransferFunction) -> dict[str, int]:
+def _choose(source: Columns, table: TransferFunction) -> tuple[dict[str, int], tuple[str, ...]]:
     """Choose the columns that a table names, or those recognised by headings.
 
-    Raises `InputError` if a column is missing or a needed one is not recognised.
+    Also returns the keys of the columns that give the value, one of `FORMS`. Raises `InputError`
+    if a column is missing or a needed one is not recognised.
     """
     named = {role: getattr(table, role) for role in WORDS}
-    named = {role: one for role, one in named.items() if one is not None}
     chosen = {
-        role: source.find(role, one) for role, one in named.items() if not isinstance(one, float)
+        role: source.find(role, one)
+        for role, one in named.items()
+        if one is not None and not isinstance(one, float)
     }
-    given = [pair for pair in PAIRS if any(role in named for role in pair)]
-    complete = any(all(role in named for role in pair) for pair in given)
-    for role, position in columns.recognise(source.names if source.headed else []).items():
-        other = role in sum(PAIRS, ()) and (complete or (given and role not in given[0]))
-        if role not in named and position not in chosen.values() and not other:
-            chosen[role] = position
+    known = columns.recognise(source.names if source.headed else [])
+    known = {role: n for role, n in known.items() if n not in chosen.values()} | chosen
+
+    def rank(form: tuple[str, ...]) -> tuple[bool, ...]:
+        named, complete = any(role in chosen for role in form), all(role in known for role in form)
+        return named, complete, any(role in known for role in form)
+
+    form = max(FORMS, key=rank)
     there = f"found here: {', '.join(source.names)}" if source.headed else "it has no headings"
     example = "frequency, real, imaginary" if source.headed else "frequency = 1, real = 2, ..."
     naming = f"name the {source.noun}s in a [[transfer_function]]: {example}"
-    if "frequency" not in chosen:
+    if "frequency" not in known:
         problem = f"no {source.noun} of frequencies is recognised ({there})"
         raise InputError.of("frequency", problem, naming)
-    for first, second in PAIRS[:2]:
-        for here, other in ((first, second), (second, first)):
-            if here in chosen and other not in chosen and "value" not in chosen:
-                problem = f"a transfer function needs the {other}, too"
-                remedy = f"name its {source.noun}: {other} = ... ({there})"
-                shown = format_value(source.names[chosen[here]])
-                raise InputError.of(here, problem, remedy, shown)
-    if not {"real", "magnitude", "value"} & {*chosen}:
+    if not any(role in known for role in form):
         problem = f"no {source.noun}s of values are recognised ({there})"
         raise InputError.of("real", problem, naming)
-    return chosen
+    for missing in [role for role in form if role not in known]:
+        [here] = [role for role in form if role in known]
+        problem = f"a transfer function needs the {missing}, too"
+        remedy = f"name its {source.noun}: {missing} = ... ({there})"
+        raise InputError.of(here, problem, remedy, format_value(source.names[known[here]]))
+    used = ("frequency", *form, "coherence", "uncertainty")
+    return {role: known[role] for role in used if role in known}, form
 
 
 @np.errstate(over="ignore", invalid="ignore")  # such values are refused
@@ -255,14 +235,14 @@ def _values(
 
     Raises `InputError` with the line of the first wrong number.
     """
-    chosen = choose(source, table)
+    chosen, form = _choose(source, table)
     lengths = {role: len(source.read(position)) for role, position in chosen.items()}
     if len({*lengths.values()}) > 1:
         listed = ", ".join(f"{source.names[chosen[role]]} {n}" for role, n in lengths.items())
         raise InputError.of("", f"lengths differ: {listed}", "give all one length")
     per_hertz = {"Hz": 1.0, "rad/s": 2 * np.pi, None: None}[table.frequency_unit]
     frequency = source.frequencies(chosen["frequency"], per_hertz)
-    value, per_unit = _complex_value(source, table, chosen)
+    value, per_unit = _complex_value(source, table, chosen, form)
     coherence = sigma = np.full(len(frequency), np.nan)
     if "coherence" in chosen:
         coherence = source.numbers(
@@ -294,16 +274,16 @@ def _values(
 
 
 def _complex_value(
-    source: Columns, table: TransferFunction, chosen: dict[str, int]
+    source: Columns, table: TransferFunction, chosen: dict[str, int], form: tuple[str, ...]
 ) -> tuple[Complex[np.ndarray, " frequency"], Values | float]:
     """Value from its columns, and the factor from the unit of its uncertainty to that of it."""
 
     def read(role: str, *bounds: Any) -> Values:
         return source.numbers(chosen[role], role, *bounds, finite=False)
 
-    if "magnitude" not in chosen and "real" not in chosen:
+    if "value" in form:
         return np.asarray(source.read(chosen["value"]), dtype=complex), 1.0
-    if "real" in chosen and "imaginary" in chosen:
+    if "real" in form:
         return read("real") + 1j * read("imaginary"), 1.0
     headings = {
         role: columns.words(source.names[chosen[role]]) if source.headed else []
@@ -350,18 +330,12 @@ def relative_uncertainty(
 
 def unit_of_value(table: TransferFunction, measured: Measured) -> str:
     """Unit of the value; "" if a signal is unknown."""
-    into = _unit_of(table.input, measured.actuator)
-    out = _unit_of(table.output, measured.sensor)
+    units = []
+    for name, among in ((table.output, measured.sensor), (table.input, measured.actuator)):
+        found = find_transducer(name, among)
+        motion = found.signal.partition("@")[0].rpartition(".")[2]
+        kind, _, dof = motion.rpartition("_")
+        si = UNITS[bool(kind)][dof in DOFS[3:]] if dof in DOFS else ""
+        units.append(si if found.unit is None else found.unit)
+    out, into = units
     return f"{out}/({into})" if " " in into else f"{out}/{into}" if into and out else ""
-
-
-def _unit_of(name: str, among: Sequence[Transducer]) -> str:
-    found = find_transducer(name, among)
-    if found.unit is not None:
-        return found.unit
-    motion = found.signal.partition("@")[0].rpartition(".")[2]
-    kind, _, dof = motion.rpartition("_")
-    angular = dof in DOFS[3:]
-    if dof not in DOFS:
-        return ""
-    return ("N m" if angular else "N") if kind else ("rad" if angular else "m")

@@ -31,10 +31,10 @@ from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design.bodies import body_inertia, body_mass
 from suspension_cli.design.derive import (
     beyond_symmetric_chains,
-    blade_loss,
     blade_stiffness,
     com_positions,
     gravity_strength,
+    part_loss,
     set_geometry,
     wire_loss,
     wire_stiffness,
@@ -181,7 +181,7 @@ def chain(design: Design, *, lossy: bool = False) -> Chain:
         of_blades: dict[str, Any] = {}
         if blades is not None:
             k = blade_stiffness(design, blades, mass, blades.count)
-            own = k * (1 + 1j * blade_loss(design, blades)) if lossy else k
+            own = k * (1 + 1j * part_loss(design, blades)) if lossy else k
             of_blades = {"blades": blades.count, "blade_stiffness": own}
         stages.append(
             Stage(
@@ -202,7 +202,7 @@ def lossy(design: Design) -> bool:
     """Whether a chain's wires or blades have loss angles."""
     return any(
         wire_loss(design, s.wires, s.wires.l)
-        or (s.blades is not None and blade_loss(design, s.blades))
+        or (s.blades is not None and part_loss(design, s.blades))
         for s in design.stage
         if s.wires is not None
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import fields, replace
 from functools import cache
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -47,8 +47,8 @@ def inner(
     ...     point: Array = field(metadata=inner(3))  # (..., n, 3)
     >>> inner_axes(Points)
     {'point': 2}
-    >>> gather(Points, [{"label": "a"}]).point
-    array([[0., 0., 0.]])
+    >>> gather(Points, [[{"label": "a"}]]).point
+    array([[[0., 0., 0.]]])
     """
     marks = {_FRAME: frame, _VECTOR: vector or frame is not None, _COMPUTED: computed}
     return {_SHAPE: (float, 0, shape)} | marks
@@ -59,16 +59,11 @@ def shared(*shape: int, dtype: type = float, default: int = 0) -> dict[str, Any]
     return {_SHAPE: (dtype, default, shape), _SHARED: True}
 
 
-Row = Mapping[str, Any]
+Row = dict[str, Any]
 """A member of a part, by the names of the fields; a number that it omits is the default, 0."""
 
 
-def gather(kind: type[Part], rows: Sequence[Row]) -> Part:
-    """Pack members into a part without batch axes."""
-    return change_arrays(lambda _, values: values[0], gather_each(kind, [rows]))
-
-
-def gather_each(kind: type[Part], lists: Sequence[Sequence[Row]]) -> Part:
+def gather(kind: type[Part], lists: Sequence[Sequence[Row]]) -> Part:
     """Pack lists of members of one `topology` into a part with the lists as its batch axis."""
     made: dict[str, Any] = {}
     for name, blank in _blanks(kind):
@@ -77,9 +72,8 @@ def gather_each(kind: type[Part], lists: Sequence[Sequence[Row]]) -> Part:
             continue
         each = lists if name in inner_axes(kind) else lists[:1]
         values = [[row.get(name, blank) for row in rows] for rows in each]
-        made[name] = np.array(values, blank.dtype).reshape(len(each), -1, *blank.shape)
-        if name not in inner_axes(kind):
-            made[name] = made[name][0]
+        packed = np.array(values, blank.dtype).reshape(len(each), -1, *blank.shape)
+        made[name] = packed if name in inner_axes(kind) else packed[0]
     return kind(**made)
 
 

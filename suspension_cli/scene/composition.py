@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from suspension_cli.design.cross_sections.shape import CrossSection
-from suspension_cli.design.losses.mechanism import Mechanism
+from suspension_cli.design.cross_sections import CrossSection
+from suspension_cli.design.losses import Mechanism
 from suspension_cli.scene.arrays import Array
 
 

@@ -18,11 +18,11 @@ from suspension_cli.conventions import DOFS
 from suspension_cli.design.bodies import body_inertia, body_mass
 from suspension_cli.design.derive import (
     Keystone,
-    blade_loss,
     blade_stiffness,
     gives_natural_lengths,
     gravity_field,
     gravity_strength,
+    part_loss,
     set_geometry,
     wire_loss,
     wire_mass_moments,
@@ -31,15 +31,13 @@ from suspension_cli.design.derive import (
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.wires import Wire, WireSet
 from suspension_cli.errors import Fault, InputError
-from suspension_cli.scene import links, stack, tensions, towers
-from suspension_cli.scene.arrays import Array, Index, gather_each, topology
+from suspension_cli.scene import links, stack, tensions
+from suspension_cli.scene.arrays import Array, Index, Row, gather, topology
 from suspension_cli.scene.places import Places
 from suspension_cli.scene.scene import Bars, Blades, Bodies, Field, Scene, Springs, Wires
 
 if TYPE_CHECKING:
     from jaxtyping import Float
-
-    from suspension_cli.scene.towers import Row
 
 
 @dataclass(frozen=True)
@@ -55,9 +53,7 @@ class Members:
     struts, bars
         Of all legs.
     springs
-        Of each stage.
-    joining
-        Links and dampers.
+        Of all stages, links and dampers.
     """
 
     design: Design
@@ -66,8 +62,7 @@ class Members:
     blades: list[list[Row]]
     struts: list[Row]
     bars: list[Row]
-    springs: list[list[Row]]
-    joining: list[Row]
+    springs: list[Row]
 
     @staticmethod
     def of(design: Design, other: Members | None = None) -> Members:
@@ -86,11 +81,10 @@ class Members:
                 own = _list_stage(design, places, n, first)
             wires.append(own[0])
             blades.append(own[1])
-        struts, bars = towers.legs(design, places)
-        springs = [links.of_stage(design, stage) for stage in design.stage]
-        joining = links.of_links(design, places) + links.of_dampers(design, places)
-        joining = _between(joining, places)
-        return Members(design, places, wires, blades, struts, bars, springs, joining)
+        struts, bars = links.legs(design, places)
+        springs = links.of_stages(design, places) + links.of_links(design, places)
+        springs = links.between(springs + links.of_dampers(design, places), places)
+        return Members(design, places, wires, blades, struts, bars, springs)
 
     def _has(self, n: int, design: Design, places: Places, first: int) -> bool:
         """Whether the n-th stage of a design is its own, hangs alike, and has the same numbers."""
@@ -111,8 +105,7 @@ class Members:
         signs = [(row["natural"], row["fixed"]) for row in lines if "fixed" in row]
         signs += [(bool(row.get("torsion")), any(row.get("mass", ()))) for row in lines]
         signs += [(bool(row["tip_mass"]), math.isnan(row["given"])) for row in blades]
-        springs = [*chain.from_iterable(self.springs), *self.joining]
-        signs += [(bool(np.any(row.get("damping", 0.0))),) for row in springs]
+        signs += [(bool(np.any(row.get("damping", 0.0))),) for row in self.springs]
         constants = self.design.constants
         return (
             repr((constants.gravity, constants.gravity_gradient)),
@@ -122,7 +115,7 @@ class Members:
             topology(Wires, lines),
             topology(Blades, blades),
             topology(Bars, self.bars),
-            topology(Springs, springs),
+            topology(Springs, self.springs),
         )
 
 
@@ -151,10 +144,10 @@ def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fau
     gravity, field, count = gravity_strength(design), gravity_field(design), len(each)
     wire_rows = [[*chain.from_iterable(own.wires)] for own in each]
     blade_rows = [[*chain.from_iterable(own.blades)] for own in each]
-    wires, blades = gather_each(Wires, wire_rows), gather_each(Blades, blade_rows)
-    struts = gather_each(Wires, [members.struts for members in each])
-    bars = gather_each(Bars, [members.bars for members in each])
-    joining = gather_each(Springs, [members.joining for members in each])
+    wires, blades = gather(Wires, wire_rows), gather(Blades, blade_rows)
+    struts = gather(Wires, [members.struts for members in each])
+    bars = gather(Bars, [members.bars for members in each])
+    springs = gather(Springs, [members.springs for members in each])
     bodies = Bodies(
         name=tuple(stage.name for stage in design.stage),
         mass=np.array([[body_mass(stage.body) for stage in own.design.stage] for own in each]),
@@ -164,21 +157,20 @@ def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fau
         position=np.array([own.places.position for own in each]),
     )
     loads = _weights(gravity, bodies, wires, blades, bars)
-    for n, (upper, lower) in enumerate(zip(joining.upper, joining.lower, strict=True)):
-        preload = joining.preload[:, n]
-        loads[:, lower, 0] += tensions.move_wrench(preload, joining.lower_point[:, n])
-        loads[:, upper, 0] -= tensions.move_wrench(preload, joining.upper_point[:, n])
+    for n, (upper, lower) in enumerate(zip(springs.upper, springs.lower, strict=True)):
+        preload = springs.preload[:, n]
+        loads[:, lower, 0] += tensions.move_wrench(preload, springs.lower_point[:, n])
+        loads[:, upper, 0] -= tensions.move_wrench(preload, springs.upper_point[:, n])
     offset = np.array([own.places.offset for own in each])
     for n in range(len(design.stage), 0, -1):
         loads[:, parent[n]] += tensions.move_wrench(loads[:, n], offset[:, n, None])
-    preload = np.array([[_preload(stage) for stage in own.design.stage] for own in each])
-    springs: list[list[Row]] = []
-    coupling: list[list[Row]] = []
+    spring_rows: list[list[Row]] = []
+    bar_rows: list[list[Row]] = []
     faults: dict[int, list[Fault]] = {}
     for n, own in enumerate(each):
-        rows, bar_rows, wrong = _springs(own, loads[n], preload[n], gravity)
-        springs.append(rows + own.joining)
-        coupling.append(own.bars + bar_rows)
+        loaded, coupling, wrong = _loaded_springs(own, loads[n], gravity)
+        spring_rows.append(loaded + own.springs)
+        bar_rows.append(own.bars + coupling)
         if wrong:
             faults[n] = wrong
     natural, fixed = (
@@ -186,7 +178,7 @@ def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fau
     )
     tension, thrust = wires.tension.copy(), -struts.tension
     for n, stage in enumerate(design.stage, 1):
-        load = loads[:, n, 0] + preload[:, n - 1]
+        load = loads[:, n, 0]
         lines, force = (wires, tension) if stage.inverted_pendulum is None else (struts, thrust)
         own = np.flatnonzero(lines.lower == n)
         if lines is struts:
@@ -206,27 +198,13 @@ def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fau
         bodies=bodies,
         wires=replace(wires, tension=np.where(natural, wires.tension, tension)),
         blades=replace(blades, load=_blade_loads(gravity, wires, blades, tension, given)),
-        springs=gather_each(Springs, springs),
+        springs=gather(Springs, spring_rows),
         struts=replace(struts, tension=-thrust),
-        bars=gather_each(Bars, coupling),
+        bars=gather(Bars, bar_rows),
         field=field and Field(*map(np.array, field)),
         solves_pose=gives_natural_lengths(design),
     )
     return scene, faults
-
-
-def list_wires(design: Design) -> tuple[list[Row], list[Row]]:
-    """List the wires and the blades of all stages."""
-    found = Members.of(design)
-    return [*chain.from_iterable(found.wires)], [*chain.from_iterable(found.blades)]
-
-
-def _between(rows: list[Row], places: Places) -> list[Row]:
-    """Springs with their points in the frame of the upper body."""
-    return [
-        row | {"upper_point": row["lower_point"] + places.between(row["upper"], row["lower"])}
-        for row in rows
-    ]
 
 
 def _list_stage(design: Design, places: Places, n: int, first: int) -> tuple[list[Row], list[Row]]:
@@ -257,7 +235,7 @@ def _list_stage(design: Design, places: Places, n: int, first: int) -> tuple[lis
             "tip": tip,
             "stiffness": stiffness,
             "tip_mass": table.tip_mass,
-            "loss": blade_loss(design, table),
+            "loss": part_loss(design, table),
             "given": math.nan if table.load is None else table.load,
         }
         blades.append(blade)
@@ -289,16 +267,12 @@ def _wires_of(design: Design, stage: Stage, offset: Array) -> Iterator[Row]:
             }
         return
     shape, same = set_geometry(table), _elastic(design, table, table.l)
-    signs = wire_signs(shape.count) if not shape.is_ring else []
-    ends = [
-        ((x * shape.s_upper, y * shape.t1), (x * shape.s_lower, y * shape.t2)) for x, y in signs
-    ]
-    for number, (upper, lower) in enumerate(ends or map(shape.ring_ends, range(shape.count))):
+    for number, (upper, lower) in enumerate(shape.ends):
         span = np.array([lower[0] - upper[0], lower[1] - upper[1], -shape.height])
         blade = -1
         if stage.blades is not None:
             shared = stage.blades.count < shape.count
-            blade = number if not shared else int(stage.blades.count == 2 and signs[number][1] < 0)
+            blade = number if not shared else int(stage.blades.count == 2 and upper[1] < 0)
         yield same | {
             "upper_point": (*upper, -shape.d_upper),
             "lower_point": (*lower, shape.d),
@@ -317,11 +291,6 @@ def _elastic(design: Design, table: WireSet | Wire, length: float) -> Row:
         "loss": wire_loss(design, table, length),
         "mass": wire_mass_moments(design, table, length),
     }
-
-
-def wire_signs(count: int) -> list[tuple[int, int]]:
-    """List the signs of x and y of the wires of a symmetric set, by number."""
-    return {1: [(0, 0)], 2: [(0, 1), (0, -1)], 4: [(1, 1), (1, -1), (-1, 1), (-1, -1)]}[count]
 
 
 def _weights(
@@ -343,30 +312,22 @@ def _weights(
     return loads
 
 
-def _preload(stage: Stage) -> Array:
-    """Wrench (6,) of a stage's own springs on it about its COM."""
-    result = np.zeros(6)
-    for spring in stage.spring:
-        result += tensions.move_wrench(np.array(spring.preload), np.array(spring.at))
-    return result
-
-
-def _springs(
-    own: Members, loads: Array, preload: Array, gravity: float
+def _loaded_springs(
+    own: Members, loads: Array, gravity: float
 ) -> tuple[list[Row], list[Row], list[Fault]]:
-    """List the springs of stages, the bars of the inertia of filters' blades, and their faults.
+    """List the springs that depend on loads, of legs and of filters, and the inertia of these.
 
-    `loads` (1 + body, 2, 6) and `preload` (stage, 6) are those of one design.
+    `loads` (1 + body, 2, 6) are those of one design. Also lists faults of filters.
     """
     springs: list[Row] = []
     bars: list[Row] = []
     faults: list[Fault] = []
     design, places = own.design, own.places
     for n, stage in enumerate(design.stage, 1):
-        load, hung, above = loads[n, 0] + preload[n - 1], -loads[n, 1, 2], places.parent[n]
-        rows = own.springs[n - 1] + towers.flexures(stage, load, hung, gravity)
+        load, hung, above = loads[n, 0], -loads[n, 1, 2], places.parent[n]
+        rows = links.flexures(stage, load, hung, gravity)
         if isinstance(stage, Keystone):
-            row, coupling, wrong = towers.filter_blades(design, stage, load, hung, gravity)
+            row, coupling, wrong = links.filter_blades(design, stage, load, hung, gravity)
             rows.append(row)
             faults += wrong
             between = {"body": (above, n), "point": (places.offset[n], np.zeros(3))}
@@ -374,7 +335,7 @@ def _springs(
                 inertia = (-coupling, coupling, -coupling)
                 bars.append({"label": row["label"], "inertia": inertia} | between)
         springs += [{"upper": above, "lower": n} | row for row in rows]
-    return _between(springs, places), bars, faults
+    return links.between(springs, places), bars, faults
 
 
 def _blade_loads(
@@ -397,7 +358,7 @@ def _find_unbalanced(
     stage: Stage, loads: Array, left_over: Array, lines: Wires, own: Index, force: Array
 ) -> dict[int, list[Fault]]:
     """Find designs with a load left over on a stage, or with slack wires or pulled legs."""
-    least = tensions.BALANCE * np.maximum(np.abs(loads[:, 0]).max(-1), 1e-12)
+    least = tensions.BALANCE * np.abs(loads[:, 1]).max(-1)
     wrong = (np.abs(left_over).max(-1) > least) | ~(force > 0).all(-1)
     return {
         k: _imbalance(stage, loads[k], left_over[k]) or _loose(stage, lines, own, force[k])
@@ -419,8 +380,7 @@ def _imbalance(stage: Stage, loads: Array, left_over: Array) -> list[Fault]:
                 " solved for"
             ),
         )
-    least = tensions.BALANCE * max(np.abs(loads[0]).max(), 1e-12)
-    least = max(least, 1e-3 * np.abs(left_over).max())
+    least = max(tensions.BALANCE * np.abs(loads[1]).max(), 1e-3 * np.abs(left_over).max())
     found = [
         f"{left_over[axis]:.3g} {'N of force along' if axis < 3 else 'N m of'} {DOFS[axis]}"
         + (" torque" if axis > 2 else "")

@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 
 from suspension_cli.conventions import AVOGADRO
 from suspension_cli.design import materials
-from suspension_cli.design.cross_sections.round import Round
-from suspension_cli.design.derive import blade_material, gravity_strength, is_ring
-from suspension_cli.design.losses.bulk import Bulk
-from suspension_cli.design.losses.mechanism import Mechanism
-from suspension_cli.design.losses.registry import mechanisms_of
+from suspension_cli.design.cross_sections import Round
+from suspension_cli.design.derive import gravity_strength, part_loss, wire_signs
+from suspension_cli.design.links import Link
+from suspension_cli.design.losses import Bulk, Mechanism, mechanisms_of
 from suspension_cli.design.schema import Design, Material, Spring
 from suspension_cli.design.sections import Stretch, stretches
-from suspension_cli.design.wires import Blade, BladeSet, Clamp, EndTemperatures, Wire, WireSet
+from suspension_cli.design.wires import AnyBlade, Clamp, EndTemperatures, Wire, WireSet, is_ring
 from suspension_cli.rotations import rotation_matrix
-from suspension_cli.scene.arrays import Array, gather
+from suspension_cli.scene.arrays import Array, Row
 from suspension_cli.scene.composition import BladeLoss, Fibre, Fibres, Gas, Section
-from suspension_cli.scene.expand import list_wires, wire_signs
-from suspension_cli.scene.links import link_loss, of_stage
-from suspension_cli.scene.scene import Wires
+from suspension_cli.scene.expand import Members
 
 POISSON = 0.3
 """Poisson's ratio of a material for which none is known."""
@@ -50,36 +46,26 @@ def compose(design: Design) -> Fibres:
 
     Without imperfections. `explain_unsuitable` must return "" for the design.
     """
-    ambient = design.constants.temperature
-    rows, blade_rows = list_wires(design)
+    ambient, members = design.constants.temperature, Members.of(design)
     wires: list[Fibre] = []
-    for stage in design.stage:
-        for table in stage.wire_tables:
-            count = table.count if isinstance(table, WireSet) else 1
-            own = gather(Wires, rows[len(wires) : len(wires) + count])
-            wires += _fibres(design, table, own)
-
-    @cache
-    def losses(name: str) -> tuple[Mechanism, ...]:
-        return mechanisms_of(materials.resolve(design, name), None)
-
     blades: list[BladeLoss] = []
-    for stage in design.stage:
-        for table in [stage.blades] * stage.blades.count if stage.blades else stage.blade:
-            row, material = blade_rows[len(blades)], blade_material(table)
-            own = None if material is None else losses(material)
-            blades.append(_blade(row["label"], table, own, row["loss"], ambient))
-    springs = [
-        _blade(row["label"], spring, losses(spring.material), row["loss"], ambient)
-        for stage in design.stage
-        for spring, row in zip(stage.spring, of_stage(design, stage), strict=True)
-        if spring.material is not None
-    ]
+    springs: list[BladeLoss] = []
+
+    def loss(label: str, part: AnyBlade | Spring | Link) -> BladeLoss:
+        return _part_loss(design, label, part)
+
+    for stage, lines, rows in zip(design.stage, members.wires, members.blades, strict=True):
+        if stage.wires is not None:
+            wires += _fibres(design, stage.wires, lines)
+        for wire, line in zip(stage.wire, lines, strict=False):
+            wires += _fibres(design, wire, [line])
+        tables = [stage.blades] * stage.blades.count if stage.blades else stage.blade
+        blades += [loss(row["label"], table) for row, table in zip(rows, tables, strict=True)]
+        named = ((f"{stage.name}.spring{n}", own) for n, own in enumerate(stage.spring, 1))
+        springs += [loss(label, spring) for label, spring in named if spring.made_of is not None]
     for link in design.link:
-        if (wire := link.strands) is not None and link.loss_angle is None:
-            angle, shape = link_loss(design, link), Round(wire.diameter / 2, wire.diameter / 2)
-            known = angle, losses(wire.material), wire.diameter, ambient, shape
-            springs.append(BladeLoss(f"{link.name}.link", *known))
+        if link.made_of is not None and link.loss_angle is None:
+            springs.append(loss(f"{link.name}.link", link))
     gas = design.gas and Gas(
         design.gas.pressure,
         design.gas.molar_mass / AVOGADRO,
@@ -88,17 +74,17 @@ def compose(design: Design) -> Fibres:
     return Fibres(tuple(wires), tuple(blades), gas, ambient, tuple(springs))
 
 
-def _fibres(design: Design, table: WireSet | Wire, lines: Wires) -> Iterator[Fibre]:
+def _fibres(design: Design, table: WireSet | Wire, lines: Sequence[Row]) -> Iterator[Fibre]:
     """Compose the wires of one table."""
-    directions = lines.span / lines.length[:, None]
     at = table.temperature or design.constants.temperature
-    length = table.l if isinstance(table, WireSet) else table.natural_length or lines.length[0]
-    sections = _sections(design, table, length)
-    if lines.mass.any():
-        sections = _weighed(sections, directions[0], lines.mass[0], gravity_strength(design))
-    for number, (label, direction) in enumerate(zip(lines.label, directions, strict=True)):
+    length = table.l if isinstance(table, WireSet) else table.natural_length or lines[0]["length"]
+    sections, moments = _sections(design, table, length), lines[0]["mass"]
+    for number, line in enumerate(lines):
+        direction = line["span"] / line["length"]
+        if number == 0 and any(moments):
+            sections = _weighed(sections, direction, moments, gravity_strength(design))
         yield Fibre(
-            label=label,
+            label=line["label"],
             sections=sections,
             plane=_plane(direction),
             clamp=_clamp(number, table, direction),
@@ -124,7 +110,7 @@ def _sections(design: Design, table: WireSet | Wire, length: float) -> tuple[Sec
 
 
 def _weighed(
-    sections: tuple[Section, ...], direction: Array, moments: Array, gravity: float
+    sections: tuple[Section, ...], direction: Array, moments: Sequence[float], gravity: float
 ) -> tuple[Section, ...]:
     """Sections with their `tension_offset`.
 
@@ -196,17 +182,22 @@ def _clamp(number: int, table: WireSet | Wire, along: Array) -> tuple[Array, Arr
     return direction(clamp.upper), direction(clamp.lower)
 
 
-def _blade(
-    label: str,
-    table: BladeSet | Blade | Spring,
-    losses: tuple[Mechanism, ...] | None,
-    angle: float,
-    ambient: float,
-) -> BladeLoss:
-    """Look up the loss of a blade or spring; its own loss angle replaces the bulk's."""
-    if losses is not None and table.loss_angle is not None:
-        others = tuple(own for own in losses if not isinstance(own, Bulk))
-        losses = (Bulk(table.loss_angle), *others)
-    geometry = None if isinstance(table, Spring) else table.geometry
-    thickness = table.thickness if geometry is None else geometry.thickness
-    return BladeLoss(label, angle, losses, thickness or 0.0, table.temperature or ambient)
+def _part_loss(design: Design, label: str, part: AnyBlade | Spring | Link) -> BladeLoss:
+    """Look up the loss of a part; its own loss angle replaces the bulk's."""
+    losses, shape, thickness, temperature = None, None, 0.0, None
+    if part.made_of is not None:
+        losses = mechanisms_of(materials.resolve(design, part.made_of), None)
+        if part.loss_angle is not None:
+            others = tuple(own for own in losses if not isinstance(own, Bulk))
+            losses = (Bulk(part.loss_angle), *others)
+    if isinstance(part, Link):
+        assert part.strands is not None
+        thickness = part.strands.diameter
+        shape = Round(thickness / 2, thickness / 2)
+    else:
+        geometry = None if isinstance(part, Spring) else part.geometry
+        thickness = part.thickness if geometry is None else geometry.thickness
+        temperature = part.temperature
+    ambient = design.constants.temperature
+    angle = part_loss(design, part)
+    return BladeLoss(label, angle, losses, thickness or 0.0, temperature or ambient, shape)

@@ -1,4 +1,29 @@
-"""Springs of a scene: `[[stage.spring]]`, `[[link]]` and `[[damper]]`, one member each."""
+"""Springs of a scene: of stages, links, dampers, legs and filters; struts and bars of legs.
+
+**Legs.** A leg is a strut from its foot to its top (stiff along its length, with the load as
+thrust: any lean is exact), a spring at its top for the flexures, and a bar for its inertia and
+weight. The spring's strain is in the frame of the body below: the lean of the leg relative to that
+body (the angle g / L of `elements.lean`) bends the foot; the tilt of the stage less that lean bends
+the joint at the top.
+
+**Eddy currents.** The magnet is a dipole m along an axis. The field of the currents is small beside
+its own: the velocity is far below 2 / (mu_0 sigma t), and the conductor thinner than its skin
+depth. A velocity v along the axis induces in the conductor, at the distance rho from the axis and z
+along it, the electric field
+
+    E_phi = v dA_phi/dz = -(3 mu_0 m / 4 pi) v rho z / (rho^2 + z^2)^(5/2),
+
+whose currents dissipate the power c v^2, the integral of sigma E^2:
+
+    plate from z = g to g + t:       c = mu_0^2 m^2 sigma / (64 pi) (1/g^3 - 1/(g + t)^3)
+    tube from radius a to a + t:     c = 15 mu_0^2 m^2 sigma / 1024 (1/a^3 - 1/(a + t)^3)
+
+For t << a the second is 45 mu_0^2 m^2 sigma t / (1024 a^4), known from a magnet that falls through
+a pipe (wall thickness: Donoso, Ladera and Martin, Eur. J. Phys. 30, 855 (2009)). For motion across
+the axis, along the plate, c is half as large: the drag on a dipole over a thin sheet from Maxwell's
+receding images at low velocity (Saslow, Am. J. Phys. 60, 693 (1992)); the sheets of a thick plate
+add up, as their currents are parallel to it.
+"""
 
 from __future__ import annotations
 
@@ -8,33 +33,55 @@ import numpy as np
 
 from suspension_cli.conventions import DOFS, GROUND
 from suspension_cli.design import materials
-from suspension_cli.design.derive import gravity_strength, spring_loss
+from suspension_cli.design.derive import Keystone, gravity_strength, part_loss
+from suspension_cli.design.filters import filter_statics
+from suspension_cli.design.inverted_pendulum import (
+    ROUND_ROD,
+    InvertedPendulum,
+    leg_inertia,
+    leg_statics,
+    tops,
+)
 from suspension_cli.design.links import Damper, Link, Strands
 from suspension_cli.design.schema import Design, Stage
-from suspension_cli.scene import eddy_current, strands
-from suspension_cli.scene.arrays import Array
+from suspension_cli.errors import Fault
+from suspension_cli.scene import strands
+from suspension_cli.scene.arrays import Array, Row
 from suspension_cli.scene.places import Places
 from suspension_cli.scene.scene import Spectrum
 
 if TYPE_CHECKING:
-    from jaxtyping import Inexact
+    from jaxtyping import Float, Inexact
 
     from suspension_cli.design.units import Matrix6
-    from suspension_cli.scene.towers import Row
+
+MU_0 = 4e-7 * np.pi
+"""Magnetic constant, H/m."""
 
 
-def of_stage(design: Design, stage: Stage) -> list[Row]:
-    """List the springs of a stage to the body above it."""
+def of_stages(design: Design, places: Places) -> list[Row]:
+    """List the springs of all stages to the bodies above them."""
     return [
         {
             "label": f"{stage.name}.spring{number}",
+            "upper": places.parent[n],
+            "lower": n,
             "lower_point": np.array(spring.at),
             "stiffness": matrix(spring.stiffness),
             "damping": matrix(spring.damping),
-            "preload": spring.preload,
-            "loss": spring_loss(design, spring),
+            "preload": np.array(spring.preload),
+            "loss": part_loss(design, spring),
         }
+        for n, stage in enumerate(design.stage, 1)
         for number, spring in enumerate(stage.spring, 1)
+    ]
+
+
+def between(rows: list[Row], places: Places) -> list[Row]:
+    """Add to springs their points in the frame of the upper body."""
+    return [
+        row | {"upper_point": row["lower_point"] + places.between(row["upper"], row["lower"])}
+        for row in rows
     ]
 
 
@@ -58,7 +105,7 @@ def of_links(design: Design, places: Places) -> list[Row]:
             "stiffness": k,
             "damping": matrix(link.damping),
             "preload": np.array(link.preload) if first > second else -np.array(link.preload),
-            "loss": link_loss(design, link) if spectrum is None else 0.0,
+            "loss": part_loss(design, link) if spectrum is None else 0.0,
             "spectrum": spectrum,
         }
         rows.append(row | _ends(link, places))
@@ -94,8 +141,8 @@ def damper_matrix(damper: Damper) -> Inexact[np.ndarray, "6 6"]:
     moment = magnet.moment
     if moment is None:
         assert magnet.remanence is not None and magnet.volume is not None
-        moment = magnet.remanence * magnet.volume / eddy_current.MU_0
-    return magnet.count * eddy_current.damping_matrix(
+        moment = magnet.remanence * magnet.volume / MU_0
+    return magnet.count * eddy_damping(
         magnet.shape,
         "xyz".index(magnet.axis),
         moment,
@@ -103,6 +150,40 @@ def damper_matrix(damper: Damper) -> Inexact[np.ndarray, "6 6"]:
         magnet.thickness,
         magnet.gap,
     )
+
+
+def axial_eddy_damping(
+    shape: str, moment: float, conductivity: float, thickness: float, gap: float
+) -> float:
+    """Damping (N s/m) of motion along the dipole's axis.
+
+    Parameters
+    ----------
+    shape : {"plate", "tube"}
+    moment
+        A m^2.
+    conductivity
+        S/m.
+    thickness, gap
+        Thickness of the plate or the tube's wall; distance to the plate, or inner radius, m.
+
+    Examples
+    --------
+    >>> round(axial_eddy_damping("plate", 1.0, 5.8e7, 5e-3, 10e-3), 3)
+    0.321
+    """
+    depth = 1 / gap**3 - 1 / (gap + thickness) ** 3
+    strength = MU_0**2 * moment**2 * conductivity * depth
+    return strength / (64 * np.pi) if shape == "plate" else 15 * strength / 1024
+
+
+def eddy_damping(
+    shape: str, axis: int, moment: float, conductivity: float, thickness: float, gap: float
+) -> Inexact[np.ndarray, "6 6"]:
+    """Damping (6, 6) at the magnet along the dipole's axis and, by a plate, across it, N s/m."""
+    along = axial_eddy_damping(shape, moment, conductivity, thickness, gap)
+    across = along / 2 if shape == "plate" else 0.0 * along
+    return np.diag([along if n == axis else across for n in range(3)] + [0.0 * along] * 3)
 
 
 def link_stiffness(
@@ -118,15 +199,6 @@ def link_stiffness(
     if link.table is None:
         return matrix(link.stiffness)
     return np.diag(link.table.factor * np.array(_static(link)))
-
-
-def link_loss(design: Design, link: Link) -> float:
-    """Constant loss angle of a link, rad: its own, or that of the material of its strands."""
-    if link.loss_angle is not None:
-        return link.loss_angle
-    if link.strands is None:
-        return 0.0
-    return materials.constant_angle(design, link.strands.material)
 
 
 def link_curve(link: Link, first: Array, second: Array) -> strands.Curve:
@@ -178,3 +250,97 @@ def spectrum_of(design: Design, link: Link) -> Spectrum:
         tuple(table.frequency),
         tuple((axis, over(axis, re), over(axis, im)) for axis, re, im in rows if static[axis] != 0),
     )
+
+
+def legs(design: Design, places: Places) -> tuple[list[Row], list[Row]]:
+    """List the struts and the bars of all legs."""
+    struts: list[Row] = []
+    bars: list[Row] = []
+    for n, stage in enumerate(design.stage, 1):
+        table, above = stage.inverted_pendulum, places.parent[n]
+        for number, top in enumerate(tops(table) if table else [], 1):
+            assert table is not None
+            label, span = f"{stage.name}.leg{number}", np.array([0.0, 0.0, table.length])
+            foot = places.offset[n] + top - span
+            strut = {
+                "upper": above,
+                "lower": n,
+                "upper_point": foot,
+                "lower_point": top,
+                "span": span,
+                "length": table.length,
+                "stiffness": table.axial_stiffness,
+            }
+            struts.append({"label": label} | strut)
+            if table.leg_mass or table.counterweight is not None:
+                bar = {"body": (above, n), "point": (foot, top), "inertia": leg_inertia(table)}
+                bars.append({"label": label} | bar)
+    return struts, bars
+
+
+def flexures(stage: Stage, load: Array, hung: float, gravity: float) -> list[Row]:
+    """List the springs of the flexures of a stage's legs, under a load (6,) about its COM.
+
+    The load (N, N m) contains the weight of the legs on the stage, `hung` is the weight in it (N)
+    without preloads.
+    """
+    table = stage.inverted_pendulum
+    if table is None:
+        return []
+    numbers = leg_statics(table, -load[2], hung, gravity)
+    own = {
+        "stiffness": flexure_matrix(table, numbers.flexure),
+        "loss": numbers.loss,
+        "leg": table.length,
+    }
+    return [
+        {"label": f"{stage.name}.leg{number}", "lower_point": top} | own
+        for number, top in enumerate(tops(table), 1)
+    ]
+
+
+def flexure_matrix(legs: InvertedPendulum, flexure: float) -> Float[np.ndarray, "6 6"]:
+    """Stiffness of the flexures of one leg, `flexure` (N m/rad) at its foot, against its strain.
+
+    k |g|^2 / (2 L^2) + k_t (phi - lean)^2 / 2, with the lean (-g_y, g_x) / L.
+    """
+    length, tilt = legs.length, legs.top_stiffness
+    across = (flexure + tilt) / length**2
+    yaw = flexure / ROUND_ROD if legs.yaw_stiffness is None else legs.yaw_stiffness
+    result = np.diag([across, across, 0.0, tilt, tilt, yaw])
+    result[0, 4] = result[4, 0] = -tilt / length
+    result[1, 3] = result[3, 1] = tilt / length
+    return result
+
+
+def filter_blades(
+    design: Design, keystone: Keystone, load: Array, hung: float, gravity: float
+) -> tuple[Row, float, list[Fault]]:
+    """Spring of the blades of a filter under a load (6,) on its keystone, about the COM.
+
+    Also returns the mass that couples both bodies, kg, and a fault if it is as large as the mass of
+    the keystone. `hung` is the weight in the load (N) without preloads. The vertical force of the
+    blades is the given load, if any.
+    """
+    table = next(one.filter for one in design.stage if one.name == keystone.blades_of)
+    assert table is not None
+    numbers = filter_statics(table, -load[2], hung, gravity)
+    lateral, tilt = table.lateral_stiffness, table.tilt_stiffness
+    lift = -load[2] if table.load is None else numbers.load
+    row = {
+        "label": f"{keystone.name}.blades",
+        "lower_point": np.zeros(3),
+        "stiffness": np.diag([lateral, lateral, numbers.stiffness, tilt, tilt, tilt]),
+        "preload": [*-load[:2], lift, *-load[3:]],
+        "loss": numbers.loss,
+    }
+    if numbers.coupling < table.keystone.mass:
+        return row, numbers.coupling, []
+    fault = Fault(
+        f"stage.{keystone.blades_of}.filter.keystone.mass",
+        f"is not above the mass coupling of the blades, {numbers.coupling:.3g} kg, of which it is"
+        " part",
+        "give the keystone the mass of the blades that moves with it, or a smaller saturation",
+        f"{table.keystone.mass:g}",
+    )
+    return row, numbers.coupling, [fault]

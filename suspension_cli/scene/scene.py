@@ -9,14 +9,14 @@ z.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.scene.arrays import inner, inner_axes, shared
+from suspension_cli.scene.arrays import change_arrays, inner, inner_axes, shared
 from suspension_cli.scene.composition import Fibres
 
 if TYPE_CHECKING:
@@ -317,6 +317,14 @@ class Scene:
         own = {name: part for name, part in parts.items() if name not in self.added}
         added = {name: parts.get(name, part) for name, part in self.added.items()}
         return replace(self, added=added, **own)
+
+    def map(self, change: Callable[..., np.ndarray], *others: Scene) -> Scene:
+        """Replace its arrays by functions of those of this and other scenes (`change_arrays`)."""
+        parts = {
+            name: change_arrays(change, part, *(other.parts[name] for other in others))
+            for name, part in self.parts.items()
+        }
+        return self.with_parts(parts)
 
     @cached_property
     def batch(self) -> tuple[int, ...]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.scene.arrays import change_arrays
-from suspension_cli.scene.scene import Scene, Wires
+from suspension_cli.scene.scene import Scene
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Int
@@ -32,16 +32,9 @@ def stack_scenes(scenes: Sequence[Scene], pick: Int[np.ndarray, " build"] | None
     """
     order = np.arange(len(scenes)) if pick is None else pick
     drawn = [scene.drawn for scene in scenes if scene.drawn is not None]
-
-    def stacked(_: int, *values: np.ndarray) -> np.ndarray:
-        return np.stack(values)[order]
-
-    kinds = zip(*(scene.parts.values() for scene in scenes), strict=True)
-    parts = dict(
-        zip(scenes[0].parts, (change_arrays(stacked, *same) for same in kinds), strict=True)
-    )
     together = stack_scenes(drawn, pick) if len(drawn) == len(scenes) else None
-    return replace(scenes[0].with_parts(parts), drawn=together)
+    first, *others = scenes
+    return replace(first.map(lambda _, *values: np.stack(values)[order], *others), drawn=together)
 
 
 def select_scenes(
@@ -55,25 +48,15 @@ def select_scenes(
     drawn = scene.drawn
     if drawn is not None and drawn.batch:
         drawn = select_scenes(drawn, which)
-    parts = scene.parts if scene.flex is None else scene.parts | {"flex": scene.flex}
-    chosen = {key: change_arrays(selected, part) for key, part in parts.items()}
-    return replace(scene.with_parts(chosen), drawn=drawn)
+    flex = scene.flex and change_arrays(selected, scene.flex)
+    return replace(scene.map(selected), drawn=drawn, flex=flex)
 
 
 def scale_imperfections(scene: Scene, fraction: float) -> Scene:
     """Scale the imperfections of a scene, its differences from `scene.drawn`, by a fraction (0 to
     1).
     """
-    drawn = scene.drawn
-    assert drawn is not None
-
-    def between(_: int, new: np.ndarray, old: np.ndarray) -> np.ndarray:
-        return old + fraction * (new - old)
-
-    parts = {
-        key: change_arrays(between, part, drawn.parts[key]) for key, part in scene.parts.items()
-    }
-    wires = parts["wires"]
-    assert isinstance(wires, Wires)
-    parts["wires"] = replace(wires, length=np.sqrt((wires.span**2).sum(-1)))
-    return scene.with_parts(parts)
+    assert scene.drawn is not None
+    scaled = scene.map(lambda _, new, old: old + fraction * (new - old), scene.drawn)
+    length = np.sqrt((scaled.wires.span**2).sum(-1))
+    return replace(scaled, wires=replace(scaled.wires, length=length))

@@ -165,17 +165,10 @@ def _work(
     other: Float[np.ndarray, "2 node 3 more"],
 ) -> Float[np.ndarray, "load more"]:
     """Work of internal forces and moments on the strains of others, m and rad per unit of both."""
-    t, w = curve.tangent, curve.weight
-    parts = []
-    for force, moment in (one, other):
-        along, twist = np.einsum("ni,nik->nk", t, force), np.einsum("ni,nik->nk", t, moment)
-        parts.append((along, twist, moment - t[:, :, None] * twist[:, None, :]))
-    (along, twist, across), (stretched, twisted, bent) = parts
-    return (
-        np.einsum("n,nk,nl->kl", w / wire.stretching, along, stretched)
-        + np.einsum("n,nk,nl->kl", w / wire.twisting, twist, twisted)
-        + np.einsum("n,nik,nil->kl", w / wire.bending, across, bent)
-    )
+    along = curve.tangent[:, :, None] * curve.tangent[:, None, :]
+    bent = along / wire.twisting + (np.eye(3) - along) / wire.bending
+    flexibility = np.stack([along / wire.stretching, bent]) * curve.weight[:, None, None]
+    return np.einsum("anik,anij,anjl->kl", one, flexibility, other, optimize=True)
 
 
 def sag(curve: Curve, wire: RoundWire) -> tuple[float, Float[np.ndarray, " 6"]]:

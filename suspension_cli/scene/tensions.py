@@ -25,7 +25,7 @@ TORQUES = 1e-3
 """Weight (1/m) of torques relative to forces in a load that cannot be balanced."""
 
 ROUNDING = 1e-12
-"""Relative difference of numbers that are equal but for rounding."""
+"""Relative difference of tensions that are equal but for rounding."""
 
 
 def move_wrench(wrench: Array, offset: Array) -> Array:
@@ -51,20 +51,24 @@ def wire_wrenches(direction: Array, point: Array) -> Array:
 def least_energy(
     wrenches: Inexact[np.ndarray, "*batch wire 6"],
     load: Inexact[np.ndarray, "*batch 6"],
-    compliance: Inexact[np.ndarray, "*batch wire wire"],
+    strain: Inexact[np.ndarray, "*batch part wire"],
+    given: Inexact[np.ndarray, "*batch part"] | float = 0.0,
 ) -> tuple[Inexact[np.ndarray, "*batch wire"], Inexact[np.ndarray, "*batch 6"]]:
     """Find the tensions of least elastic energy that balance a load.
 
-    Minimise T C T / 2 subject to sum_i T_i w_i + load = 0 (least squares if that has no solution).
+    Minimise |S T + g|^2 / 2 subject to sum_i T_i w_i + load = 0 (least squares if that has no
+    solution). With S = Q R and y = R T + Q^T g the energy is y^2 / 2 but for a constant.
 
     Parameters
     ----------
     wrenches
-        Of unit tensions.
+        w_i, of unit tensions.
     load
         All else that acts on the body, N and N m.
-    compliance
-        C: elongation of the wires and their blades per tension, m/N.
+    strain
+        S, see `strains`.
+    given
+        g, due to tensions that are given, sqrt(J).
 
     Returns
     -------
@@ -73,51 +77,42 @@ def least_energy(
     left_over : (..., 6) array
         Unbalanced wrench, N and N m.
     """
-    # R R^T = C^-1; eigenvalues are kept above the rounding error of the largest: beside a soft
-    # blade the compliance of its wires is lost in rounding
-    trace = np.trace(compliance, axis1=-2, axis2=-1)[..., None, None]
-    values, vectors = np.linalg.eigh(compliance / trace)
-    least = np.finfo(float).eps * values[..., -1:]
-    root = vectors / np.sqrt(np.maximum(values, least))[..., None, :]
+    orthogonal, triangle = np.linalg.qr(strain)
+    root = np.linalg.inv(triangle)
+    start = _product(orthogonal.swapaxes(-1, -2), given + np.zeros(strain.shape[:-1]))
     act = wrenches.swapaxes(-1, -2)
+    rest = load - _product(act, _product(root, start))
 
     def fit(weight: Array) -> Array:
         inverse = np.linalg.pinv(weight[:, None] * (act @ root), rcond=1e-10)
-        return _sum(root, _sum(inverse, -(weight * load)))
+        return _product(root, _product(inverse, -weight * rest) - start)
 
-    tension = fit(np.ones(6))
-    left_over = _sum(act, tension) + load
-    wrong = np.abs(left_over).max(-1) > BALANCE * np.abs(load).max(-1)
-    if wrong.any():
-        # where not all can be balanced, balance the forces first: what is left over reads better
-        best = _sum(act, fit(np.array([1.0, 1.0, 1.0, TORQUES, TORQUES, TORQUES]))) + load
-        left_over = np.where(wrong[..., None], best, left_over)
-    return tension, left_over
+    # where not all can be balanced, forces are balanced first: what is left over reads better
+    forces_first = fit(np.array([1.0, 1.0, 1.0, TORQUES, TORQUES, TORQUES]))
+    return fit(np.ones(6)), _product(act, forces_first) + load
 
 
-def _sum(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
+def _product(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
     return (matrix @ vector[..., None])[..., 0]
 
 
-def compliance(
+def strains(
     stiffness: Inexact[np.ndarray, "*batch wire"],
     direction: Inexact[np.ndarray, "*batch wire 3"],
     blade: Index,
     axes: Bool[np.ndarray, "blade 3"] | Float[np.ndarray, "0 3"],
     blade_stiffness: Inexact[np.ndarray, "*batch blade 3"],
-) -> Inexact[np.ndarray, "*batch wire wire"]:
-    """Compute the elongation per tension of wires in series with their blades, m/N.
+) -> Inexact[np.ndarray, "*batch part wire"]:
+    """Compute the matrix S such that |S T|^2 / 2 is the energy of tensions T of wires and blades.
 
-    It is not diagonal where two wires hang from one blade.
+    One row per wire and per axis of a blade, in 1/sqrt(N/m).
     """
-    result = np.eye(len(blade)) * (1.0 / stiffness)[..., None]
+    rows = np.eye(len(blade)) / np.sqrt(stiffness)[..., None]
     for number in sorted(set(blade[blade >= 0].tolist())):
-        on = blade == number
-        for axis in np.flatnonzero(axes[number]):
-            pull = np.where(on, direction[..., axis], 0.0)
-            soft = blade_stiffness[..., number, axis, None, None]
-            result += pull[..., None] * pull[..., None, :] / soft
-    return result
+        pull = np.where((blade == number)[:, None], direction, 0.0)[..., axes[number]]
+        soft = np.sqrt(blade_stiffness[..., number, :][..., axes[number]])
+        rows = np.concatenate([rows, pull.swapaxes(-1, -2) / soft[..., None]], axis=-2)
+    return rows
 
 
 def carry(
@@ -135,31 +130,18 @@ def carry(
     free = np.ones(len(own), dtype=bool) if fixed is None else ~fixed
     direction = lines.span[..., own, :] / lines.length[..., own, None]
     wrenches = wire_wrenches(direction, lines.lower_point[..., own, :])
-    act = wrenches.swapaxes(-1, -2)
     tension = np.where(free, 0.0, lines.tension[..., own])
-    left_over = load + _sum(act, tension)
-    if not free.any():
-        return tension, left_over
-    c = compliance(
-        lines.stiffness[..., own], direction, lines.blade[own], blades.axes, blades.stiffness
-    )
-    # Equal tensions are those of least energy if the slopes of all wires are equal, and so are the
-    # elongations that they cause: then these are proportional to the wires' vertical forces.
-    slope, elongation = direction[..., 2], c.sum(-1)
-    equal = np.broadcast_to((load[..., 2] / slope.sum(-1))[..., None], slope.shape)
-    unbalanced = load + _sum(act, equal)
-    even = np.abs(unbalanced).max(-1) <= ROUNDING * np.abs(load).max(-1)
-    even &= np.ptp(elongation, -1) <= ROUNDING * elongation[..., 0]
-    even &= (np.ptp(slope, -1) == 0) & free.all()
-    if even.all():
-        return equal, unbalanced
-    among = c[..., free, :][..., free]
-    # A wire of given tension deflects the blade that it shares with a free wire: minimise about the
-    # tensions of the free wires that this deflection corresponds to.
-    held = _sum(c[..., free, :][..., ~free], tension[..., ~free])
-    shift = np.linalg.solve(among, held[..., None])[..., 0]
-    rest = left_over - _sum(act[..., free], shift)
-    carried, left_over = least_energy(wrenches[..., free, :], rest, among)
-    tension[..., free] = carried - shift
-    even = even[..., None]
-    return np.where(even, equal, tension), np.where(even, unbalanced, left_over)
+    left_over = load + _product(wrenches.swapaxes(-1, -2), tension)
+    if free.any():
+        strain = strains(
+            lines.stiffness[..., own], direction, lines.blade[own], blades.axes, blades.stiffness
+        )
+        given = _product(strain, tension)
+        tension[..., free], left_over = least_energy(
+            wrenches[..., free, :], left_over, strain[..., free], given
+        )
+        # those of a symmetric set are equal, and so are exact
+        equal = (load[..., 2] / direction[..., 2].sum(-1))[..., None]
+        even = np.abs(tension - equal).max(-1, keepdims=True) <= ROUNDING * np.abs(equal)
+        tension = np.where(even, equal, tension)
+    return tension, left_over

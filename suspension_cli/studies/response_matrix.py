@@ -110,22 +110,18 @@ class Plant:
 
         None for a number that cannot change alone.
         """
-        new = [name for name in names if name not in self._changes]
-        if new:
-            numbers = [Parameter(name, value_of(self.design, name)) for name in new]
-            size, bodies = self.system.size, len(self.system.body) + 1
-            shape = np.zeros(4 * size**2 + 9 * bodies)
-            around = derivatives.differentiate(self.design, numbers, self.level, nominal=shape)
-            for name, row, good in zip(new, around.central, around.balanced, strict=True):
-                mass, stiffness, damping, loss = row[: 4 * size**2].reshape(4, size, size)
-                turn = row[4 * size**2 :].reshape(-1, 3, 3)
-                own = Matrices(mass, stiffness, damping, loss, turn)
-                self._changes[name] = own if good else None
-        return [self._changes[name] for name in names]
-
-    @cached_property
-    def _changes(self) -> dict[str, Matrices | None]:
-        return {}
+        if not names:
+            return []
+        numbers = [Parameter(name, value_of(self.design, name)) for name in names]
+        size, bodies = self.system.size, len(self.system.body) + 1
+        shape = np.zeros(4 * size**2 + 9 * bodies)
+        around = derivatives.differentiate(self.design, numbers, self.level, nominal=shape)
+        found: list[Matrices | None] = []
+        for row, good in zip(around.central, around.balanced, strict=True):
+            mass, stiffness, damping, loss = row[: 4 * size**2].reshape(4, size, size)
+            turn = row[4 * size**2 :].reshape(-1, 3, 3)
+            found.append(Matrices(mass, stiffness, damping, loss, turn) if good else None)
+        return found
 
     def respond(
         self,
@@ -133,11 +129,10 @@ class Plant:
         inputs: Sequence[Signal],
         outputs: Sequence[Signal],
         damping: Float[np.ndarray, " mode"] | None = None,
-        stiffening: Float[np.ndarray, " mode"] | None = None,
     ) -> Responses:
         """Solve for all responses at frequencies in Hz, with the adjoint solutions for derivatives.
 
-        `damping` is an added 1/Q, `stiffening` a relative change of omega^2, of each mode.
+        `damping` is an added 1/Q of each mode.
         """
         omega, basis = 2 * np.pi * np.asarray(frequency, dtype=float), self.system.basis
         size, count = self.system.size, len(inputs)
@@ -145,7 +140,7 @@ class Plant:
         rows = np.array([self.row(signal) for signal in outputs]).reshape(-1, size)
         acts = [*(signal.acts for signal in inputs), *([True] * len(rows))]
         x, _ = response.transfer(
-            self._changed(damping, stiffening),
+            self._damped(damping),
             omega,
             np.concatenate([drives, rows]),
             acts,
@@ -157,21 +152,13 @@ class Plant:
             self, omega, tuple(inputs), tuple(outputs), rows, x[..., :count], x[:, 6:, count:]
         )
 
-    def _changed(
-        self,
-        damping: Float[np.ndarray, " mode"] | None,
-        stiffening: Float[np.ndarray, " mode"] | None,
-    ) -> LinearSystem:
-        """System with added damping and stiffness of modes."""
-        system, squared = self.system, self.modes.omega_squared
-        forces = np.pad(self.modal_forces, ((0, 0), (6, 0))) @ system.basis
-        if damping is not None and damping.any():
-            rates = np.sqrt(np.clip(squared, 0.0, None)) * damping
-            system = replace(system, damping=system.damping + (forces.T * rates) @ forces)
-        if stiffening is not None and stiffening.any():
-            added = (forces.T * (squared * stiffening)) @ forces
-            system = replace(system, soft=system.soft + added)
-        return system
+    def _damped(self, damping: Float[np.ndarray, " mode"] | None) -> LinearSystem:
+        """System with an added damping of modes."""
+        if damping is None or not damping.any():
+            return self.system
+        forces = np.pad(self.modal_forces, ((0, 0), (6, 0))) @ self.system.basis
+        rates = np.sqrt(np.clip(self.modes.omega_squared, 0.0, None)) * damping
+        return replace(self.system, damping=self.system.damping + (forces.T * rates) @ forces)
 
 
 @dataclass(frozen=True)
@@ -229,15 +216,8 @@ class Responses:
     def damping_derivative(self, mode: int) -> Complex[np.ndarray, "frequency output input"]:
         """Differentiate all responses by the added damping of a mode."""
         omega = float(np.sqrt(max(self.plant.modes.omega_squared[mode], 0.0)))
-        return -1j * omega * self.omega[:, None, None] * self._through(mode)
-
-    def stiffening_derivative(self, mode: int) -> Complex[np.ndarray, "frequency output input"]:
-        """Differentiate all responses by the relative change of omega^2 of a mode."""
-        return -float(self.plant.modes.omega_squared[mode]) * self._through(mode)
-
-    def _through(self, mode: int) -> Complex[np.ndarray, "frequency output input"]:
-        """Products of the motions of a mode in adjoint solutions and in responses."""
         force = self.plant.modal_forces[mode]
         seen = np.einsum("n,fno->fo", force, self.adjoint)
         moved = np.einsum("n,fni->fi", force, self.state[:, 6:])
-        return seen[:, :, None] * moved[:, None, :]
+        through = seen[:, :, None] * moved[:, None, :]
+        return -1j * omega * self.omega[:, None, None] * through

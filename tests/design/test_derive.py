@@ -127,14 +127,6 @@ def test_uncoupled_frequency(count):
     )
 
 
-def test_blade_from_its_geometry():
-    scene = expand(bladed(count=2, geometry={**BLADE, "shape_factor": 1.5, "material": "maraging"}))
-    assert scene.blades.stiffness[0, 2] == pytest.approx(
-        1.87e11 * 0.06 * 2e-3**3 / (6 * 0.25**3), rel=1e-14
-    )
-    assert not scene.blades.stiffness[:, :2].any()
-
-
 def test_wire_from_its_section():
     """k = E A / l of the loaded length, for a round wire and for a ribbon; k overrides it."""
     base = {"count": 4, "l": 0.5, "s": 0.02, "t1": 0.1, "t2": 0.1, "material": "steel302"}

@@ -39,15 +39,6 @@ def test_members_by_name_or_number(key, place):
     assert paths.member([{"name": "upper"}, {"name": "test"}], key) == place
 
 
-def test_elements_of_symmetric_matrices_have_twins():
-    assert paths.twins("stage.test.body.inertia.1.2") == (
-        "stage.test.body.inertia.1.2",
-        "stage.test.body.inertia.2.1",
-    )
-    assert paths.twins("stage.test.body.inertia.2") == ("stage.test.body.inertia.2",)
-    assert paths.symmetric_settings({"a.b.1.3": 0.1}) == ("a.b.1.3=0.1", "a.b.3.1=0.1")
-
-
 @pytest.mark.parametrize(
     ("path", "problem"),
     [

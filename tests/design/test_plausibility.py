@@ -280,37 +280,12 @@ FACTORS = {
     "uncoupled_frequency": (1e3, 1e-3),
     "rotation": (57.3,),
 }
-FACTORS |= dict.fromkeys(
-    (
-        "l",
-        "s",
-        "s_upper",
-        "s_lower",
-        "t1",
-        "t2",
-        "d",
-        "d_upper",
-        "radius",
-        "inner_radius",
-        "length",
-        "size",
-        "position",
-    ),
-    (1000.0,),
-)
-FACTORS |= dict.fromkeys(
-    (
-        "upper",
-        "lower",
-        "at",
-        "thickness",
-        "base_width",
-        "upper_offset",
-        "lower_offset",
-        "com_offset",
-    ),
-    (1000.0,),
-)
+LENGTHS = (
+    "l", "s", "s_upper", "s_lower", "t1", "t2", "d", "d_upper", "radius", "inner_radius", "length",
+    "size", "position", "upper", "lower", "at", "thickness", "base_width", "upper_offset",
+    "lower_offset", "com_offset",
+)  # fmt: skip
+FACTORS |= dict.fromkeys(LENGTHS, (1000.0,))
 
 
 def leaves(node, way=()):
@@ -355,37 +330,7 @@ def scaled(document, rng):
     """Another suspension: lengths, cross-sections, densities and stiffnesses scaled by 0.5 to 2
     each."""
     length, thick, dense, stiff = np.exp(rng.uniform(-math.log(2), math.log(2), 4))
-    powers = dict.fromkeys(
-        (
-            "l",
-            "s",
-            "s_upper",
-            "s_lower",
-            "t1",
-            "t2",
-            "d",
-            "d_upper",
-            "length",
-            "size",
-            "position",
-            "upper",
-            "lower",
-            "at",
-            "width",
-        ),
-        length,
-    )
-    powers |= dict.fromkeys(
-        (
-            "base_width",
-            "upper_offset",
-            "lower_offset",
-            "com_offset",
-            "length_change",
-            "inner_radius",
-        ),
-        length,
-    )
+    powers = dict.fromkeys([*LENGTHS, "width", "length_change"], length)
     powers |= {
         "mass": dense * length**3,
         "inertia": dense * length**5,
@@ -513,20 +458,8 @@ def test_held_by_bending_alone_is_not_unstable(tmp_path):
             (*LAST, "wires", "d"): -0.0005,
         },
     )
-    assert (
-        run(
-            "response",
-            written(tmp_path, document),
-            "--fidelity",
-            "string",
-            "--frequency",
-            "1",
-            "--out",
-            tmp_path,
-            "--no-plot",
-        ).exit_code
-        == 2
-    )
+    options = ("--fidelity", "string", "--frequency", "1", "--out", tmp_path, "--no-plot")
+    assert run("response", written(tmp_path, document), *options).exit_code == 2
     result, answer, lines = checked(tmp_path, document, "--strict")
     assert (result.exit_code, answer["stable"], answer["stability_model"], lines) == (
         0,
@@ -560,16 +493,7 @@ def test_density_from_inertia():
         ("thermal", "--frequency", "1,3", "--no-plot"),
         ("export",),
         ("info", "--frequency", "1,3"),
-        (
-            "sweep",
-            "--vary",
-            "stage.test.wires.d=0.001,0.002",
-            "--result",
-            "1",
-            "--workers",
-            "1",
-            "--no-plot",
-        ),
+        ("sweep", "--vary", "stage.test.wires.d=0.001,0.002", "--result", "1", "--no-plot"),
         ("sensitivity", "--result", "1", "--no-plot"),
     ],
     ids=lambda args: args[0],

@@ -8,7 +8,6 @@ from typing import Any, get_args, get_origin, get_type_hints
 import msgspec
 
 from suspension_cli.design.schema import Design
-from suspension_cli.design.tables import unit
 
 DEPENDS = {
     "Spring.stiffness",
@@ -37,6 +36,14 @@ DEPENDS |= {
 }
 DEPENDS |= {f"Requirement.{key}" for key in ("band", "below", "above")}
 DEPENDS |= {f"Distribution.{key}" for key in ("normal", "uniform", "truncate")}
+
+
+def unit(kind: object) -> str:
+    """SI unit of a type of the design file; "" if it has none."""
+    facts = [
+        one.extra for one in getattr(kind, "__metadata__", ()) if isinstance(one, msgspec.Meta)
+    ]
+    return next((extra["unit"] for extra in facts if extra and "unit" in extra), "")
 
 
 def without_unit(kind: Any, name: str, found: set[str]) -> set[str]:

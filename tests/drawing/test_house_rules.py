@@ -12,7 +12,7 @@ from matplotlib.text import Annotation, Text
 import suspension_cli as sus
 from suspension_cli.analyses.fit.picture import draw_responses
 from suspension_cli.analyses.fit.result import ResponseFit
-from tests.support.legible import said
+from tests.support.legible import misplaced, said
 
 pytestmark = pytest.mark.usefixtures("full_resolution")
 
@@ -59,12 +59,12 @@ def fitted_responses():
     noise = 1e-2 * np.exp(1j * np.arange(60.0) ** 2)
     nothing = np.empty(0)
     found = ResponseFit(
-        ("x", "pitch"), ("coil-x", "coil-pitch"), ("osem-x", "osem-pitch"),
+        ("x", "pitch"), ("coil-x", "coil-pitch"), ("osem-x", "osem-pitch"), ("m/V", "rad/V"),
         np.repeat([0, 1], 60), np.tile(frequency, 2), np.full(120, 1e-2),
         np.tile(after + noise, 2), np.tile(before, 2), np.tile(after, 2),
         (), nothing, nothing, nothing, (), np.empty((0, 6)),
     )  # fmt: skip
-    return draw_responses(found, "Made up · beam model", ["m/V", "rad/V"])
+    return draw_responses(found, "Made up · beam model")
 
 
 def measured():
@@ -302,15 +302,7 @@ def find_faults(name, folder):
     faults = []
     for figure in figures(name, folder):
         texts = seen_texts(figure)
-        faults += [f"outside: {text.get_text()}" for text, box in texts if _outside(box, figure)]
-        boxes = np.array([box for _, box in texts])
-        low = np.maximum(boxes[:, None, :2], boxes[None, :, :2])
-        high = np.minimum(boxes[:, None, 2:], boxes[None, :, 2:])
-        over = np.triu((high - low > 0.025 * figure.dpi).all(-1), 1)
-        faults += [
-            f"overlap: {texts[i][0].get_text()} / {texts[j][0].get_text()}"
-            for i, j in np.argwhere(over)
-        ]
+        faults += misplaced(figure, [text for text, _ in texts], 0.025)
         faults += [
             f"line through: {text.get_text()}" for text, box in texts if _is_struck(text, box)
         ]
@@ -331,10 +323,6 @@ def find_faults(name, folder):
         }
         faults += [f"small: {text}" for text in sorted(small)]
     return faults
-
-
-def _outside(box, figure):
-    return (box[:2] < -1).any() or (box[2:] > np.array(figure.bbox.size) + 1).any()
 
 
 def _is_struck(text, box):

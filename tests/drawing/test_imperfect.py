@@ -6,57 +6,56 @@ import numpy as np
 import pytest
 
 import suspension_cli as sus
-from suspension_cli.drawing import draw, geometry, imperfect
-from suspension_cli.drawing.bodies import outlines
-from suspension_cli.drawing.parts import Sketch
+from suspension_cli.drawing import draw, geometry
 from suspension_cli.equilibrium.nominal import expand_nominal
-from suspension_cli.scene.pose import nominal_pose
 from tests.support.pictures import SINGLE
 
 
-def flawed(*items):
+def lines(strokes, kind):
+    return np.array([one.points for one in strokes if one.kind == kind])
+
+
+def displaced(*items):
+    """Lines at rest and as drawn in side view, and the factor of exaggeration."""
     design = sus.parse(SINGLE + "".join(f"\n[[perturbation]]\n{item}\n" for item in items)).design
-    scene = expand_nominal(design)
-    bare = Sketch(design, scene, outlines(design, scene), nominal_pose(scene), 0.0)
-    return bare, imperfect.exaggerate(bare)
+    sketch = geometry.sketch_at_rest(design, expand_nominal(design))
+    shown, factor = draw.exaggerate(sketch)
+    return sketch.strokes(1), shown[1], factor
 
 
 def test_displacements_are_exaggerated_by_one_factor():
     """An upper end that is off by 0.1 mm moves the body, and all is drawn as many times larger."""
-    bare, found = flawed('wire = "test.1"\nupper_offset = [1e-4, 0.0, 0.0]')
-    before = geometry.wire_ends(bare.scene, bare.pose)
-    after = geometry.wire_ends(found.sketch.scene, found.sketch.pose)
-    assert found.factor in imperfect.FACTORS
-    assert after[0, 0] - before[0, 0] == pytest.approx([1e-4 * found.factor, 0, 0], abs=1e-12)
-    assert np.abs(after[1, 0] - before[1, 0]).max() < 1e-15
-    largest = np.abs(after - before).max() / 0.4
-    assert 0.02 < largest <= imperfect.LARGEST_SHIFT * 1.1
+    still, shown, factor = displaced('wire = "test.1"\nupper_offset = [1e-4, 0.0, 0.0]')
+    moved = lines(shown, "wire") - lines(still, "wire")
+    assert factor in draw.FACTORS
+    assert moved[0, 0] == pytest.approx([1e-4 * factor, 0, 0], abs=1e-12)
+    assert np.abs(moved[1, 0]).max() < 1e-15
+    assert 0.02 < np.abs(moved).max() / 0.4 <= draw.LARGEST_SHIFT * 2
 
 
 def test_pose_is_that_of_the_equilibrium():
     """Wires cut 1 mm too long lower the body by 1 mm, to first order."""
     items = [f'wire = "test.{n}"\nlength_change = 1e-3' for n in range(1, 5)]
-    _, found = flawed(*items)
-    drop = found.sketch.pose.shift[1] / found.factor
+    still, shown, factor = displaced(*items)
+    drop = (lines(shown, "body") - lines(still, "body"))[0, 0] / factor
     assert drop == pytest.approx([0, 0, -1e-3 / np.cos(np.arctan(0.133 / 0.377))], rel=0.2)
 
 
-def test_mass_is_turned_and_shifted_against_its_wires():
-    bare, found = flawed('body = "test"\nrotation = [0.0, 0.001, 0.0]\ncom_offset = [1e-4, 0, 0]')
-    body = found.sketch.outlines[0]
-    assert body.turn is not None
-    angle = np.arctan2(body.turn[0, 2], body.turn[0, 0])
-    assert angle == pytest.approx(0.001 * found.factor, rel=1e-9)
-    corner = body.section(1)[0]
-    assert np.linalg.norm(corner) == pytest.approx(np.linalg.norm(bare.outlines[0].section(1)[0]))
-    assert body.nearest(corner) == pytest.approx(corner)
+def test_mass_is_turned_against_its_wires():
+    still, shown, factor = displaced('body = "test"\nrotation = [0.0, 0.001, 0.0]')
+    (body,), (drawn,) = lines(still, "body"), lines(shown, "body")
+    angle = 0.001 * factor
+    middle = body[:-1].mean(0)
+    turned = middle + (body - middle) @ (
+        np.eye(3) + angle * np.array([[0, 0, -1], [0, 0, 0], [1, 0, 0]])
+    )
+    assert drawn == pytest.approx(turned, abs=1e-3 * angle)
+    assert (lines(shown, "wire") == lines(still, "wire")).all()
 
 
 def test_nothing_to_displace():
-    bare, found = flawed()
-    assert found is None
-    assert imperfect.describe(bare.design) == []
-    assert flawed('wire = "test.1"\nk_factor = 1.1')[1] is None  # trimmed to its tension
+    assert displaced()[2] is None
+    assert displaced('wire = "test.1"\nk_factor = 1.1')[2] is None  # trimmed to its tension
 
 
 def test_drawing_says_its_factor_and_lists_the_imperfections():

@@ -6,41 +6,18 @@ import os
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
-from matplotlib.figure import Figure
 from matplotlib.text import Text
 from PIL import Image
 
 import suspension_cli as sus
 from suspension_cli.analyses.modes import picture as modes
-from suspension_cli.drawing import bodies, draw, labels, style, tables
+from suspension_cli.drawing import draw, geometry, labels, style, tables
 from suspension_cli.equilibrium.nominal import expand
+from tests.support.legible import assert_legible
+from tests.support.legible import said as texts
 from tests.support.pictures import DESIGNS, FIVE, SINGLE, TREE, TRIPLE, made, solved
 
 pytestmark = pytest.mark.usefixtures("full_resolution")
-
-
-def texts(figure: Figure) -> list[str]:
-    return [text.get_text() for axes in figure.axes for text in axes.texts] + [
-        text.get_text() for text in figure.texts
-    ]
-
-
-def assert_legible(figure: Figure) -> None:
-    """No text leaves the figure or runs into another one."""
-    renderer = figure.canvas.get_renderer()
-    found = [*figure.texts, *(text for axes in figure.axes for text in axes.texts)]
-    boxes = np.array([text.get_window_extent(renderer).extents for text in found])
-    assert (
-        boxes.min() >= 0
-        and boxes[:, 2].max() <= figure.bbox.width
-        and boxes[:, 3].max() <= figure.bbox.height
-    )
-    low, high = (
-        np.maximum(boxes[:, None, :2], boxes[None, :, :2]),
-        np.minimum(boxes[:, None, 2:], boxes[None, :, 2:]),
-    )
-    over = np.triu((high - low > 0.02 * figure.dpi).all(-1), 1)
-    assert [(found[i].get_text(), found[j].get_text()) for i, j in np.argwhere(over)] == []
 
 
 # pictures
@@ -151,7 +128,7 @@ def test_the_label_of_a_wire_cuts_no_body():
     (text,) = [one for one in figure.findobj(Text) if one.get_text() == label]
     extents = text.get_window_extent(figure.canvas.get_renderer())
     _, (low, high) = view.transData.inverted().transform(extents).T
-    half = [one.half[2] for one in bodies.outlines(design, scene)]
+    half = [one.half[2] for one in geometry.outlines(design, scene)]
     centre = scene.bodies.position[1:, 2]
     assert centre[stage] + half[stage] < low < high < centre[stage - 1] - half[stage - 1]
 
@@ -199,13 +176,6 @@ def test_numbers_and_texts():
 # files
 
 
-def test_save_writes_a_png(tmp_path):
-    path = tmp_path / "a.png"
-    path.write_text("old")
-    style.save(style.new_figure(1, 1), path)
-    assert path.read_bytes().startswith(b"\x89PNG") and os.listdir(tmp_path) == ["a.png"]
-
-
 def test_a_png_has_the_pixels_of_the_canvas():
     figure = style.new_figure(4.6, 1.3)  # 4.6 x 180 is 827.99...
     style.write_text(figure, 0.1, 0.1, "text", colour="#0072b2")
@@ -231,13 +201,3 @@ def test_save_leaves_nothing_behind_when_it_fails(tmp_path, monkeypatch):
     with pytest.raises(OSError, match="No space left"):
         style.save(figure, path)
     assert path.read_text() == "old" and os.listdir(tmp_path) == ["a.png"]
-
-
-def test_save_passes_on_what_the_folder_says(tmp_path):
-    figure = style.new_figure(1, 1)
-    with pytest.raises(FileNotFoundError):
-        style.save(figure, tmp_path / "none" / "a.png")
-    (tmp_path / "a.png").mkdir()
-    with pytest.raises(OSError, match=r"a\.png"):
-        style.save(figure, tmp_path / "a.png")
-    assert os.listdir(tmp_path) == ["a.png"]

@@ -1,84 +1,65 @@
 """What pictures are made of: outlines, and where everything stands in a pose."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from suspension_cli.analyses.modes import picture as modes
 from suspension_cli.design.schema import Body
-from suspension_cli.drawing import bodies, geometry
+from suspension_cli.drawing import geometry
 from suspension_cli.rotations import rotation_matrix
-from suspension_cli.scene.pose import displace, layout, nominal_pose
+from suspension_cli.scene.pose import displace, layout
 from tests.support.pictures import DESIGNS, SINGLE, TRIPLE, made, solved
 
 # bodies
 
 
 def test_outline_of_a_box_and_a_cylinder():
-    assert bodies.outline(
+    assert geometry.outline(
         Body(shape="box", size=(0.2, 0.4, 0.6), mass=1.0), 1.0, np.eye(3)
     ).half == pytest.approx([0.1, 0.2, 0.3])
-    found = bodies.outline(
+    found = geometry.outline(
         Body(shape="cylinder", axis="z", radius=0.1, inner_radius=0.05, length=0.6, mass=1.0),
         1.0,
         np.eye(3),
     )
     assert found.half == pytest.approx([0.1, 0.1, 0.3]) and found.axis == 2
-    assert np.hypot(*found.bore(2)[:, :2].T) == pytest.approx(0.05)
-    assert found.bore(0) is None
 
 
 def test_outline_of_an_inertia_is_the_box_that_has_it():
     mass, (a, b, c) = 3.0, (0.2, 0.5, 0.9)
     inertia = mass / 12 * np.diag([b**2 + c**2, a**2 + c**2, a**2 + b**2])
-    assert 2 * bodies.outline(
+    assert 2 * geometry.outline(
         Body(mass=mass, inertia=[1.0, 1.0, 1.0]), mass, inertia
     ).half == pytest.approx([a, b, c])
 
 
 def test_outline_of_an_inertia_that_no_box_has_is_grown_to_be_seen():
-    found = bodies.outline(
+    found = geometry.outline(
         Body(mass=1.0, inertia=[1.0, 0.1, 0.1]), 1.0, np.diag([1.0, 0.1, 0.1]), least=0.01
     )
     assert found.half[0] == 0.01 and (found.half[1:] > 0.5).all()
 
 
-def test_section_is_a_circle_across_the_axis_and_a_rectangle_along_it():
-    found = bodies.Outline(np.array([0.2, 0.1, 0.1]), 0)
-    circle, rectangle = found.section(0), found.section(1)
-    assert np.hypot(circle[:, 1], circle[:, 2]) == pytest.approx(0.1)
-    assert len(rectangle) == 5 and np.ptp(rectangle, axis=0) == pytest.approx([0.4, 0.0, 0.2])
-    assert (rectangle[0] == rectangle[-1]).all()
-
-
-def test_nearest_point_of_a_body():
-    cylinder = bodies.Outline(np.array([0.2, 0.1, 0.1]), 0)
-    assert cylinder.nearest([0.5, 0.3, 0.4]) == pytest.approx([0.2, 0.06, 0.08])
-    assert bodies.Outline(np.array([0.2, 0.1, 0.1])).nearest([0.1, 0.3, -0.4]) == pytest.approx(
-        [0.1, 0.1, -0.1]
-    )
-
-
 # geometry
 
 
+def lines(sketch, kind, normal=1):
+    return [one.points for one in sketch.strokes(normal) if one.kind == kind]
+
+
 def test_bodies_and_wires_move_as_the_shape_says():
-    design, scene = made(TRIPLE)
-    numbering, outlines = layout(scene), bodies.outlines(design, scene)
+    still = geometry.sketch_at_rest(*made(TRIPLE))
+    scene, numbering = still.scene, layout(still.scene)
     step = 1e-6 * np.random.default_rng(3).normal(size=numbering.size)
     step[:6] = 0
-    still, pose = nominal_pose(scene), displace(numbering, nominal_pose(scene), step)
+    moved = replace(still, pose=displace(numbering, still.pose, step))
     motion, wires = step[: 6 * 4].reshape(4, 6), scene.wires
-    for n, (old, new) in enumerate(
-        zip(
-            geometry.sections(scene, still, outlines, geometry.SIDE),
-            geometry.sections(scene, pose, outlines, geometry.SIDE),
-            strict=True,
-        ),
-        1,
-    ):
-        arm = outlines[n - 1].section(1)
+    for n, (old, new) in enumerate(zip(lines(still, "body"), lines(moved, "body"), strict=True), 1):
+        arm = still.outlines[n - 1].section(1)
         assert new - old == pytest.approx(motion[n, :3] + np.cross(motion[n, 3:], arm), abs=1e-11)
-    ends = geometry.wire_ends(scene, pose) - geometry.wire_ends(scene, still)
+    ends = np.array(lines(moved, "wire")) - lines(still, "wire")
     tips = np.append(step, 0.0)[numbering.blade]
     upper = (
         motion[wires.upper, :3]
@@ -92,35 +73,27 @@ def test_bodies_and_wires_move_as_the_shape_says():
 
 
 def test_a_blade_bends_from_its_root_to_the_end_of_its_wire():
-    design, scene = made(TRIPLE)
-    numbering = layout(scene)
+    still = geometry.sketch_at_rest(*made(TRIPLE))
+    numbering = layout(still.scene)
     step = np.zeros(numbering.size)
     step[numbering.name.index("top.blade1.z")] = 0.01
-    pose, outlines = displace(numbering, nominal_pose(scene), step), bodies.outlines(design, scene)
-    before, after = (
-        geometry.leaves(design, scene, nominal_pose(scene), outlines),
-        geometry.leaves(design, scene, pose, outlines),
-    )
+    moved = replace(still, pose=displace(numbering, still.pose, step))
+    before, after = lines(still, "blade"), lines(moved, "blade")
     assert after[0][0] == pytest.approx(before[0][0])
-    assert after[0][-1] == pytest.approx(
-        geometry.wire_ends(scene, pose)[scene.wires.label.index("top.1"), 0]
-    )
+    wire = lines(moved, "wire")[still.scene.wires.label.index("top.1")]
+    assert after[0][-1] == pytest.approx(wire[0])
     assert after[0][-1] - before[0][-1] == pytest.approx([0, 0, 0.01])
     assert all((a == b).all() for a, b in zip(after[1:], before[1:], strict=True))
     assert np.linalg.norm(before[2][-1] - before[2][0]) == pytest.approx(0.1)
 
 
 def test_brackets_reach_from_the_outline_to_the_attachments_outside_it():
-    design, scene = made(SINGLE)
-    outlines = bodies.outlines(design, scene)
-    lines = geometry.brackets(scene, nominal_pose(scene), outlines)
-    assert len(lines) == 4
-    for number, line in lines:
-        assert (
-            number == 0
-            and np.abs(line[0, 1]) == pytest.approx(outlines[0].half[1])
-            and np.abs(line[1, 1]) == pytest.approx(0.133)
-        )
+    sketch = geometry.sketch_at_rest(*made(SINGLE))
+    brackets = lines(sketch, "bracket")
+    assert len(brackets) == 4
+    for line in brackets:
+        assert np.abs(line[0, 1]) == pytest.approx(sketch.outlines[0].half[1])
+        assert np.abs(line[1, 1]) == pytest.approx(0.133)
 
 
 @pytest.mark.parametrize("name", DESIGNS)
@@ -135,40 +108,25 @@ def test_amplitude_meets_the_first_bound_and_keeps_the_others(name):
         assert turn.max() <= geometry.LARGEST_ANGLE * (1 + 1e-9)
         assert np.linalg.norm(
             pose.shift, axis=-1
-        ).max() <= geometry.LARGEST_SHIFT * bodies.suspension_size(scene) * (1 + 1e-9)
+        ).max() <= geometry.LARGEST_SHIFT * geometry.suspension_size(scene) * (1 + 1e-9)
 
 
 def test_positive_pitch_takes_the_top_of_a_body_to_positive_x():
     design, scene, found = solved(SINGLE)
     number = [home[1] for home in found.home].index("pitch")
-    pose, outlines = (
-        geometry.mode_pose(scene, found.coordinate, found.shape[number]),
-        bodies.outlines(design, scene),
-    )
-    corner = geometry.sections(scene, pose, outlines, geometry.SIDE)[0][0]
+    pose = geometry.mode_pose(scene, found.coordinate, found.shape[number])
+    sketch = replace(geometry.sketch_at_rest(design, scene), pose=pose)
+    corner, half = lines(sketch, "body")[0][0], sketch.outlines[0].half
     angle = float(np.arcsin(pose.rotation[1][0, 2]))
     assert 0 < angle <= geometry.LARGEST_ANGLE
-    expected = (
-        scene.bodies.position[1]
-        + pose.shift[1]
-        + rotation_matrix([0, angle, 0]) @ (outlines[0].half * [1, 0, 1])
-    )
-    assert corner == pytest.approx(expected) and corner[0] > outlines[0].half[0]
-
-
-def test_views():
-    point = [0.1, 0.2, 0.3]
-    assert geometry.SIDE.see(point) == pytest.approx([0.1, 0.3])
-    assert geometry.FACE.at((5.0, 1.0), 10.0).see(point) == pytest.approx([7.0, 4.0])
-    design, scene = made(SINGLE)
-    assert geometry.from_above(scene, bodies.outlines(design, scene)).see(point) == pytest.approx(
-        [0.2, 0.2]
-    )
+    turned = rotation_matrix([0, angle, 0]) @ (half * [1, 0, 1])
+    assert corner == pytest.approx(scene.bodies.position[1] + pose.shift[1] + turned)
+    assert corner[0] > half[0]
 
 
 def test_each_motion_is_seen_from_where_it_shows():
     design, scene, found = solved(SINGLE)
-    above = geometry.from_above(scene, bodies.outlines(design, scene))
+    above = geometry.from_above(scene, geometry.outlines(design, scene))
     seen = {home[1]: modes.choose_view(found, n, above).name for n, home in enumerate(found.home)}
     assert seen == {
         "x": "side on",

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from suspension_cli.design.cross_sections.round import Round
-from suspension_cli.design.losses.bulk import Bulk
+from suspension_cli.design.cross_sections import Round
+from suspension_cli.design.losses import Bulk
 from suspension_cli.elements import gas
 from suspension_cli.elements.dynamic_wire import TautWire
 from suspension_cli.scene.composition import Fibre, Gas, Section

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from suspension_cli.design.cross_sections.round import Round
+from suspension_cli.design.cross_sections import Round
 from suspension_cli.elements import beam, bending, rod
 from suspension_cli.models.string import linear_model
 from suspension_cli.scene.fibres import compose

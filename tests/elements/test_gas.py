@@ -10,8 +10,7 @@ import pytest
 
 from suspension_cli.conventions import AVOGADRO, BOLTZMANN
 from suspension_cli.design.bodies import body_inertia
-from suspension_cli.design.cross_sections.ribbon import Ribbon
-from suspension_cli.design.cross_sections.round import Round
+from suspension_cli.design.cross_sections import Ribbon, Round
 from suspension_cli.design.schema import Body
 from suspension_cli.elements import gas as drag
 from suspension_cli.scene.composition import Gas

@@ -8,12 +8,8 @@ import numpy as np
 import pytest
 from scipy import integrate
 
-from suspension_cli.design.cross_sections.ribbon import Ribbon, rectangle_torsion
-from suspension_cli.design.cross_sections.round import Round
-from suspension_cli.design.cross_sections.shape import CrossSection
-from suspension_cli.design.losses.bulk import Bulk
-from suspension_cli.design.losses.mechanism import Mechanism
-from suspension_cli.design.losses.thermoelastic import Thermoelastic
+from suspension_cli.design.cross_sections import CrossSection, Ribbon, Round, rectangle_torsion
+from suspension_cli.design.losses import Bulk, Mechanism, Thermoelastic
 from suspension_cli.elements import loss
 from suspension_cli.scene.composition import BladeLoss, Section
 

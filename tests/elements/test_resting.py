@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from suspension_cli.design.cross_sections.ribbon import Ribbon
-from suspension_cli.design.cross_sections.round import Round
+from suspension_cli.design.cross_sections import Ribbon, Round
 from suspension_cli.elements import resting
 from suspension_cli.scene.composition import Section
 from tests.support import beam_mp

@@ -11,10 +11,9 @@ import mpmath
 import numpy as np
 import pytest
 
-from suspension_cli.design.cross_sections.relaxation import relaxation
-from suspension_cli.design.cross_sections.ribbon import Ribbon
-from suspension_cli.design.cross_sections.round import Round
-from suspension_cli.design.losses.thermoelastic import Thermoelastic
+from suspension_cli.design.cross_sections import Ribbon, Round
+from suspension_cli.design.losses import Thermoelastic
+from suspension_cli.design.relaxation import relaxation
 from suspension_cli.elements import loss
 from suspension_cli.scene.composition import BladeLoss, Section
 from tests.support.commandline import run, strict_json, written

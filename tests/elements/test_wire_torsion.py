@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from suspension_cli.design.cross_sections.round import Round
-from suspension_cli.design.losses.bulk import Bulk
+from suspension_cli.design.cross_sections import Round
+from suspension_cli.design.losses import Bulk
 from suspension_cli.elements.dynamic_wire import Fibre, TautWire
 from suspension_cli.scene.composition import Section
 from tests.support.commandline import modes_json, written

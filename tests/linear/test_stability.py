@@ -19,7 +19,7 @@ from suspension_cli.linear import batch_modes, eigenmodes
 from suspension_cli.models import registry
 from tests.support.paths import ROOT
 from tools import atlas
-from tools.stability import beams, blades, couplings, frequency, geometry, masses, modal
+from tools.stability import beams, blades, couplings, frequency, geometry, modal
 from tools.stability.references import SHAPE, design, document, omega_squared, stage
 from tools.stability.row import BROKEN, Row
 
@@ -125,12 +125,6 @@ def test_rigid_wires():
     assert row.error["eigenvalues of M⁻¹K"].max() > 1e-4
 
 
-def test_rigid_wires_of_a_chain():
-    row = modal.graded_chain(np.array([1e3, 1e8, 1e12, 1e14, 1e15]))
-    assert_within(row, 1e-12)
-    fails(row, eigenvalues=(1e8, 1e14), symmetric=(1e8, 1e14))
-
-
 def test_soft_blades():
     """Nothing of a blade is lost on any model; in doubles EPS times the ratio is, or its square."""
     row = blades.row(np.array([1.0, 1e4, 1e8, 1e10, 1e15]))
@@ -209,15 +203,6 @@ def test_quality():
         assert row.error[name].min() < BROKEN < row.error[name][-2:].max()
 
 
-def test_masses():
-    """Pitch by a millionth of the size is known to the last bit of the offset: 1e-10; modes to a
-    thousandth of that."""
-    row = masses.row(np.array([1e3, 1.0, 1e-3, 1e-6]))
-    assert_within(row, 3e-10, "pendsus: pitch of the light body")
-    assert_within(row, 1e-12, "pendsus: ω² of all modes")
-    fails(row, pitch=(1.0, 1e-3))
-
-
 @pytest.mark.parametrize("ratio", [1e-6, 1e-3, 0.1, 1.0])
 def test_pendulum_on_heavy_wires(ratio):
     """A string of mass M_w with a mass M at its end: X tan X = M_w / M, X = omega L / c. The wires
@@ -258,41 +243,6 @@ def test_the_page_is_that_of_the_rows():
     assert f"**{row.title}** ({row.quantity}). {row.finding}" in page
     assert page.count("\n| **") == len(atlas.ROWS)
     assert atlas.table_row(row).count("|") == atlas.HEAD.splitlines()[-1].count("|")
-
-
-def test_overview_shows_how_far_each_method_gets():
-    from suspension_cli.drawing.style import house_style
-    from tests.support.legible import assert_legible, said
-    from tools.stability.overview import COLUMN, draw_overview
-
-    value = np.array([1.0, 1e1, 1e2, 1e3, 1e4])
-    error = {"pendsus": 0 * value, "sum": 1e-4 * value, "other": 1e-6 * value}
-    rows = [Row("Roll-off", "frequency (Hz)", "q", value, error, "", "")]
-    rows += [Row("Slack", "tension left", "q", 1 / value, {**error, "pendsus": value}, "", "")]
-    with house_style():
-        figure = draw_overview(rows)
-    axes = figure.axes[0]
-    bars = {
-        (round(bar.get_x(), 9), round(bar.get_x() + bar.get_width(), 9)) for bar in axes.patches
-    }
-    assert bars == {(0.0, 0.5), (0.5, 1.0), (0.0, 1.0), (0.0, 0.0)}
-    words = said(figure)
-    assert {"frequency, 1 to 10⁴ Hz", "sum: 100 Hz", "no break", "sum: 0.01", "1"} <= {*words}
-    assert words[:2] == [
-        "pendsus stays accurate to the end of 1 of 2 troubles;",
-        "a common method breaks in 2",
-    ]
-    assert figure.get_figwidth() == COLUMN
-    assert_legible(figure)
-
-
-def test_a_method_that_breaks_at_the_last_value_counts_as_broken():
-    from tools.stability.overview import breaks, first_break
-
-    error = {"a": np.array([0.0, 2 * BROKEN, 0.0]), "b": np.array([0.0, 0.0, 2 * BROKEN])}
-    row = Row("t", "load (kg)", "q", np.array([1.0, 2.0, 3.0]), error, "", "")
-    assert first_break(row, error) == (1.0, "b: 3 kg")
-    assert breaks(row, error) and not breaks(row, ["a"])
 
 
 def test_a_method_right_only_at_the_end_is_not_called_right_throughout():

@@ -85,7 +85,7 @@ def error_of(system, model, frequency, inputs, outputs):
 def test_it_is_the_direct_response(name):
     model = MODELS[name]
     inputs, outputs = ends(model)
-    low, high = statespace.mode_range(model)
+    low, high = export.mode_range(model)
     rng = np.random.default_rng(11)
     frequency = np.exp(rng.uniform(np.log(low / 100), np.log(high * 100), 6))
     beyond, error = error_of(
@@ -106,7 +106,7 @@ def test_the_band_is_true(name):
     """At frequencies other than those that it was measured at; from below the modes to 100 times
     the highest for the main responses."""
     model = MODELS[name]
-    low, high = statespace.mode_range(model)
+    low, high = export.mode_range(model)
     rng = np.random.default_rng(12)
     for into, out in (
         ("support.x", "x"),
@@ -151,7 +151,7 @@ def test_zero_pole_gain(name):
     assert made.tolerance == 1e-3
     assert made.worst < 1e-6
     assert made.band == pytest.approx(
-        (statespace.mode_range(model)[0] / 100, statespace.mode_range(model)[1] * 100)
+        (export.mode_range(model)[0] / 100, export.mode_range(model)[1] * 100)
     )
     frequency = np.exp(np.random.default_rng(13).uniform(*np.log(made.band), 10))
     compared = responses_mp.compare(model, frequency, inputs, outputs)

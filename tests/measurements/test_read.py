@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from suspension_cli.design import measured
-from suspension_cli.design.measured import TransferFunction
+from suspension_cli.design.measured import Measured, TransferFunction
 from suspension_cli.errors import InputError
-from suspension_cli.measurements import read as reading
 from suspension_cli.measurements.read import read_all, read_bare
 from tests.support.dtt_files import document, result
 
@@ -35,7 +34,7 @@ def table(delimiter: str, *columns: np.ndarray) -> str:
 
 def read(path: Path, **keys):
     table = TransferFunction(file=path.name, input="upper.force_x", output="upper.x", **keys)
-    return reading._read(table, path.parent, {})
+    return read_all(Measured(transfer_function=[table]), path)[0]
 
 
 @pytest.mark.parametrize(

@@ -13,11 +13,9 @@ from scipy import integrate
 
 from suspension_cli.conventions import AVOGADRO
 from suspension_cli.design import materials
-from suspension_cli.design.cross_sections.ribbon import rectangle_torsion
-from suspension_cli.design.cross_sections.round import Round
-from suspension_cli.design.derive import blade_loss, wire_loss, wire_stiffness
-from suspension_cli.design.losses.bulk import Bulk
-from suspension_cli.design.losses.thermoelastic import Thermoelastic
+from suspension_cli.design.cross_sections import Round, rectangle_torsion
+from suspension_cli.design.derive import part_loss, wire_loss, wire_stiffness
+from suspension_cli.design.losses import Bulk, Thermoelastic
 from suspension_cli.design.reader import convert, read
 from suspension_cli.design.sections import Stretch, stretches
 from suspension_cli.equilibrium.nominal import expand
@@ -138,31 +136,6 @@ def test_in_the_order_of_the_scene(config):
         for direction in fibre.clamp:
             assert direction @ direction == pytest.approx(1, rel=1e-12)
             assert direction @ span > 0
-
-
-def test_order_in_a_tree():
-    """Blades of a set, blades with names, wires that hang on them."""
-    rich = edited(
-        RAW["rich"],
-        {
-            ("stage", 0, "wire", 1, "material"): "wire",
-            ("stage", 0, "wire", 1, "radius"): 1e-4,
-            ("stage", 2, "wires", "material"): "wire",
-        },
-    )
-    rich["stage"][2]["wires"]["radius"] = 1e-4
-    design = convert(rich)
-    scene, found = expand(design), compose(design)
-    assert tuple(fibre.label for fibre in found.wire) == scene.wires.label
-    assert tuple(blade.label for blade in found.blade) == scene.blades.label
-    series = np.array(
-        [
-            1 / sum(section.length / section.stretching for section in fibre.sections)
-            for fibre in found.wire
-        ]
-    )
-    # E A over the natural length, where that is given; those with a k of their own too
-    np.testing.assert_allclose(series, (scene.drawn or scene).wires.stiffness, rtol=1e-12)
 
 
 THICK = (
@@ -331,7 +304,7 @@ BLADES = ("stage", 0, "blades")
 
 def blade_of(**table: Any) -> Any:
     design = made({BLADES: {"count": 2, "stiffness": 1e3} | table})
-    return compose(design).blade[0], blade_loss(design, design.stage[0].blades)
+    return compose(design).blade[0], part_loss(design, design.stage[0].blades)
 
 
 def test_losses_of_blades():
@@ -378,6 +351,7 @@ def test_losses_of_materials():
         {"loss": {"table": {"frequency": [1.0, 10.0], "angle": [1e-9, 1e-8]}}}
     )
     np.testing.assert_array_equal(tabled.table, [[1.0, 10.0], [1e-9, 1e-8]])
+    assert [own.name for own in resolved({}, "steel302")[0]] == ["thermoelastic"]
     assert (tabled.angle, tabled.surface_depth, string) == (0.0, 0.0, 0.0)
 
 

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from suspension_cli.equilibrium import solve as equilibrium
-from suspension_cli.linear import eigenmodes
 from suspension_cli.models import string as string_model
 from suspension_cli.scene.pose import layout
 from tests.support import scenes
@@ -49,14 +48,3 @@ def test_matrices_turn_with_the_scene(angle, seed):
         for scene, found in ((one, first), (other, second))
     ]
     assert np.abs(turn @ masses[0] @ turn.T - masses[1]).max() < 1e-12 * np.abs(masses[1]).max()
-
-
-@pytest.mark.parametrize("angle", [0.3, -2.0])
-def test_frequencies_do_not_turn(angle):
-    raw = scenes.crooked(np.random.default_rng(9), lateral=False)
-    one, other = (
-        eigenmodes.solve(string_model.linear_model(scenes.scene_of(each)))
-        for each in (raw, scenes.rotated(raw, angle))
-    )
-    assert one.stable
-    np.testing.assert_allclose(one.frequency, other.frequency, rtol=1e-9)

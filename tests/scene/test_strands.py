@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import quad
 
 from suspension_cli.rotations import cross_matrix
-from suspension_cli.scene import eddy_current, strands
+from suspension_cli.scene import links, strands
 
 WIRE = strands.RoundWire.of(1.2e-3, 7e10, 0.33, 2.6e4)
 END = np.array([0.08, 0.03, 0.05])
@@ -123,22 +123,12 @@ def test_eddy_currents_dissipate_the_power_of_the_damper() -> None:
 
     for shape, power in (("plate", plate), ("tube", tube)):
         expected, _ = quad(power, g, g + t)
-        found = eddy_current.axial_damping(shape, m, sigma, t, g)
+        found = links.axial_eddy_damping(shape, m, sigma, t, g)
         assert found == pytest.approx(expected, rel=1e-6)
-    thin = eddy_current.axial_damping("tube", m, sigma, 1e-7, g)
+    thin = links.axial_eddy_damping("tube", m, sigma, 1e-7, g)
     assert thin == pytest.approx(45 * mu**2 * m**2 * sigma * 1e-7 / (1024 * g**4), rel=1e-4)
     # across the axis over a sheet: E = v x B less a potential that keeps the currents in the sheet;
     # Saslow (1992): at low velocity 3 mu_0 m^2 / (32 pi h^4) v mu_0 sigma t / 4
-    matrix = eddy_current.damping_matrix("plate", 2, m, sigma, 1e-7, g)
+    matrix = links.eddy_damping("plate", 2, m, sigma, 1e-7, g)
     saslow = 3 * mu * m**2 / (32 * np.pi * g**4) * mu * sigma * 1e-7 / 4
     assert np.diag(matrix)[:2] == pytest.approx(saslow, rel=1e-4)
-
-
-def test_drag_along_a_sheet_from_its_stream_function() -> None:
-    """In Fourier space a sheet dissipates |curl E|^2 / k^2: twice as much along the axis.
-
-    Per wave vector k the dipole's field B_z = mu_0 m k exp(-k h) / 2 changes by v k_x or v k.
-    """
-    along, _ = quad(lambda k: (k * k * np.exp(-k)) ** 2 / k**2 * 2 * np.pi * k, 0, np.inf)
-    across, _ = quad(lambda k: (k * k * np.exp(-k)) ** 2 / k**2 * np.pi * k, 0, np.inf)
-    assert across == pytest.approx(along / 2)

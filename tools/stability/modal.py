@@ -15,12 +15,10 @@ from suspension_cli.models import registry
 from suspension_cli.models import string as string_model
 from tools.stability import naive
 from tools.stability.references import (
-    INERTIA,
     MASS,
     SHAPE,
     design,
     document,
-    given_omega_squared,
     omega_squared,
     stage,
 )
@@ -32,7 +30,6 @@ LOSS = 10.0 ** np.arange(-2, -15, -1)
 SOFT = 2
 """Number of modes restored by tension alone: longitudinal and transverse."""
 TENSION = MASS * 9.81 / 4
-CHAIN = 4
 
 
 def rigid_wires(ratio: Any = STIFFNESS_RATIO) -> Row:
@@ -71,44 +68,6 @@ def rigid_wires(ratio: Any = STIFFNESS_RATIO) -> Row:
             "none found on `string`, `beam` and `violin`; `force` with wires that lean: ε × ratio"
         ),
     )
-
-
-def graded_chain(ratio: Any = STIFFNESS_RATIO) -> Row:
-    """Compute errors of the pendulum modes of a chain, with several soft modes per block."""
-
-    def compute(value: float) -> Any:
-        model = registry.STRING.system(_chain(value))
-        found = {
-            SHIPPED: np.sort(eigenmodes.solve(model).omega_squared),
-            "eigenvalues of M⁻¹K": naive.unscaled(model),
-            "symmetric eigenvalues": naive.symmetric(model),
-        }
-        soft = SOFT * CHAIN
-        return given_omega_squared(model)[:soft], {n: v[:soft] for n, v in found.items()}
-
-    return Row(
-        title="Nearly rigid wires, four stages",
-        driver="stiffness ratio k l / T",
-        quantity="ω² of the pendulum modes, given the matrices",
-        value=np.asarray(ratio),
-        error=sample(ratio, compute),
-        finding=(
-            "In a chain several soft modes share a block with stiff ones, and rounding mixes them"
-            " with each other too. In 1 / ω² the stiff ones vanish; theirs follow from the energies"
-            " in their shapes, to 10⁻⁹ up to ratios of 10⁸."
-        ),
-        limit="none found",
-    )
-
-
-def _chain(ratio: float) -> Any:
-    body = {"mass": MASS, "inertia": list(INERTIA)}
-    every = []
-    for n in range(1, CHAIN + 1):
-        tension = (CHAIN + 1 - n) * TENSION
-        wires = SHAPE | {"count": 4, "k": ratio * tension / SHAPE["l"], "d_upper": 0.001}
-        every.append({"name": f"mass{n}", "body": body, "wires": wires})
-    return design({"design": {"name": "chain"}, "stage": every})
 
 
 def equal_modes(detuning: Any = DETUNING) -> Row:

@@ -85,7 +85,6 @@ class BudgetAnalysis(Analysis):
             "--ground",
             multiple=True,
             default=(GROUND,),
-            show_default=True,
             metavar="[COORDINATES=]SOURCE",
             help=(
                 "Motion of the support: nlnm (quiet ground), nhnm (noisy ground), aligo-isi"

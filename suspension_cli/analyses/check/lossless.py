@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design import materials
-from suspension_cli.design.derive import blade_material
-from suspension_cli.design.losses.registry import mechanisms_of
+from suspension_cli.design.losses import mechanisms_of
 from suspension_cli.design.schema import Design, Stage
-from suspension_cli.design.wires import AnyWire, Blade, BladeSet
+from suspension_cli.design.wires import AnyWire
 from suspension_cli.models import registry
 
 MOST_PARTS = 10
@@ -44,21 +42,19 @@ def find_lossless(design: Design, level: str) -> list[Lossless]:
     Models in which wires bend use all losses of materials, others only constant loss angles given
     in the design.
     """
-    found: list[Lossless] = []
+    found: list[Lossless | None] = []
     frame = design.support
     if frame and not frame.loss_angle and not any(getattr(frame.damping, dof) for dof in DOFS):
         found.append(Lossless(SUPPORT))
     for stage in design.stage:
-        found += _of_kind(
-            stage, "blades", stage.blade_tables, lambda one: _blade(design, one, level)
-        )
-        found += _of_kind(stage, "wires", stage.wire_tables, lambda one: _wire(design, one, level))
-        elastic = [
-            spring
+        found += _merge_equal(stage, "blades", [*_blades(design, stage, level)])
+        found += _merge_equal(stage, "wires", [*_wires(design, stage, level)])
+        springs = [
+            _part(design, level, f"{stage.name}.springs", spring.material, own=spring.loss_angle)
             for spring in stage.spring
             if _nonzero(spring.stiffness) and not _nonzero(spring.damping)
         ]
-        if any(_part(design, level, [own.material], own.loss_angle) for own in elastic):
+        if any(springs):
             found.append(Lossless(f"{stage.name}.springs"))
         for name in ("inverted_pendulum", "filter"):
             part = getattr(stage, name)
@@ -67,42 +63,41 @@ def find_lossless(design: Design, level: str) -> list[Lossless]:
     for link in design.link:
         if link.table is None and not _nonzero(link.damping):
             material = link.strands.material if link.strands and link.loss_angle is None else None
-            if lacking := _part(design, level, [material], link.loss_angle):
-                found.append(replace(lacking, part=f"{link.name}.link"))
-    return found
+            found.append(_part(design, level, f"{link.name}.link", material, own=link.loss_angle))
+    return [one for one in found if one is not None]
 
 
-def _of_kind(
-    stage: Stage, word: str, tables: Sequence[Any], find: Callable[[Any], Lossless | None]
-) -> list[Lossless]:
-    """Find the parts of one kind of a stage without loss, as one part if all lack the same."""
-    lacking = [find(table) for table in tables]
-    names = [getattr(table, "name", str(n)) for n, table in enumerate(tables, 1)]
-    if lacking and all(one == lacking[0] for one in lacking):
-        lacking, names = lacking[:1], [word]
-    pairs = zip(names, lacking, strict=True)
-    return [replace(one, part=f"{stage.name}.{name}") for name, one in pairs if one is not None]
+def _wires(design: Design, stage: Stage, level: str) -> Iterator[Lossless | None]:
+    """List the wires of a stage without bulk loss, None for each of the others."""
+    for number, wire in enumerate(stage.wire_tables, 1):
+        names = [wire.material, *(piece.material for piece in wire.sections or ())]
+        yield _part(design, level, f"{stage.name}.{number}", *names, wire=wire)
 
 
-def _wire(design: Design, wire: AnyWire, level: str) -> Lossless | None:
-    names = [wire.material, *(piece.material for piece in wire.sections or ())]
-    return _part(design, level, names, wire=wire)
+def _blades(design: Design, stage: Stage, level: str) -> Iterator[Lossless | None]:
+    """List the blades of a stage without bulk loss, None for each of the others."""
+    for blade in stage.blade_tables:
+        name = f"{stage.name}.{getattr(blade, 'name', 'blades')}"
+        found = _part(design, level, name, blade.made_of, own=blade.loss_angle)
+        thick = blade.thickness is not None or blade.geometry is not None
+        yield found if found is None or thick else replace(found, bending=())
 
 
-def _blade(design: Design, blade: BladeSet | Blade, level: str) -> Lossless | None:
-    found = _part(design, level, [blade_material(blade)], blade.loss_angle)
-    thick = blade.thickness is not None or blade.geometry is not None
-    return found if found is None or thick else replace(found, bending=())
+def _merge_equal(stage: Stage, word: str, parts: list[Lossless | None]) -> list[Lossless | None]:
+    """Merge the parts of one kind of a stage into one if all lack the same."""
+    whole = [one and replace(one, part=f"{stage.name}.{word}") for one in parts]
+    return whole[:1] if len(set(whole)) == 1 else parts
 
 
 def _part(
     design: Design,
     level: str,
-    names: Sequence[str | None],
+    part: str,
+    *names: str | None,
     own: float | None = None,
     wire: AnyWire | None = None,
 ) -> Lossless | None:
-    """Return a part, without its name, if it has no bulk loss.
+    """Return a part if it has no bulk loss.
 
     It is made of the materials `names`, or has the loss angle `own`.
     """
@@ -111,7 +106,7 @@ def _part(
         return None
     if not registry.by_name(level).bends_wires:
         lossy = own is None and any(materials.constant_angle(design, name) for name in given)
-        return None if lossy else Lossless("", given)
+        return None if lossy else Lossless(part, given)
     losses = {name: mechanisms_of(materials.resolve(design, name), wire) for name in given}
     lacking = tuple(
         name for name in given if own == 0 or not any(loss.uniform for loss in losses[name])
@@ -126,7 +121,7 @@ def _part(
     )
     if len(lacking) < len(given):
         bending = bending or {"other sections'": None}
-    return Lossless("", lacking, tuple(bending))
+    return Lossless(part, lacking, tuple(bending))
 
 
 def _nonzero(matrix: list[float | list[float]] | None) -> bool:
@@ -139,11 +134,8 @@ def describe_lossless(found: list[Lossless], level: str) -> list[str]:
     nothing = [one for one in found if not one.bending]
     partial = [one for one in found if one.bending]
     if nothing:
-        own = (
-            ""
-            if registry.by_name(level).bends_wires
-            else f" in the {level} model, which uses only loss angles given in the design"
-        )
+        own = f" in the {level} model, which uses only loss angles given in the design"
+        own *= not registry.by_name(level).bends_wires
         lines.append(
             f"no loss{own}: {_parts(nothing)}; they add no thermal noise and do not limit Q;"
             f" {_remedy(nothing)}"

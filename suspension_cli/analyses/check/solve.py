@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import tables
@@ -32,8 +32,6 @@ class Check(Report):
         The simplest valid model.
     stable, stability_model : bool, str or None
         Whether it is stable, and in which model; None if not computed.
-    weights : WireWeights or None
-        Weight of the wires; None if no density is known.
     """
 
     source: Source
@@ -42,7 +40,11 @@ class Check(Report):
     stable: bool | None
     stability_model: str | None
     warnings: list[ImplausibleNumber]
-    weights: WireWeights | None
+
+    @property
+    def weights(self) -> WireWeights | None:
+        """Weight of the wires; None if no density is known."""
+        return self.statics.weights
 
     def warn(self, log: Log) -> None:
         """Report the warnings."""
@@ -68,7 +70,7 @@ class Check(Report):
             "bodies": list_documents(loads.bodies),
         }
         rare = {
-            "links": [asdict(link) for link in loads.links],
+            "links": list_documents(loads.links),
             "inverted_pendulums": list_documents(loads.legs),
             "filters": list_documents(loads.filters),
             "profiles": list_documents(loads.profiles),
@@ -83,7 +85,7 @@ class Check(Report):
         return result
 
     def __str__(self) -> str:
-        from suspension_cli.analyses.check.columns import list_rows, render
+        from suspension_cli.analyses.check.columns import render
 
         loads, count = self.statics, len(self.warnings)
         verdict = "good" if not count else f"{count} warning{'s' * (count > 1)}"
@@ -93,7 +95,7 @@ class Check(Report):
         ]
         for parts in (loads.wires, loads.blades, loads.legs, loads.filters):
             if parts:
-                lines.append(render(type(parts[0]), _merge_equal(list_rows(parts))))
+                lines.append(render(parts, _merge_equal))
         lines += _link_tables(loads.links)
         if self.weights is not None and self.weights.line:
             lines.append(f"  {self.weights.line}")
@@ -144,26 +146,24 @@ def solve(source: Source) -> Check:
     from suspension_cli.models import registry
 
     design = source.design
-    settings.check_tables(design.analysis, source.file)
+    settings.from_tables(source)
     found = plausibility.find_implausible(design)
     try:
         choice, loads = registry.choose(design), statics.solve(design)
     except InputError as error:  # implausible numbers may be the reason
         raise InputError([*error.faults, *found], source.file) from None
     found += warnings.find_implausible_loads(design, loads)
-    motion = warnings.find_stability(design)
-    found += [*motion.warnings, *warnings.find_slackest(loads)]
+    model, modes, unstable = warnings.find_stability(design)
+    found += [*unstable, *warnings.find_slackest(loads)]
     raw = tomllib.loads(source.text)
     leads = lambda path: value_at(raw, path) is not None  # noqa: E731
-    found += warnings.find_unknown_names(design, motion.modes, leads)
-    weights = statics.weigh_wires(design, loads)
-    return Check(source, choice, loads, motion.stable, motion.model, found, weights)
+    found += warnings.find_unknown_names(design, modes, leads)
+    stable = None if model is None else not unstable
+    return Check(source, choice, loads, stable, model, found)
 
 
 def _link_tables(links: Sequence[LinkLoad]) -> list[str]:
     """Tables of links and of dampers: stiffness or damping along x, y, z, and sag."""
-    from suspension_cli.analyses.check.warnings import hangs_freely
-
     made = []
     elastic = [link for link in links if any(link.stiffness) or not any(link.damping)]
     if elastic:
@@ -172,7 +172,7 @@ def _link_tables(links: Sequence[LinkLoad]) -> list[str]:
         rows = [
             (
                 *(link.label, " - ".join(link.between), *link.stiffness, link.length),
-                *(None if hangs_freely(link) else link.sag and 1e3 * link.sag, link.weight),
+                *(None if link.hangs_freely else link.sag and 1e3 * link.sag, link.weight),
             )
             for link in elastic
         ]

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from suspension_cli.analyses.check import towers
 from suspension_cli.analyses.check.columns import Column
 from suspension_cli.analyses.check.towers import FilterLoad, LegLoad
 from suspension_cli.design import materials
-from suspension_cli.design.derive import blade_material, gravity_strength, wire_line_densities
+from suspension_cli.design.derive import gravity_strength, wire_line_densities
 from suspension_cli.design.schema import Body, Design, Stage
 from suspension_cli.design.sections import given_sections, thinnest
 from suspension_cli.design.wires import Blade, BladeSet, Profile, Wire, WireSet
@@ -24,6 +24,12 @@ from suspension_cli.rotations import rotation_vector
 from suspension_cli.scene import links, strands
 from suspension_cli.scene.places import Places
 from suspension_cli.scene.scene import Scene
+
+SAG = 0.05
+"""Largest sag of a link over its length that is a small deflection."""
+NOTED = 4e-3
+"""Weight over tension above which `check` notes that a design leaves it out; frequencies of
+pendulums change by up to a quarter of it."""
 
 
 @dataclass(frozen=True)
@@ -115,14 +121,19 @@ class LinkLoad:
         Lowest and highest frequency of its table of stiffness, Hz.
     """
 
-    label: str
-    between: tuple[str, ...]
-    stiffness: tuple[float, float, float]
-    damping: tuple[float, float, float]
-    length: float | None = None
-    weight: float | None = None
-    sag: float | None = None
-    table: tuple[float, float] | None = None
+    label: Annotated[str, Column("label")]
+    between: Annotated[tuple[str, ...], Column("between")]
+    stiffness: Annotated[tuple[float, float, float], Column("stiffness")]
+    damping: Annotated[tuple[float, float, float], Column("damping")]
+    length: Annotated[float | None, Column("length")] = None
+    weight: Annotated[float | None, Column("weight")] = None
+    sag: Annotated[float | None, Column("sag")] = None
+    table: Annotated[tuple[float, float] | None, Column("table")] = None
+
+    @property
+    def hangs_freely(self) -> bool:
+        """Whether it sags too far for a small deflection."""
+        return self.sag is not None and self.length is not None and self.sag > SAG * self.length
 
 
 @dataclass(frozen=True)
@@ -132,238 +143,6 @@ class ReducedProfile:
     wire: Annotated[str, Column("wire")]
     places: Annotated[int, Column("places")]
     sections: Annotated[int, Column("sections")]
-
-
-@dataclass(frozen=True)
-class Statics:
-    """Statics of a design; `top` is z of the highest end of a wire, m."""
-
-    wires: tuple[WireLoad, ...]
-    blades: tuple[BladeLoad, ...]
-    bodies: tuple[BodyPose, ...]
-    lowest: tuple[Lowest, ...]
-    top: float
-    residual: float
-    links: tuple[LinkLoad, ...] = ()
-    legs: tuple[LegLoad, ...] = ()
-    filters: tuple[FilterLoad, ...] = ()
-    profiles: tuple[ReducedProfile, ...] = ()
-
-    @property
-    def height(self) -> float:
-        """Height from the lowest to the highest point, m."""
-        return self.top - min(stage.z for stage in self.lowest)
-
-
-def solve(design: Design) -> Statics:
-    """Solve for the loads of a design in equilibrium.
-
-    Raises
-    ------
-    InputError
-        If it cannot balance, or a wire is slack.
-    """
-    scene = expand(design)
-    balanced = balance(scene)
-    balanced.demand(scene)
-    tables = [table for stage in design.stage for table in list_wire_tables(stage)]
-    wires, tension = scene.wires, balanced.tension
-    stretch, above = tension / wires.stiffness, _upper_weights(scene)
-    rows = zip(tables, wires.label, tension, stretch, wires.length, above, strict=True)
-    pose = balanced.pose
-    bodies = tuple(
-        BodyPose(
-            name=name,
-            shift=_vector(pose.shift[n]),
-            rotation=_vector(rotation_vector(pose.rotation[n] - np.eye(3))),
-        )
-        for n, name in enumerate(scene.bodies.name, 1)
-    )
-    ends = _end_heights(scene, balanced)
-    return Statics(
-        wires=tuple(
-            _wire_load(design, table, label, *map(float, numbers))
-            for table, label, *numbers in rows
-        ),
-        blades=tuple(_blade_load(design, *blade) for blade in _blade_rows(design, scene, balanced)),
-        bodies=bodies,
-        lowest=tuple(
-            _find_lowest(stage.body, n, scene, balanced, ends[n])
-            for n, stage in enumerate(design.stage, 1)
-        ),
-        top=max((end for heights in ends for end in heights), default=0.0),
-        residual=float(balanced.residual),
-        links=tuple(_links(design)),
-        legs=towers.leg_loads(design, scene, balanced),
-        filters=towers.filter_loads(design, scene, balanced),
-        profiles=tuple(_profiles(design)),
-    )
-
-
-def _profiles(design: Design) -> Iterator[ReducedProfile]:
-    """Measured profiles of fibres, from top to bottom."""
-    for stage in design.stage:
-        for number, table in enumerate(stage.wire_tables, 1):
-            if isinstance(table.profile, Profile):
-                name = f"{stage.name}.{'wires' if stage.wires is not None else number}"
-                places, sections = table.profile.position, given_sections(table) or ()
-                yield ReducedProfile(wire=name, places=len(places), sections=len(sections))
-
-
-def _links(design: Design) -> Iterator[LinkLoad]:
-    """Links and dampers between bodies, in the order of the file."""
-    places = Places.of(design)
-    for link in design.link:
-        first, second = (places.position[places.number[name]] for name in link.between)
-        stiffness = links.link_stiffness(design, link, first, second)
-        found = LinkLoad(
-            link.name,
-            tuple(link.between),
-            _vector(np.diag(stiffness)),
-            _vector(np.diag(links.matrix(link.damping))),
-            table=link.table and (link.table.frequency[0], link.table.frequency[-1]),
-        )
-        if link.strands is not None:
-            curve, wire = links.link_curve(link, first, second), links.wire_of(design, link.strands)
-            found = replace(
-                found,
-                length=curve.length,
-                weight=link.strands.count * curve.length * wire.weight,
-                sag=strands.sag(curve, wire)[0],
-            )
-        yield found
-    for damper in design.damper:
-        damping = _vector(np.diag(links.damper_matrix(damper)))
-        yield LinkLoad(damper.name, tuple(damper.between), (0.0, 0.0, 0.0), damping)
-
-
-def _upper_weights(scene: Scene) -> np.ndarray:
-    """Excess of tension at the upper end of each wire by its own weight, N."""
-    wires = scene.wires
-    weight = scene.gravity * (wires.mass[:, 0] + wires.mass[:, 1])
-    return weight * -wires.span[:, 2] / wires.length
-
-
-def list_wire_tables(stage: Stage) -> list[WireSet] | list[Wire]:
-    """List the table of each wire of a stage."""
-    return [stage.wires] * stage.wires.count if stage.wires is not None else stage.wire
-
-
-def _wire_load(
-    design: Design,
-    table: WireSet | Wire,
-    label: str,
-    tension: float,
-    stretch: float,
-    length: float,
-    weight: float,
-) -> WireLoad:
-    """Load of a wire, with the strength of the section that is nearest to breaking.
-
-    `weight` (N) adds to the tension at its upper end.
-    """
-    sections = given_sections(table)
-    found: list[tuple[float, float | None, str]] = []
-    for piece in [table] if sections is None else sections:
-        name, area = piece.material or table.material, thinnest(piece)
-        if area is not None:
-            found.append(((tension + weight) / area, _strength(design, name), name or ""))
-    known = [(stress / limit, limit, name) for stress, limit, name in found if limit is not None]
-    unknown = (None, None, max(found)[2] if found else table.material or "")
-    fraction, strength, material = max(known, default=unknown)
-    largest = max((stress for stress, _, _ in found), default=None)
-    return WireLoad(
-        label=label,
-        tension=tension,
-        stretch=stretch,
-        strain=stretch / length,
-        stress=largest,
-        strength=strength,
-        fraction=fraction,
-        material=material,
-    )
-
-
-def _strength(design: Design, name: str | None) -> float | None:
-    return None if name is None else materials.resolve(design, name).tensile_strength
-
-
-def _blade_rows(
-    design: Design, scene: Scene, balanced: Equilibrium
-) -> list[tuple[BladeSet | Blade, str, float, float]]:
-    """Table, label, vertical force on the tip (N) and vertical stiffness (N/m) of every blade."""
-    tables: list[BladeSet | Blade] = []
-    for stage in design.stage:
-        tables += stage.blade if stage.blades is None else [stage.blades] * stage.blades.count
-    k = scene.blades.stiffness[:, 2]
-    load = scene.blades.load[:, 2] - k * balanced.pose.deflection[:, 2]
-    return list(zip(tables, scene.blades.label, load.tolist(), k.tolist(), strict=True))
-
-
-def _blade_load(
-    design: Design, table: BladeSet | Blade, label: str, load: float, stiffness: float
-) -> BladeLoad:
-    """Load of a blade of length L, base width b and thickness h.
-
-    The largest stress under F, at its base, is moment F L over section modulus b h^2 / 6:
-    6 F L / (b h^2).
-    """
-    shape = table.geometry
-    stress = strength = None
-    if shape is not None:
-        stress = 6 * load * shape.length / (shape.base_width * shape.thickness**2)
-        strength = _strength(design, shape.material)
-    return BladeLoad(
-        label=label,
-        load=load,
-        sag=load / stiffness,
-        stress=stress,
-        strength=strength,
-        fraction=None if stress is None or strength is None else stress / strength,
-        material=blade_material(table) or "",
-    )
-
-
-def _end_heights(scene: Scene, balanced: Equilibrium) -> list[list[float]]:
-    """List the heights z (m) of the ends of wires on each body, the support first."""
-    heights: list[list[float]] = [[] for _ in range(len(scene.bodies.name) + 1)]
-    z, rotation = scene.bodies.position[:, 2] + balanced.pose.shift[:, 2], balanced.pose.rotation
-    for body, points in (
-        (scene.wires.upper, scene.wires.upper_point),
-        (scene.wires.lower, scene.wires.lower_point),
-    ):
-        for n, point in zip(body.tolist(), points, strict=True):
-            heights[n].append(float(z[n] + rotation[n, 2] @ point))
-    return heights
-
-
-def _find_lowest(
-    body: Body, n: int, scene: Scene, balanced: Equilibrium, ends: list[float]
-) -> Lowest:
-    z = float(scene.bodies.position[n, 2] + balanced.pose.shift[n, 2])
-    points = [(z, "centre of mass"), *((end, "wires") for end in ends)]
-    if body.shape is not None:
-        points = [(z - _half_height(body, balanced.pose.rotation[n, 2]), "body"), *points]
-    lowest = min(points, key=lambda point: point[0])
-    return Lowest(name=scene.bodies.name[n - 1], z=lowest[0], point=lowest[1])
-
-
-def _half_height(body: Body, up: np.ndarray) -> float:
-    """Half the extent (m) of a shape along a unit vector `up` in its own axes."""
-    if body.shape == "box":
-        return float(np.abs(up) @ np.array(body.size) / 2)
-    assert body.radius is not None and body.length is not None
-    along = abs(float(up["xyz".index(body.axis or "x")]))
-    return body.length / 2 * along + body.radius * float(np.sqrt(max(1 - along**2, 0.0)))
-
-
-def _vector(values: np.ndarray) -> tuple[float, float, float]:
-    return (float(values[0]), float(values[1]), float(values[2]))
-
-
-NOTED = 4e-3
-"""Weight over tension above which `check` notes that a design leaves it out; frequencies of
-pendulums change by up to a quarter of it."""
 
 
 @dataclass(frozen=True)
@@ -411,13 +190,209 @@ class WireWeights:
         )
 
 
-def weigh_wires(design: Design, loads: Statics) -> WireWeights | None:
+@dataclass(frozen=True)
+class Statics:
+    """Statics of a design; `top` is z of the highest end of a wire, m."""
+
+    wires: tuple[WireLoad, ...]
+    blades: tuple[BladeLoad, ...]
+    bodies: tuple[BodyPose, ...]
+    lowest: tuple[Lowest, ...]
+    top: float
+    residual: float
+    links: tuple[LinkLoad, ...] = ()
+    legs: tuple[LegLoad, ...] = ()
+    filters: tuple[FilterLoad, ...] = ()
+    profiles: tuple[ReducedProfile, ...] = ()
+    weights: WireWeights | None = None
+
+    @property
+    def height(self) -> float:
+        """Height from the lowest to the highest point, m."""
+        return self.top - min(stage.z for stage in self.lowest)
+
+
+def solve(design: Design) -> Statics:
+    """Solve for the loads of a design in equilibrium.
+
+    Raises
+    ------
+    InputError
+        If it cannot balance, or a wire is slack.
+    """
+    scene = expand(design)
+    balanced = balance(scene)
+    balanced.demand(scene)
+    pose, ends = balanced.pose, _end_heights(scene, balanced)
+    wires = tuple(_wire_loads(design, scene, balanced))
+    return Statics(
+        wires=wires,
+        blades=tuple(_blade_loads(design, scene, balanced)),
+        bodies=tuple(
+            BodyPose(
+                name=name,
+                shift=_vector(pose.shift[n]),
+                rotation=_vector(rotation_vector(pose.rotation[n] - np.eye(3))),
+            )
+            for n, name in enumerate(scene.bodies.name, 1)
+        ),
+        lowest=tuple(
+            _find_lowest(stage.body, n, scene, balanced, ends[n])
+            for n, stage in enumerate(design.stage, 1)
+        ),
+        top=max((end for heights in ends for end in heights), default=0.0),
+        residual=float(balanced.residual),
+        links=tuple(_links(design)),
+        legs=towers.leg_loads(design, scene, balanced),
+        filters=towers.filter_loads(design, scene, balanced),
+        profiles=tuple(_profiles(design)),
+        weights=_weigh_wires(design, scene, wires),
+    )
+
+
+def _profiles(design: Design) -> Iterator[ReducedProfile]:
+    """Measured profiles of fibres, from top to bottom."""
+    for stage in design.stage:
+        for number, table in enumerate(stage.wire_tables, 1):
+            if isinstance(table.profile, Profile):
+                name = f"{stage.name}.{'wires' if stage.wires is not None else number}"
+                places, sections = table.profile.position, given_sections(table) or ()
+                yield ReducedProfile(wire=name, places=len(places), sections=len(sections))
+
+
+def _links(design: Design) -> Iterator[LinkLoad]:
+    """Links and dampers between bodies, in the order of the file."""
+    places = Places.of(design)
+    for link in design.link:
+        first, second = (places.position[places.number[name]] for name in link.between)
+        stiffness = links.link_stiffness(design, link, first, second)
+        found = LinkLoad(
+            link.name,
+            tuple(link.between),
+            _vector(np.diag(stiffness)),
+            _vector(np.diag(links.matrix(link.damping))),
+            table=link.table and (link.table.frequency[0], link.table.frequency[-1]),
+        )
+        if link.strands is not None:
+            curve, wire = links.link_curve(link, first, second), links.wire_of(design, link.strands)
+            found = replace(
+                found,
+                length=curve.length,
+                weight=link.strands.count * curve.length * wire.weight,
+                sag=strands.sag(curve, wire)[0],
+            )
+        yield found
+    for damper in design.damper:
+        damping = _vector(np.diag(links.damper_matrix(damper)))
+        yield LinkLoad(damper.name, tuple(damper.between), (0.0, 0.0, 0.0), damping)
+
+
+def list_wire_tables(stage: Stage) -> list[WireSet] | list[Wire]:
+    """List the table of each wire of a stage."""
+    return [stage.wires] * stage.wires.count if stage.wires is not None else stage.wire
+
+
+def _wire_loads(design: Design, scene: Scene, balanced: Equilibrium) -> Iterator[WireLoad]:
+    """Loads of wires; their own weight adds to the tension at their upper ends."""
+    tables = [table for stage in design.stage for table in list_wire_tables(stage)]
+    wires, tension = scene.wires, balanced.tension
+    weight = scene.gravity * (wires.mass[:, 0] + wires.mass[:, 1])
+    above = tension + weight * -wires.span[:, 2] / wires.length
+    stretch = tension / wires.stiffness
+    for n, table in enumerate(tables):
+        pieces = given_sections(table) or [table]
+        areas = [(thinnest(piece), piece.material or table.material) for piece in pieces]
+        stresses = [(float(above[n]) / area, name) for area, name in areas if area is not None]
+        yield WireLoad(
+            label=wires.label[n],
+            tension=float(tension[n]),
+            stretch=float(stretch[n]),
+            strain=float(stretch[n] / wires.length[n]),
+            **_largest_stress(design, stresses, table.material),
+        )
+
+
+def _largest_stress(
+    design: Design, stresses: Sequence[tuple[float, str | None]], material: str | None
+) -> dict[str, Any]:
+    """Largest stress (Pa) of sections with their materials, and that nearest to breaking."""
+    known = [
+        (stress / strength, strength, name)
+        for stress, name in stresses
+        if name is not None
+        and (strength := materials.resolve(design, name).tensile_strength) is not None
+    ]
+    largest, name = max(stresses, key=lambda pair: pair[0], default=(None, material))
+    fraction, strength, name = max(known, default=(None, None, name or ""))
+    return {"stress": largest, "strength": strength, "fraction": fraction, "material": name}
+
+
+def _blade_loads(design: Design, scene: Scene, balanced: Equilibrium) -> Iterator[BladeLoad]:
+    """Loads of blades of length L, base width b and thickness h.
+
+    The largest stress under F, at the base, is moment F L over section modulus b h^2 / 6:
+    6 F L / (b h^2).
+    """
+    tables: list[BladeSet | Blade] = []
+    for stage in design.stage:
+        tables += stage.blade if stage.blades is None else [stage.blades] * stage.blades.count
+    stiffness = scene.blades.stiffness[:, 2]
+    loads = scene.blades.load[:, 2] - stiffness * balanced.pose.deflection[:, 2]
+    for table, label, load, k in zip(
+        tables, scene.blades.label, loads.tolist(), stiffness.tolist(), strict=True
+    ):
+        shape, stresses = table.geometry, []
+        if shape is not None:
+            stress = 6 * load * shape.length / (shape.base_width * shape.thickness**2)
+            stresses = [(stress, shape.material)]
+        stressed = _largest_stress(design, stresses, table.made_of)
+        yield BladeLoad(label=label, load=load, sag=load / k, **stressed)
+
+
+def _end_heights(scene: Scene, balanced: Equilibrium) -> list[list[float]]:
+    """List the heights z (m) of the ends of wires on each body, the support first."""
+    heights: list[list[float]] = [[] for _ in range(len(scene.bodies.name) + 1)]
+    z, rotation = scene.bodies.position[:, 2] + balanced.pose.shift[:, 2], balanced.pose.rotation
+    for body, points in (
+        (scene.wires.upper, scene.wires.upper_point),
+        (scene.wires.lower, scene.wires.lower_point),
+    ):
+        for n, point in zip(body.tolist(), points, strict=True):
+            heights[n].append(float(z[n] + rotation[n, 2] @ point))
+    return heights
+
+
+def _find_lowest(
+    body: Body, n: int, scene: Scene, balanced: Equilibrium, ends: list[float]
+) -> Lowest:
+    z = float(scene.bodies.position[n, 2] + balanced.pose.shift[n, 2])
+    points = [(z, "centre of mass"), *((end, "wires") for end in ends)]
+    if body.shape is not None:
+        points = [(z - _half_height(body, balanced.pose.rotation[n, 2]), "body"), *points]
+    lowest = min(points, key=lambda point: point[0])
+    return Lowest(name=scene.bodies.name[n - 1], z=lowest[0], point=lowest[1])
+
+
+def _half_height(body: Body, up: np.ndarray) -> float:
+    """Half the extent (m) of a shape along a unit vector `up` in its own axes."""
+    if body.shape == "box":
+        return float(np.abs(up) @ np.array(body.size) / 2)
+    assert body.radius is not None and body.length is not None
+    along = abs(float(up["xyz".index(body.axis or "x")]))
+    return body.length / 2 * along + body.radius * float(np.sqrt(max(1 - along**2, 0.0)))
+
+
+def _vector(values: np.ndarray) -> tuple[float, float, float]:
+    return (float(values[0]), float(values[1]), float(values[2]))
+
+
+def _weigh_wires(design: Design, scene: Scene, loads: Sequence[WireLoad]) -> WireWeights | None:
     """Compute the weight of the wires; None where no density is known."""
-    wires, gravity = expand(design).wires, gravity_strength(design)
+    wires, gravity = scene.wires, gravity_strength(design)
     total = ratio = sag = softening = 0.0
     worst = ""
     tables = [table for stage in design.stage for table in list_wire_tables(stage)]
-    for n, (table, load) in enumerate(zip(tables, loads.wires, strict=True)):
+    for n, (table, load) in enumerate(zip(tables, loads, strict=True)):
         length = float(wires.length[n])
         pieces = wire_line_densities(design, table, length)
         weight = gravity * sum(piece * density for piece, density in pieces)

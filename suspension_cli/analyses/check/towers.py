@@ -106,8 +106,8 @@ def leg_loads(design: Design, scene: Scene, balanced: Equilibrium) -> tuple[LegL
         if legs is None:
             continue
         own = scene.struts.lower == number
-        inertia = leg_inertia(legs)
-        weight = gravity * inertia.on_top * own.sum()
+        _, coupling, top = leg_inertia(legs)
+        weight = gravity * (coupling + top) * own.sum()
         drawn = leg_statics(
             legs,
             float(-nominal.struts.tension[own].sum()),
@@ -129,7 +129,7 @@ def leg_loads(design: Design, scene: Scene, balanced: Equilibrium) -> tuple[LegL
                 elastic=drawn.elastic,
                 frequency=math.sqrt(stiffness / mass) / (2 * math.pi) if stiffness > 0 else None,
                 tilt=legs.length * drawn.elastic / stiffness if stiffness > 0 else None,
-                saturation=-drawn.count * inertia.coupling / mass,
+                saturation=-own.sum() * coupling / mass,
                 dilution=stiffness / drawn.elastic,
             )
         )

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,7 +30,7 @@ from suspension_cli.design.plausibility import ImplausibleNumber
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.residual_scale import carried_weights
-from suspension_cli.errors import InputError, format_value, suggest
+from suspension_cli.errors import Fault, InputError, format_value, suggest
 from suspension_cli.linear import eigenmodes, named_results, signals
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.models import registry
@@ -42,8 +43,6 @@ STRAIN = 0.03
 """Largest plausible strain of a wire: steel breaks at 1 %, pristine silica at 5 %."""
 SAG = 5.0
 """Largest plausible sag of a blade, m."""
-LINK_SAG = 0.05
-"""Largest sag of a link over its length that is a small deflection."""
 LINK_WEIGHT = 1e-3
 """Weight of a link over the tensions of all wires that matters."""
 TIPPING_LOAD = 1e-3
@@ -131,15 +130,10 @@ def _check_sag(stage: Stage, blades: Sequence[BladeLoad], path: str) -> Iterator
         yield ImplausibleNumber(key, problem, remedy, shown, serious=worst.sag > SAG)
 
 
-def hangs_freely(link: LinkLoad) -> bool:
-    """Whether a link sags too far for a small deflection."""
-    return link.sag is not None and link.length is not None and link.sag > LINK_SAG * link.length
-
-
 def _check_link(link: LinkLoad, loads: Statics) -> Iterator[ImplausibleNumber]:
     """Report a link whose weight, which the models leave out, changes its shape or loads wires."""
     key, wires = f"link.{link.label}.strands", sum(wire.tension for wire in loads.wires)
-    if link.sag is not None and link.length is not None and hangs_freely(link):
+    if link.hangs_freely and link.sag is not None and link.length is not None:
         problem = (
             "under its weight, which the models leave out, it would sag by"
             f" {100 * link.sag / link.length:.2g} % of its length, and be stiffer or softer"
@@ -226,18 +220,13 @@ def find_slackest(loads: Statics) -> list[ImplausibleNumber]:
     return [ImplausibleNumber("", problem, remedy)]
 
 
-@dataclass(frozen=True)
-class Stability:
-    """Whether a design is stable, in a model, with a warning if not; None if no model is valid."""
+def find_stability(
+    design: Design,
+) -> tuple[str | None, Modes | None, list[ImplausibleNumber]]:
+    """Find whether motion grows, with wires that bend where the design gives their section.
 
-    stable: bool | None = None
-    model: str | None = None
-    modes: Modes | None = None
-    warnings: tuple[ImplausibleNumber, ...] = ()
-
-
-def find_stability(design: Design) -> Stability:
-    """Find whether motion grows, with wires that bend where the design gives their section."""
+    Returns the name of the model, its modes, and a warning if one grows; None if no model is valid.
+    """
     complete = registry.most_complete(design, massless=True)
     for model in (complete, registry.choose(design).model):
         with (
@@ -245,22 +234,14 @@ def find_stability(design: Design) -> Stability:
             np.errstate(all="ignore"),
         ):
             system = model.system(design)
-            modes = eigenmodes.solve(system.constant)
-            grows = growth.find_growth(design, model, system)
-            return Stability(grows is None, model.name, modes, _describe_growth(model.name, grows))
-    return Stability()
-
-
-def _describe_growth(level: str, grows: growth.Growth | None) -> tuple[ImplausibleNumber, ...]:
-    if grows is None:
-        return ()
-    fault = grows.fault
-    problem = fault.problem.replace(":", f" in the {level} model:", 1)
-    remedy = f"{fault.remedy}, or stiffen the flexures of legs" if grows.static else fault.remedy
-    return (ImplausibleNumber(fault.key, problem, remedy, fault.value),)
-
-
-NO_TABLE = "does not lead to a table of the design"
+            modes, found = eigenmodes.solve(system.constant), []
+            if grows := growth.find_growth(design, model, system):
+                fault = grows.fault
+                problem = fault.problem.replace(":", f" in the {model.name} model:", 1)
+                remedy = fault.remedy + ", or stiffen the flexures of legs" * grows.static
+                found.append(ImplausibleNumber(fault.key, problem, remedy, fault.value))
+            return model.name, modes, found
+    return None, None, []
 
 
 def find_unknown_names(
@@ -277,69 +258,63 @@ def find_unknown_names(
     frame = (FRAME,) if design.support is not None else ()
     on_ground = any(GROUND in item.between for _, item in design.between_bodies)
     known = (SUPPORT, *stages, *frame, *((GROUND,) if on_ground else ()))
-    unknown: list[ImplausibleNumber] = []
+    parsers: list[Callable[[], object]] = []
     for analysis in map(analyses.get, ANALYSES):
-        for parse in analysis.parse_names(design, stages, known):
-            unknown += _collect_faults(parse)
+        parsers += analysis.parse_names(design, stages, known)
         if found is not None:
-            for parse in analysis.parse_results(design, found, stages, known):
-                unknown += _collect_faults(parse)
+            parsers += analysis.parse_results(design, found, stages, known)
+    unknown = [warning for parse in parsers for warning in _collect_faults(parse)]
     wires = [
         f"{stage.name}.{n}"
         for stage in design.stage
         for n in range(1, len(list_wire_tables(stage)) + 1)
     ]
-    for command, table in design.analysis.items():
-        for key, value in table.items():
-            where = f"analysis.{command}.{key}"
-            if "." in key and not paths(key.rpartition(".")[0]):
-                remedy = "write the path as in the file: stage.test.wires.d"
-                unknown.append(ImplausibleNumber(where, NO_TABLE, remedy))
-            for text in value if isinstance(value, list) else [value]:
-                if isinstance(text, str):
-                    unknown += _check_name(key, text, where, (known, stages, wires), paths, found)
+
+    def parse_signal(text: str) -> None:
+        signals.parse(text, "", known)
+
+    def parse_path(path: str, remedy: str = "write PATH=GRID") -> None:
+        table = path.partition("=")[0].strip().rpartition(".")[0]
+        _demand(paths(table), "does not lead to a table of the design", remedy)
+
+    parse_text: dict[str, Callable[[str], object]] = {
+        **dict.fromkeys(("input", "output", "over", "under", "impulse"), parse_signal),
+        "observe": lambda text: parse_signal(f"{text.partition('@')[0]}.x"),
+        "wire": lambda text: _demand(text in wires, "names no wire", suggest(text, wires)),
+        "body": lambda text: _demand(text in stages, "names no stage", suggest(text, [*stages])),
+        "vary": parse_path,
+        "result": lambda text: found and named_results.parse([text], found, known),
+    }
+    for where, key, value in _analysis_keys(design):
+        if "." in key:
+            parse = partial(parse_path, key, "write the path as in the file: stage.test.wires.d")
+            unknown += [replace(item, key=where) for item in _collect_faults(parse)]
+        elif key in parse_text and isinstance(value, str):
+            given = {"key": where, "value": format_value(value)}
+            faults = _collect_faults(partial(parse_text[key], value))
+            unknown += [replace(item, **given) for item in faults]
     return unknown
 
 
-def _check_name(
-    key: str,
-    text: str,
-    where: str,
-    names: tuple[tuple[str, ...], tuple[str, ...], list[str]],
-    paths: Callable[[str], bool],
-    found: Modes | None,
-) -> list[ImplausibleNumber]:
-    known, stages, wires = names
-    if key in ("input", "output", "over", "under", "impulse"):
-        return _collect_faults(lambda: signals.parse(text, where, known))
-    if key == "observe":
-        return _collect_faults(
-            lambda: signals.parse(f"{text.partition('@')[0]}.x", where, known), text
-        )
-    if key in ("wire", "body"):
-        choices, word = (wires, "wire") if key == "wire" else (list(stages), "stage")
-        if text in choices:
-            return []
-        problem, remedy = f"names no {word}", suggest(text, choices)
-        return [ImplausibleNumber(where, problem, remedy, format_value(text))]
-    if key == "vary":
-        if paths(text.partition("=")[0].strip().rpartition(".")[0]):
-            return []
-        return [ImplausibleNumber(where, NO_TABLE, "write PATH=GRID", format_value(text))]
-    if key == "result" and found is not None:
-        return _collect_faults(lambda: named_results.parse([text], found, known, where))
-    return []
+def _analysis_keys(design: Design) -> Iterator[tuple[str, str, object]]:
+    """Iterate over paths, keys and values of the defaults of commands; over lists of texts too."""
+    for command, table in design.analysis.items():
+        for key, value in table.items():
+            for text in value if isinstance(value, list) and "." not in key else [value]:
+                yield f"analysis.{command}.{key}", key, text
 
 
-def _collect_faults(
-    parse: Callable[[], object], text: str | None = None
-) -> list[ImplausibleNumber]:
-    """Return the faults of parsing a name as warnings, with `text` as their value if given."""
+def _demand(good: bool, problem: str, remedy: str) -> None:
+    if not good:
+        raise InputError([Fault("", problem, remedy)])
+
+
+def _collect_faults(parse: Callable[[], object]) -> list[ImplausibleNumber]:
+    """Return the faults of parsing a name as warnings."""
     try:
         parse()
     except InputError as error:
-        given = {} if text is None else {"value": format_value(text)}
-        return [replace(ImplausibleNumber.of(fault), **given) for fault in error.faults]
+        return [ImplausibleNumber.of(fault) for fault in error.faults]
     return []
 
 

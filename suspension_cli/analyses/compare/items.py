@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
 
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
+from suspension_cli.files.declared import in_unit
 
 if TYPE_CHECKING:
+    from jaxtyping import Complex, Float
+
     from suspension_cli.analyses.analysis import Result, Run
     from suspension_cli.design.measured import Measured, Mode
     from suspension_cli.design.reader import Source
@@ -24,11 +29,40 @@ RESULT, MEASUREMENT = (".h5", ".hdf5"), (".csv", ".txt", ".dat", ".xml", ".h5", 
 """Endings of results files, and of files of measured data."""
 
 
+class Quantity(NamedTuple):
+    """What a curve shows: its kind ("response" or "noise"), output, and input ("" of a noise)."""
+
+    kind: str
+    output: str
+    input: str
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A response, or amplitude spectral density of a noise, and its ratio to the reference.
+
+    `item` is the number of the item, from 0. Uncertainties are those of measured real and imaginary
+    parts; NaN where unknown. The ratio of the reference is empty.
+    """
+
+    item: int
+    frequency: Float[np.ndarray, " frequency"] = field(metadata=in_unit("Hz"))
+    value: Complex[np.ndarray, " frequency"] = field(metadata=in_unit("{unit}"))
+    uncertainty: Float[np.ndarray, " frequency"] = field(metadata=in_unit("{unit}"))
+    ratio_frequency: Float[np.ndarray, " ratio_frequency"] = field(
+        default_factory=lambda: np.zeros(0), metadata=in_unit("Hz")
+    )
+    ratio: Complex[np.ndarray, " ratio_frequency"] = field(
+        default_factory=lambda: np.zeros(0, dtype=complex)
+    )
+
+
 @dataclass(frozen=True)
 class Item:
     """A design to be analysed (`run`), a result or a measurement.
 
-    `name` heads its column; a result has a `source`, too.
+    `name` heads its column; a result has a `source`, too. `curves` are the given ones with their
+    units, `modes` measured modes, `file` is where it was read.
     """
 
     name: str
@@ -36,7 +70,8 @@ class Item:
     run: Run | None = None
     result: Result | None = None
     modes: Sequence[Mode] = ()
-    responses: Sequence[MeasuredResponse] = ()
+    curves: dict[Quantity, tuple[Curve, str]] = field(default_factory=dict)
+    file: str = ""
 
     @property
     def kind(self) -> str:
@@ -59,20 +94,18 @@ def read(ask: Callable[..., Run], given: Sequence[Given]) -> list[Item]:
     InputError
         If there are fewer than two items, none has a design, or a file is of another kind.
     """
-    items, files = [_read(ask, one) for one in given], [*given]
-    if all(item.source is None for item in items):
+    items = [_read(ask, one) for one in given]
+    first = next((n for n, item in enumerate(items) if item.source is not None), None)
+    if first is None:
         problem = "only measurements are given"
         raise InputError([Fault("", problem, "name a design or a result beside them")])
-    first = next(n for n, item in enumerate(items) if item.source is not None)
     base = items[first]
     run = base.run or ask(base.source)
     changes = run.setting["variants"]
     if changes and base.run is None:
         problem, remedy = "needs a design to change", "name the design, not a result"
         raise InputError.of("--variant", problem, remedy, format_value(changes[0]))
-    made = [_variant(ask, run.source, text) for text in changes]
-    items[first + 1 : first + 1] = made
-    files[first + 1 : first + 1] = [item.name for item in made]
+    items[first + 1 : first + 1] = [_variant(ask, run.source, text) for text in changes]
     if len(items) < 2:
         problem = "compare needs at least two items"
         remedy = (
@@ -80,7 +113,7 @@ def read(ask: Callable[..., Run], given: Sequence[Given]) -> list[Item]:
             " a --variant of the design"
         )
         raise InputError([Fault("", problem, remedy)])
-    return _with_own_names(items, files)
+    return _with_own_names(items)
 
 
 def _variant(ask: Callable[..., Run], base: Source, text: str) -> Item:
@@ -106,90 +139,103 @@ def _variant(ask: Callable[..., Run], base: Source, text: str) -> Item:
 
 
 def _read(ask: Callable[..., Run], given: Given) -> Item:
+    import h5py
+
+    from suspension_cli.analyses import registry
     from suspension_cli.analyses.analysis import Result
     from suspension_cli.design import measured, reader
+    from suspension_cli.files.hdf5 import is_results_file, open_results
+    from suspension_cli.measurements.read import read_bare
 
     if isinstance(given, Result):
-        return _of_result(given)
+        return _of_result(given, given.source.file)
     if isinstance(given, reader.Source):
         run = ask(given)
-        return Item(run.name, run.source, run)
+        return Item(run.name, run.source, run, file=given.file)
     if not isinstance(given, (str, Path)):
         problem, remedy = "cannot be compared", "give designs, results or paths of files"
         raise InputError.of("items", problem, remedy, format_value(repr(given)).strip('"'))
-    path = Path(given)
+    path, file = Path(given), str(given)
     ending = path.suffix.lower()
-    if ending in RESULT and os.path.isfile(path):
-        found = _result(path)
-        if found is not None:
-            return _of_result(found)
+    is_data = h5py.is_hdf5(path) and not is_results_file(path)
+    if ending in RESULT and os.path.isfile(path) and not is_data:
+        with open_results(path) as stored:  # reports what is not HDF5
+            return _of_result(registry.loaded(stored, file), file)
     if ending in MEASUREMENT:
-        from suspension_cli.measurements.read import read_bare
-
-        return Item(path.stem, responses=read_bare(path))
+        return Item(path.stem, curves=_measured(read_bare(path)), file=file)
     raw = reader.read_toml(path)
     if "stage" not in raw and {"mode", "transfer_function"} & set(raw):
         tables = measured.read(path)
-        return Item(path.stem, modes=tables.mode or (), responses=_calibrated(tables, path))
-    run = ask(str(given))
-    return Item(run.name, run.source, run)
+        curves = _measured(_calibrated(tables, path))
+        return Item(path.stem, modes=tables.mode or (), curves=curves, file=file)
+    run = ask(file)
+    return Item(run.name, run.source, run, file=file)
+
+
+def _measured(responses: Sequence[MeasuredResponse]) -> dict[Quantity, tuple[Curve, str]]:
+    """Curves of measured responses by their signals, or by the names of channels."""
+    return {
+        Quantity("response", one.output, one.input): (
+            Curve(0, one.frequency, one.value, one.uncertainty),
+            one.unit,
+        )
+        for one in responses
+    }
+
+
+def curves_of(result: Result) -> dict[Quantity, tuple[Curve, str]]:
+    """Curves of a result of `response` or `thermal` and their units; they have no uncertainty."""
+    found, curves = result.data, {}
+    if result.analysis.name == "response":
+        unknown = np.full(len(found.frequency), np.nan)
+        for o, out in enumerate(found.output):
+            for i, into in enumerate(found.input):
+                curve = Curve(0, found.frequency, found.value[:, o, i], unknown)
+                curves[Quantity("response", out, into)] = curve, found.unit[o][i]
+    elif result.analysis.name == "thermal":
+        for noise in found:
+            unknown, value = np.full(len(noise.frequency), np.nan), noise.amplitude.astype(complex)
+            curve = Curve(0, noise.frequency, value, unknown)
+            curves[Quantity("noise", noise.output, "")] = curve, f"{noise.unit}/sqrt(Hz)"
+    return curves
 
 
 def _calibrated(tables: Measured, path: Path) -> list[MeasuredResponse]:
     """Read transfer functions, converted from readings and drives to signals of the design."""
     from suspension_cli.measurements.read import read_all
-    from suspension_cli.measurements.transfer_function import channel_weights, find_transducer
+    from suspension_cli.measurements.transfer_function import Channels
 
     found = []
     for one in read_all(tables, path):
-        ends = {}
-        for name, among in ((one.output, tables.sensor), (one.input, tables.actuator)):
-            end = find_transducer(name, among)
+        channels = Channels.of(tables, [one])
+        for end in (item for side in channels.transducer for item in side.values()):
             if end.mix:
                 problem = "has a mix, so it reads several signals of the design at once"
                 remedy = "compare it with pendsus response DESIGN --measured FILE"
-                raise InputError([Fault("", problem, remedy, format_value(name))], str(path))
-            ends[end.signal] = channel_weights(end, [end.signal], one.frequency)[:, 0]
-        (output, sensed), (into, driven) = ends.items()
-        factor = sensed * driven
-        value, uncertainty = one.value / factor, one.uncertainty / abs(factor)
+                raise InputError([Fault("", problem, remedy, format_value(end.name))], str(path))
+        sensed, driven = (channels.weights(side, one.frequency)[:, 0, 0] for side in (0, 1))
+        output, into = (names[0] for names in channels.signal)
+        value, uncertainty = one.value / (sensed * driven), one.uncertainty / abs(sensed * driven)
         found.append(replace(one, input=into, output=output, value=value, uncertainty=uncertainty))
     return found
 
 
-def _result(path: Path) -> Result | None:
-    """Read a results file of pendsus; None if it is HDF5 from elsewhere."""
-    import h5py
-
-    from suspension_cli.analyses import registry
-    from suspension_cli.files.hdf5 import is_results_file, open_results
-
-    if h5py.is_hdf5(path) and not is_results_file(path):
-        return None
-    with open_results(path) as file:  # reports what is not HDF5
-        return registry.loaded(file, str(path))
-
-
-def _of_result(result: Result) -> Item:
+def _of_result(result: Result, file: str) -> Item:
     if result.analysis.name not in COMPARED:
         problem = f"has results of {result.analysis.command_name}, which are not compared"
         names = f"{', '.join(COMPARED[:-1])} or {COMPARED[-1]}"
         fault = Fault("", problem, f"name results of {names}, or the designs themselves")
         raise InputError([fault], result.source.file)
-    return Item(result.name, result.source, result=result)
+    return Item(result.name, result.source, result=result, curves=curves_of(result), file=file)
 
 
-def _with_own_names(items: list[Item], given: Sequence[Given]) -> list[Item]:
+def _with_own_names(items: list[Item]) -> list[Item]:
     """Name items of equal name after their files, then by numbers."""
-
-    def name(n: int, item: Item) -> str:
-        if [other.name for other in items].count(item.name) == 1:
-            return item.name
-        one = given[n]
-        path = one if isinstance(one, (str, Path)) else item.source and item.source.file
-        return Path(path).stem if path else item.name
-
-    names = [name(n, item) for n, item in enumerate(items)]
+    given = [item.name for item in items]
+    names = [
+        item.name if given.count(item.name) == 1 else Path(item.file).stem or item.name
+        for item in items
+    ]
     numbered = [
         f"{one} ({names[: n + 1].count(one)})" if names.count(one) > 1 else one
         for n, one in enumerate(names)
@@ -198,23 +244,20 @@ def _with_own_names(items: list[Item], given: Sequence[Given]) -> list[Item]:
 
 
 def resolve_signals(item: Item, inputs: Sequence[str], outputs: Sequence[str]) -> Item:
-    """Give data without names the signals of the command.
+    """Give measured data without names of signals those of the command.
 
     Raises
     ------
     InputError
         If neither a file nor the command names its signals.
     """
-    if all(_is_signal(one.input) and _is_signal(one.output) for one in item.responses):
+    # channels (``H1:SUS-...``) are no signals
+    ends = [end for what in item.curves for end in (what.output, what.input)]
+    if item.kind != "measurement" or all("." in end and ":" not in end for end in ends):
         return item
-    first = item.responses[0]
-    if len(inputs) != 1 or len(outputs) != 1 or len(item.responses) != 1:
+    if len(inputs) != 1 or len(outputs) != 1 or len(item.curves) != 1:
         problem = "does not say which signals were measured"
         remedy = "add --input and --output, one each, or describe it in a TOML file"
-        raise InputError([Fault("", problem, remedy, format_value(item.name))], first.file)
-    return replace(item, responses=[replace(first, input=inputs[0], output=outputs[0])])
-
-
-def _is_signal(name: str) -> bool:
-    """Whether a name is that of a signal, not of a channel (``H1:SUS-...``) or empty."""
-    return "." in name and ":" not in name
+        raise InputError([Fault("", problem, remedy, format_value(item.name))], item.file)
+    curve = next(iter(item.curves.values()))
+    return replace(item, curves={Quantity("response", outputs[0], inputs[0]): curve})

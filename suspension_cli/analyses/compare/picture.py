@@ -9,12 +9,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from suspension_cli.analyses.compare.items import Curve, Quantity, curves_of
 from suspension_cli.analyses.compare.solve import (
     Comparison,
-    Curve,
     Overlay,
     PairedModes,
     interpolate,
+    with_ratio,
 )
 from suspension_cli.analyses.response import picture as response_picture
 from suspension_cli.analyses.response.picture import PHASE, ZERO
@@ -132,33 +133,26 @@ def draw_overlay(found: Comparison, overlay: Overlay) -> Figure:
 
 
 def _refine(overlay: Overlay) -> list[Curve]:
-    """Resolve the resonances of computed curves; their ratios are those of interpolations."""
-    first, *others = (_refine_curve(overlay, curve) for curve in overlay.curves)
+    """Resolve the resonances of computed curves, and of their ratios."""
+    curves = []
+    for curve in overlay.curves:
+        result = overlay.source.get(curve.item)
+        if result is not None:
+            module = response_picture if overlay.kind == "response" else thermal_picture
+            found = curves_of(replace(result, data=module.refine(result)))
+            finer, _ = found[Quantity(overlay.kind, overlay.output, overlay.input)]
+            curve = replace(finer, item=curve.item)
+        curves.append(curve)
+    first, *others = curves
     for n, curve in enumerate(others):
         if curve.item in overlay.source:
+            low, high = curve.frequency[[0, -1]]
             at = np.union1d(curve.frequency, first.frequency)
-            ends = [(one.frequency[0], one.frequency[-1]) for one in (curve, first)]
-            at = at[(at >= max(low for low, _ in ends)) & (at <= min(high for _, high in ends))]
-            with np.errstate(divide="ignore", invalid="ignore"):
-                ratio = interpolate(at, curve) / interpolate(at, first)
-            others[n] = replace(curve, ratio_frequency=at, ratio=ratio)
+            at = at[(at >= low) & (at <= high)]
+            others[n] = with_ratio(
+                replace(curve, frequency=at, value=interpolate(at, curve)), first
+            )
     return [first, *others]
-
-
-def _refine_curve(overlay: Overlay, curve: Curve) -> Curve:
-    result = overlay.source.get(curve.item)
-    if result is None:
-        return curve
-    if overlay.kind == "response":
-        data = response_picture.refine(result)
-        pair = data.output.index(overlay.output), data.input.index(overlay.input)
-        frequency, value = data.frequency, data.value[(slice(None), *pair)]
-    else:
-        noises = thermal_picture.refine(result)
-        noise = next(one for one in noises if one.output == overlay.output)
-        frequency, value = noise.frequency, noise.amplitude.astype(complex)
-    unknown = np.full(len(frequency), np.nan)
-    return replace(curve, frequency=frequency, value=value, uncertainty=unknown)
 
 
 def _look(found: Comparison, curve: Curve) -> LineLook:

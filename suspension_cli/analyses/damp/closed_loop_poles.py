@@ -1,32 +1,42 @@
-"""Closed-loop poles of a design: roots of its pencil with the forces of loops as unknowns.
+"""Closed-loop state space and poles of local control.
 
-Start values are the poles of the closed-loop state space, whose losses are constant matrices.
-`linear.roots` finds the roots near them, with losses at the frequency of each pole and exact delays
-(approximate in state spaces). Of the infinitely many poles of a closed loop with delay, those near
-poles of the state space are found.
+Poles are roots of the pencil of the design with the forces of loops as unknowns. Start values are
+the poles of the state space, with constant matrices for losses and fractions for delays.
+`linear.roots` finds the roots near them, with losses at the frequency of each pole and exact
+delays. Of the infinitely many poles of a closed loop with delay, those near poles of the state
+space are found.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import reduce
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.damp import control_statespace
 from suspension_cli.analyses.damp.control import Plant
 from suspension_cli.conventions import DOFS
+from suspension_cli.design.schema import Loop
 from suspension_cli.elimination import connected_groups
-from suspension_cli.linear import poles, quality, roots, signals
+from suspension_cli.linear import poles, quality, roots, signals, statespace
 from suspension_cli.linear.pencil import Pencil
 from suspension_cli.linear.poles import Poles
 from suspension_cli.linear.roots import ClosedBlock, Feedback, Roots
-from suspension_cli.linear.statespace import with_constant_loss
+from suspension_cli.linear.signals import Signal
+from suspension_cli.linear.statespace import StateSpace, with_constant_loss
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
     from jaxtyping import Complex
 
+Realisation = tuple[Array, Array, Array, Array]
+"""State space A, B, C, D of real matrices."""
+
+PADE = 8
+"""Order of Pade's approximation of a delay T; its error is 5e-4 up to omega T = 8."""
 STILL = 1e-12
 """Fraction of the largest pole below which a pole is that of a free coordinate."""
 FAR = 50.0
@@ -37,13 +47,126 @@ BESIDE = 1 + 1e-6
 """Factor from a start value to where the force of a loop is evaluated: it may be a pole of it."""
 
 
+def build_closed_loop(plant: Plant, inputs: list[Signal], outputs: list[Signal]) -> StateSpace:
+    """Build the closed-loop state space: states of the mechanics, then of the filters.
+
+    Without inputs it has all poles of the observed blocks.
+
+    With the forces w of the loops and what their filters sense, and z = (sensed motions, outputs
+    of filters), w = F z closes the loops of
+
+        x' = A x + B w + B_e e,    z = C x + D w + D_e e,    y = C_o x + D_o w + D_oe e.
+    """
+    from scipy.linalg import block_diag
+
+    model = _add_dampers(plant)
+    drives, rows = (
+        np.array([*(signals.linear_form(s, model) for s in some), *loops])
+        for some, loops in ((inputs, plant.pushed), (outputs, plant.sensed))
+    )
+    bare = statespace.assemble(
+        model,
+        drives,
+        [*inputs, *plant.actuator],
+        rows,
+        [*outputs, *plant.sensor],
+        undriven=not inputs,
+    )
+    count, i, o = len(plant.loops), len(inputs), len(outputs)
+    if not count:
+        return bare
+    filters = [realise(loop) for loop in plant.loops]
+    # inputs: external ones, forces of loops, what filters sense; outputs likewise
+    a, b, c, d = (
+        np.asarray(block_diag(*parts))
+        for parts in zip((bare.a, bare.b, bare.c, bare.d), *filters, strict=True)
+    )
+    one, none = np.eye(count), np.zeros((count, count))
+    feedback = np.block([[none, -one], [one, none]])
+    feedback = feedback @ np.linalg.inv(np.eye(2 * count) - d[o:, i:] @ feedback)
+    back, through = b[:, i:] @ feedback, d[:o, i:] @ feedback
+    names = [
+        f"loop {loop.name} {k}"
+        for loop, (states, *_) in zip(plant.loops, filters, strict=True)
+        for k in range(1, len(states) + 1)
+    ]
+    return replace(
+        bare,
+        a=a + back @ c[o:],
+        b=b[:, :i] + back @ d[o:, :i],
+        c=c[:o] + through @ c[o:],
+        d=d[:o, :i] + through @ d[o:, :i],
+        state=(*bare.state, *names),
+        state_unit=(*bare.state_unit, *["1"] * len(names)),
+        input=bare.input[:i],
+        input_unit=bare.input_unit[:i],
+        output=bare.output[:o],
+        output_unit=bare.output_unit[:o],
+    )
+
+
+def _add_dampers(plant: Plant) -> LinearSystem:
+    """Add velocity dampers to the damping matrix, which may become asymmetric."""
+    damping = plant.model.damping.copy()
+    for loop, sensed, pushed in zip(plant.loops, plant.sensed, plant.pushed, strict=True):
+        damping += _viscous(loop) * np.outer(pushed, sensed)
+    return replace(plant.model, damping=damping)
+
+
+def _viscous(loop: Loop) -> float:
+    """Force per velocity of a damper without sensor dynamics, N s/m or N m s/rad; else 0."""
+    return loop.damper if loop.damper is not None and loop.sensor_response is None else 0.0
+
+
+def realise(loop: Loop) -> Realisation:
+    """Realise filter, sensor and delay of a loop (rad/s); of a damper, what its delay changes."""
+    from scipy.signal import zpk2ss
+
+    if damper := _viscous(loop):
+        # its force without delay is in the damping matrix: left is c s (exp(-s T) - 1)
+        a, b, c, _ = _realise_delay(loop.delay)
+        return a, b, damper * c @ a, damper * c @ b
+    made = loop.controller_and_sensor
+    zeros, poles = (-2 * np.pi * np.array(roots) for roots in (made.zeros, made.poles))
+    gain = made.gain * (2 * np.pi) ** (len(poles) - len(zeros))
+    own = zpk2ss(zeros, poles, gain) if len(poles) else _gain(gain)
+    return _connect(own, _realise_delay(loop.delay))
+
+
+def _realise_delay(delay: float) -> Realisation:
+    """Realise a delay T as Pade's fraction, in sections (s^2 - b s + w^2) / (s^2 + b s + w^2).
+
+    Its denominator is a Bessel polynomial in s T / 2 (Storch, Proc. IRE 42, 1666 (1954)).
+    """
+    from scipy.signal import besselap
+
+    sections = [_gain(1.0)]
+    roots = np.asarray(besselap(PADE, norm="delay")[1]) if delay else np.zeros(0)
+    for pole in 2 * roots[roots.imag > 0] / (delay or 1.0):
+        w, b = abs(pole), -2 * pole.real
+        a = np.array([[0.0, w], [-w, -b]])
+        sections.append((a, np.array([[0.0], [w]]), np.array([[0.0, -2 * b / w]]), np.eye(1)))
+    return reduce(_connect, sections)
+
+
+def _gain(value: float) -> Realisation:
+    return np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[value]])
+
+
+def _connect(first: Realisation, second: Realisation) -> Realisation:
+    """Connect two systems in series."""
+    (a, b, c, d), (own_a, own_b, own_c, own_d) = first, second
+    whole = np.block([[a, np.zeros((len(a), len(own_a)))], [own_b @ c, own_a]])
+    return whole, np.concatenate([b, own_b @ d]), np.hstack([own_d @ c, own_c]), own_d @ d
+
+
 def find(plant: Plant) -> Poles:
     """Find the closed-loop poles of a plant without wire mass, one of each conjugate pair."""
     model = plant.model
     fixed = replace(plant, model=with_constant_loss(model))
     known = signals.bodies_with_signals(model)
     every = [signals.parse_output(f"{body}.{dof}", known) for body in model.body for dof in DOFS]
-    start, shape = poles.solve(control_statespace.build_closed_loop(fixed, [], every))
+    start, shape = poles.solve(build_closed_loop(fixed, [], every))
     value = np.where(np.abs(start.value) <= STILL * np.abs(start.value).max(), 0.0, start.value)
     blocks = _build_blocks(plant)
     member = _find_blocks(start.state, plant, blocks)
@@ -89,9 +212,7 @@ def _find_blocks(states: tuple[str, ...], plant: Plant, blocks: list[ClosedBlock
     """Find the block of each state, such as ``frame.x momentum`` or ``loop roll 2``."""
     place = {name: n for n, name in enumerate(plant.model.coordinate)}
     for loop, pushed in zip(plant.loops, plant.pushed, strict=True):
-        first = int(np.flatnonzero(pushed[6:])[0]) + 6
-        place |= {f"loop {loop.name}": first}
-        place |= {f"loop {loop.name} {control_statespace.DELAY}": first}
+        place[f"loop {loop.name}"] = int(np.flatnonzero(pushed[6:])[0]) + 6
     numbers = [place[name if name in place else name.rpartition(" ")[0]] for name in states]
     return np.array([next(n for n, b in enumerate(blocks) if at in b.keep) for at in numbers])
 

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.damp.solve import LocalControl
-    from suspension_cli.design.schema import Design, Loop
+    from suspension_cli.design.schema import Design
+    from suspension_cli.linear.poles import Poles
 
 
 LOOPS = option(
@@ -86,13 +87,11 @@ class DampAnalysis(Analysis):
             "--duration",
             type=click.FloatRange(1e-3, 1e6),
             default=60.0,
-            show_default=True,
             help="Length of the impulse response, s.",
         ),
         option(
             "--frequency",
             default="0.1:100:2000",
-            show_default=True,
             metavar="GRID",
             help="Frequencies of loop gains and noise, Hz.",
         ),
@@ -165,19 +164,17 @@ class DampAnalysis(Analysis):
     def document(self, result: Result) -> Document:
         """Return poles, margins and sensor noise."""
         answer: LocalControl = result.data
-        closed = answer.closed
-        poles = []
-        for f, q, growth, p, state in zip(
-            closed.frequency, closed.q, closed.growth_rate, closed.value, closed.state, strict=True
-        ):
-            pole = {
-                "frequency_hz": float(f),
+        poles = [
+            {
+                "frequency_hz": float(frequency),
                 "q": None if growth else as_number(q),
                 "real_per_s": float(p.real),
                 "imag_per_s": float(p.imag),
                 "state": state,
             }
-            poles.append(pole | ({"growth_rate_per_s": float(growth)} if growth else {}))
+            | ({"growth_rate_per_s": float(growth)} if growth else {})
+            for frequency, q, growth, p, state in _rows(answer.closed)
+        ]
         margins = None
         if answer.margin is not None:
             gains = ("gain_up_db", "gain_down_db")
@@ -210,30 +207,23 @@ class DampAnalysis(Analysis):
         """Return tables of poles and margins."""
         answer: LocalControl = result.data
         lines = [] if answer.stable else [f"UNSTABLE: {answer.growth}", ""]
-        rows, closed = [], answer.closed
-        for frequency, q, rate, state in zip(
-            closed.frequency, closed.q, closed.growth_rate, closed.state, strict=True
-        ):
-            size = "grows" if rate else "undamped" if q == float("inf") else q
+        rows = []
+        for frequency, q, rate, _, state in _rows(answer.closed):
+            size = "grows" if rate else "undamped" if q == math.inf else q
             rows.append((frequency, size, state + (f", {rate:.4g} 1/s" if rate else "")))
         columns = {"closed-loop pole\nHz": "#.5g", "Q": ".4g", "largest in": ""}
         lines += [result.choice.line, "", tables.render(columns, rows), ""]
         if answer.margin is None:
             return "\n".join([*lines, "  An unstable closed loop has no margins."])
-        rows = []
-        for loop, m in zip(answer.loop, answer.margin, strict=True):
-            limits = ((m.gain_up, m.gain_up_db), (m.gain_down, m.gain_down_db))
-            gains = [
-                f"x {gain:.3g} ({size:.1f} dB)" for gain, size in limits if 0 < gain < math.inf
-            ]
-            places = (m.gain_up_frequency, m.gain_down_frequency)
-            where = [f"{place:.3g}" for place in places if not math.isnan(place)]
-            phase = m.phase if m.phase < math.inf else "gain below 1"
-            gain = " and ".join(gains) or "without limit"
-            delay = 1e3 * m.delay if m.delay < math.inf else "none"
-            rows.append(
-                (loop, phase, m.phase_frequency, gain, " and ".join(where), delay, m.distance)
+        rows = [
+            (
+                *(loop, m.phase if m.phase < math.inf else "gain below 1", m.phase_frequency),
+                " and ".join(map(_factor, m.gains)) or "without limit",
+                " and ".join(f"{place:.3g}" for place in m.gain_frequencies),
+                *(1e3 * m.delay if m.delay < math.inf else "none", m.distance),
             )
+            for loop, m in zip(answer.loop, answer.margin, strict=True)
+        ]
         columns = {
             "loop": "",
             "phase margin\ndegrees": ".1f",
@@ -243,7 +233,21 @@ class DampAnalysis(Analysis):
             "delay margin\nms": ".3g",
             "smallest |1+L|": ".3g",
         }
-        return "\n".join([*lines, tables.render(columns, rows), *_all_at_once(answer)])
+        lines.append(tables.render(columns, rows))
+        peak = answer.sensitivity
+        if peak is not None and len(answer.loop) > 1:
+            gains = f"above {_factor(peak.gain_down)}"
+            if peak.gain_up < math.inf:
+                up = f"x {peak.gain_up:.3g} (+{20 * math.log10(peak.gain_up):.1f} dB)"
+                gains = f"from {_factor(peak.gain_down)} to {up}"
+            lines += [
+                "",
+                "  All loops at once: largest singular value of the sensitivity"
+                f" {peak.size:.4g} at {peak.frequency:.4g} Hz;",
+                f"  stable if each gain changes by any factor {gains},"
+                f" or each phase by less than {peak.phase:.0f} degrees.",
+            ]
+        return "\n".join(lines)
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw poles, impulse response, sensor noise, loop gains and their Nichols chart."""
@@ -252,6 +256,11 @@ class DampAnalysis(Analysis):
         chosen = _chosen(setting["loops"], result.data.loop)
         gains = picture.refine_gains(result)
         return {"": picture.draw(result.data, result.subtitle, gains, chosen)}
+
+
+def _rows(poles: Poles) -> Iterator[tuple[float, float, float, complex, str]]:
+    """Iterate over frequency (Hz), Q, growth rate (1/s), value (rad/s) and state of poles."""
+    return zip(poles.frequency, poles.q, poles.growth_rate, poles.value, poles.state, strict=True)
 
 
 def _chosen(names: Sequence[str], known: Sequence[str]) -> list[int]:
@@ -265,45 +274,31 @@ def _chosen(names: Sequence[str], known: Sequence[str]) -> list[int]:
     return [n for n, name in enumerate(known) if name in names]
 
 
-def _all_at_once(answer: LocalControl) -> list[str]:
-    peak = answer.sensitivity
-    if peak is None or len(answer.loop) < 2:
-        return []
-    down = f"x {peak.gain_down:.3g} ({20 * math.log10(peak.gain_down):.1f} dB)"
-    gains = f"above {down}"
-    if peak.gain_up < math.inf:
-        gains = f"from {down} to x {peak.gain_up:.3g} (+{20 * math.log10(peak.gain_up):.1f} dB)"
-    return [
-        "",
-        f"  All loops at once: largest singular value of the sensitivity {peak.size:.4g} at"
-        f" {peak.frequency:.4g} Hz;",
-        f"  stable if each gain changes by any factor {gains}, or each phase by less than"
-        f" {peak.phase:.0f} degrees.",
-    ]
+def _factor(gain: float) -> str:
+    return f"x {gain:.3g} ({20 * math.log10(gain):.1f} dB)"
 
 
 def write_foton(design: Design) -> str:
     """Write the filters of all loops, one design string per loop, with comments."""
+    from suspension_cli.design.foton import format_filter
+
     lines = [
         f"# filters of {design.design.name}, plane n (roots in Hz)",
         "# actuator (N or N m) = - filter * sensor (m or rad)",
     ]
     for loop in design.control.loop if design.control is not None else ():
-        lines += ["", *_describe_filter(loop)]
+        lines += [
+            "",
+            f"# {loop.name}: {loop.sensor} -> {loop.actuator}, reference {loop.reference}",
+        ]
+        if loop.damper is not None:
+            lines.append("# a velocity damper: add poles above the band before use in Foton")
+        if loop.sensor_response is not None:
+            lines.append(f"# not included: response of the sensor {loop.sensor_response}")
+        if loop.delay:
+            lines.append(f"# not included: delay of {loop.delay:g} s")
+        lines.append(format_filter(loop.controller))
     return "\n".join(lines) + "\n"
-
-
-def _describe_filter(loop: Loop) -> list[str]:
-    from suspension_cli.design.foton import format_filter
-
-    lines = [f"# {loop.name}: {loop.sensor} -> {loop.actuator}, reference {loop.reference}"]
-    if loop.damper is not None:
-        lines.append("# a velocity damper: add poles above the band before use in Foton")
-    if loop.sensor_response is not None:
-        lines.append(f"# not included: response of the sensor {loop.sensor_response}")
-    if loop.delay:
-        lines.append(f"# not included: delay of {loop.delay:g} s")
-    return [*lines, format_filter(loop.controller)]
 
 
 ANALYSIS = DampAnalysis()

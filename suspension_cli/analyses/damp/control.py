@@ -8,6 +8,7 @@ open-loop ones, which are solved directly: x = G_e e + G_u u, u = -(1 + H G_yu)^
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -39,7 +40,7 @@ class Plant:
     """
 
     model: LinearSystem
-    loops: tuple[Loop, ...]
+    loops: Sequence[Loop]
     sensor: list[Signal]
     actuator: list[Signal]
     sensed: Float[np.ndarray, "loop coordinate"]
@@ -65,7 +66,7 @@ class Plant:
         """Select loops by number."""
         return Plant(
             self.model,
-            tuple(self.loops[n] for n in keep),
+            [self.loops[n] for n in keep],
             [self.sensor[n] for n in keep],
             [self.actuator[n] for n in keep],
             self.sensed[keep],
@@ -85,13 +86,13 @@ def build_plant(design: Design, model: LinearSystem) -> Plant:
         remedy = "add [[control.loop]] with sensor, actuator and damper or gain"
         raise InputError([Fault("control", "missing", remedy)])
     known = signals.bodies_with_signals(model)
-    loops = tuple(design.control.loop)
+    loops = design.control.loop
     sensors = [parse_sensor(loop, model.body, known) for loop in loops]
     actuators = [parse_actuator(loop, known) for loop in loops]
     sensed, pushed = (
         np.array(
             [
-                signals.linear_form(_relative(signal, loop), model)
+                signals.linear_form(_relate(signal, loop), model)
                 for signal, loop in zip(some, loops, strict=True)
             ]
         )
@@ -100,8 +101,8 @@ def build_plant(design: Design, model: LinearSystem) -> Plant:
     return Plant(model, loops, sensors, actuators, sensed, pushed)
 
 
-def _relative(signal: Signal, loop: Loop) -> Signal:
-    """Return a signal relative to the reference of its loop."""
+def _relate(signal: Signal, loop: Loop) -> Signal:
+    """Relate a signal to the reference of its loop."""
     to_support = loop.reference == "support" and not signal.against
     return replace(signal, against=SUPPORT) if to_support else signal
 
@@ -130,16 +131,8 @@ def evaluate_filter(
     loop: Loop, frequency: Inexact[np.ndarray, "*frequency"] | complex
 ) -> Complex[np.ndarray, "*frequency"]:
     """Evaluate H of a loop (filter, sensor, delay) at frequencies in Hz; N/m or N m/rad."""
-    f = 1j * np.asarray(frequency)
-    if loop.damper is not None and loop.is_velocity_damper:
-        return loop.damper * 2 * np.pi * f
-    made = loop.controller_and_sensor
-    result = np.full(f.shape, complex(made.gain))
-    for zero in made.zeros:
-        result = result * (f + zero)
-    for pole in made.poles:
-        result = result / (f + pole)
-    return result * np.exp(-2 * np.pi * loop.delay * f) if loop.delay else result
+    f = np.asarray(frequency)
+    return loop.controller_and_sensor.at(f) * np.exp(-2j * np.pi * loop.delay * f)
 
 
 def evaluate_noise(
@@ -166,8 +159,6 @@ class ClosedLoopResponse:
 
     Attributes
     ----------
-    frequency
-        Hz.
     value
         Outputs over external inputs.
     noise, actuator_noise
@@ -175,7 +166,6 @@ class ClosedLoopResponse:
         m/sqrt(Hz) or rad/sqrt(Hz).
     """
 
-    frequency: Float[np.ndarray, " frequency"]
     value: Complex[np.ndarray, "frequency output input"]
     noise: Float[np.ndarray, "frequency output loop"]
     actuator_noise: Float[np.ndarray, "frequency output loop"]
@@ -218,7 +208,7 @@ def solve_responses(
     densities = np.array(noises).reshape(count, len(frequency)).T
     noise = np.abs(pushed * h[:, None]) * densities[:, None]
     actuator_noise = np.abs(pushed) * np.array([loop.actuator_noise for loop in plant.loops])
-    return ClosedLoopResponse(frequency, value, noise, actuator_noise)
+    return ClosedLoopResponse(value, noise, actuator_noise)
 
 
 def compute_loop_gains(

@@ -1,4 +1,4 @@
-"""Gain, phase and modulus margins of loops, on an adaptive frequency grid.
+"""Gain, phase and modulus margins of loops, and of all at once, on an adaptive frequency grid.
 
 A loop gain L scaled by a real kappa has a closed-loop pole at i omega where 1 + kappa L(i omega) =
 0, so gain margins are -1/L where L is real and negative. Phase margins are those where |L| is 1
@@ -7,6 +7,18 @@ L runs through a circle within 1/Q of its frequency, which a fixed grid misses. 
 from given frequencies (poles, zeros, ...) until L and 1 + L change little between neighbours. The
 crossings of the real axis and of the unit circle, and the points closest to -1, are then found to
 rounding.
+
+With all loops broken at their actuators, S = (1 + H G)^-1 takes disturbances at the actuators to
+total forces. With M, the maximum over frequency of the largest singular value of S, all loops stay
+stable while each gain is multiplied by a factor of its own between 1 / (1 + 1/M) and 1 / (1 - 1/M),
+or each phase shifted by less than 2 arcsin(1 / (2 M)) (Lehtomaki, Sandell and Athans, IEEE Trans.
+Autom. Control 26, 75 (1981)).
+
+As forces and torques have no common unit, the singular values of S depend on the units. Those of
+D S D^-1 with a positive diagonal D do not, and the bounds stay valid. At each frequency D is chosen
+for the smallest sum of squares, with rows and columns of equal norm (Osborne, J. ACM 7, 338
+(1960)); for two coupled loops that gives the smallest possible singular value, the structured
+singular value of Doyle (IEE Proc. D 129, 242 (1982)).
 """
 
 from __future__ import annotations
@@ -22,7 +34,7 @@ from suspension_cli.files.declared import in_unit
 from suspension_cli.scene.arrays import Array, Index
 
 if TYPE_CHECKING:
-    from jaxtyping import Complex, Float, Int
+    from jaxtyping import Complex, Float, Inexact, Int
 
 Gain = Callable[[Array], np.ndarray]
 """Loop gains (f, l) at frequencies (f,) in Hz."""
@@ -43,6 +55,14 @@ ITERATIONS = 12
 """Most steps of the search for a minimum, whose error is the square of that of its frequency."""
 FLAT = 1e-10
 """Relative rise from a minimum to the ends of its interval at which the search ends."""
+SWEEPS = 200
+"""Most sweeps of balancing (usually 5)."""
+BALANCED = 1e-14
+"""Relative difference of the norms of rows and columns at which balancing ends."""
+FAINT = 1e-3
+"""Distance of S from 1 below which the grid is not refined, as the peak is elsewhere."""
+NOTHING = 1e-9
+"""Excess of M over 1 that may be the error of the search."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +95,17 @@ class Margins:
     gain_down_frequency: float = field(default=np.nan, metadata=in_unit("Hz"))
     delay: float = field(default=np.inf, metadata=in_unit("s"))
     delay_frequency: float = field(default=np.nan, metadata=in_unit("Hz"))
+
+    @property
+    def gains(self) -> list[float]:
+        """Gain margins that are limits."""
+        return [gain for gain in (self.gain_up, self.gain_down) if 0 < gain < np.inf]
+
+    @property
+    def gain_frequencies(self) -> list[float]:
+        """Frequencies of these, Hz."""
+        places = (self.gain_up_frequency, self.gain_down_frequency)
+        return [place for place in places if not np.isnan(place)]
 
     @property
     def gain_up_db(self) -> float:
@@ -130,34 +161,40 @@ def compute_margins(
         lambda where, loop: np.abs(1 + _evaluate_each(gain, where, loop)),
         frequency,
         np.abs(1 + value),
-        _change(1 + value),
     )
     result = []
     for n in range(value.shape[1]):
         factors, places = 1 / np.abs(size[n]), real[n]
         if static is not None and static[n] < 0:
             factors, places = np.append(factors, -1 / static[n]), np.append(places, 0.0)
-        phases = np.abs(np.degrees(np.angle(-lag[n])))
-        where = int(phases.argmin()) if len(phases) else 0
-        delays = np.mod(np.angle(-lag[n]), 2 * np.pi) / (2 * np.pi * unity[n])
-        late = int(delays.argmin()) if len(delays) else 0
-        up, down = factors[factors > 1], factors[factors < 1]
+        angle, up = np.angle(-lag[n]), factors > 1
+        phase, phase_frequency = _find_least(np.abs(np.degrees(angle)), unity[n])
+        delays = np.mod(angle, 2 * np.pi) / (2 * np.pi * unity[n])
+        delay, delay_frequency = _find_least(delays, unity[n])
+        gain_up, gain_up_frequency = _find_least(factors[up], places[up])
+        fall, gain_down_frequency = _find_least(1 / factors[~up], places[~up])
         result.append(
             Margins(
-                phase=float(phases[where]) if len(phases) else np.inf,
-                phase_frequency=float(unity[n][where]) if len(phases) else np.nan,
-                gain_up=float(up.min(initial=np.inf)),
-                gain_down=float(down.max(initial=0.0)),
-                distance=float(nearest[n]),
-                gain_up_frequency=float(places[factors > 1][up.argmin()]) if len(up) else np.nan,
-                gain_down_frequency=(
-                    float(places[factors < 1][down.argmax()]) if len(down) else np.nan
-                ),
-                delay=float(delays[late]) if len(delays) else np.inf,
-                delay_frequency=float(unity[n][late]) if len(delays) else np.nan,
+                phase,
+                phase_frequency,
+                gain_up,
+                1 / fall,
+                float(nearest[n]),
+                gain_up_frequency,
+                gain_down_frequency,
+                delay,
+                delay_frequency,
             )
         )
     return result
+
+
+def _find_least(
+    values: Float[np.ndarray, " crossing"], places: Float[np.ndarray, " crossing"]
+) -> tuple[float, float]:
+    """Find the least value and its place; inf and NaN if there is none."""
+    least = int(values.argmin()) if len(values) else 0
+    return (float(values[least]), float(places[least])) if len(values) else (np.inf, np.nan)
 
 
 def refine_grid(
@@ -242,7 +279,6 @@ def search_smallest(
     evaluate: Callable[[Array, Index], Array],
     frequency: Float[np.ndarray, " frequency"],
     distance: Float[np.ndarray, "frequency function"],
-    change: Float[np.ndarray, "frequency-1 function"],
 ) -> tuple[Float[np.ndarray, " function"], Float[np.ndarray, " function"]]:
     """Find the minimum of each positive function, from the local minima among known values.
 
@@ -254,8 +290,6 @@ def search_smallest(
         Hz, ascending.
     distance
         Values there.
-    change
-        Upper bounds of the change of their logarithms between neighbours.
 
     Returns
     -------
@@ -263,12 +297,8 @@ def search_smallest(
         Minima and their frequencies, Hz.
     """
     smallest, place = distance.min(0), frequency[distance.argmin(0)]
-    # lower bound of the curve between the neighbours
-    least = distance[1:-1] * np.exp(-np.maximum(change[:-1], change[1:]))
-    low_point = (
-        (distance[1:-1] <= distance[:-2]) & (distance[1:-1] <= distance[2:]) & (least < smallest)
-    )
-    at, loop = np.nonzero(low_point)
+    middle = distance[1:-1]
+    at, loop = np.nonzero((middle <= distance[:-2]) & (middle <= distance[2:]))
     if len(at):
         found = elementwise.find_minimum(
             evaluate,
@@ -277,8 +307,91 @@ def search_smallest(
             tolerances={"xatol": 0.0, "xrtol": ROUNDING, "fatol": 0.0, "frtol": FLAT},
             maxiter=ITERATIONS,
         )
-        for n in np.unique(loop):
-            best = np.flatnonzero(loop == n)[found.f_x[loop == n].argmin()]
-            if found.f_x[best] < smallest[n]:
-                smallest[n], place[n] = found.f_x[best], found.x[best]
+        for n, where, value in zip(loop, found.x, found.f_x, strict=True):
+            if value < smallest[n]:
+                smallest[n], place[n] = value, where
     return smallest, place
+
+
+@dataclass(frozen=True)
+class SensitivityPeak:
+    """Largest singular value of the scaled sensitivity over all frequencies.
+
+    Attributes
+    ----------
+    size
+        M, at least 1 in all but degenerate cases; 1 is best.
+    frequency
+        Hz.
+    """
+
+    size: float
+    frequency: float
+
+    @property
+    def gain_up(self) -> float:
+        """Factor by which gains may rise, each or all; inf without limit."""
+        return 1 / (1 - 1 / self.size) if self.size > 1 + NOTHING else np.inf
+
+    @property
+    def gain_down(self) -> float:
+        """Factor by which gains may fall, each or all."""
+        return 1 / (1 + 1 / self.size)
+
+    @property
+    def phase(self) -> float:
+        """Shift of phase that loops tolerate, each or all, degrees."""
+        return float(np.degrees(2 * np.arcsin(min(1 / (2 * self.size), 1.0))))
+
+
+def balance(
+    matrix: Inexact[np.ndarray, "frequency loop loop"],
+) -> Complex[np.ndarray, "frequency loop loop"]:
+    """Scale matrices to D A D^-1 whose off-diagonal rows and columns have equal norms.
+
+    Elements that no other balances become 0, as D can make them arbitrarily small.
+    """
+    diagonal = np.eye(matrix.shape[-1]) * matrix
+    others = matrix - diagonal
+    for _ in range(SWEEPS):
+        largest = 0.0
+        for k in range(matrix.shape[-1]):
+            row, column = (np.linalg.norm(x, axis=1) for x in (others[:, k], others[:, :, k]))
+            both = (row > 0) & (column > 0)
+            factor = np.sqrt(np.where(both, column, 1.0) / np.where(both, row, 1.0))
+            others[:, k] *= np.where(both, factor, 0.0)[:, None]
+            others[:, :, k] *= np.where(both, 1 / factor, 0.0)[:, None]
+            largest = max(largest, float(np.abs(np.log(factor)).max()))
+        if largest < BALANCED:
+            break
+    return diagonal + others
+
+
+def find_peak(
+    sensitivity: Callable[[Array], np.ndarray], frequency: Float[np.ndarray, " given"]
+) -> SensitivityPeak:
+    """Find the largest singular value of the scaled sensitivity of stable closed loops.
+
+    Parameters
+    ----------
+    sensitivity
+        S (f, l, l) at frequencies (f,) in Hz.
+    frequency
+        Hz, as for `compute_margins`.
+    """
+
+    def largest(matrix: np.ndarray) -> np.ndarray:
+        return np.linalg.norm(balance(matrix), ord=2, axis=(1, 2))
+
+    def gain(at: np.ndarray) -> np.ndarray:
+        # S - 1 turns and changes where S does
+        found = sensitivity(at)
+        return np.column_stack([np.diagonal(found, axis1=1, axis2=2) - 1, largest(found) - 1])
+
+    grid, value = refine_grid(gain, frequency, faint=FAINT)
+    smallest, where = search_smallest(
+        lambda at, _: 1 / largest(sensitivity(at)),
+        grid,
+        1 / np.maximum(1 + np.real(value[:, -1:]), np.finfo(float).tiny),
+    )
+    return SensitivityPeak(float(1 / smallest[0]), float(where[0]))

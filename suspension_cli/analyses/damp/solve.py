@@ -8,12 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.damp import closed_loop_poles, control, margins, sensitivity
+from suspension_cli.analyses.damp import closed_loop_poles, control, margins
+from suspension_cli.analyses.damp.closed_loop_poles import build_closed_loop
 from suspension_cli.analyses.damp.control import Plant
-from suspension_cli.analyses.damp.control_statespace import build_broken_loop, build_closed_loop
-from suspension_cli.analyses.damp.margins import Margins
-from suspension_cli.analyses.damp.sensitivity import SensitivityPeak
-from suspension_cli.analyses.export import solve as export
+from suspension_cli.analyses.damp.margins import Margins, SensitivityPeak
 from suspension_cli.design.schema import Design
 from suspension_cli.files.declared import along, derived, in_unit
 from suspension_cli.linear import poles, signals
@@ -121,8 +119,9 @@ def solve(
     duration, samples
         Of the impulse response, s.
     """
-    found = find_poles(design, model)
-    plant, constant, closed, opened = found.plant, found.constant, found.closed, found.open
+    plant = control.build_plant(design, model)
+    constant = replace(plant, model=with_constant_loss(model))
+    closed, opened = (closed_loop_poles.find(one) for one in (plant, plant.with_loops([])))
     known = signals.bodies_with_signals(model)
     observed = signals.parse_output(output, known)
     driven = signals.parse_input(drive, known, "--impulse")
@@ -134,7 +133,7 @@ def solve(
     if closed.stable:
         gain, static = partial(control.compute_loop_gains, plant), _static_gains(plant, corners[0])
         margin = tuple(margins.compute_margins(gain, corners, static, faint=faint))
-        peak = sensitivity.find_peak(plant, corners)
+        peak = margins.find_peak(partial(control.compute_sensitivity, plant), corners)
     time = np.linspace(0.0, duration, samples)
     impulse, undamped = (
         poles.impulse(build_closed_loop(fixed, [driven], [observed]), time)[:, 0, 0]
@@ -157,35 +156,6 @@ def solve(
     )
 
 
-@dataclass(frozen=True)
-class FoundPoles:
-    """Poles of a design with loops closed and open, rad/s.
-
-    The losses of `plant` are those of the model, those of `constant` constant matrices.
-    """
-
-    plant: Plant
-    constant: Plant
-    closed: Poles
-    open: Poles
-
-
-def find_poles(design: Design, model: LinearSystem) -> FoundPoles:
-    """Find the poles of a design with its loops closed and open.
-
-    Raises
-    ------
-    InputError
-        If delays are so long that growing poles are missing.
-    """
-    plant = control.build_plant(design, model)
-    constant = replace(plant, model=with_constant_loss(model))
-    closed, opened = (closed_loop_poles.find(one) for one in (plant, plant.with_loops([])))
-    if closed.stable and any(loop.delay for loop in plant.loops):
-        sensitivity.check_stable(plant, closed, opened)
-    return FoundPoles(plant, constant, closed, opened)
-
-
 def describe_growth(closed: Poles) -> tuple[str, str]:
     """Describe the pole that grows fastest, and a remedy."""
     worst = int(closed.growth_rate.argmax())
@@ -200,19 +170,20 @@ def describe_growth(closed: Poles) -> tuple[str, str]:
 
 
 def find_corner_frequencies(plant: Plant, closed: Poles) -> Float[np.ndarray, " frequency"]:
-    """Find frequencies (Hz) of poles and zeros of loop gains L, and of zeros of 1 + L.
+    """Find frequencies (Hz) of poles of loop gains L, of zeros of 1 + L, and of roots of filters.
 
-    They are poles and zeros of the mechanics of each loop (the others closed) and of its filter,
-    and closed-loop poles, all with their widths to either side. `plant` has constant matrices.
+    They are poles with each loop open (the others closed), and closed-loop poles, with their widths
+    to either side. `plant` has constant matrices.
     """
-    found = [closed.value / (2 * np.pi)]
+    found: list[np.ndarray] = [closed.value / (2 * np.pi)]
     for n, loop in enumerate(plant.loops):
-        form = export.compute_zero_pole_gain(build_broken_loop(plant, n))
-        found += [form.zeros[0][0] / (2 * np.pi), form.poles[0][0] / (2 * np.pi)]
+        others = plant.with_loops([k for k in range(len(plant.loops)) if k != n])
+        system = build_closed_loop(others, [], [plant.sensor[n]])
+        found.append(np.linalg.eigvals(system.a) / (2 * np.pi))
         made = loop.controller_and_sensor
         found += [np.array(roots, dtype=complex) for roots in (made.zeros, made.poles)]
     every = np.concatenate(found)
-    every = every[np.isfinite(every) & (np.abs(every) > 0)]
+    every = every[np.abs(every) > 0]
     centre, width = np.abs(np.imag(every)), np.abs(np.real(every))
     beside = [np.abs(centre + side * width) for side in (-3.0, -1.0, 0.0, 1.0, 3.0)]
     return np.unique(np.concatenate([np.abs(every), *beside]))

@@ -55,7 +55,6 @@ class ExportAnalysis(Analysis):
             "--format",
             type=click.Choice(FORMATS),
             default="mat",
-            show_default=True,
             help="mat: MATLAB; zpk: zeros, poles, gain; control: python-control.",
         ),
         options.signals(
@@ -73,7 +72,6 @@ class ExportAnalysis(Analysis):
         option(
             "--band",
             default="0.1:100",
-            show_default=True,
             metavar="FROM:TO",
             help="Band in which losses are right, Hz.",
         ),
@@ -81,7 +79,6 @@ class ExportAnalysis(Analysis):
             "--accuracy",
             type=click.FloatRange(1e-4, 0.5),
             default=0.01,
-            show_default=True,
             help="Largest relative error of responses off resonance with losses; of Q twice that.",
         ),
         options.ALLOW_UNSTABLE,
@@ -152,12 +149,20 @@ class ExportAnalysis(Analysis):
     def text(self, result: Result) -> str:
         """Return the size of the system and the band of agreement."""
         made: Exported = result.data
-        system = made.system
-        return (
-            f"{result.choice.line}\nstates: {len(system.state)}, inputs: {len(system.input)},"
-            f" outputs: {len(system.output)}; {agreement(made, result.choice.level)}\n"
-            f"{_worst(made)}\n{_table(made)}"
-        )
+        system, level = made.system, result.choice.level
+        lines = [
+            result.choice.line,
+            f"states: {len(system.state)}, inputs: {len(system.input)}, outputs:"
+            f" {len(system.output)}; {agreement(made, level)}",
+            f"(worst {made.worst:.1e}, up to 100 times the highest mode)",
+        ]
+        if made.q_error is not None:
+            lines[-1] = (
+                f"worst error from {made.tried[0]:g} to {made.tried[1]:g} Hz:"
+                f" {100 * made.worst:.2g} % of a response off resonance,"
+                f" {100 * made.q_error:.2g} % of a Q"
+            )
+        return "\n".join([*lines, _table(made)])
 
     def path(self, result: Result, folder: Path) -> Path:
         """Return the path of the exported file."""
@@ -195,35 +200,25 @@ def _band(text: str) -> tuple[float, float]:
     return band
 
 
-def _worst(made: Exported) -> str:
-    if made.q_error is None:
-        return f"(worst {made.worst:.1e}, up to 100 times the highest mode)"
-    return (
-        f"worst error from {made.tried[0]:g} to {made.tried[1]:g} Hz: {100 * made.worst:.2g} % of a"
-        f" response off resonance, {100 * made.q_error:.2g} % of a Q"
-    )
-
-
 def _agreement(made: Exported) -> Document:
     """Return the bands of agreement with the most complete model."""
+    import numpy as np
+
     from suspension_cli.analyses.export.solve import AGREEMENT
 
     found, system = made.agreement, made.system
     assert found is not None
-    pairs = [
-        {"output": out, "input": into}
-        | {
-            f"band_hz_{100 * error:g}_percent": [float(low), float(high)] if low > 0 else None
-            for error, low, high in zip(
-                AGREEMENT, found.low[:, o, i], found.high[:, o, i], strict=True
-            )
-        }
-        for o, out in enumerate(system.output)
-        for i, into in enumerate(system.input)
-    ]
+    result: Document = {"model": found.model}
     if found.unknown:
-        return {"model": found.model, "unknown": found.unknown, "pairs": None}
-    return {"model": found.model, "pairs": pairs}
+        return result | {"unknown": found.unknown, "pairs": None}
+    pairs = []
+    for o, i in np.ndindex(found.low.shape[1:]):
+        pair: Document = {"output": system.output[o], "input": system.input[i]}
+        for error, low, high in zip(AGREEMENT, found.low, found.high, strict=True):
+            band = [float(low[o, i]), float(high[o, i])] if low[o, i] > 0 else None
+            pair[f"band_hz_{100 * error:g}_percent"] = band
+        pairs.append(pair)
+    return result | {"pairs": pairs}
 
 
 def _table(made: Exported) -> str:
@@ -234,7 +229,7 @@ def _table(made: Exported) -> str:
     from suspension_cli.analyses import tables
     from suspension_cli.analyses.export.solve import AGREEMENT
 
-    found, system = made.agreement, made.system
+    found = made.agreement
     assert found is not None
     if found.unknown:
         return (
@@ -245,25 +240,15 @@ def _table(made: Exported) -> str:
     def coordinate(name: str) -> str:
         return name.partition("@")[0].rpartition(".")[2].rpartition("_")[2]
 
-    every = [(o, i) for o in range(len(system.output)) for i in range(len(system.input))]
-    equal = [
-        at for at in every if coordinate(system.output[at[0]]) == coordinate(system.input[at[1]])
-    ]
+    every = _agreement(made)["pairs"]
+    equal = [pair for pair in every if coordinate(pair["output"]) == coordinate(pair["input"])]
     shown = equal if equal and len(every) > MOST else every
     columns = {"output": "", "input": ""}
     for error in AGREEMENT:
         columns |= {f"{100 * error:g} % from\nHz": ".3g", f"{100 * error:g} % to\nHz": ".4g"}
     rows = [
-        (
-            system.output[o],
-            system.input[i],
-            *(
-                float(end)
-                for pair in zip(found.low[:, o, i], found.high[:, o, i], strict=True)
-                for end in pair
-            ),
-        )
-        for o, i in shown
+        (out, into, *(end for band in bands for end in band or (None, None)))
+        for out, into, *bands in (pair.values() for pair in shown)
     ]
     rest = "" if shown is every else "; all responses are in --json and in the file"
     return (

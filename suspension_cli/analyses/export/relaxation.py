@@ -156,6 +156,12 @@ def _reduce(strand: TautWire, part: str, highest: float) -> _ReducedWire:
     def stiffness(wire: TautWire, omega: list[float]) -> Complex[np.ndarray, "frequency end end"]:
         return np.moveaxis(wire.at(np.array(omega))[part].stiffness, -1, 0)
 
+    def inertia_without_modes(at: float) -> Float[np.ndarray, "end end"]:
+        rest = (strand.static[part] - np.real(stiffness(lossless, [at])[0])) / at**2
+        for omega, drives in modes:
+            rest -= at**2 * np.outer(drives, drives) / (omega**2 - at**2)
+        return rest
+
     if strand.massive:
         first, *_ = found = lossless.held_resonances(part, highest)
         *kept, beyond = found[: 1 + np.count_nonzero(found < highest)]
@@ -165,15 +171,10 @@ def _reduce(strand: TautWire, part: str, highest: float) -> _ReducedWire:
             share = [-(w**4) / (omega**2 - w**2) for w in beside]
             values, vectors = np.linalg.eigh((low - high) / (share[0] - share[1]))
             modes.append((omega, vectors[:, -1] * np.sqrt(values[-1])))
-        at = LOW * first
-        inertia = (strand.static[part] - np.real(stiffness(lossless, [at])[0])) / at**2
-        for omega, drives in modes:
-            inertia -= at**2 * np.outer(drives, drives) / (omega**2 - at**2)
+        inertia = inertia_without_modes(LOW * first)
         top = highest / ABOVE  # one mode stands for all beyond, right there
-        rest = (strand.static[part] - np.real(stiffness(lossless, [top])[0])) / top**2 - inertia
-        for omega, drives in modes:
-            rest -= top**2 * np.outer(drives, drives) / (omega**2 - top**2)
-        values, vectors = np.linalg.eigh(rest * (beyond**2 / top**2 - 1))
+        rest = (inertia_without_modes(top) - inertia) * (beyond**2 / top**2 - 1)
+        values, vectors = np.linalg.eigh(rest)
         for value, vector in zip(values, vectors.T, strict=True):
             if value > 1e-3 * values[-1]:
                 others.append((beyond, vector * np.sqrt(value)))
@@ -258,7 +259,6 @@ def _with_wire_modes(model: LinearSystem, highest: float) -> tuple[LinearSystem,
         elements.append(Lossy(_deformations(model.loss), np.ones_like))
     driven: list[Float[np.ndarray, " coordinate"]] = []  # motions that drive wire modes
     about: list[tuple[float, float, str]] = []  # frequency, drag and stage of each
-    wires: list[tuple[Array, _ReducedWire, Array, int]] = []
     for term in model.terms:
         if isinstance(term, LossTerm):
             if term.elastic:
@@ -267,24 +267,23 @@ def _with_wire_modes(model: LinearSystem, highest: float) -> tuple[LinearSystem,
                 damping += term.matrix
             continue
         for part, forms in term.forms.items():
-            wire, shares, begin = _reduce(term.strand, part, highest), [], len(driven)
+            wire = _reduce(term.strand, part, highest)
             inertia = np.einsum("wci,cd,wdj->ij", forms, wire.inertia, forms)
             mass, damping = mass + inertia, damping + wire.drag * inertia
+            own: list[tuple[int, int, Array]] = []  # coordinate, mode, share of each wire
             for number, (omega, drives) in enumerate(wire.modes):
                 for share, row in _combinations(drives @ forms, groups):
+                    own.append((size + len(driven), number, share))
                     driven.append(row)
                     about.append((omega, wire.drag, term.stage))
-                    shares.append(np.outer(share, np.arange(len(wire.modes)) == number))
-            wires.append((forms, wire, np.array(shares), begin))
+            for ends, by_modes, angle in wire.losses:
+                rows = np.zeros((len(forms), len(ends), size + len(driven)))
+                rows[..., :size] = ends @ forms
+                for place, number, share in own:
+                    rows[..., place] = np.outer(share, by_modes[:, number])
+                elements.append(Lossy(rows.reshape(-1, rows.shape[-1]), angle))
     drives = np.array(driven).reshape(-1, size)
     omega, drag = (np.array([one[n] for one in about]) for n in (0, 1))
-    for forms, wire, shares, begin in wires:
-        for ends, by_modes, angle in wire.losses:
-            rows = np.zeros((len(forms), len(ends), size + len(drives)))
-            rows[..., :size] = ends @ forms
-            for n, share in enumerate(shares):
-                rows[..., size + begin + n] = share @ by_modes.T
-            elements.append(Lossy(rows.reshape(-1, rows.shape[-1]), angle))
     mass, damping = (_framed(part, groups) for part in (mass, damping))
     unit = np.diag(np.ones(len(drives)))
     names = [f"{WIRE}-{n}.{stage}" for n, (_, _, stage) in enumerate(about, 1)]

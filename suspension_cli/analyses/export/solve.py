@@ -11,7 +11,7 @@ import numpy as np
 from suspension_cli.analyses.export.relaxation import relax
 from suspension_cli.design.schema import Design
 from suspension_cli.elimination import connected_groups
-from suspension_cli.linear import damped, statespace
+from suspension_cli.linear import damped, eigenmodes, response, statespace
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
@@ -19,7 +19,7 @@ from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
-    from jaxtyping import Complex, Float
+    from jaxtyping import Bool, Complex, Float
 
 
 @dataclass(frozen=True)
@@ -70,6 +70,21 @@ class Exported:
     agreement: Agreement | None = None
     q_error: float | None = None
 
+    @property
+    def frequency(self) -> Float[np.ndarray, " frequency"]:
+        """Frequencies compared, Hz."""
+        return np.geomspace(*self.tried, GRID)
+
+    def widest_band(self, agrees: Bool[np.ndarray, " frequency"]) -> tuple[float, float] | None:
+        """Find the widest band in which it agrees; None if no two neighbouring frequencies do."""
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], agrees, [False]]).astype(int)))
+        starts, stops = edges[::2], edges[1::2]
+        if (stops - starts).max(initial=0) < 2:
+            return None
+        widest = int((stops - starts).argmax())
+        frequency = self.frequency
+        return float(frequency[starts[widest]]), float(frequency[stops[widest] - 1])
+
 
 @dataclass(frozen=True)
 class Agreement:
@@ -91,6 +106,10 @@ class Agreement:
     high: Float[np.ndarray, "tolerance output input"]
 
 
+GRID = 801
+"""Number of frequencies at which a system is compared with the direct solution."""
+FAINT = 1e-6
+"""Fraction of an output's largest response below which errors are relative to it."""
 AGREEMENT = (0.01, 0.1)
 """Errors against the most complete model whose bands are reported."""
 NARROW = 0.07
@@ -110,25 +129,31 @@ DENSITIES = (2.0, 3.0, 4.5)
 
 
 def build(
-    model: LinearSystem,
-    inputs: list[Signal],
-    outputs: list[Signal],
-    direct: LinearSystem | None = None,
-    *,
-    zpk: bool = False,
+    model: LinearSystem, inputs: list[Signal], outputs: list[Signal], *, zpk: bool = False
 ) -> Exported:
     """Build the system from inputs to outputs, with its band of agreement.
 
-    The `model` has constant matrices; the direct solution to compare with is that of `direct`, or
-    by default of `model`. If `zpk`, the zero-pole-gain form is also computed, and compared.
+    The `model` has constant matrices. If `zpk`, the zero-pole-gain form is computed, and compared.
     """
     system = statespace.build(model, inputs, outputs)
+    lowest, highest = mode_range(model)
+    tolerance, tried = TOLERANCE_ZPK if zpk else TOLERANCE, (lowest / 100, 100 * highest)
+    made = _convert(system, tolerance, tried, zpk=zpk)
+    return _with_band(made, _compute_errors(made, model, inputs, outputs))
+
+
+def _convert(
+    system: statespace.StateSpace, tolerance: float, tried: tuple[float, float], *, zpk: bool
+) -> Exported:
     form = compute_zero_pole_gain(system) if zpk else None
-    tolerance = TOLERANCE_ZPK if zpk else TOLERANCE
-    band, worst, tried = statespace.agreement_band(
-        form or system, direct or model, inputs, outputs, tolerance
-    )
-    return Exported(system, form, band, tolerance, worst, tried)
+    return Exported(system, form, None, tolerance, np.inf, tried)
+
+
+def _with_band(made: Exported, error: Float[np.ndarray, "frequency output input"]) -> Exported:
+    """Add the band in which all errors are below the tolerance, and the largest error."""
+    largest = error.max((1, 2))
+    band = made.widest_band(largest <= made.tolerance)
+    return replace(made, band=band, worst=float(largest.max()))
 
 
 def build_lossy(
@@ -146,17 +171,14 @@ def build_lossy(
     errors up to `accuracy` and Q up to twice that, in the band (Hz); or the best.
     """
     modes = damped.solve(model)
-    frequency = np.geomspace(*band, statespace.GRID)
     best: tuple[float, Exported] | None = None
     for density in DENSITIES:
         system = statespace.build(relax(model, band, density), inputs, outputs)
-        form = compute_zero_pole_gain(system) if zpk else None
-        error = statespace.relative_errors(form or system, model, frequency, inputs, outputs)
-        error = _off_resonance(error, frequency).max((1, 2))
-        good = statespace.widest_band(frequency, error <= accuracy)
-        q_error, worst = _error_of_q(system, modes, band), float(error.max())
-        made = Exported(system, form, good, accuracy, worst, band, q_error=q_error)
-        share = max(worst, q_error / 2) / accuracy
+        made = _convert(system, accuracy, band, zpk=zpk)
+        error = _compute_errors(made, model, inputs, outputs)
+        made = _with_band(made, _off_resonance(error, made.frequency))
+        q_error = _error_of_q(system, modes, band)
+        made, share = replace(made, q_error=q_error), max(made.worst, q_error / 2) / accuracy
         if best is not None and share > GAIN * best[0]:
             break
         best = share, made
@@ -164,6 +186,35 @@ def build_lossy(
             break
     assert best is not None
     return best[1]
+
+
+def mode_range(model: LinearSystem) -> tuple[float, float]:
+    """Lowest and highest frequency of modes that are neither rigid nor unstable, Hz."""
+    found = eigenmodes.solve(model).omega_squared
+    positive = np.sqrt(found[found > 0]) / (2 * np.pi)
+    return (float(positive[0]), float(positive[-1])) if len(positive) else (1.0, 1.0)
+
+
+def _compute_errors(
+    made: Exported, model: LinearSystem, inputs: list[Signal], outputs: list[Signal]
+) -> Float[np.ndarray, "frequency output input"]:
+    """Compute the errors of an export against the direct solution of a model.
+
+    They are relative to each response, or to `FAINT` of the output's largest response to an input
+    of the same unit (the direct solution loses digits of fainter ones too).
+    """
+    exact = response.solve(model, made.frequency, inputs, outputs).value
+    size = np.abs(exact)
+    for unit in {signal.unit for signal in inputs}:
+        alike = [signal.unit == unit for signal in inputs]
+        own = size[:, :, alike]
+        size[:, :, alike] = np.where(
+            own > 0, np.maximum(own, FAINT * own.max(-1, keepdims=True)), 0
+        )
+    off = np.abs((made.zpk or made.system).at(made.frequency) - exact)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        error = np.where(size > 0, off / size, np.where(off == 0, 0.0, np.inf))
+    return np.where(np.isnan(error), np.inf, error)
 
 
 def _error_of_q(system: statespace.StateSpace, modes: Modes, band: tuple[float, float]) -> float:
@@ -202,17 +253,14 @@ def compare_with_complete(
     made: Exported, design: Design, inputs: list[Signal], outputs: list[Signal]
 ) -> Exported:
     """Add the bands in which an export agrees with the most complete model of the design."""
-    complete, system = registry.MOST_COMPLETE, made.zpk or made.system
+    complete = registry.MOST_COMPLETE
     unknown = complete.unsuitable(design)
     band = np.full((len(AGREEMENT), len(outputs), len(inputs), 2), np.nan)
     if not unknown:
-        frequency = np.geomspace(*made.tried, statespace.GRID)
-        model = complete.system(design)
-        error = statespace.relative_errors(system, model, frequency, inputs, outputs)
-        error = _off_resonance(error, frequency)
+        error = _compute_errors(made, complete.system(design), inputs, outputs)
+        error = _off_resonance(error, made.frequency)
         for n, o, i in np.ndindex(band.shape[:-1]):
-            found = statespace.widest_band(frequency, error[:, o, i] <= AGREEMENT[n])
-            band[n, o, i] = found or np.nan
+            band[n, o, i] = made.widest_band(error[:, o, i] <= AGREEMENT[n]) or np.nan
     return replace(made, agreement=Agreement(complete.name, unknown, band[..., 0], band[..., 1]))
 
 

@@ -19,7 +19,7 @@ from suspension_cli.errors import Fault, InputError, attribute_faults_to, format
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.fit.result import Fit, ResponseFit
+    from suspension_cli.analyses.fit.result import Fit
     from suspension_cli.design.measured import Measured
     from suspension_cli.design.reader import Source
     from suspension_cli.linear.system import LinearSystem
@@ -78,7 +78,6 @@ class FitAnalysis(Analysis):
             "--starts",
             type=click.IntRange(1, 100_000),
             default=1,
-            show_default=True,
             help=(
                 "Number of searches, of which the best is kept. All but the first start from random"
                 " numbers."
@@ -88,7 +87,6 @@ class FitAnalysis(Analysis):
             "--seed",
             type=click.IntRange(0, 2**64 - 1),
             default=1,
-            show_default=True,
             help="Seed of the random numbers.",
         ),
         option(
@@ -100,7 +98,6 @@ class FitAnalysis(Analysis):
         option(
             "--explain/--no-explain",
             default=True,
-            show_default=True,
             help=(
                 "With transfer functions, also rank single changes of the design, and measurements"
                 " to make next."
@@ -203,17 +200,7 @@ class FitAnalysis(Analysis):
         drawn = picture.draw(result.data, title)
         pages = {"": style.name_neglected(drawn, result.choice)}
         if result.data.responses is not None:
-            from suspension_cli.design import measured
-            from suspension_cli.measurements import read as read_measured
-
-            found: ResponseFit = result.data.responses
-            given = measured.read(result.data.title, result.data.measurements)
-            functions = [
-                measured.TransferFunction(file="", input=into, output=out)
-                for into, out in zip(found.input, found.output, strict=True)
-            ]
-            units = [read_measured.unit_of_value(item, given) for item in functions]
-            drawn = picture.draw_responses(found, title, units)
+            drawn = picture.draw_responses(result.data.responses, title)
             pages["-responses"] = style.name_neglected(drawn, result.choice)
         return pages
 
@@ -271,11 +258,10 @@ def _choose_models(wanted: str, sources: Sequence[Source], measured: Measured) -
     def request(system: LinearSystem, labels: set[str | None]) -> Several:
         """Request the modes of these labels, or all if a mode has no label."""
         found = eigenmodes.solve(system.constant)
-        every = tuple(
-            named_results.Mode(name, n) for n, name in enumerate(named_results.labels(found))
-        )
-        some = tuple(mode for mode in every if mode.text in labels)
-        return Several(every if None in labels or not some else some, found)
+        names = enumerate(named_results.labels(found))
+        every = [named_results.Mode(name, n) for n, name in names]
+        some = [mode for mode in every if None in labels or mode.text in labels]
+        return Several(tuple(some or every), found)
 
     found = []
     for source, modes in zip(sources, measured.modes, strict=True):

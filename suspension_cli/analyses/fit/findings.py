@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.fit.problem import Problem, stack_parts
-from suspension_cli.analyses.fit.result import Candidate
+from suspension_cli.analyses.fit.problem import TYPICAL, Problem, stack_parts
+from suspension_cli.analyses.fit.result import Candidate, Fit
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.linear import signals
 from suspension_cli.studies.parameters import natural_step
@@ -26,7 +26,8 @@ UNDETERMINED = 1e-10
 WEAK = 10.0
 """Factor on the typical changes of parameters, to weaken their priors."""
 KNOWN = 0.3
-"""Standard deviation over the typical change below which a parameter is determined by the data."""
+"""Standard deviation over that of the prior, or over the value if there is none, below which a
+parameter is determined by the data."""
 UNKNOWN = 0.8
 """The same ratio above which the data do not determine a parameter."""
 TOGETHER = 0.2
@@ -34,8 +35,6 @@ TOGETHER = 0.2
 combination is determined."""
 POWERS = np.array([1.0, -1.0, 2.0, -2.0, 0.5, -0.5, 4.0, -4.0])
 """Exponents in a product of which only the product is determined."""
-COMBINED = 8
-"""Parameters that are searched for combinations of three."""
 GAIN = 0.05
 """Relative calibration error of a candidate measurement."""
 PER_BAND = 24
@@ -54,7 +53,7 @@ LISTED = 6
 
 def covariance(problem: Problem, z: Array, slope: Array) -> Float[np.ndarray, "unknown unknown"]:
     """Compute (J^T J)^-1; infinite where not determined, NaN at a bound."""
-    _, low, high, _, _, scale = problem.unknowns
+    _, _, low, high, _, _, scale = problem.unknowns
     size = np.where(z != 0, np.abs(z), scale)
     inner = (np.abs(z - low) > 1e-8 * size) & (np.abs(z - high) > 1e-8 * size)
     result = np.full((len(z), len(z)), np.nan)
@@ -111,25 +110,27 @@ def short(name: str) -> str:
     return ".".join(keys)
 
 
-def describe(problem: Problem, z: Array, slope: Array) -> tuple[str, ...]:
-    """Say which parameters the data determine, one statement per line."""
-    p = problem.count
-    if not p:
-        return ()
-    scale, names, value = problem.unknowns.scale[:p], [one.name for one in problem.free], z[:p]
+def describe(problem: Problem, slope: Array, fitted: Fit) -> tuple[str, ...]:
+    """Say which parameters the data determine without priors, one statement per line."""
+    p, free = problem.count, np.isinf(fitted.prior_sigma)
+    # of parameters without prior: the value itself
+    scale = problem.unknowns.scale[:p] * np.where(free, 1 / TYPICAL, 1.0)
     rows = data_rows(problem, slope) * scale
     spread = np.linalg.inv(rows.T @ rows + np.eye(p) / WEAK**2)
     sigma = np.sqrt(np.diag(spread))
-    lines, taken = combinations(names, value, spread * np.outer(scale, scale), sigma > KNOWN)
+    names = [short(name) for name in fitted.parameters]
+    units = [change_unit(*item) for item in zip(fitted.name, fitted.value.tolist(), strict=True)]
+    lengths = [unit == "mm" for unit, _ in units]
+    covariance = spread * np.outer(scale, scale)
+    lines, taken = combinations(names, lengths, fitted.value, covariance, sigma > KNOWN)
     alone = ~np.isin(np.arange(p), [*taken])
-    units = [change_unit(name, float(now)) for name, now in zip(names, value, strict=True)]
 
     def words(some: Bool[np.ndarray, " parameter"]) -> str:
-        sizes = [(short(names[n]), sigma[n] * scale[n], *units[n]) for n in np.flatnonzero(some)]
+        sizes = [(names[n], sigma[n] * scale[n], *units[n]) for n in np.flatnonzero(some)]
         return ", ".join(f"{name} (to {by * one:.2g} {unit})" for name, by, unit, one in sizes)
 
     good, poor = alone & (sigma <= KNOWN), alone & (sigma > KNOWN) & (sigma < UNKNOWN)
-    rest = ", ".join(short(names[n]) for n in np.flatnonzero(alone & (sigma >= UNKNOWN)))
+    rest = ", ".join(names[n] for n in np.flatnonzero(alone & (sigma >= UNKNOWN)))
     said = [
         ("determined: ", words(good)),
         *(("", line) for line in lines),
@@ -140,58 +141,65 @@ def describe(problem: Problem, z: Array, slope: Array) -> tuple[str, ...]:
 
 
 def combinations(
-    names: list[str], value: Array, spread: Array, uncertain: Bool[np.ndarray, " parameter"]
+    names: list[str],
+    lengths: list[bool],
+    value: Array,
+    spread: Array,
+    uncertain: Bool[np.ndarray, " parameter"],
 ) -> tuple[list[str], set[int]]:
     """Find combinations of two or three parameters of which only the combination is determined.
 
     Sums of lengths, or products of powers; `spread` is the covariance of the parameters. The
     coefficients are those of the smallest principal axis of the members' covariance, rounded.
+
+    Returns
+    -------
+    list of str
+        A sentence about each combination.
+    set of int
+        All members.
     """
-    lengths = [change_unit(name, 1.0)[0] == "mm" for name in names]
-    lines: list[str] = []
-    taken: set[int] = set()
-    for size in (2, 3):
-        left = [n for n in np.flatnonzero(uncertain) if n not in taken]
-        if size == 3:
-            left = sorted(left, key=lambda n: -spread[n, n] / value[n] ** 2)[:COMBINED]
-        found = []
-        for group in itertools.combinations(left, size):
-            some, summed = list(group), all(lengths[n] for n in group)
-            if not summed and (value[some] <= 0).any():
-                continue
-            unit = np.ones(size) if summed else value[some]
-            own = spread[np.ix_(some, some)] / np.outer(unit, unit)
-            axis = np.linalg.eigh(own)[1][:, 0]
-            simple = POWERS[: 2 if summed else len(POWERS)]
-            off = np.abs((axis / (axis[0] or 1.0))[:, None] / simple - 1)
-            weight = simple[off.argmin(1)]
-            error = float(np.sqrt(max(weight @ own @ weight, 0.0)))
-            relative = error / float(np.abs(weight).max() * np.sqrt(np.diag(own)).min())
-            if relative < TOGETHER:
-                found.append((relative, some, weight, error, summed))
-        for _, some, weight, error, summed in sorted(found, key=lambda item: item[0]):
-            if not taken & set(some):
-                taken |= set(some)
-                lines.append(
-                    _sentence([short(names[n]) for n in some], weight, error, summed=summed)
-                )
+    found = []
+    left = np.flatnonzero(uncertain).tolist()
+    for some in itertools.chain(*(itertools.combinations(left, size) for size in (2, 3))):
+        group, summed = [*some], all(lengths[n] for n in some)
+        if not summed and (value[group] <= 0).any():
+            continue
+        unit = np.ones(len(group)) if summed else value[group]
+        own = spread[np.ix_(group, group)] / np.outer(unit, unit)
+        axis = np.linalg.eigh(own)[1][:, 0]
+        simple = POWERS[: 2 if summed else len(POWERS)]
+        off = np.abs((axis / (axis[0] or 1.0))[:, None] / simple - 1)
+        weight = simple[off.argmin(1)]
+        error = float(np.sqrt(max(weight @ own @ weight, 0.0)))
+        relative = error / float(np.abs(weight).max() * np.sqrt(np.diag(own)).min())
+        if relative < TOGETHER:
+            terms = [*zip(weight.tolist(), (names[n] for n in group), strict=True)]
+            line = _describe_sum(terms, error) if summed else _describe_product(terms, error)
+            found.append((len(group), relative, {*group}, line))
+    lines, taken = list[str](), set[int]()
+    for _, _, members, line in sorted(found, key=lambda item: item[:2]):
+        if not taken & members:
+            taken |= members
+            lines.append(line)
     return lines, taken
 
 
-def _sentence(names: list[str], weight: Array, error: float, *, summed: bool) -> str:
-    if summed:
-        words = f"is known (to {1e3 * error:.2g} mm)"
-        listed = ", ".join(names[:-1]) + " and " + names[-1]
-        if (weight == 1).all():
-            return f"only the sum of {listed} {words}"
-        if len(names) == 2:
-            return f"only the difference of {listed} {words}"
-        terms = [f"{'+' if w > 0 else '-'} {n}" for w, n in zip(weight, names, strict=True)]
-        return f"only {' '.join(terms).removeprefix('+ ')} {words}"
-    parts = [n if abs(w) == 1 else f"{n}^{abs(w):g}" for w, n in zip(weight, names, strict=True)]
-    above = " x ".join(part for part, w in zip(parts, weight, strict=True) if w > 0)
-    below = "".join(f" / {part}" for part, w in zip(parts, weight, strict=True) if w < 0)
-    kind = "ratio" if below and len(names) == 2 else "product"
+def _describe_sum(terms: list[tuple[float, str]], error: float) -> str:
+    (_, first), (second, last), *more = terms
+    if more:
+        parts = " ".join(f"{'+' if w > 0 else '-'} {name}" for w, name in terms)
+        what = parts.removeprefix("+ ")
+    else:
+        what = f"the {'sum' if second > 0 else 'difference'} of {first} and {last}"
+    return f"only {what} is known (to {1e3 * error:.2g} mm)"
+
+
+def _describe_product(terms: list[tuple[float, str]], error: float) -> str:
+    parts = [(w, name if abs(w) == 1 else f"{name}^{abs(w):g}") for w, name in terms]
+    above = " x ".join(part for w, part in parts if w > 0)
+    below = "".join(f" / {part}" for w, part in parts if w < 0)
+    kind = "ratio" if below and len(terms) == 2 else "product"
     return f"only the {kind} {above}{below} is known (to {100 * error:.2g} %)"
 
 
@@ -221,7 +229,7 @@ def next_measurements(
     inputs = [signals.parse_input(text, known) for text in drives]
     outputs = [signals.parse_output(f"{name}.{dof}", known) for name in body for dof in DOFS]
     bands = [np.geomspace(a, b, PER_BAND, endpoint=False) for a, b in itertools.pairwise(BANDS)]
-    response = plant.respond(np.concatenate(bands), inputs, outputs, *problem.added(z))
+    response = plant.respond(np.concatenate(bands), inputs, outputs, problem.damping(z))
     value = response.value
     places = np.delete(np.arange(len(z)), problem.parts[1])
     rate = np.moveaxis(problem.state_derivatives(response, z), 0, -1) * scale[places]

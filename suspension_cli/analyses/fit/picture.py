@@ -15,7 +15,6 @@ from suspension_cli.analyses.fit.findings import short
 from suspension_cli.analyses.fit.result import Fit, ResponseFit
 from suspension_cli.design.paths import displayed_unit
 from suspension_cli.drawing import labels, panels
-from suspension_cli.drawing.canvas import TextLook
 from suspension_cli.drawing.panels import ITEM, Across, Line, Panel, Rule
 from suspension_cli.drawing.style import (
     NOTE,
@@ -29,8 +28,6 @@ from suspension_cli.drawing.style import (
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float
 
-PLAIN_POWERS = range(-3, 3)
-"""Powers of ten that are written without an exponent."""
 INTERVAL = 1.959964
 """Half width of a 95 % interval of a normal distribution, standard deviations."""
 FAR = 8.0
@@ -51,8 +48,6 @@ SHOWN = 6
 """Most functions that are drawn."""
 POINTS = 1000
 """Frequencies at which a model is drawn."""
-EXACT, ENOUGH = 1e-9, 1e-6
-"""Relative errors of a rational interpolation: aim, and largest accepted."""
 
 
 def draw(found: Fit, title: str) -> Figure:
@@ -63,22 +58,19 @@ def draw(found: Fit, title: str) -> Figure:
         verdict += f"; {wide if found.unlikely else 'contradicts the priors'}"
     several = f" in {len(found.experiment)} experiments" if len(found.experiment) > 1 else ""
     what = [_count(len(found.label), "mode") + several] if found.label else []
-    names, residuals, source = _residuals(found)
     if found.responses is not None:
         what.append(_count(len(found.responses.function), "transfer function"))
     said = f"{_count(len(found.name), 'number')} fitted to {' and '.join(what)}"
-    shown = [
-        _rows(names, residuals, [BEFORE, AFTER], verdict, f"(model − {source}) / uncertainty"),
-    ]
+    names, residuals, source = _residuals(found)
+    label = f"(model − {source}) / uncertainty"
+    shown = [_rows(names, residuals, [BEFORE, AFTER], verdict, label)]
     if found.name:
         with np.errstate(invalid="ignore", divide="ignore"):
-            moved = (found.value - found.start) / (found.scale * found.sigma)
+            moved = ((found.value - found.start) / found.sigma)[:, None]
         names = [single_line(_name(found, n), LONGEST) for n in range(len(found.name))]
-        label, texts = (
-            "(fitted − start) / uncertainty",
-            [_number(found, n) for n in range(len(names))],
-        )
-        shown.append(_rows(names, moved[:, None], [AFTER], "Fitted numbers", label, texts))
+        texts = [_number(found, n) for n in range(len(names))]
+        label = "(fitted − start) / uncertainty"
+        shown.append(_rows(names, moved, [AFTER], "Fitted numbers", label, texts))
     return panels.draw(f"MISFIT: {said}" if found.misfit else said, title, shown)
 
 
@@ -141,8 +133,7 @@ def _rows(
         axes.xaxis.set_major_formatter(lambda x, _: format_raised(x, 6))
         place = blended_transform_factory(axes.transAxes, axes.transData)
         for row, text in enumerate(beside):
-            look = TextLook(va="center", fontsize=labels.SMALL)
-            axes.text(1.03, row, text, transform=place, **look)
+            axes.text(1.03, row, text, transform=place, va="center", fontsize=labels.SMALL)
 
     return Panel(
         height=max(ITEM * len(names) + 0.1, 0.5), rows=names, title=title, paint=paint,
@@ -153,34 +144,25 @@ def _rows(
 
 
 def _number(found: Fit, n: int) -> str:
-    """Write a fitted number with its standard deviation."""
+    """Write a fitted number with its standard deviation, rounded to two digits of that."""
     unit, factor = displayed_unit(found.name[n], float(found.value[n]))
-    text = format_with_sigma(factor * found.value[n], factor * found.scale * found.sigma[n])
-    return f"{text} {unit.replace('^2', '²')}".strip()
-
-
-def format_with_sigma(value: float, sigma: float) -> str:
-    """Format a number with its uncertainty to two digits.
-
-    >>> format_with_sigma(1.2345, 0.012)
-    '1.234 ± 0.012'
-    """
+    value, sigma = factor * float(found.value[n]), factor * float(found.sigma[n])
     if not math.isfinite(sigma) or sigma <= 0:
-        return f"{value:.5g}, " + ("at its bound" if math.isnan(sigma) else "not determined")
-    power = math.floor(math.log10(max(abs(value), sigma)))
-    unit, tail = (1.0, "") if power in PLAIN_POWERS else (10.0**power, f" × 10$^{{{power}}}$")
-    digits = max(0, 1 - math.floor(math.log10(sigma / unit)))
-    both = f"{value / unit:.{digits}f} ± {sigma / unit:.{digits}f}"
-    return (f"({both}){tail}" if tail else both).replace("-", "−")
+        text = f"{value:.5g}, " + ("at its bound" if math.isnan(sigma) else "not determined")
+    else:
+        powers = [math.floor(math.log10(abs(size) or sigma)) for size in (value, sigma)]
+        digits = max(2 + powers[0] - powers[1], 1)
+        text = f"{value:#.{digits}g}".rstrip(".") + f" ± {sigma:#.2g}".rstrip(".")
+    return f"{text} {unit.replace('^2', '²')}".replace("-", "−").strip()
 
 
-def draw_responses(found: ResponseFit, title: str, units: Sequence[str] = ()) -> Figure:
-    """Draw magnitudes (in `units`: ``m/V``) measured, before and after the fit, and residuals."""
+def draw_responses(found: ResponseFit, title: str) -> Figure:
+    """Draw magnitudes measured, before and after the fit, and residuals."""
     ratio = found.chi_squared / np.maximum(found.points, 1)
     order = np.argsort(-ratio, kind="stable")[:SHOWN]
     shown = []
     for n in order:
-        unit = f" ({units[n]})" if len(units) else ""
+        unit = f" ({found.unit[n]})" if found.unit[n] else ""
         shown += _function(found, int(n), float(ratio[n]), f"|reading / drive|{unit}")
     left = len(found.function) - len(order)
     which = f", the {len(order)} of {len(found.function)} that fit worst" if left else ""
@@ -227,12 +209,10 @@ def interpolate(
 ) -> tuple[Float[np.ndarray, " finer"], Complex[np.ndarray, " finer"]]:
     """Interpolate a computed response by a rational function, to draw its peaks between points.
 
-    A response is a rational function but for slow factors of delays and losses. The AAA algorithm
-    (Nakatsukasa, Sete and Trefethen, SIAM J. Sci. Comput. 40, A1494 (2018)) finds its poles; if it
-    fails, the points are returned.
+    A response is a rational function but for slow factors of delays and losses (AAA algorithm;
+    Nakatsukasa, Sete and Trefethen, SIAM J. Sci. Comput. 40, A1494 (2018)). If the points are too
+    few for that, they are returned.
 
-    Examples
-    --------
     >>> f = np.linspace(0.5, 2.0, 16)
     >>> response = 1 / (1.03**2 - f**2 + 0.01j * f)
     >>> [round(float(abs(some).max())) for some in (response, interpolate(f, response)[1])]
@@ -240,10 +220,8 @@ def interpolate(
     """
     from scipy.interpolate import AAA
 
-    if len(frequency) < 8:
-        return frequency, value
-    model = AAA(frequency, value, rtol=EXACT, max_terms=len(frequency) // 2)
-    if model.errors[-1] > ENOUGH * np.abs(value).max():
+    model = AAA(frequency, value, rtol=1e-9, max_terms=max(len(frequency) // 2, 1))
+    if model.errors[-1] > 1e-6 * np.abs(value).max():
         return frequency, value
     at = np.union1d(frequency, np.geomspace(frequency[0], frequency[-1], POINTS))
     return at, model(at)

@@ -50,15 +50,6 @@ class SingleChange:
 
 
 @dataclass(frozen=True)
-class StiffenedMode:
-    """A mode that is stiffer than the design explains: relative excess of its frequency, and Q."""
-
-    label: str
-    excess: float
-    q: float
-
-
-@dataclass(frozen=True)
 class Candidate:
     """A measurement (input and output signals, band in Hz) that would determine a parameter better.
 
@@ -82,8 +73,8 @@ class ResponseFit:
 
     Attributes
     ----------
-    function, input, output
-        Names of the functions and of their channels.
+    function, input, output, unit
+        Names of the functions and of their channels, and units of their values.
     of
         Function of each point.
     frequency, uncertainty, measured, before, after
@@ -98,12 +89,8 @@ class ResponseFit:
         chi^2 of the design as given, with the properties of channels fitted.
     corrections
         Wrong channels.
-    stiffened
-        Modes stiffer than the design explains.
     changes
         Single changes that explain most, best first.
-    sentences
-        Determined and undetermined parameters.
     least
         A parameter that is known least; "" if none is free.
     candidates
@@ -113,6 +100,7 @@ class ResponseFit:
     function: tuple[str, ...]
     input: tuple[str, ...] = field(metadata=along("function"))
     output: tuple[str, ...] = field(metadata=along("function"))
+    unit: tuple[str, ...] = field(metadata=along("function"))
     of: Int[np.ndarray, " number"]
     frequency: Float[np.ndarray, " number"] = field(metadata=in_unit("Hz"))
     uncertainty: Float[np.ndarray, " number"] = field(metadata=in_unit(SI))
@@ -129,9 +117,7 @@ class ResponseFit:
     )
     chi_squared_before: float = float("nan")
     corrections: tuple[Correction, ...] = ()
-    stiffened: tuple[StiffenedMode, ...] = ()
     changes: tuple[SingleChange, ...] = ()
-    sentences: tuple[str, ...] = ()
     least: str = ""
     candidates: tuple[Candidate, ...] = ()
 
@@ -150,7 +136,13 @@ class ResponseFit:
     @property
     def chi_squared(self) -> Float[np.ndarray, " function"]:
         """chi^2 of each function after the fit."""
-        off = np.abs((self.after - self.measured) / self.uncertainty) ** 2
+        return self.chi_squared_of(self.after)
+
+    def chi_squared_of(
+        self, values: Complex[np.ndarray, " number"]
+    ) -> Float[np.ndarray, " function"]:
+        """chi^2 of each function with these values."""
+        off = np.abs((values - self.measured) / self.uncertainty) ** 2
         return np.bincount(self.of, off, len(self.function)).astype(float)
 
     @property
@@ -169,10 +161,12 @@ class Fit:
         Names of the experiments; that of the design if there is one.
     name, shared
         Dotted paths of the fitted parameters, and the experiments to which each belongs.
-    start, value, sigma
-        Values before and after the fit, and standard deviations (infinite where not determined,
-        NaN at a bound), SI. `sigma` and `covariance` follow from the given uncertainties; in a
-        misfit, multiply them by `scale` and by its square.
+    start, value, sigma, covariance
+        Values before and after the fit, standard deviations (infinite where not determined, NaN at
+        a bound) and covariance, SI; in a misfit larger than the given uncertainties imply.
+    scale
+        Factor on `sigma` in a misfit, the root of chi^2 per degree of freedom (Birge, Phys. Rev.
+        40, 207 (1932)), else 1.
     prior, prior_sigma
         Priors and their standard deviations, infinite where there is none.
     of, label
@@ -188,6 +182,8 @@ class Fit:
         Designs after and before the fit as TOML.
     ends
         chi^2 at the end of each search, ascending; the first is that of this fit.
+    determined
+        Sentences on what the data determine without priors, and what not.
     exchange
         In a misfit, two labels that fit better exchanged.
     measurements
@@ -203,14 +199,13 @@ class Fit:
     shared: Bool[np.ndarray, "parameter experiment"]
     start: Float[np.ndarray, " parameter"] = field(metadata=in_unit("{parameter_unit}"))
     value: Float[np.ndarray, " parameter"] = field(metadata=in_unit("{parameter_unit}"))
-    sigma: Float[np.ndarray, " parameter"] = field(
-        metadata=in_unit("{parameter_unit}", name="unscaled_sigma")
-    )
+    sigma: Float[np.ndarray, " parameter"] = field(metadata=in_unit("{parameter_unit}"))
     prior: Float[np.ndarray, " parameter"] = field(metadata=in_unit("{parameter_unit}"))
     prior_sigma: Float[np.ndarray, " parameter"] = field(metadata=in_unit("{parameter_unit}"))
     covariance: Float[np.ndarray, "parameter other_parameter"] = field(
-        metadata=in_unit("{parameter_unit} {other_unit}", name="unscaled_covariance")
+        metadata=in_unit("{parameter_unit} {other_unit}")
     )
+    scale: float = field(metadata=in_unit("", name="sigma_scale"))
     at_bound: Bool[np.ndarray, " parameter"]
     of: Int[np.ndarray, " mode"]
     label: tuple[str, ...] = field(metadata=along("mode"))
@@ -225,6 +220,7 @@ class Fit:
     design: tuple[str, ...] = field(metadata=along("experiment", name="fitted_design"))
     design_before: tuple[str, ...] = field(metadata=along("experiment", name="design"))
     ends: Float[np.ndarray, " search"]
+    determined: tuple[str, ...] = ()
     exchange: Exchange | None = None
     measurements: str = ""
     title: str = ""
@@ -247,18 +243,6 @@ class Fit:
     def other_unit(self) -> tuple[str, ...]:
         """SI unit of each column of the covariance."""
         return self.parameter_unit
-
-    @property
-    @derived("{parameter_unit}", name="sigma")
-    def scaled_sigma(self) -> Float[np.ndarray, " parameter"]:
-        """Standard deviations, larger in a misfit."""
-        return self.scale * self.sigma
-
-    @property
-    @derived("{parameter_unit} {other_unit}", name="covariance")
-    def scaled_covariance(self) -> Float[np.ndarray, "parameter other_parameter"]:
-        """Covariance, larger in a misfit."""
-        return self.scale**2 * self.covariance
 
     @property
     @derived()
@@ -301,15 +285,6 @@ class Fit:
         """Parameters and channels beyond `FAR` standard deviations of their priors, worst first."""
         far = [item for item in self.pulls if abs(item[1]) > FAR]
         return sorted(far, key=lambda item: -abs(item[1]))
-
-    @property
-    @derived(name="sigma_scale")
-    def scale(self) -> float:
-        """Factor on `sigma` (Birge, Phys. Rev. 40, 207 (1932)).
-
-        The root of chi^2 per degree of freedom if that is unlikely, else 1.
-        """
-        return float(np.sqrt(self.chi_squared / self.freedom)) if self.unlikely else 1.0
 
     @property
     @derived()

@@ -1,16 +1,16 @@
 """Least-squares fit of parameters of designs to measured modes and transfer functions.
 
 The fit minimises chi^2, the sum of squares of `problem.residual`: of measured modes, transfer
-functions and priors. Modes alone need one search. With transfer functions
+functions and priors.
 
-1. exchanged, scaled and inverted channels are found (`wrong_channels`);
-2. the parameters are fitted to the resonances (`resonances`), then all unknowns to the complex
-   values;
-3. while that is a misfit, the search starts again: with every exchange and sign that reduces chi^2
-   at the fitted parameters; with the frequencies of modes far more lossy than others freed, as
-   something may rub; and from the single change of the design that explains most.
+1. Exchanged, scaled and inverted channels are found (`wrong_channels`).
+2. The parameters are fitted to the resonances (`resonances`), then all unknowns to the complex
+   values and to modes.
+3. While that is a misfit, the search starts again: with every exchange and sign that reduces chi^2
+   at the fitted parameters, and from the single change of the design that explains most.
 
-Uncertainties are those of the linear problem at the end: the covariance is (J^T J)^-1.
+Modes alone need one search. Uncertainties are those of the linear problem at the end: the
+covariance is (J^T J)^-1.
 """
 
 from __future__ import annotations
@@ -24,25 +24,26 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
+from suspension_cli.analyses import readings
 from suspension_cli.analyses.analysis import Progress
-from suspension_cli.analyses.fit import channels, findings, resonances, wrong_channels
-from suspension_cli.analyses.fit.build import build, default_parameters
-from suspension_cli.analyses.fit.problem import Problem
-from suspension_cli.analyses.fit.resonances import Peak
+from suspension_cli.analyses.fit import findings, resonances, wrong_channels
+from suspension_cli.analyses.fit.problem import Problem, build, default_parameters
 from suspension_cli.analyses.fit.result import (
     SAME,
     Exchange,
     Fit,
     ResponseFit,
     SingleChange,
-    StiffenedMode,
     is_unlikely,
 )
 from suspension_cli.analyses.fit.wrong_channels import Correction
+from suspension_cli.conventions import GROUND
 from suspension_cli.design import reader
 from suspension_cli.design.measured import Measured
 from suspension_cli.errors import Fault, InputError
-from suspension_cli.measurements.transfer_function import MeasuredResponse
+from suspension_cli.linear import signals
+from suspension_cli.measurements.resonances import Peak, find_peaks
+from suspension_cli.measurements.transfer_function import Channels, MeasuredResponse
 from suspension_cli.models import registry
 from suspension_cli.studies import parameters
 
@@ -53,10 +54,6 @@ BEYOND = 1.5
 """Factor by which the band of modes with added damping exceeds the measured one."""
 BETTER = 0.5
 """Fraction of chi^2 below which a change of channels is made after a fit."""
-LOSSY = 3.0
-"""Damping of a mode over the lower quartile of all from which something may rub."""
-SURE = 5.0
-"""Least change of omega^2 that is reported, standard deviations."""
 ROUNDS = 3
 """Most corrections, and most restarts from single changes, after a fit."""
 MAX_DRAWS = 100
@@ -102,17 +99,23 @@ class Solution:
         how: dict[str, Any] = {"steps": 12, "tolerance": 1e-4} if quick else {"tolerance": 1e-10}
         found = self.descend(resonances.search(self.problem, self.z, self.peaks), **how)
         if found.misfit and not quick:
-            found = min(found, self.descend(self.z, **how), key=lambda end: end.chi_squared)
+            found = _best([found, self.descend(self.z, **how)])
         return found
 
-    def corrected(self, corrections: Sequence[Correction], made: channels.Channels) -> Solution:
-        """Change the channels; properties that become unknown begin at 0."""
-        problem, parts = replace(self.problem, channels=made), self.problem.parts
-        names = [one.name for one in self.problem.channels.nuisances]
-        old = dict(zip(names, self.z[parts[1]], strict=True))
-        own = [old.get(one.name, 0.0) for one in made.nuisances]
-        z = np.concatenate([self.z[parts[0]], own, self.z[parts[2].start :]])
-        return replace(self, problem=problem, z=z, corrections=tuple(corrections))
+    def carry(self, problem: Problem, values: dict[str, float] | None = None) -> Solution:
+        """Turn to another problem: unknowns keep their values but for those given.
+
+        Unknowns that are new begin at their start.
+        """
+        known = dict(zip(self.problem.unknowns.name, self.z, strict=True)) | (values or {})
+        names, start, *_ = problem.unknowns
+        z = [known.get(name, first) for name, first in zip(names, start, strict=True)]
+        return replace(self, problem=problem, z=np.array(z))
+
+    def corrected(self, corrections: Sequence[Correction], made: Channels) -> Solution:
+        """Change the channels."""
+        found = self.carry(replace(self.problem, channels=made))
+        return replace(found, corrections=tuple(corrections))
 
     def linearise(self) -> Array:
         """Derivatives of the residuals, with those of the designs exactly here."""
@@ -120,9 +123,9 @@ class Solution:
             item.changes(self.z[: self.problem.count][own], exactly=True)
         return self.problem.jacobian(self.z)
 
-    def at(self, x: Array) -> Solution:
-        """Set the parameters; other unknowns stay."""
-        return replace(self, z=np.concatenate([x, self.z[self.problem.count :]]))
+
+def _best(ends: Sequence[Solution]) -> Solution:
+    return min(ends, key=lambda end: end.chi_squared)
 
 
 def solve(
@@ -168,29 +171,32 @@ def solve(
         free = default_parameters(texts[0], level)
         measured = msgspec.structs.replace(measured, parameter=free)
     problem = build(texts, measured, files or [""] * len(texts), level)
-    peaks = [resonances.find_peaks(item) for item in functions]
     if functions:
         plant = problem.experiment[0].nominal
-        made = channels.build(measured, functions, plant.system)
+        made = Channels.of(measured, functions)
+        # motions of the ground beside the support are not fitted
+        known = [name for name in signals.bodies_with_signals(plant.system) if name != GROUND]
+        problem = replace(
+            problem, channels=made, signals=readings.parse(made, measured, tuple(known))
+        )
         every, hz = np.concatenate([f.frequency for f in functions]), plant.modes.frequency
         inside = (hz > every.min() / BEYOND) & (hz < every.max() * BEYOND)
-        seen = (resonances.residues(plant, made) != 0).any(0)
-        problem = replace(problem, channels=made, damped=np.flatnonzero(inside & seen))
+        seen = (problem.residues(plant) != 0).any(0)
+        problem = replace(problem, damped=np.flatnonzero(inside & seen))
+    peaks = [[peak for peak in find_peaks(item) if peak.sigma >= 0] for item in functions]
     ends, started = list[Solution](), time.monotonic()
     for x in _starts(problem, starts, seed):
-        begin = Solution(problem, peaks, problem.unknowns.start).at(x)
-        ends.append(_fit_functions(begin) if functions else begin.refine())
+        z = np.concatenate([x, problem.unknowns.start[problem.count :]])
+        ends.append(_search(Solution(problem, peaks, z)))
         if tell is not None:
             tell(len(ends), starts, len(ends) / (time.monotonic() - started))
-    found = min(ends, key=lambda end: end.chi_squared)
-    changes = None
+    found, changes = _best(ends), None
     if functions and (explain or found.misfit):
         found, changes = _restart(found)
     slope = found.linearise()
     result = _collect(found, slope, measured, np.sort([end.chi_squared for end in ends]))
     if functions:
-        responses = _responses(found, slope, problem, changes if explain else None)
-        return replace(result, responses=responses)
+        return replace(result, responses=_responses(found, slope, changes if explain else None))
     return replace(result, exchange=_find_exchange(found)) if result.misfit else result
 
 
@@ -220,7 +226,7 @@ def _starts(problem: Problem, count: int, seed: int) -> Iterator[Array]:
     """
     yield problem.base
     random = np.random.default_rng(seed)
-    _, low, high, prior, sigma, _ = (part[: problem.count] for part in problem.unknowns)
+    low, high, prior, sigma = (part[: problem.count] for part in problem.unknowns[2:6])
     known, bounded = np.isfinite(sigma), np.isfinite(low) & np.isfinite(high)
     for _ in range(count - 1):
         for _ in range(MAX_DRAWS):
@@ -239,12 +245,12 @@ def _starts(problem: Problem, count: int, seed: int) -> Iterator[Array]:
             break
 
 
-def _fit_functions(begin: Solution) -> Solution:
-    """Fit transfer functions, and correct wrong channels."""
+def _search(begin: Solution) -> Solution:
+    """Fit all measurements, and correct wrong channels."""
     guessed, made = wrong_channels.guess(begin.problem, begin.z)
     found = begin.corrected(guessed, made).refine()
     if found.misfit and guessed:
-        found = min(found, begin.refine(), key=lambda end: end.chi_squared)
+        found = _best([found, begin.refine()])
     for _ in range(ROUNDS):
         best = next(iter(wrong_channels.alternatives(found.problem, found.z)), None)
         if not found.misfit or best is None or best.chi_squared > BETTER * found.chi_squared:
@@ -255,37 +261,21 @@ def _fit_functions(begin: Solution) -> Solution:
         if again.chi_squared > BETTER * found.chi_squared:
             break
         found = again
-    if found.misfit:
-        found = _free_rubbing(found)
     return found
-
-
-def _free_rubbing(found: Solution) -> Solution:
-    """Free the frequencies of modes far more lossy than others, if that removes a misfit."""
-    matched = resonances.assign(found.problem, found.z, found.peaks)
-    damping = np.array([peak.damping for peak in matched])
-    lossy = damping > LOSSY * np.quantile(damping, 0.25) if len(matched) > 2 else damping > np.inf
-    if not 0 < lossy.sum() <= len(matched) / 2:
-        return found
-    modes = np.array([peak.mode for peak in matched])[lossy]
-    problem = replace(found.problem, stiff=modes)
-    z = np.concatenate([problem.base, found.z[problem.count :], np.zeros(len(modes))])
-    again = replace(found, problem=problem, z=z).refine()
-    return again if again.chi_squared < BETTER * found.chi_squared else found
 
 
 def _restart(found: Solution) -> tuple[Solution, tuple[float, tuple[SingleChange, ...]]]:
     """Start again from the best single change while it fits better than all parameters do."""
     before, changes = _single_changes(found)
+    problem = found.problem
+    given = dict(zip(problem.experiment[0].free, problem.base, strict=True))
     for _ in range(ROUNDS):
-        free, best = found.problem.experiment[0].free, next(iter(changes), None)
-        if not found.misfit or best is None or best.name not in free:
+        best = next(iter(changes), None)
+        if not found.misfit or best is None or best.name not in given:
             break
         if best.chi_squared >= found.chi_squared:
             break
-        x = found.problem.base.copy()
-        x[free.index(best.name)] = best.start + best.change
-        again = found.at(x).refine()
+        again = found.carry(problem, given | {best.name: best.start + best.change}).refine()
         if again.chi_squared > (1 - SAME) * found.chi_squared:
             break
         found = again
@@ -307,28 +297,25 @@ def _single_changes(found: Solution) -> tuple[float, tuple[SingleChange, ...]]:
         Best first.
     """
     problem, p = found.problem, found.problem.count
-    one, rest = problem.experiment[0], found.z[p:]
+    one = problem.experiment[0]
     given = {item.name: item.value for item in parameters.every(one.text, one.level)}
     given |= dict(zip(one.free, problem.base, strict=True))
-    moves = dict(zip(one.free, found.z[:p] - problem.base, strict=True))
+    fitted = given | dict(zip(one.free, found.z[:p], strict=True))
     derivatives = zip(given, one.plant(found.z[:p]).changes(list(given)), strict=True)
     matter = {
         name: change
         for name, change in derivatives
         if change is not None and (change.matters or name in one.free)
     }
-    moved = np.array([moves.get(name, 0.0) for name in matter])
-    wide = problem.restricted([*matter], {n: given[n] + moves.get(n, 0.0) for n in matter})
+    wide = problem.restricted([*matter], fitted)
     wide.experiment[0].around[:] = [(wide.base, [*matter.values()])]
-    slope = findings.data_rows(wide, wide.jacobian(np.concatenate([wide.base, rest])))
-    own = slope.T @ slope
+    slope = findings.data_rows(wide, wide.jacobian(found.carry(wide).z))
+    own, moved = slope.T @ slope, wide.base - np.array([given[name] for name in matter])
     with np.errstate(divide="ignore", invalid="ignore"):
         gain = np.nan_to_num((own @ moved) ** 2 / np.diag(own))
 
     def fit(*some: str) -> Solution:
-        made = problem.restricted([*some], given)
-        begin = np.concatenate([made.base, rest])
-        return replace(found, problem=made, z=begin).refine(quick=True)
+        return found.carry(problem.restricted([*some], given), given).refine(quick=True)
 
     before, result = fit().chi_squared, []
     for name, worth in sorted(zip(matter, gain, strict=True), key=lambda item: -item[1])[:REFITTED]:
@@ -351,18 +338,16 @@ def _find_exchange(found: Solution) -> Exchange | None:
     """
     problem, ranked = found.problem, []
     for e, item in enumerate(problem.experiment):
-        for i, j in itertools.combinations(item.labelled, 2):
+        labelled = [n for n, mode in enumerate(item.mode) if mode.label is not None]
+        for i, j in itertools.combinations(labelled, 2):
             modes = list(item.mode)
             names = str(modes[i].label), str(modes[j].label)
-            modes[i], modes[j] = (
-                msgspec.structs.replace(modes[n], label=label)
-                for n, label in ((i, names[1]), (j, names[0]))
-            )
+            for n, label in ((i, names[1]), (j, names[0])):
+                modes[n] = msgspec.structs.replace(modes[n], label=label)
             experiments = [*problem.experiment]
             experiments[e] = replace(item, mode=modes)
             other = replace(problem, experiment=experiments)
-            least = min(float(np.sum(other.residual(z) ** 2)) for z in (problem.base, found.z))
-            ranked.append((least, e, names, other))
+            ranked.append((min(map(other.chi_squared, (problem.base, found.z))), e, names, other))
     best = None
     for _, e, names, other in sorted(ranked, key=lambda item: item[0])[:MAX_REFITS]:
         chi_squared = other.minimise(other.base)[1]
@@ -385,13 +370,16 @@ def _collect(found: Solution, slope: Array, measured: Measured, ends: Array) -> 
         np.where(hz > 0, hz, np.nan)
         for hz in (problem.predict_modes(x)[0] for x in (problem.base, value))
     )
+    freedom = len(slope) - int((~np.isnan(np.diag(spread))).sum())
+    unlikely = is_unlikely(found.chi_squared, freedom)
+    scale = float(np.sqrt(found.chi_squared / freedom)) if unlikely else 1.0
     relative = np.where(value != 0, np.abs(value), 1.0)
     data = findings.data_rows(problem, slope) * relative
     _, singular, direction = np.linalg.svd(data, full_matrices=False)
     if direction.size:
         largest = direction[np.arange(len(direction)), np.abs(direction).argmax(1)]
         direction = direction * np.where(largest < 0, -1.0, 1.0)[:, None]
-    return Fit(
+    result = Fit(
         experiment=tuple(
             name or reader.parse(item.text).design.name
             for name, item in zip(measured.names, every, strict=True)
@@ -400,10 +388,11 @@ def _collect(found: Solution, slope: Array, measured: Measured, ends: Array) -> 
         shared=problem.shared,
         start=problem.base,
         value=value,
-        sigma=np.sqrt(np.diag(spread)[:p]),
+        sigma=scale * np.sqrt(np.diag(spread)[:p]),
         prior=problem.unknowns.prior[:p],
         prior_sigma=problem.unknowns.sigma[:p],
-        covariance=spread[:p, :p],
+        covariance=scale**2 * spread[:p, :p],
+        scale=scale,
         at_bound=np.isnan(np.diag(spread)[:p]),
         of=np.repeat(np.arange(len(every)), [len(names) for names in labels]),
         label=tuple(name for names in labels for name in names),
@@ -412,7 +401,7 @@ def _collect(found: Solution, slope: Array, measured: Measured, ends: Array) -> 
         before=before,
         after=after,
         chi_squared=found.chi_squared,
-        freedom=len(slope) - int((~np.isnan(np.diag(spread))).sum()),
+        freedom=freedom,
         singular=singular,
         direction=direction,
         design=tuple(
@@ -421,30 +410,22 @@ def _collect(found: Solution, slope: Array, measured: Measured, ends: Array) -> 
         design_before=(),
         ends=ends,
     )
+    return replace(result, determined=findings.describe(problem, slope, result))
 
 
 def _responses(
-    found: Solution,
-    slope: Array,
-    begin: Problem,
-    changes: tuple[float, tuple[SingleChange, ...]] | None,
+    found: Solution, slope: Array, changes: tuple[float, tuple[SingleChange, ...]] | None
 ) -> ResponseFit:
     """Collect what a fit says of the measured transfer functions."""
     problem, one = found.problem, found.problem.experiment[0]
-    functions, nuisances = problem.channels.function, problem.channels.nuisances
-    own, stiff = problem.parts[1], problem.parts[3]
-    sigma = np.sqrt(np.diag(findings.covariance(problem, found.z, slope)))
-    start = Solution(begin, [], begin.unknowns.start).corrected((), problem.channels)
-    z0 = np.concatenate([start.z, np.zeros(len(problem.stiff))])
+    functions, nuisances, own = problem.channels.function, problem.channels.nuisances, problem.parts
+    sigma, z0 = np.sqrt(np.diag(findings.covariance(problem, found.z, slope))), problem.unknowns[1]
     matched = resonances.assign(problem, found.z, found.peaks)
     before, after = (one.frequencies(z[: problem.count]) for z in (z0, found.z))
-    q = dict(zip(problem.damped.tolist(), np.exp(-found.z[problem.parts[2]]), strict=True))
-    rubbing = zip(problem.stiff.tolist(), found.z[stiff], sigma[stiff], strict=True)
     corrections = []
     for wrong in found.corrections:
         without = replace(problem, channels=wrong.apply(problem.channels, undo=True))
-        chi_squared = float(np.sum(without.residual(found.z) ** 2))
-        corrections.append(replace(wrong, chi_squared=chi_squared))
+        corrections.append(replace(wrong, chi_squared=without.chi_squared(found.z)))
     extra: dict[str, Any] = {}
     if changes is not None:
         extra = {"chi_squared_before": changes[0], "changes": changes[1]}
@@ -454,6 +435,7 @@ def _responses(
         function=tuple(item.name for item in functions),
         input=tuple(item.input for item in functions),
         output=tuple(item.output for item in functions),
+        unit=tuple(item.unit for item in functions),
         of=np.repeat(np.arange(len(functions)), [len(item.frequency) for item in functions]),
         frequency=np.concatenate([item.frequency for item in functions]),
         uncertainty=np.concatenate([item.uncertainty for item in functions]),
@@ -461,8 +443,8 @@ def _responses(
         before=np.concatenate(problem.readings(z0)),
         after=np.concatenate(problem.readings(found.z)),
         nuisance=tuple(item.name for item in nuisances),
-        nuisance_value=found.z[own],
-        nuisance_sigma=sigma[own],
+        nuisance_value=found.z[own[1]],
+        nuisance_sigma=sigma[own[1]],
         nuisance_prior=np.array([item.sigma for item in nuisances]),
         mode=tuple(one.labels[peak.mode] for peak in matched),
         resonance=np.array([
@@ -471,11 +453,5 @@ def _responses(
             for peak in matched
         ]).reshape(-1, 6),
         corrections=tuple(corrections),
-        stiffened=tuple(
-            StiffenedMode(one.labels[mode], float(np.sqrt(1 + value) - 1), float(q[mode]))
-            for mode, value, error in rubbing
-            if value > SURE * error
-        ),
-        sentences=findings.describe(problem, found.z, slope),
         **extra,
     )  # fmt: skip

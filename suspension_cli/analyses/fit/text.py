@@ -9,20 +9,14 @@ import numpy as np
 
 from suspension_cli.analyses import tables
 from suspension_cli.analyses.analysis import Document, plain, table
-from suspension_cli.analyses.fit.channels import TABLES
 from suspension_cli.analyses.fit.findings import change_unit, short
 from suspension_cli.analyses.fit.result import SAME, Fit, ResponseFit
 from suspension_cli.errors import escape_unprintable
+from suspension_cli.measurements.transfer_function import TABLES
 from suspension_cli.version import __version__
 
-LARGEST = 6
-"""Parameters of a combination that are printed."""
-NUISANCES = 12
-"""Most properties of channels that are printed: those farthest from their priors."""
-FUNCTIONS = 8
-"""Most functions that are printed: those that fit worst."""
-LISTED = 6
-"""Most values far from their priors that are named in a misfit."""
+LISTED = 10
+"""Most functions, properties of channels, and priors that are printed, the worst first."""
 
 
 def first_lines(found: Fit) -> list[str]:
@@ -52,72 +46,54 @@ def first_lines(found: Fit) -> list[str]:
 
 def _remedy(found: Fit) -> str:
     """Say what may remove a misfit."""
+    if found.exchange is not None:
+        first, second = found.exchange.labels
+        several = len(found.experiment) > 1
+        where = f" in {found.experiment[found.exchange.experiment]}" if several else ""
+        return (
+            f'two labels may be exchanged: with "{first}" and "{second}" exchanged{where}, chi^2 is'
+            f" {found.exchange.chi_squared:.4g}"
+        )
+    tried, more = "exchange of two labels", "or check designs, labels and uncertainties"
     if found.responses is not None:
-        return (
-            "no exchange or sign of channels removes the misfit: free more parameters, give sensors"
-            " and actuators gain_uncertainty or mix_uncertainty, or check uncertainties"
-        )
-    if found.exchange is None:
-        return (
-            "no exchange of two labels removes the misfit: free more parameters, or check designs,"
-            " labels and uncertainties"
-        )
-    first, second = found.exchange.labels
-    several = len(found.experiment) > 1
-    where = f" in {found.experiment[found.exchange.experiment]}" if several else ""
-    return (
-        f'two labels may be exchanged: with "{first}" and "{second}" exchanged{where}, chi^2 is'
-        f" {found.exchange.chi_squared:.4g}"
-    )
+        tried, more = "exchange or sign of channels", "give sensors and actuators gain_uncertainty"
+        more += " or mix_uncertainty, or check uncertainties"
+    return f"no {tried} removes the misfit: free more parameters, {more}"
 
 
 def corrections(found: ResponseFit) -> list[str]:
-    """Describe channels and modes that no geometry explains, with their effect on chi^2."""
-    lines = []
-    for one in found.corrections:
-        known = math.isfinite(one.chi_squared)
-        without = f" (without this chi^2 is {one.chi_squared:.4g})" if known else ""
-        channel = "CHANNEL: " if one.known else ""
-        lines.append(f"{channel}{one.text}; the fit includes this{without}")
-    if found.stiffened:
-        parts = ", ".join(
-            f"{mode.label} (frequency +{100 * mode.excess:.2g} %, Q {mode.q:.3g})"
-            for mode in found.stiffened
-        )
-        lines.append(
-            "RUBBING? these modes are both stiffer and more lossy than any parameter of the design"
-            f" explains: {parts}; look for a wire, a cable or a stop that touches"
-        )
-    return lines
+    """Describe wrong channels, which no geometry explains, with their effect on chi^2."""
+    return [
+        f"{'CHANNEL: ' if one.known else ''}{one.text}; the fit includes this (without this chi^2"
+        f" is {one.chi_squared:.4g})"
+        for one in found.corrections
+    ]
 
 
 def report(found: Fit) -> str:
     """Return the text below the line on the model."""
     parts = [first_lines(found), [_parameters(found)], [_modes(found)] if found.label else []]
+    responses = found.responses
+    if responses is not None:
+        parts += [[text] for text in _response_tables(responses)]
+        parts.append(_explanations(found, responses))
+    if found.determined:
+        parts.append(["What these data say, without the priors:", *found.determined])
+    if responses is not None:
+        parts.append(_next(found, responses))
     ends = [f"chi^2 {found.chi_squared:.4g} for {found.freedom} degrees of freedom"]
     if len(found.ends) > 1:
         same = int((found.ends <= (1 + SAME) * found.ends[0]).sum())
         rest = f", the next best at {found.ends[same]:.4g}" if same < len(found.ends) else ""
         ends.append(f"{same} of {len(found.ends)} searches ended there{rest}")
-    if found.responses is None:
-        parts += [ends, _combinations(found)]
-    else:
-        said = found.responses.sentences
-        parts += [
-            *([text] for text in _response_tables(found.responses)),
-            _explanations(found, found.responses),
-            ["What these data say, without the priors:", *said] if said else [],
-            _next(found, found.responses),
-            ends,
-        ]
-    return "\n\n".join("\n".join(lines) for lines in parts if lines)
+    return "\n\n".join("\n".join(lines) for lines in [*parts, ends] if lines)
 
 
 def format_uncertainty(found: Fit, n: int) -> str:
     """Format the standard deviation of parameter n, or say why there is none."""
     if found.at_bound[n]:
         return "at its bound"
-    sigma = found.scale * found.sigma[n]
+    sigma = found.sigma[n]
     return f"+- {sigma:.2g}" if math.isfinite(sigma) else "not determined by these data"
 
 
@@ -143,22 +119,6 @@ def _modes(found: Fit) -> str:
     return tables.render(columns, rows)
 
 
-def _combinations(found: Fit) -> list[str]:
-    """Uncertainties of combinations of parameters."""
-    lines = ["uncertainties of combinations of relative changes, from the modes without priors:"]
-    for value, row in zip(found.singular, found.direction, strict=True):
-        pairs = sorted(zip(row, found.parameters, strict=True), key=lambda item: -abs(item[0]))
-        parts = " ".join(
-            f"{part:+.2f} {name}" for part, name in pairs[:LARGEST] if abs(part) >= 0.05
-        )
-        known = value > 1e-9 * found.singular[0]
-        lines.append(f"  {f'{100 / value:.2g} %' if known else 'undetermined'}: {parts}")
-    left = len(found.name) - len(found.singular)
-    if left > 0:
-        lines.append(f"  {left} more are not determined, as there are more parameters than modes")
-    return lines
-
-
 def _response_tables(found: ResponseFit) -> list[str]:
     """Tables of resonances, of functions, and of properties of sensors and actuators."""
     made = []
@@ -171,34 +131,29 @@ def _response_tables(found: ResponseFit) -> list[str]:
             tables.render(columns, [*zip(hz, *moves, q, functions, found.mode, strict=True)])
         )
     points = np.maximum(found.points, 1)
-    ratio = found.chi_squared / points
-    off = np.abs((found.before - found.measured) / found.uncertainty) ** 2
-    start = np.bincount(found.of, off, len(found.function)) / points
-    rows = [*zip(start, ratio, points / 2, found.function, found.output, found.input, strict=True)]
+    before, after = found.chi_squared_of(found.before) / points, found.chi_squared / points
+    rows = [*zip(before, after, points / 2, found.function, found.output, found.input, strict=True)]
     columns = {"chi^2 per value\nbefore": ".3g", "\nafter": ".3g", "frequencies\n": ".0f"}
     columns |= {"function": "", "output": "", "input": ""}
-    made.append(_worst(columns, rows, ratio, FUNCTIONS, "functions that fit better"))
+    made.append(_worst(columns, rows, after, "functions that fit better"))
     if found.nuisance:
+        values = found.nuisance_value, found.nuisance_sigma, found.nuisance_prior
         rows = []
-        for name, *sizes in zip(
-            found.nuisance, found.nuisance_value, found.nuisance_sigma, found.nuisance_prior,
-            strict=True,
-        ):  # fmt: skip
+        for name, *sizes in zip(found.nuisance, *values, strict=True):
             unit, by = nuisance_unit(name)
-            change, sigma, prior = (by * size for size in sizes)
-            rows.append((f"{change:+.3g}", f"{sigma:.2g}", f"{prior:.2g}", unit, name))
-        columns = ("change", "+-", "expected +-", "unit", "sensor or actuator")
+            rows.append((*(by * size for size in sizes), unit, name))
+        columns = {"change": "+.3g", "+-": ".2g", "expected +-": ".2g", "unit": ""}
+        columns |= {"sensor or actuator": ""}
         far = np.abs(found.nuisance_value) / found.nuisance_prior
-        more = "more, nearer to their expected values"
-        made.append(_worst(dict.fromkeys(columns, ""), rows, far, NUISANCES, more))
+        made.append(_worst(columns, rows, far, "more, nearer to their expected values"))
     return made
 
 
-def _worst(columns: dict[str, str], rows: list, by: np.ndarray, most: int, more: str) -> str:
+def _worst(columns: dict[str, str], rows: list, by: np.ndarray, more: str) -> str:
     """Table of the rows with the largest values; the number of others follows."""
-    order = np.argsort(-by, kind="stable")[:most]
+    order = np.argsort(-by, kind="stable")[:LISTED]
     text = tables.render(columns, [rows[n] for n in order])
-    return text + (f"\nand {len(rows) - most} {more}" if len(rows) > most else "")
+    return text + (f"\nand {len(rows) - LISTED} {more}" if len(rows) > LISTED else "")
 
 
 def nuisance_unit(name: str) -> tuple[str, float]:
@@ -238,11 +193,9 @@ def _next(found: Fit, responses: ResponseFit) -> list[str]:
         return []
     n = found.name.index(responses.least)
     unit, factor = change_unit(responses.least, float(found.value[n]))
-    head = (
-        f"To learn more about {short(responses.least)}, now known to"
-        f" {found.sigma[n] * factor:.2g} {unit}, measure next:"
-    )
-    return [head] + [
+    known = found.sigma[n] / found.scale * factor
+    head = f"To learn more about {short(responses.least)}, now known to {known:.2g} {unit},"
+    return [f"{head} measure next:"] + [
         f"  drive {one.input}, sense {one.output}, {one.band[0]:.2g} to {one.band[1]:.2g} Hz:"
         f" to {one.sigma * factor:.2g} {unit}"
         for one in responses.candidates
@@ -270,9 +223,7 @@ def fitted_design(found: Fit, number: int, file: str, measured: str, command: st
 def document(found: Fit, files: Sequence[str | None]) -> Document:
     """Return the JSON document; an uncertainty is null if it is infinite or at a bound."""
     who = np.array(found.experiment)
-    parameters = table(
-        found, "name start value sigma=scaled_sigma prior prior_sigma at_bound experiments=shared"
-    )
+    parameters = table(found, "name start value sigma prior prior_sigma at_bound")
     for row, shared in zip(parameters, found.shared, strict=True):
         row["experiments"] = who[shared].tolist()
         if row["prior_sigma"] is None:
@@ -283,16 +234,14 @@ def document(found: Fit, files: Sequence[str | None]) -> Document:
         row["experiment"] = found.experiment[row["experiment"]]
     exchange = None
     if found.exchange is not None:
-        exchange = {
-            "experiment": found.experiment[found.exchange.experiment],
-            "labels": list(found.exchange.labels),
-            "chi_squared": found.exchange.chi_squared,
-        }
+        one = found.exchange
+        exchange = {"experiment": found.experiment[one.experiment], "labels": [*one.labels]}
+        exchange["chi_squared"] = one.chi_squared
     pairs = zip(found.experiment, files, strict=True)
     return {
         "experiments": [{"name": name, "design": file} for name, file in pairs],
         "parameters": parameters,
-        "covariance": plain(found.scaled_covariance),
+        "covariance": plain(found.covariance),
         "modes": modes,
         "chi_squared": found.chi_squared,
         "chi_squared_of_starts": found.ends.tolist(),
@@ -304,6 +253,7 @@ def document(found: Fit, files: Sequence[str | None]) -> Document:
         "exchange": exchange,
         "singular_values": found.singular.tolist(),
         "directions": found.direction.tolist(),
+        "determined": list(found.determined),
     } | (_response_document(found.responses) if found.responses is not None else {})
 
 
@@ -325,10 +275,8 @@ def _response_document(found: ResponseFit) -> Document:
             for name, row in zip(found.mode, found.resonance, strict=True)
         ],
         "wrong_channels": wrong,
-        "too_stiff_and_lossy": table(found.stiffened, "label excess q"),
         "chi_squared_before": plain(found.chi_squared_before),
         "single_changes": table(found.changes, "name start change chi_squared"),
-        "determined": list(found.sentences),
         "least_known": found.least or None,
         "measure_next": table(found.candidates, "input output band_hz=band sigma"),
     }

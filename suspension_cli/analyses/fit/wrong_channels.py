@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.fit.channels import TABLES, Channels
 from suspension_cli.analyses.fit.problem import Problem
+from suspension_cli.measurements.transfer_function import TABLES, Channels
 
 if TYPE_CHECKING:
     from suspension_cli.scene.arrays import Array
@@ -159,19 +159,18 @@ def guess(problem: Problem, z: Array) -> tuple[list[Correction], Channels]:
 def _improvements(problem: Problem, z: Array) -> list[tuple[float, Correction]]:
     """Rate all changes that reduce the disagreement enough."""
     found, channels = [], problem.channels
-    distance, shift, cosine = _compare(problem, z)
+    before, shift = _disagreement(problem, z)
     for change in _changes(channels, EXCHANGE, FACTOR, SIGN):
         rows = [channels.names(change.side).index(name) for name in change.channel]
         mine = np.isin(np.array(channels.pairs)[:, change.side], rows)
-        sure = mine & (np.abs(cosine) > SURE)
+        sure = mine & np.isfinite(shift)
         if change.kind == FACTOR:
             by = float(np.median(shift[sure])) if sure.any() else 0.0
             if abs(by) < SCALED:
                 continue
             change = replace(change, factor=math.exp(by))
-        changed = replace(problem, channels=change.apply(channels))
-        other, _, turned = _compare(changed, z)
-        gain = float((distance - other + turned - cosine)[mine].sum())
+        after, _ = _disagreement(replace(problem, channels=change.apply(channels)), z)
+        gain = float((before - after)[mine].sum())
         doubt = ASSUMED * (mine if change.kind == EXCHANGE else sure).sum()
         if gain > (doubt if change.known else 0.0):
             found.append((gain, change))
@@ -188,13 +187,16 @@ def _changes(channels: Channels, *kinds: str) -> Iterator[Correction]:
             yield Correction(kind, side, (name,), -1.0, known)
 
 
-def _compare(problem: Problem, z: Array) -> tuple[Array, Array, Array]:
+def _disagreement(problem: Problem, z: Array) -> tuple[Array, Array]:
     """Compare measured and computed functions.
 
     Returns
     -------
-    Mean difference of ln magnitudes up to `LARGEST`, with heavily damped modes; median difference
-    of ln magnitudes; and mean cosine of the phase, 0 where unknown; per function.
+    disagreement
+        Mean difference of ln magnitudes up to `LARGEST`, with heavily damped modes, less the mean
+        cosine of the phase (0 where unknown), per function.
+    shift
+        Median difference of ln magnitudes; NaN where the phases do not agree either way.
     """
     heavy, rows = z.copy(), []
     heavy[problem.parts[2]] = math.log(HEAVY)
@@ -208,15 +210,16 @@ def _compare(problem: Problem, z: Array) -> tuple[Array, Array, Array]:
         turn = np.cos(np.angle(np.conj(value[clear]) * item.value[clear]))
         cosine = min(1.0, 5 * clear.mean()) * turn.mean() if clear.sum() > 3 else 0.0
         distance = np.minimum(np.abs(level - other), LARGEST).mean()
-        rows.append((distance, np.median(level - own), cosine))
-    distance, shift, cosine = np.array(rows, dtype=float).T
-    return distance, shift, cosine
+        shift = np.median(level - own) if abs(cosine) > SURE else np.nan
+        rows.append((distance - cosine, shift))
+    disagreement, shift = np.array(rows, dtype=float).T
+    return disagreement, shift
 
 
 def alternatives(problem: Problem, z: Array) -> list[Correction]:
     """Rate changes of a sign and exchanges of two channels by chi^2 at z, best first."""
     rated = []
     for one in _changes(problem.channels, SIGN, EXCHANGE):
-        residual = replace(problem, channels=one.apply(problem.channels)).residual(z)
-        rated.append(replace(one, chi_squared=float(residual @ residual)))
+        changed = replace(problem, channels=one.apply(problem.channels))
+        rated.append(replace(one, chi_squared=changed.chi_squared(z)))
     return sorted(rated, key=lambda one: one.chi_squared)

@@ -1,1 +1,1 @@
-"""How complete a model a design needs, and why."""
+"""Compute the errors of all models of a design, and which one it needs."""

@@ -15,11 +15,10 @@ from suspension_cli.design.faults import suggest
 from suspension_cli.design.schema import Design
 from suspension_cli.drawing import geometry, style
 from suspension_cli.drawing.canvas import full_canvas
-from suspension_cli.drawing.parts import Sketch
+from suspension_cli.drawing.geometry import Sketch
 from suspension_cli.drawing.style import NOTE
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.linear.eigenmodes import Modes
-from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.pose import displace, layout, nominal_pose
 from suspension_cli.scene.scene import Scene
 
@@ -121,31 +120,20 @@ def _figure(modes: Modes, rest: Sketch, panel: Panel, note: str) -> Figure:
     return figure
 
 
-def _pixels(figure: Figure) -> Array:
-    """Draw a figure into memory: colours (height, width, 3)."""
+def _pixels(figure: Figure) -> Image.Image:
+    """Draw a figure into memory."""
     canvas: Any = figure.canvas
     canvas.draw()
-    return np.asarray(canvas.buffer_rgba())[..., :3].copy()
+    return Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
 
 
-def _gif(frames: list[Array]) -> bytes:
+def _gif(frames: list[Image.Image]) -> bytes:
     """Encode frames, there and back, with one palette, as a GIF that repeats."""
-    several = Image.fromarray(np.concatenate(frames)).quantize(COLOURS, dither=Image.Dither.NONE)
-    palette = np.array(several.getpalette()).reshape(-1, 3)
-    palette[np.abs(palette - 255).sum(1).argmin()] = 255  # the paper
-    images = [Image.fromarray(part) for part in np.split(np.asarray(several), len(frames))]
-    for image in images:
-        image.putpalette(palette.astype(np.uint8).tobytes())
+    every = Image.fromarray(np.concatenate([np.asarray(frame) for frame in frames]))
+    palette = every.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE)
+    images = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     images += images[-2:0:-1]
     stream = io.BytesIO()
-    images[0].save(
-        stream,
-        format="GIF",
-        save_all=True,
-        append_images=images[1:],
-        duration=DURATION,
-        loop=0,
-        optimize=False,
-        comment=b"pendsus",
-    )
+    how: Any = {"duration": DURATION, "loop": 0, "optimize": False, "comment": b"pendsus"}
+    images[0].save(stream, format="GIF", save_all=True, append_images=images[1:], **how)
     return stream.getvalue()

@@ -133,7 +133,6 @@ class ModesAnalysis(Analysis):
         modes = dataclasses.replace(modes, **_damping(run.design, run.setting["damping"]))
         _animated(modes, run.setting)  # refuse unknown modes before anything is written
         lossless = find_lossless(run.design, choice.level)
-        _warn_of_series(run, choice, modes)
         warnings.warn(run.design, undamped, run.log)
         if np.isfinite(modes.q).any():
             for line in describe_lossless(lossless, choice.level):
@@ -225,14 +224,14 @@ class ModesAnalysis(Analysis):
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw every mode, and where wires have mass the Q of all."""
-        from suspension_cli.analyses.modes import picture, quality_picture
+        from suspension_cli.analyses.modes import picture
         from suspension_cli.equilibrium.nominal import expand
 
         modes, design = result.data, result.design
         pages = picture.draw_pages(modes, design, expand(design), result.subtitle)
         figures = {f"-{n}" if n > 1 else "": page.figure for n, page in enumerate(pages, 1)}
         if modes.wire:
-            figures["-wires"] = quality_picture.draw(modes, design, result.subtitle)
+            figures["-wires"] = picture.draw_quality(modes, design, result.subtitle)
         return figures
 
     def animations(self, result: Result, setting: Settings) -> Iterator[tuple[str, bytes]]:
@@ -288,33 +287,6 @@ def _damping(design: Design, text: str | None) -> Settings:
     if result["damping_at"] not in known:
         raise fault("is no stage", suggest(given["at"], known), given["at"])
     return result
-
-
-def _warn_of_series(run: Run, choice: Choice, modes: Modes) -> None:
-    """Warn if blades in series with angled wires cause an error above the tolerance.
-
-    Modes of the force model are compared with those of the string model, paired by shape.
-    """
-    import numpy as np
-
-    from suspension_cli.linear import eigenmodes
-    from suspension_cli.linear.mode_pairing import pair_bodies
-    from suspension_cli.models.registry import STRING
-
-    if not choice.model.approximated_stages(run.design):
-        return
-    model = STRING.system(run.design)
-    general = eigenmodes.solve(model)
-    quick, true = modes.frequency, general.frequency[pair_bodies(modes, general, model)]
-    error = np.where(true > 0, quick / np.where(true > 0, true, 1.0) - 1, np.nan)
-    error[~np.isfinite(error)] = 0.0
-    n = int(np.abs(error).argmax())
-    if abs(error[n]) > options.TOLERANCE:
-        run.log.warn(
-            f"{run.name}: the {choice.level} model takes blades in series with angled wires, which"
-            f" shifts {modes.label[n]} by {100 * error[n]:+.2g} %, from {true[n]:.4g} to"
-            f" {quick[n]:.4g} Hz; rerun with --fidelity string"
-        )
 
 
 def _solve(run: Run) -> tuple[Choice, LinearSystem, Modes, Modes]:

@@ -1,4 +1,4 @@
-"""Figures of mode shapes, one panel per mode."""
+"""Figures of mode shapes, one panel per mode, and of the Q of all modes."""
 
 from __future__ import annotations
 
@@ -10,18 +10,16 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from suspension_cli.conventions import DOFS
+from suspension_cli.conventions import DOFS, WIRE_MODE_NAMES
 from suspension_cli.design.schema import Design
-from suspension_cli.drawing import geometry, parts, style
-from suspension_cli.drawing.bodies import Outline, outlines, suspension_size
+from suspension_cli.drawing import geometry, panels, parts, style
 from suspension_cli.drawing.canvas import Canvas, full_canvas
-from suspension_cli.drawing.geometry import FACE, SIDE, View
-from suspension_cli.drawing.panels import write_heading
-from suspension_cli.drawing.parts import Look, Sketch
-from suspension_cli.drawing.style import INK, NOTE, PALE
+from suspension_cli.drawing.geometry import FACE, SIDE, Sketch, View
+from suspension_cli.drawing.parts import Look
+from suspension_cli.drawing.style import INK, NOTE, PALE, LineLook
 from suspension_cli.linear.eigenmodes import Modes, describe, place
 from suspension_cli.scene.arrays import Array
-from suspension_cli.scene.pose import Pose, nominal_pose
+from suspension_cli.scene.pose import Pose
 from suspension_cli.scene.scene import Scene
 
 ACROSS = 6
@@ -36,10 +34,8 @@ SHOWN = 3
 """Largest number of these rows."""
 AROUND = HEAD + (SHOWN + 1) * ROW + GAP
 """Height of a panel without its picture, in."""
-SMALL = 5.5
-"""Font size, points; that of a panel's title is `LARGE`."""
-LARGE = 7.0
-ROW_STYLE: Any = {"va": "center", "fontsize": SMALL}
+SMALL, LARGE = 5.5, 7.0
+"""Font sizes of a panel and of its title, points."""
 LEAST = 0.02
 """Least fraction of kinetic energy that is written."""
 TOP = 0.66
@@ -57,6 +53,9 @@ KINDS = {
 }
 """Kinds of modes that share a figure, and their degrees of freedom: coupled even in a symmetric
 design, or few."""
+BODIES = "bodies"
+MARKERS = {BODIES: "x", "violin-x": "<", "violin-y": ">", "stretch": "^", "twist": "v"}
+"""Marker of the modes of bodies, and of each motion of a wire; two at one point differ from one."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +94,7 @@ def draw_pages(modes: Modes, design: Design, scene: Scene, subtitle: str) -> lis
     """Draw the modes of a suspension, ascending, on figures of a page's width.
 
     There is one panel for each of the lowest `MOST` modes (modes of wires alone are in
-    `quality_picture`). It shows the suspension at rest (grey) and displaced, in the view that shows
+    `draw_quality`). It shows the suspension at rest (grey) and displaced, in the view that shows
     most of the motion. The more kinetic energy a body has, the stronger its stage's colour. More
     than `PAGE` modes are split by kind (`KINDS`), and those of one kind into figures of about equal
     numbers.
@@ -107,20 +106,19 @@ def draw_pages(modes: Modes, design: Design, scene: Scene, subtitle: str) -> lis
     note = f"The lowest {MOST} of {len(bodily)} modes. " if len(bodily) > MOST else ""
     with style.house_style():
         rest = sketch_at_rest(design, scene)
-        panels = {number: make_panel(modes, number, rest) for number in numbers}
-        common = measure_frame([*panels.values()])
+        drawn = {number: make_panel(modes, number, rest) for number in numbers}
+        common = measure_frame([*drawn.values()])
         result = []
         for kind, part in [("", numbers)] if len(numbers) <= PAGE else _split(modes, numbers):
             title = (kind or "normal modes").capitalize(), subtitle
-            figure = _figure(modes, rest, [panels[n] for n in part], common, title, note)
+            figure = _figure(modes, rest, [drawn[n] for n in part], common, title, note)
             result.append(Page(kind, tuple(part), figure))
         return result
 
 
 def sketch_at_rest(design: Design, scene: Scene) -> Sketch:
     """Make the sketch of a design at rest."""
-    thick = THICK * suspension_size(scene)
-    return Sketch(design, scene, outlines(design, scene), nominal_pose(scene), thick)
+    return geometry.sketch_at_rest(design, scene, THICK)
 
 
 def _split(modes: Modes, numbers: list[int]) -> Iterator[tuple[str, list[int]]]:
@@ -136,28 +134,27 @@ def _split(modes: Modes, numbers: list[int]) -> Iterator[tuple[str, list[int]]]:
 def _figure(
     modes: Modes,
     rest: Sketch,
-    panels: list[Panel],
+    shown: list[Panel],
     common: Frame,
     title: tuple[str, str],
     note: str,
 ) -> Figure:
     """Draw panels on a figure of a page's width, and at most its height."""
-    rows = -(-len(panels) // ACROSS)
-    across = -(-len(panels) // rows)
+    rows = -(-len(shown) // ACROSS)
+    across = -(-len(shown) // rows)
     width = (style.PAGE_WIDTH - GAP) / across
-    tall = min(
-        (style.PAGE_HEIGHT - TOP) / rows - AROUND, (width - GAP) * common.height / common.width
-    )
+    most = (style.PAGE_HEIGHT - TOP) / rows - AROUND
+    tall = min(most, (width - GAP) * common.height / common.width)
     height = TOP + rows * (tall + AROUND)
     figure = style.new_figure(style.PAGE_WIDTH, height)
-    write_heading(figure, *title)
+    panels.write_heading(figure, *title)
     key = (
         f"{note}Grey: at rest. Colour: stage, as in the bars below; stronger where it has more"
         " kinetic energy. Bars: fractions of this. Motions exaggerated."
     )
     style.write_text(figure, 0.1, 0.44, key, SMALL, NOTE)
     canvas = full_canvas(figure)
-    for n, one in enumerate(panels):
+    for n, one in enumerate(shown):
         corner = GAP + (n % across) * width, height - TOP - (n // across) * (tall + AROUND)
         draw_panel(canvas, corner, (width - GAP, tall), modes, one, rest, common)
     canvas.flush()
@@ -191,7 +188,9 @@ def draw_panel(
     top -= HEAD
     draw_shape(canvas, (left, top), size, modes, panel, rest, frame, tuple(colours.values()), 0.6)
     top -= tall + ROW / 2
-    canvas.text(left + width, top, panel.view.name, ha="right", color=NOTE, **ROW_STYLE)
+    canvas.text(
+        left + width, top, panel.view.name, ha="right", color=NOTE, va="center", fontsize=SMALL
+    )
     _draw_energies(canvas, left, top - ROW, width, modes, number, colours)
 
 
@@ -253,12 +252,12 @@ def make_panel(
     return Panel(number, view, sketch, points.min(0), points.max(0))
 
 
-def measure_frame(panels: list[Panel]) -> Frame:
+def measure_frame(shown: list[Panel]) -> Frame:
     """Measure the common scale and height of panels."""
-    high = max((float(p.high[1]) for p in panels if p.view.normal != 2), default=0.0)
-    tops = [float(p.high[1]) if p.view.normal == 2 else high for p in panels]
-    height = max(top - float(p.low[1]) for top, p in zip(tops, panels, strict=True))
-    return Frame(max(float(p.high[0] - p.low[0]) for p in panels), height, high)
+    high = max((float(p.high[1]) for p in shown if p.view.normal != 2), default=0.0)
+    tops = [float(p.high[1]) if p.view.normal == 2 else high for p in shown]
+    height = max(top - float(p.low[1]) for top, p in zip(tops, shown, strict=True))
+    return Frame(max(float(p.high[0] - p.low[0]) for p in shown), height, high)
 
 
 def draw_shape(
@@ -275,7 +274,8 @@ def draw_shape(
     """Draw the suspension at rest and displaced, at the scale and height of the frame.
 
     `corner` and `size` are as of `draw_panel`. The more energy a body has, the stronger its colour;
-    wires are `thick` points wide.
+    wires are `thick` points wide. A cross through each body, and in a circle a mark on the rim,
+    show rotations.
     """
     scale = min((size[0] - 0.05) / frame.width, (size[1] - 0.06) / frame.height)
     high = float(panel.high[1]) if panel.view.normal == 2 else frame.high
@@ -284,62 +284,28 @@ def draw_shape(
         corner[1] - 0.03 - scale * high,
     )
     view = panel.view.at(origin, scale)
-    count = len(rest.outlines)
-    still = Look((PALE,) * count, (style.with_opacity(PALE, 0.25),) * count, PALE, thick, 1)
+    grey = (PALE,) * len(rest.outlines)
+    still = Look(grey, (style.with_opacity(PALE, 0.25),) * len(grey), PALE, thick, 1)
     energy = modes.energy[panel.number].sum(-1)
     strength = 0.05 + 0.65 * energy / max(float(energy.max()), 1e-9)
-    moving = Look(
-        colours,
-        tuple(map(style.with_opacity, colours, strength.tolist())),
-        INK,
-        thick,
-        3,
-    )
+    fill = tuple(map(style.with_opacity, colours, strength.tolist()))
+    parts.draw_support(canvas, view, rest)
+    parts.draw_suspension(canvas, view, rest, still)
+    parts.draw_suspension(canvas, view, panel.sketch, Look(colours, fill, INK, thick, 3))
 
-    def draw_rest(canvas: Canvas) -> None:
-        here = panel.view.at(np.zeros(2), scale)
-        parts.draw_support(canvas, here, rest)
-        parts.draw_suspension(canvas, here, rest, still)
-        _draw_references(canvas, here, rest)
+    def mark(n: int, sketch: Sketch, ends: Any, colour: str, width: float, **look: Any) -> None:
+        line = geometry.position_of(sketch.scene, sketch.pose, n, np.array(ends))
+        canvas.line(view.see(line), colour, width, **look)
 
-    canvas.stamp((id(rest), panel.view.name, scale, thick), origin, draw_rest)
-    parts.draw_suspension(canvas, view, panel.sketch, moving)
-    _draw_crosses(canvas, view, panel.sketch, colours, thick)
-
-
-def _draw_crosses(
-    canvas: Canvas, view: View, sketch: Sketch, colours: tuple[str, ...], thick: float
-) -> None:
-    """Draw a cross through each displaced body, and in a circle a mark on the rim.
-
-    They show rotations; `_draw_references` shows the marks at rest.
-    """
-    for n, (body, colour) in enumerate(zip(sketch.outlines, colours, strict=True), 1):
-        for axis in range(3):
-            if axis != view.normal:
-                arm = 0.3 * np.eye(3)[axis] * body.half
-                line = geometry.position_of(sketch.scene, sketch.pose, n, np.stack([-arm, arm]))
-                canvas.line(view.see(line), colour, thick, 4)
+    for n, (body, colour) in enumerate(zip(rest.outlines, colours, strict=True), 1):
+        for axis in {0, 1, 2} - {view.normal}:
+            arm = 0.3 * np.eye(3)[axis] * body.half
+            mark(n, panel.sketch, [-arm, arm], colour, thick, order=4)
         if body.axis == view.normal:
-            rim = _rim(body, view)
-            for low, width in ((0.0, thick), (0.82, 3.4 * thick)):
-                line = np.stack([low * rim, rim])
-                line = geometry.position_of(sketch.scene, sketch.pose, n, line)
-                canvas.line(view.see(line), colour, width, 4)
-
-
-def _draw_references(canvas: Canvas, view: View, rest: Sketch) -> None:
-    """Draw, in every circle, the radius to the mark on its rim at rest."""
-    for n, body in enumerate(rest.outlines, 1):
-        if body.axis == view.normal:
-            line = np.stack([np.zeros(3), _rim(body, view)])
-            line = geometry.position_of(rest.scene, rest.pose, n, line)
-            canvas.line(view.see(line), NOTE, 0.5, 3.5, (0, (2, 2)))
-
-
-def _rim(body: Outline, view: View) -> Array:
-    """Point (3,) on the rim of a circle, in the body's frame, m."""
-    return np.eye(3)[0 if view.normal == 2 else 2] * body.half
+            rim = np.eye(3)[0 if view.normal == 2 else 2] * body.half
+            mark(n, rest, [0 * rim, rim], NOTE, 0.5, order=3.5, dashes=(0, (2, 2)))
+            mark(n, panel.sketch, [0 * rim, rim], colour, thick, order=4)
+            mark(n, panel.sketch, [0.82 * rim, rim], colour, 3.4 * thick, order=4)
 
 
 def _draw_energies(
@@ -362,5 +328,36 @@ def _draw_energies(
         canvas.polygon(box, colours.get(stage, NOTE), "none", 0.0, 2)
         percent = _format_percent(fraction)
         label = shorten_label(describe(modes.place[n]), int(width / 0.0435) - len(percent) - 1)
-        canvas.text(left, middle, f"{label} {percent}", **ROW_STYLE)
+        canvas.text(left, middle, f"{label} {percent}", va="center", fontsize=SMALL)
         middle -= ROW
+
+
+def draw_quality(modes: Modes, design: Design, subtitle: str) -> Figure:
+    """Draw Q and dilution of every mode, those of wires included, against its frequency."""
+    colours = style.stage_colours(stage.name for stage in design.stage)
+    kinds = [
+        (body.partition(".")[0], BODIES if order == 0 else dof)
+        for (body, dof), order in zip(modes.home, modes.order, strict=True)
+    ]
+
+    def look(motion: str) -> LineLook:
+        marker = MARKERS.get(motion, "o")
+        return {"linestyle": "none", "marker": marker, "markersize": 4, "fillstyle": "none"}
+
+    key = [panels.Line([], [], name, colour, look("")) for name, colour in colours.items()]
+    names, motions = {BODIES: BODIES} | WIRE_MODE_NAMES, {motion for _, motion in kinds}
+    key += [panels.Line([], [], names[m], NOTE, look(m)) for m in MARKERS if m in motions]
+    shown = []
+    for values, name in ((modes.q, "Q"), (modes.dilution, "dilution")):
+        good = np.isfinite(values) & (modes.omega_squared > 0) & (modes.frequency > 0)
+        lines = []
+        for stage, motion in dict.fromkeys(kinds):
+            own = good & [kind == (stage, motion) for kind in kinds]
+            points = modes.frequency[own], values[own]
+            lines.append(panels.Line(*points, "_", colours.get(stage, NOTE), look(motion)))
+        label, above = f"{name} (ratio)", () if shown else key
+        shown.append(panels.Panel(label, lines, 1.7, "log", empty="no losses given", key=above))
+    frequency = modes.frequency[modes.omega_squared > 0]
+    limits = (float(frequency.min()) / 1.2, float(frequency.max()) * 1.2)
+    across = panels.Across(limits=limits)
+    return panels.draw("Q and dilution factor of all modes", subtitle, shown, across)

@@ -146,8 +146,7 @@ class Composition:
                 given[key] = value
                 options = (*options, f"--{key}", str(value))
         command = self.command(name, *options)
-        extra = analysis.swept_names()
-        setting = settings.of_design(name, analysis.parameters, extra, self.source, given)
+        setting = settings.merge(analysis, self.source, given | {"as_json": True})
         one = Run(self.source, setting, self.log, self.folder, command)
         with one.faults():
             result = analysis.solve(one)

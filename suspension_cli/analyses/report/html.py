@@ -24,10 +24,10 @@ LARGEST = 1_500_000
 """Size in bytes above which a picture is embedded as PNG instead of SVG."""
 WIDTH, ACROSS = 6.4, 880
 """Width of pictures of curves, in, and of the page, in pixels, over which they are shown."""
-NUMBER = re.compile(r"([-+]?)([\d,]+)(\.\d*)?(?:e([-+]\d+))?")
-"""A formatted number: sign, digits, decimals with the point, exponent."""
-LONGEST = 9
-"""Exponent below which a number is written out in a column where others have none."""
+FIGURE_SPACE = "\u2007"
+"""Space as wide as a digit."""
+NUMBER = re.compile(r"([-+]?)([\d,]+\.?\d*)(?:e([-+]\d+))?( *)")
+"""A formatted number: sign, digits with the point, exponent, spaces."""
 
 
 def text(value: object) -> str:
@@ -75,14 +75,15 @@ def _lines(lines: Sequence[str]) -> str:
 
 
 def table(content: Table, caption: str = "") -> str:
-    """Return a table: numbers aligned on the point, text on the left."""
+    """Return a table: numbers aligned on the point as in the terminal, text on the left."""
     heads, columns = [], []
     for (head, form), cells in zip(content.columns.items(), content.cells, strict=True):
         side = "n" if form else "t"
         name, _, unit = head.partition("\n")
         below = f"<br><small>{text(unit.strip())}</small>" if unit else ""
         heads.append((side, text(name) + below))
-        columns.append([(side, cell) for cell in (_aligned(cells) if form else map(_glued, cells))])
+        _, *aligned = tables.align([""], cells) if form else ("", *cells)
+        columns.append([(side, _cell(cell)) for cell in aligned])
     return grid(heads, zip(*columns, strict=True), caption)
 
 
@@ -100,59 +101,19 @@ def grid(
     )
 
 
-def _glued(cell: str) -> str:
-    """Escape text, with no-break spaces for `tables.GLUE`."""
-    return "\u00a0".join(map(text, cell.split(tables.GLUE)))
-
-
-def _aligned(cells: Sequence[str]) -> list[str]:
-    """Return numbers as HTML, aligned on the point by decimals of equal width.
-
-    If only some have exponents, all are written out if that takes few digits, else all are aligned
-    on the right.
-    """
-    parts = [NUMBER.fullmatch(cell) for cell in cells]
-    powers = [int(part[4]) for part in parts if part and part[4]]
-    mixed = bool(powers) and any(part and not part[4] for part in parts)
-    if mixed and all(0 <= power < LONGEST for power in powers):
-        return [
-            f"{float(cell):,.0f}".replace(",", "\u202f") if part and part[4] else _plain(cell)
-            for cell, part in zip(cells, parts, strict=True)
-        ]
-    if mixed:
-        return [_plain(cell) for cell in cells]
-    tails = [(part[3] or "", _exponent(part[4])) if part else ("", "") for part in parts]
-    # a digit is one ch wide; raised digits and the point are narrower
-    width = max(
-        (len(rest) + (1.4 + 0.6 * len(power) if power else 0) for rest, power in tails), default=0
-    )
-    style = f' style="width:{width:.3g}ch"' if width else ""
-    result = []
-    for cell, part, tail in zip(cells, parts, tails, strict=True):
-        if part is None or not style:
-            result.append(_plain(cell))
-        else:
-            sign = part[1].replace("-", "−")
-            result.append(f"{sign}{part[2]}<span{style}>{''.join(tail)}</span>")
-    return result
-
-
-def _plain(cell: str) -> str:
-    """Return one cell of a column of numbers as HTML."""
-    part = NUMBER.fullmatch(cell)
+def _cell(cell: str) -> str:
+    """Return text, or a number with the spaces after it as wide as a digit, as HTML."""
+    part = NUMBER.fullmatch(cell.lstrip())
     if part is None:
-        return _glued(cell.strip())
-    return f"{part[1].replace('-', '−')}{part[2]}{part[3] or ''}{_exponent(part[4])}"
-
-
-def _exponent(power: str | None) -> str:
-    """Write a power of ten, ``×10⁻⁵`` for -05; "" for none."""
-    return "" if power is None else "×10" + str(int(power)).translate(RAISED)
+        return "\u00a0".join(map(text, cell.strip().split(tables.GLUE)))
+    sign, digits, power, spaces = part.groups()
+    exponent = f"×10{str(int(power)).translate(RAISED)}" if power else ""
+    return f"{sign.replace('-', '−')}{digits}{exponent}{FIGURE_SPACE * len(spaces)}"
 
 
 def number(value: float, digits: int = 3) -> str:
     """Write a number for readers: ``0.59``, ``1.2×10⁻¹¹``."""
-    return _plain(f"{value:.{digits}g}")
+    return _cell(f"{value:.{digits}g}")
 
 
 def picture(figure: Figure, caption: str, alternative: str) -> str:

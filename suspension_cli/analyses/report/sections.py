@@ -64,9 +64,7 @@ def drawing(report: Composition) -> Iterator[str]:
     )
     if design.perturbation:
         names = dict.fromkeys(perturbed_part(item)[1] for item in design.perturbation)
-        factor = draw.exaggeration(design, scene)
-        size = "displace nothing" if factor is None else f"are drawn {factor:,.6g} times larger"
-        caption += f" Imperfections of {html.text(', '.join(names))} {size}."
+        caption += f" With imperfections of {html.text(', '.join(names))}."
     yield html.picture(figure, caption, f"Drawing of {design.design.name} to scale")
     report.list(report.command("draw"))
 
@@ -136,7 +134,7 @@ def check(report: Composition) -> Iterator[str]:
 
 def modes(report: Composition) -> Iterator[str]:
     """Table and pictures of the modes."""
-    from suspension_cli.analyses.modes import picture, quality_picture
+    from suspension_cli.analyses.modes import picture
     from suspension_cli.equilibrium.nominal import expand
 
     result = report.run("modes")
@@ -161,7 +159,7 @@ def modes(report: Composition) -> Iterator[str]:
         yield html.picture(page.figure, caption, f"{kind}, drawn")
     if found.wire:
         caption = "Q of all modes, those of the wires included."
-        figure = quality_picture.draw(found, result.design, result.subtitle)
+        figure = picture.draw_quality(found, result.design, result.subtitle)
         yield html.picture(figure, caption, "Q of the modes")
 
 

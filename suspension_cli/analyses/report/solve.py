@@ -37,7 +37,7 @@ def compose(source: Source, request: Request, log: Log) -> str:
     with attribute_faults_to(source.file):
         scene = expand_nominal(source.design)
         expand(source.design)
-    settings.check_tables(source.design.analysis, source.file)
+    settings.from_tables(source)
     _check_signals(source, request)
     with tempfile.TemporaryDirectory(prefix="pendsus-") as folder, log.progress() as bar:
         report = Composition(source, scene, request, Warnings(log), Path(folder))

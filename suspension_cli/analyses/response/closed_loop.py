@@ -7,11 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.damp import control
+from suspension_cli.analyses.damp import closed_loop_poles, control
 from suspension_cli.analyses.damp import solve as damp
 from suspension_cli.errors import Fault, InputError
-from suspension_cli.linear import response
-from suspension_cli.linear.response import Response
 from suspension_cli.models import registry
 from suspension_cli.models.choice import Transfer
 
@@ -40,28 +38,6 @@ class ClosedTransfer(Transfer):
         return control.solve_responses(plant, at, self.inputs, self.outputs).value
 
 
-def close(request: Transfer, design: Design, model: LinearSystem) -> ClosedTransfer:
-    """Close the loops of a design around a request.
-
-    Raises `InputError` if the design has no loops.
-    """
-    control.build_plant(design, model)
-    return ClosedTransfer(**vars(request), design=design)
-
-
-def solve(request: ClosedTransfer, model: LinearSystem) -> Response:
-    """Solve for closed-loop responses of a model."""
-    return Response(
-        request.frequency,
-        tuple(s.text for s in request.inputs),
-        tuple(s.text for s in request.outputs),
-        response.units(request.inputs, request.outputs),
-        request.values(model, request.frequency),
-        len(model.blocks),
-        closed_loop=True,
-    )
-
-
 def find_stable_poles(
     design: Design, model: LinearSystem, kind: Model, allow_unstable: bool, log: Log
 ) -> Poles:
@@ -70,7 +46,7 @@ def find_stable_poles(
     Raises `InputError` if a pole grows and that is not allowed.
     """
     massless = registry.BEAM.system(design) if kind.has_wire_mass else model
-    found = damp.find_poles(design, massless).closed
+    found = closed_loop_poles.find(control.build_plant(design, massless))
     if not found.stable:
         where, remedy = damp.describe_growth(found)
         if not allow_unstable:

@@ -13,7 +13,6 @@ from suspension_cli.analyses import options
 from suspension_cli.analyses.analysis import (
     Analysis,
     Document,
-    Log,
     Result,
     Run,
     Settings,
@@ -27,14 +26,10 @@ from suspension_cli.analyses.options import option
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.response.closed_loop import ClosedTransfer
     from suspension_cli.analyses.response.measured import ComparedResponse, Comparison, Item
     from suspension_cli.design.schema import Design
-    from suspension_cli.linear.poles import Poles
-    from suspension_cli.linear.response import Response
     from suspension_cli.linear.system import LinearSystem
     from suspension_cli.models.choice import Transfer
-    from suspension_cli.scene.arrays import Array
 
 
 FREQUENCY = "0.1:100:2000"
@@ -44,7 +39,6 @@ SCALE = option(
     "--scale",
     type=click.Choice(["db", "absolute"]),
     default="db",
-    show_default=True,
     help="Magnitude axis of the plot.",
     group=options.FILES,
 )
@@ -114,11 +108,15 @@ class ResponseAnalysis(Analysis):
         """Solve for every input at every frequency."""
         from suspension_cli.analyses import model_choice
         from suspension_cli.analyses.check import warnings
-        from suspension_cli.analyses.response import closed_loop, peaks
+        from suspension_cli.analyses.response import closed_loop, measured, peaks
         from suspension_cli.analyses.response.closed_loop import ClosedTransfer
-        from suspension_cli.linear import response
+        from suspension_cli.linear import eigenmodes
+        from suspension_cli.linear.response import units
 
-        setting, items = run.setting, _measured(run.setting)
+        setting = run.setting
+        items = measured.read_files(
+            setting["measured"] or (), setting["inputs"], setting["outputs"]
+        )
         request = partial(_request, setting=setting, items=items, design=run.design)
         unstable = setting["allow_unstable"]
         choice, model = model_choice.choose(run.source, setting["fidelity"], request)
@@ -126,28 +124,35 @@ class ResponseAnalysis(Analysis):
         model = model_choice.stable_system(run.source, choice, allowed, run.log, model, bends=True)
         wanted = request(model)
         warnings.warn_of_tables(run.design, wanted.frequency, run.log)
-        solve = resonances = closed = None
+        closed, solve = None, partial(wanted.values, model)
         if isinstance(wanted, ClosedTransfer):
             poles = closed_loop.find_stable_poles(
                 run.design, model, choice.model, unstable, run.log
             )
-            found, solve = closed_loop.solve(wanted, model), partial(wanted.values, model)
-            resonances = poles.frequency
-            closed = wanted, poles
+            resonances, closed = poles.frequency, (wanted, poles)
         else:
-            found = response.solve(model, wanted.frequency, wanted.inputs, wanted.outputs)
-        if items:
-            found = _compared(model, items, found, closed, run.log)
-            return Result(self, run.source, choice, found, command=run.command)
-        largest = peaks.find_peaks(model, found, wanted.inputs, wanted.outputs, solve, resonances)
-        found = replace(found, largest=largest)
-        return Result(self, run.source, choice, found, command=run.command, linear_system=model)
+            resonances = eigenmodes.solve(model.constant).frequency
+        found = measured.ComparedResponse(
+            wanted.frequency,
+            tuple(signal.text for signal in wanted.inputs),
+            tuple(signal.text for signal in wanted.outputs),
+            units(wanted.inputs, wanted.outputs),
+            solve(wanted.frequency),
+            closed_loop=closed is not None,
+        )
+        if not items:
+            found = replace(found, largest=peaks.find_peaks(found, solve, resonances))
+            return Result(self, run.source, choice, found, command=run.command, linear_system=model)
+        found = replace(found, measured=measured.compare(model, items, found, closed))
+        for text in filter(None, map(measured.slip, found.measured)):
+            run.log.warn(text)
+        return Result(self, run.source, choice, found, command=run.command)
 
     def document(self, result: Result) -> Document:
         """Return one response flat, several in a list."""
         import numpy as np
 
-        data: Response = result.data
+        data: ComparedResponse = result.data
         pairs = [
             {
                 "input": into,
@@ -161,8 +166,8 @@ class ResponseAnalysis(Analysis):
         ]
         closed = {"closed_loop": True} if data.closed_loop else {}
         answer = closed | {"frequency_hz": data.frequency.tolist()} | only_one(pairs, "responses")
-        measured = comparisons(data)
-        return answer | ({"measured": [*map(_document, measured)]} if measured else {})
+        measured = [*map(_document, data.measured)]
+        return answer | ({"measured": measured} if measured else {})
 
     def text(self, result: Result) -> str:
         """Return the ends of every response, and its peak even between the points of the grid.
@@ -171,9 +176,9 @@ class ResponseAnalysis(Analysis):
         """
         import numpy as np
 
-        data: Response = result.data
-        if measured := comparisons(data):
-            return f"{result.choice.line}\n\n{_table(measured)}"
+        data: ComparedResponse = result.data
+        if data.measured:
+            return f"{result.choice.line}\n\n{_table(data.measured)}"
         largest = data.largest
         lines = [result.choice.line]
         if data.closed_loop and result.design.control is not None:
@@ -203,41 +208,12 @@ class ResponseAnalysis(Analysis):
 
         scale = setting.get("scale", "db")
         stages = [stage.name for stage in result.design.stage]
-        if measured := comparisons(result.data):
-            closed = ", loops closed" if result.data.closed_loop else ""
-            title, seen = result.subtitle + closed, result.data.output
-            return {"": measured_picture.draw(measured, title, scale, stages, seen)}
+        data: ComparedResponse = result.data
+        if data.measured:
+            title = result.subtitle + ", loops closed" * data.closed_loop
+            drawn = measured_picture.draw(data.measured, title, scale, stages, data.output)
+            return {"": drawn}
         return {"": picture.draw(picture.refine(result), result.subtitle, scale, stages)}
-
-
-def comparisons(data: Response) -> tuple[Comparison, ...]:
-    """Measured transfer functions of a response, if any."""
-    return getattr(data, "measured", ())
-
-
-def _measured(setting: Settings) -> tuple[Item, ...]:
-    if not setting["measured"]:
-        return ()
-    from suspension_cli.analyses.response import measured
-
-    return measured.read_files(setting["measured"], setting["inputs"], setting["outputs"])
-
-
-def _compared(
-    model: LinearSystem,
-    items: Sequence[Item],
-    found: Response,
-    closed: tuple[ClosedTransfer, Poles] | None,
-    log: Log,
-) -> ComparedResponse:
-    """Add the comparison with measurements to a response, and warn of units that look wrong."""
-    from suspension_cli.analyses.response import measured
-
-    compared = measured.compare(model, items, found, closed)
-    for one in compared:
-        if text := measured.slip(one):
-            log.warn(text)
-    return measured.ComparedResponse(**vars(found), measured=compared)
 
 
 def _document(one: Comparison) -> Document:
@@ -299,40 +275,33 @@ def _request(
     model: LinearSystem, setting: Settings, items: Sequence[Item], design: Design
 ) -> Transfer:
     """Inputs, outputs and frequencies in terms of a model of the design."""
+    import numpy as np
+
+    from suspension_cli.analyses.damp import control
+    from suspension_cli.analyses.response import measured
+    from suspension_cli.analyses.response.closed_loop import ClosedTransfer
     from suspension_cli.design.derive import mirror
+    from suspension_cli.grids import parse_frequencies
     from suspension_cli.linear import signals
     from suspension_cli.models.choice import Transfer
 
-    bodies = (*signals.bodies_with_signals(model),)
-    inputs, outputs = setting["inputs"], setting["outputs"]
-    if items:
-        from suspension_cli.analyses.response import measured
-
-        measured.check_signals(items, bodies)
-        inputs, outputs = measured.signals(items, inputs, outputs)
+    bodies = signals.bodies_with_signals(model)
+    for item in items:
+        measured.parse(item, bodies)
+    inputs, outputs = measured.signals(items, setting["inputs"], setting["outputs"])
+    if items and setting["frequency"] == FREQUENCY:
+        frequency = measured.default_grid(items)
+    else:
+        frequency = np.array(parse_frequencies(setting["frequency"]))
     wanted = Transfer(
         [signals.parse_input(text, bodies) for text in inputs or ("support.x",)],
         [signals.parse_output(text, bodies) for text in outputs or (f"{mirror(design)}.x",)],
-        _frequencies(setting, items),
+        frequency,
     )
     if not setting["closed_loop"]:
         return wanted
-    from suspension_cli.analyses.response import closed_loop
-
-    return closed_loop.close(wanted, design, model)
-
-
-def _frequencies(setting: Settings, items: Sequence[Item]) -> Array:
-    """Frequencies of the option, or of the measurements."""
-    import numpy as np
-
-    from suspension_cli.grids import parse_frequencies
-
-    if items and setting["frequency"] == FREQUENCY:
-        from suspension_cli.analyses.response import measured
-
-        return measured.default_grid(items)
-    return np.array(parse_frequencies(setting["frequency"]))
+    control.build_plant(design, model)  # raises if there are no loops
+    return ClosedTransfer(**vars(wanted), design=design)
 
 
 ANALYSIS = ResponseAnalysis()

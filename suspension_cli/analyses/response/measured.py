@@ -4,46 +4,33 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspension_cli.analyses import readings
 from suspension_cli.design import measured as tables
-from suspension_cli.design.measured import Measured, TransferFunction
-from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.design.measured import Measured
+from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
 from suspension_cli.files.declared import INLINE, in_unit
-from suspension_cli.linear import damped, eigenmodes, response
+from suspension_cli.linear import damped, response
 from suspension_cli.linear.response import Response
-from suspension_cli.linear.signals import (
-    Signal,
-    bodies_with_signals,
-    linear_form,
-    parse_input,
-    parse_output,
-)
+from suspension_cli.linear.signals import bodies_with_signals
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.measurements import read
-from suspension_cli.measurements.transfer_function import (
-    MeasuredResponse,
-    channel_weights,
-    find_transducer,
-    predict,
-    signals_of,
-)
+from suspension_cli.measurements.resonances import find_peaks
+from suspension_cli.measurements.transfer_function import Channels, MeasuredResponse
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Complex, Float, Int
+    from jaxtyping import Bool, Complex, Float
 
     from suspension_cli.analyses.response.closed_loop import ClosedTransfer
     from suspension_cli.linear.poles import Poles
 
-PROMINENCE = 2.0
-"""Ratio of a measured peak to the minima beside it from which it counts as a resonance."""
-SIGNIFICANT = 5.0
-"""Least height of a resonance above the minima beside it, standard deviations."""
 NOISY = 1 / 3
 """Uncertainty relative to the value from which a point is no evidence of a deviation."""
 RESIDUE = 1e-4
@@ -60,14 +47,13 @@ UNITS = {1e3: "mm", 1e6: "um", 1e9: "nm", 1e-3: "km"}
 
 @dataclass(frozen=True)
 class Item:
-    """A measured transfer function with the tables that say how it was measured.
+    """Measured transfer functions of a file, with the tables that say how they were measured.
 
-    `table` is one of `tables`; `file` is theirs, or "" for a bare file of data.
+    `file` is that of the tables, or "" for a bare file of data.
     """
 
     tables: Measured
-    table: TransferFunction
-    data: MeasuredResponse
+    channels: Channels
     file: str = ""
 
 
@@ -164,9 +150,7 @@ def read_files(
                 problem = "has no [[transfer_function]]"
                 remedy = "add one (docs/measurements.md), or name a file of data"
                 raise InputError([Fault("", problem, remedy)], file)
-            found = read.read_all(given, file)
-            pairs = zip(given.transfer_function, found, strict=True)
-            items += [Item(given, table, data, file) for table, data in pairs]
+            items.append(Item(given, Channels.of(given, read.read_all(given, file)), file))
             continue
         if not os.path.exists(file) or os.path.isdir(file):
             problem = "is a directory" if os.path.isdir(file) else "is missing"
@@ -180,10 +164,7 @@ def read_files(
             problem = f"has {len(found)} transfer functions"
             remedy = "name channels in a TOML file of measurements (docs/measurements.md)"
             raise InputError([Fault("", problem, remedy)], file)
-        table = TransferFunction(file=Path(file).name, input=inputs[0], output=outputs[0])
-        given = Measured(transfer_function=[table])
-        data = replace(found[0], unit=read.unit_of_value(table, given))
-        items.append(Item(given, table, data))
+        items.append(Item(Measured(), Channels.of(Measured(), found)))
     return tuple(items)
 
 
@@ -191,31 +172,22 @@ def signals(
     items: Sequence[Item], inputs: Sequence[str], outputs: Sequence[str]
 ) -> tuple[list[str], list[str]]:
     """List all signals: those given, then those that the measurements refer to."""
-    sides = [*inputs], [*outputs]
+    sides = [*outputs], [*inputs]
     for item in items:
-        for side, names in zip(sides, signals_of(item.tables), strict=True):
+        for side, names in zip(sides, item.channels.signal, strict=True):
             side += names
-    return [*dict.fromkeys(sides[0])], [*dict.fromkeys(sides[1])]
+    return [*dict.fromkeys(sides[1])], [*dict.fromkeys(sides[0])]
 
 
-def check_signals(items: Sequence[Item], known: tuple[str, ...]) -> None:
-    """Raise `InputError`, in the file of measurements, for a signal that the design lacks."""
-    for item in items:
-        sides = (parse_input, "input signal"), (parse_output, "output signal")
-        for (parse, key), names in zip(sides, signals_of(item.tables), strict=True):
-            for name in names:
-                try:
-                    parse(name, known)
-                except InputError as error:
-                    if not item.file:
-                        raise
-                    moved = [replace(fault, key=key) for fault in error.faults]
-                    raise InputError(moved, item.file) from None
+def parse(item: Item, known: tuple[str, ...]) -> readings.Signals:
+    """Find the signals of a file; raises `InputError`, in that file, if the design lacks one."""
+    with attribute_faults_to(item.file) if item.file else nullcontext():
+        return readings.parse(item.channels, item.tables, known)
 
 
 def default_grid(items: Sequence[Item]) -> Array:
     """2000 frequencies that cover all measurements and a little more, Hz."""
-    above = [item.data.frequency[item.data.frequency > 0] for item in items]
+    above = [one.frequency[one.frequency > 0] for item in items for one in item.channels.function]
     low = min((float(f[0]) for f in above if len(f)), default=0.1)
     high = max((float(f[-1]) for f in above if len(f)), default=100.0)
     return np.geomspace(low / 1.2, high * 1.2, 2000)
@@ -235,38 +207,42 @@ def compare(
     known = bodies_with_signals(model)
     plain = replace(model, terms=())  # with dampers, whose effect on poles losses do not have
     modes = damped.solve(plain)
+    oscillates = np.isfinite(modes.frequency) & (modes.frequency > 0)
+    squared = np.where(oscillates, modes.omega_squared, np.inf)
     result = []
     for item in items:
-        names = signals_of(item.tables)
-        into = [parse_input(name, known) for name in names[0]]
-        out = [parse_output(name, known) for name in names[1]]
-        at = item.data.frequency
-        if closed is None:
-            value = response.solve(model, at, into, out).value
-            poles = _contributing(model, modes, item, into, out)
-            pole, label = modes.frequency[poles], [modes.label[n] for n in poles]
-            q = modes.q[poles]
-        else:
-            value = replace(closed[0], inputs=into, outputs=out).values(model, at)
-            resonant = np.abs(closed[1].q) > 0.5
-            pole, q = closed[1].frequency[resonant], np.abs(closed[1].q[resonant])
-            label = ["closed loop"] * len(pole)
-        rows = [found.output.index(name) for name in names[1]]
-        columns = [found.input.index(name) for name in names[0]]
-        curve = found.value[:, rows][:, :, columns]
-        peaks = resonances(item.data)
-        paired = _pair(peaks, pole, pole * (MODEL_ERROR + 1 / (2 * q)))
-        result.append(
-            Comparison(
-                item.data,
-                predict(item.tables, item.table, at, value),
-                found.frequency,
-                predict(item.tables, item.table, found.frequency, curve),
-                peaks,
-                np.append(pole, np.nan)[paired],
-                tuple([*label, ""][n] for n in paired),
+        channels, (out, into) = item.channels, parse(item, known)
+        rows = [found.output.index(name) for name in channels.signal[0]]
+        columns = [found.input.index(name) for name in channels.signal[1]]
+        curves = channels.combine(found.value[:, rows][:, :, columns], found.frequency)
+        static = np.abs(readings.residues(channels, (out, into), model, modes) / squared)
+        for data, own, (sensor, actuator) in zip(
+            channels.function, static, channels.pairs, strict=True
+        ):
+            at = data.frequency
+            if closed is None:
+                value = response.solve(model, at, [*into], [*out]).value
+                poles = np.flatnonzero(own > RESIDUE * own.max(initial=0.0))
+                pole, label = modes.frequency[poles], [modes.label[n] for n in poles]
+                q = modes.q[poles]
+            else:
+                value = replace(closed[0], inputs=[*into], outputs=[*out]).values(model, at)
+                resonant = np.abs(closed[1].q) > 0.5
+                pole, q = closed[1].frequency[resonant], np.abs(closed[1].q[resonant])
+                label = ["closed loop"] * len(pole)
+            peaks = np.array([peak.frequency for peak in find_peaks(data)])
+            paired = _pair(peaks, pole, pole * (MODEL_ERROR + 1 / (2 * q)))
+            result.append(
+                Comparison(
+                    data,
+                    channels.combine(value, at)[:, sensor, actuator],
+                    found.frequency,
+                    curves[:, sensor, actuator],
+                    peaks,
+                    np.append(pole, np.nan)[paired],
+                    tuple([*label, ""][n] for n in paired),
+                )
             )
-        )
     return tuple(result)
 
 
@@ -294,60 +270,3 @@ def slip(one: Comparison) -> str:
         f"{one.data.name}: measured magnitudes are {median:.3g} times those of the model (median);"
         f" {advice}set gain = {1 / factor:g} in its [[transfer_function]]"
     )
-
-
-def resonances(data: MeasuredResponse) -> Array:
-    """Find resonances in a measured transfer function, Hz.
-
-    Each is a local maximum that exceeds the minima beside it by `PROMINENCE` and, where
-    uncertainties are known, by `SIGNIFICANT` of them. Its frequency is the modulus of the pole p of
-    (a + b s)/(s - p), fitted to the five points around it by linear least squares.
-    """
-    size = np.abs(data.value)
-    if len(size) < 3 or not (size > 0).all():
-        return np.array([])
-    from scipy.signal import find_peaks
-
-    tops, about = find_peaks(np.log(size), prominence=np.log(PROMINENCE))
-    below = size[tops] * np.exp(-about["prominences"])
-    sigma = data.uncertainty[tops]
-    tops = tops[~(size[tops] - below < SIGNIFICANT * sigma)]  # NaN: kept
-    return np.array([_refined(data, int(n)) for n in tops])
-
-
-def _refined(data: MeasuredResponse, top: int) -> float:
-    """Frequency of the pole fitted around a maximum; the maximum if it is beyond the neighbours."""
-    near = slice(max(top - 2, 0), top + 3)
-    f, h = data.frequency[near], data.value[near]
-    centre, scale = data.frequency[top], np.abs(data.value[top])
-    s = 1j * (f - centre) / centre  # a + b s + p h = s h
-    matrix = np.stack([np.ones_like(s), s, h / scale], axis=1)
-    fitted = np.linalg.lstsq(matrix, s * h / scale, rcond=None)[0]
-    at = centre * np.hypot(1 + fitted[2].imag, fitted[2].real)
-    between = data.frequency[top - 1] < at < data.frequency[top + 1]
-    return float(at if between else centre)
-
-
-def _contributing(
-    model: LinearSystem, modes: eigenmodes.Modes, item: Item, into: list[Signal], out: list[Signal]
-) -> Int[np.ndarray, " contributing"]:
-    """Numbers of the oscillating modes that contribute to a measured transfer function.
-
-    A mode v contributes (s v)(v f)/omega^2 to the static response of an output s to a force f;
-    motion of the support acts as the force of its stiffness.
-    """
-    at = [1.0]
-    names = signals_of(item.tables)
-    sense = channel_weights(find_transducer(item.table.output, item.tables.sensor), names[1], at)
-    drive = channel_weights(find_transducer(item.table.input, item.tables.actuator), names[0], at)
-    row = sense[0] @ np.array([linear_form(signal, model) for signal in out])
-    forces = [linear_form(signal, model) for signal in into]
-    for n, signal in enumerate(into):
-        if not signal.acts:
-            moved = model.driven_by_ground if signal.is_ground else model
-            forces[n] = -np.real(moved.stiffness) @ forces[n]
-    force = drive[0] @ np.array(forces)
-    residue = np.abs(modes.shape @ row[6:]) * np.abs(modes.shape @ force[6:])
-    oscillates = np.isfinite(modes.frequency) & (modes.frequency > 0)
-    residue = np.where(oscillates, residue, 0.0) / np.where(oscillates, modes.omega_squared, 1.0)
-    return np.flatnonzero(residue > RESIDUE * residue.max(initial=0.0))

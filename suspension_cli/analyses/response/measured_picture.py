@@ -47,16 +47,11 @@ def draw(
         points = [_points(measured[n], looks[n], measured[n].data.value) for n in own]
         key = [Line([], [], measured[n].data.name, *looks[n]) for n in own if many]
         near = np.concatenate([_nearby(measured[n]) for n in own])
-        peaks = [
-            (
-                float(peak),
-                float(abs(one.data.value[np.abs(one.data.frequency - peak).argmin()])),
-                "",
-            )
-            for one in (measured[n] for n in own)
-            for peak in one.peak
-        ]
-        peaks = [(at, 20 * np.log10(y) if kind == "db" else y, "") for at, y, _ in peaks if y > 0]
+        peaks = []
+        for one, peak in ((measured[n], peak) for n in own for peak in measured[n].peak.tolist()):
+            size = float(abs(one.data.value[np.abs(one.data.frequency - peak).argmin()]))
+            if size > 0:
+                peaks.append((peak, 20 * np.log10(size) if kind == "db" else size, ""))
         height = float(np.clip(ALL / len(units), 1.1, TALL))
         limits = panels.limit_sizes(near, kind)
         label = label_magnitude(unit, kind == "db")

@@ -3,8 +3,7 @@
 Near a pole p, a response is H = b + r / (omega - p), with b from all other poles. Three points of H
 give b, r and p, and with them the place and height of the peak; three points there, closer
 together, give the next estimate. The search starts at every mode and at every local maximum on the
-grid. A response that still varies within rounding of the frequency has a pole without loss there:
-its peak is infinite.
+grid. A peak narrower than the rounding of frequencies is that of a pole without loss: infinite.
 """
 
 from __future__ import annotations
@@ -15,10 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.errors import InputError
-from suspension_cli.linear import eigenmodes, response
 from suspension_cli.linear.response import Peaks, Response
-from suspension_cli.linear.signals import Signal
-from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
@@ -39,30 +35,13 @@ FLAT = 1e-7
 """Relative change of the peak from step to step at which the search ends."""
 LOW = 0.1
 """Peaks that promise less than this share of the largest are not followed."""
-SHARP = 1e-11
-"""Relative width of a peak below which it may be infinite."""
-BESIDE = 3e-13
-"""Relative distance from a peak at which it must not have fallen, unless it is infinite."""
-STEEP = 2.0
-"""Ratio of an infinite peak to its value beside."""
 
 
-def find_peaks(
-    model: LinearSystem,
-    answer: Response,
-    inputs: list[Signal],
-    outputs: list[Signal],
-    solve: Solve | None = None,
-    resonances: Array | None = None,
-) -> Peaks:
+def find_peaks(answer: Response, solve: Solve, resonances: Array) -> Peaks:
     """Find the largest magnitude of every response within the band of its grid.
 
-    `solve` and `resonances` (Hz) replace the responses and the modes of the model.
+    `resonances` are the modes or poles of the model, Hz.
     """
-    if solve is None:
-        solve = lambda at: response.solve(model, at, inputs, outputs).value  # noqa: E731
-    if resonances is None:
-        resonances = eigenmodes.solve(model.constant).frequency
     frequency, shape = answer.frequency, answer.value.shape[1:]
     size = np.abs(answer.value).reshape(len(frequency), -1)
     best, where = size.max(0), frequency[size.argmax(0)]
@@ -70,7 +49,6 @@ def find_peaks(
     centre, distance = _starts(resonances, frequency, size)
     # every response near every start; later the estimates that are worth following
     row, pair = np.divmod(np.arange(len(centre) * len(best)), len(best))
-    sharp = False
     for step in range(STEPS):
         at = np.clip(centre[:, None] * (1 + distance[:, None] * np.array([-1, 0, 1])), *band)
         value = _values(solve, at) if len(row) else None
@@ -81,22 +59,19 @@ def find_peaks(
         best, where = np.where(higher, (top.max(0), at.ravel()[top.argmax(0)]), (best, where))
         own, centre, distance = value[row, :, pair], centre[row], distance[row]
         place, height, width = _peak(at[row], own)
-        place, sharp = np.clip(place, *band), sharp | bool((width < SHARP * place).any())
+        place = np.clip(place, *band)
         moved, reached = np.abs(place / centre - 1), np.abs(own).max(1)
         on = moved < 3 * distance
         if step:
-            on &= (height > LOW * best[pair]) & (distance > NARROWEST)
-            on &= height > (1 + FLAT) * reached
+            on &= (height > LOW * best[pair]) & (height > (1 + FLAT) * reached)
+            on &= distance > NARROWEST
+        inside = (place > band[0]) & (place < band[1])
+        lossless = on & inside & (width < NARROWEST * place) & (moved < FLAT)
+        best[pair[lossless]], where[pair[lossless]] = np.inf, place[lossless]
         next_distance = np.maximum(width / place, CLOSER * moved)
         distance = np.clip(next_distance, NARROWEST, distance / 2)
         centre, distance, pair = place[on], distance[on], pair[on]
         row = np.arange(len(pair))
-    beside = None
-    if sharp:
-        beside = _values(solve, where[:, None] * (1 + BESIDE * np.array([-1.0, 1.0])))
-    if beside is not None:
-        level = np.abs(np.einsum("pkp->pk", beside)).max(1)
-        best = np.where(best > STEEP * level, np.inf, best)
     return Peaks(where.reshape(shape), best.reshape(shape))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,8 +15,8 @@ from suspension_cli.drawing.added_points import add_from_model
 from suspension_cli.drawing.panels import Across, Line, Panel, Scale
 from suspension_cli.drawing.style import stage_colours
 from suspension_cli.linear import eigenmodes, signals
-from suspension_cli.linear import response as responses
 from suspension_cli.linear.response import Response
+from suspension_cli.models.choice import Transfer
 
 if TYPE_CHECKING:
     from matplotlib.typing import LineStyleType
@@ -103,14 +104,12 @@ def refine(result: Result) -> Response:
         inputs = [signals.parse_input(text, known) for text in data.input]
         outputs = [signals.parse_output(text, known) for text in data.output]
         if data.closed_loop:
-            from suspension_cli.analyses.damp import control
+            from suspension_cli.analyses.response.closed_loop import ClosedTransfer
 
-            plant = control.build_plant(result.design, model)
-            return (lambda at: control.solve_responses(plant, at, inputs, outputs).value), np.empty(
-                0
-            )
+            closed = ClosedTransfer(inputs, outputs, data.frequency, result.design)
+            return partial(closed.values, model), np.empty(0)
         modes = eigenmodes.solve(model.constant).frequency
-        return (lambda at: responses.solve(model, at, inputs, outputs).value), modes
+        return partial(Transfer(inputs, outputs, data.frequency).values, model), modes
 
     few = data.value[0].size <= MANY
     frequency, value = add_from_model(build, data.frequency, data.value, few=few)

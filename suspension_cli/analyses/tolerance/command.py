@@ -62,21 +62,18 @@ class ToleranceAnalysis(Analysis):
             "--builds",
             type=click.IntRange(1, 1_000_000_000),
             default=10_000,
-            show_default=True,
             help="Number of random builds.",
         ),
         option(
             "--seed",
             type=click.IntRange(0, 2**64 - 1),
             default=1,
-            show_default=True,
             help="Seed of the random numbers; the same seed gives the same builds.",
         ),
         option(
             "--limit",
             type=click.FloatRange(0.0, min_open=True),
             default=1e-3,
-            show_default=True,
             help="Limit on the cross-coupling, whose yield is printed.",
         ),
         option(
@@ -92,7 +89,6 @@ class ToleranceAnalysis(Analysis):
             "--sampling",
             type=click.Choice(("random", "sobol")),
             default="random",
-            show_default=True,
             help=(
                 "Independent builds, or 8 scrambled Sobol sequences, whose statistical errors are"
                 " smaller."

@@ -65,7 +65,6 @@ class CouplingAnalysis(Analysis):
         option(
             "--sweep",
             default="k,offset",
-            show_default=True,
             metavar="NAME[=GRID],...",
             help="Imperfections (k, offset, lower_offset, length, mass, com, ...) or dotted paths.",
         ),
@@ -79,7 +78,6 @@ class CouplingAnalysis(Analysis):
             "--hold",
             type=click.Choice(["loaded-length", "natural-length"]),
             default="loaded-length",
-            show_default=True,
             help="Length that stays the same when the wire changes.",
         ),
         *options.COUPLING,

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
+from suspension_cli.design.derive import set_geometry
+from suspension_cli.design.faults import convert
 from suspension_cli.design.sumcon.save import Tables
-from suspension_cli.design.sumcon.toml import plain, word
+from suspension_cli.design.wires import WireSet
 from suspension_cli.errors import InputError
 
 GRAVITY = 9.81
 LONGEST_BENDS = 0.45
 """Fraction of a wire that its bends may take for hinges; the string model refuses half."""
+TWELFTH = math.pi / 12
+"""Angle whose multiples are taken as exact, rad."""
 
 
 @dataclass(frozen=True)
@@ -245,50 +250,37 @@ def _set_length(body: Body, start: np.ndarray) -> None:
 
 
 def symmetric(tops: Sequence[np.ndarray], bottoms: Sequence[np.ndarray]) -> dict[str, Any] | None:
-    """Keys of a symmetric set of wires with these ends; None if they are not symmetric."""
+    """Keys of a symmetric set of wires with these ends; None if they are not symmetric.
 
-    def same(values: Sequence[complex] | np.ndarray, value: complex) -> bool:
-        return bool(np.allclose(values, value, rtol=1e-6, atol=1e-9))
+    The wire above the quadrant of positive x and y proposes a grid and a ring; a set whose wires
+    have all these ends, in any order, is it.
+    """
+    given = np.array([[*top, *bottom] for top, bottom in zip(tops, bottoms, strict=True)])
+    x, y, top, u, v, bottom = map(float, max(given, key=lambda ends: tuple(ends[:2] > -1e-9)))
+    count, across = len(given), {"t1": y, "t2": v}
+    radius, turn = math.hypot(x, y), min(np.arctan2(given[:, 1], given[:, 0]) % math.tau)
+    if abs(math.remainder(turn, TWELFTH)) < 1e-9:
+        turn = round(turn / TWELFTH) * TWELFTH
+    ring = _pair("ring", radius, (u * x + v * y) / max(radius, 1e-9))
+    further = {"d": bottom, "d_upper": -top}
+    for keys in {1: [{}], 2: [across, ring]}.get(count, [_pair("s", x, u) | across, ring]):
+        optional = {"phase": float(turn)} | further if keys is ring else further
+        own = keys | {key: value for key, value in optional.items() if value}
+        try:
+            wires = convert({"count": count, "l": 1e5, "k": 1.0} | own, WireSet)
+        except InputError:
+            continue
+        made = [[*upper, top, *lower, bottom] for upper, lower in set_geometry(wires).ends]
+        same = np.isclose(given[:, None], made, rtol=1e-6, atol=1e-9).all(-1)
+        if same.any(0).all() and same.any(-1).all():
+            return own
+    return None
 
-    count = len(tops)
-    upper, lower = (np.array([complex(*point[:2]) for point in own]) for own in (tops, bottoms))
-    if not all(same([point[2] for point in own], own[0][2]) for own in (tops, bottoms)):
-        return None
-    heights = {"d": bottoms[0][2], "d_upper": -tops[0][2]}
-    keys = {key: float(value) for key, value in heights.items() if value}
-    if count == 1:
-        return keys if same([*upper, *lower], 0.0) else None
-    corners = {(round(np.sign(z.real)), round(np.sign(z.imag))) for z in np.round(upper, 12)}
-    alike = [np.abs(np.real(own)) + 1j * np.abs(np.imag(own)) for own in (upper, lower)]
-    a, b = (own[0] for own in alike)
-    straight = same(alike[0], a) and same(alike[1], b)
-    crossed = any(
-        u.real * w.real < 0 or u.imag * w.imag < 0 for u, w in zip(upper, lower, strict=True)
-    )
-    if straight and not crossed and min(a.imag, b.imag) > 0 and len(corners) == count:
-        across = {"t1": float(a.imag), "t2": float(b.imag)}
-        if count == 2 and max(a.real, b.real) < 1e-9:
-            return across | keys
-        if count == 4 and min(a.real, b.real) > 0:
-            along = {"s": float(a.real)}
-            if not same([a.real], b.real):
-                along = {"s_upper": float(a.real), "s_lower": float(b.real)}
-            return along | across | keys
-    if min(abs(upper)) < 1e-9 or min(abs(lower)) < 1e-9:
-        return None
-    even = same((upper / upper[0]) ** count, 1.0)
-    distinct = len(set(np.round(np.angle(upper / upper[0]) % (math.tau - 1e-6), 3))) == count
-    ratio = lower / upper
-    if not (even and distinct and same(ratio, abs(ratio[0]))):
-        return None
-    ring = {"ring": float(abs(upper[0]))}
-    if not same(ratio, 1.0):
-        ring = {"ring_upper": float(abs(upper[0])), "ring_lower": float(abs(lower[0]))}
-    phase, twelfth = min(np.angle(upper) % math.tau), math.pi / 12
-    phase = (
-        round(phase / twelfth) * twelfth if abs(math.remainder(phase, twelfth)) < 1e-9 else phase
-    )
-    return ring | ({"phase": float(phase)} if phase else {}) | keys
+
+def _pair(name: str, upper: float, lower: float) -> dict[str, float]:
+    if math.isclose(upper, lower, rel_tol=1e-6):
+        return {name: upper}
+    return {f"{name}_upper": upper, f"{name}_lower": lower}
 
 
 def hinge_notes(body: Body) -> Iterator[str]:
@@ -312,3 +304,14 @@ def hinge_notes(body: Body) -> Iterator[str]:
 def names_of(wires: list[Wire]) -> str:
     """First and last name of wires."""
     return wires[0].name + (f" to {wires[-1].name}" if len(wires) > 1 else "")
+
+
+def plain(text: str, most: int = 60) -> str:
+    """Text for a comment or a title: printable characters in one line."""
+    return "".join(one if one.isprintable() else " " for one in text)[:most].strip()
+
+
+def word(text: str, default: str) -> str:
+    """Name of a table: letters, digits, _ and -, starting with a letter."""
+    bare = re.sub(r"[^A-Za-z0-9_]+", "-", text).strip("-")[:60]
+    return bare if re.match(r"[A-Za-z]", bare) else f"{default}-{bare}".rstrip("-")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import tempfile
@@ -21,13 +22,14 @@ from suspension_cli.design.sumcon.bodies import (
     hinge_notes,
     names_of,
     order,
+    plain,
     read_bodies,
     symmetric,
     turned,
     turned_matrix,
+    word,
 )
 from suspension_cli.design.sumcon.save import Tables, read_tables
-from suspension_cli.design.sumcon.toml import plain, table, word
 from suspension_cli.errors import InputError, attribute_faults_to
 from suspension_cli.files import bounded
 
@@ -214,7 +216,8 @@ def _wire_set(body: Body, on_keystone: bool, tables: Tables) -> Iterator[str]:
     if on_keystone:
         shape.pop("d_upper", None)
     keys = {"count": count, "l": body.length} | shape | _elastic(wire, tables)
-    yield from table("stage.wires", keys, f"SUMCON: {names_of(body.wires)}", k=_doubt(wire, tables))
+    doubt = _doubt(body.wires[0], tables)
+    yield from table("stage.wires", keys, f"SUMCON: {names_of(body.wires)}", k=doubt)
     if wire.spring is not None and not on_keystone:
         names = ", ".join(plain(one.spring[7]) for one in body.wires if one.spring)
         keys = {"count": count} | _blade(wire.spring, body)
@@ -441,3 +444,27 @@ def _table_file(own: list[Any], turned_part: float) -> str:
     rows = np.column_stack([frequency, *(part for one in axes for part in (one.real, one.imag))])
     head = "# frequency in Hz; real and imaginary part of x, y, z, roll, pitch, yaw"
     return "\n".join([head, *(",".join(f"{v:.6g}" for v in row) for row in rows), ""])
+
+
+def table(head: str, keys: dict[str, Any], comment: str = "", **comments: str) -> list[str]:
+    """Lines of a table, after an empty one; `comments` stand beside their keys."""
+    lines = ["", f"[{head}]" + (f"  # {comment}" if comment else "")]
+    for key, value in keys.items():
+        text = repr(value) if key == "phase" else _value(value)  # rounding spoils its symmetry
+        lines.append(f"{key} = {text}" + (f"  # {comments[key]}" if comments.get(key) else ""))
+    return lines
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, bool | str):
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, dict):
+        return f"{{ {', '.join(f'{key} = {_value(one)}' for key, one in value.items())} }}"
+    if isinstance(value, int):
+        return str(value)
+    if not isinstance(value, float):
+        return f"[{', '.join(map(_value, value))}]"
+    mantissa, _, power = f"{value:.8e}".partition("e")
+    if -4 <= int(power) < 6:
+        return repr(float(f"{value:.9g}"))
+    return f"{mantissa.rstrip('0').rstrip('.')}e{int(power)}"

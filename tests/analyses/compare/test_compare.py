@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import suspension_cli as sus
-from suspension_cli.analyses.compare.design_changes import find_changes
+from suspension_cli.analyses.compare.solve import find_changes
 from tests.support.commandline import assert_refused, run, strict_json, written
 
 TRIPLE, DOUBLE = sus.example("geo-silica-triple"), sus.example("double")

@@ -8,7 +8,7 @@ import pytest
 from matplotlib.text import Text
 
 import suspension_cli as sus
-from suspension_cli.analyses.damp import control, control_statespace
+from suspension_cli.analyses.damp import closed_loop_poles, control
 from suspension_cli.design import foton
 from suspension_cli.files.hdf5 import open_results
 from suspension_cli.linear import poles
@@ -44,19 +44,8 @@ def done(tmp_path_factory):
     """The file, the JSON and the results of one run."""
     folder = tmp_path_factory.mktemp("damp")
     file = written(folder, damped(), "triple.toml")
-    result = run(
-        "damp",
-        file,
-        "--json",
-        "--out",
-        folder / "out",
-        "--frequency",
-        "0.1:50:101",
-        "--duration",
-        "20",
-        "--fidelity",
-        "force",
-    )
+    options = ("--frequency", "0.1:50:101", "--duration", "20", *QUICK)
+    result = run("damp", file, "--json", "--out", folder / "out", *options)
     assert result.exit_code == 0, result.stderr
     path = folder / "out" / "triple-damp.h5"
     return strict_json(result.stdout), sus.load(path).data, path
@@ -138,7 +127,7 @@ def test_results_are_those_of_the_library(done):
     gains = control.compute_loop_gains(closed, loaded.frequency)
     np.testing.assert_array_equal(loaded.gain, gains)
     np.testing.assert_array_equal(loaded.noise, answer.noise[:, 0])
-    system = control_statespace.build_closed_loop(closed, inputs, outputs)
+    system = closed_loop_poles.build_closed_loop(closed, inputs, outputs)
     np.testing.assert_allclose(
         loaded.impulse, poles.impulse(system, loaded.time)[:, 0, 0], rtol=1e-12, atol=1e-18
     )
@@ -154,22 +143,8 @@ def test_options_of_the_run(tmp_path):
         run("damp", file, "--json", "--out", tmp_path, "--frequency", "1,2", *QUICK).stdout
     )
     assert (answer["output"], answer["impulse"]) == ("middle.yaw", "middle.torque_yaw")
-    answer = strict_json(
-        run(
-            "damp",
-            file,
-            "--json",
-            "--out",
-            tmp_path,
-            "--output",
-            "test.z@0,0.1,0",
-            "--impulse",
-            "support.z",
-            "--frequency",
-            "1,2",
-            *QUICK,
-        ).stdout
-    )
+    options = ("--output", "test.z@0,0.1,0", "--impulse", "support.z", "--frequency", "1,2")
+    answer = strict_json(run("damp", file, "--json", "--out", tmp_path, *options, *QUICK).stdout)
     assert (answer["output"], answer["impulse"], answer["frequency_hz"]) == (
         "test.z@0,0.1,0",
         "support.z",
@@ -180,16 +155,9 @@ def test_options_of_the_run(tmp_path):
 
 
 def test_table_for_people(tmp_path):
-    result = run(
-        "damp",
-        written(tmp_path, damped(["x", "pitch"]), "triple.toml"),
-        "--no-plot",
-        "--out",
-        tmp_path / "out",
-        "--frequency",
-        "0.1:50:50",
-        *QUICK,
-    )
+    file = written(tmp_path, damped(["x", "pitch"]), "triple.toml")
+    options = ("--no-plot", "--frequency", "0.1:50:50", *QUICK)
+    result = run("damp", file, "--out", tmp_path / "out", *options)
     assert result.exit_code == 0
     assert "closed-loop pole" in result.stdout
     assert "loop-pitch" in result.stdout
@@ -214,12 +182,8 @@ def test_a_loop_that_drives_itself(tmp_path):
         for pole in answer["poles"]
     )
     assert "warning: the closed loop is unstable" in result.stderr
-    assert (
-        "grows"
-        in run(
-            "damp", file, "--no-plot", "--out", tmp_path / "out", "--frequency", "1,2", *QUICK
-        ).stdout
-    )
+    options = ("--no-plot", "--frequency", "1,2", *QUICK)
+    assert "grows" in run("damp", file, "--out", tmp_path / "out", *options).stdout
 
 
 @pytest.mark.parametrize("kind", ["rigid yaw", "lossless"])
@@ -283,10 +247,8 @@ def test_nothing_to_close(tmp_path):
 )
 def test_bad_options(options, tmp_path):
     file, out = written(tmp_path, damped(), "triple.toml"), tmp_path / "out"
-    assert (
-        len(assert_refused(run("damp", file, "--json", "--out", out, *QUICK, *options), file, out))
-        == 1
-    )
+    refused = run("damp", file, "--json", "--out", out, *QUICK, *options)
+    assert len(assert_refused(refused, file, out)) == 1
 
 
 def test_the_loops_that_are_drawn():
@@ -301,17 +263,8 @@ def test_the_loops_that_are_drawn():
 
 
 def test_an_unstable_plant_may_be_requested(tmp_path):
-    result = run(
-        "damp",
-        written(tmp_path, damped()),
-        "--json",
-        "--out",
-        tmp_path,
-        "--frequency",
-        "1,2",
-        "--allow-unstable",
-        *UNSTABLE,
-    )
+    options = ("--frequency", "1,2", "--allow-unstable", *UNSTABLE)
+    result = run("damp", written(tmp_path, damped()), "--json", "--out", tmp_path, *options)
     assert result.exit_code == 0, result.stderr
     assert strict_json(result.stdout)["stable"] is False
 

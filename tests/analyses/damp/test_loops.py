@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from suspension_cli.analyses.damp import control, control_statespace, margins
+from suspension_cli.analyses.damp import closed_loop_poles, control, margins
 from tests.support import plants, scenes
 
 GRID = np.geomspace(0.05, 50, 41)
@@ -76,7 +76,7 @@ def test_filters(how):
             ):
                 expected *= (1j * GRID + value) ** power
     np.testing.assert_allclose(control.evaluate_filter(one, GRID), expected, rtol=1e-14)
-    a, b, c, d = control_statespace.realise_filter(one)
+    a, b, c, d = closed_loop_poles.realise(one)
     assert all(np.isrealobj(matrix) for matrix in (a, b, c, d))
     s = 2j * np.pi * GRID
     found = [(c @ np.linalg.solve(x * np.eye(len(a)) - a, b) + d)[0, 0] for x in s]

@@ -125,14 +125,11 @@ def test_a_body_that_nothing_holds(c):
 def of(design, level):
     """Margins of a design's loops on a model."""
     model = registry.by_name(level).system(design)
-    plant, constant = (
-        control.build_plant(design, model),
-        control.build_plant(design, with_constant_loss(model)),
-    )
-    return all_margins(plant, constant)
+    return all_margins(control.build_plant(design, model))
 
 
-def all_margins(plant, constant):
+def all_margins(plant):
+    constant = replace(plant, model=with_constant_loss(plant.model))
     closed = closed_loop_poles.find(plant)
     corners = damp.find_corner_frequencies(constant, closed)
     return margins.compute_margins(
@@ -142,7 +139,7 @@ def all_margins(plant, constant):
 
 @cache
 def both(level, overrides, loops=range(6)):
-    """The plant of the damped design with its losses, that with those of modes, and the margins."""
+    """The plant of the damped design with some of its loops, and the margins."""
     design = read(DAMPED, overrides).design
     design = msgspec.structs.replace(
         design,
@@ -151,11 +148,8 @@ def both(level, overrides, loops=range(6)):
         ),
     )
     model = registry.by_name(level).system(design)
-    plant, constant = (
-        control.build_plant(design, model),
-        control.build_plant(design, with_constant_loss(model)),
-    )
-    return plant, constant, all_margins(plant, constant)
+    plant = control.build_plant(design, model)
+    return plant, all_margins(plant)
 
 
 def scaled(plant, n, factor):
@@ -171,7 +165,7 @@ def growing(plant, n=0, factor=1.0):
     return int((closed_loop_poles.find(scaled(plant, n, factor)).growth_rate > 0).sum())
 
 
-def loops_with_limits(plant, constant, found, loops, near):
+def loops_with_limits(plant, found, loops, near):
     """Just inside each gain margin as many poles grow as now, just beyond it others; returns the
     loops that have a gain margin."""
     now = growing(plant)
@@ -224,17 +218,14 @@ def test_random_filters():
         )
     design = plants.scenes.design_of(raw | {"control": {"loop": loops}})
     model = registry.BEAM.system(design)
-    plant, constant = (
-        control.build_plant(design, model),
-        control.build_plant(design, with_constant_loss(model)),
-    )
-    assert loops_with_limits(plant, constant, all_margins(plant, constant), range(2), 1e-7)
+    plant = control.build_plant(design, model)
+    assert loops_with_limits(plant, all_margins(plant), range(2), 1e-7)
 
 
 def test_phase_margin_is_that_of_a_delay():
     """L exp(-i phase) goes through -1, so the loop with that lag put into it has a pole on the axis
     at the frequency given."""
-    plant, _, margins_of = both("beam", ())
+    plant, margins_of = both("beam", ())
     for n, found in enumerate(margins_of):
         gain = control.compute_loop_gains(plant, np.array([found.phase_frequency]))[0, n]
         assert abs(gain) == pytest.approx(1.0, rel=1e-6)
@@ -244,14 +235,14 @@ def test_phase_margin_is_that_of_a_delay():
 def test_a_roll_mode_without_loss():
     """Its circle has become a line: the loop passes the unit circle close to the resonance, 47
     degrees from -1."""
-    _, _, found = both("string", (f"{STEEL}=0",), SIDEWAYS_AND_UP)
+    _, found = both("string", (f"{STEEL}=0",), SIDEWAYS_AND_UP)
     assert found[2].phase == pytest.approx(47.03, abs=0.05)
     assert found[2].phase_frequency == pytest.approx(51.81581, abs=1e-4)
 
 
 def test_a_stretching_mode_limits_the_loop():
     """One of Q 1.6e7 limits the z loop to 2.683 times its gain."""
-    _, _, found = both("beam", (f"{STEEL}=1e-7",), SIDEWAYS_AND_UP)
+    _, found = both("beam", (f"{STEEL}=1e-7",), SIDEWAYS_AND_UP)
     assert found[1].gain_up == pytest.approx(2.6833, abs=1e-3)
     assert found[1].distance == pytest.approx(0.6150, abs=1e-3)
 
@@ -284,17 +275,7 @@ def test_the_file_of_an_unstable_loop_has_no_margins(tmp_path):
             ]
         }
     }
-    assert (
-        run(
-            "damp",
-            written(tmp_path, raw, "triple.toml"),
-            "--out",
-            tmp_path,
-            "--frequency",
-            "1,2",
-            "--no-plot",
-        ).exit_code
-        == 0
-    )
+    options = ("--frequency", "1,2", "--no-plot", "--out", tmp_path)
+    assert run("damp", written(tmp_path, raw, "triple.toml"), *options).exit_code == 0
     found = sus.load(tmp_path / "triple-damp.h5")
     assert not found.stable and found.margin is None

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from suspension_cli.analyses.export import command, file
-from suspension_cli.analyses.export import file as files
+from suspension_cli.analyses.export import command
 from suspension_cli.analyses.export import solve as export
+from suspension_cli.analyses.export.file import FORMATS, python_control
 from suspension_cli.files.hdf5 import Provenance, open_results
 from suspension_cli.linear import eigenmodes, signals
 from tests.support import plants
@@ -41,61 +41,50 @@ def matrices(system):
     return dict(zip(MATRICES, (system.a, system.b, system.c, system.d), strict=True))
 
 
-def test_matlab(made, origin, tmp_path):
-    path = tmp_path / "triple.mat"
-    files.FORMATS["mat"].write(path, made, origin)
-    read = loadmat(path, simplify_cells=True)["pendsus"]
-    for name, matrix in matrices(made.system).items():
-        np.testing.assert_array_equal(read[name], matrix)
-    for name in NAMES:
-        assert tuple(read[name]) == getattr(made.system, name)
-    # a column of cells
-    assert loadmat(path)["pendsus"]["state"][0, 0].shape == (len(made.system.state), 1)
-    assert tuple(read["band_hz"]) == made.band
-    assert (read["tolerance"], read["worst_error"]) == (made.tolerance, made.worst)
-    assert (read["design"], read["command"], read["fidelity"]) == (
-        origin.design,
-        origin.command,
-        origin.fidelity,
-    )
+def read_mat(path):
+    # names are columns of cells
+    assert loadmat(path)["pendsus"]["state"][0, 0].shape[1] == 1
+    return loadmat(path, simplify_cells=True)["pendsus"]
 
 
-def test_numpy(made, origin, tmp_path):
-    path = tmp_path / "triple.npz"
-    files.FORMATS["npz"].write(path, made, origin)
+def read_npz(path):
     with np.load(path, allow_pickle=False) as read:
-        for name, matrix in matrices(made.system).items():
-            np.testing.assert_array_equal(read[name], matrix)
-        for name in NAMES:
-            assert tuple(read[name]) == getattr(made.system, name)
-        assert tuple(read["band_hz"]) == made.band
-        assert str(read["design"]) == origin.design
+        return {name: read[name] for name in read.files}
 
 
-def test_hdf5(made, origin, tmp_path):
-    path = tmp_path / "triple.h5"
-    files.FORMATS["hdf5"].write(path, made, origin)
+def read_hdf5(path):
     with open_results(path) as file:
-        assert file.attrs["design"] == origin.design
-        group = file["statespace"]
-        for name, matrix in matrices(made.system).items():
-            np.testing.assert_array_equal(group[name][:], matrix)
+        group, axes = file["statespace"], {}
+        for name, ends in zip(
+            "ABCD", ("state state", "state input", "output state", "output input"), strict=True
+        ):
+            axes[name] = ends.split()
             assert group[name].attrs["units"]
-        axes = {
-            "A": ("state", "state"),
-            "B": ("state", "input"),
-            "C": ("output", "state"),
-            "D": ("output", "input"),
-        }
-        for name, (rows, columns) in axes.items():
-            assert [axis.label for axis in group[name].dims] == [rows, columns]
-            assert [next(iter(axis.values())).name for axis in group[name].dims] == [
-                f"/statespace/{rows}",
-                f"/statespace/{columns}",
-            ]
-        for name in NAMES:
-            assert tuple(group[name].asstr()[:]) == getattr(made.system, name)
-        assert tuple(group.attrs["band_hz"]) == made.band
+            assert [axis.label for axis in group[name].dims] == axes[name]
+            scales = [next(iter(axis.values())).name for axis in group[name].dims]
+            assert scales == [f"/statespace/{axis}" for axis in axes[name]]
+        names = {name: group[name].asstr()[:] for name in NAMES}
+        return {**file.attrs, **group.attrs, **names, **{name: group[name][:] for name in MATRICES}}
+
+
+def read_control(path):
+    return json.loads(path.read_text())
+
+
+@pytest.mark.parametrize("read", [read_mat, read_npz, read_hdf5, read_control])
+def test_formats(read, made, origin, tmp_path):
+    form = read.__name__.removeprefix("read_")
+    path = tmp_path / "triple.h5"
+    FORMATS[form].write(path, made, origin)
+    found = read(path)
+    for name, matrix in matrices(made.system).items():
+        np.testing.assert_array_equal(found[name], matrix)
+    for name in NAMES:
+        assert tuple(found[name]) == getattr(made.system, name)
+    assert tuple(found["band_hz"]) == made.band
+    assert (found["tolerance"], found["worst_error"]) == (made.tolerance, made.worst)
+    assert str(found["design"]) == origin.design
+    assert (str(found["command"]), str(found["fidelity"])) == (origin.command, origin.fidelity)
 
 
 def test_zero_pole_gain(origin, tmp_path):
@@ -107,7 +96,7 @@ def test_zero_pole_gain(origin, tmp_path):
         zpk=True,
     )
     path = tmp_path / "triple-zpk.h5"
-    files.FORMATS["zpk"].write(path, made, origin)
+    FORMATS["zpk"].write(path, made, origin)
     with open_results(path) as file:
         group = file["zpk"]
         np.testing.assert_array_equal(group["gain"][:], made.zpk.gain)
@@ -121,7 +110,7 @@ def test_zero_pole_gain(origin, tmp_path):
 
 def test_python_control(made):
     control = pytest.importorskip("control")
-    system = files.python_control(made)
+    system = python_control(made)
     assert isinstance(system, control.StateSpace)
     for name, matrix in matrices(made.system).items():
         np.testing.assert_array_equal(getattr(system, name), matrix)
@@ -146,38 +135,18 @@ def test_zero_states_still_have_shapes(origin, tmp_path):
     model = plants.model("triple", "force")
     made = export.build(model, plants.drives(model, "support.x"), plants.motions(model, "test.z"))
     for form, name in (("mat", "a.mat"), ("npz", "a.npz"), ("hdf5", "a.h5"), ("control", "a.json")):
-        files.FORMATS[form].write(tmp_path / name, made, origin)
+        FORMATS[form].write(tmp_path / name, made, origin)
     assert json.loads((tmp_path / "a.json").read_text())["D"] == [[0.0]]
     with np.load(tmp_path / "a.npz") as read:
         assert read["D"].tolist() == [[0.0]]
         assert read["B"].shape == (len(made.system.state), 1)
 
 
-@pytest.mark.parametrize(
-    ("form", "suffix"),
-    [
-        ("mat", ".mat"),
-        ("npz", ".npz"),
-        ("hdf5", ".h5"),
-        ("zpk", "-zpk.h5"),
-        ("control", "-control.json"),
-    ],
-)
+@pytest.mark.parametrize(("form", "suffix"), [(n, one.suffix) for n, one in FORMATS.items()])
 def test_the_command(form, suffix, tmp_path):
     file = written(tmp_path, plants.raw("triple"), "triple.toml")
-    result = run(
-        "export",
-        file,
-        "--format",
-        form,
-        "--input",
-        "support.x",
-        "--output",
-        "test.x",
-        "--json",
-        "--out",
-        tmp_path / "out",
-    )
+    signal = ("--input", "support.x", "--output", "test.x")
+    result = run("export", file, "--format", form, *signal, "--json", "--out", tmp_path / "out")
     assert result.exit_code == 0, result.stderr
     answer = strict_json(result.stdout)
     path = tmp_path / "out" / f"triple-statespace{suffix}"
@@ -226,4 +195,4 @@ def test_bad_signals(options, message, tmp_path):
 
 
 def test_formats_of_help_are_those_that_are_written():
-    assert tuple(file.FORMATS) == command.FORMATS
+    assert tuple(FORMATS) == command.FORMATS

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from suspension_cli.analyses.fit import solve as fit
-from suspension_cli.analyses.fit.picture import format_with_sigma
 from suspension_cli.design import measured, reader
 from suspension_cli.design.measured import Experiment, Free, Measured, Mode
 from suspension_cli.linear import eigenmodes, named_results
@@ -292,16 +291,6 @@ def test_designs_are_given_once(tmp_path):
         str(tmp_path / "gone.toml"),
         str(tmp_path / "far.toml"),
     ]
-
-
-def test_numbers_are_printed_to_their_significant_digits():
-    assert format_with_sigma(1.66601e11, 2.5e9) == "(1.666 ± 0.025) × 10$^{11}$"
-    assert format_with_sigma(0.147, 0.007) == "0.1470 ± 0.0070"
-    assert format_with_sigma(-2e-4, 3e-5) == "(−2.00 ± 0.30) × 10$^{-4}$".replace("{-4}", "{−4}")
-    assert (
-        format_with_sigma(5.0, float("nan")) == "5, at its bound"
-        and format_with_sigma(5.0, float("inf")) == "5, not determined"
-    )
 
 
 def test_the_story_of_section_4c(monkeypatch):

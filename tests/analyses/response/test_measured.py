@@ -11,11 +11,10 @@ import numpy as np
 import pytest
 
 import suspension_cli as sus
-from suspension_cli.analyses.response import measured
-from suspension_cli.design.measured import Measured, Transducer, TransferFunction
+from suspension_cli.design.measured import Measured, Transducer
 from suspension_cli.errors import PendsusWarning
-from suspension_cli.measurements import transfer_function
-from suspension_cli.measurements.transfer_function import MeasuredResponse
+from suspension_cli.measurements.resonances import find_peaks
+from suspension_cli.measurements.transfer_function import Channels, MeasuredResponse
 from tests.support.commandline import run, strict_json
 from tests.support.paths import ROOT
 
@@ -58,20 +57,20 @@ def test_prediction_of_readings(design):
         frequency=[0.7, 3.0],
         fidelity="string",
     )
-    tf = TransferFunction(file="a", input="coil", output="osem")
     osem = Transducer(
         name="osem", signal="upper.x@0,0,0.01", gain=-2.0, delay=3e-3, mix={"upper.yaw": 0.05}
     )
     coil = Transducer(
         name="coil", signal="upper.force_x", gain=1e-3, mix={"upper.torque_yaw": 0.02}
     )
-    tables = Measured(transfer_function=[tf], sensor=[osem], actuator=[coil])
-    assert transfer_function.signals_of(tables) == (given.input, given.output)
     h, f = given.value, given.frequency
+    unknown = np.full(len(f), np.nan)
+    data = MeasuredResponse("a", "coil", "osem", f, h[:, 0, 0], unknown, unknown)
+    channels = Channels.of(Measured(sensor=[osem], actuator=[coil]), [data])
+    assert channels.signal == (given.output, given.input)
     total = h[:, 0, 0] + 0.02 * h[:, 0, 1] + 0.05 * (h[:, 1, 0] + 0.02 * h[:, 1, 1])
     expected = -2e-3 * np.exp(-2j * np.pi * f * 3e-3) * total
-    assert np.allclose(transfer_function.predict(tables, tf, f, h), expected, rtol=1e-13)
-    batch = transfer_function.predict(tables, tf, f, np.stack([h, 2 * h]))
+    batch = channels.combine(np.stack([h, 2 * h]), f)[..., 0, 0]
     assert np.allclose(batch, [expected, 2 * expected], rtol=1e-13)
 
 
@@ -103,7 +102,9 @@ def test_resonance_is_found_between_points():
     value *= 1 + 1e-3 * (random.normal(size=60) + 1j * random.normal(size=60))
     unknown = np.full(60, np.nan)
     data = MeasuredResponse("a", "", "", f, value, unknown, unknown)
-    assert np.allclose(measured.resonances(data), [1.0137], rtol=2e-4)
+    [peak] = find_peaks(data)
+    assert np.isclose(peak.frequency, 1.0137, rtol=2e-4)
+    assert np.isclose(peak.damping, 1 / 30, rtol=0.02)
 
 
 def test_peaks_are_paired_with_modes_one_to_one(design, tmp_path):
@@ -167,7 +168,7 @@ def test_many_points_are_a_line_and_units_are_checked(design, tmp_path):
         (None, (), 'does not say what was driven and observed'),
         (DESIGN.read_text(), (), "is a design (it has [[stage]]), not a file of measurements"),
         (None, ("--input", "support.x", "--output", "uper.x"), 'did you mean \'upper\'?'),
-        (TABLES.replace("upper.yaw", "uper.yaw"), (), "{file}: output signal = "),
+        (TABLES.replace("upper.yaw", "uper.yaw"), (), "{file}: sensor.osem = "),
         (TABLES.replace('"osem"', '"ossem"', 1), (), "as upper.x; did you mean 'osem'?"),
         ('mode = [{ frequency = 1, uncertainty = 1 }]', (), "has no [[transfer_function]]"),
         (TABLES.replace("a.csv", "b.csv"), (), "b.csv: cannot be read"),

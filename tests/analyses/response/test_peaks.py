@@ -58,16 +58,7 @@ def test_without_loss_it_is_infinite(tmp_path):
 
 def test_no_pole_beyond_the_grid_counts(tmp_path):
     """Above all modes the largest value is the first; a response that symmetry forbids has none."""
-    (up,) = largest(
-        tmp_path,
-        "--input",
-        "support.z",
-        "--output",
-        "test.z",
-        "--output",
-        "test.x",
-        "--frequency",
-        "200:400:10",
-    )
+    options = (*VERTICAL, "--output", "test.x", "--frequency", "200:400:10")
+    (up,) = largest(tmp_path, *options)
     assert up[1] == 200.0
     assert up[0] == pytest.approx(1 / ((200 / natural()) ** 2 - 1), rel=2e-3)

@@ -11,18 +11,10 @@ from tests.support import plants
 from tests.support.commandline import assert_refused, run, strict_json, written
 
 UNSTABLE = ("--set", "stage.test.wires.d=-0.05", "--set", "stage.test.wires.s=0.0")
-MATRIX = (
-    "--input",
-    "support.x",
-    "--input",
-    "upper.torque_pitch",
-    "--output",
-    "test.x@0,0,0.001",
-    "--output",
-    "test.pitch",
-    "--output",
-    "upper.z",
-)
+INPUTS, OUTPUTS = ("support.x", "upper.torque_pitch"), ("test.x@0,0,0.001", "test.pitch", "upper.z")
+MATRIX = [word for name in INPUTS for word in ("--input", name)]
+MATRIX += [word for name in OUTPUTS for word in ("--output", name)]
+UNITS = ["m/m", "m/(N m)", "rad/m", "rad/(N m)", "m/m", "m/(N m)"]
 
 
 @pytest.fixture
@@ -55,66 +47,27 @@ def test_one_response_is_flat(file, out):
     answer = json_of(
         file, out, "--input", "support.x", "--output", "test.x@0,0,0.001", "--frequency", "0.3,3,30"
     )
-    assert list(answer) == [
-        "command",
-        "design",
-        "fidelity",
-        "frequency_hz",
-        "input",
-        "output",
-        "unit",
-        "real",
-        "imag",
-        "estimated_error",
-    ]
-    assert (answer["command"], answer["design"], answer["fidelity"]) == (
-        "response",
-        "triple",
-        "force",
-    )
-    assert (answer["input"], answer["output"], answer["unit"]) == (
-        "support.x",
-        "test.x@0,0,0.001",
-        "m/m",
-    )
+    keys = "command design fidelity frequency_hz input output unit real imag estimated_error"
+    assert list(answer) == keys.split()
+    named = {"command": "response", "design": "triple", "fidelity": "force", "unit": "m/m"}
+    assert answer | named | {"input": "support.x", "output": "test.x@0,0,0.001"} == answer
     assert answer["frequency_hz"] == [0.3, 3.0, 30.0]
     value = expected([0.3, 3.0, 30.0], ["support.x"], ["test.x@0,0,0.001"]).value[:, 0, 0]
     assert answer["real"] == value.real.tolist()
     assert answer["imag"] == value.imag.tolist()
-    lossless = [
-        word
-        for name in ("steel302", "maraging")
-        for word in ("--set", f"materials.{name}.loss_angle=0")
-    ]
+    lossless = [f"--set=materials.{name}.loss_angle=0" for name in ("steel302", "maraging")]
     assert json_of(file, out, "--frequency", "0.3,3,30", *lossless)["imag"] == [0.0, 0.0, 0.0]
 
 
 def test_several_are_a_list(file, out):
     answer = json_of(file, out, *MATRIX, "--frequency", "1:10:4")
-    assert list(answer) == [
-        "command",
-        "design",
-        "fidelity",
-        "frequency_hz",
-        "responses",
-        "estimated_error",
-    ]
-    inputs, outputs = (
-        ("support.x", "upper.torque_pitch"),
-        ("test.x@0,0,0.001", "test.pitch", "upper.z"),
-    )
+    keys = "command design fidelity frequency_hz responses estimated_error"
+    assert list(answer) == keys.split()
     assert [(one["output"], one["input"]) for one in answer["responses"]] == [
-        (o, i) for o in outputs for i in inputs
+        (o, i) for o in OUTPUTS for i in INPUTS
     ]
-    assert [one["unit"] for one in answer["responses"]] == [
-        "m/m",
-        "m/(N m)",
-        "rad/m",
-        "rad/(N m)",
-        "m/m",
-        "m/(N m)",
-    ]
-    value = expected(answer["frequency_hz"], inputs, outputs).value
+    assert [one["unit"] for one in answer["responses"]] == UNITS
+    value = expected(answer["frequency_hz"], INPUTS, OUTPUTS).value
     for n, one in enumerate(answer["responses"]):
         assert set(one) == {"input", "output", "unit", "real", "imag"}
         assert one["real"] == value[:, n // 2, n % 2].real.tolist()
@@ -147,25 +100,10 @@ def test_grids(grid, values, file, out):
     assert found == pytest.approx(values, rel=1e-14)
 
 
-@pytest.mark.parametrize(
-    "grid",
-    [
-        "",
-        "a",
-        "1:2",
-        "1:2:x",
-        "1:2:3:cubic",
-        "0:1:5",
-        "-1:1:5:lin",
-        "0",
-        "nan",
-        "inf",
-        "1:inf:5",
-        "1:2:0",
-        "1:2:99999999",
-        "1,,2",
-    ],
-)
+BAD_GRIDS = "a 1:2 1:2:x 1:2:3:cubic 0:1:5 -1:1:5:lin 0 nan inf 1:inf:5 1:2:0 1:2:99999999 1,,2"
+
+
+@pytest.mark.parametrize("grid", ["", *BAD_GRIDS.split()])
 def test_bad_grids(grid, file, out):
     (line,) = assert_refused(
         run("response", file, "--json", "--out", out, "--frequency", grid), file, out
@@ -233,19 +171,7 @@ def test_refusal_names_the_beam_model_where_bending_restrains(tmp_path, out, d, 
         tmp_path,
         {"design": {"name": "soft"}, "stage": [{"name": "test", "body": body, "wires": wires}]},
     )
-    options = (
-        "response",
-        one,
-        "--out",
-        out,
-        "--no-plot",
-        "--input",
-        "support.x",
-        "--output",
-        "test.x",
-        "--frequency",
-        "1",
-    )
+    options = ("response", one, "--out", out, "--no-plot", "--frequency", "1")
     (line,) = assert_refused(run(*options, "--fidelity", "string"), one, out)
     assert way in line and line.endswith("or give --allow-unstable")
     if section:
@@ -271,28 +197,11 @@ def test_on_a_lossless_resonance(file, out, tmp_path):
         run("response", one, "--json", "--out", out, *pair, repr(frequency)), one, out
     )
     assert "resonance" in line
-    strict_json(
-        run("response", one, "--json", "--out", out, *pair, repr(frequency * (1 + 1e-9))).stdout
-    )
-    strict_json(
-        run(
-            "response",
-            one,
-            "--json",
-            "--out",
-            out,
-            *pair,
-            repr(frequency),
-            "--set",
-            "stage.test.damping.z=0.1",
-        ).stdout
-    )
-    triple = json_of(
-        file,
-        tmp_path / "triple",
-        "--frequency",
-        ",".join(map(repr, eigenmodes.solve(plants.model("triple", "force")).frequency.tolist())),
-    )
+    words = ("response", one, "--json", "--out", out, *pair)
+    strict_json(run(*words, repr(frequency * (1 + 1e-9))).stdout)
+    strict_json(run(*words, repr(frequency), "--set", "stage.test.damping.z=0.1").stdout)
+    modes = eigenmodes.solve(plants.model("triple", "force")).frequency.tolist()
+    triple = json_of(file, tmp_path / "triple", "--frequency", ",".join(map(repr, modes)))
     assert np.isfinite(triple["real"]).all()
 
 
@@ -300,38 +209,23 @@ def test_results_file(file, out):
     answer = json_of(file, out, *MATRIX, "--frequency", "1:10:5")
     loaded = sus.load(out / "triple-response.h5").data
     assert loaded.frequency.tolist() == answer["frequency_hz"]
-    assert loaded.output == ("test.x@0,0,0.001", "test.pitch", "upper.z")
-    assert loaded.input == ("support.x", "upper.torque_pitch")
-    assert loaded.unit == (("m/m", "m/(N m)"), ("rad/m", "rad/(N m)"), ("m/m", "m/(N m)"))
+    assert (loaded.output, loaded.input) == (OUTPUTS, INPUTS)
+    assert [unit for row in loaded.unit for unit in row] == UNITS
     np.testing.assert_array_equal(
         loaded.value, expected(loaded.frequency, loaded.input, loaded.output).value
     )
 
 
 def test_defaults_from_the_design(out, tmp_path):
-    table = {
-        "input": ["support.z"],
-        "output": ["middle.z"],
-        "frequency": "1:2:3:lin",
-        "fidelity": "string",
-    }
-    file = written(
-        tmp_path, plants.raw("triple") | {"analysis": {"response": table}}, "triple.toml"
-    )
+    table = {"input": ["support.z"], "output": ["middle.z"], "frequency": "1:2:3:lin"}
+    design = plants.raw("triple") | {"analysis": {"response": table | {"fidelity": "string"}}}
+    file = written(tmp_path, design, "triple.toml")
+    keys = ("input", "output", "fidelity", "frequency_hz")
     answer = json_of(file, out, model=())
-    assert (answer["input"], answer["output"], answer["fidelity"], answer["frequency_hz"]) == (
-        "support.z",
-        "middle.z",
-        "string",
-        [1.0, 1.5, 2.0],
-    )
+    expected = ["support.z", "middle.z", "string", [1.0, 1.5, 2.0]]
+    assert [answer[key] for key in keys] == expected
     answer = json_of(file, out, "--output", "test.z", "--fidelity", "force", "--frequency", "4")
-    assert (answer["input"], answer["output"], answer["fidelity"], answer["frequency_hz"]) == (
-        "support.z",
-        "test.z",
-        "force",
-        [4.0],
-    )
+    assert [answer[key] for key in keys] == ["support.z", "test.z", "force", [4.0]]
 
 
 @pytest.mark.parametrize(
@@ -357,34 +251,15 @@ def test_pictures(file, out):
     assert run("response", file, "--out", out, "--frequency", "0.1:50:200").exit_code == 0
     assert {path.name for path in out.iterdir()} == {"triple-response.h5", "triple-response.png"}
     (out / "triple-response.png").unlink()
-    result = run(
-        "response",
-        file,
-        "--json",
-        "--plot",
-        "--scale",
-        "absolute",
-        "--out",
-        out,
-        "--frequency",
-        "0.1:50:200",
-    )
+    grid = ("--frequency", "0.1:50:200")
+    result = run("response", file, "--json", "--plot", "--scale", "absolute", "--out", out, *grid)
     strict_json(result.stdout)
     assert (out / "triple-response.png").stat().st_size > 10_000
 
 
 def test_text_for_people(file, out):
-    result = run(
-        "response",
-        file,
-        "--no-plot",
-        "--out",
-        out,
-        "--fidelity",
-        "force",
-        "--frequency",
-        "0.1:10:100",
-    )
+    options = ("--no-plot", "--out", out, "--fidelity", "force", "--frequency", "0.1:10:100")
+    result = run("response", file, *options)
     first, second = result.stdout.splitlines()
     assert first.startswith("model: force (")
     assert second.startswith("test.x / support.x (m/m): 1.0")

@@ -1,8 +1,12 @@
-"""Simulated measurements of an imperfect triple pendulum, as an example of files of measurements.
+"""Simulated measurements of two imperfect triple pendulums. Run by `make simulated`.
 
-Writes the data of `measured/triple/`: a CSV of a swept force along x and an XML as diaggui saves it
-of pitch and x of the upper mass. The simulated suspension differs from the design by `IMPERFECT`,
-its sensors and coils by `TRUTH`, and both files have sensor noise. Run by `make simulated`.
+Writes the data of `measured/triple/`, an example of files of measurements: a CSV of a swept force
+along x and an XML as diaggui saves it of pitch and x of the upper mass. The simulated suspension
+differs from the design by `IMPERFECT`, its sensors and coils by `TRUTH`.
+
+Writes the CSV files of `measured/diagnosis/` for docs/diagnosis.md: x and pitch of the upper mass
+over the voltage of their coils. That suspension differs from the design by `BUILT`, and its sensor
+of x by `SENSOR_X`.
 """
 
 from __future__ import annotations
@@ -13,11 +17,12 @@ from typing import Any
 
 import numpy as np
 
+import suspension_cli as sus
 from suspension_cli.design import measured, reader
 from suspension_cli.design.measured import Measured
 from suspension_cli.files.atomic import write_bytes
 from suspension_cli.linear import response, signals
-from suspension_cli.measurements import transfer_function
+from suspension_cli.measurements.transfer_function import Channels, MeasuredResponse
 from suspension_cli.models.registry import BEAM
 from tools.tables import ROOT
 
@@ -34,6 +39,19 @@ AVERAGES = 30
 NOISE = {"osem-x": 1e-6, "osem-pitch": 3e-5}
 """Of the sensors per unit drive (V), in the bandwidth of one average, m/V and rad/V."""
 
+DIAGNOSIS = ROOT / "measured" / "diagnosis"
+BUILT = {"stage.middle.wires.d": 0.003}
+"""The lower ends of the middle stage's wires are 2 mm too high."""
+SENSOR_X = -(10**-0.5)
+"""Exchanged leads, and an attenuator of 10 dB."""
+CHANNELS = {
+    "x.csv": ("upper.force_x", "upper.x", 1e6 * 0.016 * SENSOR_X, 0.3),
+    "pitch.csv": ("upper.torque_pitch", "upper.pitch", 1e6 * 8e-4, 12.0),
+}
+"""File, coil, sensor, gain (um/V or urad/V per m/N or rad/(N m)) and noise (um/V or urad/V)."""
+SCATTER = 0.03
+"""Relative standard deviation of real and imaginary parts, added in squares to the noise."""
+
 
 def simulate(data: Measured, number: int, frequency: Any, seed: int) -> tuple[Any, Any]:
     """Simulate a transfer function with noise; returns it and the coherence g^2."""
@@ -41,15 +59,17 @@ def simulate(data: Measured, number: int, frequency: Any, seed: int) -> tuple[An
     model = BEAM.system(design)
     tables = with_true_gains(data)
     known = signals.bodies_with_signals(model)
-    into, out = transfer_function.signals_of(tables)
+    table = tables.transfer_function[number]
+    one = MeasuredResponse("", table.input, table.output, *4 * (frequency,))
+    channels = Channels.of(tables, [one])
+    out, into = channels.signal
     value = response.solve(
         model,
         frequency,
         [signals.parse_input(name, known) for name in into],
         [signals.parse_output(name, known) for name in out],
     ).value
-    table = tables.transfer_function[number]
-    exact = transfer_function.predict(tables, table, frequency, value)
+    exact = channels.combine(value, frequency)[:, 0, 0]
     noise = NOISE[table.output]
     coherence = np.abs(exact) ** 2 / (np.abs(exact) ** 2 + noise**2)
     random = np.random.default_rng(seed)
@@ -94,8 +114,8 @@ def dtt(frequency: Any, values: list[Any], coherences: list[Any], channels: list
     return ElementTree.tostring(root, encoding="utf-8", xml_declaration=True) + b"\n"
 
 
-def main() -> None:
-    """Write the files."""
+def write_triple() -> None:
+    """Write the example of files of measurements."""
     data = measured.read(FOLDER / "measured.toml")
     frequency = np.geomspace(0.3, 12.0, 240)
     value, coherence = simulate(data, 0, frequency, 1)
@@ -118,5 +138,27 @@ def main() -> None:
     )
 
 
+def write_diagnosis() -> None:
+    """Write the files of docs/diagnosis.md."""
+    built, random = sus.read(DIAGNOSIS / "triple.toml").replace(BUILT), np.random.default_rng(1)
+    frequency = np.geomspace(0.4, 5.0, 60)
+    for file, (coil, sensor, gain, noise) in CHANNELS.items():
+        found = sus.response(
+            built, inputs=coil, outputs=sensor, frequency=frequency, fidelity="beam"
+        )
+        exact = gain * found.value[:, 0, 0]
+        sigma = np.hypot(noise, SCATTER * np.abs(exact))
+        scatter = random.normal(size=(2, len(frequency)))
+        value = exact + sigma * (scatter[0] + 1j * scatter[1])
+        lines = [
+            "# simulated (tools/simulated.py), not a measurement of hardware",
+            "frequency_hz, real, imag, sigma",
+        ]
+        for row in zip(frequency, value.real, value.imag, sigma, strict=True):
+            lines.append(", ".join(f"{number:.5g}" for number in row))
+        write_bytes(DIAGNOSIS / file, ("\n".join(lines) + "\n").encode())
+
+
 if __name__ == "__main__":
-    main()
+    write_triple()
+    write_diagnosis()

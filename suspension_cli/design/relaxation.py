@@ -33,10 +33,10 @@ if TYPE_CHECKING:
 
 FLAT = 0.5
 """Order n of a ribbon or blade."""
-MOST = 1e6
-"""|x| beyond which the ratio of Bessel functions is its limit to all digits."""
 FAST = 1e4
-"""|x^2| beyond which library functions are quicker than the continued fraction."""
+"""|x^2| beyond which the asymptotic series has all digits, and is quicker."""
+TERMS = 9
+"""Terms of that series: the next is below 1e-16."""
 LARGE = 10_000
 """Number of phases beyond which the result is not kept."""
 MIDDLE = 2.0
@@ -88,18 +88,20 @@ def _moment(
         q = 1 / (2 * (order + 1 + n) + slow * q)
     v = np.asarray(x2 * (1 + q))
     if fast.any():
-        v[fast] = x2[fast] + _fast_ratio(np.sqrt(x2[fast]), order)
+        v[fast] = x2[fast] + _large_ratio(np.sqrt(x2[fast]), order)
     c = 2 * (order + 1)
     return np.where(np.abs(x2) < MIDDLE**2, v, -c) / (v + c)
 
 
-def _fast_ratio(
+def _large_ratio(
     x: Inexact[np.ndarray, "*frequency"], order: float
 ) -> Inexact[np.ndarray, "*frequency"]:
-    """x I_(n+2)(x)/I_(n+1)(x), with both functions scaled by exp(-Re x): nothing overflows."""
-    from scipy import special  # 0.1 s, which most designs do not need
+    """x r = x I_(n+2)(x)/I_(n+1)(x) for large x.
 
-    most = np.abs(x) > MOST
-    near = np.where(most, MOST, x)
-    ratio = special.ive(order + 2, near) / special.ive(order + 1, near)
-    return x * np.where(most, 1 - (order + 1.5) / x, ratio)
+    The coefficients of r = sum a_k/x^k follow from r' = 1 - r^2 - (2 n + 3) r/x.
+    """
+    a = [1.0]
+    for k in range(1, TERMS):
+        mixed = sum(a[i] * a[k - i] for i in range(1, k))
+        a.append(-(mixed + (2 * order + 4 - k) * a[-1]) / 2)
+    return x * np.polynomial.polynomial.polyval(1 / x, a)
