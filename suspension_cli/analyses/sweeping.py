@@ -13,7 +13,6 @@ from suspension_cli.files.atomic import target, writing_to
 from suspension_cli.files.existing import replacing
 from suspension_cli.files.hdf5 import Provenance, open_results, write_contents
 from suspension_cli.studies.cluster import describe_exposure
-from suspension_cli.studies.run import Plan
 from suspension_cli.studies.run import run as compute
 
 if TYPE_CHECKING:
@@ -81,15 +80,9 @@ def fill(
         run.folder.mkdir(parents=True, exist_ok=True)
     try:
         with replacing(path, run.source.text, run.log.say), run.log.progress() as progress:
-            plan = Plan(
-                setting["workers"],
-                setting["scheduler"],
-                setting["chunk"],
-                setting["resume"],
-                progress,
-            )
+            how = {name: setting[name] for name in ("workers", "scheduler", "chunk", "resume")}
             put = partial(write_contents, contents=described)
-            compute(job, path, analysis.name, origin, plan, put, after)
+            compute(job, path, analysis.name, origin, put, after, progress=progress, **how)
     except KeyboardInterrupt:
         part = path.with_name(f"{path.name}.part")
         kept = f"; finished points are in {part}; --resume continues" if part.exists() else ""

@@ -212,7 +212,6 @@ def draw(
     across: Across = FREQUENCY,
     notes: Sequence[str] = (),
     width: float | None = None,
-    foot: float = 0.0,
 ) -> Figure:
     """Draw panels below each other; those of a tuple stand side by side.
 
@@ -226,8 +225,6 @@ def draw(
         Lines of text below.
     width
         In; by default that of a column, or of `page_width`.
-    foot
-        Further room below, in.
     """
     width = width or _WIDTH.get()
     rows = [row if isinstance(row, tuple) else (row,) for row in panels]
@@ -245,7 +242,7 @@ def draw(
             if owner[n] == n:
                 top += max(_below(one.across or across) for one in row)
         lines = [part for note in notes for part in labels.wrap(note, width - 0.2).split("\n")]
-        figure = new_figure(width, top + ROW * len(lines) + 0.05 * bool(lines) + foot + FOOT)
+        figure = new_figure(width, top + ROW * len(lines) + 0.05 * bool(lines) + FOOT)
         for n, line in enumerate(lines):
             write_text(figure, 0.1, top + 0.02 + ROW * n, line, SMALL, NOTE)
         write_heading(figure, heading, subtitle)

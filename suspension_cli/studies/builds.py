@@ -146,15 +146,10 @@ def balance(
             mark_driven(status, model)
     wire = np.full(status.shape, -1, dtype=np.int16)
     wire[status == SLACK] = slack[status == SLACK].argmax(-1) if slack.shape[-1] else -1
-    model, mirrors = oriented(model, found), is_mirror_symmetric(scene)
+    if model.orientation is None:  # no body of the batch is turned
+        model = replace(model, orientation=found.pose.rotation)
+    mirrors = is_mirror_symmetric(scene)
     return Builds(model, status, wire, found.residual, mirrors, scene, found.pose)
-
-
-def oriented(model: LinearSystem, found: Equilibrium) -> LinearSystem:
-    """Give a linear model the rotations of its bodies, even if none of the batch is turned."""
-    return (
-        model if model.orientation is not None else replace(model, orientation=found.pose.rotation)
-    )
 
 
 def _unstable(

@@ -37,13 +37,11 @@ from suspension_cli.studies.builds import Builds
 from suspension_cli.studies.parameters import Parameter, natural_step, shifted, value_of
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Float, Inexact, Int
+    from jaxtyping import Bool, Float, Inexact
 
 STEP = 7e-5
 """Step, relative to a number or to the size of a change that matters. Truncation errors go with its
 square, rounding errors (of 1e-11 at most) with its inverse."""
-TOGETHER = 128
-"""Designs that are in memory at once."""
 ELEMENTS = 1 << 21
 """Elements of matrices at frequencies that are in memory at once."""
 RANGE = 10.0
@@ -61,7 +59,7 @@ class Differences:
     balanced
         Whether both neighbours have an equilibrium; if not, the number cannot change alone.
     matters
-        Whether the number changes any matrix of the model or any result.
+        Whether the number changes any result.
     """
 
     step: Float[np.ndarray, " number"]
@@ -78,35 +76,20 @@ class Differences:
             return (self.above - self.below) / (2 * self.step[:, None])
 
     @property
-    def of_responses(self) -> Inexact[np.ndarray, "number result"]:
-        """Derivatives of complex responses, which may be near a resonance."""
-        middle = np.broadcast_to(self.nominal, self.above.shape)
-        sides = np.array([self.above, middle, self.below])
+    def of_magnitudes(self) -> Float[np.ndarray, "number result"]:
+        """Derivatives of the magnitudes of complex responses, which may be near a resonance.
+
+        A zero grows with either sign.
+        """
+        value = self.nominal
+        sides = np.array([self.above, np.broadcast_to(value, self.above.shape), self.below])
         with np.errstate(all="ignore"):
             inverse = 1 / sides
-            smooth = _bend(sides) <= _bend(inverse)
+            smooth = (_bend(sides) <= _bend(inverse)) | (value == 0)
             along = (inverse[0] - inverse[2]) / (2 * self.step[:, None])
-            return np.where(smooth | (self.nominal == 0), self.central, -(self.nominal**2) * along)
-
-    @property
-    def of_magnitudes(self) -> Float[np.ndarray, "number result"]:
-        """Derivatives of the magnitudes of complex responses; a zero grows with either sign."""
-        rate, value = self.of_responses, self.nominal
-        with np.errstate(all="ignore"):
+            rate = np.where(smooth, self.central, -(value**2) * along)
             along = np.real(np.conj(value) * rate) / np.abs(value)
         return np.where(value == 0, np.abs(rate), along)
-
-
-def neighbours(
-    design: Design, numbers: Sequence[Parameter], relative: float = STEP
-) -> tuple[Float[np.ndarray, " number"], list[Design]]:
-    """Choose the steps of numbers; move each up, then down, with those that change with it."""
-    step = np.array([relative / STEP * _step(design, item) for item in numbers])
-    return step, [
-        _moved(design, item, sign * h)
-        for item, h in zip(numbers, step, strict=True)
-        for sign in (1, -1)
-    ]
 
 
 def _bend(sides: Inexact[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
@@ -115,17 +98,23 @@ def _bend(sides: Inexact[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
     return np.nan_to_num(np.abs((above - nominal) - (nominal - below)) / np.abs(above - below))
 
 
-def _nothing(found: Builds) -> Float[np.ndarray, "build 0"]:
-    return np.zeros((len(found.status), 0))
+def flat_matrices(found: Builds) -> Float[np.ndarray, "build element"]:
+    """All elements of mass, stiffness, damping, loss and rotations of bodies, one after another."""
+    model, count, size = found.model, len(found.status), found.model.size
+    parts = [
+        np.broadcast_to(part, (count, size, size)).reshape(count, -1)
+        for part in (model.mass, model.stiffness, model.damping, model.loss)
+    ]
+    assert model.orientation is not None
+    return np.hstack([*parts, model.orientation.reshape(count, -1)])
 
 
 def differentiate(
     design: Design,
     numbers: Sequence[Parameter],
     level: str,
-    evaluate: Callable[[Builds], Inexact[np.ndarray, "build result"]] = _nothing,
+    evaluate: Callable[[Builds], Inexact[np.ndarray, "build result"]] = flat_matrices,
     *,
-    relative: float = STEP,
     nominal: Array | None = None,
 ) -> Differences:
     """Evaluate a design and its neighbours in some numbers.
@@ -135,23 +124,23 @@ def differentiate(
     level
         Name of a model that supports builds.
     evaluate
-        Results of builds, in the named coordinates; none by default.
-    relative
-        Step, see `STEP`.
+        Results of builds, in the named coordinates; all elements of their matrices by default.
     nominal
         Results of the design itself, if known.
 
     Raises `InputError` if the design has no equilibrium, or a wire is slack in it.
     """
-    step, designs = neighbours(design, numbers, relative)
+    step = np.array([_step(design, item) for item in numbers])
+    designs = [
+        shifted(design, item.name, sign * h)
+        for item, h in zip(numbers, step, strict=True)
+        for sign in (1, -1)
+    ]
     rows: list[Array | None] = [None] * len(designs) + [nominal]
-    designs += [design] if nominal is None else []
-    matrices: list[int | None] = [None] * len(rows)
-    for places, found in _batches(designs, level):
+    for places, found in variants.solved(designs + [design] * (nominal is None), level):
         good = np.flatnonzero(found.status == builds.GOOD)
-        if len(good):
-            for n, row, own in zip(good, evaluate(found)[good], _digest(found)[good], strict=True):
-                rows[places[n]], matrices[places[n]] = row, own
+        for n, row in zip(good, evaluate(found)[good] if len(good) else (), strict=True):
+            rows[places[n]] = row
     nominal = rows.pop()
     if nominal is None:
         registry.by_name(level).system(design)  # raises the fault of the design
@@ -161,16 +150,9 @@ def differentiate(
     nothing = np.full(nominal.shape, np.nan)
     filled = np.array([nothing if row is None else row for row in rows])
     above, below = filled.reshape(len(numbers), 2, nominal.size).swapaxes(0, 1)
-    pairs = list(zip(matrices[:-1:2], matrices[1:-1:2], strict=True))
-    return Differences(
-        step,
-        nominal,
-        above,
-        below,
-        balanced=np.array([None not in pair for pair in pairs], dtype=bool),
-        matters=np.array([one != other for one, other in pairs], dtype=bool)
-        | ((above != below) & ~(np.isnan(above) & np.isnan(below))).any(1),
-    )
+    differs = (above != below) & ~(np.isnan(above) & np.isnan(below))
+    balanced = np.array([row is not None for row in rows], dtype=bool).reshape(-1, 2)
+    return Differences(step, nominal, above, below, balanced[:, 0] & balanced[:, 1], differs.any(1))
 
 
 def mode_matrix(
@@ -264,31 +246,3 @@ def _typical_size(design: Design, name: str) -> float:
     siblings = np.array(value_of(design, head) if last.isdigit() else 0.0, dtype=float)
     weight = float(expand(design).weight)
     return float(np.abs(siblings).max()) or SIZES.get(unit_of(name), 1 / weight) * weight
-
-
-def _moved(design: Design, item: Parameter, step: float) -> Design:
-    """Add a step times its rate to each of the numbers that change together."""
-    for name, rate in item.rates.items():
-        design = shifted(design, name, rate * step)
-    return design
-
-
-def _batches(designs: Sequence[Design], level: str) -> Iterator[tuple[list[int], Builds]]:
-    """Balance designs in batches of one topology, with their places."""
-    for start in range(0, len(designs), TOGETHER):
-        for places, scene, one in variants.alike(designs[start : start + TOGETHER], level):
-            found = builds.balance(scene, one, level=level, allow_unstable=True)
-            yield [start + place for place in places], found
-
-
-def _digest(found: Builds) -> Int[np.ndarray, " build"]:
-    """Compute a number for each build that differs if any of its matrices does."""
-    model = found.model
-    parts = [model.mass, model.complete, model.damping, model.orientation]
-    count = len(found.status)
-    each = [
-        np.broadcast_to(part, (count, *part.shape[-3 if part is model.orientation else -2 :])) + 0.0
-        for part in parts
-        if part is not None
-    ]
-    return np.array([hash(tuple(part[n].tobytes() for part in each)) for n in range(count)])

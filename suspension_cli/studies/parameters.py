@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -28,26 +27,14 @@ TWIST = "poisson_ratio"
 """Matters only where wires twist."""
 
 
-@dataclass(frozen=True)
-class Parameter:
+class Parameter(NamedTuple):
     """One number of a design.
 
-    Attributes
-    ----------
-    name
-        Dotted path as ``--set`` takes it: ``stage.test.wires.s``, ``stage.test.body.inertia.2``.
-    tied
-        Other numbers that change with it, and their rates.
+    `name` is a dotted path as ``--set`` takes it: ``stage.test.body.inertia.2``.
     """
 
     name: str
     value: float
-    tied: tuple[tuple[str, float], ...] = ()
-
-    @property
-    def rates(self) -> dict[str, float]:
-        """Rates of all numbers that change, by dotted path."""
-        return {self.name: 1.0} | dict(self.tied)
 
 
 def every(text: str, level: str = registry.STRING.name) -> tuple[Parameter, ...]:

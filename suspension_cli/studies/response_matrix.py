@@ -30,7 +30,6 @@ from suspension_cli.linear.signals import Signal, linear_form
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.studies import derivatives
-from suspension_cli.studies.builds import Builds
 from suspension_cli.studies.parameters import Parameter, value_of
 
 if TYPE_CHECKING:
@@ -63,17 +62,6 @@ class Matrices:
         """Differentiate the matrix of modes (see `derivatives`)."""
         moved = self.stiffness[6:, 6:] @ modes.shape.T
         return modes.shape @ (moved - modes.omega_squared * (self.mass[6:, 6:] @ modes.shape.T))
-
-
-def _flat_matrices(found: Builds) -> Float[np.ndarray, "build element"]:
-    """All elements of the matrices of builds that `Matrices` differentiates."""
-    model, count, size = found.model, len(found.status), found.model.size
-    parts = [
-        np.broadcast_to(part, (count, size, size)).reshape(count, -1)
-        for part in (model.mass, model.stiffness, model.damping, model.loss)
-    ]
-    assert model.orientation is not None
-    return np.hstack([*parts, model.orientation.reshape(count, -1)])
 
 
 @dataclass(frozen=True)
@@ -127,9 +115,7 @@ class Plant:
         numbers = [Parameter(name, value_of(self.design, name)) for name in names]
         size, bodies = self.system.size, len(self.system.body) + 1
         shape = np.zeros(4 * size**2 + 9 * bodies)
-        around = derivatives.differentiate(
-            self.design, numbers, self.level, _flat_matrices, nominal=shape
-        )
+        around = derivatives.differentiate(self.design, numbers, self.level, nominal=shape)
         found: list[Matrices | None] = []
         for row, good in zip(around.central, around.balanced, strict=True):
             mass, stiffness, damping, loss = row[: 4 * size**2].reshape(4, size, size)

@@ -14,7 +14,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Generator, Iterator
-from dataclasses import dataclass, field
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
 
@@ -30,30 +30,8 @@ STARTUP = 5.0
 
 Range = tuple[int, int]
 """First point, and one after the last."""
+Progress = Callable[[int, int, float], None]
 Results = Generator[tuple[Range, ColumnValues], None, None]
-
-
-@dataclass(frozen=True)
-class Plan:
-    """Options of a run.
-
-    Attributes
-    ----------
-    workers
-        Number of processes, with this one. None starts one per core when the points left take long.
-    scheduler
-        Address of a Dask scheduler instead.
-    chunk
-        Number of points computed at once.
-    progress
-        Called with (points done, total points, points per second).
-    """
-
-    workers: int | None = 1
-    scheduler: str | None = None
-    chunk: int = 512
-    resume: bool = False
-    progress: Callable[[int, int, float], None] = field(default=lambda _done, _all, _rate: None)
 
 
 def run(
@@ -61,31 +39,47 @@ def run(
     path: Path,
     group: str,
     origin: Provenance,
-    plan: Plan,
     fill: Fill,
     after: After | None = None,
+    *,
+    workers: int | None = 1,
+    scheduler: str | None = None,
+    chunk: int = 512,
+    resume: bool = False,
+    progress: Progress = lambda _done, _all, _rate: None,
 ) -> None:
     """Compute all points of a job into one HDF5 file.
 
     The finished file is `path`; its group has the columns, and what `fill` writes (axes, names).
     Given the path of the unfinished file, `after` fills the columns that need all points.
+
+    Parameters
+    ----------
+    workers
+        Number of processes. None starts one per core when the points left take long.
+    scheduler
+        Address of a Dask scheduler instead.
+    chunk
+        Number of points computed at once.
+    progress
+        Called with (points done, total points, points per second).
     """
-    chunk = max(UNIT, plan.chunk // UNIT * UNIT)
+    chunk = max(UNIT, chunk // UNIT * UNIT)
     with contextlib.ExitStack() as stack:
         client = None
-        if plan.scheduler is not None:
-            client = stack.enter_context(cluster.connected(plan.scheduler))
-        store = stack.enter_context(opened(job, path, group, origin, fill, plan.resume))
+        if scheduler is not None:
+            client = stack.enter_context(cluster.connected(scheduler))
+        store = stack.enter_context(opened(job, path, group, origin, fill, resume))
         ranges = store.missing(chunk)
         done, began, fresh = store.count - sum(b - a for a, b in ranges), time.monotonic(), 0
-        plan.progress(done, store.count, 0.0)
+        progress(done, store.count, 0.0)
         here = client is None
-        results = _here(job, ranges, plan.workers) if here else _on_cluster(job, ranges, client)
+        results = _here(job, ranges, workers) if here else _on_cluster(job, ranges, client)
         with contextlib.closing(results):
             for (start, stop), values in results:
                 store.put(start, stop, values)
                 done, fresh = done + stop - start, fresh + stop - start
-                plan.progress(done, store.count, fresh / max(time.monotonic() - began, 1e-9))
+                progress(done, store.count, fresh / max(time.monotonic() - began, 1e-9))
         store.finish(after)
 
 
@@ -108,38 +102,23 @@ def _here(job: Job, ranges: list[Range], workers: int | None) -> Results:
             return
 
 
-def _share(
-    submit: Callable[[Range], Any],
-    wait: Callable[..., Any],
-    ranges: list[Range],
-    most: int,
-    own: Callable[[int, int], ColumnValues] | None = None,
-) -> Results:
-    """Submit ranges, `most` at a time, and wait for results as they are ready.
+def _share(pool: Executor, job: Job, ranges: list[Range], most: int) -> Results:
+    """Submit ranges, `most` at a time, and wait for results as they are ready."""
+    from concurrent.futures import FIRST_COMPLETED, wait
 
-    Meanwhile this process computes ranges too if it has a function for it (`own`). `submit` and
-    `wait` are of `concurrent.futures` or of Dask.
-    """
     waiting, running = iter(ranges), set[Any]()
     while True:
         with _uninterrupted():
-            running |= {submit(part) for part in itertools.islice(waiting, most - len(running))}
-        part = next(waiting, None) if own else None
-        if own and part:
-            yield part, own(*part)
-        elif not running:
+            new = itertools.islice(waiting, most - len(running))
+            running |= {pool.submit(_compute, job, part) for part in new}
+        if not running:
             return
-        finished, running = wait(running, 0 if part else None, "FIRST_COMPLETED")
+        finished, running = wait(running, return_when=FIRST_COMPLETED)
         yield from (future.result() for future in finished)
 
 
-_job: Job | None = None
-
-
-def _initialise(job: Job) -> None:
-    global _job  # a worker process serves one job
-    _job = job
-    threading.Thread(target=_exit_with_parent, daemon=True).start()
+def _compute(job: Job, part: Range) -> tuple[Range, ColumnValues]:
+    return part, job.compute(*part)
 
 
 def _exit_with_parent() -> None:
@@ -147,33 +126,24 @@ def _exit_with_parent() -> None:
     from multiprocessing import parent_process
     from multiprocessing.connection import wait
 
-    parent = parent_process()
-    if parent is not None:
-        wait([parent.sentinel])
-        os._exit(1)
+    def watch() -> None:
+        parent = parent_process()
+        if parent is not None:
+            wait([parent.sentinel])
+            os._exit(1)
 
-
-def _work(part: Range) -> tuple[Range, ColumnValues]:
-    assert _job is not None
-    return _compute(_job, part)
-
-
-def _compute(job: Job, part: Range) -> tuple[Range, ColumnValues]:
-    return part, job.compute(*part)
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def _on_processes(job: Job, ranges: list[Range], workers: int) -> Results:
-    """Compute in this process, which collects the results, and in others."""
-    from concurrent.futures import ProcessPoolExecutor, wait
+    """Compute on processes, and collect the results in this one."""
+    from concurrent.futures import ProcessPoolExecutor
     from concurrent.futures.process import BrokenProcessPool
     from multiprocessing import get_context
 
-    others, spawn = workers - 1, get_context("spawn")
-    with ProcessPoolExecutor(others, spawn, initializer=_initialise, initargs=(job,)) as pool:
+    with ProcessPoolExecutor(workers, get_context("spawn"), _exit_with_parent) as pool:
         try:
-            yield from _share(
-                lambda part: pool.submit(_work, part), wait, ranges, 2 * others, job.compute
-            )
+            yield from _share(pool, job, ranges, 2 * workers)
         except BrokenProcessPool:
             raise PendsusError(
                 "a worker was killed, perhaps out of memory; give fewer --workers or a smaller"
@@ -201,29 +171,24 @@ def _uninterrupted() -> Iterator[None]:
 
 
 def _on_cluster(job: Job, ranges: list[Range], client: cluster.Client) -> Results:
-    """Compute on a cluster; the job is sent to the workers once.
+    """Compute on a cluster.
 
     Raises `PendsusError` if the connection to the scheduler is lost, or workers are killed
     repeatedly.
     """
     from concurrent.futures import CancelledError
 
-    from distributed import KilledWorker, wait  # pyright: ignore[reportMissingImports]
+    from distributed import KilledWorker  # pyright: ignore[reportMissingImports]
     from distributed.comm import CommClosedError  # pyright: ignore
 
+    most = 4 * max(1, sum(client.nthreads().values()))
     try:
-        sent = client.scatter(job, broadcast=True, hash=False)
-        with client.as_current():
-            yield from _share(
-                lambda part: client.submit(_compute, sent, part, pure=False),
-                wait,
-                ranges,
-                4 * max(1, sum(client.nthreads().values())),
-            )
+        yield from _share(client.get_executor(pure=False), job, ranges, most)
     except (CancelledError, CommClosedError) as error:
+        reason = str(error).partition("\n")[0] or "its work was cancelled"
         raise PendsusError(
-            f"the connection to the scheduler was lost ({str(error).splitlines()[0]}); restart it"
-            " and continue with --resume"
+            f"the connection to the scheduler was lost ({reason}); restart it and continue with"
+            " --resume"
         ) from None
     except KilledWorker:
         raise PendsusError(

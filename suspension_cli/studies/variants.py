@@ -7,7 +7,7 @@ computed for arrays of designs of one topology.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Hashable, Iterable, Iterator
+from collections.abc import Hashable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -31,6 +31,10 @@ from suspension_cli.studies.builds import Builds
 
 if TYPE_CHECKING:
     from jaxtyping import Float, Int
+
+
+TOGETHER = 128
+"""Designs that are in memory at once."""
 
 
 def overridden(text: str, values: dict[str, float]) -> Design:
@@ -110,6 +114,18 @@ def alike(
     for found in others.values():
         scene = stack.stack_scenes([scene for _, scene, _ in found])
         yield [n for n, _, _ in found], scene, found[0][2]
+
+
+def solved(designs: Sequence[Design | None], level: str) -> Iterator[tuple[list[int], Builds]]:
+    """Balance designs, and build their linear models, also of unstable equilibria.
+
+    Yields the places of those of one topology with them; designs that are None or have no scene are
+    left out. `level` is a model that supports builds.
+    """
+    for start in range(0, len(designs), TOGETHER):
+        for places, scene, one in alike(designs[start : start + TOGETHER], level):
+            found = builds.balance(scene, one, level=level, allow_unstable=True)
+            yield [start + place for place in places], found
 
 
 def balanced(

@@ -7,7 +7,7 @@ import pytest
 
 import suspension_cli as sus
 from suspension_cli.analyses.response.picture import draw as draw_response
-from suspension_cli.analyses.sweep.crossings import Crossing, find_crossings, solve_shapes
+from suspension_cli.analyses.sweep.crossings import Crossing
 from suspension_cli.analyses.sweep.picture import draw as draw_sweep
 from suspension_cli.analyses.sweep.solve import SweepResult
 from suspension_cli.analyses.xcouple.picture import draw as draw_coupling
@@ -15,9 +15,8 @@ from suspension_cli.analyses.xcouple.picture import interpolate
 from suspension_cli.analyses.xcouple.solve import Coupling
 from suspension_cli.drawing import curves, labels
 from suspension_cli.drawing.added_points import add_points
-from suspension_cli.drawing.panels import COLUMN, set_margins
-from suspension_cli.drawing.style import NOTE, PALETTE, house_style, new_figure, stage_colours
-from suspension_cli.files.hdf5 import open_results
+from suspension_cli.drawing.panels import set_margins
+from suspension_cli.drawing.style import PALETTE, house_style, new_figure, stage_colours
 from suspension_cli.linear.response import Response
 from suspension_cli.studies.job import Axis
 from tests.support.golden import CONFIGS
@@ -221,21 +220,8 @@ def test_avoided_crossings_are_found():
     figure = found.plot()
     words = said(figure)
     (mixed,) = [w for w in words if w.startswith("a: ") and " mix: " in w]
-    first, second = mixed.removeprefix("a: ").partition(" mix")[0].split(" and ")
-    values = [w for w in words if w.endswith(" mm") and not w.startswith("as designed")]
-    # both modes before, at and after the crossing, in the colours of their lines
-    assert len(values) == 6 and values[:3] == values[3:] and len({*values}) == 3
-    curve, shapes = figure.axes
-    colours = {line.get_label(): line.get_color() for line in curve.lines}
-    names = {text.get_text(): text for text in shapes.texts}
-    for mode in (first, second):
-        assert names[f"a: {mode}, side on"].get_color() == colours.get(mode, NOTE)
-    boxes = [part.get_datalim(shapes.transData) for part in shapes.collections]
-    low, high = np.min([b.min for b in boxes], axis=0), np.max([b.max for b in boxes], axis=0)
-    assert (low > 0).all() and high[0] < COLUMN
-    assert figure.transFigure.inverted().transform(shapes.transData.transform(high))[1] < (
-        curve.get_position().y0
-    )
+    modes = mixed.removeprefix("a: ").partition(" mix")[0].split(" and ")
+    assert {*modes} <= {*found.result}
     assert_legible(figure)
 
 
@@ -249,29 +235,6 @@ def test_letters_of_crossings_lie_apart():
     places = np.array([text.xyann for text in found])
     apart = np.linalg.norm(places[:, None] - places, axis=2)
     assert apart[~np.eye(5, dtype=bool)].min() > 7
-
-
-def test_shapes_at_a_crossing_are_those_of_its_points():
-    found = sus.sweep(
-        sus.read(CONFIGS / "double.toml"),
-        vary={"stage.test.wires.d": "-0.005:0.015:41"},
-        results=["1", "2", "3", "4", "5"],
-        fidelity="string",
-    )
-    with open_results(found.file) as file:
-        crossings = find_crossings(file["sweep"], found.data)
-    (one, *_) = solve_shapes(found.source, "stage.test.wires.d", "string", crossings)
-    for point, modes in zip(one.crossing.around, one.modes, strict=True):
-        frequencies = modes.frequency[[*point.rank]]
-        nearest = np.abs(np.array(found.data.axes[0].values) - point.at).argmin()
-        columns = [found.data.result.index(name) for name in one.crossing.modes]
-        assert frequencies == pytest.approx(found.data.value[nearest, columns], rel=1e-6)
-    middle = one.crossing.around[1]
-    gaps = [
-        abs(np.subtract(*m.frequency[[*p.rank]]))
-        for p, m in zip(one.crossing.around, one.modes, strict=True)
-    ]
-    assert gaps[1] == min(gaps) and middle.at == one.crossing.at
 
 
 def coupling(values):

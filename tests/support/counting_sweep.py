@@ -86,8 +86,8 @@ def run(
         path,
         "toy",
         Provenance(design, "pendsus toy", "none", "", sweep),
-        batch.Plan(**how),
         fill,
+        **how,
     )
 
 

@@ -196,18 +196,36 @@ class OptimiseAnalysis(Analysis):
 
     def others(self, result: Result, path: Path) -> list[Path]:
         """Write the optimised design as NAME-optimised.toml."""
-        from suspension_cli.analyses.optimise import design_file
+        from suspension_cli.errors import escape_unprintable
+        from suspension_cli.files.atomic import write_bytes
 
         made = path.with_name(f"{result.source.stem()}-optimised.toml")
-        design, goals = result.source.file, result.extra.get("goals_file", "goals")
-        design_file.save_design(
-            made, result.data, Path(design).name, Path(goals).name, result.command
-        )
+        goals = Path(result.extra.get("goals_file", "goals")).name
+        head = _origin(result.data, Path(result.source.file).name, goals, result.command)
+        comments = "".join(f"# {escape_unprintable(line)}\n" for line in head)
+        write_bytes(made, f"{comments}\n{result.data.design}".encode())
         return [made]
 
     def exit_code(self, result: Result) -> int:
         """Return 1 if a limit is not met."""
         return 0 if result.data.met else 1
+
+
+def _origin(found: Optimum, file: str, goals: str, command: str) -> Iterator[str]:
+    """Say where an optimised design comes from, which limits it misses, and what was changed."""
+    from suspension_cli.version import __version__
+
+    limits, numbers = found.limits, found.numbers
+    yield f"{file}, optimised for {goals} by pendsus {__version__}:"
+    yield f"  {command}"
+    met = f"{int(limits.met.sum())} of {len(limits.name)} limits are met, {found.checked}"
+    yield met if limits.met.all() else f"{met}:"
+    for name, value, is_met in zip(limits.name, limits.value, limits.met, strict=True):
+        if not is_met:
+            yield f"  NOT MET: {name}: {value:.6g}"
+    yield from (f"  UNKNOWN: {what}" for what in found.unknown)
+    for name, before, after in zip(numbers.name, numbers.before, numbers.after, strict=True):
+        yield f"  {name} = {float(after)!r}, from {before:.6g}"
 
 
 def _warn(found: Optimum, log: Log) -> None:

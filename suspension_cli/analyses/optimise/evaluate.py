@@ -30,6 +30,7 @@ from suspension_cli.linear.eigenmodes import find_top_masses
 from suspension_cli.linear.mode_pairing import pair_by_overlap
 from suspension_cli.linear.named_results import Ratio
 from suspension_cli.linear.symmetry import is_mirror_symmetric
+from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import builds, variants
@@ -59,6 +60,8 @@ class Evaluator:
     ----------
     families : Families
         Mode families of the starting design.
+    system : LinearSystem
+        Its string model.
     modes, responses : str
         Names of the models of the modes and of the responses.
     """
@@ -66,6 +69,7 @@ class Evaluator:
     freed: FreeDesign
     requirements: Requirements
     families: Families
+    system: LinearSystem
     modes: str
     responses: str
 
@@ -86,7 +90,7 @@ class Evaluator:
         families = Families.of(is_mirror_symmetric(expand_nominal(design)), modes.energy)
         known = signals.bodies_with_signals(model)
         wanted = interpret(freed.goals, design, modes, families, known)
-        return Evaluator(freed, wanted, families, string.name, string.name)
+        return Evaluator(freed, wanted, families, model, string.name, string.name)
 
     def at(self, fraction: Float[np.ndarray, " number"]) -> Float[np.ndarray, " value"]:
         """Evaluate one design, as `logs`; raises `InputError` if it is invalid."""
@@ -131,12 +135,8 @@ class Evaluator:
             return None
         line = np.linspace(self.freed.begin, fraction, steps + 1)
         designs = [self.freed.design_if_valid(one) for one in line]
-        solved = Results(replace(self, modes=registry.STRING.name), designs).modes
-        rows = [solved.get(n, solved[0]) for n in range(steps + 1)]
-        squared, shape = (
-            np.array([getattr(one, name) for one in rows]) for name in ("squared", "shape")
-        )
-        good = np.array([n in solved for n in range(steps + 1)])
+        squared, shape = Results(replace(self, modes=registry.STRING.name), designs).modes
+        good = np.isfinite(squared[:, 0])
         rank, _ = mode_pairing.follow(squared, shape, good, (0,), shape[0])
         return shape[-1][rank[-1]] * (1.0 if good[-1] else np.nan)
 
@@ -160,41 +160,6 @@ class Evaluator:
                 remedy = "let other numbers depend on it by [[equal]]"
                 raise InputError.of(f"free.{item.name}", f"{problem} in its nominal pose", remedy)
         return (above - below).T / (2 * STEP)
-
-
-@dataclass(frozen=True)
-class BodyModes:
-    """Modes of one design.
-
-    Attributes
-    ----------
-    squared : array
-        omega^2, (rad/s)^2, ascending.
-    shape : array
-        Of bodies, as in `batch_modes.Spectrum`: squares are fractions of the kinetic energy.
-    top : tuple of int
-        As in `LinearSystem`.
-    """
-
-    squared: Float[np.ndarray, " mode"]
-    shape: Float[np.ndarray, "mode coordinate"]
-    top: tuple[int, ...]
-
-    @cached_property
-    def energy(self) -> Float[np.ndarray, "mode body 6"]:
-        """Fractions of the kinetic energy."""
-        return (self.shape**2).reshape(len(self.shape), -1, 6)
-
-    @cached_property
-    def top_fraction(self) -> Float[np.ndarray, " mode"]:
-        """Fraction of the kinetic energy in the top mass."""
-        top = find_top_masses(self.energy, self.top)
-        return self.energy[np.arange(len(self.shape)), top].sum(-1)
-
-    @cached_property
-    def frequency(self) -> Float[np.ndarray, " mode"]:
-        """Frequency, Hz; minus the growth rate over 2 pi of an unstable mode."""
-        return np.sign(self.squared) * np.sqrt(np.abs(self.squared)) / (2 * np.pi)
 
 
 @dataclass(frozen=True)
@@ -224,12 +189,10 @@ class Results:
         return np.stack([getattr(self, item.method)(*item.key) for item in items], axis=1)
 
     def of_mode(self, what: str, family: int, number: int) -> Float[np.ndarray, " design"]:
-        """An attribute of a mode by family and rank, or of family -1 by its shape."""
-        value = np.full(len(self.designs), np.nan)
-        for n, modes in self.modes.items():
-            place = self.numbers[n][family][number]
-            value[n] = getattr(modes, what)[place] if place >= 0 else np.nan
-        return value
+        """``frequency`` or ``top_fraction`` of a mode by family and rank, of family -1 by shape."""
+        place = self.numbers[family][:, number]
+        value = np.take_along_axis(getattr(self, what), np.maximum(place, 0)[:, None], 1)[:, 0]
+        return np.where(place < 0, np.nan, value)
 
     def separation(self, hertz: bool, *modes: int) -> Float[np.ndarray, " design"]:
         """Ratio or difference (Hz) of the frequencies of two modes, the higher one first."""
@@ -241,13 +204,17 @@ class Results:
         return high - low if hertz else high / low
 
     @cached_property
-    def numbers(self) -> dict[int, list[Int[np.ndarray, " _"]]]:
-        """Numbers of the modes of each family, and last of those with `shapes` (-1: unknown)."""
-        found = {n: self.evaluator.families.ranked(modes.energy) for n, modes in self.modes.items()}
-        for n, modes in self.modes.items() if self.shapes is not None else ():
-            overlap = (self.shapes @ modes.shape.T) ** 2
-            known = np.isfinite(overlap).all()
-            found[n].append(pair_by_overlap(overlap) if known else np.full(len(overlap), -1))
+    def numbers(self) -> list[Int[np.ndarray, "design _"]]:
+        """Numbers of the modes of each family, and last of those with `shapes`; -1 if unknown."""
+        families, shapes = self.evaluator.families, self.shapes
+        found = [np.full((len(self.designs), size), -1) for size in families.size]
+        if shapes is not None:
+            found.append(np.full((len(self.designs), len(shapes)), -1))
+        for n in np.flatnonzero(np.isfinite(self.modes[0]).all(1)):
+            for numbers, own in zip(found, families.ranked(self.energy[n]), strict=False):
+                numbers[n] = own
+            if shapes is not None and np.isfinite(shapes).all():
+                found[-1][n] = pair_by_overlap((shapes @ self.modes[1][n].T) ** 2)
         return found
 
     def response(
@@ -275,26 +242,51 @@ class Results:
         return value
 
     @cached_property
-    def modes(self) -> dict[int, BodyModes]:
-        """Modes of every design with an equilibrium, by its place."""
-        found: dict[int, BodyModes] = {}
-        level = registry.by_name(self.evaluator.modes)
-        massive = level.has_wire_mass and not self.around
-        for n, design in enumerate(self.designs if massive else ()):
-            with contextlib.suppress(InputError):
-                if design is not None:
-                    model = level.system(design)
-                    modes, own = solve_modes(model), slice(6, 6 + 6 * len(model.body))
-                    root = np.linalg.cholesky(model.mass[own, own])
-                    shape = modes.shape[:, : len(root)] @ root
-                    found[n] = BodyModes(modes.omega_squared, shape, model.top)
-        for places, batch in () if massive else self._balanced((), level.name):
-            solved, size = batch_modes.solve(batch.model), 6 * len(batch.model.body)
-            for k in np.flatnonzero(batch.status == builds.GOOD):
-                shape = solved.shape[k, :, :size]
-                found[places[k]] = BodyModes(solved.omega_squared[k], shape, batch.model.top)
-        count = self.evaluator.families.size.sum()  # other numbers of modes cannot be compared
-        return {n: modes for n, modes in found.items() if len(modes.squared) == count}
+    def modes(self) -> tuple[Float[np.ndarray, "design mode"], Float[np.ndarray, "design mode _"]]:
+        """omega^2, (rad/s)^2, ascending, and shapes of bodies; NaN without an equilibrium.
+
+        Squares of shapes are fractions of the kinetic energy, as in `batch_modes.Spectrum`. A
+        design with another number of modes cannot be compared, and has none.
+        """
+        bodies = 6 * len(self.evaluator.system.body)
+        count, level = self.evaluator.families.size.sum(), registry.by_name(self.evaluator.modes)
+        squared = np.full((len(self.designs), count), np.nan)
+        shape = np.full((len(self.designs), count, bodies), np.nan)
+        if level.has_wire_mass and not self.around:
+            for n, design in enumerate(self.designs):
+                with contextlib.suppress(InputError):
+                    model = None if design is None else level.system(design)
+                    found = None if model is None else solve_modes(model)
+                    if model is not None and found is not None and len(found.shape) == count:
+                        root = np.linalg.cholesky(model.mass[6 : 6 + bodies, 6 : 6 + bodies])
+                        squared[n], shape[n] = found.omega_squared, found.shape[:, :bodies] @ root
+            return squared, shape
+        for places, batch in self._balanced((), level.name):
+            solved, good = batch_modes.solve(batch.model), batch.status == builds.GOOD
+            if solved.omega_squared.shape[1] == count:
+                own = np.array(places)[good]
+                squared[own] = solved.omega_squared[good]
+                shape[own] = solved.shape[good, :, :bodies]
+        return squared, shape
+
+    @cached_property
+    def energy(self) -> Float[np.ndarray, "design mode body 6"]:
+        """Fractions of the kinetic energy of each mode."""
+        shape = self.modes[1]
+        return (shape**2).reshape(*shape.shape[:2], -1, 6)
+
+    @cached_property
+    def top_fraction(self) -> Float[np.ndarray, "design mode"]:
+        """Fraction of the kinetic energy of each mode in the top mass."""
+        energy = self.energy.reshape(-1, *self.energy.shape[2:])
+        top = find_top_masses(energy, self.evaluator.system.top)
+        return energy[np.arange(len(energy)), top].sum(-1).reshape(self.energy.shape[:2])
+
+    @cached_property
+    def frequency(self) -> Float[np.ndarray, "design mode"]:
+        """Frequency of each mode, Hz; minus the growth rate over 2 pi of an unstable one."""
+        squared = self.modes[0]
+        return np.sign(squared) * np.sqrt(np.abs(squared)) / (2 * np.pi)
 
     def _balanced(
         self, perturbation: tuple[Perturbation, ...], level: str
@@ -303,13 +295,7 @@ class Results:
         key = (perturbation, level)
         if key not in self._builds:
             imperfect = [one and with_imperfections(one, perturbation) for one in self.designs]
-            self._builds[key] = [
-                (
-                    places,
-                    builds.balance(scene, one, level=level, allow_unstable=True),
-                )
-                for places, scene, one in variants.alike(imperfect, level)
-            ]
+            self._builds[key] = [*variants.solved(imperfect, level)]
         return self._builds[key]
 
     @cached_property

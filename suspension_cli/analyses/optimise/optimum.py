@@ -136,7 +136,7 @@ class Optimum:
     objective : str
         Description of the function that was minimised.
     stationarity : float
-        See `search.Multipliers`.
+        See `Search.multipliers`.
     fidelity, reason, error : str, str, float
         Model of the modes, why, and its estimated relative error.
     design : str

@@ -6,45 +6,38 @@ All panels are alike: a row each, marked before and after on the range that is a
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
 from suspension_cli.analyses.optimise.optimum import Optimum, relative_room
 from suspension_cli.design.paths import displayed_unit
 from suspension_cli.drawing import panels
-from suspension_cli.drawing.scales import label_plainly
+from suspension_cli.drawing.labels import SMALL, widest
+from suspension_cli.drawing.panels import Across, Line, Panel
 from suspension_cli.drawing.style import (
     INK,
     NOTE,
-    PALE,
     PALETTE,
     RED,
-    add_axes,
+    LineLook,
     format_raised,
-    house_style,
-    new_figure,
     single_line,
-    write_text,
 )
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
 
 BAND = "#dcefe8"
-ROW = 0.17
-"""Height of a row, inches."""
-BETWEEN = 0.68
-"""Height between panels, in."""
-WIDTH = 4.5
-"""Width of the figure, in."""
-MARKS = (
-    ("before", PALETTE[4], -0.17, {"marker": "o", "ms": 4, "mfc": "white"}),
-    ("after", PALETTE[0], 0.17, {"marker": "D", "ms": 3.4}),
+"""Colour of what is allowed."""
+MARKS: tuple[tuple[str, str, float, LineLook], ...] = (
+    ("before", PALETTE[4], -0.17, {"marker": "o", "markersize": 4, "markerfacecolor": "white"}),
+    ("after", PALETTE[0], 0.17, {"marker": "D", "markersize": 3.4}),
 )
 """Name, colour, shift downwards (rows) and look of markers."""
 MET = 1e-4
@@ -58,42 +51,17 @@ MIN_FRACTION = 1e-4
 
 def draw(found: Optimum, title: str) -> Figure:
     """Draw the figure of `pendsus optimise`; `title` names design and model."""
-    with house_style():
-        quantity, limits = found.limits.quantity, found.limits
-        others = np.flatnonzero(found.quantities.mode[quantity] < 0)
-        modes, numbers, margins = (
-            ROW * max(len(rows), 1) for rows in (found.modes.name, found.numbers.name, others)
-        )
-        head = panels.HEAD + 0.22
-        height = head + modes + BETWEEN + numbers + (BETWEEN + margins) * bool(len(others)) + 0.6
-        figure = new_figure(WIDTH, height)
-        frequencies = add_axes(figure, 1.3, head, 1.95, modes)
-        _draw_frequencies(frequencies, found)
-        _draw_fractions(add_axes(figure, 3.4, head, 0.92, modes), found)
-        figure.legend(
-            handles=frequencies.get_legend_handles_labels()[0],
-            loc="upper left",
-            bbox_to_anchor=(0.02, 1 - 0.43 / height),
-            ncols=5,
-            borderpad=0.1,
-            handletextpad=0.3,
-            columnspacing=1.0,
-            fontsize=7.5,
-        )
-        top = head + modes + BETWEEN
-        _draw_numbers(add_axes(figure, 2.68, top, 1.16, numbers), found)
-        write_text(figure, 0.1, top - 0.18, "Numbers of the design between their bounds", 7.5)
-        if len(others):
-            top += numbers + BETWEEN
-            _draw_margins(add_axes(figure, 2.42, top, 1.45, margins), found, others)
-            write_text(figure, 0.1, top - 0.18, "Other limits: margin before and after", 7.5)
-        unknown = f", {len(found.unknown)} unknown" if found.unknown else ""
-        met = f"{int(limits.met.sum())} of {len(limits.name)} limits met"
-        before = _margins_before(found)
-        if "equals" not in limits.sense and np.isfinite(before).all():
-            met += f", {int((before >= -MET).sum())} before"
-        panels.write_heading(figure, f"Optimised: {met}{unknown}", title)
-        return figure
+    limits = found.limits
+    others = np.flatnonzero(found.quantities.mode[limits.quantity] < 0)
+    shown = [(_frequencies(found), _fractions(found)), _numbers(found)]
+    if len(others):
+        shown.append(_margins(found, others))
+    unknown = f", {len(found.unknown)} unknown" if found.unknown else ""
+    met = f"{int(limits.met.sum())} of {len(limits.name)} limits met"
+    before = _margins_before(found)
+    if "equals" not in limits.sense and np.isfinite(before).all():
+        met += f", {int((before >= -MET).sum())} before"
+    return panels.draw(f"Optimised: {met}{unknown}", title, shown)
 
 
 def _margins_before(found: Optimum) -> Float[np.ndarray, " limit"]:
@@ -102,45 +70,50 @@ def _margins_before(found: Optimum) -> Float[np.ndarray, " limit"]:
     return 100 * relative_room(before, limits.asked, limits.sense)
 
 
-def _draw_rows(
-    axes: Axes,
-    names: list[str],
+def _panel(
+    names: Sequence[str],
     ends: Float[np.ndarray, "end row"],
-    shown: tuple[float, float],
+    across: Across,
     allowed: Float[np.ndarray, "side row"],
     missed: Bool[np.ndarray, "end row"] | None = None,
-) -> None:
+    notes: Sequence[tuple[float, int, str, str]] = (),
+    **layout: Any,
+) -> Panel:
     """Mark the values of rows before and after, in red where they miss a limit.
 
-    `shown` are the ends of the axis, `allowed` those of the range that limits allow; NaN without.
+    `across` has the ends of the axis, `allowed` those of the range that limits allow; NaN without.
+    `notes` are texts (last) beside points of rows, on a side.
     """
-    rows = np.arange(len(names))
-    axes.set_yticks(rows, names, fontsize=7.5)
-    axes.set_ylim(len(names) - 0.5, -0.5)
-    axes.tick_params(labelsize=7.5)
-    axes.tick_params(axis="y", length=0)
-    axes.grid(visible=True, axis="x", color=PALE, linewidth=0.4)
-    axes.set_axisbelow(True)
-    axes.set_xlim(*shown)
-    for n, row in enumerate(np.flatnonzero(np.isfinite(allowed).any(0))):
-        low, high = np.clip(np.where(np.isnan(allowed[:, row]), shown, allowed[:, row]), *shown)
-        edge = 2.0 if low == high else 0.0  # an equality allows only a line
-        label = None if n else "allowed"
-        axes.fill_betweenx(
-            [row - 0.5, row + 0.5], low, high, color=BAND, linewidth=edge, zorder=0, label=label
-        )
+    rows, wrong = np.arange(len(names)), np.zeros(ends.shape, dtype=bool)
+    wrong = wrong if missed is None else missed
     places = np.array([rows + shift for _, _, shift, _ in MARKS])
-    lines = LineCollection([*np.stack([ends, places], -1).swapaxes(0, 1)], clip_on=False)
-    lines.set(colors=NOTE, linewidths=0.6, zorder=2)
-    axes.add_collection(lines)
-    wrong = np.zeros(ends.shape, dtype=bool) if missed is None else missed
+    x, y = (np.pad(part, ((0, 1), (0, 0)), constant_values=np.nan).T.ravel()
+            for part in (ends, places))  # fmt: skip
+    lines = [Line(x, y, "_", NOTE, {"linewidth": 0.6, "zorder": 2})]
     for (name, own, _, look), value, place, bad in zip(MARKS, ends, places, wrong, strict=True):
         for which, colour, remark in ((~bad, own, ""), (bad, RED, ", not met")):
             if which.any():
-                axes.plot(
-                    value[which], place[which], color=colour, linestyle="", label=name + remark,
-                    clip_on=False, zorder=3, **look,
-                )  # fmt: skip
+                marker: LineLook = {**look, "linestyle": "none", "zorder": 3}
+                lines.append(Line(value[which], place[which], name + remark, colour, marker))
+
+    def paint(axes: Axes) -> None:
+        for row in np.flatnonzero(np.isfinite(allowed).any(0)):
+            span = axes.get_xlim()
+            low, high = np.clip(np.where(np.isnan(allowed[:, row]), span, allowed[:, row]), *span)
+            edge = 2.0 if low == high else 0.0  # an equality allows only a line
+            edges = [row - 0.5, row + 0.5]
+            axes.fill_betweenx(edges, low, high, color=BAND, linewidth=edge, zorder=0)
+        for line in axes.lines:
+            line.set_clip_on(False)
+        for x, row, side, text in notes:
+            axes.annotate(
+                text, (x, row), (5 if side == "left" else -5, 0), textcoords="offset points",
+                ha=side, va="center", fontsize=SMALL, annotation_clip=False,
+                color=INK if text.endswith(" %") else NOTE,
+            )  # fmt: skip
+
+    height = panels.ITEM * max(len(names), 1)
+    return Panel("", lines, height, rows=names, across=across, paint=paint, key=(), **layout)
 
 
 def _limits_of_modes(
@@ -161,29 +134,35 @@ def _limits_of_modes(
     return allowed, missed
 
 
-def _draw_frequencies(axes: Axes, found: Optimum) -> None:
+def _frequencies(found: Optimum) -> Panel:
     modes, (allowed, missed) = found.modes, _limits_of_modes(found, "Hz")
     ends = np.array([modes.before, modes.after])
     shown = np.concatenate([ends, allowed])
     shown = shown[np.isfinite(shown) & (shown > 0)]
     span = (shown.min() / 1.25, shown.max() * 1.25) if len(shown) else (0.1, 10.0)
-    axes.set_xscale("log")
-    _draw_rows(axes, [single_line(name, 30) for name in modes.name], ends, span, allowed, missed)
-    label_plainly(axes.xaxis)
-    axes.set_xlabel("frequency (Hz)", fontsize=7.5)
+    names = [single_line(name, 30) for name in modes.name]
+    across = Across("frequency (Hz)", "log", span)
+    panel = _panel(names, ends, across, allowed, missed, width=2.3, right=0.1)
+    allowed_sample = Line([], [], "allowed", BAND, {"linewidth": 7.0})
+    return replace(panel, key=[allowed_sample, *filter(panels.named, panel.lines)])
 
 
-def _draw_fractions(axes: Axes, found: Optimum) -> None:
+def _fractions(found: Optimum) -> Panel:
     modes, (allowed, missed) = found.modes, _limits_of_modes(found, "1")
     ends = np.maximum([modes.fraction_before, modes.fraction_after], MIN_FRACTION)
-    axes.set_xscale("log")
-    _draw_rows(axes, [""] * len(modes.name), ends, (MIN_FRACTION, 1.0), allowed, missed)
-    axes.set_xticks([1e-4, 1e-2, 1.0], ["≤0.01", "1", "100"])
-    axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.set_xlabel("energy in top\nmass (%)", fontsize=7.5)
+    across = Across("energy in top\nmass (%)", "log", (MIN_FRACTION, 1.0))
+    panel = _panel([""] * len(modes.name), ends, across, allowed, missed, left=0.15, right=0.2)
+
+    def paint(axes: Axes) -> None:
+        if panel.paint:
+            panel.paint(axes)
+        axes.set_xticks([1e-4, 1e-2, 1.0], ["≤0.01", "1", "100"])
+        axes.xaxis.set_minor_formatter(NullFormatter())
+
+    return replace(panel, paint=paint)
 
 
-def _draw_numbers(axes: Axes, found: Optimum) -> None:
+def _numbers(found: Optimum) -> Panel:
     numbers = found.numbers
     table = list(zip(numbers.name, numbers.before, numbers.after, strict=True))
     nearer, farther = np.sort([numbers.before, numbers.after], axis=0)
@@ -193,37 +172,30 @@ def _draw_numbers(axes: Axes, found: Optimum) -> None:
     low = np.where(both, numbers.lower, nearer - room)
     span = np.where(both, numbers.upper - numbers.lower, 2 * room + farther - nearer)
     ends = (np.array([numbers.before, numbers.after]) - low) / span
-    allowed = np.where(both, [[0.0], [1.0]], np.nan)
-    _draw_rows(axes, [_describe_change(*row) for row in table], ends, (0.0, 1.0), allowed)
+    notes = []
     for row, (name, _, after) in enumerate(table):
         unit, factor = displayed_unit(name, after)
-        for x, bound in ((0, numbers.lower[row]), (1, numbers.upper[row])):
+        for x, side, bound in ((0, "right", numbers.lower[row]), (1, "left", numbers.upper[row])):
             if np.isfinite(bound):
-                text = format_raised(factor * bound, 3)
-                text += f" {unit.replace('^2', '²')}" if x and unit else ""
-                _note(axes, text, (x, row), "left" if x else "right", NOTE)
-    axes.set_xticks([0.0, 1.0], ["lower bound", "upper"])
-    axes.spines[["left", "bottom"]].set_visible(False)
-    axes.tick_params(axis="y", pad=30)
-    axes.tick_params(axis="x", length=0)
-    axes.grid(visible=False)
+                tail = f" {unit.replace('^2', '²')}" if x and unit else ""
+                notes.append((x, row, side, format_raised(factor * bound, 3) + tail))
+    names = [_describe_change(*row) for row in table]
+    panel = _panel(
+        names, ends, Across("", "linear", (0.0, 1.0)), np.where(both, [[0.0], [1.0]], np.nan), None,
+        notes, title="Numbers of the design between their bounds", left=0.74 + widest(names),
+        right=0.65,
+    )  # fmt: skip
 
+    def paint(axes: Axes) -> None:
+        if panel.paint:
+            panel.paint(axes)
+        axes.set_xticks([0.0, 1.0], ["lower bound", "upper"])
+        axes.spines[["left", "bottom"]].set_visible(False)
+        axes.tick_params(axis="y", pad=36)
+        axes.tick_params(axis="x", length=0)
+        axes.grid(visible=False)
 
-def _note(
-    axes: Axes, text: str, at: tuple[float, float], side: str = "left", colour: str = INK
-) -> None:
-    """Write beside a point of a row."""
-    axes.annotate(
-        text,
-        at,
-        (5 if side == "left" else -5, 0),
-        textcoords="offset points",
-        ha=side,
-        va="center",
-        fontsize=7.5,
-        color=colour,
-        annotation_clip=False,
-    )
+    return replace(panel, paint=paint)
 
 
 def _describe_change(path: str, before: float, after: float) -> str:
@@ -233,19 +205,21 @@ def _describe_change(path: str, before: float, after: float) -> str:
     return f"{single_line(name, max(36 - len(values), 8))}  {values}"
 
 
-def _draw_margins(axes: Axes, found: Optimum, which: Int[np.ndarray, " row"]) -> None:
+def _margins(found: Optimum, which: Int[np.ndarray, " row"]) -> Panel:
     limits, before = found.limits, _margins_before(found)[which]
     values = np.nan_to_num(100 * limits.room[which], nan=-MAX_ROOM)
     ends = np.clip([before, values], -MAX_ROOM, MAX_ROOM)
     least, most = np.nanmin(ends, initial=0.0), np.nanmax(ends, initial=1.0)
     shown = (least - 0.05 * (most - least), most + 0.05 * (most - least))
     allowed = np.stack([np.zeros(len(which)), np.full(len(which), np.nan)])
-    missed = np.array([before < -MET, ~limits.met[which]])
-    _draw_rows(axes, [_name_limit(limits.name[n]) for n in which], ends, shown, allowed, missed)
-    for row, value in enumerate(values):
-        text = f"{value:+.{0 if abs(value) >= 10 else 1}f} %"
-        _note(axes, text.replace("-", "−"), (shown[1], row))
-    axes.set_xlabel("margin (% of the limit)", fontsize=7.5)
+    texts = [f"{value:+.{0 if abs(value) >= 10 else 1}f} %" for value in values]
+    notes = [(shown[1], n, "left", text.replace("-", "−")) for n, text in enumerate(texts)]
+    return _panel(
+        [_name_limit(limits.name[n]) for n in which], ends,
+        Across("margin (% of the limit)", "linear", shown), allowed,
+        np.array([before < -MET, ~limits.met[which]]), notes,
+        title="Other limits: margin before and after", right=0.6,
+    )  # fmt: skip
 
 
 def _name_limit(name: str) -> str:

@@ -75,26 +75,6 @@ class Point:
         return *(round(x / EQUAL) for x in (self.outside, self.worst, total)), self.objective
 
 
-@dataclass(frozen=True)
-class Multipliers:
-    """Lagrange multipliers at a point.
-
-    Attributes
-    ----------
-    limit : array
-        Decrease of the objective (of the sum of violations, if limits are violated) per unit by
-        which the margin of a limit may shrink; NaN for a limit that is not active.
-    bound : array
-        The same of the bounds of free and dependent numbers, per distance between them.
-    stationarity : float
-        Norm of the gradient that the multipliers do not balance, over that of the whole gradient.
-    """
-
-    limit: Float[np.ndarray, " limit"]
-    bound: Float[np.ndarray, "side number"]
-    stationarity: float
-
-
 class Search:
     """Constrained search for one design.
 
@@ -267,11 +247,23 @@ class Search:
             )
         return min(filter(is_permitted, visited), key=cost)
 
-    def multipliers(self, point: Point) -> Multipliers:
+    def multipliers(
+        self, point: Point
+    ) -> tuple[Float[np.ndarray, " limit"], Float[np.ndarray, "side number"], float]:
         """Find active limits and bounds, with multipliers by non-negative least squares.
 
         The multipliers meet the conditions of Karush, Kuhn and Tucker as well as possible: of the
         sum of violations, if limits are violated, else of the objective.
+
+        Returns
+        -------
+        limit : array
+            Decrease of that function per unit by which the margin of a limit may shrink; NaN for a
+            limit that is not active.
+        bound : array
+            The same of the bounds of free and dependent numbers, per distance between them.
+        stationarity : float
+            Norm of the gradient that the multipliers do not balance, over that of the whole one.
         """
         from scipy.optimize import nnls
 
@@ -301,4 +293,4 @@ class Search:
         bound[self.freed.bounded] = rows[self.limit < 0]
         bound[at // len(point.fraction), at % len(point.fraction)] = weight[len(near) :]
         size = max(float(np.linalg.norm(gradient)), 1e-12)
-        return Multipliers(limit, bound, float(left) / size)
+        return limit, bound, float(left) / size

@@ -28,7 +28,7 @@ from suspension_cli.analyses.optimise.optimum import (
     Starts,
 )
 from suspension_cli.analyses.optimise.quantities import Requirements
-from suspension_cli.analyses.optimise.search import EQUAL, FEASIBLE, Multipliers, Point, Search
+from suspension_cli.analyses.optimise.search import EQUAL, FEASIBLE, Point, Search
 from suspension_cli.design.goals import Goals
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, format_value
@@ -115,7 +115,7 @@ def solve(
         evaluator, search = needed, Search(needed)
         best = search.run(best.fraction)[1] or best
     best = search.compromise(best)
-    return _summarise(search, chosen, best, search.multipliers(best), _starts(ends))
+    return _summarise(search, chosen, best, _starts(ends))
 
 
 def _check_start(evaluator: Evaluator) -> None:
@@ -175,11 +175,10 @@ def _starts(ends: list[tuple[float, Point | None]]) -> Starts:
     return Starts(np.array([before for before, _ in ends]), after, objective, place)
 
 
-def _summarise(
-    search: Search, chosen: Choice, best: Point, found: Multipliers, starts: Starts
-) -> Optimum:
+def _summarise(search: Search, chosen: Choice, best: Point, starts: Starts) -> Optimum:
     """Assemble the result of a search from its best point."""
     evaluator, freed = search.evaluator, search.freed
+    limit, bound, stationarity = search.multipliers(best)
     wanted, items = evaluator.requirements, evaluator.requirements.quantities
     ends = (freed.begin, best.fraction)
     designs = [freed.design(one) for one in ends]
@@ -190,10 +189,9 @@ def _summarise(
     before, after = old.values[0], new.values[0]
     before, after = (np.where(value < 0, np.nan, value) for value in (before, after))
     levels = {"response": evaluator.responses, "of_mode": evaluator.modes}
-    numbers = new.numbers[0]
-    modal = [item.method == "of_mode" for item in items]
     mode = [
-        int(numbers[q.key[1]][q.key[2]]) if own else -1 for q, own in zip(items, modal, strict=True)
+        int(new.numbers[item.key[1]][0, item.key[2]]) if item.method == "of_mode" else -1
+        for item in items
     ]
     terms = "weighted sum of the logarithms of the quantities to minimise, less those to maximise"
     lower, upper = freed.bounds
@@ -207,7 +205,7 @@ def _summarise(
             lower=lower,
             upper=upper,
             bound=at_upper * 1 - at_lower,
-            multiplier=np.where(np.isnan(upper - lower), np.nan, found.bound.sum(0)),
+            multiplier=np.where(np.isnan(upper - lower), np.nan, bound.sum(0)),
         ),
         quantities=Quantities(
             name=tuple(item.text for item in items),
@@ -218,12 +216,12 @@ def _summarise(
             weight=wanted.weight,
             model=tuple(levels.get(item.method, "") for item in items),
         ),
-        limits=_limits(wanted, after, found),
+        limits=_limits(wanted, after, limit),
         modes=_mode_table(evaluator, old, new, designs[1]),
         starts=starts,
         unknown=wanted.unknown,
         objective=terms if wanted.weight.any() else OBJECTIVE[freed.goals.prefer],
-        stationarity=found.stationarity,
+        stationarity=stationarity,
         fidelity=chosen.level,
         reason=chosen.reason,
         error=chosen.error,
@@ -232,7 +230,9 @@ def _summarise(
 
 
 def _limits(
-    wanted: Requirements, quantity: Float[np.ndarray, " quantity"], found: Multipliers
+    wanted: Requirements,
+    quantity: Float[np.ndarray, " quantity"],
+    multiplier: Float[np.ndarray, " limit"],
 ) -> Limits:
     """Compare the limits with the optimised design."""
     limits, sense = wanted.limits, np.array([limit.sense for limit in wanted.limits], dtype=str)
@@ -252,8 +252,8 @@ def _limits(
         value=quantity[place],
         margin=margin,
         met=margin >= np.where(equal, -EQUAL, 0.0),  # NaN is not met
-        active=np.isfinite(found.limit),
-        multiplier=np.nan_to_num(found.limit),
+        active=np.isfinite(multiplier),
+        multiplier=np.nan_to_num(multiplier),
     )
 
 
@@ -263,16 +263,20 @@ def _mode_table(evaluator: Evaluator, before: Results, after: Results, design: D
     names = [
         f"{families.name(k)} {n + 1}" for k, size in enumerate(families.size) for n in range(size)
     ]
-    numbers = [np.concatenate(one.numbers[0][: len(families.size)]) for one in (before, after)]
-    (old, was), (new, now) = zip(numbers, (before.modes[0], after.modes[0]), strict=True)
-    frequency = [np.where(one.squared < 0, np.nan, one.frequency) for one in (was, now)]
+    old, new = (
+        np.concatenate([own[0] for own in one.numbers[: len(families.size)]])
+        for one in (before, after)
+    )
     label = solve_modes(registry.by_name(evaluator.modes).system(design)).label
+    frequency = [
+        np.where(one.frequency[0] < 0, np.nan, one.frequency[0]) for one in (before, after)
+    ]
     return ModeTable(
         name=tuple(names),
         label=tuple(label[n] for n in new),
         before=frequency[0][old],
         after=frequency[1][new],
-        fraction_before=was.top_fraction[old],
-        fraction_after=now.top_fraction[new],
+        fraction_before=before.top_fraction[0, old],
+        fraction_after=after.top_fraction[0, new],
         number=new,
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,9 +12,7 @@ from suspension_cli.analyses.sweep.solve import evaluate_ratio
 from suspension_cli.design import reader
 from suspension_cli.design.paths import unit_of
 from suspension_cli.files.declared import along, derived, in_unit
-from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.named_results import Mode, Ratio, Scalar
-from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import derivatives, parameters
@@ -115,18 +112,8 @@ class Sensitivity:
             )
 
 
-@lru_cache(maxsize=2)
-def solve_nominal(text: str, level: str) -> tuple[LinearSystem, Modes]:
-    """Build the linear system of a design on a model, and solve for its modes."""
-    model = registry.by_name(level).system(reader.parse(text))
-    return model, solve_modes(model)
-
-
-@lru_cache(maxsize=2)
 def solve(text: str, results: tuple[Scalar, ...], level: str = registry.STRING.name) -> Sensitivity:
     """Differentiate results with respect to every number of a design.
-
-    The last results are cached, as the choice of the model computes them, too.
 
     Parameters
     ----------
@@ -142,19 +129,21 @@ def solve(text: str, results: tuple[Scalar, ...], level: str = registry.STRING.n
     >>> solve(text, (Mode("test pitch", 3),)).one_percent  # doctest: +SKIP
     """
     design, numbers = reader.parse(text), parameters.every(text, level)
-    model, modes = solve_nominal(text, level)
+    model = registry.by_name(level).system(design)
+    modes = solve_modes(model)
     ratios = [item for item in results if isinstance(item, Ratio)]
     count, massive = len(modes.frequency), has_wire_mass(model)
 
     def evaluate(found: Builds) -> Array:
         matrix = mode_matrix(found, modes, massive=massive).reshape(-1, count**2)
-        return np.column_stack([matrix, *(evaluate_ratio(found, ratio) for ratio in ratios)])
+        values = [evaluate_ratio(found, ratio) for ratio in ratios]
+        return np.column_stack([matrix, *values, derivatives.flat_matrices(found)])
 
     around = derivatives.differentiate(design, numbers, level, evaluate)
     matrix = np.real(around.central[:, : count**2]).reshape(-1, count, count)
     rates = np.array([frequency_rates(modes, change) for change in matrix]).reshape(-1, count).T
-    sizes = around.of_magnitudes[:, count**2 :].T
-    value = np.abs(around.nominal[count**2 :])
+    places = slice(count**2, count**2 + len(ratios))
+    sizes, value = around.of_magnitudes[:, places].T, np.abs(around.nominal[places])
     value = np.where(np.isfinite(value), value, np.nan)
     columns = [
         (modes.frequency[one.number], rates[one.number])

@@ -74,8 +74,8 @@ class SweepAnalysis(Analysis):
         """Compute all points of the grid, then follow the modes."""
         from suspension_cli.analyses import model_choice, sweeping
         from suspension_cli.analyses.check import warnings
-        from suspension_cli.analyses.sweep import model_error
-        from suspension_cli.analyses.sweep.solve import ParameterSweep, complete, describe
+        from suspension_cli.analyses.sweep import solve as sweep
+        from suspension_cli.analyses.sweep.solve import ParameterSweep
         from suspension_cli.linear import eigenmodes, named_results, signals
         from suspension_cli.models import registry
 
@@ -108,7 +108,7 @@ class SweepAnalysis(Analysis):
             source,
             setting["fidelity"],
             [model for model in registry.MODELS if not (follows and model.has_wire_mass)],
-            model_error.result_change(first),
+            sweep.result_change(first),
             setting["tolerance"],
         )
         job = on(choice.level, names)
@@ -120,8 +120,8 @@ class SweepAnalysis(Analysis):
             self,
             job,
             choice,
-            describe(job, model),
-            lambda part: complete(part, job),
+            sweep.describe(job, model),
+            lambda part: sweep.complete(part, job),
         )
         found: SweepResult = result.data
         for reason, count in found.failures.items():
@@ -180,18 +180,14 @@ class SweepAnalysis(Analysis):
         from suspension_cli.drawing.style import name_neglected
         from suspension_cli.files.hdf5 import open_results
 
-        found, shapes = [], []
-        stored = None
+        found = []
         with contextlib.suppress(InputError):  # without its file, modes that cross are not marked
             stored = result.stored_file()
-        if stored is not None:
-            with open_results(stored) as file:
-                found = crossings.find_crossings(file["sweep"], result.data)
-            shapes = crossings.solve_shapes(
-                result.source, result.data.axes[0].name, result.choice.level, found
-            )
+            if stored is not None:
+                with open_results(stored) as file:
+                    found = crossings.find_crossings(file["sweep"], result.data)
         stages = [stage.name for stage in result.design.stage]
-        drawn = picture.draw(result.data, result.subtitle, stages, found, shapes)
+        drawn = picture.draw(result.data, result.subtitle, stages, found)
         return {"": name_neglected(drawn, result.choice)}
 
 

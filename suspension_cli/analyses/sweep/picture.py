@@ -13,11 +13,10 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator
 
-from suspension_cli.analyses.sweep.crossings import Crossing, Shapes, Strip
+from suspension_cli.analyses.sweep.crossings import Crossing
 from suspension_cli.analyses.sweep.solve import SweepResult
 from suspension_cli.conventions import DOFS
 from suspension_cli.drawing import labels, panels, scales
-from suspension_cli.drawing.canvas import full_canvas
 from suspension_cli.drawing.panels import Across, Line, Panel, Rule, Scale
 from suspension_cli.drawing.style import (
     INK,
@@ -25,7 +24,6 @@ from suspension_cli.drawing.style import (
     LineLook,
     figure_of,
     format_raised,
-    house_style,
     single_line,
     stage_colours,
 )
@@ -33,7 +31,6 @@ from suspension_cli.studies.job import Axis
 
 if TYPE_CHECKING:
     from jaxtyping import Float
-    from matplotlib.contour import QuadContourSet
     from matplotlib.typing import LineStyleType
 
 MAX_MAPS = 6
@@ -51,8 +48,6 @@ MOST_CROSSINGS = 5
 LETTERS = "abcdefgh"
 """Names of crossings."""
 FREQUENCY = "frequency (Hz)"
-CLEAR, EDGE = 0.25, 0.18
-"""Smallest distances of the label of a contour from a mark, and from the frame, in."""
 FAILED = {
     1: ("#f3d9c9", "slack"),
     2: ("#e3e3e3", "no equilibrium"),
@@ -68,12 +63,11 @@ def draw(
     title: str,
     stages: Sequence[str] = (),
     crossings: Sequence[Crossing] = (),
-    shapes: Sequence[Shapes] = (),
 ) -> Figure:
     """Draw the figure of `pendsus sweep`; `title` names the design and the model.
 
     Parameters after the second are kept at the grid point nearest to the nominal design.
-    `crossings` are marked on lines, and `shapes` of some are drawn below.
+    `crossings` are marked on lines.
     """
     rest = swept.start[2:]
     value = swept.value[(slice(None), slice(None), *rest)[: len(swept.axes)]]
@@ -83,7 +77,7 @@ def draw(
             for axis, at in zip(swept.axes[2:], rest, strict=True)
         ]
         return _draw_maps(swept, value, " · ".join([*kept, title]))
-    return _draw_lines(swept, value, title, stages, crossings, shapes)
+    return _draw_lines(swept, value, title, stages, crossings)
 
 
 def _is_geometric(values: Sequence[float]) -> bool:
@@ -101,9 +95,9 @@ def _is_wide(values: Float[np.ndarray, "*shape"]) -> bool:
     return bool(positive.size and positive.max() > LOG_RATIO * positive.min())
 
 
-def _with_unit(axis: Axis, value: float, digits: int = 4) -> str:
+def _with_unit(axis: Axis, value: float) -> str:
     unit, factor = axis.displayed_unit
-    return f"{value * factor:.{digits}g} {unit}".rstrip().replace("-", "−")
+    return f"{value * factor:.4g} {unit}".rstrip().replace("-", "−")
 
 
 def _parameter_label(axis: Axis, most: int) -> str:
@@ -146,7 +140,6 @@ def _draw_lines(
     title: str,
     stages: Sequence[str],
     crossings: Sequence[Crossing],
-    shapes: Sequence[Shapes],
 ) -> Figure:
     units = [_axis_label(swept, n) for n in range(len(swept.result))]
     first, looks = swept.axes[0], _looks(swept, stages)
@@ -179,24 +172,10 @@ def _draw_lines(
         kind: Scale = "log" if limits else "linear"
         shown.append(Panel(unit, lines, 3.0, kind, limits, ends=ends, rules=rules, paint=paint))
     notes = [f"{LETTERS[n]}: {one}" for n, one in enumerate(marked)] + remarks[:1]
-    strips = {marked.index(one.crossing): Strip(one, panels.COLUMN - 0.2)
-              for one in shapes if one.crossing in marked}  # fmt: skip
-    foot = sum(strip.height for strip in strips.values())
     scale: Scale = "log" if _is_geometric(first.values) else "linear"
     across = Across(_parameter_label(first, 60), scale)
     heading = f"{_quantity(swept)} against {first.name.removeprefix('stage.')}"
-    figure = panels.draw(heading, title, shown, across, notes, foot=foot)
-    if strips:
-        canvas, top = full_canvas(figure), panels.FOOT + foot
-        colours = {swept.result[n]: look[0] for n, look in looks.items()}
-        with house_style():
-            for n, strip in strips.items():
-                values = [_with_unit(first, point.at, 3) for point in marked[n].around]
-                ink = [colours.get(name, NOTE) for name in marked[n].modes]
-                strip.draw(canvas, 0.1, top, ink, values, LETTERS[n])
-                top -= strip.height
-            canvas.flush()
-    return figure
+    return panels.draw(heading, title, shown, across, notes)
 
 
 def _looks(swept: SweepResult, stages: Sequence[str]) -> dict[int, tuple[str, LineStyleType]]:
@@ -314,9 +293,8 @@ def _draw_map(
     norm = LogNorm(low, high) if wide else Normalize(low, high)
     axes.grid(visible=False)
     axes.set_facecolor("#eeeeee")
-    lines, marks = None, []
     if min(value.shape) > 1 and finite.count() and np.ptp(finite) > 1e-9 * abs(high):
-        lines = _draw_surface(axes, x, y, finite, norm)
+        _draw_surface(axes, x, y, finite, norm)
     else:
         axes.pcolormesh(x, y, finite, norm=norm, cmap="viridis", shading="nearest", rasterized=True)
     beside = axes.inset_axes((1.03, 0.0, 0.06, 1.0))
@@ -330,28 +308,6 @@ def _draw_map(
         here = [at * axis.displayed_unit[1] for axis, at in drawn]
         axes.plot(*here, "+", color="white", markersize=9, markeredgewidth=2.4)
         axes.plot(*here, "+", color=INK, markersize=8, markeredgewidth=1.0, label="as designed")
-        marks.append(here)
-    if lines is not None:
-        _label_contours(axes, lines, marks)
-
-
-def _label_contours(axes: Axes, lines: QuadContourSet, marks: Sequence[Sequence[float]]) -> None:
-    """Label contours in their middle, away from marks and from the frame."""
-    inch, places = axes.figure.dpi, []
-    taken = axes.transData.transform(np.reshape(marks, (-1, 2))) / inch
-    frame = axes.bbox.padded(-EDGE * inch)
-    paths = [np.reshape(path.vertices, (-1, 2)) for path in lines.get_paths()]
-    for path in (path for path in paths if len(path)):
-        line = axes.transData.transform(path)
-        place, number = np.linspace(0, len(line) - 1, 61), np.arange(len(line))
-        at = np.stack([np.interp(place, number, own) for own in line.T], axis=-1)
-        at = at[((at > frame.min) & (at < frame.max)).all(-1)]
-        room = np.hypot(*(at[:, None] / inch - taken).T).min(0, initial=np.inf)
-        at = at[room > CLEAR] if (room > CLEAR).any() else at
-        places += [*at[len(at) // 2 :][:1]]
-    where = axes.transData.inverted().transform(np.reshape(places, (-1, 2)))
-    write = partial(format_raised, digits=4)
-    axes.clabel(lines, fontsize=labels.SMALL, fmt=write, manual=where.tolist())
 
 
 def _draw_surface(
@@ -360,8 +316,8 @@ def _draw_surface(
     y: Float[np.ndarray, " row"],
     finite: Float[np.ndarray, "row column"],
     norm: Normalize,
-) -> QuadContourSet:
-    """Draw smooth colours, and contours at about six round numbers, which are returned."""
+) -> None:
+    """Draw smooth colours, and labelled contours at about six round numbers."""
     low, high = float(norm.vmin or 0.0), float(norm.vmax or 1.0)
     wide = isinstance(norm, LogNorm)
     levels = (np.geomspace if wide else np.linspace)(low, high, 48)
@@ -374,4 +330,10 @@ def _draw_surface(
     found = np.asarray(locator.tick_values(low, high))
     found = found[(found > low) & (found < high)]
     round_numbers = found if len(found) else [(low + high) / 2]
-    return axes.contour(x, y, finite, levels=round_numbers, colors="white", linewidths=0.6)
+    lines = axes.contour(x, y, finite, levels=round_numbers, colors="white", linewidths=0.6)
+    write = partial(format_raised, digits=4)
+    paths = [np.reshape(path.vertices, (-1, 2)) for path in lines.get_paths() if len(path)]
+    middles = [(path[(len(path) - 1) // 2] + path[len(path) // 2]) / 2 for path in paths]
+    for text in axes.clabel(lines, fontsize=labels.SMALL, fmt=write, manual=middles):
+        box = text.get_window_extent()
+        text.set_visible(axes.bbox.x0 <= box.x0 and box.x1 <= axes.bbox.x1)
