@@ -77,6 +77,8 @@ class LinearSystem:
         Elongation of each wire per coordinate; none where the stretching is part of `soft`.
     k
         Stiffness of each wire against stretching, N/m; complex if lossy.
+    allowed
+        Elements of a matrix of wires that the symmetry allows.
     orientation
         Rotation of each body (support first) from its nominal orientation; None if none is rotated.
     residual
@@ -94,8 +96,6 @@ class LinearSystem:
     active
         Whether springs, links or dampers may give power to the motion. Else all losses are
         positive, and a negative one is a rounding error.
-    within_symmetry
-        Elements of a matrix of wires that the symmetry allows; None if all.
     top
         Number (from 0) of the body that hangs from the support in the chain of each body; () if
         that is the first body for all.
@@ -110,6 +110,7 @@ class LinearSystem:
     soft: Inexact[np.ndarray, "*#batch coordinate coordinate"]
     elongation: Inexact[np.ndarray, "*#batch wire coordinate"]
     k: Inexact[np.ndarray, "*#batch wire"]
+    allowed: Bool[np.ndarray, "coordinate coordinate"]
     orientation: Inexact[np.ndarray, "*#batch _ 3 3"] | None = None
     residual: float = 0.0
     wire: tuple[str, ...] = ()
@@ -117,7 +118,6 @@ class LinearSystem:
     rigid: Float[np.ndarray, "*#batch coordinate 6"] | None = None
     ground: Ground | None = None
     active: bool = False
-    within_symmetry: Bool[np.ndarray, "coordinate coordinate"] | None = None
     top: tuple[int, ...] = ()
 
     @property
@@ -138,7 +138,7 @@ class LinearSystem:
             moved = rest.spread(at_rest, 0.0, coupled(ground.stiffness), coupled(ground.damping))
             terms = (*ground.terms, *moved.terms)
             self.prepared["ground"] = replace(
-                moved, terms=terms, rigid=None, ground=None, within_symmetry=self.within_symmetry
+                moved, terms=terms, rigid=None, ground=None, allowed=self.allowed
             )
         return self.prepared["ground"]
 
@@ -157,10 +157,7 @@ class LinearSystem:
         def change(matrix: np.ndarray) -> np.ndarray:
             return from_new.T @ matrix @ from_new
 
-        allowed = self.within_symmetry
-        if allowed is not None:
-            reach = (from_new != 0).astype(float)
-            allowed = reach.T @ allowed @ reach > 0
+        reach = (from_new != 0).astype(float)
         return replace(
             self,
             mass=change(self.mass) + mass,
@@ -168,7 +165,7 @@ class LinearSystem:
             soft=change(self.soft) + stiffness,
             elongation=self.elongation @ from_new,
             terms=tuple(term.spread(from_new) for term in self.terms),
-            within_symmetry=allowed,
+            allowed=reach.T @ self.allowed @ reach > 0,
         )
 
     @property
@@ -258,12 +255,6 @@ class LinearSystem:
         pulled = np.swapaxes(self.elongation, -1, -2) * k[..., None, :]
         stretching = np.where(self.allowed, pulled @ self.elongation, 0.0)
         return soft + (stretching + np.swapaxes(stretching, -1, -2)) / 2
-
-    @property
-    def allowed(self) -> Bool[np.ndarray, "coordinate coordinate"]:
-        """Elements of a matrix that the symmetry allows."""
-        every = np.ones((self.size, self.size), dtype=bool)
-        return every if self.within_symmetry is None else self.within_symmetry
 
     @property
     def batch(self) -> tuple[int, ...]:

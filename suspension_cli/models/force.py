@@ -241,6 +241,7 @@ def assembled(
         soft=soft,
         elongation=np.zeros((0, size)),
         k=np.zeros(0),
+        allowed=np.ones((size, size), dtype=bool),
         rigid=rigid,
     )
 

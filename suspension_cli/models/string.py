@@ -91,12 +91,12 @@ def linear_model(
         soft=soft,
         elongation=elongation,
         k=k,
+        allowed=adapted.allowed,
         orientation=pose.rotation if is_turned else None,
         residual=float(np.max(balanced.residual)),
         wire=scene.wires.label,
         rigid=rigid_motion(numbering.size, scene.bodies.position + pose.shift),
         terms=tuple(terms),
-        within_symmetry=None if adapted.allowed.all() else adapted.allowed,
         top=chain_tops(scene),
     )
     if not scene.springs.grounded.any():

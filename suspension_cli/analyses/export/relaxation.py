@@ -458,12 +458,11 @@ def _widened(
     basis[:size, :size] = model.basis
     wider = model.spread(np.eye(size, size + count), mass, stiffness, damping)
     coupled = (mass != 0) | (stiffness != 0) | (damping != 0)
-    allowed = wider.within_symmetry
     return replace(
         wider,
         coordinate=(*model.coordinate, *names),
         basis=basis,
         massless=np.append(model.massless, np.ones(count, dtype=bool)) & ~mass.any(1),
         rigid=None if model.rigid is None else np.pad(model.rigid, ((0, count), (0, 0))),
-        within_symmetry=None if allowed is None else allowed | coupled,
+        allowed=wider.allowed | coupled,
     )

@@ -312,6 +312,7 @@ def cut_all(model: LinearSystem, fraction: float = CUTS[0]) -> tuple[LinearSyste
         soft,
         np.zeros((0, size)),
         np.zeros(0),
+        np.ones((size, size), dtype=bool),
         terms=(*pieces, *(term.spread(np.eye(model.size, size)) for term in others)),
         active=model.active,
     )
