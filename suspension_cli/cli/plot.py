@@ -71,6 +71,7 @@ def command(
     from suspension_cli.drawing.quick_import import import_matplotlib
 
     import_matplotlib()
+    from suspension_cli.drawing.panels import limited
     from suspension_cli.drawing.style import encode
     from suspension_cli.files.atomic import write_bytes
     from suspension_cli.files.hdf5 import open_results, reporting_damage
@@ -89,7 +90,8 @@ def command(
         paths = [(folder or Path(file).parent) / Path(file).name for file in files]
     for result, path in zip(results, paths, strict=True):
         with reporting_damage(result.source.file, "run the analysis again"):
-            figures = result.figures() or {"": result.plot()}  # refused if there is none
+            with limited(*limits):
+                figures = result.figures() or {"": result.plot()}  # refused if there is none
             for figure in figures.values():
                 _set_limits(figure, *limits)
             pictures = {end: encode(figure, picture_format) for end, figure in figures.items()}
@@ -155,3 +157,6 @@ def _set_limits(
                 fault = Fault(option, problem, "give limits above 0", format_value(given[0]))
                 raise InputError([fault])
             (one.set_xlim if option == "--x" else one.set_ylim)(*(given or ()))
+            if given and axis.get_scale() == "log" and 2 < given[1] / given[0] < 30:
+                axis.set_major_formatter("{x:g}")
+                axis.set_minor_formatter(lambda x, _: f"{x:g}" if f"{x:e}"[0] in "25" else "")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
 from contextvars import ContextVar
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -62,6 +62,8 @@ PALE_SUM = 2.2
 ERROR = "#9aa1a8"
 """Colour of error bars."""
 _WIDTH = ContextVar("_WIDTH", default=COLUMN)
+Limits = tuple[float, float] | None
+_LIMITS: ContextVar[tuple[Limits, Limits]] = ContextVar("_LIMITS", default=(None, None))
 Scale = Literal["linear", "log", "db", "phase"]
 
 
@@ -205,6 +207,16 @@ def page_width(width: float) -> Iterator[None]:
         _WIDTH.reset(token)
 
 
+@contextlib.contextmanager
+def limited(x: Limits, y: Limits) -> Iterator[None]:
+    """Limit the horizontal axes that are labelled as the first, and the first vertical axis."""
+    token = _LIMITS.set((x, y))
+    try:
+        yield
+    finally:
+        _LIMITS.reset(token)
+
+
 def draw(
     heading: str,
     subtitle: str,
@@ -255,8 +267,10 @@ def draw(
                 first.setdefault(owner[n], axes)
                 axes.tick_params(which="both", labelbottom=owner[n] == n)
                 axis = rows[owner[n]][min(k, len(rows[owner[n]]) - 1)].across or across
+                alike = axis.label == (rows[owner[0]][0].across or across).label
+                panel, axis = _limit(place.panel, axis, first=n == k == 0, alike=alike)
                 beside = [one[k] for one in group if k < len(one)]
-                _draw_panel(axes, place.panel, axis, beside, is_lowest=owner[n] == n)
+                _draw_panel(axes, panel, axis, beside, is_lowest=owner[n] == n)
                 _write_above(figure, place)
         figure.align_ylabels([axes for axes in figure.axes if axes.get_ylabel()])
         return figure
@@ -389,6 +403,16 @@ def _ordinates(values: Array, scale: Scale) -> Array:
     size = np.abs(values) if np.iscomplexobj(values) else values.astype(float)
     size = np.where(size > 0, size, np.nan)
     return 20 * np.log10(size) if scale == "db" else size
+
+
+def _limit(panel: Panel, axis: Across, *, first: bool, alike: bool) -> tuple[Panel, Across]:
+    """Apply the limits of `limited` where they are possible."""
+    x, y = _LIMITS.get()
+    if x and alike and (x[0] > 0 or axis.scale != "log"):
+        axis = replace(axis, limits=x)
+    if y and first and (y[0] > 0 or panel.scale != "log"):
+        panel = replace(panel, limits=y)
+    return panel, axis
 
 
 def _limit_across(axes: Axes, axis: Across, group: Sequence[Panel]) -> None:

@@ -156,7 +156,7 @@ def test_springs_of_a_batch_are_those_of_each_design():
             values = {path: column[point] for path, column in grid.items()}
             alone = registry.STRING.system(variants.overridden(text, values)).constant
             own = found.model.select(np.array([n])).constant
-            for matrix in ("stiffness", "damping", "lossy"):
+            for matrix in ("stiffness", "damping", "complete"):
                 one, other = (
                     model.basis @ getattr(model, matrix) @ model.basis.T for model in (own, alone)
                 )
