@@ -12,7 +12,7 @@ import pytest
 from suspension_cli.design.sumcon import convert
 from suspension_cli.errors import InputError
 from tests.support.commandline import run
-from tools import undamped
+from tools.validation import undamped
 
 SAVE = Path(__file__).parents[1] / "data" / "tower-sumcon.m"
 TEXT = SAVE.read_text()

@@ -1,0 +1,36 @@
+"""Write `results/validation.md` and its pictures. Run by `make validation`."""
+
+from __future__ import annotations
+
+from suspension_cli.files.atomic import write_bytes
+from tools.tables import ROOT
+from tools.validation import kagra
+from tools.validation.page import percent
+
+SECTIONS = [kagra]
+
+
+def main() -> None:
+    """Compute all sections."""
+    sections = [module.section() for module in SECTIONS]
+    worst = sorted((one for part in sections for one in part.worst), key=lambda one: -abs(one[0]))
+    lines = [
+        "# Held against what was built",
+        "",
+        "Suspensions that were built, in numbers of others. Nothing is fitted here: deviations are"
+        " as computed. `make validation` computes the page without a network; designs are in"
+        " `configs/built/`, the numbers of others in `measured/`, each with its source.",
+        "",
+        "The three largest deviations:",
+        "",
+        *(f"- {percent(value)}: {text}" for value, text in worst[:3]),
+    ]
+    for part in sections:
+        lines += ["", f"## {part.title}", "", *part.lines]
+    text = "\n".join(lines).replace("\n\n\n", "\n\n").rstrip("\n") + "\n"
+    write_bytes(ROOT / "results" / "validation.md", text.encode())
+    print("results/validation.md")
+
+
+if __name__ == "__main__":
+    main()
