@@ -28,9 +28,6 @@ if TYPE_CHECKING:
 FORBIDDEN = 1e6
 """Cost of assigning a measurement to a mode that it cannot belong to; others cost the square of
 ln(measured / computed)."""
-NEARBY = 0.5
-"""Change of the parameters, over their typical changes, within which the derivatives of the
-matrices are not computed again: they are smooth, and a search needs no more."""
 
 
 @functools.lru_cache(maxsize=16)
@@ -67,27 +64,26 @@ class Experiment:
     ----------
     text
         The design as TOML.
-    free, start, scale
-        Dotted paths of the free parameters, their starting values and typical changes, SI.
+    free, start
+        Dotted paths of the free parameters and their starting values, SI.
     where
         Prefix of the key paths of the modes in errors.
     file
         File of the design, for errors.
     level
         Name of a model that supports derivatives.
-    around
-        Values of the parameters, and derivatives of the matrices there; empty if not computed.
+    latest
+        Where the derivatives of the matrices were computed last, and these; empty without.
     """
 
     text: str
     mode: list[Mode]
     free: tuple[str, ...]
     start: Array
-    scale: Array
     where: str
     file: str
     level: str
-    around: list[tuple[Array, list[Matrices]]] = field(default_factory=list)
+    latest: list[tuple[Array, list[Matrices]]] = field(default_factory=list)
 
     @cached_property
     def nominal(self) -> Plant:
@@ -131,18 +127,17 @@ class Experiment:
         """Frequencies in the order of the nominal modes, Hz; NaN for an unstable mode."""
         return self.plant(x).modes.frequency[self.order(x)]
 
-    def changes(self, x: Array, *, exactly: bool = False) -> list[Matrices]:
-        """Differentiate the matrices by the free parameters at x, or near x unless `exactly`."""
-        near = 0.0 if exactly else NEARBY
-        if not self.around or (np.abs(x - self.around[0][0]) > near * self.scale).any():
+    def changes(self, x: Array) -> list[Matrices]:
+        """Differentiate the matrices by the free parameters at x."""
+        if not self.latest or (x != self.latest[0][0]).any():
             found = []
             for name, one in zip(self.free, self.plant(x).changes(self.free), strict=True):
                 if one is None:
                     problem = "a change of this number alone unbalances the suspension"
                     raise InputError([Fault(f"parameter {name}", problem, "fit another number")])
                 found.append(one)
-            self.around[:] = [(x.copy(), found)]
-        return self.around[0][1]
+            self.latest[:] = [(x.copy(), found)]
+        return self.latest[0][1]
 
     def slopes(self, x: Array) -> Float[np.ndarray, "mode parameter"]:
         """Differentiate `frequencies` by the free parameters; 0 for an unstable mode."""

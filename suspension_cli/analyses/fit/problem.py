@@ -141,9 +141,7 @@ class Problem:
     def restricted(self, names: list[str], values: dict[str, float]) -> Problem:
         """Set up the problem of the one design with other free parameters, without priors."""
         base = np.array([values[name] for name in names])
-        one = replace(
-            self.experiment[0], free=tuple(names), start=base, scale=typical_change(base), around=[]
-        )
+        one = replace(self.experiment[0], free=tuple(names), start=base, latest=[])
         free, shared = [Free(name=name) for name in names], np.ones((len(names), 1), dtype=bool)
         return replace(self, experiment=[one], free=free, shared=shared, base=base)
 
@@ -334,7 +332,7 @@ def build(texts: Sequence[str], measured: Measured, files: Sequence[str], level:
     rows = [measured.shares(n) for n in range(len(free))]
     shared = np.array(rows, dtype=bool).reshape(len(free), len(texts))
     start = _start(texts, measured, shared, level)
-    _, _, low, high, _, _, scale = Problem([], free, shared, start).unknowns
+    _, _, low, high, *_ = Problem([], free, shared, start).unknowns
     for n in np.flatnonzero((start < low) | (start > high))[:1]:
         bounds = f"{low[n]:g} to {high[n]:g}"
         problem = f"the design's value {start[n]:g} lies outside the bounds {bounds}"
@@ -343,7 +341,7 @@ def build(texts: Sequence[str], measured: Measured, files: Sequence[str], level:
     experiments = [
         Experiment(
             text, modes, tuple(item.name for item, here in zip(free, own, strict=True) if here),
-            start[own], scale[own], measured.where(n), file, level,
+            start[own], measured.where(n), file, level,
         )
         for n, (text, modes, own, file) in enumerate(
             zip(texts, measured.modes, shared.T, files, strict=True)

@@ -117,12 +117,6 @@ class Solution:
         found = self.carry(replace(self.problem, channels=made))
         return replace(found, corrections=tuple(corrections))
 
-    def linearise(self) -> Array:
-        """Derivatives of the residuals, with those of the designs exactly here."""
-        for item, own in zip(self.problem.experiment, self.problem.shared.T, strict=True):
-            item.changes(self.z[: self.problem.count][own], exactly=True)
-        return self.problem.jacobian(self.z)
-
 
 def _best(ends: Sequence[Solution]) -> Solution:
     return min(ends, key=lambda end: end.chi_squared)
@@ -193,7 +187,7 @@ def solve(
     found, changes = _best(ends), None
     if functions and (explain or found.misfit):
         found, changes = _restart(found)
-    slope = found.linearise()
+    slope = found.problem.jacobian(found.z)
     result = _collect(found, slope, measured, np.sort([end.chi_squared for end in ends]))
     if functions:
         return replace(result, responses=_responses(found, slope, changes if explain else None))
@@ -308,7 +302,7 @@ def _single_changes(found: Solution) -> tuple[float, tuple[SingleChange, ...]]:
         if change is not None and (change.matters or name in one.free)
     }
     wide = problem.restricted([*matter], fitted)
-    wide.experiment[0].around[:] = [(wide.base, [*matter.values()])]
+    wide.experiment[0].latest[:] = [(wide.base, [*matter.values()])]
     slope = findings.data_rows(wide, wide.jacobian(found.carry(wide).z))
     own, moved = slope.T @ slope, wide.base - np.array([given[name] for name in matter])
     with np.errstate(divide="ignore", invalid="ignore"):
