@@ -280,10 +280,13 @@ def _place_row(row: Sequence[Panel], above: float, width: float) -> list[_Place]
     """Place panels side by side, below their texts."""
     edges = np.cumsum([0.0, *(one.width for one in row)]) * width / sum(one.width for one in row)
     above_axes, found = 0.0, []
-    for one, start, end in zip(row, edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+    for n, (one, start, end) in enumerate(
+        zip(row, edges[:-1].tolist(), edges[1:].tolist(), strict=True)
+    ):
         left, right = one.margins
         begin = start + (0.1 if one.rows or one.left else left)
-        words = _words_above(one, end - begin, right)
+        alone = not any(other.title or other.remarks or other.samples for other in row[n + 1 :])
+        words = _words_above(one, (width if alone else end) - begin, right)
         room = GAP + ROW * len(words) + _beside(one)
         above_axes = max(above_axes, room)
         found.append((one, start + left, end - start - left - right, begin, room, words))
