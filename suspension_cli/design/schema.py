@@ -433,11 +433,6 @@ class Loop(Table, frozen=True):
         made = self.controller
         return made if self.sensor_response is None else made * foton.parse(self.sensor_response)
 
-    @property
-    def is_velocity_damper(self) -> bool:
-        """Whether it acts as a viscous damper: without sensor dynamics and delay."""
-        return self.damper is not None and self.sensor_response is None and self.delay == 0
-
 
 def expand_roots(given: Sequence[float | list[float]]) -> tuple[complex, ...]:
     """List roots in Hz as complex numbers; a pair [re, im] stands for both conjugates."""

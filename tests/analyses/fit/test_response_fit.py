@@ -261,7 +261,7 @@ def test_a_wrong_height_is_found_at_high_q(monkeypatch):
     assert best.name == "stage.upper.wires.d" and best.change == pytest.approx(1.5e-3, rel=0.02)
     n = found.name.index(best.name)
     assert abs(found.value[n] - 0.0035) < 4 * found.sigma[n]
-    assert len(calls) < 250
+    assert len(calls) < 200  # 143 on one machine
 
 
 def test_a_search_starts_again_from_the_best_single_change(monkeypatch):
