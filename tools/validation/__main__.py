@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from suspension_cli.files.atomic import write_bytes
 from tools.tables import ROOT
-from tools.validation import kagra
+from tools.validation import kagra, ligo
 from tools.validation.page import percent
 
-SECTIONS = [kagra]
+SECTIONS = [kagra, ligo]
 
 
 def main() -> None:

@@ -1,0 +1,148 @@
+"""Modes and responses of a design beside those of another program."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from suspension_cli.drawing.style import PALETTE, house_style, new_figure, save
+from tools.tables import ROOT
+from tools.validation import undamped
+from tools.validation.page import percent, table
+
+MODELS = ("string", "beam")
+HEAD = [
+    "suspension",
+    "modes",
+    "string within 0.1 %",
+    "median",
+    "worst mode",
+    "beam, worst mode",
+    "responses within 1 %",
+    "median",
+]
+"""Columns of the table of all suspensions."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Numbers of a peer, which is another program, beside ours.
+
+    Attributes
+    ----------
+    title, why
+        Of the suspension, and what explains the deviations.
+    known, label
+        Frequencies of the peer's modes that oscillate (Hz), and our names for them.
+    ours
+        Our frequencies by model, Hz.
+    unstable
+        Number of the peer's modes that do not oscillate.
+    frequency, responses
+        Frequencies (Hz), and the peer's and our responses by name.
+    """
+
+    name: str
+    title: str
+    why: str
+    peer: str
+    source: dict[str, str]
+    known: np.ndarray
+    label: list[str]
+    ours: dict[str, np.ndarray]
+    unstable: int
+    frequency: np.ndarray
+    responses: dict[str, tuple[np.ndarray, np.ndarray]]
+
+    def error(self, model: str) -> np.ndarray:
+        """Relative deviations of our modes."""
+        return self.ours[model] / self.known - 1
+
+    def response_error(self) -> np.ndarray:
+        """Relative deviations of our responses, all in one list."""
+        return np.concatenate([abs(ours / known - 1) for known, ours in self.responses.values()])
+
+
+def compare(name: str, title: str, why: str, *, peer: str, folder: str) -> Comparison:
+    """Compute the modes and responses of a design in `configs/built/`.
+
+    The numbers of the peer are in `measured/`, in a folder and a file named like the design.
+    """
+    document = tomllib.loads((ROOT / "measured" / folder / f"{name}.toml").read_text("utf-8"))
+    design = undamped.parse((ROOT / "configs" / "built" / f"{name}.toml").read_text("utf-8"))
+    whole = np.array(document["modes"]["frequency_hz"])
+    known, ours, labels = whole[whole > 1e-3], {}, {}
+    for model in MODELS:
+        found, names = undamped.frequencies(undamped.system(design, model))
+        chosen = undamped.pair(known, found)
+        ours[model], labels[model] = found[chosen], [names[n] for n in chosen]
+    rows: dict[str, Any] = document["responses"]
+    frequency = np.array(rows.pop("frequency_hz"))
+    pairs = [(key.split(" / ")[1], key.split(" / ")[0]) for key in rows]
+    values = undamped.respond(undamped.system(design, "string"), pairs, frequency)
+    responses = {
+        key: (np.array(rows[key]), value.real) for key, value in zip(rows, values, strict=True)
+    }
+    slow = int((whole <= 1e-3).sum())
+    source = document["source"]
+    numbers = source, known, labels["string"], ours, slow, frequency, responses
+    return Comparison(name, title, why, peer, *numbers)
+
+
+def row(one: Comparison) -> list[str]:
+    """Row of the table of all suspensions, see `HEAD`."""
+    error, beam, response = one.error("string"), one.error("beam"), one.response_error()
+    cells = [one.title, str(len(error)), str(int((abs(error) < 1e-3).sum()))]
+    cells.append(f"{100 * np.median(abs(error)):.1g} %")
+    for part in (error, beam):
+        n = int(np.argmax(abs(part)))
+        cells.append(f"{percent(part[n])} ({one.label[n]})")
+    share = (response < 1e-2).mean()
+    return [*cells, f"{100 * share:.0f} %", f"{100 * np.median(response):.1g} %"]
+
+
+def details(one: Comparison, shown: tuple[str, ...]) -> list[str]:
+    """Lines on one suspension, with its picture and all modes."""
+    picture = f"validation_{one.name.replace('-', '_')}.png"
+    with house_style():
+        save(draw(one, shown), ROOT / "results" / picture)
+    rows = [
+        [label, f"{known:.5g}"]
+        + [cell for m in MODELS for cell in (f"{one.ours[m][n]:.5g}", percent(one.error(m)[n]))]
+        for n, (label, known) in enumerate(zip(one.label, one.known, strict=True))
+    ]
+    lines = ["", f"### {one.title}", "", one.why, "", f"![{one.title}]({picture})", ""]
+    lines += [f"Design `configs/built/{one.name}.toml`; numbers: {one.source['what']},"]
+    lines += [f"{one.source['file']} in {one.source['repository']}."]
+    if one.unstable:
+        lines += [f"{one.peer} has {one.unstable} modes more, below 1 mHz or unstable."]
+    lines += ["", "<details><summary>All modes</summary>", ""]
+    lines += table(["mode", f"{one.peer} (Hz)", "string (Hz)", "", "beam (Hz)", ""], rows)
+    return [*lines, "</details>"]
+
+
+def draw(one: Comparison, shown: tuple[str, ...]) -> Figure:
+    """Draw the deviations of modes, and responses."""
+    figure = new_figure(4.55, 4.6)
+    upper, lower = figure.subplots(2, 1, gridspec_kw={"height_ratios": [1, 1.3]})
+    for model, colour, mark in zip(MODELS, PALETTE, ("o", "x"), strict=False):
+        error = np.maximum(abs(one.error(model)), 1e-9)
+        upper.loglog(one.known, 100 * error, mark, color=colour, markersize=3, label=model)
+    upper.set_xlabel("frequency of the mode (Hz)")
+    upper.set_ylabel("deviation (%)")
+    upper.legend(loc="best")
+    names = [name for name in shown if name in one.responses]
+    for name, colour in zip(names, PALETTE, strict=False):
+        known, ours = one.responses[name]
+        lower.loglog(one.frequency, abs(ours), "-", color=colour, label=name)
+        lower.loglog(one.frequency, abs(known), "o", color=colour, markersize=3, fillstyle="none")
+    lower.set_xlabel(f"frequency (Hz); circles: {one.peer}, lines: string model at the same points")
+    lower.set_ylabel("response (m/m, rad/(N m))")
+    lower.legend(loc="best")
+    figure.suptitle(f"{one.title}: modes and responses against {one.peer}")
+    figure.tight_layout()
+    return figure
