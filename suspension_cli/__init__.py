@@ -27,6 +27,7 @@ __all__ = [
     "example",
     "examples",
     "export",
+    "finesse",
     "fit",
     "import_sumcon",
     "info",

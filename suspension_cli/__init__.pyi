@@ -202,8 +202,9 @@ def export(
     ----------
     design : Design
         The design, or the path of its file.
-    format : {"mat", "npz", "hdf5", "zpk", "control"}
-        mat: MATLAB; zpk: zeros, poles, gain; control: python-control.
+    format : {"mat", "npz", "hdf5", "zpk", "control", "finesse"}
+        mat: MATLAB; zpk: zeros, poles, gain; control: python-control; finesse: a Python module
+        with an element of finesse 3.
     inputs : str or sequence of str
         An input. Default: the support's six motions and six forces on the first stage.
     outputs : str or sequence of str
@@ -238,6 +239,7 @@ def export(
     >>> sus.export(sus.example("double"), fidelity="string").system.a.shape
     (24, 24)
     """
+finesse = api.finesse
 
 def fit(
     measured: PathLike,

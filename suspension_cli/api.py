@@ -492,12 +492,63 @@ def python_control(result: Result) -> Any:
     """
     from suspension_cli.analyses.export import file
 
+    return file.python_control(_state_space(result))
+
+
+def finesse(result: Result, name: str, mirror: Any, facing: int = 1) -> Any:
+    """Suspend a mirror of a finesse model by the state space of a result of `export`.
+
+    Motions of the mirror and forces on it are the nodes of its own mechanical port; those of other
+    bodies are ``name.body.signal``, with dashes of their names as underscores.
+
+    Parameters
+    ----------
+    result : Result
+        Of `export` with `format="finesse"`.
+    name : str
+        Of the new element.
+    mirror : finesse.components.Mirror
+        That is suspended.
+    facing : int
+        1 if its normal on side 1 points along the design's x, -1 if against it.
+
+    Returns
+    -------
+    finesse.components.Connector
+        To be added to the model that has the mirror.
+
+    Raises
+    ------
+    InputError
+        If the result is of another analysis, has zeros and poles instead of matrices, or signals
+        that finesse's mirrors do not have.
+
+    Examples
+    --------
+    >>> import finesse, suspension_cli as sus
+    >>> made = sus.export(sus.template("single"), format="finesse", loss=True)
+    >>> model = finesse.Model()
+    >>> model.parse("m etm R=1 T=0")
+    >>> element = model.add(sus.finesse(made, "suspension", model.etm))
+    >>> element.support.x.full_name
+    'suspension.support.x'
+    """
+    from suspension_cli.analyses.export import interferometer
+
+    made = _state_space(result)
+    with python_names():
+        interferometer.check_names(made.system.input, made.system.output, made.mirror)
+    return interferometer.suspend(made, name, mirror, facing)
+
+
+def _state_space(result: object) -> Any:
+    """Return the exported state space of a result."""
     remedy = "give a result of sus.export"
     if not isinstance(result, Result):
         raise InputError.of("result", "is no result", remedy, arguments.shown(result))
     if result.analysis.name != "export" or result.data.zpk is not None:
         raise InputError.of("result", "has no state space", remedy, result.analysis.name)
-    return file.python_control(result.data)
+    return result.data
 
 
 def report(

@@ -53,31 +53,32 @@ class StateSpace:
     output: tuple[str, ...]
     output_unit: tuple[str, ...]
 
-    def at(
-        self, frequency: Float[np.ndarray, " frequency"]
-    ) -> Complex[np.ndarray, "frequency output input"]:
-        """Compute the transfer matrix by a dense solve at each frequency in Hz.
+    def balanced(self) -> StateSpace:
+        """Scale states by powers of 2 that balance A, as in MATLAB.
 
-        States are first scaled by powers of 2 that balance A, as in MATLAB. Unscaled rates are
-        omega times displacements, which misleads pivoting and costs up to 9 digits far above the
-        modes.
+        Unscaled rates are omega times displacements, which misleads pivoting and costs up to 9
+        digits far above the modes.
         """
         from scipy.linalg import matrix_balance
 
-        s = 2j * np.pi * np.asarray(frequency)
-        scale = (
-            matrix_balance(self.a, permute=False, separate=True)[1][0]
-            if len(self.a)
-            else np.ones(0)
-        )
+        if not len(self.a):
+            return self
+        scale = matrix_balance(self.a, permute=False, separate=True)[1][0]
         a, b, c = self.a * scale / scale[:, None], self.b / scale[:, None], self.c * scale
+        return replace(self, a=a, b=b, c=c)
+
+    def at(
+        self, frequency: Float[np.ndarray, " frequency"]
+    ) -> Complex[np.ndarray, "frequency output input"]:
+        """Compute the transfer matrix by a dense solve at each frequency in Hz."""
+        s, own = 2j * np.pi * np.asarray(frequency), self.balanced()
         result = np.empty((len(s), *self.d.shape), dtype=complex)
-        step = max(1, SOLVED // max(len(scale), 1) ** 2)
+        step = max(1, SOLVED // max(len(own.a), 1) ** 2)
         for start in range(0, len(s), step):
             some = slice(start, start + step)
-            dynamic = s[some, None, None] * np.eye(len(scale)) - a
-            drive = np.broadcast_to(b.astype(complex), (len(dynamic), *b.shape))
-            result[some] = c @ np.linalg.solve(dynamic, drive) + self.d
+            dynamic = s[some, None, None] * np.eye(len(own.a)) - own.a
+            drive = np.broadcast_to(own.b.astype(complex), (len(dynamic), *own.b.shape))
+            result[some] = own.c @ np.linalg.solve(dynamic, drive) + self.d
         return result
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     from suspension_cli.analyses.export.solve import Exported
     from suspension_cli.files.declared import Contents
 
-FORMATS = ("mat", "npz", "hdf5", "zpk", "control")
+FORMATS = ("mat", "npz", "hdf5", "zpk", "control", "finesse")
 """Keys of `file.FORMATS`, which is not imported just to print help."""
 MOST = 12
 """Largest number of responses that are all printed."""
@@ -55,7 +56,8 @@ class ExportAnalysis(Analysis):
             "--format",
             type=click.Choice(FORMATS),
             default="mat",
-            help="mat: MATLAB; zpk: zeros, poles, gain; control: python-control.",
+            help="mat: MATLAB; zpk: zeros, poles, gain; control: python-control; finesse: a Python"
+            " module with an element of finesse 3.",
         ),
         options.signals(
             "input", "An input", "the support's six motions and six forces on the first stage"
@@ -96,6 +98,7 @@ class ExportAnalysis(Analysis):
     def solve(self, run: Run) -> Result:
         """Build the state space and measure its band."""
         from suspension_cli.analyses import model_choice
+        from suspension_cli.analyses.export import interferometer
         from suspension_cli.analyses.export import solve as export
         from suspension_cli.design.derive import main_chain
         from suspension_cli.linear import signals
@@ -113,9 +116,14 @@ class ExportAnalysis(Analysis):
             run.source, choice, setting["allow_unstable"], run.log, model, bends=True
         )
         known = signals.bodies_with_signals(model)
-        drives, motions = signals.local_control_signals(main_chain(run.design))
+        chain, finesse = main_chain(run.design), setting["format"] == "finesse"
+        usual = interferometer.finesse_signals if finesse else signals.local_control_signals
+        drives, motions = usual(chain)
         inputs = [signals.parse_input(text, known) for text in setting["inputs"] or drives]
         outputs = [signals.parse_output(text, known) for text in setting["outputs"] or motions]
+        if finesse:
+            texts = ([signal.text for signal in some] for some in (inputs, outputs))
+            interferometer.check_names(*texts, chain[-1])
         zpk = setting["format"] == "zpk"
         if loss:
             band, accuracy = _band(setting["band"]), setting["accuracy"]
@@ -125,6 +133,7 @@ class ExportAnalysis(Analysis):
             made = export.build(lossless, inputs, outputs, zpk=zpk)
             if model.is_lossy or model.terms:
                 run.log.warn("exported without damping: accurate off resonance; --loss gives Q too")
+        made = replace(made, mirror=chain[-1])
         made = export.compare_with_complete(made, run.design, inputs, outputs)
         extra = {"format": setting["format"]}
         return Result(self, run.source, choice, made, extra, command=run.command)

@@ -59,6 +59,8 @@ class Exported:
         highest one's; with losses the band that they are asked for.
     q_error
         With losses, the largest relative error of the Q of a mode in the band; None without.
+    mirror
+        Name of the design's mirror.
     """
 
     system: statespace.StateSpace
@@ -69,6 +71,7 @@ class Exported:
     tried: tuple[float, float]
     agreement: Agreement | None = None
     q_error: float | None = None
+    mirror: str = ""
 
     @property
     def frequency(self) -> Float[np.ndarray, " frequency"]:
