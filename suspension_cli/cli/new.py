@@ -10,15 +10,38 @@ from suspension_cli.cli import terminal
 
 KINDS = ("single", "double", "triple", "quad", "blades")
 """As `design.reader.TEMPLATES`, which is not imported just to print help."""
+DETECTORS = {
+    "kagra-typea": ("built/kagra-typea", "KAGRA's cryogenic mirror: tower and payload"),
+    "kagra-typeb": ("built/kagra-bs-2019", "KAGRA's beam splitter: tower on an inverted pendulum"),
+    "kagra-typebp": ("built/kagra-pr3", "KAGRA's power recycling mirror PR3: two filters"),
+    "ligo-quad": (
+        "built/ligo-quad",
+        "Advanced LIGO's quadruple pendulum, production model",
+    ),
+    "ligo-fibres": ("built/ligo-test-mass", "Advanced LIGO's last stage: mirror on silica fibres"),
+    "ligo-initial": ("built/ligo-initial", "initial LIGO's mirror in a loop of wire"),
+    "caltech-40m": (
+        "built/caltech-40m-sos",
+        "mirror of Caltech's 40 m prototype in a loop of wire",
+    ),
+    "geo-triple": ("geo-silica-triple", "triple pendulum with silica fibres, as in GEO 600"),
+}
+"""Suspensions of detectors: name for --from, example, and a line of help."""
 
 
-@click.command("new")
+@click.command(
+    "new",
+    epilog="\n".join(
+        ["\b", "Suspensions of detectors for --from:"]
+        + [f"  {name:14}{text}" for name, (_, text) in DETECTORS.items()]
+    ),
+)
 @click.argument("words", nargs=-1, metavar=f"[{'|'.join(KINDS)}] [FILE]")
 @click.option(
     "--from",
     "example",
     metavar="EXAMPLE",
-    help="Start from a design that comes with the program instead: geo-silica-triple.",
+    help="Start from a design that comes with the program instead: ligo-quad.",
 )
 @click.option("--examples", "listing", is_flag=True, help="List these designs.")
 @click.option("--name", metavar="NAME", help="Name of the design.  [default: the stem of FILE]")
@@ -45,7 +68,10 @@ def command(
         raise InputError.of("new", problem, remedy, format_value(words[0]))
     kind, file = (words[0], words[1:]) if example is None else (example.rpartition("/")[2], words)
     name = design_name(name, Path(file[0]).stem if file else kind, kind)
-    text = reader.template(kind, name) if example is None else reader.example_text(example, name)
+    if example is None:
+        text = reader.template(kind, name)
+    else:
+        text = reader.example_text(DETECTORS.get(example, (example,))[0], name)
     reader.parse(text)
     if not file:
         click.echo(text, nl=False)

@@ -35,6 +35,14 @@ def test_examples(tmp_path):
     assert "did you mean 'quadruple'" in run("new", "--from", "quadrupel").stderr
 
 
+@pytest.mark.parametrize("name", new.DETECTORS)
+def test_suspensions_of_detectors(name, tmp_path):
+    file = tmp_path / "mine.toml"
+    assert run("new", "--from", name, file).exit_code == 0
+    assert reader.read(file).design.design.name == "mine"
+    assert f"  {name} " in run("new", "--help").stdout
+
+
 @pytest.mark.parametrize(
     "words", [(), ("triple", "a.toml", "b.toml"), ("--from", "double", "a.toml", "b.toml")]
 )

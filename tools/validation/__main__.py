@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from suspension_cli.files.atomic import write_bytes
 from tools.tables import ROOT
-from tools.validation import kagra, ligo
+from tools.validation import geo, kagra, kagra_measured, ligo
 from tools.validation.page import percent
 
-SECTIONS = [kagra, ligo]
+SECTIONS = [kagra, kagra_measured, ligo, geo]
 
 
 def main() -> None:
@@ -17,9 +17,10 @@ def main() -> None:
     lines = [
         "# Held against what was built",
         "",
-        "Suspensions that were built, in numbers of others. Nothing is fitted here: deviations are"
-        " as computed. `make validation` computes the page without a network; designs are in"
-        " `configs/built/`, the numbers of others in `measured/`, each with its source.",
+        "Suspensions that were built, in numbers of others. Deviations are as computed, before any"
+        " fit; what is fitted is called so. `make validation` computes the page without a network;"
+        " designs are in `configs/built/`, the numbers of others in `measured/`, each with its"
+        " source.",
         "",
         "The three largest deviations:",
         "",

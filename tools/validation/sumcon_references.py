@@ -16,11 +16,11 @@ from pathlib import Path
 
 import numpy as np
 
-from suspension_cli.design.sumcon import convert
-from suspension_cli.design.sumcon.convert import table
-from suspension_cli.design.sumcon.save import read_list
 from suspension_cli.errors import InputError
 from suspension_cli.files.atomic import write_bytes
+from suspension_cli.importing import convert
+from suspension_cli.importing.convert import table
+from suspension_cli.importing.save import read_list
 from tools.tables import ROOT
 from tools.validation import undamped
 
@@ -30,6 +30,7 @@ BUILT = {
     "kagra-pr3": ("sumcon_PR3.m", "sus_PR3.m"),
     "kagra-prm": ("sumcon_PRM.m", "sus_PRM.m"),
     "kagra-bs": ("sumcon_BS.m", "sus_BS.m"),
+    "kagra-bs-2019": ("reference/TypeB_BS_190803.m", ""),
     "kagra-srm": ("reference/TypeB_SRM_190803.m", ""),
     "kagra-sr3": ("reference/TypeB_SR3_190803.m", ""),
     "kagra-typea": ("sumcon_typeA.m", ""),
