@@ -227,30 +227,6 @@ def test_bad_loops(changes, key, message, tmp_path):
     assert message in line
 
 
-def test_nothing_to_close(tmp_path):
-    file, out = written(tmp_path, plants.raw("triple"), "triple.toml"), tmp_path / "out"
-    (line,) = assert_refused(run("damp", file, "--json", "--out", out), file, out)
-    assert line.startswith("control: missing")
-
-
-@pytest.mark.parametrize(
-    "options",
-    [
-        ("--output", "test.q"),
-        ("--output", "test.force_x"),
-        ("--impulse", "test.x"),
-        ("--frequency", "1:2"),
-        ("--frequency", "0:1:5:lin"),
-        ("--loop", "loop-yow"),
-        UNSTABLE,
-    ],
-)
-def test_bad_options(options, tmp_path):
-    file, out = written(tmp_path, damped(), "triple.toml"), tmp_path / "out"
-    refused = run("damp", file, "--json", "--out", out, *QUICK, *options)
-    assert len(assert_refused(refused, file, out)) == 1
-
-
 def test_the_loops_that_are_drawn():
     found = sus.damp(sus.parse(sus.example("triple-damped").text), fidelity="string")
 

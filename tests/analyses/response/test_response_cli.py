@@ -100,49 +100,6 @@ def test_grids(grid, values, file, out):
     assert found == pytest.approx(values, rel=1e-14)
 
 
-BAD_GRIDS = "a 1:2 1:2:x 1:2:3:cubic 0:1:5 -1:1:5:lin 0 nan inf 1:inf:5 1:2:0 1:2:99999999 1,,2"
-
-
-@pytest.mark.parametrize("grid", ["", *BAD_GRIDS.split()])
-def test_bad_grids(grid, file, out):
-    (line,) = assert_refused(
-        run("response", file, "--json", "--out", out, "--frequency", grid), file, out
-    )
-    assert line.startswith("--frequency = ")
-    assert not out.exists()
-
-
-@pytest.mark.parametrize(
-    ("option", "signal", "message"),
-    [
-        ("--input", "suport.x", "names no body"),
-        ("--input", "support", "names a body, but no motion of it; write for example support.x"),
-        ("--input", "", "names no body"),
-        ("--input", "support.w", "names no motion or force"),
-        ("--input", "upper.x", "a motion of a stage is an output"),
-        ("--input", "support.force_x", "a force on it has no effect"),
-        ("--output", "test.force_x", "a force is an input"),
-        ("--output", "frame.z", "names no body"),
-        ("--output", "test.x@0,0", "is no point"),
-        ("--output", "test.x@0,0,nan", "is no point"),
-        ("--output", "test.x@0,0,1e9", "is no point"),
-        ("--output", "test.x@", "is no point"),
-        ("--output", "te\nst.x", "names no body"),
-    ],
-)
-def test_bad_signals(option, signal, message, file, out):
-    (line,) = assert_refused(
-        run("response", file, "--json", "--out", out, option, signal), file, out
-    )
-    assert line.startswith(f"{option} = ")
-    assert message in line
-
-
-def test_a_typo_gets_a_proposal(file, out):
-    (line,) = assert_refused(run("response", file, "--out", out, "--output", "tset.x"), file, out)
-    assert "test" in line.partition(";")[2]
-
-
 def test_an_unstable_design_must_be_requested(file, out):
     (line,) = assert_refused(run("response", file, "--json", "--out", out, *UNSTABLE), file, out)
     assert "unstable" in line

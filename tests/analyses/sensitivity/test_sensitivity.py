@@ -15,7 +15,7 @@ from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes, named_results, signals
 from suspension_cli.models import registry
 from suspension_cli.studies import parameters
-from tests.support.commandline import assert_refused, edited, run, strict_json, written
+from tests.support.commandline import edited, run, strict_json, written
 from tests.support.golden import CONFIGS
 
 CASES = CONFIGS / "husman2000"
@@ -355,25 +355,6 @@ def test_units_of_time_mass_and_length():
     np.testing.assert_allclose(g + modulus, 0.5, atol=1e-7)
     np.testing.assert_allclose(mass + modulus, 0.0, atol=1e-7)
     np.testing.assert_allclose(lengths + g - modulus, 0.0, atol=1e-7)
-
-
-@pytest.mark.parametrize(
-    ("options", "problem"),
-    [
-        (("--result", "test pitsch"), '--result = "test pitsch": is the label of no mode'),
-        (("--result", "test.x/support.x"), '--result = "test.x/support.x": is no response'),
-        (
-            ("--fidelity", "force"),
-            '--fidelity = "force": cannot compute derivatives; take auto, string, beam or violin',
-        ),
-    ],
-)
-def test_bad_options_are_refused(options, problem, tmp_path):
-    file = CASES / "table1-case2.toml"
-    lines = assert_refused(
-        run("sensitivity", file, *options, "--out", tmp_path / "out"), file, tmp_path / "out"
-    )
-    assert any(line.startswith(problem) for line in lines), lines
 
 
 def test_a_ratio_to_what_symmetry_forbids_has_no_derivative(tmp_path):

@@ -21,7 +21,7 @@ from suspension_cli.linear import (
 )
 from suspension_cli.models import closed_form, registry
 from suspension_cli.studies import variants
-from tests.support.commandline import MISSING, assert_refused, edited, run, strict_json, written
+from tests.support.commandline import MISSING, edited, run, strict_json, written
 from tests.support.golden import CONFIGS
 
 SINGLE = CONFIGS / "husman2000" / "table1-case2.toml"
@@ -501,87 +501,6 @@ def test_defaults_come_from_the_design(tmp_path):
     assert found.result == ("test yaw", "test pitch")
 
 
-GOOD = ("--vary", "stage.test.wires.s=0.01:0.02:3")
-BAD = {
-    "nothing varied": ((), "--vary: is missing"),
-    "no grid": (
-        ("--vary", "stage.test.wires.s"),
-        '--vary = "stage.test.wires.s": is not of the form PATH=GRID',
-    ),
-    "bad grid": (
-        ("--vary", "stage.test.wires.s=1:2"),
-        '--vary stage.test.wires.s = "1:2": is not a grid',
-    ),
-    "twice": ((*GOOD, *GOOD), "--vary = "),
-    "unknown key": (
-        ("--vary", "stage.test.wires.q=1:2:3"),
-        "--vary stage.test.wires.q = 1: unknown key",
-    ),
-    "no such stage": (
-        ("--vary", "stage.tset.wires.s=1:2:3"),
-        "--vary stage.tset.wires.s = 1: there is no",
-    ),
-    "no number": (("--vary", "design.name=1:2:3"), "--vary design.name = 1: must be a string"),
-    "never possible": (
-        ("--vary", "stage.test.wires.l=-3:-1:3"),
-        "--vary stage.test.wires.l = -3: must be",
-    ),
-    "no such mode": (
-        (*GOOD, "--result", "test pitsch"),
-        "--result = \"test pitsch\": is the label of no mode; did you mean 'test pitch'?",
-    ),
-    "no such number": ((*GOOD, "--result", "7"), '--result = "7": is the label of no mode'),
-    "no frequency": (
-        (*GOOD, "--result", "test.x/support.x"),
-        '--result = "test.x/support.x": is no response',
-    ),
-    "no such body": (
-        (*GOOD, "--result", "tset.x/support.x:1"),
-        '--result = "tset.x": names no body',
-    ),
-    "output drives": (
-        (*GOOD, "--result", "test.x/test.y:1"),
-        '--result = "test.x/test.y:1": test.y is an output',
-    ),
-    "input watched": (
-        (*GOOD, "--result", "test.force_x/support.x:1"),
-        '--result = "test.force_x/support.x:1": test.force_x is an input',
-    ),
-    "model": (
-        (*GOOD, "--set", "perturbation=[{wire='test.1', k_factor=1.1}]", "--fidelity", "force"),
-        '--fidelity = "force"',
-    ),
-}
-
-
-@pytest.mark.parametrize("kind", BAD)
-def test_bad_options_are_refused(kind, tmp_path):
-    options, problem = BAD[kind]
-    lines = assert_refused(
-        run("sweep", SINGLE, *options, "--out", tmp_path / "out"), SINGLE, tmp_path / "out"
-    )
-    assert any(line.startswith(problem) for line in lines), lines
-
-
-def test_a_label_of_several_modes(tmp_path):
-    [line] = assert_refused(
-        run(
-            "sweep",
-            TRIPLE,
-            *GOOD[:1],
-            "stage.test.wires.t1=0.08,0.09",
-            "--result",
-            "upper longitudinal",
-            "--out",
-            tmp_path,
-        ),
-        TRIPLE,
-    )
-    assert line.startswith(
-        "--result = \"upper longitudinal\": is the label of 2 modes; write 'upper longitudinal#1'"
-    )
-
-
 def test_a_coarse_grid_is_warned_of(tmp_path):
     """Where shapes change from point to point past recognition, that is reported."""
     path = "stage.middle.body.mass"
@@ -601,23 +520,6 @@ def test_a_coarse_grid_is_warned_of(tmp_path):
         )
         assert result.exit_code == 0
         assert ("take a finer grid" in result.stderr) is warned
-
-
-def test_modes_of_wires_with_mass_are_refused(tmp_path):
-    options = (
-        "--vary",
-        "stage.test.wires.d=1e-3,2e-3",
-        "--fidelity",
-        "violin",
-        "--json",
-        "--out",
-        tmp_path / "out",
-    )
-    (line,) = assert_refused(run("sweep", SINGLE, *options), SINGLE, tmp_path / "out")
-    assert (
-        line == '--fidelity = "violin": has no modes that could be followed; take beam, or ask for'
-        " responses alone"
-    )
 
 
 @pytest.mark.parametrize("level", ["beam", "violin"])

@@ -195,41 +195,6 @@ def test_frequencies_that_are_printed(frequency, places):
 # refusals
 
 
-@pytest.mark.parametrize("level", ["closed-form", "force", "string"])
-def test_models_without_local_losses_are_refused(level, file, out):
-    (line,) = assert_refused(
-        run("thermal", file, "--json", "--out", out, "--fidelity", level), file, out
-    )
-    assert line.startswith("--fidelity = ")
-    assert line.endswith("; take auto, beam or violin")
-
-
-@pytest.mark.parametrize("grid", ["0", "-1", "0:1:5", "0:1:5:lin", "nan", "1:2"])
-def test_bad_grids(grid, file, out):
-    (line,) = assert_refused(
-        run("thermal", file, "--json", "--out", out, "--frequency", grid), file, out
-    )
-    assert line.startswith("--frequency = ")
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (("--output", "tset.x"), "names no body"),
-        (("--output", "test.force_x"), "a force is an input"),
-        (("--output", "support.x"), "the support is at rest"),
-        (("--output", "test.pitch", "--arm", "4000"), "is for motion along x"),
-        (("--output", "test.x", "--output", "test.z", "--arm", "4000"), "is for motion along x"),
-    ],
-)
-def test_bad_outputs(options, message, file, out):
-    (line,) = assert_refused(
-        run("thermal", file, "--json", "--out", out, *GRID, *options), file, out
-    )
-    assert message in line
-    assert line.startswith(("--output", "--arm"))
-
-
 @pytest.mark.parametrize("arm", ["-1", "1e9", "nan", "x"])
 def test_bad_arms(arm, file, out):
     result = run("thermal", file, "--json", "--out", out, "--arm", arm, *GRID)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import tomllib
-from dataclasses import replace
 
 import h5py
 import numpy as np
@@ -13,9 +12,7 @@ from scipy import stats
 from scipy.spatial.transform import Rotation
 
 import suspension_cli as sus
-from suspension_cli.analyses.tolerance import quantities
 from suspension_cli.analyses.tolerance.statistics import QUANTILES
-from suspension_cli.errors import InputError
 from suspension_cli.rotations import rotation_minus_identity, rotation_vector
 from tests.analyses.tolerance.test_tolerance import job_of
 from tests.support.commandline import assert_refused, run, strict_json, written
@@ -176,43 +173,6 @@ def test_requirements_of_the_design_and_sobol_indices(tmp_path):
     assert mode["std_hz"] / mode["nominal_hz"] == pytest.approx(0.0005, rel=0.02)
     # replicates of a stratified sample: far below std / sqrt(N)
     assert mode["mean_error_hz"] < 0.2 * mode["std_hz"] / np.sqrt(1024)
-
-
-BAD_REQUIREMENTS = [
-    ("test pitsch < 1", "is no quantity of builds; did you mean 'test pitch'?"),
-    ("tset static pitch < 1", "did you mean 'test static pitch'?"),
-    ("nonsense < 1", "is no quantity of builds; give a mode's label"),
-    ("upper longitudinal < 3", "is the label of 2 modes"),
-    ("test pitch in 0.7:0.5", "is a reversed or empty band"),
-    ("coupling < -1e-3", "limits a magnitude to a value that is not positive"),
-    ("coupling < nan", "has a limit that is not finite"),
-    ("coupling < small", "has a limit that is no number"),
-]
-BAD = [
-    (("--require", "coupling"), "is no requirement; write 'QUANTITY in LEAST:LARGEST'"),
-    (("--require", "test.x/tset.x:1 < 1"), "names no body"),
-    (("--sobol-indices", "--builds", "1215"), "give at least 1216"),
-    (("--sampling", "sobol", "--builds", "100"), "give at least 128"),
-]
-
-
-@pytest.mark.parametrize(("text", "problem"), BAD_REQUIREMENTS)
-def test_bad_requirements_on_the_command_line(text, problem):
-    job = job_of(tomllib.loads(TRIPLE.read_text()))
-    with pytest.raises(InputError) as refused:
-        _ = replace(job, requirements=(quantities.parse(text),)).required
-    [line] = refused.value.faults
-    assert problem in f"{line.problem}; {line.remedy}"
-
-
-@pytest.mark.parametrize(("options", "problem"), BAD)
-def test_bad_options_are_refused(options, problem, tmp_path):
-    [line] = assert_refused(
-        run("tolerance", TRIPLE, "--fidelity", "string", *options, "--out", tmp_path / "out"),
-        TRIPLE,
-        tmp_path / "out",
-    )
-    assert problem in line
 
 
 @pytest.mark.parametrize(

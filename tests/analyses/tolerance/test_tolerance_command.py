@@ -172,16 +172,6 @@ def test_defaults_come_from_the_design(tmp_path):
     )
 
 
-def test_a_design_without_a_table(tmp_path):
-    [line] = assert_refused(
-        run("tolerance", FILE, "--out", tmp_path / "out"), FILE, tmp_path / "out"
-    )
-    assert (
-        line == "tolerance: missing; add a table [[tolerance.PART]] with PART one of wire, body,"
-        " blade, leg, link"
-    )
-
-
 BODY = {"stage": "test", "mass": {"normal": 0.01}}
 BAD = {
     "empty": ({}, "tolerance: none of wire, body, blade, leg, link"),
@@ -281,18 +271,6 @@ def test_the_default_is_what_the_builds_need(tmp_path):
     new, old = ratio[:2]
     assert (new == ratio[2]).all()
     assert np.abs(old - new).max() / np.abs(new).max() == pytest.approx(error[1], rel=0.5)
-
-
-def test_models_that_random_builds_do_not_have(tmp_path):
-    [line] = assert_refused(
-        run("tolerance", TRIPLE, "--fidelity", "violin", "--out", tmp_path / "out"),
-        TRIPLE,
-        tmp_path / "out",
-    )
-    assert line == (
-        '--fidelity = "violin": cannot compute these results of imperfect builds; take auto,'
-        " string or beam"
-    )
 
 
 @pytest.mark.parametrize(

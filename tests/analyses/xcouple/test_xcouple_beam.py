@@ -286,16 +286,6 @@ def test_wires_that_bend_otherwise_are_no_mirror_images(kind, level):
     np.testing.assert_allclose(batch, single, rtol=1e-6 if kind == "temperature" else 1e-9)
 
 
-@pytest.mark.parametrize("level", ["force", "closed-form"])
-def test_models_that_builds_do_not_have(level, tmp_path):
-    out = tmp_path / "out"
-    [line] = assert_refused(run("xcouple", FILE, "--fidelity", level, "--out", out), FILE, out)
-    assert line == (
-        f'--fidelity = "{level}": cannot compute these results of imperfect builds; take auto,'
-        " string, beam or violin"
-    )
-
-
 def test_wires_known_by_their_constant_alone_do_not_bend(tmp_path):
     wires = {"count": 4, "l": 0.28, "s": 0.005, "t1": 0.09, "t2": 0.09, "d": 0.001, "k": 1e4}
     raw = scenes.raw_of(

@@ -284,43 +284,6 @@ def test_picture_unless_switched_off(tmp_path):
     assert second == "205 builds: wire test.1 changes, its loaded length is kept"
 
 
-BAD = {
-    "a typo": (("--sweep", "kk"), "there is no imperfection 'kk'"),
-    "nothing": (("--sweep", ""), "there is no imperfection ''"),
-    "no grid of a path": (("--sweep", "stage.test.wires.s"), "stage.test.wires.s has no grid"),
-    "no such path": (
-        ("--sweep", "stage.test.wires.ss=1e-3:2e-3:3"),
-        "stage.test.wires.ss = 0.001: unknown key",
-    ),
-    "no such stage": (("--sweep", "stage.tset.wires.s=1e-3:2e-3:3"), "there is no 'tset' here"),
-    "an impossible value": (
-        ("--sweep", "stage.test.wires.s=-1e-3:2e-3:3"),
-        "stage.test.wires.s = -0.001",
-    ),
-    "twice": (("--sweep", "k=1,k=2"), "names a parameter twice"),
-    "words": (("--sweep", "k=many"), "is not a grid"),
-    "no points": (("--sweep", "k=1:2:0"), "is not a grid"),
-    "no number": (("--sweep", "k=nan"), "must contain finite numbers"),
-    "a negative constant": (("--sweep", "k=-1:1:3"), "must contain finite numbers above 1e-06"),
-    "no mass": (("--sweep", "mass=0"), "must contain finite numbers above 1e-06"),
-    "no wire": (("--sweep", "k=1e300"), "above 1e-06 and at most 1e+06"),
-    "almost no wire": (("--sweep", "k=1e-320"), "above 1e-06 and at most 1e+06"),
-    "no such wire": (("--wire", "test.5"), "names no wire"),
-    "no such body": (("--body", "tset"), "names no stage"),
-    "no such motion": (("--over", "test.w"), "names no motion"),
-    "a motion as input": (("--input", "test.z"), "a motion of a stage is an output"),
-    "no frequency": (("--frequency", "0"), "must contain finite numbers above 0"),
-    "no point": (("--observe", "test@1,2"), "is no point"),
-}
-
-
-@pytest.mark.parametrize("kind", BAD)
-def test_bad_sweeps_are_refused(kind, tmp_path):
-    options, problem = BAD[kind]
-    [line] = assert_refused(run("xcouple", FILE, *options, "--out", tmp_path), FILE, tmp_path)
-    assert problem in line
-
-
 @pytest.mark.parametrize("command", ["xcouple", "tolerance"])
 def test_a_motion_that_the_frame_does_not_have(command, tmp_path):
     """Only an answer shows it; it must show before anything is written, and whoever computes."""
