@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import tomllib
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from tests.support.commandline import MISSING, Edits
 from tests.support.designs import RAW, TEXTS
-from tests.support.paths import ROOT
 
 
 @dataclass(frozen=True)
@@ -35,10 +35,9 @@ class Case:
     base: str = field(default="single")
 
 
-def way(base: str, dotted: str) -> tuple[str | int, ...]:
-    """The keys and positions that a path in a design's own words stands for."""
+def way(node: Any, dotted: str) -> tuple[str | int, ...]:
+    """The keys and positions that a path in the words of a parsed file stands for."""
     steps: list[str | int] = []
-    node: Any = RAW[base]
     chain = tomllib.loads(f"{dotted} = 0")
     while isinstance(chain, dict):
         [(step, chain)] = chain.items()
@@ -53,25 +52,26 @@ def way(base: str, dotted: str) -> tuple[str | int, ...]:
     return tuple(steps)
 
 
-def parse(table: str) -> dict[str, list[Case]]:
-    """Cases by the heading above them."""
+def parse(file: Path, bases: dict[str, Any], base: str = "single") -> dict[str, list[Case]]:
+    """Cases of a table by the heading above them; they spoil `base`, where they name no other of
+    the bases."""
     cases: dict[str, list[Case]] = {}
-    base, edits, title = "single", {}, ""
-    for line in filter(None, table.splitlines()):
+    first, edits, title = base, {}, ""
+    for line in filter(None, file.read_text(encoding="utf-8").splitlines()):
         if line.startswith("## "):
-            base, title = "single", line[3:]
+            base, title = first, line[3:]
             cases[title] = []
         elif line.startswith("# "):
             continue
         elif line.startswith("["):
             base = line.strip("[]")
         elif line.startswith("delete "):
-            edits[way(base, line.removeprefix("delete "))] = MISSING
+            edits[way(bases[base], line.removeprefix("delete "))] = MISSING
         else:
             edit, arrow, says = line.partition(" -> ")
             if not line.startswith("    "):
                 key, _, value = edit.partition(" = ")
-                edits[way(base, key)] = tomllib.loads(f"value = {value}")["value"]
+                edits[way(bases[base], key)] = tomllib.loads(f"value = {value}")["value"]
             if arrow or line.startswith("    "):
                 says, _, remedy = (f"{edit}: {says}" if arrow else line.strip()).partition(" ... ")
                 name = f"{base}-{len(cases[title])}-{says}"[:60]
@@ -80,7 +80,7 @@ def parse(table: str) -> dict[str, list[Case]]:
     return cases
 
 
-TABLE = parse((ROOT / "tests/support/faulty_designs.txt").read_text(encoding="utf-8"))
+TABLE = parse(Path(__file__).with_suffix(".txt"), RAW)
 HUGE = Case(
     "huge-integer",
     {("stage", 0, "wires", "l"): 10**399},

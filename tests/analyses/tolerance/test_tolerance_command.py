@@ -12,7 +12,7 @@ import pytest
 from suspension_cli.analyses.tolerance import report
 from suspension_cli.analyses.tolerance.statistics import QUANTILES
 from suspension_cli.equilibrium import solve as equilibrium
-from tests.support.commandline import assert_refused, edited, run, strict_json, written
+from tests.support.commandline import edited, run, strict_json, written
 from tests.support.couplings import FILE
 from tests.support.golden import CONFIGS
 
@@ -173,65 +173,6 @@ def test_defaults_come_from_the_design(tmp_path):
 
 
 BODY = {"stage": "test", "mass": {"normal": 0.01}}
-BAD = {
-    "empty": ({}, "tolerance: none of wire, body, blade, leg, link"),
-    "unknown kind": (
-        {"wires": [BODY]},
-        "tolerance.wires = [{stage, mass}]: unknown key; did you mean 'wire'?",
-    ),
-    "unknown number": (
-        {"body": [{"stage": "test", "masses": {"normal": 1}}]},
-        "tolerance.body.1.masses = {normal}: unknown key",
-    ),
-    "nothing scatters": (
-        {"body": [{"stage": "test"}]},
-        "tolerance.body.1: none of mass, inertia, com",
-    ),
-    "no such stage": (
-        {"body": [BODY | {"stage": "tset"}]},
-        'tolerance.body.1.stage = "tset": names no stage',
-    ),
-    "no such wire": (
-        {"wire": [{"wire": "test.5", "k": {"normal": 0.1}}]},
-        'tolerance.wire.1.wire = "test.5": names no wire',
-    ),
-    "wire and stage": (
-        {"wire": [{"wire": "test.1", "stage": "test", "k": {"normal": 0.1}}]},
-        "tolerance.wire.1: stage and wire are both given; give exactly one",
-    ),
-    "neither": (
-        {"wire": [{"k": {"normal": 0.1}}]},
-        "tolerance.wire.1: none of stage, wire; give exactly one",
-    ),
-    "two laws": (
-        {"body": [BODY, {"stage": "test", "com": {"normal": 1e-4, "uniform": 1e-4}}]},
-        "tolerance.body.2.com",
-    ),
-    "no law": ({"body": [{"stage": "test", "com": {}}]}, "tolerance.body.1.com"),
-    "negative": (
-        {"body": [{"stage": "test", "com": {"normal": -1e-4}}]},
-        "tolerance.body.1.com.normal = -0.0001",
-    ),
-    "truncated uniform": (
-        {"body": [{"stage": "test", "com": {"uniform": 1e-4, "truncate": 1e-4}}]},
-        "tolerance.body.1.com.truncate = 0.0001",
-    ),
-    "cut to nothing": (
-        {"body": [{"stage": "test", "com": {"normal": 1e-4, "truncate": 0.0}}]},
-        "tolerance.body.1.com.truncate = 0.0",
-    ),
-    "a number": ({"body": [{"stage": "test", "com": 1e-4}]}, "tolerance.body.1.com = 0.0001"),
-}
-
-
-@pytest.mark.parametrize("kind", BAD)
-def test_bad_tables_are_refused(kind, tmp_path):
-    table, problem = BAD[kind]
-    file = written(tmp_path, RAW | {"tolerance": table})
-    lines = assert_refused(
-        run("tolerance", file, "--out", tmp_path / "out"), file, tmp_path / "out"
-    )
-    assert any(line.startswith(problem) for line in lines), lines
 
 
 @pytest.mark.parametrize(
