@@ -1,11 +1,12 @@
 """Links, dampers, the ground and signals between bodies, against an assembly written here.
 
 The potential energy of a platform that carries a payload and its reaction mass, with links, is
-written down in finite rotations; hyper-dual numbers differentiate it twice, exactly.
+written down in finite rotations, as jets, which carry its second derivatives.
 """
 
 from __future__ import annotations
 
+import itertools
 import re
 from typing import Any
 
@@ -18,7 +19,7 @@ from suspension_cli.design import reader
 from suspension_cli.errors import InputError
 from suspension_cli.linear import response, signals
 from suspension_cli.models import registry
-from tests.support import hyperdual as hd
+from tests.support import jets
 
 G = 9.81
 BODIES = ("platform", "test", "reaction", "support", "ground")
@@ -94,56 +95,41 @@ damping = [4.0, 5.0, 6.0, 0.0, 0.0, 0.0]
 """
 
 
-def _energy(x: list[hd.Hyper]) -> Any:
-    """Potential energy of the tower; six coordinates of each of `BODIES`."""
-    shift = {b: x[6 * n : 6 * n + 3] for n, b in enumerate(BODIES)}
-    turn = {b: hd.rotation(x[6 * n + 3 : 6 * n + 6]) for n, b in enumerate(BODIES)}
-
-    def place(body: str, point: Any) -> list[Any]:
-        arm = hd.apply(turn[body], point)
-        return [POSITION[body][a] + shift[body][a] + arm[a] for a in range(3)]
-
-    total: Any = 0.0
-    for body, mass in MASS.items():
-        total = total + G * mass * shift[body][2]
+def _energy() -> Any:
+    """Potential energy of the tower, a jet; six coordinates of each of `BODIES`."""
+    x = np.array(jets.coordinates(6 * len(BODIES))).reshape(-1, 6)
+    at = {b: POSITION[b] + x[n, :3] for n, b in enumerate(BODIES)}
+    turn = {b: jets.rotation(x[n, 3:]) for n, b in enumerate(BODIES)}
+    total = sum(G * mass * at[body][2] for body, mass in MASS.items())
     carried = {
         "platform": G * sum(MASS.values()) / 4,
         "test": (G * MASS["test"] - UP[2]) / 4,
         "reaction": (G * MASS["reaction"] + UP[2]) / 4,
     }
     for upper, lower, length, s, t, d, d_upper, k in WIRES:
-        natural = length - carried[lower] / k
-        for sx in (1, -1):
-            for sy in (1, -1):
-                a = place(upper, (sx * s, sy * t, -d_upper))
-                b = place(lower, (sx * s, sy * t, d))
-                square = sum((p - q) * (p - q) for p, q in zip(a, b, strict=True))
-                stretch = square.sqrt() - natural
-                total = total + 0.5 * k * stretch * stretch
-    for first, second, at, stiffness, preload in LINKS:
-        other = [at[a] + POSITION[first][a] - POSITION[second][a] for a in range(3)]
-        apart = [p - q for p, q in zip(place(first, at), place(second, other), strict=True)]
+        for sx, sy in itertools.product((1, -1), (1, -1)):
+            a = at[upper] + turn[upper] @ np.array([sx * s, sy * t, -d_upper])
+            b = at[lower] + turn[lower] @ np.array([sx * s, sy * t, d])
+            stretch = jets.length(a - b) - (length - carried[lower] / k)
+            total = total + 0.5 * k * stretch * stretch
+    for first, second, point, stiffness, preload in LINKS:
+        other = np.array(point) + POSITION[first] - np.array(POSITION[second])
+        apart = at[first] + turn[first] @ np.array(point) - at[second] - turn[second] @ other
         # in the axes of the body that comes first in the file, support and ground before all
         last = {"support": -1, "ground": -1}
         above = min(first, second, key=lambda body: last.get(body, BODIES.index(body)))
-        frame = hd.transposed(turn[above])
-        delta = hd.apply(frame, apart)
-        q = hd.product(hd.transposed(turn[second]), turn[first])
-        phi = [0.5 * (q[2][1] - q[1][2]), 0.5 * (q[0][2] - q[2][0]), 0.5 * (q[1][0] - q[0][1])]
-        strain = [*delta, *phi]
-        for i in range(6):
-            total = total - preload[i] * strain[i]
-            for j in range(6):
-                if stiffness[i, j]:
-                    total = total + (0.5 * stiffness[i, j]) * strain[i] * strain[j]
+        q = turn[second].T @ turn[first]
+        phi = [0.5 * (q[2, 1] - q[1, 2]), 0.5 * (q[0, 2] - q[2, 0]), 0.5 * (q[1, 0] - q[0, 1])]
+        strain = np.array([*(turn[above].T @ apart), *phi])
+        total = total + 0.5 * (strain @ (stiffness @ strain)) - preload @ strain
     return total
 
 
 @pytest.fixture(scope="module")
 def hessian() -> Any:
-    gradient, matrix = hd.hessian(_energy, 6 * len(BODIES))
-    assert np.abs(gradient[:18]).max() < 1e-9
-    return matrix
+    energy = _energy()
+    assert np.abs(energy.gradient[:18]).max() < 1e-9
+    return energy.hessian
 
 
 def _mass() -> Any:
