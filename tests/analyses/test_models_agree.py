@@ -8,7 +8,7 @@ import pytest
 
 import suspension_cli as sus
 
-CHAINS = ("double", "triple", "quad")
+CHAINS = ("double", "quad")
 TOLERANCE = 1e-3
 TWICE = 2 * TOLERANCE
 """Both may be off by the tolerance."""

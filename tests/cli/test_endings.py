@@ -196,10 +196,7 @@ def stored(tmp_path_factory):
         run(
             "response",
             CONFIGS / "double.toml",
-            "--frequency",
-            "1:10:20",
-            "--no-plot",
-            "--out",
+            *["--frequency", "1:10:20", "--no-plot", "--out"],
             folder,
         ).exit_code
         == 0

@@ -329,10 +329,7 @@ def test_the_commands(tmp_path):
     reported = run(
         "sensitivity",
         CONFIGS / "husman2000" / "table1-case4.toml",
-        "--fidelity",
-        "beam",
-        "--no-plot",
-        "--out",
+        *["--fidelity", "beam", "--no-plot", "--out"],
         tmp_path,
     )
     assert (

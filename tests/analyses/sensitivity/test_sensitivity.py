@@ -362,12 +362,7 @@ def test_a_ratio_to_what_symmetry_forbids_has_no_derivative(tmp_path):
     result = run(
         "sensitivity",
         CONFIGS / "double.toml",
-        "--result",
-        "test.z/test.x/support.z:50",
-        "--result",
-        "1",
-        "--json",
-        "--out",
+        *["--result", "test.z/test.x/support.z:50", "--result", "1", "--json", "--out"],
         tmp_path,
     )
     reported = strict_json(result.stdout)

@@ -169,12 +169,7 @@ def test_text_for_people(file, out):
         "--no-plot",
         "--out",
         out,
-        "--arm",
-        "600",
-        "--output",
-        "test.x",
-        "--frequency",
-        "0.5:20:1000",
+        *["--arm", "600", "--output", "test.x", "--frequency", "0.5:20:1000"],
     )
     reason, head, _names, units, *rows = result.stdout.splitlines()
     assert reason.startswith("model: violin (")
@@ -283,12 +278,7 @@ def test_pictures(file, out):
         file,
         "--out",
         out,
-        "--frequency",
-        "0.1:50:40",
-        "--output",
-        "test.x",
-        "--output",
-        "test.pitch",
+        *["--frequency", "0.1:50:40", "--output", "test.x", "--output", "test.pitch"],
     )
     assert result.exit_code == 0
     first = (out / "triple-thermal.png").read_bytes()

@@ -32,10 +32,7 @@ def tolerance(file, out, *options, builds=120):
         file,
         "--builds",
         str(builds),
-        "--json",
-        "--workers",
-        "1",
-        "--out",
+        *["--json", "--workers", "1", "--out"],
         out,
         *options,
     )
