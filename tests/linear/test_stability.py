@@ -260,41 +260,6 @@ def test_the_page_is_that_of_the_rows():
     assert atlas.table_row(row).count("|") == atlas.HEAD.splitlines()[-1].count("|")
 
 
-def test_overview_shows_how_far_each_method_gets():
-    from suspension_cli.drawing.style import house_style
-    from tests.support.legible import assert_legible, said
-    from tools.stability.overview import COLUMN, draw_overview
-
-    value = np.array([1.0, 1e1, 1e2, 1e3, 1e4])
-    error = {"pendsus": 0 * value, "sum": 1e-4 * value, "other": 1e-6 * value}
-    rows = [Row("Roll-off", "frequency (Hz)", "q", value, error, "", "")]
-    rows += [Row("Slack", "tension left", "q", 1 / value, {**error, "pendsus": value}, "", "")]
-    with house_style():
-        figure = draw_overview(rows)
-    axes = figure.axes[0]
-    bars = {
-        (round(bar.get_x(), 9), round(bar.get_x() + bar.get_width(), 9)) for bar in axes.patches
-    }
-    assert bars == {(0.0, 0.5), (0.5, 1.0), (0.0, 1.0), (0.0, 0.0)}
-    words = said(figure)
-    assert {"frequency, 1 to 10⁴ Hz", "sum: 100 Hz", "no break", "sum: 0.01", "1"} <= {*words}
-    assert words[:2] == [
-        "pendsus stays accurate to the end of 1 of 2 troubles;",
-        "a common method breaks in 2",
-    ]
-    assert figure.get_figwidth() == COLUMN
-    assert_legible(figure)
-
-
-def test_a_method_that_breaks_at_the_last_value_counts_as_broken():
-    from tools.stability.overview import breaks, first_break
-
-    error = {"a": np.array([0.0, 2 * BROKEN, 0.0]), "b": np.array([0.0, 0.0, 2 * BROKEN])}
-    row = Row("t", "load (kg)", "q", np.array([1.0, 2.0, 3.0]), error, "", "")
-    assert first_break(row, error) == (1.0, "b: 3 kg")
-    assert breaks(row, error) and not breaks(row, ["a"])
-
-
 def test_a_method_right_only_at_the_end_is_not_called_right_throughout():
     error = {"pendsus": np.zeros(3), "bulge": np.array([0.0, 2 * BROKEN, 0.0]), "flat": np.zeros(3)}
     line = atlas.table_row(Row("t", "d", "q", np.array([1.0, 2.0, 3.0]), error, "", ""))
