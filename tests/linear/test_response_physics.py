@@ -6,7 +6,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from suspension_cli.conventions import DOFS
 from suspension_cli.design.derive import com_positions
 from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes, response
@@ -177,33 +176,6 @@ def test_single_pendulum_by_hand(level):
     below = 9.81 / length + s**2 + s * c / mass
     np.testing.assert_allclose(by_support, (9.81 / length + s * c / mass) / below, rtol=1e-12)
     np.testing.assert_allclose(by_force, 1 / mass / below, rtol=1e-12)
-
-
-def test_only_what_is_touched_is_solved():
-    model = plants.model("triple", "force")
-    assert len(model.blocks) == 4
-
-    def blocks(into, out):
-        return response.solve(
-            model, np.array([1.0]), plants.drives(model, *into), plants.motions(model, *out)
-        ).blocks
-
-    assert blocks(["support.x"], ["test.x", "upper.pitch"]) == 1
-    assert blocks(["support.x", "support.z"], ["test.x"]) == 1
-    assert blocks(["support.x", "support.z"], ["test.x", "test.z"]) == 2
-    assert blocks(["support.x"], ["test.z", "test.yaw"]) == 0
-    assert blocks(["support.x"], ["test.x@0,0.01,0"]) == 1  # yaw is watched, not driven
-    assert blocks(["upper.force_x@0,0.01,0"], ["test.x@0,0.01,0"]) == 2
-    answer = response.solve(
-        model, np.array([0.5, 1.0]), plants.moves(model), plants.all_motions(model)
-    )
-    assert answer.blocks == 4
-    parity = {"x": 0, "pitch": 0, "y": 1, "roll": 1, "z": 2, "yaw": 3}
-    for o, out in enumerate(answer.output):
-        for i, dof in enumerate(DOFS):
-            # the two upper wires hang on the pitch axis
-            coupled = parity[out.split(".")[1]] == parity[dof] and dof != "pitch"
-            assert answer.value[:, o, i].all() == coupled, (out, dof)
 
 
 def test_points_move_with_their_body():

@@ -19,7 +19,7 @@ from suspension_cli.design import reader
 from suspension_cli.errors import InputError
 from suspension_cli.linear import response, signals
 from suspension_cli.models import registry
-from tests.support import jets
+from tests.support import jets, plants
 
 G = 9.81
 BODIES = ("platform", "test", "reaction", "support", "ground")
@@ -143,6 +143,11 @@ def _close(value: Any, expected: Any, tolerance: float = 1e-9) -> None:
     assert np.abs(np.asarray(value) - expected).max() <= tolerance * scale
 
 
+def _solved(model: Any, frequency: Any, inputs: list[str], outputs: list[str]) -> Any:
+    drives, motions = plants.drives(model, *inputs), plants.motions(model, *outputs)
+    return response.solve(model, frequency, drives, motions).value
+
+
 def test_matrices_of_tower_with_links(hessian: Any) -> None:
     model = registry.STRING.system(reader.parse(_design()))
     _close(model.stiffness[6:, 6:], hessian[:18, :18], 1e-13)
@@ -154,16 +159,10 @@ def test_matrices_of_tower_with_links(hessian: Any) -> None:
 def test_responses_to_support_ground_and_pair_of_forces(hessian: Any) -> None:
     model = registry.STRING.system(reader.parse(_design().replace("loss_angle", "#")))
     frequency = np.array([0.0, 0.05, 0.31, 0.9, 3.3, 12.0, 80.0])
-    known = signals.bodies_with_signals(model)
     inputs = [f"{b}.{d}" for b in ("ground", "support") for d in DOFS]
     inputs += ["test~reaction.force_x@0.01,0.02,0.03", "reaction~test.torque_yaw"]
     outputs = [f"{b}.{d}" for b in ("platform", "test", "reaction") for d in DOFS]
-    value = response.solve(
-        model,
-        frequency,
-        [signals.parse_input(text, known) for text in inputs],
-        [signals.parse_output(text, known) for text in outputs],
-    ).value
+    value = _solved(model, frequency, inputs, outputs)
     columns = [-hessian[:18, 24:30], -hessian[:18, 18:24]]
     push = np.zeros((18, 2))
     push[6, 0], push[6 + 3 : 12, 0] = 1.0, np.cross([0.01, 0.02, 0.03], [1, 0, 0])
@@ -179,12 +178,9 @@ def test_responses_to_support_ground_and_pair_of_forces(hessian: Any) -> None:
 
 def test_support_and_ground_together_move_everything_rigidly_at_rest() -> None:
     model = registry.STRING.system(reader.parse(_design()))
-    known = signals.bodies_with_signals(model)
-    outputs = [signals.parse_output(f"{b}.{d}", known) for b in ("platform", "test") for d in "xyz"]
+    outputs = [f"{b}.{d}" for b in ("platform", "test") for d in "xyz"]
     total = sum(
-        response.solve(
-            model, np.zeros(1), [signals.parse_input(f"{b}.{d}", known) for d in "xyz"], outputs
-        ).value[0]
+        _solved(model, np.zeros(1), [f"{b}.{d}" for d in "xyz"], outputs)[0]
         for b in ("support", "ground")
     )
     _close(total, np.vstack([np.eye(3), np.eye(3)]), 1e-11)
@@ -308,10 +304,7 @@ between = ["test", "ground"]
 
 def _response(text: str, level: str, frequency: Any, into: str, out: str) -> Any:
     model = registry.by_name(level).system(reader.parse(text))
-    known = signals.bodies_with_signals(model)
-    return response.solve(
-        model, frequency, [signals.parse_input(into, known)], [signals.parse_output(out, known)]
-    ).value[:, 0, 0]
+    return _solved(model, frequency, [into], [out])[:, 0, 0]
 
 
 TABLE = """[link.table]

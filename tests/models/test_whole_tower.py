@@ -23,7 +23,7 @@ from suspension_cli.scene import imperfections, stack
 from suspension_cli.scene.pose import Pose, displace, layout, nominal_pose
 from suspension_cli.studies import sampling
 from tests.support import jets
-from tests.support.derivatives import complex_gradient
+from tests.support.derivatives import complex_gradient, hessian
 
 GRAVITY, SLOPE = np.array([0.02, -0.03, -9.8]), 1e-4
 GRADIENT = np.diag([-SLOPE / 2, -SLOPE / 2, SLOPE])
@@ -240,6 +240,7 @@ def test_forces_and_stiffness_follow_from_the_energy_in_any_pose(coupling, size)
     gradient, stiffness = gradient_and_stiffness(scene, numbering, pose)
     derived = complex_gradient(energy, scene, numbering, pose, np.zeros(numbering.size))
     np.testing.assert_allclose(gradient, derived, rtol=1e-9, atol=1e-9 * np.abs(derived).max())
+    assert_close(stiffness, hessian(energy, scene, numbering, pose), 1e-8)
     pair = stack.stack_scenes([scene, scene])
     poses = Pose(*(np.stack([part] * 2) for part in (pose.shift, pose.turn, pose.deflection)))
     found = equilibrium._newton(pair, numbering, poses, 0.0, 0)

@@ -338,32 +338,6 @@ def test_labels_go_through_a_crossing():
     ).sum() > 5
 
 
-def test_every_label_once_whatever_mixes():
-    """Far from the nominal design two modes may look like one: still each mode of a build is taken
-    once."""
-    raw = tomllib.loads(TRIPLE.read_text())
-    job = job_of(
-        raw
-        | {
-            "tolerance": {
-                "body": [{"stage": "test", "inertia": {"uniform": 0.9}, "mass": {"uniform": 0.3}}]
-            }
-        },
-        200,
-    )
-    found = job.compute(0, 200)
-    scene = sampling.imperfect(job.scene, job.factors, job.deviations(0, 200))
-    for n in np.flatnonzero(found["status"] == builds.GOOD)[::10]:
-        own = eigenmodes.solve(string_model.linear_model(one_of(scene, job.scene, n)))
-        # one of them nearly topples: what eigenvalues lose is a share of the largest
-        np.testing.assert_allclose(
-            np.sort(found["frequency"][n]) ** 2,
-            own.frequency**2,
-            rtol=1e-10,
-            atol=1e-14 * own.frequency.max() ** 2,
-        )
-
-
 def test_a_wire_that_lets_a_body_spin():
     raw = scenes.raw_of(
         {
