@@ -23,6 +23,12 @@ from tests.support.optima import EXAMPLE, PAPER, TRIPLE, VERTICAL, WANTED, WIRES
 ON_STRINGS = ("--fidelity", "string")
 
 
+def optimise(design, raw, folder, *options):
+    """A run on strings from the start of the design alone, with these goals."""
+    file = written(folder, raw, "goals.toml")
+    return run("optimise", design, file, "--starts", "1", "--out", folder, *ON_STRINGS, *options)
+
+
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     """The shipped example, from its own start alone."""
@@ -86,18 +92,7 @@ def test_what_is_not_met_has_exit_code_1(tmp_path):
         "goal": [{"kind": "band", "modes": ["test longitudinal"], "at_least": 3.0}],
         "free": [{"name": f"{WIRES}.l", "lower": 0.1, "upper": 0.5}],
     }
-    result = run(
-        "optimise",
-        VERTICAL,
-        written(tmp_path, raw, "goals.toml"),
-        "--starts",
-        "1",
-        "--out",
-        tmp_path,
-        "--no-plot",
-        "--fidelity",
-        "string",
-    )
+    result = optimise(VERTICAL, raw, tmp_path, "--no-plot")
     assert result.exit_code == 1
     assert "NOT MET" in result.stdout and "1 limit, 1 NOT MET" in result.stdout
     assert f"what is not met is limited by the lower bound of {WIRES}.l" in result.stdout
@@ -116,18 +111,7 @@ def test_room_is_printed_as_a_fraction_of_the_limit(tmp_path):
     limits = [{"at_least": 2.0}, {"at_most": 0.25}, {"equals": 2.0}, {"at_most": 2.0}]
     goal = [{"kind": "band", "modes": ["test longitudinal"]} | limit for limit in limits]
     raw = {"goal": goal, "free": [{"name": f"{WIRES}.l", "lower": 0.2, "upper": 0.5}]}
-    result = run(
-        "optimise",
-        VERTICAL,
-        written(tmp_path, raw, "goals.toml"),
-        "--starts",
-        "1",
-        "--out",
-        tmp_path,
-        "--json",
-        "--fidelity",
-        "string",
-    )
+    result = optimise(VERTICAL, raw, tmp_path, "--json")
     answer = strict_json(result.stdout)
     value = answer["limits"][0]["value"]
     np.testing.assert_allclose(
@@ -173,26 +157,13 @@ def test_what_is_not_known_is_not_all_met(tmp_path):
         "goal": [{"kind": "stress", "at_most": 0.9}],
         "free": [{"name": "stage.mirror.wires.l", "lower": 0.5, "upper": 0.9}],
     }
-    file = written(tmp_path, raw, "goals.toml")
     unknown = [
         word
         for stage in ("mirror", "recoil-mass")
         for word in ("--set", f"stage.{stage}.wires.material=tungsten")
     ]
     design = CONFIGS / "payload-recoil-mass.toml"
-    result = run(
-        "optimise",
-        design,
-        file,
-        *unknown,
-        "--starts",
-        "1",
-        "--out",
-        tmp_path,
-        "--no-plot",
-        "--fidelity",
-        "string",
-    )
+    result = optimise(design, raw, tmp_path, *unknown, "--no-plot")
     assert result.exit_code == 1
     assert "1 limit, met, 2 NOT KNOWN, checked with the string model" in result.stdout
 
@@ -204,18 +175,7 @@ def test_a_limit_that_symmetry_keeps_is_reported(tmp_path):
         ],
         "free": [{"name": f"{WIRES}.l", "lower": 0.2, "upper": 0.5}],
     }
-    result = run(
-        "optimise",
-        VERTICAL,
-        written(tmp_path, raw, "goals.toml"),
-        "--starts",
-        "1",
-        "--out",
-        tmp_path,
-        "--no-plot",
-        "--fidelity",
-        "string",
-    )
+    result = optimise(VERTICAL, raw, tmp_path, "--no-plot")
     assert result.exit_code == 0 and "is 0 by the symmetry of the design" in result.stderr
 
 
@@ -242,14 +202,7 @@ def test_an_unstable_start_has_no_frequency(tmp_path):
             {"name": f"{WIRES}.d", "lower": -0.2, "upper": 0.01, "start": -0.15},
         ],
     }
-    goals_file = written(tmp_path, raw, "goals.toml")
-    result = run(
-        "optimise",
-        VERTICAL,
-        goals_file,
-        *("--starts", "1", "--out", tmp_path, "--no-plot", "--fidelity", "string"),
-        *("--set", f"{WIRES}.s=0.001"),
-    )
+    result = optimise(VERTICAL, raw, tmp_path, "--no-plot", "--set", f"{WIRES}.s=0.001")
     assert result.exit_code == 0, result.stderr
     (row,) = (line.split() for line in result.stdout.splitlines() if "test pitch >=" in line)
     assert row[1] == "-" and "active" in row and "nan" not in result.stdout
