@@ -158,12 +158,7 @@ def test_single_pendulum_by_hand(level):
     """On one wire through its COM: g / l, with a damper c against the support, (g / l + i w c / m)
     / (g / l - w^2 + i w c / m)."""
     mass, length, c = 3.0, 0.7, 0.4
-    stage = {
-        "name": "test",
-        "body": {"mass": mass, "inertia": [0.1] * 3},
-        "wires": {"count": 1, "l": length, "k": 1e5},
-        "damping": {"x": c},
-    }
+    stage = scenes.hung({"count": 1, "l": length, "k": 1e5}, mass, 0.1, damping={"x": c})
     model = registry.by_name(level).system(scenes.design_of(scenes.raw_of(stage)))
     frequency = np.geomspace(1e-3, 1e3, 500)
     s = 2j * np.pi * frequency
@@ -225,11 +220,7 @@ def test_models_agree(case):
 
 
 def test_on_a_lossless_pole_it_is_refused():
-    stage = {
-        "name": "test",
-        "body": {"mass": 1.0, "inertia": [0.1] * 3},
-        "wires": {"count": 1, "l": 0.5, "k": 100.0},
-    }
+    stage = scenes.hung({"count": 1, "l": 0.5, "k": 100.0}, 1.0, 0.1)
     model = registry.FORCE.system(scenes.design_of(scenes.raw_of(stage)))
     (frequency,) = eigenmodes.solve(model).of("z")
     with pytest.raises(InputError, match="resonance without loss"):

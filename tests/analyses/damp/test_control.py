@@ -52,11 +52,7 @@ def six_dampers():
 
 def simple(c, reference="support", mass=3.0, length=0.7):
     """A mass on one wire through its COM, with a damper along x."""
-    stage = {
-        "name": "test",
-        "body": {"mass": mass, "inertia": [0.1] * 3},
-        "wires": {"count": 1, "l": length, "k": 1e5},
-    }
+    stage = scenes.hung({"count": 1, "l": length, "k": 1e5}, mass, 0.1)
     return plant(scenes.raw_of(stage), [loop("test.x", damper=c, reference=reference)])
 
 

@@ -12,7 +12,7 @@ from suspension_cli.analyses.damp import closed_loop_poles, control
 from suspension_cli.design import foton
 from suspension_cli.files.hdf5 import open_results
 from suspension_cli.linear import poles
-from tests.support import plants
+from tests.support import plants, scenes
 from tests.support.commandline import assert_refused, run, strict_json, written
 
 DAMPERS = {"x": 20.0, "y": 20.0, "z": 30.0, "roll": 0.2, "pitch": 0.05, "yaw": 0.2}
@@ -190,11 +190,9 @@ def test_a_loop_that_drives_itself(tmp_path):
 def test_what_control_leaves_alone(kind, tmp_path):
     """Undamped and rigid modes are no instability, and margins are numbers though loop gains are
     infinite on their poles."""
-    stage = {
-        "name": "test",
-        "body": {"mass": 3.0, "inertia": [0.1] * 3},
-        "wires": {"count": 1, "l": 0.5, "k": 1e4, "d": 0.0 if kind == "lossless" else 0.01},
-    }
+    stage = scenes.hung(
+        {"count": 1, "l": 0.5, "k": 1e4, "d": 0.0 if kind == "lossless" else 0.01}, 3.0, 0.1
+    )
     loop = {"name": "a", "sensor": "test.x", "actuator": "test.force_x", "damper": 1.0}
     file = written(
         tmp_path, {"design": {"name": "one"}, "stage": [stage], "control": {"loop": [loop]}}

@@ -19,11 +19,7 @@ from suspension_cli.design.schema import NoiseSpectrum
 from tests.analyses.damp.test_control import LEAD, loop, plant
 from tests.support import plants, scenes
 
-STAGE = {
-    "name": "test",
-    "body": {"mass": 3.0, "inertia": [0.1] * 3},
-    "wires": {"count": 1, "l": 0.5, "k": 1e4, "d": 0.0},
-}
+STAGE = scenes.hung({"count": 1, "l": 0.5, "k": 1e4, "d": 0.0}, 3.0, 0.1)
 
 
 def pole_values(closed):

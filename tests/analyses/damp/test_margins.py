@@ -16,7 +16,7 @@ from suspension_cli.analyses.damp import solve as damp
 from suspension_cli.design.reader import read
 from suspension_cli.linear.statespace import with_constant_loss
 from suspension_cli.models import registry
-from tests.support import plants
+from tests.support import plants, scenes
 from tests.support.commandline import run, written
 from tests.support.paths import CONFIGS
 
@@ -77,11 +77,7 @@ def test_a_lagging_spring_on_one_oscillator(loss):
 
 def test_what_drifts_off_without_oscillating():
     """A negative spring of half the restoring one: twice its gain, and the body falls over."""
-    stage = {
-        "name": "test",
-        "body": {"mass": 3.0, "inertia": [0.1] * 3},
-        "wires": {"count": 1, "l": 0.7, "k": 1e5},
-    }
+    stage = scenes.hung({"count": 1, "l": 0.7, "k": 1e5}, 3.0, 0.1)
     spring = 3.0 * 9.81 / 0.7
     loop = {
         "name": "a",
@@ -104,11 +100,7 @@ def test_what_drifts_off_without_oscillating():
 def test_a_body_that_nothing_holds(c):
     """c / (J s) is 1 at c / J, 90 degrees from -1, and never comes nearer to that than far
     above."""
-    stage = {
-        "name": "test",
-        "body": {"mass": 3.0, "inertia": [0.1] * 3},
-        "wires": {"count": 1, "l": 0.5, "k": 1e4, "d": 0.01},
-    }
+    stage = scenes.hung({"count": 1, "l": 0.5, "k": 1e4, "d": 0.01}, 3.0, 0.1)
     loop = {"name": "yaw", "sensor": "test.yaw", "actuator": "test.torque_yaw", "damper": c}
     [found] = of(
         plants.scenes.design_of(

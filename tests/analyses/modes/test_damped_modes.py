@@ -280,12 +280,7 @@ def test_a_massless_tip_on_a_dashpot():
 def test_growth_and_rest_with_dampers():
     """A free rotation with a damper is a rigid mode and a decay at c / I; an inverted pendulum
     grows at the root of the damped equation."""
-    free = {
-        "name": "test",
-        "body": {"mass": 3.0, "inertia": [0.1] * 3},
-        "wires": {"count": 1, "l": 0.7, "k": 1e5, "d": 0.01},
-        "damping": {"yaw": 0.02},
-    }
+    free = scenes.hung({"count": 1, "l": 0.7, "k": 1e5, "d": 0.01}, 3.0, 0.1, damping={"yaw": 0.02})
     _, found = solved({"design": {"name": "spin"}, "stage": [free]})
     assert ((found.omega_squared == 0) & ~found.overdamped).sum() == 1
     assert found.decay_rate[found.overdamped] == pytest.approx([0.2], rel=1e-12)

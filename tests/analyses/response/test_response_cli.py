@@ -7,7 +7,7 @@ import pytest
 
 import suspension_cli as sus
 from suspension_cli.linear import eigenmodes, response
-from tests.support import plants
+from tests.support import plants, scenes
 from tests.support.commandline import assert_refused, run, strict_json, written
 
 UNSTABLE = ("--set", "stage.test.wires.d=-0.05", "--set", "stage.test.wires.s=0.0")
@@ -138,11 +138,7 @@ def test_refusal_names_the_beam_model_where_bending_restrains(tmp_path, out, d, 
 def test_on_a_lossless_resonance(file, out, tmp_path):
     """The response is infinite there, which is no number: reported, not written. Loss or a hair's
     breadth make it finite."""
-    stage = {
-        "name": "test",
-        "body": {"mass": 1.0, "inertia": [0.1] * 3},
-        "wires": {"count": 1, "l": 0.5, "k": 100.0},
-    }
+    stage = scenes.hung({"count": 1, "l": 0.5, "k": 100.0}, 1.0, 0.1)
     one = written(tmp_path, {"design": {"name": "one"}, "stage": [stage]})
     frequency = min(
         mode["frequency_hz"]

@@ -188,11 +188,7 @@ def test_wires_without_material_or_cross_section(out, tmp_path):
         ({"k": 1e4}, "has no cross-section"),
         ({"k": 1e4, "radius": 1e-4}, "has no material"),
     ):
-        stage = {
-            "name": "test",
-            "body": {"mass": 5.0, "inertia": [0.02] * 3},
-            "wires": {"count": 1, "l": 0.5, **change},
-        }
+        stage = scenes.hung({"count": 1, "l": 0.5, **change}, 5.0, 0.02)
         file = written(tmp_path, {"design": {"name": "one"}, "stage": [stage]})
         for level in ("auto", "beam", "violin"):
             (line,) = assert_refused(
