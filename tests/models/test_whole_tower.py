@@ -19,7 +19,7 @@ from suspension_cli.equilibrium.energy import energy, gradient_and_stiffness
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
 from suspension_cli.models import string
-from suspension_cli.scene import imperfections, stack
+from suspension_cli.scene import stack
 from suspension_cli.scene.pose import Pose, displace, layout, nominal_pose
 from suspension_cli.studies import sampling
 from tests.support import jets
@@ -247,21 +247,6 @@ def test_forces_and_stiffness_follow_from_the_energy_in_any_pose(coupling, size)
     form = found.form[0]
     whole = found.soft[0] + np.einsum("w,wi,wj->ij", scene.wires.stiffness, form, form)
     assert_close(whole, stiffness, 1e-12)
-
-
-def test_imperfect_builds_in_a_batch_are_those_solved_alone():
-    scene = expand(reader.parse(DESIGN))
-    numbering = layout(scene)
-    assert scene.wires.mass.any() or scene.field is not None
-    built = [
-        imperfections.impose(scene, "body", 4, {"com_offset": np.array([x, 2e-4, 0.0])})
-        for x in (0.0, 1e-3)
-    ]
-    batch = equilibrium.solve(stack.stack_scenes(built), numbering)
-    assert batch.converged.all()
-    for n, one in enumerate(built):
-        alone = equilibrium.solve(one, numbering)
-        np.testing.assert_allclose(batch.pose.shift[n], alone.pose.shift, atol=1e-11)
 
 
 # ---------------------------------------------------------------- imperfections

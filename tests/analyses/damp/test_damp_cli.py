@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import h5py
 import numpy as np
 import pytest
 from matplotlib.text import Text
 
 import suspension_cli as sus
-from suspension_cli.analyses.damp import closed_loop_poles, control
 from suspension_cli.design import foton
 from suspension_cli.files.hdf5 import open_results
-from suspension_cli.linear import poles
 from tests.support import plants, scenes
 from tests.support.commandline import assert_refused, run, strict_json, written
 
@@ -113,24 +110,6 @@ def test_results_hold_the_run(done):
     assert loaded.time[[0, -1]].tolist() == [0.0, 20.0]
     assert np.abs(loaded.impulse[-200:]).max() < 0.6 * np.abs(loaded.impulse).max()
     assert np.abs(loaded.undamped[-800:]).max() > 0.5 * np.abs(loaded.undamped).max()
-
-
-def test_results_are_those_of_the_library(done):
-    _, loaded, path = done
-    with h5py.File(path) as file:
-        assert "[[control.loop]]" in file.attrs["design"] or "control" in file.attrs["design"]
-    design = plants.scenes.design_of(damped())
-    model = plants.model("triple", "force")
-    closed = control.build_plant(design, model)
-    inputs, outputs = plants.drives(model, "test.force_x"), plants.motions(model, "test.x")
-    answer = control.solve_responses(closed, loaded.frequency, inputs, outputs)
-    gains = control.compute_loop_gains(closed, loaded.frequency)
-    np.testing.assert_array_equal(loaded.gain, gains)
-    np.testing.assert_array_equal(loaded.noise, answer.noise[:, 0])
-    system = closed_loop_poles.build_closed_loop(closed, inputs, outputs)
-    np.testing.assert_allclose(
-        loaded.impulse, poles.impulse(system, loaded.time)[:, 0, 0], rtol=1e-12, atol=1e-18
-    )
 
 
 def test_options_of_the_run(tmp_path):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import suspension_cli as sus
 from suspension_cli.linear import eigenmodes, response
 from tests.support import plants, scenes
 from tests.support.commandline import assert_refused, run, strict_json, written
@@ -156,17 +155,6 @@ def test_on_a_lossless_resonance(file, out, tmp_path):
     modes = eigenmodes.solve(plants.model("triple", "force")).frequency.tolist()
     triple = json_of(file, tmp_path / "triple", "--frequency", ",".join(map(repr, modes)))
     assert np.isfinite(triple["real"]).all()
-
-
-def test_results_file(file, out):
-    answer = json_of(file, out, *MATRIX, "--frequency", "1:10:5")
-    loaded = sus.load(out / "triple-response.h5").data
-    assert loaded.frequency.tolist() == answer["frequency_hz"]
-    assert (loaded.output, loaded.input) == (OUTPUTS, INPUTS)
-    assert [unit for row in loaded.unit for unit in row] == UNITS
-    np.testing.assert_array_equal(
-        loaded.value, expected(loaded.frequency, loaded.input, loaded.output).value
-    )
 
 
 def test_defaults_from_the_design(out, tmp_path):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import h5py
 import numpy as np
 import pytest
 
@@ -232,25 +231,6 @@ def test_an_unstable_design_must_be_requested(file, out):
 
 
 # files and pictures
-
-
-def test_results_file(file, out):
-    answer = json_of(file, out, "--output", "test.x", "--output", "test.z", "--frequency", "1:10:5")
-    with h5py.File(out / "triple-thermal.h5") as results:
-        group = results["thermal"]
-        np.testing.assert_allclose(
-            np.sqrt((group["contribution"][:] ** 2).sum(-1)), group["amplitude"][:], rtol=1e-12
-        )
-        for n, one in enumerate(answer["noises"]):
-            for s, source in enumerate(group["source"].asstr()[:]):
-                assert group["contribution"][:, n, s].tolist() == one["contributions"].get(
-                    source, [0.0] * 5
-                )
-    loaded = sus.load(out / "triple-thermal.h5").data
-    for noise, one in zip(loaded, answer["noises"], strict=True):
-        assert (noise.output, noise.frequency.tolist()) == (one["output"], answer["frequency_hz"])
-        assert set(noise.source) == set(one["contributions"])
-        np.testing.assert_allclose(noise.amplitude, one["displacement_asd"], rtol=1e-12)
 
 
 def test_pictures(file, out):

@@ -40,48 +40,6 @@ def tolerance(file, out, *options, builds=120):
     return strict_json(result.stdout)
 
 
-def test_the_summary_is_that_of_the_file(tmp_path):
-    limit = 7e-4
-    answer = tolerance(TRIPLE, tmp_path, "--seed", "7", "--limit", str(limit))
-    with h5py.File(tmp_path / "triple-tolerance-tolerance.h5") as stored:
-        group = stored["tolerance"]
-        status, frequency, size = (
-            group["status"][:],
-            group["frequency"][:],
-            np.abs(group["ratio"][:, 0]),
-        )
-        nominal, labels = group["nominal_frequency"][:], group["mode_label"].asstr()[:].tolist()
-        assert group.attrs["seed"] == "7"
-    good = status == 0
-    assert (answer["command"], answer["design"], answer["fidelity"], answer["seed"]) == (
-        "tolerance",
-        "triple-tolerance",
-        "beam",
-        7,
-    )
-    assert (answer["builds"], answer["good"]) == (120, good.sum())
-    assert sum(answer["failures"].values()) == (~good).sum()
-    assert answer["levels"] == list(QUANTILES)
-    assert [mode["label"] for mode in answer["modes"]] == labels
-    for n, mode in enumerate(answer["modes"]):
-        values = frequency[good, n]
-        assert mode["nominal_hz"] == nominal[n]
-        assert mode["mean_hz"] == pytest.approx(values.mean(), rel=1e-14)
-        assert mode["std_hz"] == pytest.approx(values.std(), rel=1e-12)
-        assert mode["quantiles_hz"] == pytest.approx(
-            np.quantile(values, QUANTILES).tolist(), rel=1e-14
-        )
-        assert len(mode["leading"]) == 5
-    coupling = answer["coupling"]
-    assert (coupling["limit"], coupling["frequency_hz"]) == (limit, 50.0)
-    assert coupling["ratio"] == "test.x@0,0,-0.001 / test.z@0,0,-0.001"
-    assert coupling["fraction_under_limit"] == (size[good] < limit).mean()
-    assert 0.2 < coupling["fraction_under_limit"] < 0.8
-    assert coupling["quantiles"] == pytest.approx(
-        np.quantile(size[good], QUANTILES).tolist(), rel=1e-14
-    )
-
-
 def test_one_factor_explains_everything(tmp_path):
     file = scattered(tmp_path, wire=[{"wire": "test.1", "length": {"uniform": 1e-5}}])
     answer = tolerance(file, tmp_path, "--seed", "3")

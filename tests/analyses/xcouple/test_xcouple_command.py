@@ -127,20 +127,6 @@ def test_body_and_over(tmp_path):
     assert units == ["rad/m", "rad/N", "m/N"]
 
 
-def test_every_dataset_has_units_and_scales(tmp_path):
-    xcouple(FILE, tmp_path, "--sweep k=0.9,1.1,stage.test.wires.s=0.004:0.006:3 --frequency 10,50")
-    with h5py.File(tmp_path / f"{NAME}.h5") as stored:
-        assert (stored.attrs["format"], stored.attrs["format_version"]) == ("pendsus", 3)
-        assert tomllib.loads(stored.attrs["design"]) == RAW
-        group = stored["xcouple"]
-        assert list(group.attrs["axes"]) == ["k", "stage.test.wires.s"]
-        assert group["residual"][:].max() < 1e-10
-        assert np.array_equal(group["ratio"][:], group["over"][:] / group["under"][:])
-    found = sus.load(tmp_path / f"{NAME}.h5")
-    assert [axis.name for axis in found.axes] == ["k", "stage.test.wires.s"]
-    assert found.ratio.shape == (2, 3, 2)
-
-
 @pytest.fixture
 def impatient(monkeypatch):
     """What hangs nowhere is given up early."""
