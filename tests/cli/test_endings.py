@@ -12,7 +12,6 @@ import time
 import pytest
 
 from suspension_cli.analyses.export import file as exported
-from suspension_cli.cli import endings
 from suspension_cli.linear import eigenmodes, response
 from tests.support.commandline import assert_refused, from_template, process, run, written
 from tests.support.golden import CONFIGS
@@ -56,14 +55,6 @@ def test_standard_output_closed_by_its_reader():
 def test_a_closed_or_full_stderr_changes_no_exit_code(redirection, tmp_path):
     assert shell(redirection, "new", "single", tmp_path / "x.toml").returncode == 0
     assert shell(redirection, "new", "no-such-design", tmp_path / "x.toml").returncode == 2
-
-
-def test_a_stream_that_is_optional_loses_what_cannot_be_written(tmp_path):
-    with endings._Optional(tmp_path / "lines", "w") as kept:
-        assert kept.write(b"kept") == 4
-    assert (tmp_path / "lines").read_bytes() == b"kept"
-    with endings._Optional("/dev/full", "w") as lost:
-        assert lost.write(b"lost") == 4
 
 
 def failing(error):

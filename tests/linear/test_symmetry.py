@@ -74,24 +74,6 @@ def test_symmetric_chains_fall_into_four_blocks(wires, blades, options, angled):
     assert not between_families(np.pad(reduced[:18, :18], ((6, 0), (6, 0)))).any()
 
 
-@pytest.mark.parametrize("stages", [1, 2, 3, 4, 5])
-def test_chains_on_pairs_and_fours_have_four_blocks(stages):
-    rng = np.random.default_rng([22, stages])
-    counts = rng.choice([2, 4], stages)
-    model = model_of(
-        scenes.raw_of(
-            *(scenes.stage(rng, f"mass{n}", int(count)) for n, count in enumerate(counts))
-        )
-    )
-    assert [sorted(dofs_of(model, block)) for block in model.blocks] == [
-        ["pitch", "x"],
-        ["roll", "y"],
-        ["z"],
-        ["yaw"],
-    ]
-    assert [len(block) for block in model.blocks] == [2 * stages, 2 * stages, stages, stages]
-
-
 def on_springs(rng):
     """Off the axis, with nothing but symmetric springs: not symmetric about the support."""
     weight = 5.0 * 9.81

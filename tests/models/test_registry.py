@@ -53,39 +53,12 @@ def test_a_batch_is_its_designs(model):
     assert sorted(reached) == [0, 1, 2]
 
 
-def test_systems_reuse_simpler_ones():
-    design = read(CASE).design
-    beam = registry.BEAM.system(design)
-    reused = registry.VIOLIN.refined(design, {"beam": beam})
-    fresh = registry.VIOLIN.system(design)
-    assert (reused.stiffness == fresh.stiffness).all()
-    assert [term.strand.massive for term in reused.terms] == [
-        term.strand.massive for term in fresh.terms
-    ]
-
-
 def test_physics_between_models():
     assert registry.adds(registry.BEAM, registry.STRING) == "wire bending"
     assert registry.adds(registry.VIOLIN, registry.STRING) == "wire bending and wire mass"
     design = read(CASE).design
     assert registry.most_complete(design) is registry.VIOLIN
     assert registry.most_complete(design, massless=True) is registry.BEAM
-
-
-@pytest.mark.parametrize(
-    ("reason", "line"),
-    [
-        ("as requested", "model: beam (as requested); neglected: wire mass, of unknown effect"),
-        (
-            "as requested; neglected: wire mass, 0.01 %",
-            "model: beam (as requested); neglected: wire mass, 0.01 %",
-        ),
-    ],
-)
-def test_choice_in_one_line(reason, line):
-    choice = Choice("beam", reason)
-    assert choice.line == line
-    assert choice.model is registry.BEAM
 
 
 @pytest.mark.parametrize(

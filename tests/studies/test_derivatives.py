@@ -1,4 +1,4 @@
-"""Sensitivities against differences of whole runs, on resonances, and a fit on wires that bend."""
+"""Sensitivities against differences of whole runs, and on resonances."""
 
 from __future__ import annotations
 
@@ -9,11 +9,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from suspension_cli.analyses.fit import solve as fit
 from suspension_cli.analyses.optimise.mode_families import solve_modes
 from suspension_cli.analyses.sensitivity import solve as sensitivity
 from suspension_cli.design import paths, reader
-from suspension_cli.design.measured import Free, Measured, Mode
 from suspension_cli.linear import eigenmodes, named_results, response, signals
 from suspension_cli.models import registry
 from tests.equilibrium.test_clamps import tables_as_built
@@ -22,7 +20,6 @@ from tests.support.golden import CONFIGS
 from tests.support.scenes import plain
 
 DOUBLE = CONFIGS / "double.toml"
-NUMBERS = ("stage.test.wires.d", "materials.c70steel.youngs_modulus")
 
 
 def beam(text, *overrides):
@@ -180,35 +177,6 @@ def test_on_a_resonance_and_a_coupling_that_is_zero():
     slope = found.derivative[found.parameter.index(name), 1]
     assert abs(slope) * value > 0.05 * quality * found.nominal[1]
     assert slope == pytest.approx((high - low) / (2 * step), rel=1e-3)
-
-
-def seen(text, *overrides, share=0.001):
-    """All modes of a design on beam with numbers put in, as if measured, under the labels of the
-    design as drawn."""
-    names = named_results.labels(beam(text)[1])
-    return [
-        Mode(frequency=float(f), uncertainty=share * float(f), label=name)
-        for f, name in zip(beam(text, *overrides)[1].frequency, names, strict=True)
-    ]
-
-
-TRUTH = (0.0013, 1.95e11)
-
-
-def put(values):
-    return [f"{name}={value!r}" for name, value in zip(NUMBERS, values, strict=True)]
-
-
-def test_a_fit_on_beam_finds_what_strings_cannot():
-    text = DOUBLE.read_text()
-    requested = Measured(
-        mode=seen(text, *put(TRUTH)), parameter=[Free(name=name) for name in NUMBERS]
-    )
-    found = fit.solve([text], requested, level="beam")
-    np.testing.assert_allclose(found.value, TRUTH, rtol=1e-6)
-    assert found.chi_squared < 1e-9
-    mistaken = fit.solve([text], requested)
-    assert np.abs(mistaken.value / TRUTH - 1).max() > 0.03 and mistaken.chi_squared > 100
 
 
 def test_wires_without_material_are_refused(tmp_path):

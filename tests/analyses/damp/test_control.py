@@ -298,16 +298,6 @@ def test_impulse_response_is_the_inverse_transform():
     assert np.abs(expected[-10:]).max() < 1e-4 * np.abs(found).max()  # it has died away
 
 
-def test_a_damper_from_one_block_into_another():
-    closed = plant(plants.raw("triple"), [loop("upper.x", "upper.force_y", damper=20.0)])
-    inputs, outputs = (
-        plants.drives(closed.model, "support.x"),
-        plants.motions(closed.model, "test.y"),
-    )
-    direct = control.solve_responses(closed, GRID, inputs, outputs).value
-    assert np.abs(build_closed_loop(closed, inputs, outputs).at(GRID) / direct - 1).max() < 1e-9
-
-
 def test_a_damper_that_senses_no_massless_structure_that_it_pushes():
     raw = plants.raw("triple") | {"support": {"stiffness": {"y": 1e5}}}
     closed = plant(raw, [loop("upper.x", "upper.force_y", damper=20.0)])

@@ -120,11 +120,6 @@ def test_sensitivity_peak_of_two_coupled_loops():
             assert pole_values(plant(raw, tables, "string")).stable
 
 
-def test_balancing_drops_what_nothing_answers():
-    scaled = margins.balance(np.array([[[1.0, 1e6], [0.0, 2.0]]]))
-    np.testing.assert_array_equal(scaled[0], np.diag([1.0, 2.0]))
-
-
 def test_noise_of_sensors():
     one = plant(
         scenes.raw_of(STAGE), [loop("test.x", damper=1.0, sensor_noise=2e-9)], "string"
