@@ -208,22 +208,3 @@ def test_the_page_is_that_of_the_rows():
     assert f"**{row.title}** ({row.quantity}). {row.finding}" in page
     assert page.count("\n| **") == len(atlas.ROWS)
     assert atlas.table_row(row).count("|") == atlas.HEAD.splitlines()[-1].count("|")
-
-
-def test_a_method_right_only_at_the_end_is_not_called_right_throughout():
-    error = {"pendsus": np.zeros(3), "bulge": np.array([0.0, 2 * BROKEN, 0.0]), "flat": np.zeros(3)}
-    line = atlas.table_row(Row("t", "d", "q", np.array([1.0, 2.0, 3.0]), error, "", ""))
-    assert "bulge: off by 0.002 at 2, right beyond<br>flat: right throughout" in line
-
-
-def test_a_method_breaks_where_it_stays_broken():
-    row = Row(
-        "t",
-        "d",
-        "q",
-        np.array([1.0, 2.0, 3.0, 4.0]),
-        {"a": np.array([1.0, 0.0, 2 * BROKEN, 1.0]), "b": np.zeros(4), "c": np.ones(4)},
-        "",
-        "",
-    )
-    assert [row.broken_at(name) for name in "abc"] == [3.0, None, 1.0]

@@ -12,7 +12,7 @@ import pytest
 import suspension_cli
 from suspension_cli.design.reader import read
 from suspension_cli.models import registry
-from suspension_cli.models.choice import Frequencies, Systems, choose, percent
+from suspension_cli.models.choice import Frequencies, Systems, choose
 from suspension_cli.models.registry import Choice
 from suspension_cli.studies import variants
 from tests.support.paths import CONFIGS
@@ -59,14 +59,6 @@ def test_physics_between_models():
     design = read(CASE).design
     assert registry.most_complete(design) is registry.VIOLIN
     assert registry.most_complete(design, massless=True) is registry.BEAM
-
-
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [(0.9, "90 %"), (1e-4, "0.01 %"), (5.527, "550 %"), (0.0, "0 %"), (3.4e-7, "3.4e-05 %")],
-)
-def test_per_cent(value, text):
-    assert percent(value) == text
 
 
 def test_names_of_models_stay_in_their_folder():

@@ -206,11 +206,3 @@ def test_text_for_people(file, out):
     assert second.startswith("test.x / support.x (m/m): 1.0")
     assert "at 0.1 Hz" in second
     assert "at 10 Hz" in second
-
-
-def test_overrides_reach_the_model(file, out):
-    plain, heavy = (
-        json_of(file, out, "--frequency", "5", *options)
-        for options in ((), ("--set", "stage.test.body.mass=11.2"))
-    )
-    assert heavy["real"] != plain["real"]

@@ -120,17 +120,6 @@ def test_a_build_draws_the_same_numbers_whoever_is_drawn_with_it(seed, start, ah
     ).any()
 
 
-def test_adding_builds_changes_rounding_alone():
-    raw = tomllib.loads(TRIPLE.read_text())
-    small, large = job_of(raw, 70, 9), job_of(raw, 1000, 9)
-    assert np.array_equal(small.deviations(0, 70), large.deviations(0, 1000)[:70])
-    one, all_at_once = small.compute(0, 70), large.compute(0, 130)
-    for column in small.columns:
-        found, expected = one[column.name], all_at_once[column.name][:70]
-        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-11, err_msg=column.name)
-    assert not np.array_equal(small.deviations(0, 70), job_of(raw, 70, 10).deviations(0, 70))
-
-
 def everything():
     """Every key of a tolerance table, on a chain with blades."""
     rng = np.random.default_rng(41)
