@@ -95,11 +95,15 @@ CASES = {
 }
 
 
+MORE = {"some symmetric": '[[perturbation]]\nbody = "test"\ncom_offset = [0.0, 0.0, 1e-4]\n'}
+"""Added to the design of a case."""
+
+
 @pytest.mark.parametrize("case", CASES)
 def test_batches_of_designs_are_those_designs(case):
     """Modes and a response of a batch against each design alone."""
     file, level, grid = CASES[case]
-    text = file.read_text()
+    text = file.read_text() + MORE.get(case, "")
     grid = {path: np.array(column) for path, column in grid.items()}
     seen = []
     for found, here in variants.balanced(text, grid, level):
