@@ -243,29 +243,6 @@ def test_embedded_design_has_the_overrides(results):
     assert reader.parse(text) == reader.convert(expected)
 
 
-def datasets(path):
-    """Every dataset of a results file, while the file is open."""
-    found = []
-    file = h5py.File(path)
-    file.visititems(lambda _, item: found.append(item) if isinstance(item, h5py.Dataset) else None)
-    return file, found
-
-
-def test_every_dataset_has_units_and_scales(results):
-    file, found = datasets(results[0])
-    with file:
-        assert list(file) == ["modes"]
-        assert found
-        for item in found:
-            assert item.attrs["units"], item.name
-            if item.is_scale:
-                continue
-            for axis, length in zip(item.dims, item.shape, strict=True):
-                assert len(axis) == 1, item.name
-                assert len(axis[0]) == length
-                assert axis[0].attrs["units"]
-
-
 def test_results_hold_what_json_says(results):
     path, _, answer = results
     with h5py.File(path) as file:

@@ -9,12 +9,9 @@ import subprocess
 import sys
 import time
 
-import h5py
-import numpy as np
 import pytest
 
 from suspension_cli.analyses.export import file as exported
-from suspension_cli.cli import endings
 from suspension_cli.linear import eigenmodes, response
 from tests.support.commandline import assert_refused, from_template, process, run, written
 from tests.support.golden import CONFIGS
@@ -58,14 +55,6 @@ def test_standard_output_closed_by_its_reader():
 def test_a_closed_or_full_stderr_changes_no_exit_code(redirection, tmp_path):
     assert shell(redirection, "new", "single", tmp_path / "x.toml").returncode == 0
     assert shell(redirection, "new", "no-such-design", tmp_path / "x.toml").returncode == 2
-
-
-def test_a_stream_that_is_optional_loses_what_cannot_be_written(tmp_path):
-    with endings._Optional(tmp_path / "lines", "w") as kept:
-        assert kept.write(b"kept") == 4
-    assert (tmp_path / "lines").read_bytes() == b"kept"
-    with endings._Optional("/dev/full", "w") as lost:
-        assert lost.write(b"lost") == 4
 
 
 def failing(error):
@@ -187,90 +176,6 @@ def test_pipes_are_read_once(tmp_path):
         os.close(int(word.rpartition("/")[2]))
     os.mkfifo(tmp_path / "x.h5")
     assert_refused(run("plot", tmp_path / "x.h5"), tmp_path / "x.h5")
-
-
-@pytest.fixture(scope="module")
-def stored(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("stored")
-    assert (
-        run(
-            "response",
-            CONFIGS / "double.toml",
-            "--frequency",
-            "1:10:20",
-            "--no-plot",
-            "--out",
-            folder,
-        ).exit_code
-        == 0
-    )
-    return (folder / "double-response.h5").read_bytes()
-
-
-def replaced(name, **what):
-    def change(file):
-        del file[name]
-        file.create_dataset(name, **what)
-
-    return change
-
-
-def as_group(file):
-    del file["response/value"]
-    file["response"].create_group("value")
-
-
-def circular(file):
-    del file["response/value"]
-    file["response/value"] = h5py.SoftLink("/response/value")
-
-
-def external(file):
-    del file["response/value"]
-    file["response/value"] = h5py.ExternalLink("/dev/null", "/x")
-
-
-def no_number(file):
-    file["response/frequency"][...] = np.nan
-    file["response/value"][...] = np.nan
-
-
-SPOILT = {
-    "version as text": lambda file: file.attrs.__setitem__("format_version", "1"),
-    "version 0": lambda file: file.attrs.__setitem__("format_version", 0),
-    "format as number": lambda file: file.attrs.__setitem__("format", 3.0),
-    "design as numbers": lambda file: file.attrs.__setitem__("design", np.zeros(3)),
-    "dataset for the group": replaced("response", data=3.0),
-    "group for a dataset": as_group,
-    "circular link": circular,
-    "external link": external,
-    "external storage": replaced(
-        "response/value", shape=(4,), dtype="f8", external=[("/dev/null", 0, 32)]
-    ),
-    "no dataset": lambda file: file["response"].pop("value"),
-    "other shape": replaced("response/value", data=np.zeros((20, 3))),
-    "no rows": replaced("response/frequency", data=np.zeros(0)),
-    "scalar": replaced("response/frequency", data=1.0),
-    "huge": replaced("response/value", shape=(10**12, 1, 1), dtype="c16", chunks=(1000, 1, 1)),
-    "text": replaced("response/value", data=np.array(["x"] * 20, dtype=h5py.string_dtype())),
-}
-
-
-@pytest.mark.parametrize("kind", SPOILT)
-def test_spoilt_results_are_refused(kind, stored, tmp_path):
-    file = written(tmp_path, stored, "x.h5")
-    with h5py.File(file, "r+") as opened:
-        SPOILT[kind](opened)
-    assert_refused(run("plot", file, "--out", tmp_path / "out"), file, tmp_path / "out")
-
-
-def test_no_finite_number_is_no_traceback(stored, tmp_path):
-    file = written(tmp_path, stored, "x.h5")
-    with h5py.File(file, "r+") as opened:
-        no_number(opened)
-    result = run("plot", file, "--out", tmp_path / "out")
-    assert result.exit_code in (0, 2)
-    assert result.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize("size", [4_000, 40_000])

@@ -13,13 +13,8 @@ from tests.support.commandline import run
 from tests.support.couplings import FILE
 
 GRID = (
-    "--sweep",
-    "k=0.6:1.4:41,offset=-2e-3:2e-3:40",
-    "--no-plot",
-    "--workers",
-    "1",
-    "--chunk",
-    "64",
+    *("--sweep", "k=0.6:1.4:41,offset=-2e-3:2e-3:40", "--no-plot", "--workers"),
+    *("1", "--chunk", "64"),
 )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import h5py
 import pytest
 
 from tests.support.commandline import assert_refused, from_template, run, written
@@ -68,38 +67,6 @@ def test_redraws_a_response(tmp_path):
     )
     assert run("plot", tmp_path / "single-response.h5").exit_code == 0
     assert (tmp_path / "single-response.png").read_bytes().startswith(PNG)
-
-
-def spoilt(results, tmp_path, change):
-    copy = tmp_path / "spoilt.h5"
-    copy.write_bytes((results / "double-modes.h5").read_bytes())
-    with h5py.File(copy, "a") as file:
-        change(file)
-    return copy
-
-
-CHANGES = {
-    "foreign": (lambda file: file.attrs.modify("format", "other"), "is not in a known format"),
-    "newer": (
-        lambda file: file.attrs.modify("format_version", 99),
-        "is not in a known format (version 99)",
-    ),
-    "nothing": (lambda file: file.pop("modes"), "holds no result of an analysis"),
-    "incomplete": (lambda file: file["modes"].pop("shape"), "is incomplete"),
-    "no-design": (lambda file: file.attrs.pop("design"), "is incomplete"),
-    "bad-design": (
-        lambda file: file.attrs.modify("design", "[design]\nname = 1\n"),
-        "design.name = 1: must be a string",
-    ),
-}
-
-
-@pytest.mark.parametrize("name", CHANGES)
-def test_spoilt_results(name, results, tmp_path):
-    change, problem = CHANGES[name]
-    file = spoilt(results, tmp_path, change)
-    lines = assert_refused(run("plot", file, "--out", tmp_path / "out"), file, tmp_path / "out")
-    assert lines[0].startswith(problem)
 
 
 @pytest.mark.parametrize(

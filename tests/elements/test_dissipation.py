@@ -54,8 +54,8 @@ def dissipated(strand, omega, motions=MOTIONS):
 
 
 @pytest.mark.parametrize("omega", [0.1, 300.0, 2e4])
-@pytest.mark.parametrize("angle", [1e-12, 1e-6, 1e-3, 0.1])
-@pytest.mark.parametrize("slenderness", [1e-3, 1.0, 30.0, 1e3])
+@pytest.mark.parametrize("angle", [1e-12, 1e-3])
+@pytest.mark.parametrize("slenderness", [1e-3, 30.0, 1e3])
 def test_each_half_loses_by_its_curvature(slenderness, angle, omega):
     """Im(EI) times the integral of |w''|^2, however small the loss."""
     strand = wire(slenderness, angle)

@@ -59,17 +59,9 @@ def dragged(frequency: float) -> tuple[complex, complex]:
 @pytest.mark.parametrize("frequency", [BELOW, ABOVE])
 def test_response(tmp_path: Path, frequency: float):
     way = (
-        "--input",
-        "support.z",
-        "--output",
-        "test.z",
-        "--frequency",
+        *["--input", "support.z", "--output", "test.z", "--frequency"],
         frequency,
-        "--fidelity",
-        "violin",
-        "--json",
-        "--no-plot",
-        "--out",
+        *["--fidelity", "violin", "--json", "--no-plot", "--out"],
         tmp_path,
     )
     found = strict_json(run("response", written(tmp_path, DESIGN), *way).stdout)
@@ -90,11 +82,7 @@ def test_thermal_noise(tmp_path: Path, frequency: float):
         "test.z",
         "--frequency",
         frequency,
-        "--fidelity",
-        "violin",
-        "--json",
-        "--no-plot",
-        "--out",
+        *["--fidelity", "violin", "--json", "--no-plot", "--out"],
         tmp_path,
     )
     found = strict_json(run("thermal", written(tmp_path, DESIGN), *way).stdout)

@@ -143,11 +143,7 @@ def test_of_a_pendulum(tmp_path: Path):
             "test.x",
             "--frequency",
             frequency,
-            "--fidelity",
-            "beam",
-            "--json",
-            "--no-plot",
-            "--out",
+            *["--fidelity", "beam", "--json", "--no-plot", "--out"],
             tmp_path,
         )
         parts = strict_json(done.stdout)["contributions"]

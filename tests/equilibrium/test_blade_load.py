@@ -163,11 +163,7 @@ def test_the_command(tmp_path):
             run(
                 "modes",
                 file,
-                "--json",
-                "--no-plot",
-                "--fidelity",
-                "string",
-                "--out",
+                *["--json", "--no-plot", "--fidelity", "string", "--out"],
                 tmp_path / "out",
             ).stdout
         )["modes"]

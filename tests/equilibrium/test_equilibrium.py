@@ -89,6 +89,17 @@ def test_the_pose_does_not_depend_on_the_start(kind):
         assert np.abs(again.pose.deflection - found.pose.deflection).max(initial=0.0) < 1e-12, seed
 
 
+def test_the_start_of_the_search_is_the_callers():
+    rng = np.random.default_rng(2)
+    scene = perturbed("blades", rng)
+    numbering = layout(scene)
+    step = scenes.step_of(rng, numbering.name, 3e-3, 3e-3, support=False)
+    pose = displace(numbering, nominal_pose(scene), step)
+    before = {name: value.copy() for name, value in vars(pose).items() if name != "rotation"}
+    equilibrium.solve(scene, start=pose)
+    assert all(np.array_equal(vars(pose)[name], value) for name, value in before.items())
+
+
 def test_symmetric_designs_hang_as_drawn():
     for seed in range(40):
         rng = np.random.default_rng([12, seed])

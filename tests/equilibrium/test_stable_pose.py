@@ -6,16 +6,18 @@ from __future__ import annotations
 import tomllib
 
 import numpy as np
+from scipy.optimize import minimize
 
 from suspension_cli.design.reader import read
+from suspension_cli.equilibrium import energy
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.energy import gradient_and_stiffness
 from suspension_cli.equilibrium.newton import factorise
 from suspension_cli.equilibrium.nominal import expand
-from suspension_cli.scene.pose import layout
+from suspension_cli.scene.pose import displace, layout, nominal_pose
 from suspension_cli.scene.stack import stack_scenes
 from tests.support import scenes
-from tests.support.energy_minimum import Energy
+from tests.support.derivatives import complex_gradient, hessian
 from tests.support.golden import ROOT
 
 TRIPLE = ROOT / "configs" / "geo-silica-triple.toml"
@@ -28,6 +30,31 @@ def scene_of_half(wires):
     """With half of these changes of length, which Newton's method solves at once."""
     half = [one | {"length_change": one["length_change"] / 2} for one in wires]
     return expand(scenes.design_of(tomllib.loads(TRIPLE.read_text()) | {"perturbation": half}))
+
+
+def pose_of_least_energy(scene):
+    """By scipy, from energies alone: gradients are complex steps."""
+    numbering, start = layout(scene), nominal_pose(scene)
+    free = np.flatnonzero(np.arange(numbering.size) >= 6)
+    scale = 1 / np.sqrt(np.abs(np.diag(hessian(energy.energy, scene, numbering, start))[free]) + 1)
+
+    def displaced(y):
+        step = np.zeros(numbering.size)
+        step[free] = scale * y
+        return step
+
+    def slope(y):
+        found = complex_gradient(energy.energy, scene, numbering, start, displaced(y))
+        return scale * found[free]
+
+    best = minimize(
+        lambda y: float(energy.energy(scene, displace(numbering, start, displaced(y)))),
+        np.zeros(len(free)),
+        jac=slope,
+        method="BFGS",
+        options={"gtol": 1e-9, "maxiter": 3000},
+    )
+    return displace(numbering, start, displaced(best.x))
 
 
 def test_a_pose_with_two_growing_modes_is_not_taken_for_stable():
@@ -47,10 +74,9 @@ def test_a_pose_with_two_growing_modes_is_not_taken_for_stable():
     stiffness = gradient_and_stiffness(scene, layout(scene), found.pose)[1]
     assert np.linalg.eigvalsh(stiffness[6:, 6:]).min() > 0
     assert np.abs(found.pose.turn).max() < 0.1
-    energy = Energy(scene, nominal.blades.load[:, 2])
-    place, turn, _ = energy.parts(energy.lowest())
-    np.testing.assert_allclose(scene.bodies.position + found.pose.shift, place, atol=1e-8)
-    np.testing.assert_allclose(found.pose.rotation, turn, atol=1e-7)
+    lowest = pose_of_least_energy(scene)
+    np.testing.assert_allclose(found.pose.shift, lowest.shift, atol=1e-8)
+    np.testing.assert_allclose(found.pose.rotation, lowest.rotation, atol=1e-7)
 
 
 def test_two_negative_eigenvalues_are_not_positive_definite():

@@ -6,7 +6,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from suspension_cli.conventions import DOFS
 from suspension_cli.design.derive import com_positions
 from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes, response
@@ -159,12 +158,7 @@ def test_single_pendulum_by_hand(level):
     """On one wire through its COM: g / l, with a damper c against the support, (g / l + i w c / m)
     / (g / l - w^2 + i w c / m)."""
     mass, length, c = 3.0, 0.7, 0.4
-    stage = {
-        "name": "test",
-        "body": {"mass": mass, "inertia": [0.1] * 3},
-        "wires": {"count": 1, "l": length, "k": 1e5},
-        "damping": {"x": c},
-    }
+    stage = scenes.hung({"count": 1, "l": length, "k": 1e5}, mass, 0.1, damping={"x": c})
     model = registry.by_name(level).system(scenes.design_of(scenes.raw_of(stage)))
     frequency = np.geomspace(1e-3, 1e3, 500)
     s = 2j * np.pi * frequency
@@ -177,33 +171,6 @@ def test_single_pendulum_by_hand(level):
     below = 9.81 / length + s**2 + s * c / mass
     np.testing.assert_allclose(by_support, (9.81 / length + s * c / mass) / below, rtol=1e-12)
     np.testing.assert_allclose(by_force, 1 / mass / below, rtol=1e-12)
-
-
-def test_only_what_is_touched_is_solved():
-    model = plants.model("triple", "force")
-    assert len(model.blocks) == 4
-
-    def blocks(into, out):
-        return response.solve(
-            model, np.array([1.0]), plants.drives(model, *into), plants.motions(model, *out)
-        ).blocks
-
-    assert blocks(["support.x"], ["test.x", "upper.pitch"]) == 1
-    assert blocks(["support.x", "support.z"], ["test.x"]) == 1
-    assert blocks(["support.x", "support.z"], ["test.x", "test.z"]) == 2
-    assert blocks(["support.x"], ["test.z", "test.yaw"]) == 0
-    assert blocks(["support.x"], ["test.x@0,0.01,0"]) == 1  # yaw is watched, not driven
-    assert blocks(["upper.force_x@0,0.01,0"], ["test.x@0,0.01,0"]) == 2
-    answer = response.solve(
-        model, np.array([0.5, 1.0]), plants.moves(model), plants.all_motions(model)
-    )
-    assert answer.blocks == 4
-    parity = {"x": 0, "pitch": 0, "y": 1, "roll": 1, "z": 2, "yaw": 3}
-    for o, out in enumerate(answer.output):
-        for i, dof in enumerate(DOFS):
-            # the two upper wires hang on the pitch axis
-            coupled = parity[out.split(".")[1]] == parity[dof] and dof != "pitch"
-            assert answer.value[:, o, i].all() == coupled, (out, dof)
 
 
 def test_points_move_with_their_body():
@@ -253,11 +220,7 @@ def test_models_agree(case):
 
 
 def test_on_a_lossless_pole_it_is_refused():
-    stage = {
-        "name": "test",
-        "body": {"mass": 1.0, "inertia": [0.1] * 3},
-        "wires": {"count": 1, "l": 0.5, "k": 100.0},
-    }
+    stage = scenes.hung({"count": 1, "l": 0.5, "k": 100.0}, 1.0, 0.1)
     model = registry.FORCE.system(scenes.design_of(scenes.raw_of(stage)))
     (frequency,) = eigenmodes.solve(model).of("z")
     with pytest.raises(InputError, match="resonance without loss"):

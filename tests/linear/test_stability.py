@@ -11,10 +11,7 @@ import re
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
-from suspension_cli.analyses.modes import wire_modes
-from suspension_cli.errors import InputError
 from suspension_cli.linear import batch_modes, eigenmodes
 from suspension_cli.models import registry
 from tests.support.paths import ROOT
@@ -171,33 +168,12 @@ def test_nearly_horizontal_wires(slope):
         np.testing.assert_allclose(found, exact, rtol=20 * EPS + 3 * EPS / slope**2)
 
 
-@pytest.mark.parametrize("distance", [1e-6, 1e-11])
-def test_where_pitch_tips_over(distance):
-    """At d = -4 k s^2 / (m g): from the side on which gravity wins there is one mode that grows, on
-    the other none."""
-    for sign, stable in ((-1, True), (1, False)):
-        d = float(geometry.tipping_height() * (1 + sign * distance))
-        model = registry.STRING.system(geometry.design(geometry.document(s=geometry.CLOSE, d=d)))
-        found = eigenmodes.solve(model)
-        assert found.stable == stable
-        assert stable or (found.label[0] == "test pitch" and (found.omega_squared < 0).sum() == 1)
-
-
 def test_nearly_slack():
     """Of a tension that is a difference, EPS over what is left."""
     value = np.array([0.5, 1e-2, 1e-9])
     row = geometry.nearly_slack(value)
     assert_within(row, 100 * EPS / value)
     fails(row, in_proportion=(0.5, 1e-2))
-
-
-def test_slack_is_refused():
-    change = float(geometry.slack_length() * geometry.MP.mpf("1.000001"))
-    one = geometry.design(
-        geometry.document() | {"perturbation": [{"wire": "test.1", "length_change": change}]}
-    )
-    with pytest.raises(InputError, match=r"is slack in equilibrium"):
-        geometry.statics.solve(one)
 
 
 def test_quality():
@@ -218,32 +194,6 @@ def test_masses():
     fails(row, pitch=(1.0, 1e-3))
 
 
-@pytest.mark.parametrize("ratio", [1e-6, 1e-3, 0.1, 1.0])
-def test_pendulum_on_heavy_wires(ratio):
-    """A string of mass M_w with a mass M at its end: X tan X = M_w / M, X = omega L / c. The wires
-    are so limp that bending matters less than 1e-6."""
-    length, radius, mass = 0.5, 3e-4, 0.12
-    density = ratio * mass / (4 * length * np.pi * radius**2)
-    wires = {"count": 4, "l": length, "s": 0.02, "t1": 0.02, "t2": 0.02, "d": 0.0, "k": 1e6}
-    raw = {
-        "design": {"name": "light"},
-        "materials": {
-            "limp": {"youngs_modulus": 1.0, "poisson_ratio": 0.3, "density": float(density)}
-        },
-        "stage": [
-            {
-                "name": "light",
-                "body": {"mass": mass, "inertia": [1e-5] * 3},
-                "wires": wires | {"material": "limp", "radius": radius},
-            }
-        ],
-    }
-    x = brentq(lambda x: x * np.sin(x) - ratio * np.cos(x), 1e-9, 1.5, xtol=1e-14)
-    exact = x * np.sqrt(9.81 / length / ratio) / (2 * np.pi)
-    found = wire_modes.solve(registry.VIOLIN.system(design(raw)), 2.0)
-    assert found.frequency[0] == pytest.approx(exact, rel=1e-6)
-
-
 def test_every_row_is_tested():
     """The functions of the atlas are those called here, with their own grids."""
     text = (ROOT / "tests" / "linear" / "test_stability.py").read_text()
@@ -258,57 +208,3 @@ def test_the_page_is_that_of_the_rows():
     assert f"**{row.title}** ({row.quantity}). {row.finding}" in page
     assert page.count("\n| **") == len(atlas.ROWS)
     assert atlas.table_row(row).count("|") == atlas.HEAD.splitlines()[-1].count("|")
-
-
-def test_overview_shows_how_far_each_method_gets():
-    from suspension_cli.drawing.style import house_style
-    from tests.support.legible import assert_legible, said
-    from tools.stability.overview import COLUMN, draw_overview
-
-    value = np.array([1.0, 1e1, 1e2, 1e3, 1e4])
-    error = {"pendsus": 0 * value, "sum": 1e-4 * value, "other": 1e-6 * value}
-    rows = [Row("Roll-off", "frequency (Hz)", "q", value, error, "", "")]
-    rows += [Row("Slack", "tension left", "q", 1 / value, {**error, "pendsus": value}, "", "")]
-    with house_style():
-        figure = draw_overview(rows)
-    axes = figure.axes[0]
-    bars = {
-        (round(bar.get_x(), 9), round(bar.get_x() + bar.get_width(), 9)) for bar in axes.patches
-    }
-    assert bars == {(0.0, 0.5), (0.5, 1.0), (0.0, 1.0), (0.0, 0.0)}
-    words = said(figure)
-    assert {"frequency, 1 to 10⁴ Hz", "sum: 100 Hz", "no break", "sum: 0.01", "1"} <= {*words}
-    assert words[:2] == [
-        "pendsus stays accurate to the end of 1 of 2 troubles;",
-        "a common method breaks in 2",
-    ]
-    assert figure.get_figwidth() == COLUMN
-    assert_legible(figure)
-
-
-def test_a_method_that_breaks_at_the_last_value_counts_as_broken():
-    from tools.stability.overview import breaks, first_break
-
-    error = {"a": np.array([0.0, 2 * BROKEN, 0.0]), "b": np.array([0.0, 0.0, 2 * BROKEN])}
-    row = Row("t", "load (kg)", "q", np.array([1.0, 2.0, 3.0]), error, "", "")
-    assert first_break(row, error) == (1.0, "b: 3 kg")
-    assert breaks(row, error) and not breaks(row, ["a"])
-
-
-def test_a_method_right_only_at_the_end_is_not_called_right_throughout():
-    error = {"pendsus": np.zeros(3), "bulge": np.array([0.0, 2 * BROKEN, 0.0]), "flat": np.zeros(3)}
-    line = atlas.table_row(Row("t", "d", "q", np.array([1.0, 2.0, 3.0]), error, "", ""))
-    assert "bulge: off by 0.002 at 2, right beyond<br>flat: right throughout" in line
-
-
-def test_a_method_breaks_where_it_stays_broken():
-    row = Row(
-        "t",
-        "d",
-        "q",
-        np.array([1.0, 2.0, 3.0, 4.0]),
-        {"a": np.array([1.0, 0.0, 2 * BROKEN, 1.0]), "b": np.zeros(4), "c": np.ones(4)},
-        "",
-        "",
-    )
-    assert [row.broken_at(name) for name in "abc"] == [3.0, None, 1.0]

@@ -74,24 +74,6 @@ def test_symmetric_chains_fall_into_four_blocks(wires, blades, options, angled):
     assert not between_families(np.pad(reduced[:18, :18], ((6, 0), (6, 0)))).any()
 
 
-@pytest.mark.parametrize("stages", [1, 2, 3, 4, 5])
-def test_chains_on_pairs_and_fours_have_four_blocks(stages):
-    rng = np.random.default_rng([22, stages])
-    counts = rng.choice([2, 4], stages)
-    model = model_of(
-        scenes.raw_of(
-            *(scenes.stage(rng, f"mass{n}", int(count)) for n, count in enumerate(counts))
-        )
-    )
-    assert [sorted(dofs_of(model, block)) for block in model.blocks] == [
-        ["pitch", "x"],
-        ["roll", "y"],
-        ["z"],
-        ["yaw"],
-    ]
-    assert [len(block) for block in model.blocks] == [2 * stages, 2 * stages, stages, stages]
-
-
 def on_springs(rng):
     """Off the axis, with nothing but symmetric springs: not symmetric about the support."""
     weight = 5.0 * 9.81
@@ -141,7 +123,7 @@ def chains_side_by_side(rng):
 )
 def test_no_stiffness_is_lost_with_the_zeros(kind):
     """The zeros are put in where the plain sum over elements has nothing but rounding errors."""
-    for seed in range(5):
+    for seed in range(2):
         rng = np.random.default_rng([23, seed])
         raw = {
             "blades": lambda rng: scenes.bladed_chain(rng, 2, tip_mass=True, lateral=True),
@@ -248,7 +230,7 @@ def three_wires(rng=None, noise=0.0):
 
 def test_degenerate_modes_keep_their_labels():
     names = set()
-    for seed in range(20):
+    for seed in range(6):
         model = model_of(three_wires(np.random.default_rng(seed), 1e-15))
         found = eigenmodes.solve(model)
         assert len(model.blocks) < 4
@@ -284,7 +266,7 @@ def test_two_equal_masses_keep_their_labels():
 
 @pytest.mark.parametrize("kind", ["crooked", "chain", "blades", "heavy tips"])
 def test_shares_of_the_kinetic_energy(kind):
-    for seed in range(5):
+    for seed in range(2):
         rng = np.random.default_rng([25, seed])
         if kind == "crooked":
             raw = scenes.crooked(rng)

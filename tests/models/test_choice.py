@@ -145,11 +145,9 @@ def test_mass_of_swinging_wires_is_a_third():
 
 def test_a_body_free_to_spin_needs_the_torsion_of_its_wire():
     """A string lets it spin; that mode is a torsion pendulum, however thin the wire."""
-    stage = {
-        "name": "test",
-        "body": {"mass": 5.0, "inertia": [0.02] * 3},
-        "wires": {"count": 1, "l": 0.4, "d": 0.01, "material": "c70steel", "radius": 1e-4},
-    }
+    stage = scenes.hung(
+        {"count": 1, "l": 0.4, "d": 0.01, "material": "c70steel", "radius": 1e-4}, 5.0, 0.02
+    )
     chosen, model = for_modes(scenes.design_of({"design": {"name": "one"}, "stage": [stage]}), 0.1)
     assert chosen.level == "beam"
     assert (eigenmodes.solve(model).frequency > 0).all()

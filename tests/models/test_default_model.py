@@ -8,7 +8,7 @@ from suspension_cli.studies import parameters
 from tests.support.commandline import run, strict_json, written
 from tests.support.golden import CONFIGS
 
-CHAINS = ("double", "geo-silica-triple")
+CHAINS = ("double",)
 NUMBER = "stage.test.wires.l"
 PITCH = "stage.upper.wires.d"
 

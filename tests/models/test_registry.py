@@ -12,7 +12,7 @@ import pytest
 import suspension_cli
 from suspension_cli.design.reader import read
 from suspension_cli.models import registry
-from suspension_cli.models.choice import Frequencies, Systems, choose, percent
+from suspension_cli.models.choice import Frequencies, Systems, choose
 from suspension_cli.models.registry import Choice
 from suspension_cli.studies import variants
 from tests.support.paths import CONFIGS
@@ -53,47 +53,12 @@ def test_a_batch_is_its_designs(model):
     assert sorted(reached) == [0, 1, 2]
 
 
-def test_systems_reuse_simpler_ones():
-    design = read(CASE).design
-    beam = registry.BEAM.system(design)
-    reused = registry.VIOLIN.refined(design, {"beam": beam})
-    fresh = registry.VIOLIN.system(design)
-    assert (reused.stiffness == fresh.stiffness).all()
-    assert [term.strand.massive for term in reused.terms] == [
-        term.strand.massive for term in fresh.terms
-    ]
-
-
 def test_physics_between_models():
     assert registry.adds(registry.BEAM, registry.STRING) == "wire bending"
     assert registry.adds(registry.VIOLIN, registry.STRING) == "wire bending and wire mass"
     design = read(CASE).design
     assert registry.most_complete(design) is registry.VIOLIN
     assert registry.most_complete(design, massless=True) is registry.BEAM
-
-
-@pytest.mark.parametrize(
-    ("reason", "line"),
-    [
-        ("as requested", "model: beam (as requested); neglected: wire mass, of unknown effect"),
-        (
-            "as requested; neglected: wire mass, 0.01 %",
-            "model: beam (as requested); neglected: wire mass, 0.01 %",
-        ),
-    ],
-)
-def test_choice_in_one_line(reason, line):
-    choice = Choice("beam", reason)
-    assert choice.line == line
-    assert choice.model is registry.BEAM
-
-
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [(0.9, "90 %"), (1e-4, "0.01 %"), (5.527, "550 %"), (0.0, "0 %"), (3.4e-7, "3.4e-05 %")],
-)
-def test_per_cent(value, text):
-    assert percent(value) == text
 
 
 def test_names_of_models_stay_in_their_folder():

@@ -31,11 +31,7 @@ def solved(model, frequency, inputs, outputs):
 
 def bouncer(level, *, loss=0.0, **support):
     """A mass on one vertical wire, on a structure; `support` is the [support] table."""
-    stage = {
-        "name": "test",
-        "body": {"mass": MASS, "inertia": [0.1] * 3},
-        "wires": {"count": 1, "l": 0.5, "k": K, "material": "lossy"},
-    }
+    stage = scenes.hung({"count": 1, "l": 0.5, "k": K, "material": "lossy"}, MASS, 0.1)
     materials = {"lossy": {"youngs_modulus": 1e11, "loss_angle": loss}}
     more = {"support": support} if support else {}
     return registry.by_name(level).system(
@@ -171,12 +167,7 @@ def test_dampers_do_not_resist_what_moves_as_one(against):
 
 @pytest.mark.parametrize("level", LEVELS)
 def test_a_damper_by_hand(level):
-    stage = {
-        "name": "test",
-        "body": {"mass": MASS, "inertia": [0.1] * 3},
-        "wires": {"count": 1, "l": 0.5, "k": K},
-        "damping": {"z": 12.0},
-    }
+    stage = scenes.hung({"count": 1, "l": 0.5, "k": K}, MASS, 0.1, damping={"z": 12.0})
     model = registry.by_name(level).system(scenes.design_of(scenes.raw_of(stage)))
     omega = 2 * np.pi * np.geomspace(0.05, 100, 40)
     path = K + 12j * omega

@@ -17,14 +17,8 @@ from tests.support.couplings import FILE
 from tests.support.golden import CONFIGS
 
 SMALL = (
-    "--sweep",
-    "k=0.6:1.4:20,offset=-2e-3:2e-3:10",
-    "--no-plot",
-    "-q",
-    "--chunk",
-    "64",
-    "--workers",
-    "1",
+    *("--sweep", "k=0.6:1.4:20,offset=-2e-3:2e-3:10", "--no-plot", "-q"),
+    *("--chunk", "64", "--workers", "1"),
 )
 NAME = "husman2000-figure6-xcouple.h5"
 

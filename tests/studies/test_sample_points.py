@@ -11,7 +11,6 @@ from suspension_cli.analyses.tolerance.statistics import (
     standard_error,
     wilson_interval,
 )
-from suspension_cli.studies import parameters
 from suspension_cli.studies.parameters import natural_step
 from suspension_cli.studies.sample_points import (
     REPLICATES,
@@ -151,11 +150,3 @@ def test_intervals_of_replicates_contain_the_fraction():
 )
 def test_steps_of_numbers(path, step):
     assert natural_step(path, 2.0) == step
-
-
-def test_steps_of_all_cross_sections_are_relative(monkeypatch):
-    """Of every key in the table of a cross-section, not only of those that ribbons have."""
-    monkeypatch.setattr(parameters, "SECTIONS", ("radius", "section", "tube"))
-    monkeypatch.setattr(parameters, "unit_of", lambda _: "m")
-    assert natural_step("stage.test.wires.tube.outer_radius", 2.0) == (0.02, "%")
-    assert natural_step("stage.test.body.outer_radius", 2.0) == (1e-3, "mm")

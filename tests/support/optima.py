@@ -15,11 +15,7 @@ VERTICAL, ANGLED, FIGURE3 = (
     PAPER / f"{name}.toml" for name in ("table1-case1", "table1-case2", "figure3")
 )
 EXAMPLE = (
-    "optimise",
-    "configs/husman2000/triple-vertical.toml",
-    "goals/geo600.toml",
-    "--starts",
-    "1",
+    *["optimise", "configs/husman2000/triple-vertical.toml", "goals/geo600.toml", "--starts", "1"],
 )
 """Of README.md: its line, run for `test_optimise_command.py`, is not run again for the
 documents."""

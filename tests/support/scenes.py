@@ -42,6 +42,12 @@ def scene_of(raw: Raw) -> Scene:
     return expand(design_of(raw))
 
 
+def hung(wires: dict[str, Any], mass: float, inertia: float, **more: Any) -> dict[str, Any]:
+    """A stage `test` of a body with equal moments of inertia on a set of wires."""
+    body = {"mass": mass, "inertia": [inertia] * 3}
+    return {"name": "test", "body": body, "wires": wires} | more
+
+
 def raw_of(*stages: Raw, name: str = "random", **more: Any) -> Raw:
     """A document with these stages."""
     return {"design": {"name": name}, "stage": list(stages), **more}

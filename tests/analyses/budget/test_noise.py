@@ -27,12 +27,7 @@ WHITE = Spectrum("white", np.array([1e-6, 1e6]), np.ones(2))
 
 def pendulum(reference="inertial", **how):
     """A mass on one wire with a damper of its own (OWN) and one loop, along x."""
-    stage = {
-        "name": "test",
-        "body": {"mass": MASS, "inertia": [0.1] * 3},
-        "wires": {"count": 1, "l": LENGTH, "k": 1e5},
-        "damping": {"x": OWN},
-    }
+    stage = scenes.hung({"count": 1, "l": LENGTH, "k": 1e5}, MASS, 0.1, damping={"x": OWN})
     return plant(scenes.raw_of(stage), [loop("test.x", reference=reference, **how)])
 
 

@@ -12,7 +12,7 @@ from suspension_cli.design.reader import convert
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
 from tests.support.commandline import run
-from tests.support.golden import ROOT
+from tests.support.golden import configs
 from tools.stability import geometry
 from tools.stability.references import MP, document
 
@@ -29,9 +29,7 @@ def written(tmp_path, raw):
     return path
 
 
-@pytest.mark.parametrize(
-    "config", sorted((ROOT / "configs").rglob("*.toml")), ids=lambda path: path.stem
-)
+@pytest.mark.parametrize("config", configs(), ids=lambda path: path.stem)
 def test_no_shipped_design_is_near_a_limit(config, tmp_path):
     result = run("modes", config, "--fidelity", "string", "--no-plot", "--out", tmp_path)
     assert result.exit_code == 0

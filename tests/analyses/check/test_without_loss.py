@@ -95,11 +95,7 @@ def test_modes_name_it_where_they_print_q(tmp_path):
         file,
         "--out",
         tmp_path,
-        "--no-plot",
-        "--fidelity",
-        "force",
-        "--set",
-        "materials.steel302.loss_angle=0",
+        *["--no-plot", "--fidelity", "force", "--set", "materials.steel302.loss_angle=0"],
     )
     assert " Q  " not in silent.stdout and "no loss" not in silent.stderr
     assert modes_json(file, "--out", tmp_path)["without_loss"] == ["upper.blades", "middle.blades"]

@@ -129,11 +129,7 @@ def test_without_loops_it_is_the_q_of_modes():
 
 
 def test_damp_reports_them(tmp_path):
-    stage = {
-        "name": "test",
-        "body": {"mass": 3.0, "inertia": [0.1] * 3},
-        "wires": {"count": 1, "l": 0.7, "k": 1e5},
-    }
+    stage = scenes.hung({"count": 1, "l": 0.7, "k": 1e5}, 3.0, 0.1)
     file = written(
         tmp_path,
         scenes.plain(scenes.raw_of(stage, control={"loop": [loop("test.x", damper=1e-12)]})),

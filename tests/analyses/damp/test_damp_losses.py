@@ -118,11 +118,7 @@ def test_one_lossy_oscillator_by_hand(angle, c):
     """m s^2 + c s + k (1 + i phi) = 0; at phi = 0.1 alone its Q is 10.04, or Im s / (-2 Re s) =
     10.025, not the 10 of first order."""
     mass, k = 3.0, 2e4
-    stage = {
-        "name": "test",
-        "body": {"mass": mass, "inertia": [0.1] * 3},
-        "wires": {"count": 1, "l": 0.7, "k": k, "material": "lossy"},
-    }
+    stage = scenes.hung({"count": 1, "l": 0.7, "k": k, "material": "lossy"}, mass, 0.1)
     raw = scenes.raw_of(stage) | {
         "materials": {"lossy": {"youngs_modulus": 1e11, "loss_angle": angle}}
     }

@@ -10,7 +10,6 @@ import pytest
 from scipy.io import loadmat
 
 import suspension_cli as sus
-from suspension_cli.analyses.export import solve as export
 from suspension_cli.design.reader import template
 from tests.support import plants
 from tests.support.commandline import run, strict_json, written
@@ -42,27 +41,6 @@ def test_no_band_is_said(form, tmp_path):
     else:
         written = strict_json((tmp_path / "triple-damped-statespace-control.json").read_text())
         assert written["band_hz"] is None and json.dumps(written, allow_nan=False)
-
-
-@pytest.mark.parametrize(
-    ("right", "expected"), [((1.0, 1.0001), None), ((1.0, 2.0), (1.0, 2.0)), ((0.0, 0.0), None)]
-)
-def test_one_frequency_is_no_band(right, expected):
-    model = plants.model("triple", "force")
-    inputs, outputs = plants.drives(model, "support.x"), plants.motions(model, "test.x")
-    made = export.build(model, inputs, outputs)
-    low, high = np.searchsorted(made.frequency, right)
-    agrees = (np.arange(export.GRID) >= low) & (np.arange(export.GRID) <= high) & (right[1] > 0)
-    band = made.widest_band(agrees)
-    assert band is None if expected is None else band == pytest.approx(expected, rel=0.02)
-
-
-def test_zeros_at_infinity_are_left_out():
-    """x' = A x with c A^2 b = 1 after a c b of 1e-17 that is rounding: no zero at all, degree 3."""
-    a = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-6.0, -11.0, -6.0]])
-    assert export._leading(a, np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]), 0.0) == (3, 1.0)
-    assert export._leading(a, np.array([0.0, 0.0, 1.0]), np.array([1.0, 1.0, 0.0]), 0.0) == (2, 1.0)
-    assert export._leading(a, np.array([0.0, 0.0, 1.0]), np.array([1.0, 1.0, 0.0]), 0.0, 2)[0] == 3
 
 
 def test_zeros_and_poles_written_are_numbers(tmp_path):

@@ -175,24 +175,5 @@ def test_the_command_takes_all_signals_by_default(tmp_path):
     assert len(answer["state"]) == 12
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (("--input", "test.x"), "a motion of a stage is an output"),
-        (("--output", "test.force_x"), "a force is an input"),
-        (("--output", "mirror.x"), "names no body"),
-        (("--input", "support.force_x"), "the support's motion is given"),
-    ],
-)
-def test_bad_signals(options, message, tmp_path):
-    file = written(tmp_path, plants.raw("triple"), "triple.toml")
-    result = run("export", file, *options, "--out", tmp_path / "out")
-    assert result.exit_code == 2
-    assert result.stdout == ""
-    assert message in result.stderr
-    assert result.stderr.count("\n") == 1
-    assert not (tmp_path / "out").exists()
-
-
 def test_formats_of_help_are_those_that_are_written():
     assert tuple(FORMATS) == command.FORMATS

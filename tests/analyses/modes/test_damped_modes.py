@@ -162,23 +162,6 @@ def test_a_strongly_damped_pair():
     assert found.home[n] == ("top", "x")
 
 
-def test_the_paper_pair_without_stretch():
-    """With rigid wires the pair is the chain of two pendulums."""
-    _, found = solved(pair(30.0, k=1e13))
-    a, b, c, m1, m2 = 22 * GRAVITY / 0.5, 2 * GRAVITY / 0.5, 30, 20, 2
-    roots = [
-        complex(s) for s in np.roots([m1 * m2, c * (m1 + m2), m1 * b + m2 * (a + b), c * a, a * b])
-    ]
-    oscillating = next(s for s in roots if s.imag > 0)
-    assert found.decay_rate[:2] == pytest.approx(
-        sorted(-s.real for s in roots if s.imag == 0), rel=1e-6
-    )
-    n = int(np.nanargmin(np.abs(found.frequency - 0.7047)))
-    assert found.frequency[n] == pytest.approx(0.7047, abs=5e-5)
-    assert found.q[n] == pytest.approx(oscillating.imag / (-2 * oscillating.real), rel=1e-5)
-    assert found.q[n] == pytest.approx(36.99, abs=5e-3)
-
-
 @pytest.mark.parametrize("detuning", [0.0, 3e-10, 1e-9, 1e-7, 1e-5, 1e-3])
 def test_two_modes_closer_than_their_widths(detuning):
     """Two equal bodies on springs that a damper joins to one another: weak damping couples modes
@@ -297,12 +280,7 @@ def test_a_massless_tip_on_a_dashpot():
 def test_growth_and_rest_with_dampers():
     """A free rotation with a damper is a rigid mode and a decay at c / I; an inverted pendulum
     grows at the root of the damped equation."""
-    free = {
-        "name": "test",
-        "body": {"mass": 3.0, "inertia": [0.1] * 3},
-        "wires": {"count": 1, "l": 0.7, "k": 1e5, "d": 0.01},
-        "damping": {"yaw": 0.02},
-    }
+    free = scenes.hung({"count": 1, "l": 0.7, "k": 1e5, "d": 0.01}, 3.0, 0.1, damping={"yaw": 0.02})
     _, found = solved({"design": {"name": "spin"}, "stage": [free]})
     assert ((found.omega_squared == 0) & ~found.overdamped).sum() == 1
     assert found.decay_rate[found.overdamped] == pytest.approx([0.2], rel=1e-12)
@@ -493,16 +471,3 @@ def test_the_number_of_modes_is_that_of_the_list():
         wire_modes.count_modes(model, highest)
         == (wire_modes.solve(model, highest).omega_squared > 0).sum()
     )
-
-
-def test_two_free_rotations_and_a_damper_between():
-    """Poles 0 (three times) and -c (1/I_1 + 1/I_2): two rigid modes, and one that decays."""
-    wires = {"count": 1, "l": 0.7, "k": 1e5, "d": 0.01}
-    stages = [
-        {"name": name, "body": {"mass": 3.0, "inertia": [0.1, 0.1, inertia]}, "wires": wires}
-        for name, inertia in (("one", 0.2), ("two", 0.05))
-    ]
-    stages[1]["damping"] = {"yaw": 0.02, "against": "one"}
-    _, found = solved({"design": {"name": "spins"}, "stage": stages})
-    assert ((found.omega_squared == 0) & ~found.overdamped).sum() == 2
-    assert found.decay_rate[found.overdamped] == pytest.approx([0.02 * (5 + 20)], rel=1e-12)

@@ -137,11 +137,9 @@ def test_q_is_the_width_of_the_resonance(which):
 def test_dilution_of_a_pendulum_on_one_wire():
     """E_total / E_bending = 2 L / u if the mass may turn, L / u if it may not (u = sqrt(EI / T);
     Gonzalez and Saulson 1994)."""
-    stage = {
-        "name": "test",
-        "body": {"mass": 1.0, "inertia": [1e3] * 3},
-        "wires": {"count": 1, "l": 0.5, "material": "c70steel", "radius": 1e-4, "d": 0.0},
-    }
+    stage = scenes.hung(
+        {"count": 1, "l": 0.5, "material": "c70steel", "radius": 1e-4, "d": 0.0}, 1.0, 1e3
+    )
     model = registry.BEAM.system(scenes.design_of({"design": {"name": "one"}, "stage": [stage]}))
     found = eigenmodes.solve(model)
     number = next(n for n, home in enumerate(found.home) if home[1] == "x")
@@ -203,11 +201,9 @@ def test_orders_of_wires_that_are_not_alike():
 def test_ends_at_their_own_temperature():
     """Thermoelastic loss and noise of each end at its own: with both alike they are those of a wire
     of that temperature."""
-    stage = {
-        "name": "test",
-        "body": {"mass": 1.0, "inertia": [1e-3] * 3},
-        "wires": {"count": 1, "l": 0.5, "material": "c70steel", "radius": 2e-4, "d": 0.0},
-    }
+    stage = scenes.hung(
+        {"count": 1, "l": 0.5, "material": "c70steel", "radius": 2e-4, "d": 0.0}, 1.0, 1e-3
+    )
     raw = {
         "design": {"name": "one"},
         "materials": {"c70steel": {"loss": {"angle": 0.0}}},

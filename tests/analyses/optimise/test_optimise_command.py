@@ -3,6 +3,8 @@ it refuses."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import h5py
 import msgspec
 import numpy as np
@@ -13,11 +15,18 @@ from suspension_cli.analyses import registry
 from suspension_cli.design import goals, reader
 from suspension_cli.design.goals import Free, Goal, Goals
 from suspension_cli.files.hdf5 import open_results
-from tests.support.commandline import assert_refused, run, strict_json, written
+from tests.support.commandline import assert_refused, edited, run, strict_json, written
+from tests.support.faulty_designs import parse
 from tests.support.golden import CONFIGS, ROOT
 from tests.support.optima import EXAMPLE, PAPER, TRIPLE, VERTICAL, WANTED, WIRES, solved
 
 ON_STRINGS = ("--fidelity", "string")
+
+
+def optimise(design, raw, folder, *options):
+    """A run on strings from the start of the design alone, with these goals."""
+    file = written(folder, raw, "goals.toml")
+    return run("optimise", design, file, "--starts", "1", "--out", folder, *ON_STRINGS, *options)
 
 
 @pytest.fixture(scope="module")
@@ -83,18 +92,7 @@ def test_what_is_not_met_has_exit_code_1(tmp_path):
         "goal": [{"kind": "band", "modes": ["test longitudinal"], "at_least": 3.0}],
         "free": [{"name": f"{WIRES}.l", "lower": 0.1, "upper": 0.5}],
     }
-    result = run(
-        "optimise",
-        VERTICAL,
-        written(tmp_path, raw, "goals.toml"),
-        "--starts",
-        "1",
-        "--out",
-        tmp_path,
-        "--no-plot",
-        "--fidelity",
-        "string",
-    )
+    result = optimise(VERTICAL, raw, tmp_path, "--no-plot")
     assert result.exit_code == 1
     assert "NOT MET" in result.stdout and "1 limit, 1 NOT MET" in result.stdout
     assert f"what is not met is limited by the lower bound of {WIRES}.l" in result.stdout
@@ -113,18 +111,7 @@ def test_room_is_printed_as_a_fraction_of_the_limit(tmp_path):
     limits = [{"at_least": 2.0}, {"at_most": 0.25}, {"equals": 2.0}, {"at_most": 2.0}]
     goal = [{"kind": "band", "modes": ["test longitudinal"]} | limit for limit in limits]
     raw = {"goal": goal, "free": [{"name": f"{WIRES}.l", "lower": 0.2, "upper": 0.5}]}
-    result = run(
-        "optimise",
-        VERTICAL,
-        written(tmp_path, raw, "goals.toml"),
-        "--starts",
-        "1",
-        "--out",
-        tmp_path,
-        "--json",
-        "--fidelity",
-        "string",
-    )
+    result = optimise(VERTICAL, raw, tmp_path, "--json")
     answer = strict_json(result.stdout)
     value = answer["limits"][0]["value"]
     np.testing.assert_allclose(
@@ -170,26 +157,13 @@ def test_what_is_not_known_is_not_all_met(tmp_path):
         "goal": [{"kind": "stress", "at_most": 0.9}],
         "free": [{"name": "stage.mirror.wires.l", "lower": 0.5, "upper": 0.9}],
     }
-    file = written(tmp_path, raw, "goals.toml")
     unknown = [
         word
         for stage in ("mirror", "recoil-mass")
         for word in ("--set", f"stage.{stage}.wires.material=tungsten")
     ]
     design = CONFIGS / "payload-recoil-mass.toml"
-    result = run(
-        "optimise",
-        design,
-        file,
-        *unknown,
-        "--starts",
-        "1",
-        "--out",
-        tmp_path,
-        "--no-plot",
-        "--fidelity",
-        "string",
-    )
+    result = optimise(design, raw, tmp_path, *unknown, "--no-plot")
     assert result.exit_code == 1
     assert "1 limit, met, 2 NOT KNOWN, checked with the string model" in result.stdout
 
@@ -201,18 +175,7 @@ def test_a_limit_that_symmetry_keeps_is_reported(tmp_path):
         ],
         "free": [{"name": f"{WIRES}.l", "lower": 0.2, "upper": 0.5}],
     }
-    result = run(
-        "optimise",
-        VERTICAL,
-        written(tmp_path, raw, "goals.toml"),
-        "--starts",
-        "1",
-        "--out",
-        tmp_path,
-        "--no-plot",
-        "--fidelity",
-        "string",
-    )
+    result = optimise(VERTICAL, raw, tmp_path, "--no-plot")
     assert result.exit_code == 0 and "is 0 by the symmetry of the design" in result.stderr
 
 
@@ -239,14 +202,7 @@ def test_an_unstable_start_has_no_frequency(tmp_path):
             {"name": f"{WIRES}.d", "lower": -0.2, "upper": 0.01, "start": -0.15},
         ],
     }
-    goals_file = written(tmp_path, raw, "goals.toml")
-    result = run(
-        "optimise",
-        VERTICAL,
-        goals_file,
-        *("--starts", "1", "--out", tmp_path, "--no-plot", "--fidelity", "string"),
-        *("--set", f"{WIRES}.s=0.001"),
-    )
+    result = optimise(VERTICAL, raw, tmp_path, "--no-plot", "--set", f"{WIRES}.s=0.001")
     assert result.exit_code == 0, result.stderr
     (row,) = (line.split() for line in result.stdout.splitlines() if "test pitch >=" in line)
     assert row[1] == "-" and "active" in row and "nan" not in result.stdout
@@ -275,219 +231,28 @@ def test_a_value_to_equal_is_drawn(tmp_path):
     assert {handles[f"{when}, not met"].get_color() for when in ("before", "after")} == {RED}
 
 
-BAND = {"kind": "band", "dof": ["x"], "at_least": 0.5}
-LENGTH = {"name": f"{WIRES}.l", "lower": 0.1, "upper": 1.0}
-BAD = {
-    "empty": ({}, "is empty; write tables into it"),
-    "no goal": ({"free": [LENGTH]}, "goal: missing"),
-    "unknown kind": (
-        {"goal": [{"kind": "colour"}], "free": [LENGTH]},
-        'goal.1.kind = "colour": must be one of band',
-    ),
-    "unknown key": (
-        {"goal": [BAND | {"limit": 1}], "free": [LENGTH]},
-        "goal.1.limit = 1: unknown key",
-    ),
-    "not of this kind": (
-        {"goal": [BAND | {"response": "a/b:1"}], "free": [LENGTH]},
-        'goal.1.response = "a/b:1": goes with kind = "isolation" or "cross-coupling"',
-    ),
-    "no limit": (
-        {"goal": [{"kind": "band", "dof": ["x"]}], "free": [LENGTH]},
-        "goal.1: sets no limit",
-    ),
-    "both ways": (
-        {"goal": [BAND | {"minimise": True, "maximise": True}], "free": [LENGTH]},
-        "goal.1: has both minimise and maximise",
-    ),
-    "weight alone": (
-        {"goal": [BAND | {"weight": 2.0}], "free": [LENGTH]},
-        "goal.1.weight = 2.0: has no effect on a limit",
-    ),
-    "crossed": (
-        {"goal": [BAND | {"at_most": 0.4}], "free": [LENGTH]},
-        "goal.1.at_least = 0.5: is not below at_most",
-    ),
-    "equals and more": (
-        {"goal": [BAND | {"equals": 0.6}], "free": [LENGTH]},
-        "goal.1.at_least = 0.5: conflicts with equals",
-    ),
-    "which modes": (
-        {"goal": [{"kind": "band", "at_least": 0.5}], "free": [LENGTH]},
-        "goal.1: none of dof, modes",
-    ),
-    "lowest of labels": (
-        {
-            "goal": [{"kind": "band", "modes": ["1"], "lowest": 1, "at_least": 0.5}],
-            "free": [LENGTH],
-        },
-        "goal.1.lowest = 1: has no effect without dof",
-    ),
-    "more than all": (
-        {"goal": [{"kind": "coupling", "dof": ["x"], "at_least": 5.0}], "free": [LENGTH]},
-        "goal.1.at_least = 5.0: is more than the whole",
-    ),
-    "no ratio": (
-        {"goal": [{"kind": "separation", "dof": ["x"], "at_least": 0.1}], "free": [LENGTH]},
-        "goal.1.at_least = 0.1: must be a ratio above 1",
-    ),
-    "wish of a separation": (
-        {"goal": [{"kind": "separation", "dof": ["x"], "maximise": True}], "free": [LENGTH]},
-        "goal.1: a separation cannot be minimised",
-    ),
-    "no response": (
-        {"goal": [{"kind": "isolation", "at_most": 1.0}], "free": [LENGTH]},
-        "goal.1.response: missing",
-    ),
-    "half a coupling": (
-        {
-            "goal": [{"kind": "cross-coupling", "response": "test.x/support.z:1", "at_most": 1.0}],
-            "free": [LENGTH],
-        },
-        'goal.1.response = "test.x/support.z:1": has the wrong form for cross-coupling',
-    ),
-    "bounds": (
-        {"goal": [BAND], "free": [LENGTH | {"upper": 0.05}]},
-        "free.1.lower = 0.1: is not below upper = ",
-    ),
-    "start": (
-        {"goal": [BAND], "free": [LENGTH | {"start": 2.0}]},
-        "free.1.start = 2.0: lies outside",
-    ),
-    "no logarithm": (
-        {"goal": [BAND], "free": [LENGTH | {"lower": 0.0, "scale": "log"}]},
-        "free.1.lower = 0.0: must be positive on a logarithmic scale",
-    ),
-    "twice": (
-        {
-            "goal": [BAND],
-            "free": [LENGTH],
-            "equal": [{"name": f"{WIRES}.l", "terms": {f"{WIRES}.s": 1.0}}],
-        },
-        "equal.1.name",
-    ),
-    "chained": (
-        {
-            "goal": [BAND],
-            "free": [LENGTH],
-            "equal": [
-                {"name": "a", "terms": {"b": 1.0}},
-                {"name": "b", "terms": {f"{WIRES}.l": 1.0}},
-            ],
-        },
-        "equal.1.terms = {b}: b is itself given by [[equal]]",
-    ),
-    "no terms": (
-        {"goal": [BAND], "free": [LENGTH], "equal": [{"name": "a", "terms": {}}]},
-        "equal.a.terms = {}: is empty",
-    ),
-    "tie bounds": (
-        {
-            "goal": [BAND],
-            "free": [LENGTH],
-            "equal": [{"name": "a", "terms": {f"{WIRES}.l": 1.0}, "lower": 2.0, "upper": 1.0}],
-        },
-        "equal.a.lower = 2.0: is not below upper = ",
-    ),
-    # what does not go with the design
-    "a design": ({"stage": []}, "is a design (it has [[stage]]), not a file of goals"),
-    "no such number": (
-        {"goal": [BAND], "free": [LENGTH | {"name": f"{WIRES}.q"}]},
-        f'free.1.name = "{WIRES}.q": the design gives no such number',
-    ),
-    "no such term": (
-        {"goal": [BAND], "free": [LENGTH], "equal": [{"name": f"{WIRES}.s", "terms": {"q": 1.0}}]},
-        'equal.1.terms = "q": the design gives no such number',
-    ),
-    "starts outside": (
-        {"goal": [BAND], "free": [LENGTH | {"lower": 0.5}]},
-        "free.1: the design's value 0.27 lies outside the bounds",
-    ),
-    "no such mode": (
-        {"goal": [{"kind": "band", "modes": ["test sideways"], "at_least": 0.5}], "free": [LENGTH]},
-        'goal.1.modes = "test sideways": is the label of no mode',
-    ),
-    "too many modes": (
-        {"goal": [BAND | {"lowest": 3}], "free": [LENGTH]},
-        "goal.1.lowest = 3: the design has 2 modes of family longitudinal-pitch",
-    ),
-    "one mode apart": (
-        {"goal": [{"kind": "separation", "dof": ["z"], "at_least": 1.1}], "free": [LENGTH]},
-        "goal.1: there are no two modes",
-    ),
-    "a response for a mode": (
-        {
-            "goal": [{"kind": "band", "modes": ["test.x/support.x:1"], "at_least": 0.5}],
-            "free": [LENGTH],
-        },
-        'goal.1.modes = "test.x/support.x:1": is the label of no mode',
-    ),
-    "nothing to divide by": (
-        {
-            "goal": [
-                {"kind": "cross-coupling", "response": "test.z/test.x/support.z:50", "at_most": 1.0}
-            ],
-            "free": [LENGTH],
-        },
-        'goal = "|test.z/test.x/support.z| at 50 Hz": has no finite value',
-    ),
-    "no wires at all": (
-        {"goal": [{"kind": "stress", "wires": [], "at_most": 1.0}], "free": [LENGTH]},
-        "goal.1.wires = []: has 0 elements",
-    ),
-    "out of reach": (
-        {
-            "goal": [BAND],
-            "free": [LENGTH],
-            "equal": [
-                {"name": f"{WIRES}.s", "terms": {f"{WIRES}.l": 0.1}, "lower": 0.2, "upper": 0.3}
-            ],
-        },
-        f"equal.1.lower = 0.2: {WIRES}.s comes no closer to this bound than",
-    ),
-    "no such body": (
-        {
-            "goal": [{"kind": "isolation", "response": "tset.x/support.x:1", "at_most": 1.0}],
-            "free": [LENGTH],
-        },
-        'goal.1.response = "tset.x"',
-    ),
-    "no such stage": (
-        {"goal": [{"kind": "height", "stage": "tset", "at_most": 1.0}], "free": [LENGTH]},
-        'goal.1.stage = "tset": names no stage',
-    ),
-    "no blades": (
-        {"goal": [{"kind": "stress", "blades": ["test"], "at_most": 1.0}], "free": [LENGTH]},
-        'goal.1.blades = "test": names no stage with blades',
-    ),
-    "no such wire": (
-        {
-            "goal": [
-                {
-                    "kind": "isolation",
-                    "response": "test.x/support.x:1",
-                    "at_most": 1.0,
-                    "perturbation": [{"wire": "test.9", "k_factor": 1.1}],
-                }
-            ],
-            "free": [LENGTH],
-        },
-        'goal.1.perturbation.1.wire = "test.9": names no wire',
-    ),
+GOALS = {
+    "goal": [{"kind": "band", "dof": ["x"], "at_least": 0.5}],
+    "free": [{"name": f"{WIRES}.l", "lower": 0.1, "upper": 1.0}],
+}
+FAULTY = parse(Path(__file__).parent / "faulty_goals.txt", {"goals": GOALS}, "goals")["goals"]
+NO_GOALS = {
+    "is empty; write tables into it": {},
+    "is a design (it has [[stage]]), not a file of goals": {"stage": []},
 }
 
 
-@pytest.mark.parametrize("kind", BAD)
-def test_bad_goals_are_refused(kind, tmp_path):
-    raw, problem = BAD[kind]
-    file = written(tmp_path, raw, "goals.toml")
-    lines = assert_refused(
-        run("optimise", VERTICAL, file, "--starts", "1", "--out", tmp_path / "out", "--quiet"),
-        file,
-        tmp_path / "out",
-    )
+@pytest.mark.parametrize(
+    ("raw", "says"),
+    [*((edited(GOALS, c.edits), c.says) for c in FAULTY), *((r, s) for s, r in NO_GOALS.items())],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_bad_goals_are_refused(raw, says, tmp_path):
+    file, out = written(tmp_path, raw, "goals.toml"), tmp_path / "out"
+    result = run("optimise", VERTICAL, file, "--starts", "1", "--out", out, "--quiet")
+    lines = assert_refused(result, file, out)
     named = [line.replace(f'free."{WIRES}.l".', "free.1.") for line in lines]
-    assert any(line.startswith(problem) for line in named), lines
+    assert any(line.startswith(says) for line in named), lines
 
 
 def test_unknown_strength_is_refused_where_it_is_needed(tmp_path):

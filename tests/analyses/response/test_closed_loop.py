@@ -25,11 +25,7 @@ FORCE = ("--fidelity", "force", "--no-plot")
 
 
 def design_of(**changes):
-    stage = {
-        "name": "test",
-        "body": {"mass": MASS, "inertia": [0.1] * 3},
-        "wires": {"count": 1, "l": LENGTH, "k": 1e5},
-    }
+    stage = scenes.hung({"count": 1, "l": LENGTH, "k": 1e5}, MASS, 0.1)
     return scenes.plain(scenes.raw_of(stage, control={"loop": [LOOP | changes]}))
 
 

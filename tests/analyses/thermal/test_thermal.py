@@ -15,7 +15,6 @@ from suspension_cli.conventions import BOLTZMANN
 from suspension_cli.design.reader import template
 from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes
-from suspension_cli.linear.pencil import Pencil
 from tests.support import plants
 from tests.support.lossy import (
     CONFIGS,
@@ -67,35 +66,6 @@ def test_and_to_all_digits_where_loss_is_large(kind, level):
         from_susceptibility(model, FREQUENCY, row),
         rtol=LOST.get(kind, 1e-10),
     )
-
-
-@pytest.mark.parametrize("level", LEVELS)
-@pytest.mark.parametrize("kind", KINDS)
-def test_parts_sum_to_the_whole(kind, level):
-    """The sources, each from the shape of its own wires, against x^H Im(Z) x with the whole
-    matrix."""
-    model = model_of(lossier(raw(kind), 0.05), level)
-    omega = 2 * np.pi * FREQUENCY
-    row = form(model, "test.x")
-    pencil = Pencil.of(model)
-    for block in pencil.blocks:
-        force = row[block.keep][:, None]
-        if not force.any():
-            continue
-        there = block.at(pencil.at(omega))
-        motion = there.respond(np.eye(len(force)), np.zeros((6, 1)), force)[:, 0]
-        parts = sum(thermal.compute_dissipation(there, motion, 290.0).values())
-        lossy = without_tensions(there.matrix[:, 6:], len(motion)).imag
-        whole = np.einsum("if,ijf,jf->f", motion.conj(), lossy, motion).real
-        size = np.einsum("if,ijf,jf->f", np.abs(motion), np.abs(lossy), np.abs(motion))
-        assert (np.abs(parts - whole) <= LOST.get(kind, 1e-11) * size).all()
-
-
-def without_tensions(matrix, count):
-    """A dynamic stiffness (c + t, c + t, f) whose last coordinates, tensions of wires, are
-    eliminated: they do not touch each other."""
-    across, own = matrix[:count, count:], np.einsum("ttf->tf", matrix[count:, count:])
-    return matrix[:count, :count] - np.einsum("itf,tf,jtf->ijf", across, 1 / own, across)
 
 
 @pytest.mark.parametrize("level", LEVELS)
@@ -189,18 +159,6 @@ def test_dilution(inertia, ends):
     )
     found = noise(model_of(one.raw(), "beam"), "test.x", omega / (2 * np.pi)).density.sum(0)
     np.testing.assert_allclose(found, expected, rtol=5 * ends * depth)
-
-
-def test_bending_has_two_ends():
-    """A clamped mass bends the wire alike at both ends; one that is free to turn, above only."""
-    clamped, free = (
-        noise(model_of(Pendulum(inertia=inertia).raw(), "beam"), "test.x", [0.1, 3.0]).parts
-        for inertia in (1e6, 1e-9)
-    )
-    np.testing.assert_allclose(
-        clamped["test.bending-upper"], clamped["test.bending-lower"], rtol=1e-6
-    )
-    assert (free["test.bending-lower"] < 1e-4 * free["test.bending-upper"]).all()
 
 
 # equipartition

@@ -120,17 +120,6 @@ def test_a_build_draws_the_same_numbers_whoever_is_drawn_with_it(seed, start, ah
     ).any()
 
 
-def test_adding_builds_changes_rounding_alone():
-    raw = tomllib.loads(TRIPLE.read_text())
-    small, large = job_of(raw, 70, 9), job_of(raw, 1000, 9)
-    assert np.array_equal(small.deviations(0, 70), large.deviations(0, 1000)[:70])
-    one, all_at_once = small.compute(0, 70), large.compute(0, 130)
-    for column in small.columns:
-        found, expected = one[column.name], all_at_once[column.name][:70]
-        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-11, err_msg=column.name)
-    assert not np.array_equal(small.deviations(0, 70), job_of(raw, 70, 10).deviations(0, 70))
-
-
 def everything():
     """Every key of a tolerance table, on a chain with blades."""
     rng = np.random.default_rng(41)
@@ -336,32 +325,6 @@ def test_labels_go_through_a_crossing():
     assert (
         found["frequency"][:, home.index("pitch")] > found["frequency"][:, home.index("roll")]
     ).sum() > 5
-
-
-def test_every_label_once_whatever_mixes():
-    """Far from the nominal design two modes may look like one: still each mode of a build is taken
-    once."""
-    raw = tomllib.loads(TRIPLE.read_text())
-    job = job_of(
-        raw
-        | {
-            "tolerance": {
-                "body": [{"stage": "test", "inertia": {"uniform": 0.9}, "mass": {"uniform": 0.3}}]
-            }
-        },
-        200,
-    )
-    found = job.compute(0, 200)
-    scene = sampling.imperfect(job.scene, job.factors, job.deviations(0, 200))
-    for n in np.flatnonzero(found["status"] == builds.GOOD)[::10]:
-        own = eigenmodes.solve(string_model.linear_model(one_of(scene, job.scene, n)))
-        # one of them nearly topples: what eigenvalues lose is a share of the largest
-        np.testing.assert_allclose(
-            np.sort(found["frequency"][n]) ** 2,
-            own.frequency**2,
-            rtol=1e-10,
-            atol=1e-14 * own.frequency.max() ** 2,
-        )
 
 
 def test_a_wire_that_lets_a_body_spin():

@@ -148,18 +148,6 @@ def test_the_tolerance_that_no_model_meets():
     assert "unknown: wire mass, as wire test.1 is of mine, which has no density" in choice.line
 
 
-def test_a_requested_model_reports_its_error(tmp_path):
-    """As much as if `auto` had taken it; less with wires that bend."""
-    words = ("xcouple", CONFIGS / "double.toml", "--sweep", "k=0.9:1.1:3", "--json", "--no-plot")
-    done = {
-        level: run(*words, "--out", tmp_path, "--fidelity", level)
-        for level in ("string", "beam", "violin")
-    }
-    error = {level: json.loads(one.stdout)["estimated_error"] for level, one in done.items()}
-    assert error["string"] > error["beam"] > error["violin"] == 0.0
-    assert "warning" not in done["string"].stderr
-
-
 def test_the_matrix_too(tmp_path):
     design = CONFIGS / "imperfect.toml"
     found = [

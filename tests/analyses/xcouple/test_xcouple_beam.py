@@ -54,15 +54,15 @@ KINDS = {
 }
 
 
-@on_both
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_a_file_of_each_build_gives(kind, level):
+def test_what_a_file_of_each_build_gives(kind):
     """Losses, gas, dampers, springs, a frame, blades, ribbons, tapers, clamps at bending points:
     all imperfections at once, from far below to violin modes.
 
-    One length is held on one model and the other on the other, by turns.
+    One length is held or the other, on one model or the other, by turns.
     """
-    hold = ("loaded-length", "natural-length")[(list(KINDS).index(kind) + LEVELS.index(level)) % 2]
+    level, number = LEVELS[list(KINDS).index(kind) % 2], list(KINDS).index(kind)
+    hold = ("loaded-length", "natural-length")[number // 2 % 2]
     raw = KINDS[kind]()
     design = scenes.design_of(raw)
     wire = f"{design.stage[-1].name}.1"
@@ -83,7 +83,7 @@ def test_what_a_file_of_each_build_gives(kind, level):
         assert (np.abs(found["under"][n] - under) < 1e-11 * np.abs(under)).all()
 
 
-@on_both
+@pytest.mark.parametrize("level", ["violin"])
 def test_dotted_paths(level):
     """Also what wires are made of, how they are clamped and how much they lose."""
     paths = {
@@ -115,7 +115,7 @@ def test_dotted_paths(level):
         assert np.abs(found["over"][0] / found["over"][2] - 1).min() > 1e-7  # what is swept matters
 
 
-@on_both
+@pytest.mark.parametrize("level", ["beam"])
 def test_thin_wires_are_strings(level):
     """Of the same k, but so thin that they neither bend (u / l goes with the square of their
     radius) nor weigh anything."""
@@ -144,21 +144,7 @@ def test_thin_wires_are_strings(level):
     assert away[2] < 1e-5
 
 
-@on_both
-def test_bending_changes_the_coupling(level):
-    """By u / l or so of an angled set: on strings all would be alike."""
-    raw = tomllib.loads(TRIPLE_FILE.read_text())
-    design = scenes.design_of(
-        edited(raw, {("stage", n, "wires", "radius"): 1e-3 for n in range(3)})
-    )
-    requested, values = question(design, "test.1"), {"k": [1.1], "offset": [1e-3]}
-    one, other = (
-        answers(values, requested, design, model)["ratio"][0, 0] for model in ("string", level)
-    )
-    assert abs(one / other - 1) > 1e-3
-
-
-@pytest.mark.parametrize("frequency", [50.0, 700.0, 2000.0])
+@pytest.mark.parametrize("frequency", [50.0, 2000.0])
 def test_against_finite_elements(frequency):
     """One wire stiffer by 30 %, trimmed: the stage hangs as drawn, so that each wire can be cut
     into 40 elements, and those solved for x over z."""
@@ -184,8 +170,8 @@ def test_against_finite_elements(frequency):
     assert found["over"][0, 0] == pytest.approx(x, rel=2e-4)
 
 
-@on_both
 @pytest.mark.parametrize("name", ["k", "lower_offset", "length", "com", "mass"])
+@pytest.mark.parametrize("level", ["violin"])
 def test_a_tiny_coupling_is_in_proportion_down_to_its_last_digits(name, level):
     """Over five decades; the slope is what builds with imperfections a million times larger give,
     from either side of none."""
@@ -212,7 +198,7 @@ def test_a_tiny_coupling_is_in_proportion_down_to_its_last_digits(name, level):
     assert error[1:].max() < (1e-4 if not paired else 1e-3)
 
 
-@on_both
+@pytest.mark.parametrize("level", ["violin"])
 def test_a_design_turned_by_a_quarter(level):
     """No symmetry, blades, full losses: x over z of one is y over z of the other, whichever way the
     wire's end went."""
@@ -284,16 +270,6 @@ def test_wires_that_bend_otherwise_are_no_mirror_images(kind, level):
     assert found.mirrors.tolist() == [[False, True]]
     batch = builds.transfer(found, np.array([2.0, 30.0]), drive, outputs)[0, :, :, 0]
     np.testing.assert_allclose(batch, single, rtol=1e-6 if kind == "temperature" else 1e-9)
-
-
-@pytest.mark.parametrize("level", ["force", "closed-form"])
-def test_models_that_builds_do_not_have(level, tmp_path):
-    out = tmp_path / "out"
-    [line] = assert_refused(run("xcouple", FILE, "--fidelity", level, "--out", out), FILE, out)
-    assert line == (
-        f'--fidelity = "{level}": cannot compute these results of imperfect builds; take auto,'
-        " string, beam or violin"
-    )
 
 
 def test_wires_known_by_their_constant_alone_do_not_bend(tmp_path):

@@ -82,7 +82,6 @@ def perturbed(raw, wire, hold, build):
 @pytest.mark.parametrize(
     ("wire", "hold"),
     [
-        ("upper.2", "natural-length"),
         ("middle.3", "loaded-length"),
         ("test.2", "natural-length"),
     ],
@@ -126,7 +125,7 @@ def test_hundreds_of_imperfect_triples(wire, hold):
         assert model.residual < 1e-10
 
 
-@pytest.mark.parametrize("wire", ["top.1", "upper.3", "test.4"])
+@pytest.mark.parametrize("wire", ["upper.3"])
 def test_digits_survive_far_above_the_resonances(wire):
     """At 1 kHz a quadruple passes 1e-21 of the motion on, and its coupling is 1e-8 of that: still
     not lost among roundings."""
@@ -210,19 +209,18 @@ def test_dotted_paths(kind):
 def test_complex_ratios_with_loss(tmp_path):
     raw = edited(RAW, LOSS)
     file = written(tmp_path, raw)
-    result = run(
-        "xcouple",
-        file,
-        "--sweep",
-        "k=0.9,1,1.1,offset=0,1e-3",
-        "--frequency",
-        "15,50",
-        "--json",
-        "--out",
-        tmp_path,
-        "--workers",
-        "1",
-    )
+    options = [
+        *[
+            "--sweep",
+            "k=0.9,1,1.1,offset=0,1e-3",
+            "--frequency",
+            "15,50",
+            "--workers",
+            "1",
+            "--json",
+        ],
+    ]
+    result = run("xcouple", file, *options, "--out", tmp_path)
     assert result.exit_code == 0, result.stderr
     answer = strict_json(result.stdout)
     requested = question(reader.convert(raw), frequency=(15.0, 50.0))
@@ -256,8 +254,10 @@ FAILING = {
 }
 
 
-@pytest.mark.parametrize("level", ["string", "beam", "violin"])
-@pytest.mark.parametrize("kind", FAILING)
+@pytest.mark.parametrize(
+    ("kind", "level"),
+    [*((kind, "string") for kind in FAILING), ("a slack wire", "beam"), ("unstable", "violin")],
+)
 def test_a_failed_build_does_not_touch_the_others(kind, level, monkeypatch):
     # what hangs nowhere is given up early
     monkeypatch.setattr(equilibrium, "STEPS", equilibrium.STEPS[:1])
@@ -269,8 +269,9 @@ def test_a_failed_build_does_not_touch_the_others(kind, level, monkeypatch):
         else FILE.read_text().replace("l = 0.28 ", "l = 0.05 ")
     )
     k = (0.9, 1.1, 1.2)
-    alone = Sweep(base, (Axis(name, (fine,)), Axis("k", k)), question(), level=level)
-    both = Sweep(base, (Axis(name, (bad, fine)), Axis("k", k)), question(), level=level)
+    requested = question(frequency=(20.0, 50.0))
+    alone = Sweep(base, (Axis(name, (fine,)), Axis("k", k)), requested, level=level)
+    both = Sweep(base, (Axis(name, (bad, fine)), Axis("k", k)), requested, level=level)
     one, two = alone.compute(0, 3), both.compute(0, 6)
     assert (two["status"][:3] == status).all()
     assert not two["status"][3:].any()
