@@ -288,61 +288,50 @@ def cut_all(model: LinearSystem, fraction: float = CUTS[0]) -> tuple[LinearSyste
         for k in range(PER_WIRE)
     ]
     size = model.size + len(names)
-    soft = np.zeros((size, size), dtype=model.soft.dtype)
-    soft[: model.size, : model.size] = model.soft
+    added, none = np.zeros((2, size, size))
     pieces, start = [], model.size
     for term in whole:
         upper, lower = _cut(term, fraction, start, size)
-        for sign, one in (-1, term), (1, upper), (1, lower):
-            soft[np.ix_(one.columns, one.columns)] += sign * _static_stiffness(one)
         pieces += [upper, lower]
         start += PER_WIRE * len(term.forms["twist"])
-    others = [term for term in model.terms if not isinstance(term, WireTerm)]
-
-    def padded(matrix: Array) -> Array:
-        return np.pad(matrix, (0, size - model.size))
-
-    system = LinearSystem(
-        model.body,
-        (*model.coordinate, *names),
-        np.eye(size),
-        np.append(model.massless, np.ones(len(names), dtype=bool)),
-        padded(model.mass),
-        padded(model.damping),
-        soft,
-        np.zeros((0, size)),
-        np.zeros(0),
-        np.ones((size, size), dtype=bool),
-        terms=(*pieces, *(term.spread(np.eye(model.size, size)) for term in others)),
-        active=model.active,
+        for sign, one in (-1, term), (1, upper), (1, lower):
+            added[np.ix_(one.columns, one.columns)] += sign * _static_stiffness(one)
+    system = model.widened(names, none, added, none)
+    others = [term for term in system.terms if not isinstance(term, WireTerm)]
+    return (
+        replace(
+            system,
+            elongation=np.zeros((0, size)),
+            k=np.zeros(0),
+            allowed=np.ones((size, size), dtype=bool),
+            terms=(*pieces, *others),
+            rigid=None,
+        ),
+        whole,
     )
-    return system, whole
 
 
 def _cut(term: WireTerm, fraction: float, start: int, size: int) -> list[WireTerm]:
     """Cut the wires of a kind; their cuts are the coordinates from `start` on."""
     upper: dict[str, Array] = {}
     lower: dict[str, Array] = {}
+    wires, more = np.arange(len(term.forms["twist"]))[:, None], size - term.size
     for part in PARTS:
         p = COORDINATES[part] // 2
-        ends = np.zeros((len(term.forms[part]), 3 * p, size))
-        outer = ENDS[p] @ term.forms[part]
-        ends[:, :p, : outer.shape[2]], ends[:, 2 * p :, : outer.shape[2]] = (
-            outer[:, :p],
-            outer[:, p:],
-        )
-        for n in range(len(ends)):
-            ends[n, p : 2 * p, start + PER_WIRE * n : start + PER_WIRE * n + p] = np.eye(p)
+        ends = np.pad(ENDS[p] @ term.forms[part], ((0, 0), (0, 0), (0, more)))
+        cut = np.eye(size)[start + PER_WIRE * wires + np.arange(p)]
         back = np.linalg.inv(ENDS[p])
-        upper[part], lower[part] = back @ ends[:, : 2 * p], back @ ends[:, p:]
+        upper[part] = back @ np.concatenate([ends[:, :p], cut], axis=1)
+        lower[part] = back @ np.concatenate([cut, ends[:, p:]], axis=1)
         start += p
     every = np.arange(size)
-    fibres = _cut_fibre(term.strand.fibre, fraction)
     return [
         WireTerm(
             term.stage, replace(term.strand, fibre=fibre), term.number, every, forms, size
         ).spread(np.eye(size))
-        for fibre, forms in zip(fibres, (upper, lower), strict=True)
+        for fibre, forms in zip(
+            _cut_fibre(term.strand.fibre, fraction), (upper, lower), strict=True
+        )
     ]
 
 
