@@ -55,6 +55,8 @@ class Exported:
     tried
         Lowest and highest frequency compared, Hz: 1/100 of the lowest mode's and 100 times the
         highest one's; with losses the band that they are asked for.
+    value
+        Responses at `frequency`, SI.
     q_error
         With losses, the largest relative error of the Q of a mode in the band; None without.
     """
@@ -65,6 +67,7 @@ class Exported:
     tolerance: float
     worst: float
     tried: tuple[float, float]
+    value: Complex[np.ndarray, "frequency output input"]
     agreement: Agreement | None = None
     q_error: float | None = None
 
@@ -79,7 +82,8 @@ class Exported:
     ) -> Exported:
         """Export with its error still unknown."""
         form = compute_zero_pole_gain(system) if zpk else None
-        return Exported(system, form, None, tolerance, np.inf, tried)
+        value = (form or system).at(np.geomspace(*tried, GRID))
+        return Exported(system, form, None, tolerance, np.inf, tried, value)
 
     def measured(self, error: Float[np.ndarray, "frequency output input"]) -> Exported:
         """Add the band in which all errors are below the tolerance, and the largest error."""
@@ -210,7 +214,7 @@ def _compute_errors(
         size[:, :, alike] = np.where(
             own > 0, np.maximum(own, FAINT * own.max(-1, keepdims=True)), 0
         )
-    off = np.abs((made.zpk or made.system).at(made.frequency) - exact)
+    off = np.abs(made.value - exact)
     with np.errstate(divide="ignore", invalid="ignore"):
         error = np.where(size > 0, off / size, np.where(off == 0, 0.0, np.inf))
     return np.where(np.isnan(error), np.inf, error)
