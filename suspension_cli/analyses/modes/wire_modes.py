@@ -74,19 +74,20 @@ def solve(
         strong = strong.select(strong.frequency <= highest)
     still = static.select(static.omega_squared <= 0)
     count = len(omega) - int(static.overdamped.sum()) // 2  # these oscillate without dampers
-    began, left, short = time.monotonic(), np.arange(len(omega)), count
+    began, left, short = time.monotonic(), omega, count
     found: list[Modes] = []
     others: list[Modes] = []
     for fraction in CUTS:
         solver, others, missed = _Solver.of(model, fraction, strong), [], []
+        done = len(omega) - len(left)
         if fraction == CUTS[0] and len(strong.q):
             found.append(solver.describe(solver.strong))
-        for part in _split(omega[left]):
-            result, good = solver.solve(omega[left[part]], damping=damping)
+        for part in _split(left):
+            result, good = solver.solve(part, damping=damping)
             found.append(result.select(good))
             others.append(result.select(~good))
-            missed.append(left[part[~good]])
-            done = len(omega) - len(left) + int(part[-1]) + 1
+            missed.append(part[~good])
+            done += len(part)
             progress(done, len(omega), done / max(time.monotonic() - began, 1e-9))
         left, short = np.concatenate(missed), count - sum(len(part.q) for part in found)
         if not len(left) or short <= 0:
@@ -135,15 +136,11 @@ def _repeated(model: LinearSystem, found: Modes) -> bool:
     return bool((np.triu(alike, 1) & (overlap > (1 - BODILY) * np.outer(size, size))).any())
 
 
-def _split(omega: Float[np.ndarray, " mode"]) -> list[Int[np.ndarray, " _"]]:
-    """Split modes, ascending, into parts that are solved at once."""
-    result: list[list[int]] = [[]]
+def _split(omega: Float[np.ndarray, " mode"]) -> list[Float[np.ndarray, " _"]]:
+    """Split frequencies, ascending, into parts that are solved at once, close ones together."""
     apart = np.flatnonzero(np.diff(omega) > CLOSE * omega[1:]) + 1
-    for group in np.split(np.arange(len(omega)), apart):
-        if len(result[-1]) + len(group) > TOGETHER and result[-1]:
-            result.append([])
-        result[-1] += group.tolist()
-    return [np.array(part) for part in result]
+    at = np.searchsorted(apart, np.arange(TOGETHER, len(omega), TOGETHER))
+    return np.split(omega, np.unique(apart[at[at < len(apart)]]))
 
 
 @dataclass(frozen=True)
