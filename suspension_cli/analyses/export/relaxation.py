@@ -41,8 +41,8 @@ if TYPE_CHECKING:
     from suspension_cli.scene.arrays import Array, Index
 
 ABOVE = 1.5
-"""Wire modes are kept up to this multiple of the highest frequency of the band; beyond, one stands
-for all."""
+"""Wire modes have losses up to this multiple of the highest frequency of the band; two more are
+kept without."""
 LOW = 0.005
 """Frequency at which the inertia of a wire is taken, over that of its first mode."""
 BESIDE = 1e-4
@@ -56,13 +56,11 @@ MINOR = 3e-3
 STABLE = 0.3
 """Largest share of the stiffness of a mode that is taken back at rest."""
 OFF = 0.05
-"""Weight of a frequency that is off by a width of the mode, over that of a width that is wrong."""
-EVERYWHERE = 2.0
-"""Weight of a stiffness of a mode that is wrong, over that of a width that is wrong."""
+"""Weight of a relative change of stiffness over that of a loss angle that is off by as much."""
 BETWEEN = 0.1
-"""Weight of a loss angle between modes."""
+"""Weight of frequencies of the band over that of a mode whose loss is the element's alone."""
 POINTS = 16
-"""Frequencies of the band at which the stiffness of an element must be right."""
+"""Number of these frequencies."""
 RELAXATION, WIRE = "relaxation", "wire"
 """First parts of the names of coordinates that are added."""
 
@@ -209,7 +207,7 @@ def _resting_loss(
     reference = lost(np.array([2 * np.pi]))[..., 0]
     scale = np.trace(reference)
     return (
-        _deformations(reference) @ own,
+        _deformations(reference, rounded=True) @ own,
         lambda omega: np.trace(lost(omega)) * np.ones(len(omega)) / scale,
     )
 
@@ -323,17 +321,17 @@ def _fit(
 ) -> tuple[Float[np.ndarray, " rate"], float]:
     """Fit the strengths g of relaxation, and d, to one element.
 
-    Its loss angle must be right at the modes in which it loses energy (`share`), in proportion, and
-    its stiffness where it stores it (`energy`); both, with less weight, in the whole band.
+    Loss angle and, with less weight, stiffness must be right at the modes in proportion to the
+    element's `share` of their loss and, with less weight, in the whole band. `energy` is that
+    in the element over that of the mode.
     """
     from scipy.optimize import lsq_linear
 
     at = np.append(omega, np.geomspace(*band, POINTS))
     angles = np.maximum(one.angle(at), 1e-12)
     stored = np.zeros(len(at)) if one.stored is None else one.stored(at)
-    of_loss = np.append(share, np.full(POINTS, BETWEEN)) / angles
-    everywhere = np.full(POINTS, EVERYWHERE * energy.max())
-    weight = np.concatenate([of_loss, OFF * of_loss[: len(omega)], everywhere])
+    weight = np.append(share, np.full(POINTS, BETWEEN)) / angles
+    weight = np.append(weight, OFF * weight)
     step = 1j * at[:, None] / (1j * at[:, None] + rates)
     constant = np.append(np.zeros(len(at)), -np.ones(len(at)))
     parts = np.column_stack([np.concatenate([step.imag, step.real]), constant])
@@ -367,11 +365,11 @@ def _followers(
 
 
 def _deformations(
-    matrix: Float[np.ndarray, "coordinate coordinate"],
+    matrix: Float[np.ndarray, "coordinate coordinate"], *, rounded: bool = False
 ) -> Float[np.ndarray, "deformation coordinate"]:
     """Rows whose products add up to a positive semidefinite matrix.
 
-    Raises `InputError` if it is not.
+    Raises `InputError` if it is not, unless only because its numbers are `rounded`.
     """
     size = np.abs(np.diag(matrix))
     real = size > ROUNDED * size.max()
@@ -379,7 +377,7 @@ def _deformations(
     values, vectors = np.linalg.eigh(
         np.where(np.outer(real, real), matrix, 0.0) / np.outer(scale, scale)
     )
-    if values.min(initial=0.0) < -1e-6 * np.abs(values).max():
+    if not rounded and values.min(initial=0.0) < -1e-6 * np.abs(values).max():
         raise InputError.of(
             "--loss",
             "cannot be exported: an element gives energy to the motion",
