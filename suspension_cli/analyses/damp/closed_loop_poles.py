@@ -29,7 +29,6 @@ from suspension_cli.linear.system import LinearSystem
 
 if TYPE_CHECKING:
     from jaxtyping import Complex
-    from scipy.signal import lti
 
 PADE = 8
 """Order of Pade's approximation of a delay T; its error is 5e-4 up to omega T = 8."""
@@ -114,8 +113,11 @@ def _viscous(loop: Loop) -> float:
     return loop.damper if loop.damper is not None and loop.sensor_response is None else 0.0
 
 
-def realise(loop: Loop) -> lti:
-    """Realise filter, sensor and delay of a loop (rad/s); of a damper, what its delay changes."""
+def realise(loop: Loop) -> Any:
+    """Realise filter, sensor and delay of a loop (rad/s); of a damper, what its delay changes.
+
+    Returns a `scipy.signal.StateSpace`.
+    """
     from scipy.signal import StateSpace, zpk2ss
 
     delay = _realise_delay(loop.delay)
@@ -129,7 +131,7 @@ def realise(loop: Loop) -> lti:
     return StateSpace(*zpk2ss(zeros, poles, gain)) * delay if len(poles) else delay * gain
 
 
-def _realise_delay(delay: float) -> lti:
+def _realise_delay(delay: float) -> Any:
     """Realise a delay T as Pade's fraction, in sections (s^2 - b s + w^2) / (s^2 + b s + w^2).
 
     Its denominator is a Bessel polynomial in s T / 2 (Storch, Proc. IRE 42, 1666 (1954)).
