@@ -73,6 +73,22 @@ def parse_frequencies(text: str, option: str = "--frequency") -> list[float]:
     return values
 
 
+def parse_band(text: str, option: str, *, with_zero: bool = False) -> tuple[float, float]:
+    """Parse the ends of a band of frequencies, ``FROM:TO`` in Hz, above or `with_zero` from 0 on.
+
+    >>> parse_band("0.1:100", "--band")
+    (0.1, 100.0)
+    """
+    try:
+        low, high = map(float, text.split(":"))
+    except ValueError:
+        low = high = math.nan
+    if not (low > 0 or (with_zero and low == 0)) or not low < high < math.inf:
+        remedy = "write its ends in Hz, for example 0.1:100"
+        raise InputError.of(option, "is no band of frequencies", remedy, format_value(text))
+    return low, high
+
+
 def _range(text: str, default: str) -> list[float]:
     """Numbers of ``start:stop:count[:log|lin]``, both ends exact."""
     parts = text.split(":")

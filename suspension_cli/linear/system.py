@@ -168,6 +168,37 @@ class LinearSystem:
             allowed=reach.T @ self.allowed @ reach > 0,
         )
 
+    def widened(
+        self,
+        names: list[str],
+        mass: Float[np.ndarray, "new new"],
+        stiffness: Inexact[np.ndarray, "new new"],
+        damping: Float[np.ndarray, "new new"],
+        from_new: Float[np.ndarray, "coordinate new"] | None = None,
+    ) -> LinearSystem:
+        """Append coordinates, and add matrices of all.
+
+        The coordinates so far are `from_new` @ all; by default the new ones do not move them.
+        """
+        size, count = self.size, len(names)
+        basis = np.eye(size + count)
+        basis[:size, :size] = self.basis
+        wider = self.spread(
+            np.eye(size, size + count) if from_new is None else from_new, mass, stiffness, damping
+        )
+        rigid = self.rigid
+        if rigid is not None:
+            rigid = np.pad(rigid, [(0, 0)] * (rigid.ndim - 2) + [(0, count), (0, 0)])
+        return replace(
+            wider,
+            coordinate=(*self.coordinate, *names),
+            basis=basis,
+            massless=np.append(self.massless, np.ones(count, dtype=bool)) & ~mass.any(1),
+            allowed=wider.allowed | (mass != 0) | (stiffness != 0) | (damping != 0),
+            ground=None if self.ground is None else self.ground.widened(count),
+            rigid=rigid,
+        )
+
     @property
     def constant(self) -> LinearSystem:
         """System without its terms in frequency."""

@@ -66,19 +66,8 @@ def with_frame(model: LinearSystem, design: Design) -> LinearSystem:
     ]
     if support.loss_angle:
         own[0] = own[0] * (1 + 1j * support.loss_angle)
-    basis = np.eye(size + count)
-    basis[:size, :size] = model.basis
-    rigid = model.rigid
-    if rigid is not None:
-        rigid = np.pad(rigid, [(0, 0)] * (rigid.ndim - 2) + [(0, count), (0, 0)])
-    return replace(
-        model.spread(from_new, mass, *own),
-        coordinate=(*model.coordinate, *(f"{FRAME}.{dof}" for dof in names)),
-        basis=basis,
-        massless=np.append(model.massless, weights[moving] == 0),
-        ground=None if model.ground is None else model.ground.widened(count),
-        rigid=rigid,
-    )
+    names = [f"{FRAME}.{dof}" for dof in names]
+    return model.widened(names, mass, *own, from_new=from_new)
 
 
 def _compliant(support: Support) -> list[int]:

@@ -120,9 +120,10 @@ class BudgetAnalysis(Analysis):
 
         from suspension_cli.analyses.budget import noise
         from suspension_cli.analyses.budget import solve as budget
+        from suspension_cli.analyses.damp import control
+        from suspension_cli.analyses.damp.solve import find_steady_poles
         from suspension_cli.analyses.thermal import solve as thermal
         from suspension_cli.design.derive import mirror
-        from suspension_cli.models import registry
 
         setting, design, folder = run.setting, run.design, Path(run.source.file).parent
         motions, grid, notes = _ground(setting, folder)
@@ -132,12 +133,11 @@ class BudgetAnalysis(Analysis):
         requirements = _requirements(setting, outputs, folder, grid)
         choice, model, warm = _model(run, grid, outputs, notes)
         parsed = thermal.parse_outputs(model, outputs, setting["arm"])
-        heavy = choice.model.has_wire_mass
-        poles = noise.find_stable_poles(design, registry.BEAM.system(design) if heavy else model)
-        if heavy:
+        poles = find_steady_poles(design, model, choice.model, "motion").value
+        if choice.model.has_wire_mass:
             poles = np.append(poles, noise.find_wire_modes(model, float(grid[-1])))
         temperature = design.constants.temperature if warm else None
-        plant = noise.build_plant(design, model)
+        plant = control.build_plant(design, model)
         noises = noise.Noises(plant, parsed, motions, temperature, setting["mirrors"])
         if not noises.cause:
             problem, remedy = "leaves no cause of motion", "give a ground, or loss angles"

@@ -8,13 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.analyses.budget.spectrum import Spectrum
-from suspension_cli.analyses.damp import closed_loop_poles, control
-from suspension_cli.analyses.damp import solve as damp
+from suspension_cli.analyses.damp import control
 from suspension_cli.analyses.damp.control import Plant
 from suspension_cli.analyses.modes import wire_modes
 from suspension_cli.analyses.thermal.solve import Feedback, compute_densities
 from suspension_cli.conventions import GROUND, SUPPORT
-from suspension_cli.errors import Fault, InputError
 from suspension_cli.linear import signals
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
@@ -22,8 +20,6 @@ from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
     from jaxtyping import Complex
-
-    from suspension_cli.design.schema import Design
 
 MOST = 2000
 """Most wire modes whose widths are computed."""
@@ -94,30 +90,6 @@ def compute_thermal(
     loops = Feedback(plant.sensed, plant.pushed, control.evaluate_filters(plant, frequency))
     parts = compute_densities(plant.model, frequency, rows, temperature, loops)
     return np.array([sum(one.values(), np.zeros(len(frequency))) for one in parts])
-
-
-def build_plant(design: Design, model: LinearSystem) -> Plant:
-    """Build the plant of a design with or without loops."""
-    if design.control is not None:
-        return control.build_plant(design, model)
-    none = np.zeros((0, model.size))
-    return Plant(model, (), [], [], none, none)
-
-
-def find_stable_poles(design: Design, model: LinearSystem) -> Complex[np.ndarray, " pole"]:
-    """Find the closed-loop poles (rad/s) of a model without wire mass, as `damp` does.
-
-    Raises
-    ------
-    InputError
-        If one grows, as no motion is stationary then.
-    """
-    found = closed_loop_poles.find(build_plant(design, model))
-    if found.stable:
-        return found.value
-    where, remedy = damp.describe_growth(found)
-    problem = f"makes the closed loop unstable: {where}, and its motion has no spectrum"
-    raise InputError([Fault("control", problem, f"{remedy} (pendsus damp)")])
 
 
 def find_wire_modes(model: LinearSystem, highest: float) -> Complex[np.ndarray, " pole"]:

@@ -11,8 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import reduce
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,13 +26,9 @@ from suspension_cli.linear.roots import ClosedBlock, Feedback, Roots
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.statespace import StateSpace, with_constant_loss
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
     from jaxtyping import Complex
-
-Realisation = tuple[Array, Array, Array, Array]
-"""State space A, B, C, D of real matrices."""
 
 PADE = 8
 """Order of Pade's approximation of a delay T; its error is 5e-4 up to omega T = 8."""
@@ -75,7 +70,7 @@ def build_closed_loop(plant: Plant, inputs: list[Signal], outputs: list[Signal])
     count, i, o = len(plant.loops), len(inputs), len(outputs)
     if not count:
         return bare
-    filters = [realise(loop) for loop in plant.loops]
+    filters = [(f.A, f.B, f.C, f.D) for f in map(realise, plant.loops)]
     # inputs: external ones, forces of loops, what filters sense; outputs likewise
     a, b, c, d = (
         np.asarray(block_diag(*parts))
@@ -118,46 +113,38 @@ def _viscous(loop: Loop) -> float:
     return loop.damper if loop.damper is not None and loop.sensor_response is None else 0.0
 
 
-def realise(loop: Loop) -> Realisation:
-    """Realise filter, sensor and delay of a loop (rad/s); of a damper, what its delay changes."""
-    from scipy.signal import zpk2ss
+def realise(loop: Loop) -> Any:
+    """Realise filter, sensor and delay of a loop (rad/s); of a damper, what its delay changes.
 
+    Returns a `scipy.signal.StateSpace`.
+    """
+    from scipy.signal import StateSpace, zpk2ss
+
+    delay = _realise_delay(loop.delay)
     if damper := _viscous(loop):
         # its force without delay is in the damping matrix: left is c s (exp(-s T) - 1)
-        a, b, c, _ = _realise_delay(loop.delay)
-        return a, b, damper * c @ a, damper * c @ b
+        rate = damper * delay.C @ delay.A, damper * delay.C @ delay.B
+        return StateSpace(delay.A, delay.B, *rate)
     made = loop.controller_and_sensor
     zeros, poles = (-2 * np.pi * np.array(roots) for roots in (made.zeros, made.poles))
     gain = made.gain * (2 * np.pi) ** (len(poles) - len(zeros))
-    own = zpk2ss(zeros, poles, gain) if len(poles) else _gain(gain)
-    return _connect(own, _realise_delay(loop.delay))
+    return StateSpace(*zpk2ss(zeros, poles, gain)) * delay if len(poles) else delay * gain
 
 
-def _realise_delay(delay: float) -> Realisation:
+def _realise_delay(delay: float) -> Any:
     """Realise a delay T as Pade's fraction, in sections (s^2 - b s + w^2) / (s^2 + b s + w^2).
 
     Its denominator is a Bessel polynomial in s T / 2 (Storch, Proc. IRE 42, 1666 (1954)).
     """
-    from scipy.signal import besselap
+    from scipy.signal import StateSpace, besselap
 
-    sections = [_gain(1.0)]
+    result: Any = StateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.eye(1))
     roots = np.asarray(besselap(PADE, norm="delay")[1]) if delay else np.zeros(0)
     for pole in 2 * roots[roots.imag > 0] / (delay or 1.0):
         w, b = abs(pole), -2 * pole.real
         a = np.array([[0.0, w], [-w, -b]])
-        sections.append((a, np.array([[0.0], [w]]), np.array([[0.0, -2 * b / w]]), np.eye(1)))
-    return reduce(_connect, sections)
-
-
-def _gain(value: float) -> Realisation:
-    return np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[value]])
-
-
-def _connect(first: Realisation, second: Realisation) -> Realisation:
-    """Connect two systems in series."""
-    (a, b, c, d), (own_a, own_b, own_c, own_d) = first, second
-    whole = np.block([[a, np.zeros((len(a), len(own_a)))], [own_b @ c, own_a]])
-    return whole, np.concatenate([b, own_b @ d]), np.hstack([own_d @ c, own_c]), own_d @ d
+        result = result * StateSpace(a, [[0.0], [w]], [[0.0, -2 * b / w]], np.eye(1))
+    return result
 
 
 def find(plant: Plant) -> Poles:

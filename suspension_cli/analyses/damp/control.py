@@ -74,19 +74,20 @@ class Plant:
         )
 
 
-def build_plant(design: Design, model: LinearSystem) -> Plant:
-    """Build the plant of a design's loops on its model.
-
-    Raises
-    ------
-    InputError
-        If there is no loop, or a sensor or actuator names no signal of the model.
-    """
+def demand_loops(design: Design) -> None:
+    """Raise `InputError` if a design has no loops."""
     if design.control is None:
         remedy = "add [[control.loop]] with sensor, actuator and damper or gain"
         raise InputError([Fault("control", "missing", remedy)])
+
+
+def build_plant(design: Design, model: LinearSystem) -> Plant:
+    """Build the plant of a design's loops, if it has any, on its model.
+
+    Raises `InputError` if a sensor or actuator names no signal of the model.
+    """
     known = signals.bodies_with_signals(model)
-    loops = design.control.loop
+    loops = design.control.loop if design.control is not None else ()
     sensors = [parse_sensor(loop, model.body, known) for loop in loops]
     actuators = [parse_actuator(loop, known) for loop in loops]
     sensed, pushed = (
@@ -95,7 +96,7 @@ def build_plant(design: Design, model: LinearSystem) -> Plant:
                 signals.linear_form(_relate(signal, loop), model)
                 for signal, loop in zip(some, loops, strict=True)
             ]
-        )
+        ).reshape(-1, model.size)
         for some in (sensors, actuators)
     )
     return Plant(model, loops, sensors, actuators, sensed, pushed)

@@ -13,14 +13,19 @@ from suspension_cli.analyses.damp.closed_loop_poles import build_closed_loop
 from suspension_cli.analyses.damp.control import Plant
 from suspension_cli.analyses.damp.margins import Margins, SensitivityPeak
 from suspension_cli.design.schema import Design
+from suspension_cli.errors import Fault, InputError
 from suspension_cli.files.declared import along, derived, in_unit
 from suspension_cli.linear import poles, signals
 from suspension_cli.linear.poles import Poles
 from suspension_cli.linear.statespace import with_constant_loss
 from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models import registry
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float
+
+    from suspension_cli.analyses.analysis import Log
+    from suspension_cli.models.base import Model
 
 STILL = 1e-6
 """Frequency over the lowest of poles and zeros at which gains are static to 1e-12."""
@@ -119,6 +124,7 @@ def solve(
     duration, samples
         Of the impulse response, s.
     """
+    control.demand_loops(design)
     plant = control.build_plant(design, model)
     constant = replace(plant, model=with_constant_loss(model))
     closed, opened = (closed_loop_poles.find(one) for one in (plant, plant.with_loops([])))
@@ -154,6 +160,32 @@ def solve(
         gain=control.compute_loop_gains(plant, frequency),
         sensitivity=peak,
     )
+
+
+def find_steady_poles(
+    design: Design,
+    model: LinearSystem,
+    kind: Model,
+    motion: str,
+    log: Log | None = None,
+    allow_unstable: bool | None = None,
+) -> Poles:
+    """Find the poles, closed-loop if there are loops, on wires without mass.
+
+    Raises `InputError` if one grows, as there is no steady `motion` then ("response", ...); with
+    `allow_unstable` warns of it. This is None if the command has no such option.
+    """
+    massless = registry.BEAM.system(design) if kind.has_wire_mass else model
+    found = closed_loop_poles.find(control.build_plant(design, massless))
+    if not found.stable:
+        where, remedy = describe_growth(found)
+        if not allow_unstable:
+            problem = f"the closed loop is unstable, so it has no steady {motion}: {where}"
+            way = " (pendsus damp)" if allow_unstable is None else ", or give --allow-unstable"
+            raise InputError([Fault("control", problem, remedy + way)])
+        assert log is not None
+        log.warn(f"the closed loop is unstable: {where}; {remedy}")
+    return found
 
 
 def describe_growth(closed: Poles) -> tuple[str, str]:

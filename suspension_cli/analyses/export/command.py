@@ -101,6 +101,7 @@ class ExportAnalysis(Analysis):
         from suspension_cli.analyses.export import interferometer
         from suspension_cli.analyses.export import solve as export
         from suspension_cli.design.derive import main_chain
+        from suspension_cli.grids import parse_band
         from suspension_cli.linear import signals
         from suspension_cli.linear.statespace import with_constant_loss
         from suspension_cli.models.choice import Frequencies
@@ -126,7 +127,7 @@ class ExportAnalysis(Analysis):
             interferometer.check_names(*texts, chain[-1])
         zpk = setting["format"] == "zpk"
         if loss:
-            band, accuracy = _band(setting["band"]), setting["accuracy"]
+            band, accuracy = parse_band(setting["band"], "--band"), setting["accuracy"]
             made = export.build_lossy(model, inputs, outputs, band, accuracy, zpk=zpk)
         else:
             lossless = with_constant_loss(model).lossless
@@ -158,11 +159,19 @@ class ExportAnalysis(Analysis):
     def text(self, result: Result) -> str:
         """Return the size of the system and the band of agreement."""
         made: Exported = result.data
-        system, level = made.system, result.choice.level
+        system, own = made.system, f"the {result.choice.level} model to {made.tolerance:g}"
+        if made.band is None:
+            low, high = made.tried
+            agrees = (
+                f"there is no band in which it agrees with {own} ({low:.3g} to {high:.4g} Hz tried)"
+            )
+        else:
+            low, high = made.band
+            agrees = f"agrees with {own} from {low:.3g} to {high:.4g} Hz"
         lines = [
             result.choice.line,
             f"states: {len(system.state)}, inputs: {len(system.input)}, outputs:"
-            f" {len(system.output)}; {agreement(made, level)}",
+            f" {len(system.output)}; {agrees}",
             f"(worst {made.worst:.1e}, up to 100 times the highest mode)",
         ]
         if made.q_error is not None:
@@ -193,20 +202,6 @@ class ExportAnalysis(Analysis):
 
         remedy = "take system.a, b, c and d, or save it as .mat, .npz, .h5 or .json"
         raise InputError([Fault("", "a state space has no labelled arrays", remedy)])
-
-
-def _band(text: str) -> tuple[float, float]:
-    """Read the two ends of a band, Hz."""
-    from suspension_cli.errors import InputError
-
-    low, _, high = text.partition(":")
-    try:
-        band = float(low), float(high)
-    except ValueError:
-        band = (0.0, 0.0)
-    if not 0 < band[0] < band[1] < float("inf"):
-        raise InputError.of("--band", "is no band of frequencies", "write it as 0.1:100", text)
-    return band
 
 
 def _agreement(made: Exported) -> Document:
@@ -263,19 +258,6 @@ def _table(made: Exported) -> str:
     return (
         f"\nbands of agreement with the {found.model} model, off resonance{rest}:\n\n"
         + tables.render(columns, rows)
-    )
-
-
-def agreement(made: Exported, level: str) -> str:
-    """Describe the band in which an export agrees with the direct solution of its model."""
-    if made.band is None:
-        return (
-            f"there is no band in which it agrees with the {level} model to {made.tolerance:g}"
-            f" ({made.tried[0]:.3g} to {made.tried[1]:.4g} Hz tried)"
-        )
-    return (
-        f"agrees with the {level} model to {made.tolerance:g} from {made.band[0]:.3g} to"
-        f" {made.band[1]:.4g} Hz"
     )
 
 

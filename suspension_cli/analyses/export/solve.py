@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import zip_longest
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,11 +34,10 @@ class ZeroPoleGain:
         s = 2j * np.pi * np.asarray(frequency)
         result = np.empty((len(s), *self.gain.shape), dtype=complex)
         for o, i in np.ndindex(self.gain.shape):
-            result[:, o, i] = self.gain[o, i]
-            # alternately, to avoid overflow
-            for zero, pole in zip_longest(self.zeros[o, i], self.poles[o, i]):
-                result[:, o, i] *= 1.0 if zero is None else s - zero
-                result[:, o, i] /= 1.0 if pole is None else s - pole
+            zeros, poles = self.zeros[o, i], self.poles[o, i]
+            factors = 1 / (s[:, None] - poles)
+            factors[:, : len(zeros)] *= s[:, None] - zeros  # one by one, to avoid overflow
+            result[:, o, i] = self.gain[o, i] * factors.prod(1)
         return result
 
 
@@ -57,6 +55,8 @@ class Exported:
     tried
         Lowest and highest frequency compared, Hz: 1/100 of the lowest mode's and 100 times the
         highest one's; with losses the band that they are asked for.
+    value
+        Responses at `frequency`, SI.
     q_error
         With losses, the largest relative error of the Q of a mode in the band; None without.
     mirror
@@ -69,6 +69,7 @@ class Exported:
     tolerance: float
     worst: float
     tried: tuple[float, float]
+    value: Complex[np.ndarray, "frequency output input"]
     agreement: Agreement | None = None
     q_error: float | None = None
     mirror: str = ""
@@ -77,6 +78,21 @@ class Exported:
     def frequency(self) -> Float[np.ndarray, " frequency"]:
         """Frequencies compared, Hz."""
         return np.geomspace(*self.tried, GRID)
+
+    @staticmethod
+    def unmeasured(
+        system: statespace.StateSpace, tolerance: float, tried: tuple[float, float], *, zpk: bool
+    ) -> Exported:
+        """Export with its error still unknown."""
+        form = compute_zero_pole_gain(system) if zpk else None
+        value = (form or system).at(np.geomspace(*tried, GRID))
+        return Exported(system, form, None, tolerance, np.inf, tried, value)
+
+    def measured(self, error: Float[np.ndarray, "frequency output input"]) -> Exported:
+        """Add the band in which all errors are below the tolerance, and the largest error."""
+        largest = error.max((1, 2))
+        band = self.widest_band(largest <= self.tolerance)
+        return replace(self, band=band, worst=float(largest.max()))
 
     def widest_band(self, agrees: Bool[np.ndarray, " frequency"]) -> tuple[float, float] | None:
         """Find the widest band in which it agrees; None if no two neighbouring frequencies do."""
@@ -141,22 +157,9 @@ def build(
     system = statespace.build(model, inputs, outputs)
     lowest, highest = mode_range(model)
     tolerance, tried = TOLERANCE_ZPK if zpk else TOLERANCE, (lowest / 100, 100 * highest)
-    made = _convert(system, tolerance, tried, zpk=zpk)
-    return _with_band(made, _compute_errors(made, model, inputs, outputs))
-
-
-def _convert(
-    system: statespace.StateSpace, tolerance: float, tried: tuple[float, float], *, zpk: bool
-) -> Exported:
-    form = compute_zero_pole_gain(system) if zpk else None
-    return Exported(system, form, None, tolerance, np.inf, tried)
-
-
-def _with_band(made: Exported, error: Float[np.ndarray, "frequency output input"]) -> Exported:
-    """Add the band in which all errors are below the tolerance, and the largest error."""
-    largest = error.max((1, 2))
-    band = made.widest_band(largest <= made.tolerance)
-    return replace(made, band=band, worst=float(largest.max()))
+    made = Exported.unmeasured(system, tolerance, tried, zpk=zpk)
+    exact = response.solve(model, made.frequency, inputs, outputs).value
+    return made.measured(_compute_errors(made, exact, inputs))
 
 
 def build_lossy(
@@ -174,12 +177,13 @@ def build_lossy(
     errors up to `accuracy` and Q up to twice that, in the band (Hz); or the best.
     """
     modes = damped.solve(model)
+    exact = response.solve(model, np.geomspace(*band, GRID), inputs, outputs).value
     best: tuple[float, Exported] | None = None
     for density in DENSITIES:
         system = statespace.build(relax(model, band, density), inputs, outputs)
-        made = _convert(system, accuracy, band, zpk=zpk)
-        error = _compute_errors(made, model, inputs, outputs)
-        made = _with_band(made, _off_resonance(error, made.frequency))
+        made = Exported.unmeasured(system, accuracy, band, zpk=zpk)
+        error = _compute_errors(made, exact, inputs)
+        made = made.measured(_off_resonance(error, made.frequency))
         q_error = _error_of_q(system, modes, band)
         made, share = replace(made, q_error=q_error), max(made.worst, q_error / 2) / accuracy
         if best is not None and share > GAIN * best[0]:
@@ -199,14 +203,13 @@ def mode_range(model: LinearSystem) -> tuple[float, float]:
 
 
 def _compute_errors(
-    made: Exported, model: LinearSystem, inputs: list[Signal], outputs: list[Signal]
+    made: Exported, exact: Complex[np.ndarray, "frequency output input"], inputs: list[Signal]
 ) -> Float[np.ndarray, "frequency output input"]:
     """Compute the errors of an export against the direct solution of a model.
 
     They are relative to each response, or to `FAINT` of the output's largest response to an input
     of the same unit (the direct solution loses digits of fainter ones too).
     """
-    exact = response.solve(model, made.frequency, inputs, outputs).value
     size = np.abs(exact)
     for unit in {signal.unit for signal in inputs}:
         alike = [signal.unit == unit for signal in inputs]
@@ -214,7 +217,7 @@ def _compute_errors(
         size[:, :, alike] = np.where(
             own > 0, np.maximum(own, FAINT * own.max(-1, keepdims=True)), 0
         )
-    off = np.abs((made.zpk or made.system).at(made.frequency) - exact)
+    off = np.abs(made.value - exact)
     with np.errstate(divide="ignore", invalid="ignore"):
         error = np.where(size > 0, off / size, np.where(off == 0, 0.0, np.inf))
     return np.where(np.isnan(error), np.inf, error)
@@ -260,7 +263,8 @@ def compare_with_complete(
     unknown = complete.unsuitable(design)
     band = np.full((len(AGREEMENT), len(outputs), len(inputs), 2), np.nan)
     if not unknown:
-        error = _compute_errors(made, complete.system(design), inputs, outputs)
+        exact = response.solve(complete.system(design), made.frequency, inputs, outputs).value
+        error = _compute_errors(made, exact, inputs)
         error = _off_resonance(error, made.frequency)
         for n, o, i in np.ndindex(band.shape[:-1]):
             band[n, o, i] = made.widest_band(error[:, o, i] <= AGREEMENT[n]) or np.nan

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
@@ -258,6 +257,7 @@ def _animated(modes: Modes, setting: Settings) -> list[int]:
 def _damping(design: Design, text: str | None) -> Settings:
     """Parse --damping into `damping_band` and `damping_at` of `Modes`."""
     from suspension_cli.design.faults import suggest
+    from suspension_cli.grids import parse_band
     from suspension_cli.linear.eigenmodes import DAMPING_BAND, TOP
 
     def fault(problem: str, remedy: str, value: str) -> InputError:
@@ -275,14 +275,8 @@ def _damping(design: Design, text: str | None) -> Settings:
         given[key] = value
     result: Settings = {"damping_band": DAMPING_BAND, "damping_at": given.get("at", TOP)}
     if "band" in given:
-        try:
-            low, high = map(float, re.split("[:,]", given["band"]))
-        except ValueError:
-            low = high = math.nan
-        if not 0 <= low < high < math.inf:
-            remedy = "give the lowest and the highest frequency in Hz, for example band=0.5:5"
-            raise fault("is no band of frequencies", remedy, given["band"])
-        result["damping_band"] = low, high
+        ends = given["band"].replace(",", ":")
+        result["damping_band"] = parse_band(ends, "--damping", with_zero=True)
     known = [TOP, *(stage.name for stage in design.stage)]
     if result["damping_at"] not in known:
         raise fault("is no stage", suggest(given["at"], known), given["at"])

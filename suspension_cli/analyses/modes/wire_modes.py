@@ -74,19 +74,20 @@ def solve(
         strong = strong.select(strong.frequency <= highest)
     still = static.select(static.omega_squared <= 0)
     count = len(omega) - int(static.overdamped.sum()) // 2  # these oscillate without dampers
-    began, left, short = time.monotonic(), np.arange(len(omega)), count
+    began, left, short = time.monotonic(), omega, count
     found: list[Modes] = []
     others: list[Modes] = []
     for fraction in CUTS:
         solver, others, missed = _Solver.of(model, fraction, strong), [], []
+        done = len(omega) - len(left)
         if fraction == CUTS[0] and len(strong.q):
             found.append(solver.describe(solver.strong))
-        for part in _split(omega[left]):
-            result, good = solver.solve(omega[left[part]], damping=damping)
+        for part in _split(left):
+            result, good = solver.solve(part, damping=damping)
             found.append(result.select(good))
             others.append(result.select(~good))
-            missed.append(left[part[~good]])
-            done = len(omega) - len(left) + int(part[-1]) + 1
+            missed.append(part[~good])
+            done += len(part)
             progress(done, len(omega), done / max(time.monotonic() - began, 1e-9))
         left, short = np.concatenate(missed), count - sum(len(part.q) for part in found)
         if not len(left) or short <= 0:
@@ -135,15 +136,11 @@ def _repeated(model: LinearSystem, found: Modes) -> bool:
     return bool((np.triu(alike, 1) & (overlap > (1 - BODILY) * np.outer(size, size))).any())
 
 
-def _split(omega: Float[np.ndarray, " mode"]) -> list[Int[np.ndarray, " _"]]:
-    """Split modes, ascending, into parts that are solved at once."""
-    result: list[list[int]] = [[]]
+def _split(omega: Float[np.ndarray, " mode"]) -> list[Float[np.ndarray, " _"]]:
+    """Split frequencies, ascending, into parts that are solved at once, close ones together."""
     apart = np.flatnonzero(np.diff(omega) > CLOSE * omega[1:]) + 1
-    for group in np.split(np.arange(len(omega)), apart):
-        if len(result[-1]) + len(group) > TOGETHER and result[-1]:
-            result.append([])
-        result[-1] += group.tolist()
-    return [np.array(part) for part in result]
+    at = np.searchsorted(apart, np.arange(TOGETHER, len(omega), TOGETHER))
+    return np.split(omega, np.unique(apart[at[at < len(apart)]]))
 
 
 @dataclass(frozen=True)
@@ -288,61 +285,50 @@ def cut_all(model: LinearSystem, fraction: float = CUTS[0]) -> tuple[LinearSyste
         for k in range(PER_WIRE)
     ]
     size = model.size + len(names)
-    soft = np.zeros((size, size), dtype=model.soft.dtype)
-    soft[: model.size, : model.size] = model.soft
+    added, none = np.zeros((2, size, size))
     pieces, start = [], model.size
     for term in whole:
         upper, lower = _cut(term, fraction, start, size)
-        for sign, one in (-1, term), (1, upper), (1, lower):
-            soft[np.ix_(one.columns, one.columns)] += sign * _static_stiffness(one)
         pieces += [upper, lower]
         start += PER_WIRE * len(term.forms["twist"])
-    others = [term for term in model.terms if not isinstance(term, WireTerm)]
-
-    def padded(matrix: Array) -> Array:
-        return np.pad(matrix, (0, size - model.size))
-
-    system = LinearSystem(
-        model.body,
-        (*model.coordinate, *names),
-        np.eye(size),
-        np.append(model.massless, np.ones(len(names), dtype=bool)),
-        padded(model.mass),
-        padded(model.damping),
-        soft,
-        np.zeros((0, size)),
-        np.zeros(0),
-        np.ones((size, size), dtype=bool),
-        terms=(*pieces, *(term.spread(np.eye(model.size, size)) for term in others)),
-        active=model.active,
+        for sign, one in (-1, term), (1, upper), (1, lower):
+            added[np.ix_(one.columns, one.columns)] += sign * _static_stiffness(one)
+    system = model.widened(names, none, added, none)
+    others = [term for term in system.terms if not isinstance(term, WireTerm)]
+    return (
+        replace(
+            system,
+            elongation=np.zeros((0, size)),
+            k=np.zeros(0),
+            allowed=np.ones((size, size), dtype=bool),
+            terms=(*pieces, *others),
+            rigid=None,
+        ),
+        whole,
     )
-    return system, whole
 
 
 def _cut(term: WireTerm, fraction: float, start: int, size: int) -> list[WireTerm]:
     """Cut the wires of a kind; their cuts are the coordinates from `start` on."""
     upper: dict[str, Array] = {}
     lower: dict[str, Array] = {}
+    wires, more = np.arange(len(term.forms["twist"]))[:, None], size - term.size
     for part in PARTS:
         p = COORDINATES[part] // 2
-        ends = np.zeros((len(term.forms[part]), 3 * p, size))
-        outer = ENDS[p] @ term.forms[part]
-        ends[:, :p, : outer.shape[2]], ends[:, 2 * p :, : outer.shape[2]] = (
-            outer[:, :p],
-            outer[:, p:],
-        )
-        for n in range(len(ends)):
-            ends[n, p : 2 * p, start + PER_WIRE * n : start + PER_WIRE * n + p] = np.eye(p)
+        ends = np.pad(ENDS[p] @ term.forms[part], ((0, 0), (0, 0), (0, more)))
+        cut = np.eye(size)[start + PER_WIRE * wires + np.arange(p)]
         back = np.linalg.inv(ENDS[p])
-        upper[part], lower[part] = back @ ends[:, : 2 * p], back @ ends[:, p:]
+        upper[part] = back @ np.concatenate([ends[:, :p], cut], axis=1)
+        lower[part] = back @ np.concatenate([cut, ends[:, p:]], axis=1)
         start += p
     every = np.arange(size)
-    fibres = _cut_fibre(term.strand.fibre, fraction)
     return [
         WireTerm(
             term.stage, replace(term.strand, fibre=fibre), term.number, every, forms, size
         ).spread(np.eye(size))
-        for fibre, forms in zip(fibres, (upper, lower), strict=True)
+        for fibre, forms in zip(
+            _cut_fibre(term.strand.fibre, fraction), (upper, lower), strict=True
+        )
     ]
 
 

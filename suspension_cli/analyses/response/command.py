@@ -108,7 +108,8 @@ class ResponseAnalysis(Analysis):
         """Solve for every input at every frequency."""
         from suspension_cli.analyses import model_choice
         from suspension_cli.analyses.check import warnings
-        from suspension_cli.analyses.response import closed_loop, measured, peaks
+        from suspension_cli.analyses.damp.solve import find_steady_poles
+        from suspension_cli.analyses.response import measured, peaks
         from suspension_cli.analyses.response.closed_loop import ClosedTransfer
         from suspension_cli.linear import eigenmodes
         from suspension_cli.linear.response import units
@@ -126,8 +127,8 @@ class ResponseAnalysis(Analysis):
         warnings.warn_of_tables(run.design, wanted.frequency, run.log)
         closed, solve = None, partial(wanted.values, model)
         if isinstance(wanted, ClosedTransfer):
-            poles = closed_loop.find_stable_poles(
-                run.design, model, choice.model, unstable, run.log
+            poles = find_steady_poles(
+                run.design, model, choice.model, "response", run.log, unstable
             )
             resonances, closed = poles.frequency, (wanted, poles)
         else:
@@ -300,7 +301,7 @@ def _request(
     )
     if not setting["closed_loop"]:
         return wanted
-    control.build_plant(design, model)  # raises if there are no loops
+    control.demand_loops(design)
     return ClosedTransfer(**vars(wanted), design=design)
 
 

@@ -222,7 +222,7 @@ def test_an_unstable_loop(tmp_path):
     raw = RAW | {"control": {"loop": [loop("upper.x", damper=-20.0)]}}
     file, out = written(tmp_path, raw, "triple.toml"), tmp_path / "out"
     (line,) = assert_refused(run("budget", file, *LIGHT, "--out", out), file, out)
-    assert line.startswith("control: makes the closed loop unstable: a pole at ")
+    assert line.startswith("control: the closed loop is unstable, so it has no steady motion: a")
 
 
 def test_a_design_without_loops(tmp_path):

@@ -90,7 +90,7 @@ def test_thermal_noise_of_chains(how, reference):
         closed = plant(raw, loops, "string")
     else:
         design = scenes.design_of(raw)
-        closed = noise.build_plant(design, registry.STRING.system(design))
+        closed = control.build_plant(design, registry.STRING.system(design))
     motions = plants.motions(closed.model, "test.x", "test.pitch", "test.z")
     rows = np.array([signals.linear_form(motion, closed.model) for motion in motions])
     found = noise.compute_thermal(closed, GRID, motions, 290.0)

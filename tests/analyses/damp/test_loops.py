@@ -76,7 +76,8 @@ def test_filters(how):
             ):
                 expected *= (1j * GRID + value) ** power
     np.testing.assert_allclose(control.evaluate_filter(one, GRID), expected, rtol=1e-14)
-    a, b, c, d = closed_loop_poles.realise(one)
+    made = closed_loop_poles.realise(one)
+    a, b, c, d = made.A, made.B, made.C, made.D
     assert all(np.isrealobj(matrix) for matrix in (a, b, c, d))
     s = 2j * np.pi * GRID
     found = [(c @ np.linalg.solve(x * np.eye(len(a)) - a, b) + d)[0, 0] for x in s]
