@@ -130,32 +130,8 @@ class Run(Sourced):
         return attribute_faults_to(self.source.file)
 
 
-class Report(Sourced, ABC):
-    """Findings about a design, as a JSON document and as text."""
-
-    @property
-    def title(self) -> str:
-        """Title of the design, or its name."""
-        return self.design.design.title or self.name
-
-    @abstractmethod
-    def document(self) -> Document:
-        """Return the JSON document that ``pendsus ... --json`` prints."""
-
-    @abstractmethod
-    def __str__(self) -> str: ...
-
-    def __repr__(self) -> str:
-        return f"<pendsus {type(self).__name__.lower()} of {self.name}>"
-
-    def _repr_html_(self) -> str:
-        import html
-
-        return f"<pre>{html.escape(str(self))}</pre>"
-
-
 @dataclasses.dataclass(frozen=True, eq=False)
-class Result(Report):
+class Result(Sourced):
     """Result of an analysis, with its design and its model.
 
     A result is equal to itself alone; compare two by their arrays or by `document`.
@@ -214,6 +190,11 @@ class Result(Report):
 
     def __dir__(self) -> list[str]:
         return sorted({*super().__dir__(), *(n for n in dir(self._only) if n[0] != "_")})
+
+    @property
+    def title(self) -> str:
+        """Title of the design, or its name."""
+        return self.design.design.title or self.name
 
     @property
     def model(self) -> str:
@@ -340,6 +321,11 @@ class Result(Report):
         model = f", {self.model} model" if self.analysis.has_model else ""
         return f"<pendsus {self.analysis.name} of {self.name}{model}>"
 
+    def _repr_html_(self) -> str:
+        import html
+
+        return f"<pre>{html.escape(str(self))}</pre>"
+
 
 def _stamp(file: Path | None) -> tuple[int, ...]:
     """Identify a file as it is now; empty if there is none."""
@@ -367,6 +353,8 @@ class Analysis(ABC):
         Click's arguments and options; the latter are arguments of the Python function too.
     inputs : tuple
         What the Python function takes in place of `arguments`.
+    returns : str
+        Type of what it returns.
     drawn_with : tuple
         The options that pictures depend on.
     fills_file : bool
@@ -384,6 +372,7 @@ class Analysis(ABC):
     has_file: ClassVar[bool] = True
     arguments: ClassVar[tuple[click.Argument, ...]] = ()
     inputs: ClassVar[tuple[Input, ...]] = (Input(),)
+    returns: ClassVar[str] = "Result"
     parameters: ClassVar[tuple[click.Parameter, ...]] = ()
     drawn_with: ClassVar[tuple[click.Parameter, ...]] = ()
 
@@ -511,9 +500,16 @@ class Analysis(ABC):
         """Values of `arguments` for those of `inputs`."""
         return inputs
 
-    def read(self, ask: Callable[..., Run], files: Settings) -> Sequence[Run]:
-        """Read the files that the arguments name, each design by ``ask(file, overrides=())``."""
-        return [ask(files["design"])]
+    def read(self, ask: Callable[..., Run], files: Settings) -> Run:
+        """Read the files that the arguments name, each design by ``ask(file, overrides=())``.
+
+        Of several designs each is read, and computed, alone.
+        """
+        return ask(files["design"])
+
+    def returned(self, result: Result, files: Settings) -> Any:
+        """What the Python function returns."""
+        return result
 
 
 def plain(values: Any) -> Any:
@@ -577,22 +573,6 @@ def name_mirrors(result: Result, tilt: float = 0.0) -> str:
 def only_one(values: list[Document], name: str) -> Document:
     """The only one of several documents, or all of them under `name`."""
     return values[0] if len(values) == 1 else {name: values}
-
-
-def reading_all(ask: Callable[..., Run], files: Sequence[str]) -> list[Run]:
-    """Read several designs; report at once the faults of all, and equal names."""
-    from suspension_cli.errors import join_errors
-
-    runs, errors = [], []
-    for file in files:
-        try:
-            runs.append(ask(file))
-        except InputError as error:
-            errors.append(error)
-    if errors:
-        raise join_errors(errors)
-    demand_distinct_names([run.source for run in runs])
-    return runs
 
 
 def demand_distinct_names(sources: Sequence[Source]) -> None:

@@ -180,6 +180,7 @@ def test_unstable_design_says_why(tmp_path):
     assert re.search(
         "Not computed: stage: the equilibrium is unstable: .* 1/s; attach the wires", page.text
     )
+    assert re.search(r"stage: the equilibrium is unstable in the \w+ model: .* 1/s", page.text)
     assert "--allow-unstable" not in page.text
     assert "Responses not computed" in done.stderr
 
