@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
     from suspension_cli.design.reader import Source
     from suspension_cli.design.schema import Design
-    from suspension_cli.files.declared import Contents
     from suspension_cli.files.hdf5 import Provenance
     from suspension_cli.linear.eigenmodes import Modes
     from suspension_cli.linear.system import LinearSystem
@@ -409,29 +408,22 @@ class Analysis(ABC):
         module, _, name = self.result_type.rpartition(".")
         return getattr(importlib.import_module(f"suspension_cli.{module}"), name)
 
-    def contents(self, result: Result) -> Contents:
-        """Return the arrays and attributes that are stored for a result."""
-        from suspension_cli.files.declared import pack
+    def fill(self, file: h5py.File, result: Result) -> None:
+        """Write the result into a group of the open results file."""
+        from suspension_cli.files import stored
 
         if not self.has_file:
             remedy = "print it, or take document()"
             raise InputError.of("", f"{self.name} has no results file", remedy)
-        return pack(result.data)
-
-    def fill(self, file: h5py.File, result: Result) -> None:
-        """Write the result into a group of the open results file."""
-        from suspension_cli.files.hdf5 import write_contents
-
-        write_contents(file.create_group(self.name), self.contents(result))
+        stored.write(file.create_group(self.name), result.data)
 
     def load(self, file: h5py.File) -> object:
         """Read `Result.data` from an open results file."""
-        from suspension_cli.files.declared import items, unpack, unpack_list
-        from suspension_cli.files.hdf5 import read_contents
+        from suspension_cli.files import declared, stored
 
-        kind, contents = self.record_type(), read_contents(file[self.name])
-        is_list = any(item.each for item in items(kind))
-        return unpack_list(kind, contents) if is_list else unpack(kind, contents)
+        kind = self.record_type()
+        is_list = any(item.each for item in declared.items(kind))
+        return (stored.read_list if is_list else stored.read)(file[self.name], kind)
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw the pictures: the end of each file name (before its ending), and the figure."""
