@@ -83,6 +83,38 @@ class Log:
         yield lambda _done, _count, _rate: None
 
 
+class RelayedLog(Log):
+    """Log of an analysis that another one runs: passes each warning on once, and keeps them."""
+
+    def __init__(self, outer: Log) -> None:
+        self.outer = outer
+        self.lines: list[str] = []
+        self.passed: set[str] = set()
+
+    def warn(self, text: str) -> None:
+        """Keep a warning."""
+        if text not in self.lines:
+            self.lines.append(text)
+        if text not in self.passed:
+            self.passed.add(text)
+            self.outer.warn(text)
+
+    def detail(self, text: str) -> None:
+        """Pass on a detail."""
+        self.outer.detail(text)
+
+    @contextlib.contextmanager
+    def progress(self) -> Iterator[Progress]:
+        """Show the progress of a long computation."""
+        with self.outer.progress() as bar:
+            yield bar
+
+    def take(self) -> list[str]:
+        """Return the warnings since the last call."""
+        lines, self.lines = self.lines, []
+        return lines
+
+
 class Sourced:
     """What has a design; `source` has its TOML text and the name of its file."""
 

@@ -12,6 +12,7 @@ import h5py
 import numpy as np
 
 from suspension_cli.files.declared import (
+    KINDS,
     OUTPUT,
     TEXT,
     Array,
@@ -248,13 +249,8 @@ class _Reader:
 
 def _plain(path: str, kind: type, value: Any) -> Any:
     """Return an attribute as a number or text."""
-    known = {
-        float: (float, int, np.floating, np.integer),
-        int: (int, np.integer),
-        bool: (bool, np.bool_),
-        str: (str,),
-    }
-    if not isinstance(value, known[kind]):
+    known = isinstance(value, str) if kind is str else np.asarray(value).dtype.kind in KINDS[kind]
+    if np.ndim(value) or not known:
         raise ValueError(f"{path} is not of type {kind.__name__}")
     return kind(value)
 

@@ -82,7 +82,7 @@ class CheckAnalysis(Analysis):
 
         found: Check = result.data
         loads, own = found.statics, found.weights
-        result = {
+        document: Document = {
             "file": result.source.file,
             "stable": found.stable,
             "stability_model": found.stability_model,
@@ -99,14 +99,14 @@ class CheckAnalysis(Analysis):
             "filters": list_documents(loads.filters),
             "profiles": list_documents(loads.profiles),
         }
-        result |= {name: rows for name, rows in rare.items() if rows}
-        result["warnings"] = [
+        document |= {name: rows for name, rows in rare.items() if rows}
+        document["warnings"] = [
             {name: getattr(item, name) for name in ("key", "value", "problem", "remedy", "serious")}
             for item in found.warnings
         ]
         if own is not None and own.included:
-            [result["wire_weight"]] = list_documents([own])
-        return result
+            [document["wire_weight"]] = list_documents([own])
+        return document
 
     def text(self, result: Result) -> str:
         """Return tables of loads, the lowest points, the pose and the stability."""

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options, registry, settings, tables
-from suspension_cli.analyses.analysis import Log, Progress, Result, Run
+from suspension_cli.analyses.analysis import RelayedLog, Result, Run
 from suspension_cli.analyses.arguments import default_values
 from suspension_cli.analyses.report import html
 
@@ -25,38 +23,6 @@ SHARED = (options.FIDELITY, options.ACCURACY, *options.BEAM)
 
 class Omitted(Exception):
     """Raised by a section that does not apply, with the reason."""
-
-
-class Warnings(Log):
-    """Log that keeps the warnings of a section, and passes new ones on."""
-
-    def __init__(self, outer: Log) -> None:
-        self.outer = outer
-        self.lines: list[str] = []
-        self.passed: set[str] = set()
-
-    def warn(self, text: str) -> None:
-        """Keep a warning."""
-        if text not in self.lines:
-            self.lines.append(text)
-        if text not in self.passed:
-            self.passed.add(text)
-            self.outer.warn(text)
-
-    def detail(self, text: str) -> None:
-        """Pass on a detail."""
-        self.outer.detail(text)
-
-    @contextmanager
-    def progress(self) -> Iterator[Progress]:
-        """Show the progress of a long computation."""
-        with self.outer.progress() as bar:
-            yield bar
-
-    def take(self) -> list[str]:
-        """Return the warnings since the last call."""
-        lines, self.lines = self.lines, []
-        return lines
 
 
 @dataclass(frozen=True)
@@ -78,7 +44,7 @@ class Composition:
 
     given: Run
     scene: Scene
-    log: Warnings
+    log: RelayedLog
     folder: Path
     parts: list[Part] = field(default_factory=list)
     title: str = ""

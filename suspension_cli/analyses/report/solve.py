@@ -6,8 +6,9 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from suspension_cli.analyses.analysis import RelayedLog
 from suspension_cli.analyses.report import html
-from suspension_cli.analyses.report.composition import Composition, Omitted, Warnings
+from suspension_cli.analyses.report.composition import Composition, Omitted
 from suspension_cli.analyses.report.sections import SECTIONS, Build, header, provenance
 from suspension_cli.drawing.panels import page_width
 from suspension_cli.errors import Fault, InputError, format_value
@@ -37,7 +38,7 @@ def compose(run: Run) -> str:
     expand(run.design)
     _check_signals(run)
     with tempfile.TemporaryDirectory(prefix="pendsus-") as folder, log.progress() as bar:
-        report = Composition(run, scene, Warnings(log), Path(folder))
+        report = Composition(run, scene, RelayedLog(log), Path(folder))
         body = []
         for number, name in enumerate(wanted):
             bar(number, len(wanted), 0.0)

@@ -185,6 +185,12 @@ def test_unstable_design_says_why(tmp_path):
     assert "Responses not computed" in done.stderr
 
 
+def test_the_design_sets_options(tmp_path):
+    design = sus.example("double").replace({"analysis.report.sections": ["numbers"]})
+    made = sus.report(design, tmp_path / "a.html")
+    assert Page(made.read_text()).ids == ["numbers", "provenance", "design"]
+
+
 def test_same_bytes_again(tmp_path):
     design = sus.example("double")
     path = tmp_path / "a.html"
