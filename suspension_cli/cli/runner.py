@@ -52,8 +52,8 @@ def command(analysis: Analysis) -> click.Command:
 def run(analysis: Analysis, ctx: click.Context) -> None:
     """Run an analysis with the options of its command.
 
-    Several designs are computed one by one, and the faults of all are reported at once. A design at
-    fault prevents that of others files are written, but not that their findings are printed.
+    Several designs are computed one by one, and the faults of all are reported at once. If there
+    are any, no file is written; an analysis without files still prints its other findings.
     """
     from suspension_cli.design.reader import Source, read
 

@@ -174,7 +174,10 @@ class _Reader:
     def _inside(self, item: Item, number: str = "") -> _Reader:
         if item.metadata.get("inline"):
             return self
-        return _Reader(self._get(self.group, f"{item.key}/{number}"), dict(self.sizes))
+        home = self._get(self.group, f"{item.key}/{number}")
+        if not isinstance(home, h5py.Group):
+            raise ValueError(f"{self._path(item.key)} is no group")
+        return _Reader(home, dict(self.sizes))
 
     def _path(self, key: str) -> str:
         """Path within the group of the analysis, for messages."""
@@ -231,7 +234,8 @@ class _Reader:
         return self._inside(item).record(item.type)
 
     def _read_records(self, item: Item) -> Any:
-        numbers = set(map(int, self.group.get(item.key, ())))
+        home = self.group.get(item.key)
+        numbers = set(map(int, home)) if isinstance(home, h5py.Group) else set()
         return tuple(
             self._inside(item, str(n)).record(item.element) if n in numbers else None
             for n in range(1, max(numbers, default=0) + 1)

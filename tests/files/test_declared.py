@@ -159,6 +159,7 @@ DAMAGE = {
     "columns": (replaced("known", np.array([True])), "known has 1 values where row has 2"),
     "attribute": (lambda group: group.attrs.__setitem__("count", 1.5), "count is not of type int"),
     "missing": (lambda group: group.attrs.pop("title"), "title"),
+    "no group": (replaced("largest", np.zeros(2)), "largest is no group"),
     "no dataset": (lambda group: group.pop("free"), "free"),
 }
 

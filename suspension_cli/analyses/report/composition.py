@@ -38,11 +38,11 @@ class Part:
 class Composition:
     """State of a report during its composition.
 
-    `given` is the run of the report itself, `scene` the design without imperfections; `folder` is
+    `request` is the run of the report itself, `scene` the design without imperfections; `folder` is
     for analyses that write files, and `title` is that of the current section.
     """
 
-    given: Run
+    request: Run
     scene: Scene
     log: RelayedLog
     folder: Path
@@ -52,7 +52,7 @@ class Composition:
     @property
     def source(self) -> Source:
         """The design and its text."""
-        return self.given.source
+        return self.request.source
 
     def list(self, command: str, choice: Choice | None = None) -> None:
         """Add an analysis of the current section to the parts."""
@@ -70,7 +70,7 @@ class Composition:
 
     def run(self, name: str, *words: str, **given: object) -> Result:
         """Run an analysis, and list it with its settings as words of a command line (`words`)."""
-        analysis, own = registry.get(name), self.given.setting
+        analysis, own = registry.get(name), self.request.setting
         names = {param.name for param in analysis.parameters}
         for key, default in default_values(SHARED).items():
             if key in names and (value := own[key]) != default:

@@ -160,7 +160,7 @@ def modes(report: Composition) -> Iterator[str]:
 
 def response(report: Composition) -> Iterator[str]:
     """Responses of the mirror to the support, with all loops closed."""
-    setting, last = report.given.setting, mirror(report.source.design)
+    setting, last = report.request.setting, mirror(report.source.design)
     into, out = setting["inputs"], setting["outputs"]
     closed = report.source.design.control is not None
     chosen: Sequence[tuple[tuple[str, ...], tuple[str, ...]]]
@@ -241,7 +241,7 @@ def thermal(report: Composition) -> Iterator[str]:
 def budget(report: Composition) -> Iterator[str]:
     """Motion of the mirror by cause."""
     design = report.source.design
-    requested = report.given.setting["sections"] or "budget" in design.analysis
+    requested = report.request.setting["sections"] or "budget" in design.analysis
     if design.control is None and not requested:
         raise Omitted(
             "Left out, as the design has neither damping loops ([control]) nor an"
@@ -271,7 +271,7 @@ def tolerance(report: Composition) -> Iterator[str]:
             f" design: {html.text(result.command)}."
         )
     else:
-        count = report.given.setting["builds"]
+        count = report.request.setting["builds"]
         result = report.run("tolerance", "--builds", str(count), builds=count)
     yield report.answer(result)
     one = result.data
@@ -297,7 +297,7 @@ def _stored(report: Composition, name: str) -> Any:
     from suspension_cli.files.hdf5 import open_results
 
     source = report.source
-    path = report.given.folder / f"{source.stem()}-{name}.h5"
+    path = report.request.folder / f"{source.stem()}-{name}.h5"
     if read_design(path) != source.text:
         return None
     try:
