@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from suspension_cli import api, errors
 from suspension_cli.analyses.analysis import Result as Result
@@ -208,7 +209,31 @@ def damp(
     >>> sus.damp(design, frequency=[1.0], duration=1.0, fidelity="string").stable
     True
     """
-draw = api.draw
+
+def draw(
+    design: Design | PathLike,
+) -> Any:
+    """Draw a design to scale, from the side and from the front, with its dimensions.
+
+    Parameters
+    ----------
+    design : Design
+        The design, or the path of its file.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    InputError
+        If the design does not balance.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> figure = sus.draw(sus.template("single"))
+    """
 example = api.example
 examples = api.examples
 

@@ -362,30 +362,6 @@ def load(file: PathLike) -> Result:
     return dataclasses.replace(found, source=Design(**vars(found.source)))
 
 
-def draw(design: Design) -> Any:
-    """Draw a design to scale, side on and face on, with its dimensions.
-
-    Parameters
-    ----------
-    design : Design
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
-    Examples
-    --------
-    >>> import suspension_cli as sus
-    >>> figure = sus.draw(sus.template("single"))
-    """
-    from suspension_cli.drawing import draw as drawing
-    from suspension_cli.equilibrium.nominal import expand_nominal
-
-    with python_names():
-        tables = _design(design).design
-        return drawing.draw(tables, expand_nominal(tables))
-
-
 def animate(result: Result, mode: int | str, path: PathLike) -> Path:
     """Write one period of a mode as an animation (GIF) that repeats.
 

@@ -242,6 +242,7 @@ def stub() -> str:
         "",
         "from collections.abc import Mapping",
         "from pathlib import Path",
+        "from typing import Any",
         "",
         "from suspension_cli import api, errors",
         "from suspension_cli.analyses.analysis import Result as Result",

@@ -427,13 +427,13 @@ class Analysis(ABC):
             With the faults of the design or of a setting.
         """
 
-    @abstractmethod
     def document(self, result: Result) -> Document:
         """JSON document without its head (command, design, model, estimated error)."""
+        return {}
 
-    @abstractmethod
     def text(self, result: Result) -> str:
-        """Table or summary that the command prints."""
+        """Table or summary that the command prints; empty for a page or drawing."""
+        return ""
 
     def record_type(self) -> Any:
         """Import the class whose fields declare what is stored."""

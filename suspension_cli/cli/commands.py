@@ -9,7 +9,6 @@ import click
 from suspension_cli.conventions import ANALYSES
 
 OTHERS = {
-    "draw": "Draw a design to scale, from the side and from the front.",
     "new": "Start a design from a template or an example.",
     "import": "Convert a save of SUMCON (KAGRA's modeller) into a design.",
     "schema": "Print the JSON Schema of the design file.",

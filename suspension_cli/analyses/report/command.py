@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from suspension_cli.analyses import options
-from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings
+from suspension_cli.analyses.analysis import Analysis, Result, Run, Settings
 from suspension_cli.files.atomic import write_bytes
 
 
@@ -95,7 +95,7 @@ class ReportAnalysis(Analysis):
         from suspension_cli.analyses.report.solve import compose
         from suspension_cli.models.registry import Choice
 
-        return Result(self, run.source, Choice("all", ""), compose(run), command=run.command)
+        return Result(self, run.source, Choice("all", ""), compose(run))
 
     def path(self, result: Result, folder: Path) -> Path:
         """Path of the page."""
@@ -110,14 +110,6 @@ class ReportAnalysis(Analysis):
         path = Path(files["path"])
         write_bytes(path, result.data.encode(), key="path")
         return path
-
-    def document(self, result: Result) -> Document:
-        """Return nothing: all is in the page."""
-        return {}
-
-    def text(self, result: Result) -> str:
-        """Return nothing: all is in the page."""
-        return ""
 
 
 ANALYSIS = ReportAnalysis()
