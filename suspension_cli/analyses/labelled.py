@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.files.atomic import write_bytes
-from suspension_cli.files.declared import SI, fill_in
+from suspension_cli.files.declared import SI, fill_in, items
 from suspension_cli.files.hdf5 import in_memory, open_results
 from suspension_cli.files.stored import Variable, variables
 
@@ -37,7 +37,11 @@ def variables_of(result: Any) -> Iterator[dict[str, Variable]]:
     else:
         with in_memory() as file:
             result.analysis.fill(file, result)
-            yield variables(file[result.analysis.name])
+            found = variables(file[result.analysis.name])
+            heads = {path: path.partition("/")[0] for path in found}
+            declared = [item.key for item in items(result.analysis.record_type())]
+            order = [path for key in declared for path in found if heads[path] == key]
+            yield {path: found[path] for path in order} | found
 
 
 def to_xarray(result: Any) -> xarray.Dataset:
