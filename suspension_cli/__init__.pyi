@@ -1,6 +1,8 @@
 """The public API, for editors and type checkers; made by `make reference`."""
 
 from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
 from suspension_cli import api, errors
 from suspension_cli.analyses.analysis import Result as Result
@@ -72,7 +74,35 @@ def budget(
     >>> found.data[0].cause
     ('ground.x', 'ground.y', 'ground.z', 'thermal')
     """
-check = api.check
+
+def check(
+    design: Design | PathLike,
+) -> Result:
+    """Check a design, and list what its wires and blades carry.
+
+    Parameters
+    ----------
+    design : Design
+        The design, or the path of its file.
+
+    Returns
+    -------
+    Result
+        With the attributes of `analyses.check.solve.Check`: `stable`, `statics`, `warnings`, which
+        are Python warnings too.
+
+    Raises
+    ------
+    InputError
+        If the design does not balance, or an ``[analysis]`` table has faults.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> found = sus.check(sus.template("single"))
+    >>> found.stable, len(found.warnings), round(found.statics.wires[0].tension, 2)
+    (True, 0, 13.75)
+    """
 
 def compare(
     *items: Design | Result | PathLike,
@@ -179,7 +209,31 @@ def damp(
     >>> sus.damp(design, frequency=[1.0], duration=1.0, fidelity="string").stable
     True
     """
-draw = api.draw
+
+def draw(
+    design: Design | PathLike,
+) -> Any:
+    """Draw a design to scale, from the side and from the front, with its dimensions.
+
+    Parameters
+    ----------
+    design : Design
+        The design, or the path of its file.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    InputError
+        If the design does not balance.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> figure = sus.draw(sus.template("single"))
+    """
 example = api.example
 examples = api.examples
 
@@ -436,7 +490,63 @@ def optimise(
 parse = api.parse
 python_control = api.python_control
 read = api.read
-report = api.report
+
+def report(
+    design: Design | PathLike,
+    path: PathLike,
+    *,
+    sections: Names | None = None,
+    inputs: Names = (),
+    outputs: Names = (),
+    builds: int = 1000,
+    arm: float = 0.0,
+    mirrors: float = 1.0,
+    fidelity: str = 'auto',
+    tolerance: float = 0.001,
+) -> Path:
+    """Write one HTML file of a design with all its analyses, which opens without network.
+
+    Parameters
+    ----------
+    design : Design
+        The design, or the path of its file.
+    path : path
+        Of the file. Results files of the design in its folder are used where they save time.
+    sections : str or sequence of str, optional
+        Sections to include: drawing, numbers, check, modes, response, coupling, thermal, budget,
+        tolerance, damping. Default: all that the design has.
+    inputs : str or sequence of str
+        Input of the responses. Default: the support's x, y, z and yaw.
+    outputs : str or sequence of str
+        Output of the responses. Default: motions of the mirror.
+    builds : int
+        Number of random builds, unless a results file has the tolerances of this design.
+    arm : float
+        Observe x along the beam of an arm of this length (m), for example 4000.
+    mirrors : float
+        Add the powers of this many equal, independent suspensions: 4 for the difference of two
+        arms. A mirror whose motion counts twice counts as 4.
+    fidelity : {"auto", "closed-form", "force", "string", "beam", "violin"}
+        Model of bodies and wires; auto takes the cheapest that is accurate enough.
+    tolerance : float
+        Largest relative error of the result that fidelity="auto" accepts.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    InputError
+        If a section or signal does not exist, the design does not balance, or the file cannot be
+        written. Other errors are reported in the section concerned.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> sus.report(sus.example("double"), "double.html", sections="numbers")
+    PosixPath('double.html')
+    """
 
 def response(
     design: Design | PathLike,

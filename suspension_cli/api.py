@@ -22,11 +22,9 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.analyses import arguments, options, registry, settings
+from suspension_cli.analyses import arguments, registry, settings
 from suspension_cli.analyses import python_functions as convert
 from suspension_cli.analyses.analysis import Analysis, Log, Result, Run, Settings
-from suspension_cli.analyses.check.solve import Check
-from suspension_cli.analyses.check.solve import solve as solve_check
 from suspension_cli.analyses.python_functions import python_names
 from suspension_cli.conventions import ANALYSES
 from suspension_cli.design import paths, reader
@@ -364,57 +362,6 @@ def load(file: PathLike) -> Result:
     return dataclasses.replace(found, source=Design(**vars(found.source)))
 
 
-def check(design: Design) -> Check:
-    """Check the plausibility of a design, and compute what its wires and blades carry.
-
-    Warnings are those of ``pendsus check``; they are Python warnings too.
-
-    Parameters
-    ----------
-    design : Design
-
-    Raises
-    ------
-    InputError
-        If the design does not balance, or an ``[analysis]`` table has faults.
-
-    Examples
-    --------
-    >>> import suspension_cli as sus
-    >>> found = sus.check(sus.template("single"))
-    >>> found.stable, len(found.warnings), round(found.statics.wires[0].tension, 2)
-    (True, 0, 13.75)
-    """
-    with python_names():
-        found = solve_check(_design(design))
-    found.warn(Log())
-    return found
-
-
-def draw(design: Design) -> Any:
-    """Draw a design to scale, side on and face on, with its dimensions.
-
-    Parameters
-    ----------
-    design : Design
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
-    Examples
-    --------
-    >>> import suspension_cli as sus
-    >>> figure = sus.draw(sus.template("single"))
-    """
-    from suspension_cli.drawing import draw as drawing
-    from suspension_cli.equilibrium.nominal import expand_nominal
-
-    with python_names():
-        tables = _design(design).design
-        return drawing.draw(tables, expand_nominal(tables))
-
-
 def animate(result: Result, mode: int | str, path: PathLike) -> Path:
     """Write one period of a mode as an animation (GIF) that repeats.
 
@@ -551,74 +498,12 @@ def _state_space(result: object) -> Any:
     return result.data
 
 
-def report(
-    design: Design,
-    path: PathLike,
-    *,
-    sections: Names = (),
-    inputs: Names = (),
-    outputs: Names = (),
-    builds: int = 1000,
-    arm: float = 0.0,
-    mirrors: float = 1.0,
-    fidelity: str = "auto",
-    tolerance: float = 1e-3,
-) -> Path:
-    """Write one HTML file of a design with all its analyses, which opens without network.
-
-    Parameters
-    ----------
-    design : Design
-    path : path
-        Of the file. Results files of the design in its folder are used where they save time.
-    sections : str or sequence of str
-        ``"drawing"``, ``"numbers"``, ``"check"``, ``"modes"``, ``"response"``, ``"coupling"``,
-        ``"thermal"``, ``"budget"``, ``"tolerance"``, ``"damping"``; default: all.
-    inputs, outputs : str or sequences of str
-        Signals of the responses. Defaults: motions of the support and of the mirror.
-    builds : int
-        Imperfect builds of a design with tolerances.
-    arm, mirrors : float
-        As in `budget`, for thermal noise and motion by cause.
-    fidelity, tolerance
-        As in `modes`, for every analysis.
-
-    Returns
-    -------
-    Path
-
-    Raises
-    ------
-    InputError
-        If a section or signal does not exist, the design does not balance, or the file cannot be
-        written. Other errors are reported in the section concerned.
-
-    Examples
-    --------
-    >>> import suspension_cli as sus
-    >>> sus.report(sus.example("double"), "double.html", sections="numbers")
-    PosixPath('double.html')
-    """
-    from suspension_cli.analyses.report.composition import Request
-    from suspension_cli.analyses.report.solve import compose
-    from suspension_cli.files.atomic import write_bytes
-
-    chosen = arguments.items(sections, "sections")
-    given, path = locals(), Path(convert.path(path, "path"))
-    with python_names(options.REPORT):
-        setting = arguments.default_values(options.REPORT)
-        setting |= arguments.from_arguments("report", options.REPORT, given)
-        request = Request(**setting | {"sections": chosen, "folder": path.parent})
-        write_bytes(path, compose(_design(design), request, Log()).encode(), key="path")
-    return path
-
-
 def _design(value: object) -> Source:
     """Return a design, read from its file where a path is given."""
     return read(value) if isinstance(value, PathLike) else convert.design(value)
 
 
-def _function(name: str) -> Callable[..., Result]:
+def _function(name: str) -> Callable[..., Any]:
     """Make the function of an analysis from the record of its command."""
     analysis = registry.get(name)
 
@@ -631,7 +516,7 @@ def _function(name: str) -> Callable[..., Result]:
     return call
 
 
-def _run(analysis: Analysis, named: Settings) -> Result:
+def _run(analysis: Analysis, named: Settings) -> Any:
     """Run an analysis with the arguments of its function."""
     name = analysis.name
     folder = named.get("folder")
@@ -658,12 +543,12 @@ def _run(analysis: Analysis, named: Settings) -> Result:
     result = None
     try:
         with python_names(analysis.parameters):
-            run = analysis.read(ask, analysis.files(files))[0]
+            run = analysis.read(ask, analysis.files(files))
             with run.faults():
                 result = analysis.solve(run)
         if folder is None and result.file is not None:
-            return dataclasses.replace(result, holder=_TemporaryFolder(place))
-        return result
+            result = dataclasses.replace(result, holder=_TemporaryFolder(place))
+        return analysis.returned(result, files)
     finally:
         if folder is None and (result is None or result.file is None):
             shutil.rmtree(place)

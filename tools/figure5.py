@@ -15,8 +15,8 @@ from suspension_cli.drawing.labels import label_peaks
 from suspension_cli.drawing.panels import HEAD, PEAKS, set_margins, write_heading
 from suspension_cli.drawing.scales import label_plainly, rule
 from suspension_cli.drawing.style import NOTE, PALETTE, house_style, new_figure, save
-from suspension_cli.files.declared import pack
-from suspension_cli.files.hdf5 import Provenance, write, write_contents
+from suspension_cli.files import stored
+from suspension_cli.files.hdf5 import Provenance, write
 from suspension_cli.linear import eigenmodes, response, signals
 from suspension_cli.models import registry
 from tools.tables import PAPER, ROOT
@@ -129,7 +129,7 @@ def main() -> None:
     write(
         folder / "figure5.h5",
         origin,
-        lambda file: write_contents(file.create_group("response"), pack(answer)),
+        lambda file: stored.write(file.create_group("response"), answer),
     )
     with house_style():
         save(draw(answer, found), folder / "figure5.png")

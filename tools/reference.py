@@ -241,6 +241,8 @@ def stub() -> str:
         '"""The public API, for editors and type checkers; made by `make reference`."""',
         "",
         "from collections.abc import Mapping",
+        "from pathlib import Path",
+        "from typing import Any",
         "",
         "from suspension_cli import api, errors",
         "from suspension_cli.analyses.analysis import Result as Result",
@@ -261,7 +263,11 @@ def stub() -> str:
                 given = "" if each.default is each.empty else f" = {each.default!r}"
                 lines.append(f"    {star}{each.name}: {each.annotation}{given},")
             text = textwrap.indent(inspect.getdoc(function) or "", "    ")
-            lines += [") -> Result:", f'    """{text.strip()}', '    """']
+            lines += [
+                f") -> {inspect.signature(function).return_annotation}:",
+                f'    """{text.strip()}',
+                '    """',
+            ]
         elif not name.startswith("_") and name not in ("Result", "Design"):
             lines.append(f"{name} = {'errors' if hasattr(errors, name) else 'api'}.{name}")
     return re.sub(r"[ \t]+\n", "\n", "\n".join(lines)) + "\n"

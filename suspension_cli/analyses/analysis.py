@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
     from suspension_cli.design.reader import Source
     from suspension_cli.design.schema import Design
-    from suspension_cli.files.declared import Contents
     from suspension_cli.files.hdf5 import Provenance
     from suspension_cli.linear.eigenmodes import Modes
     from suspension_cli.linear.system import LinearSystem
@@ -84,6 +83,38 @@ class Log:
         yield lambda _done, _count, _rate: None
 
 
+class RelayedLog(Log):
+    """Log of an analysis that another one runs: passes each warning on once, and keeps them."""
+
+    def __init__(self, outer: Log) -> None:
+        self.outer = outer
+        self.lines: list[str] = []
+        self.passed: set[str] = set()
+
+    def warn(self, text: str) -> None:
+        """Keep a warning."""
+        if text not in self.lines:
+            self.lines.append(text)
+        if text not in self.passed:
+            self.passed.add(text)
+            self.outer.warn(text)
+
+    def detail(self, text: str) -> None:
+        """Pass on a detail."""
+        self.outer.detail(text)
+
+    @contextlib.contextmanager
+    def progress(self) -> Iterator[Progress]:
+        """Show the progress of a long computation."""
+        with self.outer.progress() as bar:
+            yield bar
+
+    def take(self) -> list[str]:
+        """Return the warnings since the last call."""
+        lines, self.lines = self.lines, []
+        return lines
+
+
 class Sourced:
     """What has a design; `source` has its TOML text and the name of its file."""
 
@@ -130,32 +161,8 @@ class Run(Sourced):
         return attribute_faults_to(self.source.file)
 
 
-class Report(Sourced, ABC):
-    """Findings about a design, as a JSON document and as text."""
-
-    @property
-    def title(self) -> str:
-        """Title of the design, or its name."""
-        return self.design.design.title or self.name
-
-    @abstractmethod
-    def document(self) -> Document:
-        """Return the JSON document that ``pendsus ... --json`` prints."""
-
-    @abstractmethod
-    def __str__(self) -> str: ...
-
-    def __repr__(self) -> str:
-        return f"<pendsus {type(self).__name__.lower()} of {self.name}>"
-
-    def _repr_html_(self) -> str:
-        import html
-
-        return f"<pre>{html.escape(str(self))}</pre>"
-
-
 @dataclasses.dataclass(frozen=True, eq=False)
-class Result(Report):
+class Result(Sourced):
     """Result of an analysis, with its design and its model.
 
     A result is equal to itself alone; compare two by their arrays or by `document`.
@@ -214,6 +221,11 @@ class Result(Report):
 
     def __dir__(self) -> list[str]:
         return sorted({*super().__dir__(), *(n for n in dir(self._only) if n[0] != "_")})
+
+    @property
+    def title(self) -> str:
+        """Title of the design, or its name."""
+        return self.design.design.title or self.name
 
     @property
     def model(self) -> str:
@@ -340,6 +352,11 @@ class Result(Report):
         model = f", {self.model} model" if self.analysis.has_model else ""
         return f"<pendsus {self.analysis.name} of {self.name}{model}>"
 
+    def _repr_html_(self) -> str:
+        import html
+
+        return f"<pre>{html.escape(str(self))}</pre>"
+
 
 def _stamp(file: Path | None) -> tuple[int, ...]:
     """Identify a file as it is now; empty if there is none."""
@@ -367,6 +384,8 @@ class Analysis(ABC):
         Click's arguments and options; the latter are arguments of the Python function too.
     inputs : tuple
         What the Python function takes in place of `arguments`.
+    returns : str
+        Type of what it returns.
     drawn_with : tuple
         The options that pictures depend on.
     fills_file : bool
@@ -384,6 +403,7 @@ class Analysis(ABC):
     has_file: ClassVar[bool] = True
     arguments: ClassVar[tuple[click.Argument, ...]] = ()
     inputs: ClassVar[tuple[Input, ...]] = (Input(),)
+    returns: ClassVar[str] = "Result"
     parameters: ClassVar[tuple[click.Parameter, ...]] = ()
     drawn_with: ClassVar[tuple[click.Parameter, ...]] = ()
 
@@ -407,42 +427,35 @@ class Analysis(ABC):
             With the faults of the design or of a setting.
         """
 
-    @abstractmethod
     def document(self, result: Result) -> Document:
         """JSON document without its head (command, design, model, estimated error)."""
+        return {}
 
-    @abstractmethod
     def text(self, result: Result) -> str:
-        """Table or summary that the command prints."""
+        """Table or summary that the command prints; empty for a page or drawing."""
+        return ""
 
     def record_type(self) -> Any:
         """Import the class whose fields declare what is stored."""
         module, _, name = self.result_type.rpartition(".")
         return getattr(importlib.import_module(f"suspension_cli.{module}"), name)
 
-    def contents(self, result: Result) -> Contents:
-        """Return the arrays and attributes that are stored for a result."""
-        from suspension_cli.files.declared import pack
+    def fill(self, file: h5py.File, result: Result) -> None:
+        """Write the result into a group of the open results file."""
+        from suspension_cli.files import stored
 
         if not self.has_file:
             remedy = "print it, or take document()"
             raise InputError.of("", f"{self.name} has no results file", remedy)
-        return pack(result.data)
-
-    def fill(self, file: h5py.File, result: Result) -> None:
-        """Write the result into a group of the open results file."""
-        from suspension_cli.files.hdf5 import write_contents
-
-        write_contents(file.create_group(self.name), self.contents(result))
+        stored.write(file.create_group(self.name), result.data)
 
     def load(self, file: h5py.File) -> object:
         """Read `Result.data` from an open results file."""
-        from suspension_cli.files.declared import items, unpack, unpack_list
-        from suspension_cli.files.hdf5 import read_contents
+        from suspension_cli.files import declared, stored
 
-        kind, contents = self.record_type(), read_contents(file[self.name])
-        is_list = any(item.each for item in items(kind))
-        return unpack_list(kind, contents) if is_list else unpack(kind, contents)
+        kind = self.record_type()
+        is_list = any(item.each for item in declared.items(kind))
+        return (stored.read_list if is_list else stored.read)(file[self.name], kind)
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw the pictures: the end of each file name (before its ending), and the figure."""
@@ -511,9 +524,16 @@ class Analysis(ABC):
         """Values of `arguments` for those of `inputs`."""
         return inputs
 
-    def read(self, ask: Callable[..., Run], files: Settings) -> Sequence[Run]:
-        """Read the files that the arguments name, each design by ``ask(file, overrides=())``."""
-        return [ask(files["design"])]
+    def read(self, ask: Callable[..., Run], files: Settings) -> Run:
+        """Read the files that the arguments name, each design by ``ask(file, overrides=())``.
+
+        Of several designs each is read, and computed, alone.
+        """
+        return ask(files["design"])
+
+    def returned(self, result: Result, files: Settings) -> Any:
+        """What the Python function returns."""
+        return result
 
 
 def plain(values: Any) -> Any:
@@ -577,22 +597,6 @@ def name_mirrors(result: Result, tilt: float = 0.0) -> str:
 def only_one(values: list[Document], name: str) -> Document:
     """The only one of several documents, or all of them under `name`."""
     return values[0] if len(values) == 1 else {name: values}
-
-
-def reading_all(ask: Callable[..., Run], files: Sequence[str]) -> list[Run]:
-    """Read several designs; report at once the faults of all, and equal names."""
-    from suspension_cli.errors import join_errors
-
-    runs, errors = [], []
-    for file in files:
-        try:
-            runs.append(ask(file))
-        except InputError as error:
-            errors.append(error)
-    if errors:
-        raise join_errors(errors)
-    demand_distinct_names([run.source for run in runs])
-    return runs
 
 
 def demand_distinct_names(sources: Sequence[Source]) -> None:

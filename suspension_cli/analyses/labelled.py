@@ -19,22 +19,29 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.files.atomic import write_bytes
-from suspension_cli.files.declared import SI, Contents, Variable, fill_in
-from suspension_cli.files.hdf5 import open_results, read_contents
+from suspension_cli.files.declared import SI, fill_in, items
+from suspension_cli.files.hdf5 import in_memory, open_results
+from suspension_cli.files.stored import Variable, variables
 
 if TYPE_CHECKING:
     import xarray
 
 
 @contextlib.contextmanager
-def contents_of(result: Any) -> Iterator[Contents]:
-    """Open the contents of an `analysis.Result`: of its file, or as its file would have them."""
+def variables_of(result: Any) -> Iterator[dict[str, Variable]]:
+    """Open the arrays of an `analysis.Result`: of its file, or as its file would have them."""
     stored = result.stored_file()
     if stored is not None:
         with open_results(stored) as file:
-            yield read_contents(file[result.analysis.name])
+            yield variables(file[result.analysis.name])
     else:
-        yield result.analysis.contents(result)
+        with in_memory() as file:
+            result.analysis.fill(file, result)
+            found = variables(file[result.analysis.name])
+            heads = {path: path.partition("/")[0] for path in found}
+            declared = [item.key for item in items(result.analysis.record_type())]
+            order = [path for key in declared for path in found if heads[path] == key]
+            yield {path: found[path] for path in order} | found
 
 
 def to_xarray(result: Any) -> xarray.Dataset:
@@ -45,19 +52,19 @@ def to_xarray(result: Any) -> xarray.Dataset:
     """
     import xarray  # pyright: ignore[reportMissingImports]
 
-    variables = {}
-    with contents_of(result) as contents:
-        for path, one in contents.variables.items():
+    arrays = {}
+    with variables_of(result) as found:
+        for path, one in found.items():
             attributes = {} if one.is_text or one.unit == SI else {"units": one.unit}
             if "{" in one.unit:
                 attributes = {"units_in": one.unit}
-            variables[_dotted(path)] = ([*map(_dotted, one.dims)], one.read(), attributes)
+            arrays[_dotted(path)] = ([*map(_dotted, one.dims)], one.read(), attributes)
     about = {
         "design": result.name,
         "model": result.model,
         "estimated_error": result.estimated_error,
     }
-    return xarray.Dataset(variables, attrs=about)
+    return xarray.Dataset(arrays, attrs=about)
 
 
 def _dotted(path: str) -> str:
@@ -71,8 +78,8 @@ def write_csv(result: Any, path: Path) -> list[Path]:
     For the results file NAME.h5 (`path`), the main results go to NAME.csv; arrays with other rows
     get files of their own, NAME-ROWS.csv.
     """
-    with contents_of(result) as contents:
-        found = dict(_tables(contents))
+    with variables_of(result) as arrays:
+        found = dict(_tables(arrays))
     paths = []
     for n, (rows, text) in enumerate(found.items()):
         stem = f"{path.stem}-{rows}" if n else path.stem
@@ -82,9 +89,8 @@ def write_csv(result: Any, path: Path) -> list[Path]:
     return paths
 
 
-def _tables(contents: Contents) -> Iterator[tuple[str, str]]:
+def _tables(variables: dict[str, Variable]) -> Iterator[tuple[str, str]]:
     """Yield the rows of each table (for the name of its file) and its text."""
-    variables = contents.variables
     tables: dict[tuple[str, tuple[str, ...]], list[str]] = {}
     for path, one in variables.items():
         if one.dims == (path,) or not one.data.size:

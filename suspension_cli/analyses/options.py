@@ -294,25 +294,3 @@ SWEEP = (
 """Options of the computation of a sweep."""
 WRITING = (OVERRIDES, OUT, NAME, FIDELITY, AS_JSON, CSV, PLOT, FORMAT, QUIET, VERBOSE)
 """Options of every analysis that writes a results file and a picture."""
-REPORT = (
-    option(
-        "--sections",
-        metavar="NAME,...",
-        help=(
-            "Sections to include: drawing, numbers, check, modes, response, coupling, thermal,"
-            " budget, tolerance, damping.  [default: all that the design has]"
-        ),
-    ),
-    signals("input", "Input of the responses", "the support's x, y, z and yaw"),
-    signals("output", "Output of the responses", "motions of the mirror"),
-    option(
-        "--builds",
-        type=click.IntRange(100, 1_000_000),
-        default=1000,
-        help="Number of random builds, unless a results file has the tolerances of this design.",
-    ),
-    *BEAM,
-    FIDELITY,
-    ACCURACY,
-)
-"""Options of the contents of `pendsus report`."""

@@ -33,6 +33,7 @@ class Declared(Protocol):
 
     name: ClassVar[str]
     inputs: ClassVar[tuple[options.Input, ...]]
+    returns: ClassVar[str]
     parameters: ClassVar[tuple[click.Parameter, ...]]
     fills_file: ClassVar[bool]
 
@@ -138,14 +139,15 @@ def _filled(text: str) -> str:
 def describe(function: Callable[..., Any], analysis: Declared) -> None:
     """Give the function of an analysis its name, signature and docstring."""
     listed = arguments(analysis)
-    signature = inspect.Signature([one.parameter for one in listed], return_annotation="Result")
+    parameters = [one.parameter for one in listed]
+    signature = inspect.Signature(parameters, return_annotation=analysis.returns)
     annotations = {name: one.annotation for name, one in signature.parameters.items()}
     text = inspect.cleandoc(str(type(analysis).__doc__))
     head, sections = text.split("\n\n", 1)[0], text[text.index("\nReturns\n-") :]
     described = "\n".join(one.description for one in listed)
     function.__doc__ = f"{head}\n\nParameters\n----------\n{described}\n{sections}\n"
     function.__name__ = function.__qualname__ = analysis.name
-    function.__annotations__ = annotations | {"return": "Result"}
+    function.__annotations__ = annotations | {"return": analysis.returns}
     vars(function)["__signature__"] = signature
 
 

@@ -40,7 +40,7 @@ def loaded(file: h5py.File, name: str) -> Result:
     text = str(file.attrs["design"])
     found = next((group for group in GROUPS if group in file), None)
     if found is None:
-        remedy = f"name a file of pendsus {', '.join(ANALYSES)}"
+        remedy = f"name a file of pendsus {', '.join(n for n in ANALYSES if get(n).result_type)}"
         raise InputError([Fault("", "holds no result of an analysis", remedy)], name)
     analysis = get(found)
     choice = Choice(

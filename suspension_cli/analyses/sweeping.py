@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-from functools import partial
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options
@@ -11,15 +10,14 @@ from suspension_cli.analyses.analysis import Analysis, Result, Run
 from suspension_cli.errors import Interrupted, escape_unprintable
 from suspension_cli.files.atomic import target, writing_to
 from suspension_cli.files.existing import replacing
-from suspension_cli.files.hdf5 import Provenance, open_results, write_contents
+from suspension_cli.files.hdf5 import Provenance, open_results
 from suspension_cli.studies.cluster import describe_exposure
 from suspension_cli.studies.run import run as compute
 
 if TYPE_CHECKING:
-    from suspension_cli.files.declared import Contents
     from suspension_cli.models.registry import Choice
     from suspension_cli.studies.job import Job
-    from suspension_cli.studies.sweep_file import After
+    from suspension_cli.studies.sweep_file import After, Fill
 
 UNRECORDED = {
     name: 0 if one.is_flag else 1
@@ -55,12 +53,12 @@ def fill(
     analysis: Analysis,
     job: Job,
     choice: Choice,
-    described: Contents,
+    describe: Fill,
     after: After | None = None,
 ) -> Result:
     """Compute all points of a job into the results file, and read the result from there.
 
-    `described` is the contents of the analysis's group but for the columns. `after` completes the
+    `describe` writes what the analysis's group has besides the columns. `after` completes the
     file when it has all points. Raises `Interrupted` after Ctrl-C; the message says how to
     continue.
     """
@@ -81,8 +79,7 @@ def fill(
     try:
         with replacing(path, run.source.text, run.log.say), run.log.progress() as progress:
             how = {name: setting[name] for name in ("workers", "scheduler", "chunk", "resume")}
-            put = partial(write_contents, contents=described)
-            compute(job, path, analysis.name, origin, put, after, progress=progress, **how)
+            compute(job, path, analysis.name, origin, describe, after, progress=progress, **how)
     except KeyboardInterrupt:
         part = path.with_name(f"{path.name}.part")
         kept = f"; finished points are in {part}; --resume continues" if part.exists() else ""

@@ -9,9 +9,6 @@ import click
 from suspension_cli.conventions import ANALYSES
 
 OTHERS = {
-    "check": "Check designs and list what their wires carry.",
-    "draw": "Draw a design to scale, from the side and from the front.",
-    "report": "Write one HTML file of a design with all its analyses.",
     "new": "Start a design from a template or an example.",
     "import": "Convert a save of SUMCON (KAGRA's modeller) into a design.",
     "schema": "Print the JSON Schema of the design file.",

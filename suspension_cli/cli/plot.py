@@ -116,7 +116,7 @@ def _compared(files: tuple[str, ...]) -> Result:
     def ask(source: Source, _overrides: tuple[str, ...] = ()) -> Run:
         return Run(source, settings.defaults(analysis, {}), Log(), Path(), "pendsus plot")
 
-    return analysis.solve(analysis.read(ask, {"items": files})[0])
+    return analysis.solve(analysis.read(ask, {"items": files}))
 
 
 def _limits(option: str, text: str | None) -> tuple[float, float] | None:

@@ -4,17 +4,23 @@ from __future__ import annotations
 
 import inspect
 import sys
+from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import click
 
 from suspension_cli.analyses import settings
-from suspension_cli.analyses.analysis import Analysis, Result, Run
+from suspension_cli.analyses.analysis import Analysis, Result, Run, demand_distinct_names
 from suspension_cli.cli import terminal
+from suspension_cli.errors import InputError, join_errors
 
 if TYPE_CHECKING:
     from suspension_cli.design.reader import Source
+
+Item = TypeVar("Item")
+Found = TypeVar("Found")
 
 
 class Command(click.Command):
@@ -44,7 +50,11 @@ def command(analysis: Analysis) -> click.Command:
 
 
 def run(analysis: Analysis, ctx: click.Context) -> None:
-    """Run an analysis with the options of its command."""
+    """Run an analysis with the options of its command.
+
+    Several designs are computed one by one, and the faults of all are reported at once. If there
+    are any, no file is written; an analysis without files still prints its other findings.
+    """
     from suspension_cli.design.reader import Source, read
 
     given = ctx.params
@@ -60,19 +70,42 @@ def run(analysis: Analysis, ctx: click.Context) -> None:
         setting, folder = settings.merge(analysis, source, typed), Path(given.get("out", ""))
         return Run(source, setting, voice, folder, settings.command_line(sys.argv))
 
-    results: list[Result] = []
-    runs = analysis.read(ask, files)
-    for one in runs:
+    def solve(one: Run) -> tuple[Run, Result]:
         with one.faults():
-            results.append(analysis.solve(one))
-    for number, (one, result) in enumerate(zip(runs, results, strict=True)):
+            return one, analysis.solve(one)
+
+    errors: list[InputError] = []
+    as_json = given.get("as_json", False)
+    each = [{"design": file} for file in files["designs"]] if "designs" in files else [files]
+    runs = _collect(partial(analysis.read, ask), each, errors)
+    if analysis.has_file and not errors:
+        demand_distinct_names([one.source for one in runs])
+    solved = [] if errors and analysis.has_file else _collect(solve, runs, errors)
+    if errors and (analysis.has_file or as_json):
+        raise join_errors(errors)
+    for number, (one, result) in enumerate(solved):
         if analysis.has_file:
             write(one, result, voice)
-        if not given["as_json"]:
-            terminal.put(("\n" if number else "") + str(result))
-    if given["as_json"]:
-        terminal.put_documents(results)
-    ctx.exit(max(result.analysis.exit_code(result) for result in results))
+        if not as_json and (text := str(result)):
+            terminal.put("\n" * (number > 0 and analysis.has_file) + text)
+    if errors:
+        raise join_errors(errors)
+    if as_json:
+        terminal.put_documents([result for _, result in solved])
+    ctx.exit(max(analysis.exit_code(result) for _, result in solved))
+
+
+def _collect(
+    function: Callable[[Item], Found], items: Iterable[Item], errors: list[InputError]
+) -> list[Found]:
+    """Return what a function makes of each item, and collect the errors of the others."""
+    found = []
+    for item in items:
+        try:
+            found.append(function(item))
+        except InputError as error:
+            errors.append(error)
+    return found
 
 
 def write(run: Run, result: Result, voice: terminal.Voice) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 
 import click
 
-from suspension_cli.analyses.analysis import Log, Progress, Report
+from suspension_cli.analyses.analysis import Log, Progress, Result
 from suspension_cli.cli.progress import Bar
 
 
@@ -26,7 +26,7 @@ def put(text: str) -> None:
     click.echo("\n".join(map(escape_unprintable, text.split("\n"))))
 
 
-def put_documents(found: Sequence[Report]) -> None:
+def put_documents(found: Sequence[Result]) -> None:
     """Print the JSON document of one result, or the list of those of several, on stdout."""
     documents = [one.document() for one in found]
     click.echo(json.dumps(documents[0] if len(documents) == 1 else documents))

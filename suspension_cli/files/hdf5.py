@@ -20,7 +20,6 @@ import numpy as np
 
 from suspension_cli.errors import InputError, attribute_faults_to, format_value, one_line
 from suspension_cli.files.atomic import write_bytes
-from suspension_cli.files.declared import Contents, Variable
 from suspension_cli.version import __version__
 
 if TYPE_CHECKING:
@@ -70,12 +69,17 @@ def write(path: Path, origin: Provenance, fill: Callable[[h5py.File], None]) -> 
     fill
         Adds the group of the analysis to the open file.
     """
-    with h5py.File("memory", "w", driver="core", backing_store=False) as file:
+    with in_memory() as file:
         write_root_attributes(file, origin)
         fill(file)
         file.flush()
         image = file.id.get_file_image()
     write_bytes(path, image)
+
+
+def in_memory() -> h5py.File:
+    """Make a file that is never written to disk."""
+    return h5py.File("memory", "w", driver="core", backing_store=False)
 
 
 def write_root_attributes(file: h5py.File, origin: Provenance) -> None:
@@ -136,44 +140,6 @@ def open_data(path: str | Path) -> Iterator[h5py.File]:
         if problem := _unsafe(file, links=True):
             raise InputError.of("", problem, remedy)
         yield file
-
-
-def write_contents(group: h5py.Group, contents: Contents) -> None:
-    """Write arrays with their units and scales, and attributes, into a group."""
-    variables = contents.variables
-    for path, variable in sorted(variables.items(), key=lambda item: item[1].dims != (item[0],)):
-        if variable.dims == (path,):
-            add_dataset(group, path, variable.data, variable.unit).make_scale(path.split("/")[-1])
-        else:
-            axes: list[Stored] = [group[dim] for dim in variable.dims]
-            add_dataset(group, path, variable.data, variable.unit, *axes)
-    for path, value in contents.attributes.items():
-        home, _, name = path.rpartition("/")
-        (group.require_group(home) if home else group).attrs[name] = value
-
-
-def read_contents(group: Stored) -> Contents:
-    """List the arrays and attributes of a group; arrays are read when they are needed."""
-    start = len(str(group.name)) + 1
-    contents = Contents(attributes=dict(group.attrs))
-
-    def add(path: str, item: Stored) -> None:
-        if isinstance(item, h5py.Group):
-            contents.attributes.update({f"{path}/{name}": item.attrs[name] for name in item.attrs})
-            return
-        scales = [axis[0] if len(axis) else None for axis in item.dims]
-        for size, scale in zip(item.shape, scales, strict=True):
-            if scale is not None and scale.size != size:
-                raise ValueError(f"{path} has {size} values where its axis has {scale.size}")
-        dims = [
-            f"{path}_{n}" if scale is None else str(scale.name)[start:]
-            for n, scale in enumerate(scales)
-        ]
-        dims = [path] if item.is_scale else dims
-        contents.variables[path] = Variable(tuple(dims), item, str(item.attrs.get("units", "")))
-
-    group.visititems(add)
-    return contents
 
 
 def is_results_file(path: str | Path) -> bool:

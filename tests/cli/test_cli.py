@@ -447,6 +447,16 @@ def test_new_makes_a_name_of_any_file_name(tmp_path):
     )
 
 
+def test_check_prints_good_designs_beside_faults(tmp_path):
+    good, bad = from_template(tmp_path, "blades"), tmp_path / "bad.toml"
+    bad.write_text("[design]\n")
+    done = run("check", bad, good, tmp_path / "missing.toml")
+    assert done.exit_code == 2 and done.stdout.startswith(f"{good}: good; ")
+    assert [line.split(": ")[0] for line in done.stderr.splitlines()][-1].endswith("missing.toml")
+    assert str(bad) in done.stderr
+    assert run("check", bad, good, "--json").stdout == ""
+
+
 def test_check_as_json(tmp_path):
     file = from_template(tmp_path, "blades")
     result = run("check", file, "--json")

@@ -126,3 +126,11 @@ def test_a_drawing_has_no_axes(folder, tmp_path):
     stored = tmp_path / "single-modes.h5"
     done = run("plot", stored, "--x", "1:2", "--out", tmp_path / "out")
     assert_refused(done, stored, tmp_path / "out")
+
+
+def test_the_main_table_is_that_declared_first(tmp_path):
+    design = sus.example("triple-damped")
+    found = sus.damp(design, frequency=[1.0, 2.0], duration=1.0, fidelity="string")
+    found.save(tmp_path / "d.csv")
+    assert (tmp_path / "d.csv").read_text().startswith("time (s),impulse")
+    assert (tmp_path / "d-frequency.csv").read_text().startswith("frequency (Hz)")

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import suspension_cli as sus
-from suspension_cli.files import hdf5
+from suspension_cli.files import stored
 from suspension_cli.files.declared import (
     ATTRIBUTE,
     AXES,
@@ -21,9 +21,7 @@ from suspension_cli.files.declared import (
     along,
     derived,
     in_unit,
-    pack,
     scale_of,
-    unpack,
 )
 from suspension_cli.studies.job import Axis
 from tests.support.designs import TEXTS
@@ -101,9 +99,9 @@ def everything(units=("m", "rad"), **change) -> Everything:
     return replace(made, **change)
 
 
-def stored(record):
+def written(record):
     file = h5py.File(io.BytesIO(), "w")
-    hdf5.write_contents(file.create_group("group"), pack(record))
+    stored.write(file.create_group("group"), record)
     return file["group"]
 
 
@@ -121,17 +119,14 @@ EMPTY = {
 @pytest.mark.parametrize("change", [{}, EMPTY], ids=["full", "empty"])
 def test_a_record_is_read_as_it_was_stored(change):
     record = everything(**change)
-    group = stored(record)
-    again = unpack(Everything, hdf5.read_contents(group))
+    group = written(record)
+    again = stored.read(group, Everything)
     assert again.hidden == 0 and repr(replace(again, hidden=7)) == repr(record)
-    first, second = pack(record), hdf5.read_contents(group)
-    assert {path: (one.dims, one.unit) for path, one in first.variables.items()} == {
-        path: (one.dims, one.unit) for path, one in second.variables.items()
-    }
+    assert repr(stored.read(written(again), Everything)) == repr(again)
 
 
 def test_names_scales_and_units():
-    group = stored(everything())
+    group = written(everything())
     assert [axis.label for axis in group["value"].dims] == ["k", "stage.a_b_c.wires.l", "output"]
     assert group["output"].is_scale and group["output"].asstr()[0] == "test.x"
     assert group["mode"][:].tolist() == [1, 2, 3]
@@ -140,7 +135,7 @@ def test_names_scales_and_units():
     assert group["curve/3/value"].attrs["units"] == "rad/Hz^0.5"
     assert sorted(group["curve"]) == ["2", "3"]
     assert group["stage.a_b_c.wires.l"].attrs["units"] == "m" and group["k"].attrs["units"] == "1"
-    equal = stored(everything(units=("m/s", "m/s")))
+    equal = written(everything(units=("m/s", "m/s")))
     assert equal["value"].attrs["units"] == "(m/s)^2"
     assert equal["root"].attrs["units"] == "m/s"
 
@@ -164,6 +159,7 @@ DAMAGE = {
     "columns": (replaced("known", np.array([True])), "known has 1 values where row has 2"),
     "attribute": (lambda group: group.attrs.__setitem__("count", 1.5), "count is not of type int"),
     "missing": (lambda group: group.attrs.pop("title"), "title"),
+    "no group": (replaced("largest", np.zeros(2)), "largest is no group"),
     "no dataset": (lambda group: group.pop("free"), "free"),
 }
 
@@ -171,10 +167,10 @@ DAMAGE = {
 @pytest.mark.parametrize("kind", DAMAGE)
 def test_what_does_not_fit_the_declaration_is_refused(kind):
     change, message = DAMAGE[kind]
-    group = stored(everything())
+    group = written(everything())
     change(group)
     with pytest.raises((ValueError, KeyError), match=message):
-        unpack(Everything, hdf5.read_contents(group))
+        stored.read(group, Everything)
 
 
 UNIT = r"(?:[A-Za-z%]+|1|[\^/ ().-]|\d)+"

@@ -1,1 +1,1 @@
-"""Statics, limits of validity and plausibility of designs."""
+"""Check a design, and list what its wires carry."""

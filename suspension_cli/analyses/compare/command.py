@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -87,14 +87,14 @@ class CompareAnalysis(Analysis):
         *options.WRITING,
     )
 
-    def read(self, ask: Callable[..., Run], files: Settings) -> Sequence[Run]:
+    def read(self, ask: Callable[..., Run], files: Settings) -> Run:
         """Read all items for one run, whose options come from the first design."""
         from suspension_cli.analyses.compare import items
 
         found = items.read(ask, files["items"])
         first = next(item for item in found if item.source is not None)
         run = first.run or ask(first.source)
-        return [dataclasses.replace(run, inputs={"items": found})]
+        return dataclasses.replace(run, inputs={"items": found})
 
     def solve(self, run: Run) -> Result:
         """Analyse the designs and compare all items."""

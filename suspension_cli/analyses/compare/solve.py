@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.analyses import registry, settings
-from suspension_cli.analyses.analysis import Document, Log, Result, Run
+from suspension_cli.analyses.analysis import Document, RelayedLog, Result, Run
 from suspension_cli.analyses.compare.items import Curve, Item, Quantity, curves_of
 from suspension_cli.design.derive import mirror
 from suspension_cli.design.measured import Mode
@@ -119,18 +119,6 @@ class Comparison:
         )
 
 
-class _WarningsOnce(Log):
-    """Log that prints only warnings, each once."""
-
-    def __init__(self, log: Log) -> None:
-        self.log, self.seen = log, set[str]()
-
-    def warn(self, text: str) -> None:
-        if text not in self.seen:
-            self.seen.add(text)
-            self.log.warn(text)
-
-
 class _Analyses:
     """Results of analyses by item: those read from files, and those computed for designs.
 
@@ -138,7 +126,7 @@ class _Analyses:
     """
 
     def __init__(self, items: Sequence[Item], run: Run) -> None:
-        self.items, self.setting, self.log = items, run.setting, _WarningsOnce(run.log)
+        self.items, self.setting, self.log = items, run.setting, RelayedLog(run.log)
         self.choices = [[item.result.choice] if item.result else [] for item in items]
 
     def compute(self, name: str, **given: object) -> dict[int, Result]:

@@ -13,8 +13,9 @@ from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, as
 from suspension_cli.analyses.options import option
 
 if TYPE_CHECKING:
+    import h5py
+
     from suspension_cli.analyses.export.solve import Exported
-    from suspension_cli.files.declared import Contents
 
 FORMATS = ("mat", "npz", "hdf5", "zpk", "control", "finesse")
 """Keys of `file.FORMATS`, which is not imported just to print help."""
@@ -196,7 +197,7 @@ class ExportAnalysis(Analysis):
         stored.FORMATS[form].write(path, result.data, result.provenance)
         result.extra.update(format=form, file=str(path))  # what document() returns
 
-    def contents(self, result: Result) -> Contents:
+    def fill(self, file: h5py.File, result: Result) -> None:
         """Refuse: a state space has no labelled arrays."""
         from suspension_cli.errors import Fault, InputError
 

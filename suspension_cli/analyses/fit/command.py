@@ -112,7 +112,7 @@ class FitAnalysis(Analysis):
         designs = () if inputs["design"] is None else (inputs["design"],)
         return {"files": (*designs, inputs["measured"])}
 
-    def read(self, ask: Callable[..., Run], files: Settings) -> Sequence[Run]:
+    def read(self, ask: Callable[..., Run], files: Settings) -> Run:
         """Read the measurements and all designs; the first design gives default options."""
         from suspension_cli.design import measured, reader
         from suspension_cli.measurements import read as read_measured
@@ -128,7 +128,7 @@ class FitAnalysis(Analysis):
         if given.transfer_function:
             functions = read_measured.read_all(given, file)
             inputs["functions"] = _weighted(functions, runs[0].setting["relative_uncertainty"])
-        return [dataclasses.replace(runs[0], inputs=inputs)]
+        return dataclasses.replace(runs[0], inputs=inputs)
 
     def solve(self, run: Run) -> Result:
         """Fit all designs together."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import click
@@ -17,7 +17,6 @@ from suspension_cli.analyses.analysis import (
     Run,
     Settings,
     as_number,
-    reading_all,
 )
 from suspension_cli.analyses.options import option
 from suspension_cli.errors import Fault, InputError
@@ -111,14 +110,6 @@ class ModesAnalysis(Analysis):
         options.ACCURACY,
         *options.WRITING,
     )
-
-    def files(self, inputs: Settings) -> Settings:
-        """One design."""
-        return {"designs": (inputs["design"],)}
-
-    def read(self, ask: Callable[..., Run], files: Settings) -> Sequence[Run]:
-        """Read any number of designs."""
-        return reading_all(ask, files["designs"])
 
     def solve(self, run: Run) -> Result:
         """Compute the modes of one design."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -103,14 +103,14 @@ class OptimiseAnalysis(Analysis):
         *options.WRITING,
     )
 
-    def read(self, ask: Callable[..., Run], files: Settings) -> Sequence[Run]:
+    def read(self, ask: Callable[..., Run], files: Settings) -> Run:
         """Read the design and the goals."""
         from suspension_cli.design import goals, reader
 
         run, file = ask(files["design"]), files["goals"]
         text = reader.read_text(file)
         inputs = {"file": file, "text": text, "goals": goals.read(file, text)}
-        return [replace(run, inputs=inputs)]
+        return replace(run, inputs=inputs)
 
     def solve(self, run: Run) -> Result:
         """Search for a design, and check it."""

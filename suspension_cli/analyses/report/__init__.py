@@ -1,1 +1,1 @@
-"""Report of a design: one HTML file with its drawing and the results of its analyses."""
+"""Write one HTML file of a design with all its analyses."""

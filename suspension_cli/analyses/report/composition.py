@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from suspension_cli.analyses import registry, settings, tables
-from suspension_cli.analyses.analysis import Log, Progress, Result, Run
+from suspension_cli.analyses import options, registry, settings, tables
+from suspension_cli.analyses.analysis import RelayedLog, Result, Run
+from suspension_cli.analyses.arguments import default_values
 from suspension_cli.analyses.report import html
 
 if TYPE_CHECKING:
@@ -18,80 +17,12 @@ if TYPE_CHECKING:
     from suspension_cli.models.registry import Choice
     from suspension_cli.scene.scene import Scene
 
-BUILDS = 1000
-"""Default number of imperfect builds for the statistics of a report."""
+SHARED = (options.FIDELITY, options.ACCURACY, *options.BEAM)
+"""Options of a report for each of its analyses that has them."""
 
 
 class Omitted(Exception):
     """Raised by a section that does not apply, with the reason."""
-
-
-@dataclass(frozen=True)
-class Request:
-    """Contents of a report.
-
-    Attributes
-    ----------
-    sections : tuple of str
-        Names of sections; empty for all.
-    inputs, outputs : tuple of str
-        Signals of the responses; empty for the choice of `sections.response`.
-    builds : int
-        Random builds of the tolerances.
-    fidelity : str
-        Model of all analyses.
-    tolerance : float
-        Relative error that ``auto`` may leave.
-    arm, mirrors : float
-        Length (m) of the arm, and number of suspensions, of thermal noise and motion by cause.
-    overrides : tuple of str
-        Overrides in the source, for the listed commands.
-    folder : Path or None
-        Folder with results files of earlier runs.
-    """
-
-    sections: tuple[str, ...] = ()
-    inputs: tuple[str, ...] = ()
-    outputs: tuple[str, ...] = ()
-    builds: int = BUILDS
-    fidelity: str = "auto"
-    tolerance: float = 1e-3
-    arm: float = 0.0
-    mirrors: float = 1.0
-    overrides: tuple[str, ...] = ()
-    folder: Path | None = None
-
-
-class Warnings(Log):
-    """Log that keeps the warnings of a section, and passes new ones on."""
-
-    def __init__(self, outer: Log) -> None:
-        self.outer = outer
-        self.lines: list[str] = []
-        self.passed: set[str] = set()
-
-    def warn(self, text: str) -> None:
-        """Keep a warning."""
-        if text not in self.lines:
-            self.lines.append(text)
-        if text not in self.passed:
-            self.passed.add(text)
-            self.outer.warn(text)
-
-    def detail(self, text: str) -> None:
-        """Pass on a detail."""
-        self.outer.detail(text)
-
-    @contextmanager
-    def progress(self) -> Iterator[Progress]:
-        """Show the progress of a long computation."""
-        with self.outer.progress() as bar:
-            yield bar
-
-    def take(self) -> list[str]:
-        """Return the warnings since the last call."""
-        lines, self.lines = self.lines, []
-        return lines
 
 
 @dataclass(frozen=True)
@@ -107,50 +38,50 @@ class Part:
 class Composition:
     """State of a report during its composition.
 
-    `scene` is the design without imperfections, `folder` is for analyses that write files, and
-    `title` is that of the current section.
+    `request` is the run of the report itself, `scene` the design without imperfections; `folder` is
+    for analyses that write files, and `title` is that of the current section.
     """
 
-    source: Source
+    request: Run
     scene: Scene
-    request: Request
-    log: Warnings
+    log: RelayedLog
     folder: Path
     parts: list[Part] = field(default_factory=list)
     title: str = ""
+
+    @property
+    def source(self) -> Source:
+        """The design and its text."""
+        return self.request.source
 
     def list(self, command: str, choice: Choice | None = None) -> None:
         """Add an analysis of the current section to the parts."""
         self.parts.append(Part(self.title, command, choice))
 
-    def command(self, name: str, *options: str) -> str:
-        """Return the command line of a command with options."""
-        request = self.request
-        words = ["pendsus", name, self.file, *options]
-        for override in request.overrides:
-            words += ["--set", override]
-        return shlex.join(words)
+    def command(self, name: str, *words: str) -> str:
+        """Return the command line of a command with options as `words`."""
+        changes = (word for override in self.source.overrides for word in ("--set", override))
+        return shlex.join(["pendsus", name, self.file, *words, *changes])
 
     @property
     def file(self) -> str:
         """File of the design in command lines."""
         return self.source.file or f"{self.source.design.design.name}.toml"
 
-    def run(self, name: str, *options: str, **given: object) -> Result:
-        """Run an analysis, and list it with its settings as words of a command line (`options`)."""
-        analysis, request = registry.get(name), self.request
+    def run(self, name: str, *words: str, **given: object) -> Result:
+        """Run an analysis, and list it with its settings as words of a command line (`words`)."""
+        analysis, own = registry.get(name), self.request.setting
         names = {param.name for param in analysis.parameters}
-        for key in ("fidelity", "tolerance", "arm", "mirrors"):
-            value = getattr(request, key)
-            if key in names and value != getattr(Request, key):
+        for key, default in default_values(SHARED).items():
+            if key in names and (value := own[key]) != default:
                 given[key] = value
-                options = (*options, f"--{key}", str(value))
-        command = self.command(name, *options)
+                words = (*words, f"--{key}", str(value))
+        command = self.command(name, *words)
         setting = settings.merge(analysis, self.source, given | {"as_json": True})
         one = Run(self.source, setting, self.log, self.folder, command)
         with one.faults():
             result = analysis.solve(one)
-        self.list(command, result.choice)
+        self.list(command, result.choice if analysis.has_model else None)
         return result
 
     def answer(self, result: Result) -> str:

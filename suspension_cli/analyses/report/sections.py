@@ -38,8 +38,8 @@ def header(report: Composition) -> str:
     source = report.source
     about = source.design.design
     rows = [("File", html.text(report.file))]
-    if report.request.overrides:
-        rows.append(("Changed", "<br>".join(map(html.text, report.request.overrides))))
+    if source.overrides:
+        rows.append(("Changed", "<br>".join(map(html.text, source.overrides))))
     if about.reference:
         rows.append(("Reference", html.text(about.reference)))
     rows.append(("Computed by", f"pendsus {html.text(__version__)}"))
@@ -119,14 +119,9 @@ def _diameter(part: WireSet | Wire) -> float | str | None:
 
 def check(report: Composition) -> Iterator[str]:
     """Loads of wires and blades, and warnings."""
-    from suspension_cli.analyses.check import solve
-
-    found = solve.solve(report.source)
-    report.list(report.command("check"))
+    found = report.run("check")
     if not found.warnings:
         yield html.paragraph("No warnings: every number is plausible.", "good")
-    for item in found.warnings:
-        yield html.paragraph(html.text(item.line), "warning")
     with tables.collecting() as collected:
         answer = str(found)
     yield html.prose(answer.partition("\n")[2], collected)
@@ -165,15 +160,16 @@ def modes(report: Composition) -> Iterator[str]:
 
 def response(report: Composition) -> Iterator[str]:
     """Responses of the mirror to the support, with all loops closed."""
-    request, last = report.request, mirror(report.source.design)
+    setting, last = report.request.setting, mirror(report.source.design)
+    into, out = setting["inputs"], setting["outputs"]
     closed = report.source.design.control is not None
     chosen: Sequence[tuple[tuple[str, ...], tuple[str, ...]]]
-    if request.inputs or request.outputs:
-        chosen = [(request.inputs or ("support.x",), request.outputs or (f"{last}.x",))]
+    if into or out:
+        chosen = [(into or ("support.x",), out or (f"{last}.x",))]
     elif {"input", "output"} & {*report.source.design.analysis.get("response", {})}:
         chosen = [((), ())]  # the design chooses
     else:
-        chosen = [((f"support.{i}",), tuple(f"{last}.{o}" for o in out)) for i, out in FLOW]
+        chosen = [((f"support.{i}",), tuple(f"{last}.{o}" for o in moved)) for i, moved in FLOW]
     line, more, flags = "", {}, ()
     if closed:
         yield html.paragraph("The loops of the design's [control] table are closed.")
@@ -245,7 +241,7 @@ def thermal(report: Composition) -> Iterator[str]:
 def budget(report: Composition) -> Iterator[str]:
     """Motion of the mirror by cause."""
     design = report.source.design
-    requested = report.request.sections or "budget" in design.analysis
+    requested = report.request.setting["sections"] or "budget" in design.analysis
     if design.control is None and not requested:
         raise Omitted(
             "Left out, as the design has neither damping loops ([control]) nor an"
@@ -275,7 +271,7 @@ def tolerance(report: Composition) -> Iterator[str]:
             f" design: {html.text(result.command)}."
         )
     else:
-        count = report.request.builds
+        count = report.request.setting["builds"]
         result = report.run("tolerance", "--builds", str(count), builds=count)
     yield report.answer(result)
     one = result.data
@@ -300,10 +296,8 @@ def _stored(report: Composition, name: str) -> Any:
     from suspension_cli.files.existing import read_design
     from suspension_cli.files.hdf5 import open_results
 
-    folder, source = report.request.folder, report.source
-    if folder is None:
-        return None
-    path = folder / f"{source.stem()}-{name}.h5"
+    source = report.source
+    path = report.request.folder / f"{source.stem()}-{name}.h5"
     if read_design(path) != source.text:
         return None
     try:

@@ -6,41 +6,39 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from suspension_cli.analyses import settings
-from suspension_cli.analyses.analysis import Log
+from suspension_cli.analyses.analysis import RelayedLog
 from suspension_cli.analyses.report import html
-from suspension_cli.analyses.report.composition import Composition, Omitted, Request, Warnings
+from suspension_cli.analyses.report.composition import Composition, Omitted
 from suspension_cli.analyses.report.sections import SECTIONS, Build, header, provenance
 from suspension_cli.drawing.panels import page_width
-from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
+from suspension_cli.errors import Fault, InputError, format_value
 
 if TYPE_CHECKING:
-    from suspension_cli.design.reader import Source
-
+    from suspension_cli.analyses.analysis import Run
 
 UNSTABLE = ", or give --allow-unstable"
 """End of messages that recommend an option that `report` lacks."""
 
 
-def compose(source: Source, request: Request, log: Log) -> str:
+def compose(run: Run) -> str:
     """Compute the sections of a report and return its HTML.
 
     Raises
     ------
     InputError
-        If a section or signal does not exist, or the design does not balance. Other errors in one
-        section are written in its place.
+        If a signal does not exist, or the design does not balance. Other errors in one section are
+        written in its place.
     """
+    from suspension_cli.drawing.quick_import import import_matplotlib
     from suspension_cli.equilibrium.nominal import expand, expand_nominal
 
-    wanted = parse_sections(request.sections)
-    with attribute_faults_to(source.file):
-        scene = expand_nominal(source.design)
-        expand(source.design)
-    settings.from_tables(source)
-    _check_signals(source, request)
+    import_matplotlib()
+    wanted, log = parse_sections(run.setting["sections"]), run.log
+    scene = expand_nominal(run.design)
+    expand(run.design)
+    _check_signals(run)
     with tempfile.TemporaryDirectory(prefix="pendsus-") as folder, log.progress() as bar:
-        report = Composition(source, scene, request, Warnings(log), Path(folder))
+        report = Composition(run, scene, RelayedLog(log), Path(folder))
         body = []
         for number, name in enumerate(wanted):
             bar(number, len(wanted), 0.0)
@@ -51,7 +49,7 @@ def compose(source: Source, request: Request, log: Log) -> str:
     body += provenance(report)
     listed = [(name, SECTIONS[name][0]) for name in wanted]
     listed += [("provenance", "Provenance"), ("design", "The design file")]
-    design = source.design.design
+    design = run.design.design
     return html.page(
         design.title or design.name, header(report), html.contents(listed) + "".join(body)
     )
@@ -75,10 +73,11 @@ def _content(report: Composition, build: Build) -> str:
     return "".join([*warnings, *content])
 
 
-def parse_sections(names: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the names of sections in order, or all if none are given; raises `InputError`."""
+def parse_sections(text: str | None) -> tuple[str, ...]:
+    """Return the named sections in order, or all if none are given; raises `InputError`."""
     from suspension_cli.design.faults import suggest
 
+    names = [*filter(None, (name.strip() for name in (text or "").split(",")))]
     for name in names:
         if name not in SECTIONS:
             remedy = suggest(name, [*SECTIONS])
@@ -87,14 +86,15 @@ def parse_sections(names: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(name for name in SECTIONS if name in names or not names)
 
 
-def _check_signals(source: Source, request: Request) -> None:
-    if not request.inputs and not request.outputs:
+def _check_signals(run: Run) -> None:
+    inputs, outputs = run.setting["inputs"], run.setting["outputs"]
+    if not inputs and not outputs:
         return
     from suspension_cli.linear import signals
     from suspension_cli.models import registry as models
 
-    known = signals.bodies_with_signals(models.STRING.system(source.design))
-    for name in request.inputs:
+    known = signals.bodies_with_signals(models.STRING.system(run.design))
+    for name in inputs:
         signals.parse_input(name, known)
-    for name in request.outputs:
+    for name in outputs:
         signals.parse_output(name, known)

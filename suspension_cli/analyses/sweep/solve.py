@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,14 +15,13 @@ import numpy as np
 from suspension_cli.analyses.growth import find_growth
 from suspension_cli.design.reader import parse
 from suspension_cli.errors import InputError
+from suspension_cli.files import stored
 from suspension_cli.files.declared import (
     ATTRIBUTE,
     AXES,
-    Contents,
     along,
     common_unit,
     in_unit,
-    pack_fields,
 )
 from suspension_cli.files.hdf5 import Stored
 from suspension_cli.linear import batch_modes, eigenmodes, mode_pairing
@@ -37,6 +36,7 @@ from suspension_cli.models.choice import Several, Systems
 from suspension_cli.studies import builds, variants
 from suspension_cli.studies.builds import Builds, Column, ColumnValues
 from suspension_cli.studies.job import Axis, Product, ends_and_middle
+from suspension_cli.studies.sweep_file import Fill
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Int
@@ -320,8 +320,8 @@ def nearest_point(job: ParameterSweep) -> tuple[int, ...]:
     )
 
 
-def describe(job: ParameterSweep, model: LinearSystem) -> Contents:
-    """Return what a results file has besides the columns: axes, names and nominal results."""
+def describe(job: ParameterSweep, model: LinearSystem) -> Fill:
+    """Write what a results file has besides the columns: axes, names and nominal results."""
     given = {
         "axes": job.axes,
         "drawn": nominal_parameters(job),
@@ -340,7 +340,7 @@ def describe(job: ParameterSweep, model: LinearSystem) -> Contents:
         given["mode"] = labels(job.nominal)
         given["mode_number"] = np.arange(1, len(job.nominal.omega_squared) + 1)
         given["coordinate"] = job.nominal.coordinate
-    return pack_fields(SweepResult, given)
+    return partial(stored.write_fields, kind=SweepResult, given=given)
 
 
 def _home(job: ParameterSweep, item: Scalar) -> str:

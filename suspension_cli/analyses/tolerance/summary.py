@@ -28,20 +28,14 @@ from suspension_cli.analyses.tolerance.statistics import (
 )
 from suspension_cli.analyses.xcouple.solve import CouplingRequest
 from suspension_cli.conventions import FRAME, GROUND, SUPPORT
-from suspension_cli.files.declared import (
-    ATTRIBUTE,
-    TEXT,
-    Contents,
-    Variable,
-    in_unit,
-    pack,
-    unpack,
-)
-from suspension_cli.files.hdf5 import Stored, read_contents, write_contents
+from suspension_cli.files import stored
+from suspension_cli.files.declared import ATTRIBUTE, TEXT, in_unit
+from suspension_cli.files.hdf5 import Stored, add_dataset, add_scale
 from suspension_cli.linear import signals
 from suspension_cli.studies import builds
 from suspension_cli.studies.job import parse as parse_design
 from suspension_cli.studies.sample_points import RANDOM
+from suspension_cli.studies.sweep_file import Fill
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
@@ -294,12 +288,12 @@ class Request:
 
 def load(group: Stored, text: str, level: str) -> Summary:
     """Compute the statistics of a group, given its design and the name of its model."""
-    known = unpack(Request, read_contents(group))
+    known = stored.read(group, Request)
     return summarise(group, known.job(len(group["status"]), text, level), known.limit)
 
 
-def describe(job: RandomBuilds, limit: float) -> Contents:
-    """Return what a file has besides the builds: options, and names and numbers that vary."""
+def describe(job: RandomBuilds, limit: float) -> Fill:
+    """Write what a file has besides the builds: options, and names and numbers that vary."""
     question, nominal, factors = job.question, job.nominal, job.factors
     request = Request(
         np.array(question.frequency),
@@ -331,8 +325,12 @@ def describe(job: RandomBuilds, limit: float) -> Contents:
     if job.with_indices:
         table["group"] = ("group", TEXT, job.groups)
         table["result"] = ("result", TEXT, [one.name for one in job.quantities])
-    known = pack(request)
-    return Contents(known.variables | _arrays(table), known.attributes)
+
+    def fill(group: h5py.Group) -> None:
+        stored.write(group, request)
+        _write(group, table)
+
+    return fill
 
 
 def complete(path: Path, job: RandomBuilds, limit: float) -> None:
@@ -355,7 +353,6 @@ def complete(path: Path, job: RandomBuilds, limit: float) -> None:
                 static("quantiles"),
             ),
         }
-        attributes = {}
         if found.joint is not None:
             table["yield"] = ("requirement", "1", [one.fraction for one in found.yields])
             table["yield_interval"] = (
@@ -363,15 +360,17 @@ def complete(path: Path, job: RandomBuilds, limit: float) -> None:
                 "1",
                 [one.interval for one in found.yields],
             )
-            attributes["yield_of_all"] = found.joint.fraction
-            attributes["yield_of_all_interval"] = found.joint.interval
+            group.attrs["yield_of_all"] = found.joint.fraction
+            group.attrs["yield_of_all_interval"] = found.joint.interval
         for name, values in found.indices.items():
             table[f"sobol/{name}"] = ("group result", "1", values)
-        write_contents(group, Contents(_arrays(table), attributes))
+        _write(group, table)
 
 
-def _arrays(table: Table) -> dict[str, Variable]:
-    return {
-        path: Variable(tuple(dims.split()), np.asarray(values), unit)
-        for path, (dims, unit, values) in table.items()
-    }
+def _write(group: Stored, table: Table) -> None:
+    """Write arrays; each scale precedes the arrays that it belongs to."""
+    for path, (dims, unit, values) in table.items():
+        if dims == path:
+            add_scale(group, path, values, unit)
+        else:
+            add_dataset(group, path, values, unit, *(group[dim] for dim in dims.split()))

@@ -7,6 +7,7 @@ motion for vertical motion of the support. It is computed on grids of any number
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +19,8 @@ from suspension_cli.design.imperfections import swept
 from suspension_cli.equilibrium import hanging
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError, format_value
-from suspension_cli.files.declared import ATTRIBUTE, AXES, Contents, in_unit, pack_fields
+from suspension_cli.files import stored
+from suspension_cli.files.declared import ATTRIBUTE, AXES, in_unit
 from suspension_cli.grids import parse_frequencies
 from suspension_cli.linear import signals
 from suspension_cli.linear.signals import Signal
@@ -30,6 +32,7 @@ from suspension_cli.scene.scene import Scene
 from suspension_cli.studies import builds, variants
 from suspension_cli.studies.builds import Builds, Column, ColumnValues
 from suspension_cli.studies.job import Axis, Product, ends_and_middle
+from suspension_cli.studies.sweep_file import Fill
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Int
@@ -249,12 +252,13 @@ class Coupling:
         return count_failures(self.status)
 
 
-def describe(job: Sweep) -> Contents:
-    """Return what a results file has besides the columns: axes, frequencies, wire and signals."""
+def describe(job: Sweep) -> Fill:
+    """Write what a results file has besides the columns: axes, frequencies, wire and signals."""
     question, wires = job.question, job.scene.wires
-    return pack_fields(
-        Coupling,
-        {
+    return partial(
+        stored.write_fields,
+        kind=Coupling,
+        given={
             "axes": job.axes,
             "frequency": np.array(question.frequency),
             "wire": wires.label[question.wire] if question.wire >= 0 else "",

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from suspension_cli.analyses.check.solve import solve as check
-from suspension_cli.design.reader import Source, parse
+import suspension_cli as sus
+from suspension_cli.design.reader import parse
 from suspension_cli.drawing import draw
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import damped, eigenmodes
@@ -58,6 +58,6 @@ def test_drawing_and_check_of_many_bodies_stay_short() -> None:
     words = [text.get_text() for text in figure.findobj() if hasattr(text, "get_text")]
     assert words.count("left3b") == 1
     assert not any(word.endswith("kg") for word in words)
-    lines = str(check(Source(design, text, ""))).splitlines()
+    lines = str(sus.check(sus.parse(text))).splitlines()
     assert sum("left3b.1 to 4" in line for line in lines) == 1
     assert max(len(line) for line in lines) < 120

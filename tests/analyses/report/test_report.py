@@ -180,8 +180,15 @@ def test_unstable_design_says_why(tmp_path):
     assert re.search(
         "Not computed: stage: the equilibrium is unstable: .* 1/s; attach the wires", page.text
     )
+    assert re.search(r"stage: the equilibrium is unstable in the \w+ model: .* 1/s", page.text)
     assert "--allow-unstable" not in page.text
     assert "Responses not computed" in done.stderr
+
+
+def test_the_design_sets_options(tmp_path):
+    design = sus.example("double").replace({"analysis.report.sections": ["numbers"]})
+    made = sus.report(design, tmp_path / "a.html")
+    assert Page(made.read_text()).ids == ["numbers", "provenance", "design"]
 
 
 def test_same_bytes_again(tmp_path):

@@ -1,0 +1,198 @@
+"""`pendsus check`: validity and plausibility of designs, loads of their wires and blades."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from suspension_cli.analyses import options, tables
+from suspension_cli.analyses.analysis import Analysis, Document, Result, Run
+from suspension_cli.errors import escape_unprintable
+
+if TYPE_CHECKING:
+    from suspension_cli.analyses.check.solve import Check
+    from suspension_cli.analyses.check.statics import LinkLoad
+
+MANY_WIRES = 40
+"""Number of wires above which equal wires of a stage share a row."""
+MANY_BODIES = 12
+"""Number of bodies above which only three lowest points are printed."""
+
+
+class CheckAnalysis(Analysis):
+    """Check a design, and list what its wires and blades carry.
+
+    Writes no file. Errors of all designs are listed, one per line with file, key, value and remedy.
+    Values that are valid but implausible are warnings: a wire that would break, a body denser than
+    osmium, an unstable pendulum, a sensor on a stage that does not exist.
+
+    Example: pendsus check my.toml --strict
+
+    Returns
+    -------
+    Result
+        With the attributes of `analyses.check.solve.Check`: `stable`, `statics`, `warnings`, which
+        are Python warnings too.
+
+    Raises
+    ------
+    InputError
+        If the design does not balance, or an ``[analysis]`` table has faults.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> found = sus.check(sus.template("single"))
+    >>> found.stable, len(found.warnings), round(found.statics.wires[0].tension, 2)
+    (True, 0, 13.75)
+    """
+
+    name = "check"
+    has_model = False
+    has_file = False
+    arguments = (options.DESIGNS,)
+    parameters = (
+        options.option(
+            "--strict",
+            is_flag=True,
+            help="Exit with 1 if there are warnings.",
+            group=options.FILES,
+        ),
+        options.OVERRIDES,
+        options.AS_JSON_ONLY,
+    )
+
+    def solve(self, run: Run) -> Result:
+        """Check a design, and warn of what is implausible."""
+        from suspension_cli.analyses.check.solve import solve
+
+        found = solve(run.source)
+        for item in found.warnings:
+            run.log.warn(f"{run.name}: {item.line('')}")
+        extra = {"strict": run.setting["strict"]}
+        return Result(self, run.source, found.choice, found, extra, command=run.command)
+
+    def exit_code(self, result: Result) -> int:
+        """Return 1 if there are warnings and --strict is given."""
+        return int(result.extra["strict"] and bool(result.data.warnings))
+
+    def document(self, result: Result) -> Document:
+        """Return loads, warnings and stability."""
+        from suspension_cli.analyses.check.columns import list_documents
+
+        found: Check = result.data
+        loads, own = found.statics, found.weights
+        document: Document = {
+            "file": result.source.file,
+            "stable": found.stable,
+            "stability_model": found.stability_model,
+            "residual": loads.residual,
+            "height_m": loads.height,
+            "lowest": list_documents(loads.lowest),
+            "wires": list_documents(loads.wires),
+            "blades": list_documents(loads.blades),
+            "bodies": list_documents(loads.bodies),
+        }
+        rare = {
+            "links": list_documents(loads.links),
+            "inverted_pendulums": list_documents(loads.legs),
+            "filters": list_documents(loads.filters),
+            "profiles": list_documents(loads.profiles),
+        }
+        document |= {name: rows for name, rows in rare.items() if rows}
+        document["warnings"] = [
+            {name: getattr(item, name) for name in ("key", "value", "problem", "remedy", "serious")}
+            for item in found.warnings
+        ]
+        if own is not None and own.included:
+            [document["wire_weight"]] = list_documents([own])
+        return document
+
+    def text(self, result: Result) -> str:
+        """Return tables of loads, the lowest points, the pose and the stability."""
+        from suspension_cli.analyses.check.columns import render
+
+        found: Check = result.data
+        loads, count = found.statics, len(found.warnings)
+        verdict = "good" if not count else f"{count} warning{'s' * (count > 1)}"
+        file, choice = escape_unprintable(result.source.file) or result.name, found.choice
+        lines = [f"{file}: {verdict}; simplest valid model: {choice.level} ({choice.reason})"]
+        for parts in (loads.wires, loads.blades, loads.legs, loads.filters):
+            if parts:
+                lines.append(render(parts, _merge_equal))
+        lines += _link_tables(loads.links)
+        if found.weights is not None and found.weights.line:
+            lines.append(f"  {found.weights.line}")
+        lines += [
+            f"  profile of {one.wire}: {one.places} places in {one.sections} uniform sections"
+            for one in loads.profiles
+        ]
+        for body in loads.bodies:
+            shift, turn = map(_milli, (body.shift, body.rotation))
+            if {shift, turn} != {_milli((0.0, 0.0, 0.0))}:
+                lines.append(
+                    f"  {body.name} hangs ({shift}) mm and ({turn}) mrad from its nominal pose"
+                )
+        lines += [
+            f"  the table of link {link.label} covers {link.table[0]:g} to {link.table[1]:g} Hz;"
+            " outside, its stiffness is constant"
+            for link in loads.links
+            if link.table is not None
+        ]
+        lowest = loads.lowest
+        if len(lowest) > MANY_BODIES:
+            lowest = sorted(lowest, key=lambda low: low.z)[:3]
+        lines.append(
+            f"  height {loads.height:.4g} m; lowest points:"
+            f" {', '.join(f'{low.name} {low.z:.4g} m ({low.point})' for low in lowest)}"
+        )
+        if found.stable is not None:
+            word = "stable" if found.stable else "UNSTABLE"
+            lines.append(f"  {word} in the {found.stability_model} model")
+        lines.append(f"  largest residual force: {loads.residual:.0e} of the weight")
+        return "\n".join(lines)
+
+
+def _link_tables(links: Sequence[LinkLoad]) -> list[str]:
+    """Tables of links and of dampers: stiffness or damping along x, y, z, and sag."""
+    made = []
+    elastic = [link for link in links if any(link.stiffness) or not any(link.damping)]
+    if elastic:
+        heads = {"link": "", "between": "", "x\nN/m": ".4g", "y\nN/m": ".4g", "z\nN/m": ".4g"}
+        heads |= {"length\nm": ".4g", "sag\nmm": ".3g", "weight\nN": ".3g"}
+        rows = [
+            (
+                *(link.label, " - ".join(link.between), *link.stiffness, link.length),
+                *(None if link.hangs_freely else link.sag and 1e3 * link.sag, link.weight),
+            )
+            for link in elastic
+        ]
+        made.append(tables.render(heads, rows))
+    viscous = [link for link in links if any(link.damping)]
+    if viscous:
+        per = {f"{axis}\nN s/m": ".4g" for axis in "xyz"}
+        rows = [(link.label, " - ".join(link.between), *link.damping) for link in viscous]
+        made.append(tables.render({"damper": "", "between": ""} | per, rows))
+    return made
+
+
+def _milli(vector: tuple[float, ...]) -> str:
+    """Write components in thousandths, without minus signs of zeros."""
+    return ", ".join(f"{round(1e3 * value, 4) + 0.0:.4f}" for value in vector)
+
+
+def _merge_equal(rows: list[list[float | str | None]]) -> list[list[float | str | None]]:
+    """Merge rows of a stage's wires, if there are many, that are equal as printed: test.1 to 4."""
+    result, last = [], None
+    for label, *values in rows:
+        stage, _, number = str(label).rpartition(".")
+        key = (stage, *(None if value is None else f"{value:.3f}" for value in values))
+        if len(rows) > MANY_WIRES and key == last and number.isdecimal():
+            result[-1][0] = f"{str(result[-1][0]).split(' ')[0]} to {number}"
+        else:
+            result.append([label, *values])
+        last = key
+    return result
+
+
+ANALYSIS = CheckAnalysis()

@@ -1,0 +1,1 @@
+"""Draw a design to scale, from the side and from the front."""

@@ -1,0 +1,115 @@
+"""`pendsus report`: one HTML file of a design with all its analyses."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+
+import click
+
+from suspension_cli.analyses import options
+from suspension_cli.analyses.analysis import Analysis, Result, Run, Settings
+from suspension_cli.files.atomic import write_bytes
+
+
+class ReportAnalysis(Analysis):
+    """Write one HTML file of a design with all its analyses, which opens without network.
+
+    It has the drawing, checks, modes, responses, couplings, noises, tolerances and damping loops,
+    and the command of each: DIR/NAME-report.html. Any browser opens and prints it. Options of each
+    analysis are those of the design's [analysis] tables. A section that cannot be computed says
+    why.
+
+    Example: pendsus report my.toml
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    InputError
+        If a section or signal does not exist, the design does not balance, or the file cannot be
+        written. Other errors are reported in the section concerned.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> sus.report(sus.example("double"), "double.html", sections="numbers")
+    PosixPath('double.html')
+    """
+
+    name = "report"
+    has_model = False
+    arguments = (options.DESIGN,)
+    inputs = (
+        options.Input(),
+        options.Input(
+            "path",
+            "PathLike",
+            "Of the file. Results files of the design in its folder are used where they save time.",
+        ),
+    )
+    returns = "Path"
+    parameters = (
+        options.option(
+            "--sections",
+            metavar="NAME,...",
+            help=(
+                "Sections to include: drawing, numbers, check, modes, response, coupling, thermal,"
+                " budget, tolerance, damping.  [default: all that the design has]"
+            ),
+        ),
+        options.signals("input", "Input of the responses", "the support's x, y, z and yaw"),
+        options.signals("output", "Output of the responses", "motions of the mirror"),
+        options.option(
+            "--builds",
+            type=click.IntRange(100, 1_000_000),
+            default=1000,
+            help=(
+                "Number of random builds, unless a results file has the tolerances of this design."
+            ),
+        ),
+        *options.BEAM,
+        options.FIDELITY,
+        options.ACCURACY,
+        options.OVERRIDES,
+        options.OUT,
+        options.NAME,
+        options.QUIET,
+        options.VERBOSE,
+    )
+
+    def read(self, ask: Callable[..., Run], files: Settings) -> Run:
+        """Read the design, and refuse unknown sections."""
+        from suspension_cli.analyses.report.solve import parse_sections
+
+        run = ask(files["design"])
+        parse_sections(run.setting["sections"])
+        folder = Path(files["path"]).parent if "path" in files else run.folder
+        return dataclasses.replace(run, folder=folder)
+
+    def solve(self, run: Run) -> Result:
+        """Compose the page."""
+        from suspension_cli.analyses.report.solve import compose
+        from suspension_cli.models.registry import Choice
+
+        return Result(self, run.source, Choice("all", ""), compose(run))
+
+    def path(self, result: Result, folder: Path) -> Path:
+        """Path of the page."""
+        return folder / f"{result.source.stem()}-report.html"
+
+    def save(self, path: Path, result: Result) -> None:
+        """Write the page."""
+        write_bytes(path, result.data.encode())
+
+    def returned(self, result: Result, files: Settings) -> Path:
+        """Write the page, and return its path."""
+        path = Path(files["path"])
+        write_bytes(path, result.data.encode(), key="path")
+        return path
+
+
+ANALYSIS = ReportAnalysis()

@@ -1,0 +1,312 @@
+"""Results in groups of HDF5 files, written and read as the fields of their class declare."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, NamedTuple, TypeVar, get_args
+
+import h5py
+import numpy as np
+
+from suspension_cli.files.declared import (
+    KINDS,
+    OUTPUT,
+    TEXT,
+    Array,
+    Item,
+    common_unit,
+    dim_name,
+    fill_in,
+    items,
+)
+from suspension_cli.files.hdf5 import Stored, add_dataset, add_scale
+
+Record = TypeVar("Record")
+
+
+def write(group: h5py.Group, record: Any) -> None:
+    """Write all that a record declares, or a list of records of one class."""
+    records = record if isinstance(record, list) else [record]
+    given = {}
+    for item in items(type(records[0])):
+        value = getattr(records[0], item.name)
+        if item.each:
+            values = [getattr(one, item.name) for one in records]
+            value = np.stack(values, axis=1) if isinstance(item.type, Array) else tuple(values)
+        given[item.name] = value
+    write_fields(group, type(records[0]), given)
+
+
+def write_fields(group: h5py.Group, kind: type, given: Mapping[str, Any]) -> None:
+    """Write what a class declares of those fields that are given."""
+    _Writer(group, {}, {}).write(kind, given.get)
+
+
+@dataclass
+class _Writer:
+    """Writes records into a group.
+
+    `scales` has the scale of each dimension, `texts` the texts that units refer to.
+    """
+
+    group: h5py.Group
+    scales: dict[str, h5py.Dataset]
+    texts: dict[str, Any]
+
+    def write(self, kind: type, get: Callable[[str], Any]) -> None:
+        values = {item: value for item in items(kind) if (value := get(item.name)) is not None}
+        self.texts |= {item.key: value for item, value in values.items() if item.leaf is str}
+        for item in sorted(values, key=lambda item: not item.is_scale):
+            getattr(self, f"_write_{item.form}")(item, values[item])
+
+    def _inside(self, item: Item, number: str = "") -> _Writer:
+        if item.metadata.get("inline"):
+            return self
+        home = self.group.require_group(f"{item.key}/{number}")
+        return _Writer(home, dict(self.scales), dict(self.texts))
+
+    def _add(self, item: Item, dims: tuple[str, ...], data: np.ndarray) -> None:
+        if data.ndim != len(dims):
+            raise ValueError(f"{item.key} has {data.ndim} dimensions, not {len(dims)}")
+        unit = TEXT if data.dtype.kind == "U" else self._unit(item.unit)
+        if dims == (item.key,):
+            self.scales[item.key] = add_scale(self.group, item.key, data, unit)
+            return
+        for dim, size in zip(dims, data.shape, strict=True):
+            if dim not in self.scales:
+                self.scales[dim] = add_scale(self.group, dim, np.arange(1, size + 1), "1")
+        add_dataset(self.group, item.key, data, unit, *(self.scales[dim] for dim in dims))
+
+    def _unit(self, text: str) -> str:
+        """Fill in units that are the same for all elements."""
+        for name in re.findall(r"{(\w+)}", text):
+            text = fill_in(text, name, common_unit(np.ravel(self.texts[name]), name))
+        return text or "1"
+
+    def _write_array(self, item: Item, value: Any) -> None:
+        dims = item.dims
+        if dims[0].startswith("*"):
+            dims = (*self.texts[dims[0]], *dims[1:])
+        data = np.asarray(value, dtype=str if item.leaf is str else None)
+        if data.ndim < len(dims):  # tuples without elements do not tell their shape
+            data = data.reshape([len(self.scales.get(dim, ())) for dim in dims])
+        self._add(item, dims, data)
+
+    def _write_axes(self, item: Item, value: Any) -> None:
+        self.group.attrs[item.key] = [axis.name for axis in value]
+        self.texts["*axes"] = [dim_name(axis.name) for axis in value]
+        for axis, name in zip(value, self.texts["*axes"], strict=True):
+            self.scales[name] = add_scale(self.group, name, axis.values, axis.unit)
+
+    def _write_attribute(self, item: Item, value: Any) -> None:
+        self.group.attrs[item.key] = list(value) if isinstance(value, tuple) else value
+
+    def _write_record(self, item: Item, value: Any) -> None:
+        self._inside(item).write(type(value), partial(getattr, value))
+
+    def _write_records(self, item: Item, value: Any) -> None:
+        for n, record in enumerate(value, 1):
+            if record is not None:
+                self._inside(item, f"{n}").write(type(record), partial(getattr, record))
+
+    def _write_columns(self, item: Item, value: Any) -> None:
+        inside = self._inside(item)
+        for column in items(item.element):
+            values = [getattr(record, column.name) for record in value]
+            inside._add(column, item.dims or (item.key,), np.array(values, dtype=column.type))
+
+
+def read(group: Stored, kind: type[Record]) -> Record:
+    """Read a record from a group.
+
+    Raises
+    ------
+    KeyError
+        If something is missing.
+    ValueError
+        If a shape or type is not that which the class declares, or a scale is not finite.
+    """
+    return _Reader(group, {}).record(kind)
+
+
+def read_list(group: Stored, kind: type[Record]) -> list[Record]:
+    """Read a list of records from a group; raises as `read` does."""
+    fields, found = _Reader(group, {}).fields(kind), []
+    for n in range(len(fields[OUTPUT])):
+        given = dict(fields)
+        for item in items(kind):
+            value = fields.get(item.name)
+            if item.each and isinstance(value, np.ndarray):
+                given[item.name] = value[:, n]
+            elif item.each and not item.derived:
+                given[item.name] = value[n] if value and n < len(value) else None
+        found.append(kind(**given))
+    return found
+
+
+@dataclass
+class _Reader:
+    """Reads records from a group: `sizes` has the length of each dimension."""
+
+    group: Stored
+    sizes: dict[str, int]
+
+    def record(self, kind: Any) -> Any:
+        return kind(**self.fields(kind))
+
+    def fields(self, kind: Any) -> dict[str, Any]:
+        found: dict[str, Any] = {}
+        for item in items(kind):
+            self.sizes.pop(item.key if item.is_scale else "", None)
+        for item in items(kind):
+            if item.derived:
+                if item.form == "array" and item.key in self.group:
+                    self._checked(item)
+            elif item.optional and item.key not in self.group and item.key not in self.group.attrs:
+                found[item.name] = None
+            else:
+                found[item.name] = getattr(self, f"_read_{item.form}")(item)
+        return found
+
+    def _inside(self, item: Item, number: str = "") -> _Reader:
+        if item.metadata.get("inline"):
+            return self
+        home = self._get(self.group, f"{item.key}/{number}")
+        if not isinstance(home, h5py.Group):
+            raise ValueError(f"{self._path(item.key)} is no group")
+        return _Reader(home, dict(self.sizes))
+
+    def _path(self, key: str) -> str:
+        """Path within the group of the analysis, for messages."""
+        return f"{self.group.name}/{key}".split("/", 2)[2]
+
+    def _get(self, home: Any, key: str) -> Any:
+        """Return a member or attribute of a group."""
+        if key not in home:
+            raise KeyError(self._path(key))
+        return home[key]
+
+    def _checked(self, item: Item, dims: tuple[str, ...] = ()) -> h5py.Dataset:
+        """Return a dataset whose type and shape are those declared."""
+        path, dims = self._path(item.key), dims or item.dims
+        if dims[0].startswith("*"):
+            names = self._get(self.group.attrs, "axes")
+            dims = (*(dim_name(str(name)) for name in names), *dims[1:])
+        found = self._get(self.group, item.key)
+        if found.dtype.kind not in item.kinds:
+            raise ValueError(f"{path} has values of another type ({found.dtype})")
+        if found.ndim != len(dims):
+            raise ValueError(f"{path} has {found.ndim} dimensions, not {len(dims)}")
+        for dim, size in zip(dims, found.shape, strict=True):
+            if self.sizes.setdefault(dim, size) != size:
+                raise ValueError(f"{path} has {size} values where {dim} has {self.sizes[dim]}")
+        return found
+
+    def _read_array(self, item: Item) -> Any:
+        values = read_values(self._checked(item))
+        if item.is_scale and values.dtype.kind == "f" and not np.isfinite(values).all():
+            raise ValueError(f"{self._path(item.key)} has values that are not finite")
+        return values if isinstance(item.type, Array) else _tuples(values.tolist())
+
+    def _read_axes(self, item: Item) -> Any:
+        found = []
+        for name in map(str, self._get(self.group.attrs, item.key)):
+            values = self._get(self.group, dim_name(name))[...]
+            if values.ndim != 1 or values.dtype.kind != "f" or not np.isfinite(values).all():
+                raise ValueError(f"{self._path(dim_name(name))} is no list of finite numbers")
+            self.sizes[dim_name(name)] = len(values)
+            found.append(item.element(name, tuple(values.tolist())))
+        return tuple(found)
+
+    def _read_attribute(self, item: Item) -> Any:
+        path, kinds = self._path(item.key), get_args(item.type)
+        value = self._get(self.group.attrs, item.key)
+        if not kinds:
+            return _plain(path, item.type, value)
+        if ... not in kinds and np.shape(value) != (len(kinds),):
+            raise ValueError(f"{path} does not have {len(kinds)} values")
+        return tuple(_plain(path, kinds[0], one) for one in np.ravel(value))
+
+    def _read_record(self, item: Item) -> Any:
+        return self._inside(item).record(item.type)
+
+    def _read_records(self, item: Item) -> Any:
+        home = self.group.get(item.key)
+        numbers = set(map(int, home)) if isinstance(home, h5py.Group) else set()
+        return tuple(
+            self._inside(item, str(n)).record(item.element) if n in numbers else None
+            for n in range(1, max(numbers, default=0) + 1)
+        )
+
+    def _read_columns(self, item: Item) -> Any:
+        inside, dims = self._inside(item), item.dims or (item.key,)
+        fields = [column for column in items(item.element) if not column.derived]
+        columns = [read_values(inside._checked(column, dims)).tolist() for column in fields]
+        names = [column.name for column in fields]
+        return tuple(
+            item.element(**dict(zip(names, row, strict=True))) for row in zip(*columns, strict=True)
+        )
+
+
+def _plain(path: str, kind: type, value: Any) -> Any:
+    """Return an attribute as a number or text."""
+    known = isinstance(value, str) if kind is str else np.asarray(value).dtype.kind in KINDS[kind]
+    if np.ndim(value) or not known:
+        raise ValueError(f"{path} is not of type {kind.__name__}")
+    return kind(value)
+
+
+def _tuples(values: Any) -> Any:
+    return tuple(map(_tuples, values)) if isinstance(values, list) else values
+
+
+def read_values(data: h5py.Dataset) -> np.ndarray:
+    """Read the numbers or texts of a dataset."""
+    if data.dtype.kind == "O":
+        return np.asarray(data.asstr()[...] if data.size else [], dtype=object)
+    return np.asarray(data[...])
+
+
+class Variable(NamedTuple):
+    """A dataset, the paths of the scales of its axes (its own if it is a scale), and its unit.
+
+    The unit has in braces the names of variables with the units of each element.
+    """
+
+    dims: tuple[str, ...]
+    data: h5py.Dataset
+    unit: str
+
+    @property
+    def is_text(self) -> bool:
+        """Whether it holds texts."""
+        return self.data.dtype.kind == "O"
+
+    def read(self) -> np.ndarray:
+        """Return the values."""
+        return read_values(self.data)
+
+
+def variables(group: Stored) -> dict[str, Variable]:
+    """List the datasets of a group by path, such as ``largest/size``."""
+    start, found = len(str(group.name)) + 1, {}
+
+    def add(path: str, data: Stored) -> None:
+        if isinstance(data, h5py.Group):
+            return
+        scales = [axis[0] if len(axis) else None for axis in data.dims]
+        for size, scale in zip(data.shape, scales, strict=True):
+            if scale is not None and scale.size != size:
+                raise ValueError(f"{path} has {size} values where its axis has {scale.size}")
+        dims = [
+            f"{path}_{n}" if scale is None else str(scale.name)[start:]
+            for n, scale in enumerate(scales)
+        ]
+        unit = str(data.attrs.get("units", ""))
+        found[path] = Variable(tuple([path] if data.is_scale else dims), data, unit)
+
+    group.visititems(add)
+    return found
