@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,34 +13,54 @@ from suspension_cli.design.schema import Design, Support
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.rotations import cross_matrix
 
-
-def surrounded(model: LinearSystem, design: Design) -> LinearSystem:
-    """A linear model with the design's dampers and its support structure."""
-    return replace(with_frame(with_dampers(model, design), design), active=design.is_active)
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 
-def with_dampers(model: LinearSystem, design: Design) -> LinearSystem:
+def surrounded(
+    model: LinearSystem,
+    design: Design,
+    position: Float[np.ndarray, "*batch 1+body 3"] | None = None,
+) -> LinearSystem:
+    """A linear model with the design's dampers and its support structure.
+
+    `position` has the nominal COM of the support and of all bodies, of each design of a batch;
+    default: those of the one design.
+    """
+    if position is None:
+        position = nominal_positions(design)
+    damped = with_dampers(model, design, position)
+    return replace(with_frame(damped, design), active=design.is_active)
+
+
+def nominal_positions(design: Design) -> Float[np.ndarray, "1+body 3"]:
+    """Nominal COM of the support and of every body, m."""
+    return np.array([*com_positions(design).values()])
+
+
+def with_dampers(
+    model: LinearSystem, design: Design, position: Float[np.ndarray, "*batch 1+body 3"]
+) -> LinearSystem:
     """Add `[stage.damping]`: forces -c v, for the velocity v of a COM relative to another body.
 
     The other body (or the support) extends rigidly to that COM, so that rigid motion is not damped.
     """
     if all(stage.damping is None for stage in design.stage):
         return model
-    positions = com_positions(design)
-    damping = model.damping.copy()
-    for stage in design.stage:
+    damping = model.damping
+    for number, stage in enumerate(design.stage, 1):
         if stage.damping is None:
             continue
         against = stage.damping.against
-        here = model.index(stage.name, "x")
-        there = 0 if against == SUPPORT else model.index(against, "x")
-        arm = np.array(positions[stage.name]) - np.array(positions[against])
-        relative = np.zeros((6, model.size), dtype=arm.dtype)
-        relative[:, here : here + 6] = np.eye(6)
-        relative[:, there : there + 6] -= np.eye(6)
-        relative[:3, there + 3 : there + 6] += cross_matrix(arm)
+        other = 0 if against == SUPPORT else 1 + model.body.index(against)
+        here, there = 6 * number, 6 * other
+        arm = position[..., number, :] - position[..., other, :]
+        relative = np.zeros((*arm.shape[:-1], 6, model.size), dtype=arm.dtype)
+        relative[..., here : here + 6] = np.eye(6)
+        relative[..., there : there + 6] -= np.eye(6)
+        relative[..., :3, there + 3 : there + 6] += cross_matrix(arm)
         coefficients = np.array([getattr(stage.damping, dof) for dof in DOFS])
-        damping = damping + relative.T @ (coefficients[:, None] * relative)
+        damping = damping + np.swapaxes(relative, -1, -2) @ (coefficients[:, None] * relative)
     return replace(model, damping=(damping + np.swapaxes(damping, -1, -2)) / 2)
 
 
@@ -76,9 +97,6 @@ def _compliant(support: Support) -> list[int]:
 
 
 def surroundings_key(design: Design) -> tuple[str, ...]:
-    """Support structure, dampers and their positions, which designs of one batch share."""
-    dampers = tuple(stage.damping for stage in design.stage)
-    if all(own is None for own in dampers):
-        return (repr(design.support),)
+    """Support structure and dampers, which designs of one batch share."""
     # repr of floats is exact
-    return (repr(design.support), repr(dampers), repr(com_positions(design)))
+    return (repr(design.support), repr([stage.damping for stage in design.stage]))

@@ -135,7 +135,7 @@ def balance(
     scene = physics.completed(scene, design)
     with np.errstate(all="ignore"):
         plain, found = physics.in_equilibrium(scene, design, split=split)
-        model = surrounded(plain, design)
+        model = surrounded(plain, design, (scene.drawn or scene).bodies.position)
         slack = found.tension <= 0
         status = np.full(scene.batch, GOOD, dtype=np.uint8)
         if not allow_unstable:

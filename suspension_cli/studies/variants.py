@@ -21,7 +21,7 @@ from suspension_cli.linear import batch_modes
 from suspension_cli.linear.symmetry import is_mirror_symmetric
 from suspension_cli.models import registry
 from suspension_cli.models.base import Model
-from suspension_cli.models.surroundings import surrounded, surroundings_key
+from suspension_cli.models.surroundings import nominal_positions, surrounded, surroundings_key
 from suspension_cli.scene import stack
 from suspension_cli.scene.arrays import inner_axes
 from suspension_cli.scene.expand import Members, balance_as_drawn
@@ -172,7 +172,8 @@ def _balanced_designs(
         kinds.setdefault(n if key is None else key, []).append((n, design))
     for members in kinds.values():
         designs, count = [design for _, design in members], len(members)
-        system = surrounded(model.batch(designs), designs[0])
+        position = np.array([nominal_positions(design) for design in designs])
+        system = surrounded(model.batch(designs), designs[0], position)
         status = np.full(count, builds.GOOD, dtype=np.uint8)
         if not allow_unstable:
             status[batch_modes.grows(system)] = builds.UNSTABLE

@@ -117,7 +117,7 @@ def search(problem: Problem, z: Array, peaks: list[list[Peak]]) -> Array:
             )
             for peak in matched
         ]
-        how = {"loss": "soft_l1", "steps": 30, "tolerance": 1e-4}  # a peak may be of another mode
+        how = {"loss": "soft_l1", "steps": 30, "tolerance": 1e-2}  # a peak may be of another mode
         z[parts[0]] = problem.of_modes(modes).minimise(z[parts[0]], **how)[0]
         matched = assign(problem, z, peaks)
     for peak in matched:

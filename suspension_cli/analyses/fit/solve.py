@@ -27,7 +27,7 @@ import numpy as np
 from suspension_cli.analyses import readings
 from suspension_cli.analyses.analysis import Progress
 from suspension_cli.analyses.fit import findings, resonances, wrong_channels
-from suspension_cli.analyses.fit.problem import Problem, build, default_parameters
+from suspension_cli.analyses.fit.problem import CONVERGED, Problem, build, default_parameters
 from suspension_cli.analyses.fit.result import (
     SAME,
     Exchange,
@@ -56,6 +56,10 @@ BETTER = 0.5
 """Fraction of chi^2 below which a change of channels is made after a fit."""
 ROUNDS = 3
 """Most corrections, and most restarts from single changes, after a fit."""
+ROUGH, STEPS = 1e-5, 40
+"""Relative change of chi^2 at which a search for transfer functions ends, and its most steps. In a
+misfit of narrow resonances chi^2 creeps along a curved valley; only the best search goes on to its
+end."""
 MAX_DRAWS = 100
 """Attempts at drawing random parameters that give a valid design."""
 MAX_REFITS = 3
@@ -84,19 +88,22 @@ class Solution:
         freedom = len(self.problem.residual(self.z)) - len(self.z)
         return is_unlikely(self.chi_squared, freedom)
 
-    def descend(self, z: Array, **how: Any) -> Solution:
+    def descend(self, z: Array, tolerance: float = CONVERGED, **how: Any) -> Solution:
         """Fit all values from z on."""
-        z, chi_squared = self.problem.minimise(z, **how)
+        z, chi_squared = self.problem.minimise(z, tolerance=tolerance, **how)
         return replace(self, z=z, chi_squared=chi_squared)
 
     def refine(self, *, quick: bool = False) -> Solution:
         """Fit to the resonances, then all values; in a misfit also all values from here on.
 
-        A `quick` fit takes fewer steps and is not repeated.
+        Transfer functions only until chi^2 changes little (`ROUGH`, `STEPS`). A `quick` fit takes
+        fewer steps and is not repeated.
         """
         if not self.peaks:
             return self.descend(self.z)
-        how: dict[str, Any] = {"steps": 12, "tolerance": 1e-4} if quick else {"tolerance": 1e-10}
+        how: dict[str, Any] = {"steps": STEPS, "tolerance": ROUGH}
+        if quick:
+            how = {"steps": 12, "tolerance": 1e-4}
         found = self.descend(resonances.search(self.problem, self.z, self.peaks), **how)
         if found.misfit and not quick:
             found = _best([found, self.descend(self.z, **how)])
@@ -187,8 +194,11 @@ def solve(
     found, changes = _best(ends), None
     if functions and (explain or found.misfit):
         found, changes = _restart(found)
+    if functions:
+        found = found.descend(found.z)
     slope = found.problem.jacobian(found.z)
-    result = _collect(found, slope, measured, np.sort([end.chi_squared for end in ends]))
+    others = np.sort([end.chi_squared for end in ends])[1:]
+    result = _collect(found, slope, measured, np.append(found.chi_squared, others))
     if functions:
         return replace(result, responses=_responses(found, slope, changes if explain else None))
     return replace(result, exchange=_find_exchange(found)) if result.misfit else result
@@ -328,7 +338,8 @@ def _single_changes(found: Solution) -> tuple[float, tuple[SingleChange, ...]]:
 def _find_exchange(found: Solution) -> Exchange | None:
     """Find two labels of one experiment whose exchange removes a misfit; None if none does.
 
-    Pairs are ranked by chi^2 at the start and at the end of the fit; the best few are fitted again.
+    Pairs are ranked by chi^2 at the start and at the end of the fit; the best few are fitted again,
+    until one explains the measurements.
     """
     problem, ranked = found.problem, []
     for e, item in enumerate(problem.experiment):
@@ -344,6 +355,8 @@ def _find_exchange(found: Solution) -> Exchange | None:
             ranked.append((min(map(other.chi_squared, (problem.base, found.z))), e, names, other))
     best = None
     for _, e, names, other in sorted(ranked, key=lambda item: item[0])[:MAX_REFITS]:
+        if best is not None and not replace(found, chi_squared=best.chi_squared).misfit:
+            break
         chi_squared = other.minimise(other.base)[1]
         if chi_squared < (best.chi_squared if best else WORTH_REPORTING * found.chi_squared):
             best = Exchange(e, names, chi_squared)
