@@ -12,9 +12,9 @@ from suspension_cli.design.derive import SetGeometry, set_geometry
 from suspension_cli.design.schema import Stage
 from suspension_cli.drawing.canvas import Canvas
 from suspension_cli.drawing.geometry import Sketch, View, wire_ends
-from suspension_cli.drawing.labels import spread, text_width
+from suspension_cli.drawing.labels import spread
 from suspension_cli.drawing.parts import support_box
-from suspension_cli.drawing.style import NOTE, PALE, length, shorten, single_line
+from suspension_cli.drawing.style import NOTE, PALE, length, shorten, single_line, text_width
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:

@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import RendererAgg
-from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 from scipy.optimize import isotonic_regression
 
 from suspension_cli.drawing.curves import find_peaks, find_slopes
-from suspension_cli.drawing.style import INK, NOTE, RC, format_raised, shorten, single_line
+from suspension_cli.drawing.style import (
+    INK,
+    NOTE,
+    SMALL,
+    format_raised,
+    shorten,
+    single_line,
+    text_width,
+)
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -24,10 +29,6 @@ if TYPE_CHECKING:
 
     from suspension_cli.scene.arrays import Array
 
-_RENDERER = RendererAgg(1, 1, 72)
-
-SMALL = 7.5
-"""Font size of labels, points."""
 LIFT = 0.1
 """Height above axes at which the frequencies of peaks stand, in."""
 FARTHEST = 2.5
@@ -38,13 +39,6 @@ SIDES = np.array([(1, 0), (1, 1), (1, -1), (-1, 0), (-1, 1), (-1, -1), (0, 1), (
 """Directions of a label from its point (x, y), the best first."""
 REACHES = (3.5, 8.0, 14.0, 22.0, 32.0, 44.0, 58.0, 75.0, 95.0)
 """Distances of a label from its point, points; from the second on a line leads to it."""
-
-
-@cache
-def text_width(text: str, size: float = SMALL) -> float:
-    """Width of a line of text, in."""
-    font = FontProperties(family=RC["font.family"], size=size)
-    return _RENDERER.get_text_width_height_descent(text, font, ismath="$" in text)[0] / 72
 
 
 def widest(texts: Sequence[str], size: float = SMALL) -> float:

@@ -16,16 +16,18 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter
 
 from suspension_cli.drawing import curves, labels, scales
-from suspension_cli.drawing.labels import SMALL, text_width, widest
+from suspension_cli.drawing.labels import widest
 from suspension_cli.drawing.style import (
     INK,
     NOTE,
+    SMALL,
     LineLook,
     add_axes,
     figure_of,
     house_style,
     new_figure,
     single_line,
+    text_width,
     write_text,
 )
 from suspension_cli.errors import Fault, InputError, format_value

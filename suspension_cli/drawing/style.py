@@ -7,15 +7,17 @@ import os
 import warnings
 from collections.abc import Iterable
 from contextlib import AbstractContextManager
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypedDict
 
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_agg import FigureCanvasAgg, RendererAgg
 from matplotlib.colors import to_hex, to_rgb, to_rgba
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
 
 from suspension_cli.conventions import DOFS
 from suspension_cli.files.atomic import replace_file
@@ -34,6 +36,9 @@ MAX_PIXELS = 30_000
 
 PNG_LEVEL = 3
 """Level of compression of PNG: higher ones save a tenth of the size and double the time."""
+
+SMALL, SMALLEST = 7.5, 5.6
+"""Font size of labels, and of long remarks, points."""
 
 INK = "#222222"
 """Colour of text and outlines."""
@@ -89,6 +94,9 @@ RC: dict[str, Any] = {
 }
 
 
+_RENDERER = RendererAgg(1, 1, 72)
+
+
 def house_style() -> AbstractContextManager[None]:
     """Context manager of the style in which figures are drawn and saved."""
     return matplotlib.rc_context(RC)  # type: ignore[arg-type]
@@ -139,13 +147,20 @@ def write_text(
     )
 
 
+@cache
+def text_width(text: str, size: float = SMALL) -> float:
+    """Width of a line of text, in."""
+    font = FontProperties(family=RC["font.family"], size=size)
+    return _RENDERER.get_text_width_height_descent(text, font, ismath="$" in text)[0] / 72
+
+
 def name_neglected(figure: Figure, choice: Choice) -> Figure:
     """Write what the model neglects at the bottom of a figure, and return it."""
-    text = choice.neglected.partition(" (tolerance")[0]
-    across, up = figure.get_size_inches()
-    top, words = float(up) - 0.15, single_line(text, int(across / 0.057))
+    text = single_line(choice.neglected.partition(" (tolerance")[0])
+    across, up = map(float, figure.get_size_inches())
+    size = max(SMALL * min(1.0, (across - 0.1) / max(text_width(text), 0.1)), SMALLEST)
     with house_style():
-        write_text(figure, float(across) - 0.05, top, words, 7.5, NOTE, side="right")
+        write_text(figure, across - 0.05, up - 0.15, text, size, NOTE, side="right")
     return figure
 
 

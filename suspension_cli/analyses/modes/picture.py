@@ -14,7 +14,7 @@ from suspension_cli.conventions import DOFS, WIRE_MODE_NAMES
 from suspension_cli.design.schema import Design
 from suspension_cli.drawing import geometry, panels, parts, style
 from suspension_cli.drawing.canvas import Canvas, full_canvas
-from suspension_cli.drawing.geometry import FACE, SIDE, Sketch, View
+from suspension_cli.drawing.geometry import ABOVE, FACE, SIDE, Sketch, View
 from suspension_cli.drawing.parts import Look
 from suspension_cli.drawing.style import INK, NOTE, PALE, LineLook
 from suspension_cli.linear.eigenmodes import Modes, describe, place
@@ -194,7 +194,7 @@ def draw_panel(
     _draw_energies(canvas, left, top - ROW, width, modes, number, colours)
 
 
-def choose_view(modes: Modes, number: int, above: View) -> View:
+def choose_view(modes: Modes, number: int) -> View:
     """Choose the view that shows most of a mode's kinetic energy.
 
     Vertical motion shows in the side and in the face view.
@@ -206,7 +206,7 @@ def choose_view(modes: Modes, number: int, above: View) -> View:
     side = energy["x"] + energy["pitch"] + energy["z"]
     face = energy["y"] + energy["roll"] + energy["z"]
     if energy["yaw"] > 0.2 and energy["yaw"] + energy["x"] + energy["y"] > max(side, face):
-        return above
+        return ABOVE
     return SIDE if side >= face - 1e-9 else FACE
 
 
@@ -239,11 +239,9 @@ def make_panel(
     modes: Modes, number: int, rest: Sketch, pose: Pose | None = None, view: View | None = None
 ) -> Panel:
     """Make the panel of a mode, displaced to a pose; by default that of `geometry.mode_pose`."""
-    scene, bodies = rest.scene, rest.outlines
-    if view is None:
-        view = choose_view(modes, number, geometry.from_above(scene, bodies))
+    view = view or choose_view(modes, number)
     if pose is None:
-        pose = geometry.mode_pose(scene, modes.coordinate, modes.shape[number])
+        pose = geometry.mode_pose(rest.scene, modes.coordinate, modes.shape[number])
     sketch = replace(rest, pose=pose)
     (x0, y0, z0), (x1, y1, z1) = parts.support_box(rest)
     heights = (z0,) if view.normal == 2 else (z0, z1)

@@ -17,12 +17,13 @@ from matplotlib.figure import Figure
 from suspension_cli.analyses.optimise.optimum import Optimum, relative_room
 from suspension_cli.design.paths import displayed_unit
 from suspension_cli.drawing import panels
-from suspension_cli.drawing.labels import SMALL, widest
+from suspension_cli.drawing.labels import widest
 from suspension_cli.drawing.panels import Across, Line, Panel
 from suspension_cli.drawing.style import (
     NOTE,
     PALETTE,
     RED,
+    SMALL,
     LineLook,
     format_raised,
     single_line,

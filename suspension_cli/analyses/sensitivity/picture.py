@@ -14,12 +14,13 @@ from matplotlib.figure import Figure
 from suspension_cli.analyses.sensitivity.solve import Sensitivity
 from suspension_cli.design.imperfections import AXES, named, perturbed_part
 from suspension_cli.drawing import panels
-from suspension_cli.drawing.labels import SMALL, widest
+from suspension_cli.drawing.labels import widest
 from suspension_cli.drawing.panels import Across, Panel
 from suspension_cli.drawing.style import (
     INK,
     NOTE,
     PALE,
+    SMALL,
     format_raised,
     format_signed,
     shorten,

@@ -21,11 +21,13 @@ from suspension_cli.drawing.panels import Across, Line, Panel, Rule, Scale
 from suspension_cli.drawing.style import (
     INK,
     NOTE,
+    SMALL,
     LineLook,
     figure_of,
     format_raised,
     single_line,
     stage_colours,
+    text_width,
 )
 from suspension_cli.studies.job import Axis
 
@@ -235,10 +237,10 @@ def _paint(
             ends = axes.transData.transform([(low, 1), (high, 1)])[:, 0] / axes.figure.dpi
             if named:
                 place = {"xycoords": ("data", "axes fraction"), "ha": "center", "va": "bottom"}
-                upright = np.ptp(ends) < labels.text_width(text) + 0.05
+                upright = np.ptp(ends) < text_width(text) + 0.05
                 box = {"facecolor": shade, "edgecolor": "none", "pad": 0.8}
                 axes.annotate(
-                    text, ((low + high) / 2, 0.02), **place, fontsize=labels.SMALL, color=NOTE,
+                    text, ((low + high) / 2, 0.02), **place, fontsize=SMALL, color=NOTE,
                     rotation=90 if upright else 0, bbox=box,
                 )  # fmt: skip
     points = [(at, one.frequency) for at, one in met]
@@ -299,8 +301,8 @@ def _draw_map(
         axes.pcolormesh(x, y, finite, norm=norm, cmap="viridis", shading="nearest", rasterized=True)
     beside = axes.inset_axes((1.03, 0.0, 0.06, 1.0))
     bar = figure_of(axes).colorbar(ScalarMappable(norm, "viridis"), cax=beside)
-    bar.set_label(_axis_label(swept, n), fontsize=labels.SMALL)
-    bar.ax.tick_params(labelsize=labels.SMALL)
+    bar.set_label(_axis_label(swept, n), fontsize=SMALL)
+    bar.ax.tick_params(labelsize=SMALL)
     if wide:
         scales.label_plainly(bar.ax.yaxis)
     drawn = [*zip(swept.axes, swept.drawn[:2], strict=False)]
@@ -334,6 +336,7 @@ def _draw_surface(
     write = partial(format_raised, digits=4)
     paths = [np.reshape(path.vertices, (-1, 2)) for path in lines.get_paths() if len(path)]
     middles = [(path[(len(path) - 1) // 2] + path[len(path) // 2]) / 2 for path in paths]
-    for text in axes.clabel(lines, fontsize=labels.SMALL, fmt=write, manual=middles):
+    for text in axes.clabel(lines, fontsize=SMALL, fmt=write, manual=middles):
         box = text.get_window_extent()
-        text.set_visible(axes.bbox.x0 <= box.x0 and box.x1 <= axes.bbox.x1)
+        low, high = np.reshape(axes.bbox.extents, (2, 2))
+        text.set_visible(bool((box.min >= low).all() and (box.max <= high).all()))
