@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import warnings
 from collections.abc import Iterable
 from contextlib import AbstractContextManager
@@ -37,8 +38,8 @@ MAX_PIXELS = 30_000
 PNG_LEVEL = 3
 """Level of compression of PNG: higher ones save a tenth of the size and double the time."""
 
-SMALL, SMALLEST = 7.5, 5.6
-"""Font size of labels, and of long remarks, points."""
+SMALL = 7.5
+"""Font size of labels, points."""
 
 INK = "#222222"
 """Colour of text and outlines."""
@@ -155,12 +156,13 @@ def text_width(text: str, size: float = SMALL) -> float:
 
 
 def name_neglected(figure: Figure, choice: Choice) -> Figure:
-    """Write what the model neglects at the bottom of a figure, and return it."""
+    """Write what the model neglects at the bottom of a figure, where if it fits; return it."""
     text = single_line(choice.neglected.partition(" (tolerance")[0])
     across, up = map(float, figure.get_size_inches())
-    size = max(SMALL * min(1.0, (across - 0.1) / max(text_width(text), 0.1)), SMALLEST)
+    if text_width(text) > across - 0.1:
+        text = re.sub(r" in [^,;]+| \(.*\)", "", text)
     with house_style():
-        write_text(figure, across - 0.05, up - 0.15, text, size, NOTE, side="right")
+        write_text(figure, across - 0.05, up - 0.15, text, SMALL, NOTE, side="right")
     return figure
 
 

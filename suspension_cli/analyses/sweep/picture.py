@@ -49,6 +49,8 @@ MOST_CROSSINGS = 5
 """Crossings marked at most."""
 LETTERS = "abcdefgh"
 """Names of crossings."""
+PALE = 0.7
+"""Place in the colour map above which contours are dark."""
 FREQUENCY = "frequency (Hz)"
 FAILED = {
     1: ("#f3d9c9", "slack"),
@@ -295,10 +297,11 @@ def _draw_map(
     norm = LogNorm(low, high) if wide else Normalize(low, high)
     axes.grid(visible=False)
     axes.set_facecolor("#eeeeee")
-    if min(value.shape) > 1 and finite.count() and np.ptp(finite) > 1e-9 * abs(high):
-        _draw_surface(axes, x, y, finite, norm)
-    else:
-        axes.pcolormesh(x, y, finite, norm=norm, cmap="viridis", shading="nearest", rasterized=True)
+    smooth = min(value.shape) > 1 and finite.count() and np.ptp(finite) > 1e-9 * abs(high)
+    how = {"shading": "gouraud" if smooth else "nearest", "rasterized": True}
+    axes.pcolormesh(x, y, finite, norm=norm, cmap="viridis", **how)
+    if smooth:
+        _draw_contours(axes, x, y, finite, norm)
     beside = axes.inset_axes((1.03, 0.0, 0.06, 1.0))
     bar = figure_of(axes).colorbar(ScalarMappable(norm, "viridis"), cax=beside)
     bar.set_label(_axis_label(swept, n), fontsize=SMALL)
@@ -312,31 +315,21 @@ def _draw_map(
         axes.plot(*here, "+", color=INK, markersize=8, markeredgewidth=1.0, label="as designed")
 
 
-def _draw_surface(
+def _draw_contours(
     axes: Axes,
     x: Float[np.ndarray, " column"],
     y: Float[np.ndarray, " row"],
     finite: Float[np.ndarray, "row column"],
     norm: Normalize,
 ) -> None:
-    """Draw smooth colours, and labelled contours at about six round numbers."""
+    """Draw labelled contours at about six round numbers."""
     low, high = float(norm.vmin or 0.0), float(norm.vmax or 1.0)
-    wide = isinstance(norm, LogNorm)
-    levels = (np.geomspace if wide else np.linspace)(low, high, 48)
-    levels[0], levels[-1] = low, high
-    drawn = axes.contourf(x, y, finite, levels=levels, norm=norm, cmap="viridis", extend="both")
-    drawn.set_rasterized(True)
-    drawn.set_edgecolor("face")
     digits = (1,) if high > 1e3 * low else (1, 2, 5)
+    wide = isinstance(norm, LogNorm)
     locator = LogLocator(subs=digits) if wide else MaxNLocator(6, steps=[1, 2, 2.5, 5, 10])
     found = np.asarray(locator.tick_values(low, high))
-    found = found[(found > low) & (found < high)]
-    round_numbers = found if len(found) else [(low + high) / 2]
-    lines = axes.contour(x, y, finite, levels=round_numbers, colors="white", linewidths=0.6)
-    write = partial(format_raised, digits=4)
-    paths = [np.reshape(path.vertices, (-1, 2)) for path in lines.get_paths() if len(path)]
-    middles = [(path[(len(path) - 1) // 2] + path[len(path) // 2]) / 2 for path in paths]
-    for text in axes.clabel(lines, fontsize=SMALL, fmt=write, manual=middles):
-        box = text.get_window_extent()
-        low, high = np.reshape(axes.bbox.extents, (2, 2))
-        text.set_visible(bool((box.min >= low).all() and (box.max <= high).all()))
+    place = np.ma.filled(norm(np.clip(found, low, high)), 0.0)
+    levels = found[(place > 0.04) & (place < 0.96)]  # others have no room for their label
+    inks = [INK if norm(level) > PALE else "white" for level in levels] or "white"
+    lines = axes.contour(x, y, finite, levels=levels, colors=inks, linewidths=0.6)
+    axes.clabel(lines, fontsize=SMALL, fmt=partial(format_raised, digits=4))
