@@ -193,11 +193,16 @@ class Panel:
         return left if self.left is None else self.left, right if self.right is None else self.right
 
 
-def stems(start: ArrayLike, end: ArrayLike, colour: str) -> list[Line]:
-    """Make thin lines along rows, from the start to the end of each."""
+def stems(start: ArrayLike, end: ArrayLike, colour: str, width: float = 0.8) -> list[Line]:
+    """Make lines of a width in points along rows, from the start to the end of each."""
     ends = np.stack(np.broadcast_arrays(start, end), axis=1)
-    look: LineLook = {"linewidth": 0.8, "zorder": 1.5}
+    look: LineLook = {"linewidth": width, "zorder": 1.5, "solid_capstyle": "butt"}
     return [Line(pair, [row, row], "_", colour, look) for row, pair in enumerate(ends)]
+
+
+def dashes_of(colours: Sequence[str]) -> list[LineStyleType]:
+    """Choose dashes by which lines of one colour differ."""
+    return [DASHES[colours[:n].count(own) % len(DASHES)] for n, own in enumerate(colours)]
 
 
 def named(line: Line) -> bool:

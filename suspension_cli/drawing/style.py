@@ -160,7 +160,7 @@ def name_neglected(figure: Figure, choice: Choice) -> Figure:
     text = single_line(choice.neglected.partition(" (tolerance")[0])
     across, up = map(float, figure.get_size_inches())
     if text_width(text) > across - 0.1:
-        text = re.sub(r" in [^,;]+| \(.*\)", "", text)
+        text = re.sub(r" in .*?(?=, |$)| \(.*\)", "", text)
     with house_style():
         write_text(figure, across - 0.05, up - 0.15, text, SMALL, NOTE, side="right")
     return figure
@@ -207,6 +207,7 @@ class LineLook(TypedDict, total=False):
     markeredgecolor: str
     markerfacecolor: str
     fillstyle: Literal["full", "none"]
+    solid_capstyle: Literal["butt", "round"]
     zorder: float
 
 

@@ -188,16 +188,14 @@ def _looks(swept: SweepResult, stages: Sequence[str]) -> dict[int, tuple[str, Li
     most = max((swept.change[n] for n in modes), default=0.0)
     limit = min(MOVES, 0.3 * most)
     bodies = [_body(swept, n) for n in range(len(swept.result))]
-    colours = stage_colours([*stages, *bodies])
-    used: dict[str, int] = {}
-    looks: dict[int, tuple[str, LineStyleType]] = {}
-    for n, home in enumerate(swept.degree):
-        if home and not (swept.change[n] >= limit > 0 or len(modes) <= 3):
-            continue
-        colour = colours[bodies[n]]
-        number = used[colour] = used.get(colour, -1) + 1
-        looks[n] = colour, panels.DASHES[number % len(panels.DASHES)]
-    return looks
+    by_stage = stage_colours([*stages, *bodies])
+    changing = [
+        n for n, home in enumerate(swept.degree)
+        if not home or swept.change[n] >= limit > 0 or len(modes) <= 3
+    ]  # fmt: skip
+    colours = [by_stage[bodies[n]] for n in changing]
+    looks = zip(colours, panels.dashes_of(colours), strict=True)
+    return dict(zip(changing, looks, strict=True))
 
 
 def _limits(
@@ -297,7 +295,7 @@ def _draw_map(
     norm = LogNorm(low, high) if wide else Normalize(low, high)
     axes.grid(visible=False)
     axes.set_facecolor("#eeeeee")
-    smooth = min(value.shape) > 1 and finite.count() and np.ptp(finite) > 1e-9 * abs(high)
+    smooth = min(value.shape) > 1 and np.ptp(value) > 1e-9 * abs(high)  # not with gaps
     how = {"shading": "gouraud" if smooth else "nearest", "rasterized": True}
     axes.pcolormesh(x, y, finite, norm=norm, cmap="viridis", **how)
     if smooth:
