@@ -170,9 +170,9 @@ def _views(canvas: Canvas, plan: Plan, shown: Strokes, *, is_displaced: bool) ->
     """Draw the suspension in both views, and its dimensions, names and numbers."""
     sketch, scene = plan.sketch, plan.sketch.scene
     colours = tuple(style.stage_colours(scene.bodies.name).values())
-    look = Look(colours, tuple(style.with_opacity(colour, 0.13) for colour in colours), INK, 0.9, 2)
+    look = Look(colours, tuple((colour, 0.13) for colour in colours), INK, 0.9, 2)
     grey = (PALE,) * len(colours)
-    still = Look(grey, (style.with_opacity(PALE, 0.2),) * len(colours), PALE, 0.9, 1)
+    still = Look(grey, ((PALE, 0.2),) * len(colours), PALE, 0.9, 1)
     flawed = dict.fromkeys(item.wire for item in sketch.design.perturbation if item.wire)
     for view in (plan.side, plan.face):
         parts.draw_support(canvas, view, sketch)

@@ -16,7 +16,7 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg, RendererAgg
-from matplotlib.colors import to_hex, to_rgb, to_rgba
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 
@@ -216,11 +216,6 @@ def figure_of(axes: Axes) -> Figure:
     figure = axes.get_figure()
     assert isinstance(figure, Figure)
     return figure
-
-
-def with_opacity(colour: str, strength: float) -> tuple[float, float, float, float]:
-    """Give a colour an opacity between 0 and 1."""
-    return to_rgba(colour, min(max(strength, 0.0), 1.0))
 
 
 def single_line(text: str, most: int = 200) -> str:

@@ -194,11 +194,11 @@ def draw_panel(
     middle = left + width / 2 - scale * (panel.low[0] + panel.high[0]) / 2
     view = panel.view.at((middle, top - 0.03 - scale * high), scale)
     grey = (PALE,) * len(rest.outlines)
-    still = Look(grey, (style.with_opacity(PALE, 0.25),) * len(grey), PALE, THIN, 1)
+    still = Look(grey, ((PALE, 0.25),) * len(grey), PALE, THIN, 1)
     energy = modes.energy[number].sum(-1)
     strength = 0.05 + 0.65 * energy / max(float(energy.max()), 1e-9)
     edge = tuple(colours.values())
-    fill = tuple(map(style.with_opacity, edge, strength.tolist()))
+    fill = tuple(zip(edge, strength.tolist(), strict=True))
     parts.draw_support(canvas, view, rest)
     parts.draw_suspension(canvas, view, rest, still)
     parts.draw_suspension(canvas, view, panel.sketch, Look(edge, fill, INK, THIN, 3))
